@@ -1,0 +1,1 @@
+"""The composition root: the visavis command, and the only importer of drivers and simulators."""

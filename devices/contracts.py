@@ -1,0 +1,279 @@
+"""What every device promises, whoever made it and whether its wire is real or simulated.
+
+A driver is codec (bytes to values, pure) + transport (the wire) + the class here described. A
+simulated device is the same driver on a simulated wire. Life of a device:
+closed -> open -> streaming -> open -> closed; a fault is reported, not only raised.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Literal, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.frame import FrameInfo
+from lab.geometry import Vector
+from lab.schema import Field, SampleBatch, StreamSchema
+
+Sink = Callable[[SampleBatch], None]
+
+
+class DeviceState(StrEnum):
+    """Where a device is in its life."""
+
+    CLOSED = "closed"
+    OPEN = "open"
+    STREAMING = "streaming"
+    FAULT = "fault"
+
+
+@dataclass(frozen=True)
+class DeviceInfo:
+    """Who a device is; stored in the manifest."""
+
+    role: str
+    driver: str
+    driver_version: str
+    vendor: str
+    model: str
+    serial: str
+    transport: str
+    is_simulated: bool
+    capabilities: frozenset[str] = field(default_factory=frozenset)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something the operator must know; `remedy` is what to do next."""
+
+    role: str
+    severity: Literal["warning", "blocking"]
+    message: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class ClockPair:
+    """One time exchange: host clock before and after, device clock in between (all ns)."""
+
+    host_send_ns: int
+    device_ns: int
+    host_receive_ns: int
+
+
+@dataclass(frozen=True)
+class Health:
+    """What a device has delivered since `start`.
+
+    `gaps` counts spacings of more than 1.5 nominal periods (irregular streams: 0);
+    `last_sample_age_ms` is None before the first sample.
+    """
+
+    state: DeviceState
+    received: int
+    rate_hz: float
+    gaps: int
+    longest_gap_ms: float
+    last_sample_age_ms: float | None
+    reconnects: int = 0
+    dropped: int = 0
+    clock_offset_ms: float | None = None
+    clock_drift_ppm: float | None = None
+    battery_01: float | None = None
+
+
+@runtime_checkable
+class Device(Protocol):
+    """The life every device shares."""
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Who this is; complete once open."""
+        ...
+
+    @property
+    def state(self) -> DeviceState:
+        """Where it is in its life."""
+        ...
+
+    def open(self, deadline_s: float) -> None:
+        """Connect; never blocks past the deadline. Raises DeviceError with a remedy."""
+        ...
+
+    def describe(self) -> tuple[StreamSchema, ...]:
+        """Return the streams this device delivers, in a fixed order."""
+        ...
+
+    def start(self, sink: Sink) -> None:
+        """Begin delivering batches to `sink` from within `poll`."""
+        ...
+
+    def poll(self, timeout_s: float) -> int:
+        """Take what the wire brought, decode it, hand it to the sink; return the sample count.
+
+        Blocks at most `timeout_s` when nothing is there. Raises DeviceDisconnected once the
+        peer is gone; later calls try to reconnect, record the gap and go on.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Stop delivering; the device stays open."""
+        ...
+
+    def close(self) -> None:
+        """Release everything and leave the hardware safe; idempotent, never raises."""
+        ...
+
+    def health(self) -> Health:
+        """Report deliveries so far."""
+        ...
+
+    def check(self) -> tuple[Fault, ...]:
+        """Look for trouble before and during a session."""
+        ...
+
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return every time exchange since open, oldest first; empty when one-way."""
+        ...
+
+
+# ---- gaze ---------------------------------------------------------------------------------
+
+GAZE = StreamSchema(
+    name="gaze",
+    nominal_rate_hz=120.0,
+    fields=(
+        Field("direction_head", "f4", "1", "head", (3,), "combined gaze, unit vector; NaN if lost"),
+        Field("origin_m", "f4", "m", "head", (3,), "where the combined ray starts"),
+        Field("valid", "?", "", description="the combined ray may be used"),
+        Field("eyes_used", "u1", "", description="bit 0 left, bit 1 right, in the combined ray"),
+        Field("confidence_01", "f4", "1", description="the tracker's own confidence"),
+        Field("left_direction_head", "f4", "1", "head", (3,), "left eye, unit vector; NaN if lost"),
+        Field("left_valid", "?", ""),
+        Field("left_pupil_mm", "f4", "mm", description="diameter; NaN if unknown"),
+        Field("right_direction_head", "f4", "1", "head", (3,), "right eye; NaN if lost"),
+        Field("right_valid", "?", ""),
+        Field("right_pupil_mm", "f4", "mm", description="diameter; NaN if unknown"),
+    ),
+)
+"""Canonical gaze: head frame, metres, right-handed, y up, −z forward; validity apart from value.
+
+A driver whose device runs at another rate replaces `nominal_rate_hz` and keeps the fields.
+"""
+
+
+@dataclass(frozen=True)
+class CalibrationOutcome:
+    """What the tracker itself says of a calibration; accuracy is measured by our validation."""
+
+    succeeded: bool
+    message: str
+    vendor_accuracy_deg: float | None = None
+    vendor_precision_deg: float | None = None
+
+
+class EyeTracker(Device, Protocol):
+    """A device that delivers one stream with the fields of `GAZE`."""
+
+    def begin_calibration(self) -> None:
+        """Start collecting; raises DeviceError when the tracker refuses."""
+        ...
+
+    def add_reference(self, direction_head: Vector, t_host_ns: int) -> None:
+        """Say that the target stood in this direction (unit, head frame) at that time."""
+        ...
+
+    def end_calibration(self, deadline_s: float) -> CalibrationOutcome:
+        """Stop collecting, wait for the tracker's verdict and return it."""
+        ...
+
+    def annotate(self, text: str, t_host_ns: int) -> None:
+        """Write a marker into the tracker's own recording."""
+        ...
+
+
+# ---- head ---------------------------------------------------------------------------------
+
+HEAD = StreamSchema(
+    name="head",
+    nominal_rate_hz=90.0,
+    fields=(
+        Field("position_m", "f4", "m", "world", (3,), "midpoint between the eyes"),
+        Field("orientation_wxyz", "f4", "1", "world", (4,), "unit quaternion, −z forward"),
+        Field("valid", "?", "", description="tracking was good"),
+    ),
+)
+
+
+class Headset(Device, Protocol):
+    """A device that paces the session and delivers one stream with the fields of `HEAD`."""
+
+    @property
+    def display_rate_hz(self) -> float:
+        """Nominal frames per second."""
+        ...
+
+    def wait_frame(self) -> FrameInfo:
+        """Block until the next frame may be prepared; poses up to it are delivered by `poll`."""
+        ...
+
+    def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
+        """Hand over the eye images drawn for `frame`; an empty sequence shows nothing new."""
+        ...
+
+
+# ---- responses ----------------------------------------------------------------------------
+
+RESPONSES = StreamSchema(
+    name="responses",
+    nominal_rate_hz=0.0,
+    fields=(
+        Field("control", "u2", "", description="index into the device's list of controls"),
+        Field("value_01", "f4", "1", description="1 pressed, 0 released, or an axis"),
+    ),
+)
+
+
+class ResponseInput(Device, Protocol):
+    """Buttons and axes; delivers one stream with the fields of `RESPONSES`."""
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Names of the controls, indexed by the `control` field."""
+        ...
+
+
+# ---- the simulated body -------------------------------------------------------------------
+
+EYES_DTYPE = np.dtype(
+    [
+        ("left_direction_head", "f8", (3,)),
+        ("right_direction_head", "f8", (3,)),
+        ("openness_01", "f8"),
+        ("pupil_mm", "f8"),
+    ]
+)
+"""What a simulated eye tracker's camera would see of two eyes at an instant."""
+
+
+class Body(Protocol):
+    """What simulated sensors measure: one body, so that eyes, head and hands agree.
+
+    Times are session nanoseconds; calls come with non-decreasing times.
+    """
+
+    def eyes(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
+        """Return true eye states, shape (n,), dtype `EYES_DTYPE`; directions converge on the
+        point looked at and are unit vectors in the head frame.
+        """
+        ...
+
+    def head(self, t_ns: int) -> tuple[Vector, Vector]:
+        """Return position (3,) in metres and orientation (4,) (w, x, y, z) in world."""
+        ...
+
+    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
+        """Yield (t_ns, control, value) of response-device actions since the last call."""
+        ...

@@ -1,0 +1,1 @@
+"""Real devices: codec, transport use and driver; vendor libraries are imported inside open."""

@@ -1,0 +1,4 @@
+"""The studies, one package each.
+
+Design, trial, scene, measures, analysis, simulated participant, published figures.
+"""

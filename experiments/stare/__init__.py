@@ -1,0 +1,1 @@
+"""Stare in the crowd (after Raimbaud et al. 2022)."""

@@ -1,0 +1,110 @@
+"""The steps a trial plan yields, and what each frame brings back to it.
+
+A plan is a generator: it yields steps and receives a `FrameView` whenever it asked for the next
+frame, so gaze-contingent logic is a plain loop. It returns the trial's result row. The session
+aborts a plan by throwing `TrialInterrupted` into it, so `finally` blocks still run and may yield
+`Mark` and `Vibrate`, never `NextFrame`.
+"""
+
+from collections.abc import Generator, Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.geometry import Pose
+from stimuli.scene import SceneFrame
+
+Scalar: TypeAlias = str | int | float | bool
+Row: TypeAlias = Mapping[str, Scalar | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Show:
+    """Show this from the coming frame on."""
+
+    view: SceneFrame
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Write an event into the recording at the current frame's time."""
+
+    name: str
+    payload: Mapping[str, Scalar | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Vibrate:
+    """Set the motors of a haptic role, absolute amplitudes 0..1, for at most `ttl_ms`."""
+
+    role: str
+    amplitudes_01: tuple[float, ...]
+    ttl_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """Ask the participant one question between frames; `options` empty means free text."""
+
+    question_id: str
+    prompt: str
+    options: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class NextFrame:
+    """Wait for the next frame; the plan receives a `FrameView`."""
+
+
+@dataclass(frozen=True, slots=True)
+class GazeView:
+    """The gaze samples that arrived since the frame before, seen in the scene shown.
+
+    n samples, m agents of the scene shown. `t_ns` (n,) session time of each sample;
+    `valid` (n,); `direction_world` (n, 3) unit; `origin_world_m` (n, 3); `angle_deg` (n, m) from
+    the gaze ray to each head's centre (NaN when lost); `radius_deg` (n, m) angular radius of
+    each head; `hit` (n,) index of the first agent whose head the ray meets before any occluder,
+    -1 none, -2 lost.
+    """
+
+    t_ns: npt.NDArray[np.int64]
+    valid: npt.NDArray[np.bool_]
+    direction_world: npt.NDArray[np.float64]
+    origin_world_m: npt.NDArray[np.float64]
+    angle_deg: npt.NDArray[np.float64]
+    radius_deg: npt.NDArray[np.float64]
+    hit: npt.NDArray[np.int16]
+
+
+@dataclass(frozen=True, slots=True)
+class FrameView:
+    """What one frame brought: its time, the head, the gaze samples, buttons pressed."""
+
+    index: int
+    t_ns: int
+    head: Pose
+    head_valid: bool
+    gaze: GazeView
+    pressed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """The answer to an `Ask`; None when none was given."""
+
+    answer: str | None
+    t_ns: int
+
+
+Step: TypeAlias = Show | Mark | Vibrate | Ask | NextFrame
+Plan: TypeAlias = Generator[Step, FrameView | Answered | None, Row]
+
+
+class TrialInterrupted(Exception):  # noqa: N818 - control flow, not an error
+    """Thrown into a plan to end it early; `reason` says why."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason

@@ -1,0 +1,1 @@
+"""The session folder: writer, files, manifest, reader, recovery and export."""

@@ -1,0 +1,1 @@
+"""What a participant meets, as pure functions of time: scenes, who sits where, where they look."""
