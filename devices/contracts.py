@@ -274,6 +274,21 @@ class Body(Protocol):
         """Return position (3,) in metres and orientation (4,) (w, x, y, z) in world."""
         ...
 
+    def stretch(self) -> int:
+        """Return the number of the present stretch of behaviour (a trial, a validation).
+
+        Simulators draw their noise from (their seed, stretch), anew whenever it changes, so
+        that a stretch performed again gives the same samples.
+        """
+        ...
+
+    def fit(self) -> int:
+        """Return how the headset sits; it changes when it is taken off and put on again.
+
+        The systematic error of a simulated eye tracker is drawn from (its seed, fit).
+        """
+        ...
+
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
         """Yield (t_ns, control, value) of response-device actions since the last call."""
         ...

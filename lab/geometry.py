@@ -30,7 +30,7 @@ def angle_deg(a: Vector, b: Vector) -> Vector:
     Uses 2 asin(|a-b|/2), which keeps small angles that arccos of a dot product loses, and its
     complement for directions more than 90° apart.
     """
-    half_chord = np.linalg.norm(a - b, axis=-1) / 2
+    half_chord: Vector = np.linalg.norm(a - b, axis=-1) / 2
     half_sum = np.linalg.norm(a + b, axis=-1) / 2
     angles: Vector = np.degrees(2 * np.arctan2(half_chord, half_sum))
     return angles
@@ -60,7 +60,8 @@ def quat_multiply(a: Vector, b: Vector) -> Vector:
 
 def quat_conjugate(q: Vector) -> Vector:
     """Invert unit quaternions (..., 4)."""
-    return q * np.array([1.0, -1.0, -1.0, -1.0])
+    inverse: Vector = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return inverse
 
 
 def rotate(q: Vector, v: Vector) -> Vector:

@@ -65,8 +65,9 @@ class GazeView:
     n samples, m agents of the scene shown. `t_ns` (n,) session time of each sample;
     `valid` (n,); `direction_world` (n, 3) unit; `origin_world_m` (n, 3); `angle_deg` (n, m) from
     the gaze ray to each head's centre (NaN when lost); `radius_deg` (n, m) angular radius of
-    each head; `hit` (n,) index of the first agent whose head the ray meets before any occluder,
-    -1 none, -2 lost.
+    each head; `pad_limit_deg` (n, m) half the rim-to-rim angular gap from each head to its nearest
+    neighbour as seen (0 when they overlap); `hit` (n,) index of the first agent whose head the
+    ray meets before any occluder, -1 none, -2 lost.
     """
 
     t_ns: npt.NDArray[np.int64]
@@ -75,6 +76,7 @@ class GazeView:
     origin_world_m: npt.NDArray[np.float64]
     angle_deg: npt.NDArray[np.float64]
     radius_deg: npt.NDArray[np.float64]
+    pad_limit_deg: npt.NDArray[np.float64]
     hit: npt.NDArray[np.int16]
 
 
@@ -102,7 +104,7 @@ Step: TypeAlias = Show | Mark | Vibrate | Ask | NextFrame
 Plan: TypeAlias = Generator[Step, FrameView | Answered | None, Row]
 
 
-class TrialInterrupted(Exception):  # noqa: N818 - control flow, not an error
+class TrialInterrupted(Exception):
     """Thrown into a plan to end it early; `reason` says why."""
 
     def __init__(self, reason: str) -> None:

@@ -1,0 +1,32 @@
+"""The contract of a simulated participant: a body that sees, and answers when asked."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from devices.contracts import Body
+from stage.contracts import Viewer
+
+
+class SimulatedParticipant(Body, Viewer, Protocol):
+    """Stand where a human would: look at what the stage shows, move, press, answer.
+
+    It is never told a condition, only what a person is told. All behaviour after `prepare`
+    depends on the seed, the stretch and times relative to that moment, not on what came before,
+    so a trial that is performed again gives the same data.
+    """
+
+    def prepare(self, stretch: int, t_ns: int) -> None:
+        """Begin a new stretch of behaviour (a trial, a validation) at this session time."""
+        ...
+
+    def wear(self, fit: int) -> None:
+        """Put the headset on anew; `fit` numbers how it sits (it changes at every break)."""
+        ...
+
+    def look_at(self, target_world_m: Sequence[float] | None, t_ns: int) -> None:
+        """Follow the instruction to look at a point (calibration, mark); None ends it."""
+        ...
+
+    def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
+        """Answer a question; None when this participant would leave it out."""
+        ...
