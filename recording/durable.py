@@ -1,0 +1,147 @@
+"""Write files so that what was acknowledged stays: unbuffered, synced, replaced atomically."""
+
+import errno
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from lab.errors import RecordingError
+
+_ADVICE = {
+    errno.ENOSPC: "the disk is full: free some space, then resume the session",
+    errno.EDQUOT: "the disk quota is used up: free some space, then resume the session",
+    errno.EFBIG: "the file reached the largest size allowed here: raise the limit, then resume",
+    errno.EROFS: "the disk is read-only: set data_root to a writable folder",
+    errno.EACCES: "permission denied: set data_root to a folder you may write to",
+    errno.EPERM: "not permitted: set data_root to a folder you may write to",
+    errno.ENOENT: "the folder is gone: reconnect the disk or set data_root anew, then resume",
+    errno.EIO: "the disk reports a fault: save what is there and record on another disk",
+    errno.ENOTDIR: "a file stands where a folder is needed: move it or set data_root anew",
+    errno.ENAMETOOLONG: "the path is too long for this disk: choose a shorter data_root",
+}
+
+
+def write_failure(path: Path, error: OSError) -> RecordingError:
+    """Return the error that names the file, the cause and what to do."""
+    advice = _ADVICE.get(error.errno or 0, "check the disk, then resume the session")
+    return RecordingError(f"cannot write {path}: {error.strerror or error}; {advice}")
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder durable; nothing to do where folders cannot be synced."""
+    if os.name == "nt":
+        return
+    fd = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
+def make_folder(folder: Path, *, exist_ok: bool = False) -> None:
+    """Create a folder and its parents, durably; raises RecordingError with advice."""
+    try:
+        missing = [folder, *folder.parents]
+        present = next(i for i, p in enumerate(missing) if p.exists())
+        folder.mkdir(parents=True, exist_ok=exist_ok)
+        for created in missing[1 : present + 1]:
+            sync_folder(created)
+    except FileExistsError as error:
+        raise RecordingError(f"{folder} exists already; nothing was overwritten") from error
+    except OSError as error:
+        raise write_failure(folder, error) from error
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Put `data` at `path` atomically: a reader sees the old or the new file, never a mixture."""
+    temporary = path.with_name(path.name + ".new")
+    try:
+        fd = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | _BINARY, 0o644)
+        try:
+            _write_all(fd, memoryview(data))
+            os.fsync(fd)
+        finally:
+            os.close(fd)
+        os.replace(temporary, path)
+        sync_folder(path.parent)
+    except OSError as error:
+        raise write_failure(path, error) from error
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+_BINARY: int = getattr(os, "O_BINARY", 0)
+_sync_data: Callable[[int], None] = getattr(os, "fdatasync", os.fsync)
+
+
+def _write_all(fd: int, data: memoryview) -> None:
+    while data:
+        data = data[os.write(fd, data) :]
+
+
+class AppendOnlyFile:
+    """A new file that only grows, written without buffering, hashed on the way."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.size = 0
+        self._hash = hashlib.sha256()
+        self._unsynced = False
+        self._fd: int | None = None
+        try:
+            self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, 0o644)
+        except FileExistsError as error:
+            raise RecordingError(
+                f"{path} exists already and raw files are never overwritten; "
+                "resume the session, which begins a new part"
+            ) from error
+        except OSError as error:
+            raise write_failure(path, error) from error
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        """Append; raises RecordingError with advice, and then the file ends in a torn piece."""
+        view = memoryview(data)
+        try:
+            _write_all(self._open_fd(), view)
+        except OSError as error:
+            raise write_failure(self.path, error) from error
+        self._hash.update(view)
+        self.size += view.nbytes
+        self._unsynced = True
+
+    def sync(self) -> None:
+        """Return once everything written is on the disk and the file still has its name."""
+        if not self._unsynced:
+            return
+        fd = self._open_fd()
+        try:
+            _sync_data(fd)
+            vanished = os.fstat(fd).st_nlink == 0
+        except OSError as error:
+            raise write_failure(self.path, error) from error
+        if vanished:
+            raise write_failure(self.path, FileNotFoundError(errno.ENOENT, "it was deleted"))
+        self._unsynced = False
+
+    def close(self) -> None:
+        """Close and make the file read-only; idempotent."""
+        if self._fd is None:
+            return
+        fd, self._fd = self._fd, None
+        os.close(fd)
+        if os.name != "nt" and self.path.exists():
+            self.path.chmod(0o444)
+
+    def sha256(self) -> str:
+        """Return the SHA-256 of what was written."""
+        return self._hash.hexdigest()
+
+    def _open_fd(self) -> int:
+        if self._fd is None:
+            raise RecordingError(f"{self.path} is closed; begin a new part to record more")
+        return self._fd
