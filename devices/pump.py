@@ -1,0 +1,260 @@
+"""Keep one device delivering: drive its `poll`, watch for silence, reconnect, count drops.
+
+On a real clock a thread polls the device and `step` hands over what it brought; on a virtual
+clock `step` polls by itself. Either way the sink runs in the caller's thread, once per frame.
+"""
+
+import threading
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from devices.contracts import Device, DeviceState, Fault, Health, Sink
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.errors import DeviceDisconnected
+from lab.schema import SampleBatch
+
+QUEUE_BATCHES = 4096
+SILENCE_PERIODS = 3
+SILENCE_AT_LEAST_NS = 100 * NS_PER_MS
+STALLED_NS = NS_PER_S
+FIRST_BACK_OFF_NS = NS_PER_S // 2
+LAST_BACK_OFF_NS = 8 * NS_PER_S
+THREAD_POLL_S = 0.02
+
+EventKind = Literal[
+    "silent", "stalled", "resumed", "disconnected", "reconnected", "failed", "dropped"
+]
+
+
+@dataclass(frozen=True)
+class PumpEvent:
+    """Something that happened to a device's delivery, for the event log.
+
+    `gap_ms` is how long nothing came: set on "resumed" and "reconnected", None otherwise.
+    """
+
+    t_ns: int
+    role: str
+    kind: EventKind
+    severity: Literal["info", "warning", "blocking"]
+    message: str
+    remedy: str = ""
+    gap_ms: float | None = None
+
+
+class Pump:
+    """Own the delivery of one open device from `start` to `stop`.
+
+    `step` must be called once per frame by whoever owns the sink. It never raises for what the
+    device does; look at `faults` and `take_events`.
+    """
+
+    def __init__(self, device: Device, sink: Sink, clock: Clock) -> None:
+        self.device = device
+        self._sink = sink
+        self._clock = clock
+        self._queue: deque[SampleBatch] = deque()
+        self._events: deque[PumpEvent] = deque()
+        self._thread: threading.Thread | None = None
+        self._stopping = threading.Event()
+        self._running = False
+        self._role = device.info.role
+        self._silence_ns: int | None = None
+        self._quiet: Literal["", "silent", "stalled"] = ""
+        self._last_ns = 0
+        self._dropped = 0
+        self._dropped_told = 0
+        self._reconnects = 0
+        self._back_off_ns = 0
+        self._retry_ns = 0
+        self._lost_ns: int | None = None
+        self._failure: Fault | None = None
+
+    def start(self, *, threaded: bool | None = None) -> None:
+        """Start the device; polls in a thread of its own unless the clock is virtual."""
+        if self._running:
+            raise RuntimeError(f"pump of {self._role}: start() while already running")
+        rates = [schema.nominal_rate_hz for schema in self.device.describe()]
+        fastest = max(rates, default=0.0)
+        self._silence_ns = None
+        if fastest > 0:
+            period_ns = round(SILENCE_PERIODS * NS_PER_S / fastest)
+            self._silence_ns = max(SILENCE_AT_LEAST_NS, period_ns)
+        self._quiet = ""
+        self._failure = None
+        self._lost_ns = None
+        self._last_ns = self._clock.now_ns()
+        self._stopping.clear()
+        self.device.start(self._take)
+        self._running = True
+        if not self._clock.is_virtual if threaded is None else threaded:
+            self._thread = threading.Thread(
+                target=self._run, name=f"device-{self._role}", daemon=True
+            )
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Stop polling and the device; hand over what is left. Idempotent."""
+        if not self._running:
+            return
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        self._hand_over()
+        self._running = False
+        if self.device.state is not DeviceState.CLOSED:
+            self.device.stop()
+
+    def step(self) -> int:
+        """Hand everything that arrived to the sink; return the number of samples."""
+        if self._running and self._thread is None:
+            self._poll(0.0)
+        delivered = self._hand_over() if self._queue else 0
+        if self._running and self._silence_ns is not None:
+            self._watch(self._clock.now_ns())
+        return delivered
+
+    def faults(self) -> tuple[Fault, ...]:
+        """Return what is wrong now: the pump's findings, then the device's own."""
+        found: list[Fault] = []
+        if self._failure is not None:
+            found.append(self._failure)
+        elif self._lost_ns is not None:
+            found.append(
+                Fault(self._role, "blocking", "disconnected; reconnecting", _RECONNECT_REMEDY)
+            )
+        elif self._quiet:
+            quiet_ms = (self._clock.now_ns() - self._last_ns) / NS_PER_MS
+            severity: Literal["warning", "blocking"] = (
+                "blocking" if self._quiet == "stalled" else "warning"
+            )
+            found.append(
+                Fault(self._role, severity, f"no data for {quiet_ms:.0f} ms", _SILENCE_REMEDY)
+            )
+        if self._dropped:
+            found.append(
+                Fault(
+                    self._role,
+                    "warning",
+                    f"{self._dropped} samples dropped because the session did not take them",
+                    "close other programs on this computer",
+                )
+            )
+        return (*found, *self.device.check())
+
+    def take_events(self) -> tuple[PumpEvent, ...]:
+        """Return the events since the last call, oldest first."""
+        events = []
+        while self._events:
+            events.append(self._events.popleft())
+        return tuple(events)
+
+    def health(self) -> Health:
+        """Return the device's health with this pump's reconnects and drops."""
+        health = self.device.health()
+        return replace(health, reconnects=self._reconnects, dropped=self._dropped)
+
+    def _take(self, batch: SampleBatch) -> None:
+        if len(self._queue) >= QUEUE_BATCHES:
+            self._dropped += len(batch)
+            return
+        self._queue.append(batch)
+
+    def _hand_over(self) -> int:
+        delivered = 0
+        queue, sink = self._queue, self._sink
+        while queue:
+            batch = queue.popleft()
+            sink(batch)
+            delivered += len(batch)
+        if self._dropped > self._dropped_told:
+            lost, self._dropped_told = self._dropped - self._dropped_told, self._dropped
+            self._tell("dropped", "warning", f"{lost} samples dropped: the session was too slow")
+        return delivered
+
+    def _run(self) -> None:
+        while not self._stopping.is_set() and self._failure is None:
+            waiting = self._lost_ns is not None and self._clock.now_ns() < self._retry_ns
+            if waiting:
+                self._stopping.wait(THREAD_POLL_S)
+            else:
+                self._poll(THREAD_POLL_S)
+
+    def _poll(self, timeout_s: float) -> None:
+        if self._failure is not None:
+            return
+        if self._lost_ns is not None and self._clock.now_ns() < self._retry_ns:
+            return
+        try:
+            received = self.device.poll(timeout_s)
+        except DeviceDisconnected as gone:
+            self._lose(gone)
+            return
+        except Exception as failure:  # a thread top: whatever it is, the operator must see it
+            self._failure = Fault(
+                self._role,
+                "blocking",
+                f"driver failed: {type(failure).__name__}: {failure}",
+                "stop the session, send the .wire log with the report, restart the device",
+            )
+            self._tell("failed", "blocking", self._failure.message, self._failure.remedy)
+            return
+        if self._lost_ns is not None and self.device.state is DeviceState.STREAMING:
+            self._recover()
+        if received:
+            self._last_ns = self._clock.now_ns()
+
+    def _lose(self, gone: DeviceDisconnected) -> None:
+        now_ns = self._clock.now_ns()
+        if self._lost_ns is None:
+            self._lost_ns = self._last_ns
+            self._back_off_ns = FIRST_BACK_OFF_NS
+            self._tell("disconnected", "blocking", str(gone), gone.remedy)
+        else:
+            self._back_off_ns = min(2 * self._back_off_ns, LAST_BACK_OFF_NS)
+        self._retry_ns = now_ns + self._back_off_ns
+
+    def _recover(self) -> None:
+        now_ns = self._clock.now_ns()
+        since_ns = self._lost_ns if self._lost_ns is not None else now_ns
+        gap_ms = (now_ns - since_ns) / NS_PER_MS
+        self._lost_ns = None
+        self._quiet = ""
+        self._last_ns = now_ns
+        self._reconnects += 1
+        self._tell("reconnected", "info", f"back after {gap_ms:.0f} ms", gap_ms=gap_ms)
+
+    def _watch(self, now_ns: int) -> None:
+        if self._lost_ns is not None or self._failure is not None or self._silence_ns is None:
+            return
+        quiet_ns = now_ns - self._last_ns
+        if quiet_ns >= STALLED_NS:
+            if self._quiet != "stalled":
+                self._quiet = "stalled"
+                self._tell("stalled", "blocking", "no data for 1 s", _SILENCE_REMEDY)
+        elif quiet_ns >= self._silence_ns:
+            if not self._quiet:
+                self._quiet = "silent"
+                message = f"no data for {self._silence_ns / NS_PER_MS:.0f} ms"
+                self._tell("silent", "warning", message, _SILENCE_REMEDY)
+        elif self._quiet:
+            self._quiet = ""
+            self._tell("resumed", "info", "data again")
+
+    def _tell(
+        self,
+        kind: EventKind,
+        severity: Literal["info", "warning", "blocking"],
+        message: str,
+        remedy: str = "",
+        gap_ms: float | None = None,
+    ) -> None:
+        self._events.append(
+            PumpEvent(self._clock.now_ns(), self._role, kind, severity, message, remedy, gap_ms)
+        )
+
+
+_SILENCE_REMEDY = "look at the device and its program; the session goes on when data come back"
+_RECONNECT_REMEDY = "check cable and program; the session goes on when it is back"
