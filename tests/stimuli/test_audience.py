@@ -1,0 +1,179 @@
+"""The audience stands as the study describes it."""
+
+import numpy as np
+import pytest
+
+from lab.errors import DesignError
+from lab.geometry import angle_deg, unit, yaw_pitch_deg_of
+from stimuli.scenes.audience import (
+    ACTIVE_PLACES,
+    AUDIENCE_TURN_DEG,
+    MARK_M,
+    PARTICIPANT_EYE_M,
+    PARTICIPANT_TURN_DEG,
+    PLACES,
+    SPEAKER_EYE_M,
+    audience_scene,
+    black_scene,
+    depth_of,
+    training_scene,
+    zone_of,
+)
+from stimuli.visibility import SceneGeometry
+
+CHARACTERS = tuple(f"c{i:02d}" for i in range(11))
+SCENE = audience_scene(CHARACTERS)
+HEADS = np.array([a.head_centre_m for a in SCENE.agents])
+SEEN = unit(HEADS - PARTICIPANT_EYE_M)
+DISTANCE_M = np.linalg.norm(HEADS - PARTICIPANT_EYE_M, axis=1)
+RADIUS_DEG = np.degrees(np.arcsin([a.head_radius_m for a in SCENE.agents] / DISTANCE_M))
+
+
+def test_nine_active_places_are_three_zones_by_three_depths() -> None:
+    expected = {(z, d) for z in ("left", "centre", "right") for d in ("close", "middle", "far")}
+
+    assert expected == {(zone_of(p), depth_of(p)) for p in ACTIVE_PLACES}
+    assert len(ACTIVE_PLACES) == 9
+    assert len(PLACES) == 11
+    assert PLACES == tuple(a.place for a in SCENE.agents)
+
+
+def test_zones_and_depths_follow_what_is_seen() -> None:
+    yaw_deg, _ = yaw_pitch_deg_of(SEEN[:9])
+    by_zone = {z: [y for p, y in zip(PLACES, yaw_deg, strict=False) if zone_of(p) == z]
+               for z in ("left", "centre", "right")}  # fmt: skip
+    by_depth = {d: [m for p, m in zip(ACTIVE_PLACES, DISTANCE_M, strict=False) if depth_of(p) == d]
+                for d in ("close", "middle", "far")}  # fmt: skip
+
+    assert min(by_zone["left"]) > max(by_zone["centre"])
+    assert min(by_zone["centre"]) > max(by_zone["right"])
+    assert max(by_depth["close"]) < min(by_depth["middle"])
+    assert max(by_depth["middle"]) < min(by_depth["far"])
+
+
+def test_nearest_head_is_at_least_a_metre_away() -> None:
+    assert 1.0 <= DISTANCE_M.min() < 1.5
+
+
+def test_every_head_lies_within_the_hundred_degrees_of_the_headset() -> None:
+    yaw_deg, pitch_deg = yaw_pitch_deg_of(SEEN)
+
+    assert 50 >= np.max(np.abs(yaw_deg) + RADIUS_DEG)
+    assert 50 >= np.max(np.abs(pitch_deg) + RADIUS_DEG)
+
+
+def test_heads_as_seen_stay_so_far_apart_that_one_degree_of_padding_is_never_cut() -> None:
+    gap_deg = angle_deg(SEEN[:, None], SEEN[None]) - RADIUS_DEG[:, None] - RADIUS_DEG[None]
+    np.fill_diagonal(gap_deg, np.inf)
+
+    assert 2.0 < gap_deg.min()
+
+
+def test_heads_do_not_stand_in_each_other() -> None:
+    apart_m = np.linalg.norm(HEADS[:, None] - HEADS[None], axis=-1)
+    np.fill_diagonal(apart_m, np.inf)
+
+    assert 0.5 < apart_m.min()
+
+
+def test_no_part_of_any_head_is_hidden_also_when_the_participant_leans() -> None:
+    geometry = SceneGeometry.from_scene(SCENE)
+    rng = np.random.default_rng(1)
+    for lean_m in ([0, 0, 0], [0.08, 0, 0], [-0.08, 0, 0], [0, 0.05, 0], [0, -0.05, 0]):
+        origin_m = PARTICIPANT_EYE_M + np.array(lean_m)
+        for index, head_m in enumerate(HEADS):
+            offset = unit(rng.normal(size=(200, 3))) * 0.12 * 0.95
+            direction = unit(head_m + offset - origin_m)
+            origins = np.repeat(origin_m[None], 200, axis=0)
+
+            hit = geometry.observe(origins, direction, np.ones(200, np.bool_))[3]
+
+            assert {index} == set(hit.tolist()), (SCENE.agents[index].place, lean_m)
+
+
+def test_stage_front_hides_the_lower_bodies() -> None:
+    geometry = SceneGeometry.from_scene(SCENE)
+    front = geometry.capsules[11:17]  # three beams, each in two halves
+    only_front = SceneGeometry(np.array([[*HEADS[3], 0.12]]), front, True)
+    # A head-sized ball at seat height behind the front cannot be hit.
+    lowered = HEADS[3] - np.array([0.0, 0.62, 0.0])
+    seat = SceneGeometry(np.array([[*lowered, 0.05]]), front, True)
+    direction = unit(lowered - PARTICIPANT_EYE_M)[None]
+    valid = np.ones(1, np.bool_)
+
+    assert -1 == seat.observe(PARTICIPANT_EYE_M[None], direction, valid)[3][0]
+    assert 0 == only_front.observe(PARTICIPANT_EYE_M[None], SEEN[3:4], valid)[3][0]
+
+
+@pytest.mark.parametrize("target_m", [PARTICIPANT_EYE_M, SPEAKER_EYE_M], ids=["user", "speaker"])
+def test_eyes_reach_participant_and_speaker_within_thirty_degrees(target_m: np.ndarray) -> None:
+    turn_deg = [angle_deg(unit(target_m - a.eye_centre_m), a.facing) for a in SCENE.agents]
+
+    assert 30.0 >= max(turn_deg)
+
+
+def test_looking_at_the_speaker_is_told_from_looking_at_the_participant() -> None:
+    """A gaze cone of about five degrees still feels direct; averted eyes stay well outside."""
+    apart_deg = [
+        angle_deg(unit(PARTICIPANT_EYE_M - a.eye_centre_m), unit(SPEAKER_EYE_M - a.eye_centre_m))
+        for a in SCENE.agents
+    ]
+
+    assert 10.0 < min(apart_deg)
+
+
+def test_audience_is_turned_ten_degrees_in_the_room_on_average() -> None:
+    yaw_deg, _ = yaw_pitch_deg_of(np.array([-a.facing for a in SCENE.agents]))
+
+    assert pytest.approx(AUDIENCE_TURN_DEG) == PARTICIPANT_TURN_DEG - yaw_deg.mean()
+
+
+def test_speaker_stands_behind_the_participant_on_the_left() -> None:
+    assert SPEAKER_EYE_M[0] < PARTICIPANT_EYE_M[0]
+    assert SPEAKER_EYE_M[2] > PARTICIPANT_EYE_M[2] + 1.0
+
+
+def test_mark_stands_at_top_centre_clear_of_every_head() -> None:
+    direction = unit(MARK_M - PARTICIPANT_EYE_M)
+    yaw_deg, pitch_deg = yaw_pitch_deg_of(direction)
+
+    assert pytest.approx(0.0) == yaw_deg
+    assert 15 < pitch_deg < 25
+    assert 5.0 < np.min(angle_deg(SEEN, direction) - RADIUS_DEG)
+
+
+def test_scene_is_the_same_object_for_the_same_characters() -> None:
+    assert audience_scene(list(CHARACTERS)) is SCENE
+    assert audience_scene(CHARACTERS[::-1]) is not SCENE
+
+
+def test_shuffled_characters_change_who_sits_there_and_nothing_else() -> None:
+    other = audience_scene(CHARACTERS[::-1])
+
+    assert CHARACTERS[::-1] == tuple(a.character for a in other.agents)
+    for a, b in zip(SCENE.agents, other.agents, strict=True):
+        assert (a.place, a.agent_id) == (b.place, b.agent_id)
+        np.testing.assert_array_equal(a.head_centre_m, b.head_centre_m)
+
+
+def test_black_scene_shows_the_mark_alone() -> None:
+    black = black_scene(CHARACTERS)
+    geometry = SceneGeometry.from_scene(black)
+    angle, _, _, hit = geometry.observe(PARTICIPANT_EYE_M[None], SEEN[:1], np.ones(1, np.bool_))
+
+    assert black.brightness_01 == 0
+    assert black.mark_m is not None
+    assert -1 == hit[0]
+    assert angle[0, 0] < 1e-6
+    assert training_scene(CHARACTERS).mark_m is None
+
+
+@pytest.mark.parametrize("characters", [CHARACTERS[:10], (*CHARACTERS[:10], "c00")])
+def test_missing_or_doubled_character_is_refused(characters: tuple[str, ...]) -> None:
+    with pytest.raises(DesignError, match="11 different characters"):
+        audience_scene(characters)
+
+
+def test_unknown_place_names_the_known_ones() -> None:
+    with pytest.raises(DesignError, match="left_close"):
+        zone_of("balcony")
