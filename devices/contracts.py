@@ -236,12 +236,34 @@ RESPONSES = StreamSchema(
 )
 
 
+@runtime_checkable
 class ResponseInput(Device, Protocol):
     """Buttons and axes; delivers one stream with the fields of `RESPONSES`."""
 
     @property
     def controls(self) -> tuple[str, ...]:
         """Names of the controls, indexed by the `control` field."""
+        ...
+
+
+# ---- haptics ------------------------------------------------------------------------------
+
+
+@runtime_checkable
+class Armband(Device, Protocol):
+    """Vibration motors; commands are absolute and idempotent, every exit path is silent."""
+
+    @property
+    def motor_count(self) -> int:
+        """Number of motors."""
+        ...
+
+    def set_amplitudes(self, amplitudes_01: Sequence[float], ttl_ms: int) -> None:
+        """Set every motor, 0..1; all fall silent after `ttl_ms` without another command."""
+        ...
+
+    def silence(self) -> None:
+        """Stop every motor now; always allowed."""
         ...
 
 

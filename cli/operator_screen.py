@@ -1,0 +1,237 @@
+"""The operator's screen and keys while a session runs."""
+
+from collections.abc import Sequence
+from types import TracebackType
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.panel import Panel
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from cli.keyboard import KeyReader
+from devices.contracts import Health
+from lab.clock import NS_PER_S
+from protocol.operator import KEYS, Action, Command, SessionStatus
+
+STATUS_PERIOD_NS = NS_PER_S // 4
+KEY_LINE = (
+    "[b]space[/b] go on  [b]P[/b]ause  [b]R[/b]epeat  [b]S[/b]kip  re[b]C[/b]alibrate  "
+    "[b]N[/b]ote  [b]F[/b]lag  [b]X[/b] silence haptics  [b]Esc[/b] end"
+)
+NEEDS_TEXT = {Action.SKIP: "Reason for skipping", Action.NOTE: "Note"}
+RATE_AMBER_01 = 0.95
+RATE_RED_01 = 0.80
+
+
+class KeyInterpreter:
+    """Turn keys into commands; a skip or note collects its text, Escape asks first."""
+
+    def __init__(self) -> None:
+        self._collecting: Action | None = None
+        self._text = ""
+        self._asking_to_end = False
+
+    @property
+    def entry_line(self) -> str:
+        """What the operator is typing or is being asked, or an empty string."""
+        if self._asking_to_end:
+            return "End the session? Finished trials are kept.  y ends, any other key goes on"
+        if self._collecting is not None:
+            return f"{NEEDS_TEXT[self._collecting]} (Enter ends, Esc forgets): {self._text}▏"
+        return ""
+
+    def feed(self, keys: str) -> list[Command]:
+        """Return the commands these keys complete."""
+        commands: list[Command] = []
+        for key in keys:
+            if self._asking_to_end:
+                self._asking_to_end = False
+                if key.lower() == "y":
+                    commands.append(Command(Action.ABORT))
+            elif self._collecting is not None:
+                commands += self._collect(key)
+            else:
+                commands += self._begin(key)
+        return commands
+
+    def _begin(self, key: str) -> list[Command]:
+        action = KEYS.get(key.lower())
+        if action is None:
+            return []
+        if action is Action.ABORT:
+            self._asking_to_end = True
+            return []
+        if action in NEEDS_TEXT:
+            self._collecting = action
+            self._text = ""
+            return []
+        return [Command(action)]
+
+    def _collect(self, key: str) -> list[Command]:
+        assert self._collecting is not None  # noqa: S101 - only called while collecting
+        if key in "\r\n":
+            command = Command(self._collecting, self._text.strip())
+            self._collecting = None
+            return [command]
+        if key == "\x1b":
+            self._collecting = None
+        elif key in "\x7f\b":
+            self._text = self._text[:-1]
+        elif key.isprintable():
+            self._text += key
+        return []
+
+
+class TerminalOperator:
+    """Show the session in the terminal and read the operator's keys.
+
+    `confirm_waits` False goes through prompts without a key (rehearsals with simulated
+    participants); keys work all the same.
+    """
+
+    status_period_ns = STATUS_PERIOD_NS
+
+    def __init__(self, console: Console, *, is_simulated: bool, confirm_waits: bool) -> None:
+        self._console = console
+        self._is_simulated = is_simulated
+        self._confirm_waits = confirm_waits
+        self._keys = KeyReader()
+        self._interpreter = KeyInterpreter()
+        self._live: Live | None = None
+        self.abort_requested = False
+
+    def __enter__(self) -> "TerminalOperator":
+        self._keys.__enter__()
+        if self._console.is_terminal:
+            self._live = Live(
+                console=self._console, screen=True, auto_refresh=False, transient=True
+            )
+            self._live.__enter__()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._live is not None:
+            self._live.__exit__(kind, error, trace)
+            self._live = None
+        self._keys.__exit__(kind, error, trace)
+
+    def suspend(self) -> None:
+        """Give the terminal back for typed questions."""
+        self.__exit__(None, None, None)
+
+    def poll(self) -> Sequence[Command]:
+        """Return the commands completed since the last frame."""
+        if self.abort_requested:
+            self.abort_requested = False
+            return (Command(Action.ABORT, "interrupt signal"),)
+        keys = self._keys.keys()
+        return self._interpreter.feed(keys) if keys else ()
+
+    def show(self, status: SessionStatus) -> None:
+        """Redraw the screen."""
+        if self._live is not None:
+            self._live.update(
+                render(status, self._interpreter.entry_line, is_simulated=self._is_simulated),
+                refresh=True,
+            )
+
+    def waits_for_advance(self, prompt: str) -> bool:
+        """Wait for the space bar unless this is a rehearsal."""
+        return self._confirm_waits
+
+
+def render(status: SessionStatus, entry_line: str, *, is_simulated: bool) -> Panel:
+    """Return the whole screen for a status."""
+    parts = [
+        _headline(status),
+        _progress(status),
+        _streams(status.health),
+        _calibration(status),
+        _faults(status),
+    ]
+    if status.messages:
+        parts.append(Text("\n".join(f"· {m}" for m in status.messages), style="dim"))
+    if status.prompt:
+        parts.append(Panel(Text(status.prompt), title="waiting for you: space", style="bold cyan"))
+    if entry_line:
+        parts.append(Panel(Text(entry_line), style="bold yellow"))
+    title = "VISAVIS" + ("  ·  SIMULATED, not a participant" if is_simulated else "")
+    return Panel(
+        Group(*parts),
+        title=title,
+        subtitle=KEY_LINE,
+        border_style="magenta" if is_simulated else "green",
+    )
+
+
+def _headline(status: SessionStatus) -> Table:
+    grid = Table.grid(expand=True, padding=(0, 2))
+    for _ in range(4):
+        grid.add_column(ratio=1)
+    grid.add_row(
+        f"participant  [b]{status.participant}[/b]",
+        f"[b]{status.state.value.upper()}[/b]",
+        f"block  [b]{status.block or '–'}[/b]",
+        f"trial  [b]{status.trial_id or '–'}[/b]",
+    )
+    left = "–" if status.trial_left_s is None else f"{status.trial_left_s:.0f} s"
+    grid.add_row(
+        f"condition  {status.condition or '(hidden)'}",
+        f"trial ends in  [b]{left}[/b]",
+        f"done  {status.trials_done}/{status.trials_planned}",
+        f"session left  ~{status.session_left_s / 60:.0f} min",
+    )
+    return grid
+
+
+def _progress(status: SessionStatus) -> ProgressBar:
+    return ProgressBar(total=max(status.trials_planned, 1), completed=status.trials_done)
+
+
+def _streams(health: dict[str, Health]) -> Table:
+    table = Table(expand=True, box=None, pad_edge=False)
+    for name in ("stream", "rate", "gaps", "longest gap", "last sample", "lost", "clock"):
+        table.add_column(name, justify="left" if name == "stream" else "right")
+    for role, h in health.items():
+        age = "–" if h.last_sample_age_ms is None else f"{h.last_sample_age_ms:.0f} ms"
+        clock = "–" if h.clock_offset_ms is None else f"{h.clock_drift_ppm or 0:+.0f} ppm"
+        style = "red" if h.last_sample_age_ms is None or h.last_sample_age_ms > 1000 else ""
+        table.add_row(
+            role,
+            f"{h.rate_hz:.1f} Hz",
+            str(h.gaps),
+            f"{h.longest_gap_ms:.0f} ms",
+            age,
+            str(h.dropped),
+            clock,
+            style=style,
+        )
+    return table
+
+
+def _calibration(status: SessionStatus) -> Text:
+    if status.accuracy_deg is None:
+        return Text("calibration  none yet", style="yellow")
+    age = (status.calibration_age_s or 0) / 60
+    text = (
+        f"calibration  accuracy {status.accuracy_deg:.2f}°  "
+        f"precision {status.precision_deg or float('nan'):.2f}°  {age:.0f} min old"
+    )
+    return Text(text, style="green" if status.accuracy_deg <= 1.5 else "red")
+
+
+def _faults(status: SessionStatus) -> Text:
+    if not status.faults:
+        return Text("no faults", style="green")
+    text = Text()
+    for fault in status.faults:
+        style = "bold red" if fault.severity == "blocking" else "yellow"
+        text.append(f"{fault.role}: {fault.message} → {fault.remedy}\n", style=style)
+    return text

@@ -1,0 +1,102 @@
+"""What a study gives the session."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.geometry import Vector
+from protocol.plan import SessionPlan, Trial
+from protocol.steps import Plan
+from stimuli.scene import Scene
+
+
+class Experiment(Protocol):
+    """A study: pure planning, and the plan of one trial as a generator."""
+
+    @property
+    def name(self) -> str:
+        """The study's name on the command line."""
+        ...
+
+    @property
+    def agent_count(self) -> int:
+        """Number of agents in every scene of a trial; fixes the width of recorded columns."""
+        ...
+
+    @property
+    def trial_s(self) -> float:
+        """Nominal duration of a trial, for the time left on the operator's screen."""
+        ...
+
+    @property
+    def intertrial_s(self) -> float:
+        """Nominal duration between trials."""
+        ...
+
+    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
+        """Return everything one participant will do; pure."""
+        ...
+
+    def run_trial(self, trial: Trial) -> Plan:
+        """Return the generator that performs a trial."""
+        ...
+
+    def intertrial(self, trial: Trial) -> Plan:
+        """Return the generator that fills the time before a trial."""
+        ...
+
+    def blank(self, mark_m: Vector | None) -> Scene:
+        """Return the dark scene of calibrations and breaks, with a mark or without."""
+        ...
+
+
+@dataclass(frozen=True)
+class ValidationPoint:
+    """Gaze samples taken while one target was shown.
+
+    `target` (3,) and `combined`, `left`, `right` (n, 3) are unit vectors in the head frame, NaN
+    where lost; `t_ns` (n,).
+    """
+
+    name: str
+    target: Vector
+    t_ns: npt.NDArray[np.int64]
+    combined: Vector
+    left: Vector
+    right: Vector
+
+
+@dataclass(frozen=True)
+class ValidationVerdict:
+    """How good the tracking was at one validation; stored whole, never overwritten.
+
+    `rows` holds one mapping per point and eye. `accuracy_deg` is the mean over points of the
+    angle between mean gaze and target (combined eye), `precision_deg` the RMS-S2S.
+    """
+
+    accepted: bool
+    reason: str
+    accuracy_deg: float | None
+    worst_point_deg: float | None
+    precision_deg: float | None
+    lost_01: float
+    rows: tuple[Mapping[str, str | int | float | bool | None], ...]
+
+
+class ValidationJudge(Protocol):
+    """Measure a validation and decide whether it is good enough."""
+
+    def __call__(self, points: Sequence[ValidationPoint], rate_hz: float) -> ValidationVerdict:
+        """Return the verdict; never raises on lost data."""
+        ...
+
+
+class Respondent(Protocol):
+    """Whoever answers questions: a person at the terminal, or a simulated participant."""
+
+    def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
+        """Return the answer; None when left out."""
+        ...

@@ -1,0 +1,211 @@
+"""One frame after another: draw, wait, take samples, evaluate gaze, record."""
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.frame import FrameInfo
+from lab.geometry import Pose
+from lab.schema import SampleBatch
+from protocol.experiment import Experiment
+from protocol.observation import GazeObserver
+from protocol.rig import RunningRig
+from protocol.row_buffer import RowBuffer
+from protocol.states import SessionState, StateMachine
+from protocol.steps import FrameView
+from protocol.streams import FRAMES, gaze_targets_schema, scene_states_schema
+from recording.writer import Recorder
+from stage.contracts import Stage
+from stimuli.scene import Scene, SceneFrame
+
+STATE_CODES = {state: code for code, state in enumerate(SessionState)}
+HOLD_REAL_NS = 50 * NS_PER_MS
+HOLD_VIRTUAL_NS = NS_PER_S
+UPRIGHT = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+class FrameLoop:
+    """Drive the display frame by frame; everything a frame brings passes through here."""
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        rig: RunningRig,
+        headset_rate_hz: float,
+        gaze_rate_hz: float,
+        controls: tuple[str, ...],
+        stage: Stage,
+        recorder: Recorder,
+        clock: Clock,
+        states: StateMachine,
+    ) -> None:
+        hold_ns = HOLD_VIRTUAL_NS if clock.is_virtual else HOLD_REAL_NS
+        m = experiment.agent_count
+        frames = replace(FRAMES, nominal_rate_hz=headset_rate_hz)
+        targets = gaze_targets_schema(m, gaze_rate_hz)
+        scene_states = scene_states_schema(m)
+        for schema in (frames, targets, scene_states):
+            recorder.declare(schema)
+        self._frames = RowBuffer(frames, recorder.append, hold_ns=hold_ns)
+        self._targets = RowBuffer(targets, recorder.append, hold_ns=hold_ns)
+        self._scene_states = RowBuffer(scene_states, recorder.append, hold_ns=hold_ns)
+        self.observer = GazeObserver(self._targets)
+        self._agent_count = m
+        self._rig = rig
+        self._stage = stage
+        self._recorder = recorder
+        self._clock = clock
+        self._states = states
+        self._controls = controls
+        self._head_inbox: deque[SampleBatch] = deque()
+        self._press_inbox: deque[SampleBatch] = deque()
+        self._view: SceneFrame | None = None
+        self._logged_view: SceneFrame | None = None
+        self._scene_number = 0
+        self._frame = FrameInfo(-1, clock.now_ns(), clock.now_ns())
+        self.head = UPRIGHT
+        self.head_valid = False
+        self.head_seen = False
+        self.gaze_tap: list[SampleBatch] | None = None
+        self.trial_number = -1
+        self.frames_done = 0
+        self.frames_dropped = 0
+
+    def sink(self, role: str, batch: SampleBatch) -> None:
+        """Accept what a device delivers: record it, and keep what the loop needs."""
+        self._recorder.append(batch)
+        if role == "eye_tracker":
+            self.observer.take(batch)
+            if self.gaze_tap is not None:
+                self.gaze_tap.append(batch)
+        elif role == "headset":
+            self._head_inbox.append(batch)
+        elif role == "responses":
+            self._press_inbox.append(batch)
+
+    @property
+    def t_ns(self) -> int:
+        """Session time of the present frame."""
+        return self._frame.t_ns
+
+    def show(self, view: SceneFrame) -> None:
+        """Show this from the coming frame on."""
+        self._view = view
+
+    def show_scene(self, scene: Scene) -> None:
+        """Show a scene whose agents, if any, are still."""
+        n = len(scene.agents)
+        facing = np.array([a.facing for a in scene.agents]).reshape(n, 3)
+        self._view = SceneFrame(scene, self.t_ns, facing, np.ones(n))
+
+    def next(self) -> FrameView:
+        """Draw the present view, wait for the next frame and return what it brought."""
+        view = self._view
+        if view is not None:
+            if view is not self._logged_view:
+                self._log_view(view)
+            images = self._stage.draw(view, self._frame, self.head)
+            self._rig.headset.submit(self._frame, images)
+        frame = self._wait_frame()
+        self._rig.step()
+        self._take_head()
+        gaze = self.observer.observe(frame.index, frame.t_ns)
+        self._log_frame(frame, gaze.t_ns.shape[0])
+        return FrameView(
+            frame.index, frame.t_ns, self.head, self.head_valid, gaze, self._take_presses()
+        )
+
+    def flush(self) -> None:
+        """Hand every held row to the recorder."""
+        self._frames.flush()
+        self._targets.flush()
+        self._scene_states.flush()
+
+    def _wait_frame(self) -> FrameInfo:
+        frame = self._rig.headset.wait_frame()
+        self.frames_done += 1
+        self.frames_dropped += frame.dropped
+        self._frame = frame
+        return frame
+
+    def _take_head(self) -> None:
+        while self._head_inbox:
+            batch = self._head_inbox.popleft()
+            positions = batch.values["position_m"]
+            turns = batch.values["orientation_wxyz"]
+            valid = batch.values["valid"]
+            for i in range(len(batch)):
+                self.head_valid = bool(valid[i])
+                if self.head_valid:
+                    self.head = Pose(positions[i].astype(np.float64), turns[i].astype(np.float64))
+                    self.head_seen = True
+                    self.observer.add_pose(int(batch.t_host_ns[i]), self.head)
+
+    def _take_presses(self) -> tuple[str, ...]:
+        if not self._press_inbox:
+            return ()
+        pressed: list[str] = []
+        while self._press_inbox:
+            values = self._press_inbox.popleft().values
+            pressed += [self._controls[v["control"]] for v in values if v["value_01"] > 0.5]
+        return tuple(pressed)
+
+    def _log_view(self, view: SceneFrame) -> None:
+        before = self._logged_view
+        if before is None or view.scene is not before.scene:
+            self._scene_number += 1
+            self.observer.show(view.scene)
+            self._recorder.event("scene", self.t_ns, **self._describe(view.scene))
+        elif (
+            view.gaze_direction is before.gaze_direction
+            and view.eye_openness_01 is before.eye_openness_01
+        ):
+            self._logged_view = view
+            return
+        self._logged_view = view
+        if view.gaze_direction.shape[0] not in (0, self._agent_count):
+            raise ValueError("a scene must hold all of the study's agents, or none")
+        i = self._scene_states.room(1)
+        columns = self._scene_states.columns
+        columns["scene"][i] = self._scene_number
+        if view.gaze_direction.shape[0]:
+            columns["gaze_direction"][i] = view.gaze_direction
+            columns["eye_openness_01"][i] = view.eye_openness_01
+        else:
+            columns["gaze_direction"][i] = np.nan
+            columns["eye_openness_01"][i] = np.nan
+        self._scene_states.commit(1, self.t_ns)
+
+    def _describe(self, scene: Scene) -> dict[str, object]:
+        return {
+            "scene": self._scene_number,
+            "scene_name": scene.name,
+            "brightness_01": scene.brightness_01,
+            "mark_m": None if scene.mark_m is None else [float(x) for x in scene.mark_m],
+            "agents": [
+                {
+                    "agent_id": a.agent_id,
+                    "character": a.character,
+                    "place": a.place,
+                    "head_centre_m": [float(x) for x in a.head_centre_m],
+                    "head_radius_m": a.head_radius_m,
+                    "facing": [float(x) for x in a.facing],
+                    "eye_centre_m": [float(x) for x in a.eye_centre_m],
+                }
+                for a in scene.agents
+            ],
+        }
+
+    def _log_frame(self, frame: FrameInfo, gaze_samples: int) -> None:
+        i = self._frames.room(1)
+        columns = self._frames.columns
+        columns["frame_index"][i] = frame.index
+        columns["predicted_display_ns"][i] = frame.predicted_display_ns
+        columns["state"][i] = STATE_CODES[self._states.state]
+        columns["trial_number"][i] = self.trial_number
+        columns["scene_row"][i] = self._scene_states.rows - 1
+        columns["dropped"][i] = frame.dropped
+        columns["gaze_samples"][i] = gaze_samples
+        self._frames.commit(1, frame.t_ns)

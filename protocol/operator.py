@@ -1,0 +1,105 @@
+"""What the operator can do while a session runs, and what the session shows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Protocol
+
+from devices.contracts import Fault, Health
+from protocol.states import SessionState
+
+
+class Action(StrEnum):
+    """What a run-time key asks for."""
+
+    ADVANCE = "advance"
+    PAUSE = "pause"
+    REPEAT = "repeat"
+    SKIP = "skip"
+    RECALIBRATE = "recalibrate"
+    NOTE = "note"
+    FLAG = "flag"
+    SILENCE = "silence"
+    ABORT = "abort"
+
+
+KEYS = {
+    " ": Action.ADVANCE,
+    "p": Action.PAUSE,
+    "r": Action.REPEAT,
+    "s": Action.SKIP,
+    "c": Action.RECALIBRATE,
+    "n": Action.NOTE,
+    "f": Action.FLAG,
+    "x": Action.SILENCE,
+    "\x1b": Action.ABORT,
+}
+"""Run-time keys; SKIP and NOTE ask for text, ABORT asks whether it is meant."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """One finished request of the operator; `text` is the reason or note."""
+
+    action: Action
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class SessionStatus:
+    """Everything an operator's screen shows; `condition` is empty when blinded."""
+
+    state: SessionState
+    participant: str
+    trial_id: str
+    trials_done: int
+    trials_planned: int
+    block: str
+    condition: str
+    trial_left_s: float | None
+    session_left_s: float
+    health: dict[str, Health]
+    accuracy_deg: float | None
+    precision_deg: float | None
+    calibration_age_s: float | None
+    faults: tuple[Fault, ...]
+    prompt: str = ""
+    messages: tuple[str, ...] = field(default_factory=tuple)
+
+
+class Operator(Protocol):
+    """Whoever runs the session; polled once per frame, never blocks the frame loop."""
+
+    @property
+    def status_period_ns(self) -> int:
+        """How often `show` wants a status; 0 for never."""
+        ...
+
+    def poll(self) -> Sequence[Command]:
+        """Return the requests finished since the last call."""
+        ...
+
+    def show(self, status: SessionStatus) -> None:
+        """Show the present status."""
+        ...
+
+    def waits_for_advance(self, prompt: str) -> bool:
+        """Tell whether the session must wait for ADVANCE after this prompt."""
+        ...
+
+
+class UnattendedOperator:
+    """Nobody watches: every wait is over at once; used for simulated studies."""
+
+    status_period_ns = 0
+
+    def poll(self) -> Sequence[Command]:
+        """Ask for nothing."""
+        return ()
+
+    def show(self, status: SessionStatus) -> None:
+        """Show nothing; never called, as the period is 0."""
+
+    def waits_for_advance(self, prompt: str) -> bool:
+        """Go on at once."""
+        return False

@@ -1,0 +1,141 @@
+"""The devices of a session together: open, stream, watch, close."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from devices.contracts import (
+    Armband,
+    Device,
+    EyeTracker,
+    Fault,
+    Headset,
+    Health,
+    ResponseInput,
+)
+from devices.pump import Pump
+from lab.clock import Clock
+from lab.errors import DeviceError
+from lab.schema import SampleBatch, StreamSchema
+from protocol.steps import Vibrate
+
+OPEN_DEADLINE_S = 10.0
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The devices by role; `headset` paces the session, `eye_tracker` delivers gaze."""
+
+    headset: Headset
+    eye_tracker: EyeTracker
+    others: Mapping[str, Device]
+
+    def by_role(self) -> dict[str, Device]:
+        """Return every device in the fixed order in which it is stepped."""
+        return {"headset": self.headset, "eye_tracker": self.eye_tracker, **self.others}
+
+
+class RunningRig:
+    """Own the devices while a session runs: one pump each, threads only in real time.
+
+    Always used as a context manager, so that every exit path stops and closes every device.
+    """
+
+    def __init__(self, rig: Rig, clock: Clock, sink: Callable[[str, SampleBatch], None]) -> None:
+        self._rig = rig
+        self._clock = clock
+        self._devices = rig.by_role()
+        self._pumps = {
+            role: Pump(device, self._sink_of(role, sink), clock)
+            for role, device in self._devices.items()
+        }
+        self._in_order = tuple(self._pumps.values())
+
+    @property
+    def headset(self) -> Headset:
+        """The device that paces the session."""
+        return self._rig.headset
+
+    @property
+    def eye_tracker(self) -> EyeTracker:
+        """The device that delivers gaze."""
+        return self._rig.eye_tracker
+
+    @staticmethod
+    def _sink_of(
+        role: str, sink: Callable[[str, SampleBatch], None]
+    ) -> Callable[[SampleBatch], None]:
+        return lambda batch: sink(role, batch)
+
+    def __enter__(self) -> "RunningRig":
+        try:
+            for device in self._devices.values():
+                device.open(OPEN_DEADLINE_S)
+        except BaseException:
+            self._close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._close()
+
+    def _close(self) -> None:
+        for pump in self._in_order:
+            pump.stop()
+        for device in self._devices.values():
+            device.close()
+
+    def schemas(self) -> tuple[StreamSchema, ...]:
+        """Return every stream the devices will deliver."""
+        return tuple(s for d in self._devices.values() for s in d.describe())
+
+    def preflight(self) -> tuple[Fault, ...]:
+        """Check every device; raise on the first that blocks the session.
+
+        Raises:
+            DeviceError: a device reports a blocking fault; the message lists all of them.
+        """
+        faults = tuple(f for d in self._devices.values() for f in d.check())
+        blocking = [f for f in faults if f.severity == "blocking"]
+        if blocking:
+            raise DeviceError(
+                " | ".join(f"{f.role}: {f.message}; {f.remedy}" for f in blocking),
+            )
+        return faults
+
+    def start(self) -> None:
+        """Start streaming; in real time every pump gets its thread."""
+        for pump in self._in_order:
+            pump.start(threaded=not self._clock.is_virtual)
+
+    def step(self) -> None:
+        """Let every device deliver what its wire has brought; nothing to do for threads."""
+        for pump in self._in_order:
+            pump.step()
+
+    def controls(self) -> tuple[str, ...]:
+        """Return the names of the response device's controls; empty without one."""
+        device = self._devices.get("responses")
+        return tuple(device.controls) if isinstance(device, ResponseInput) else ()
+
+    def vibrate(self, step: Vibrate) -> None:
+        """Set the motors of a haptic role.
+
+        Raises:
+            DeviceError: no such device in this session.
+        """
+        device = self._devices.get(step.role)
+        if not isinstance(device, Armband):
+            raise DeviceError(
+                "the trial wants to vibrate it, but no such device is configured",
+                role=step.role,
+                remedy="name it under devices in lab_config.yaml",
+            )
+        device.set_amplitudes(step.amplitudes_01, step.ttl_ms)
+
+    def faults(self) -> tuple[Fault, ...]:
+        """Return the faults that hold now."""
+        return tuple(f for pump in self._in_order for f in pump.faults())
+
+    def health(self) -> dict[str, Health]:
+        """Return what every device has delivered."""
+        return {role: device.health() for role, device in self._devices.items()}

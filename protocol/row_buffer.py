@@ -1,0 +1,65 @@
+"""Collect rows of a stream the session itself makes, and pass them on in batches."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.schema import SampleBatch, StreamSchema, empty_values
+
+
+class RowBuffer:
+    """Fill columns in place; hand a batch to `sink` every `hold_ns` of session time.
+
+    Use: `i = buffer.room(n)`, write `buffer.columns[name][i:i + n]`, then `buffer.commit(n, t)`.
+    """
+
+    def __init__(
+        self,
+        schema: StreamSchema,
+        sink: Callable[[SampleBatch], None],
+        *,
+        hold_ns: int,
+        capacity: int = 512,
+    ) -> None:
+        self._schema = schema
+        self._sink = sink
+        self._hold_ns = hold_ns
+        self._capacity = capacity
+        self._values = empty_values(schema, capacity)
+        self._t_ns: npt.NDArray[np.int64] = np.zeros(capacity, dtype=np.int64)
+        self.columns = {f.name: self._values[f.name] for f in schema.fields}
+        self._n = 0
+        self._seq = 0
+        self._first_ns = 0
+
+    def room(self, n: int) -> int:
+        """Return the index where n rows may be written."""
+        if self._n + n > self._capacity:
+            self.flush()
+        return self._n
+
+    def commit(self, n: int, t_ns: int) -> None:
+        """Count n written rows, all stamped `t_ns`."""
+        if self._n == 0:
+            self._first_ns = t_ns
+        self._t_ns[self._n : self._n + n] = t_ns
+        self._n += n
+        if t_ns - self._first_ns >= self._hold_ns:
+            self.flush()
+
+    @property
+    def rows(self) -> int:
+        """Rows committed since construction."""
+        return self._seq + self._n
+
+    def flush(self) -> None:
+        """Hand over what is there."""
+        n = self._n
+        if n == 0:
+            return
+        t_ns = self._t_ns[:n].copy()
+        seq = np.arange(self._seq, self._seq + n, dtype=np.int64)
+        self._sink(SampleBatch(self._schema, seq, t_ns, t_ns, self._values[:n].copy()))
+        self._seq += n
+        self._n = 0

@@ -1,0 +1,319 @@
+"""Perform a session plan for one participant: blocks, trials, breaks, questions."""
+
+from collections import deque
+
+from lab.clock import NS_PER_S
+from lab.errors import DeviceError, SessionAborted
+from protocol.calibration_record import CalibrationInForce
+from protocol.frame_loop import FrameLoop
+from protocol.gaze_setup import GazeSetup
+from protocol.operator import Action
+from protocol.operator_desk import OperatorDesk
+from protocol.plan import Block, Trial
+from protocol.progress import left_of
+from protocol.rig import RunningRig
+from protocol.session_setup import SessionSetup
+from protocol.states import SessionState, StateMachine
+from protocol.trial_runner import Outcome, TrialRunner
+
+MAX_CALIBRATIONS = 3
+"""Attempts before the session goes on with the best it got and says so (gaze.md section 5)."""
+
+LOST_DEVICE_S = 60.0
+"""How long a session waits for a device to come back before it ends, resumable."""
+
+STRETCH_CALIBRATION = 200_000
+STRETCH_PRACTICE = 100_000
+
+
+class Session:
+    """Own the course of one session (or of what is left of it)."""
+
+    def __init__(self, setup: SessionSetup) -> None:
+        self._setup = setup
+        self._states = StateMachine()
+        self._recorder = setup.recorder
+        self._participant = setup.participant
+        self._calibration: CalibrationInForce | None = None
+        self._calibrations = setup.progress.calibrations
+        self._last_trial: Trial | None = None
+        self._queue: deque[Trial] = deque()
+
+    @property
+    def state(self) -> SessionState:
+        """What the session is doing."""
+        return self._states.state
+
+    def run(self) -> None:
+        """Perform the plan to its end.
+
+        Raises:
+            SessionAborted: the operator ended it; everything finished is kept, resumable.
+            DeviceError: a device is missing or stayed away; resumable as well.
+        """
+        setup = self._setup
+        self._states.move(SessionState.PREFLIGHT)
+        deliver: list[FrameLoop] = []
+        with RunningRig(setup.rig, setup.clock, lambda r, b: deliver[0].sink(r, b)) as rig:
+            for schema in rig.schemas():
+                self._recorder.declare(schema)
+            gaze_rate_hz = rig.eye_tracker.describe()[0].nominal_rate_hz
+            loop = FrameLoop(
+                setup.experiment,
+                rig,
+                rig.headset.display_rate_hz,
+                gaze_rate_hz,
+                rig.controls(),
+                setup.stage,
+                self._recorder,
+                setup.clock,
+                self._states,
+            )
+            deliver.append(loop)
+            self._loop = loop
+            self._rig = rig
+            self._gaze_rate_hz = gaze_rate_hz
+            self._desk = OperatorDesk(setup, loop, rig, self._states, gaze_rate_hz)
+            self._runner = TrialRunner(setup, loop, self._desk, rig, gaze_rate_hz)
+            self._gaze_setup = GazeSetup(
+                setup.experiment,
+                loop,
+                rig.eye_tracker,
+                self._participant,
+                self._desk.next_frame,
+                setup.timing,
+            )
+            for fault in rig.preflight():
+                self._desk.report(fault)
+            rig.start()
+            try:
+                self._perform()
+                loop.flush()
+            except SessionAborted:
+                loop.flush()
+                self._recorder.event("session_aborted", loop.t_ns)
+                self._states.move(SessionState.ABORTED)
+                raise
+            except DeviceError as error:
+                loop.flush()
+                self._recorder.event("session_failed", loop.t_ns, message=str(error))
+                self._states.move(SessionState.FAILED)
+                raise
+            finally:
+                setup.stage.close()
+
+    # ---- the course of the session -----------------------------------------------------------
+
+    def _perform(self) -> None:
+        setup = self._setup
+        self._loop.show_scene(setup.experiment.blank(None))
+        self._recorder.event(
+            "session_start",
+            self._loop.t_ns,
+            part=setup.part,
+            resumed=setup.progress.is_resumed,
+        )
+        if self._participant is not None:
+            self._participant.wear(0)
+            self._participant.prepare(0, self._loop.t_ns)
+        begun = False
+        for block in setup.plan.blocks:
+            trials = left_of(block, setup.progress)
+            if not trials:
+                continue
+            if begun:
+                self._take_break(block)
+            begun = True
+            self._perform_block(block, trials)
+        if begun or not setup.progress.validated_at_end:
+            self._validate_at_end()
+        self._states.move(SessionState.QUESTIONNAIRE)
+        self._ask_questionnaires()
+        self._states.move(SessionState.FINISHED)
+        self._recorder.event("session_end", self._loop.t_ns)
+
+    def _take_break(self, block: Block) -> None:
+        self._states.move(SessionState.BREAK)
+        self._loop.show_scene(self._setup.experiment.blank(None))
+        self._recorder.event("break_start", self._loop.t_ns, before_block=block.index)
+        self._recorder.checkpoint(timeout_s=5.0)
+        self._desk.wait(f"Break before {block.name}. Headset may come off.")
+        self._recorder.event("break_end", self._loop.t_ns, before_block=block.index)
+
+    def _perform_block(self, block: Block, trials: tuple[Trial, ...]) -> None:
+        self._states.move(SessionState.INSTRUCTING)
+        if self._participant is not None:
+            self._participant.wear(block.index + 1)
+        self._recorder.event(
+            "block_start",
+            self._loop.t_ns,
+            block=block.index,
+            name=block.name,
+            trials_left=len(trials),
+        )
+        self._desk.block_name = block.name
+        self._desk.wait(block.instruction)
+        if block.calibrate:
+            self._calibrate(block)
+        self._queue = deque(trials)
+        while self._queue:
+            if self._desk.take(Action.RECALIBRATE):
+                self._calibrate(block)
+            self._repeat_last_if_asked()
+            trial = self._queue.popleft()
+            outcome = self._one_trial(trial)
+            if outcome.status == "interrupted":
+                self._queue.append(trial)
+            self._hold_if_needed(block)
+        self._repeat_last_if_asked()
+        while self._queue:
+            self._one_trial(self._queue.popleft())
+        self._recorder.event("block_end", self._loop.t_ns, block=block.index)
+
+    def _one_trial(self, trial: Trial) -> Outcome:
+        self._states.move(SessionState.INTERTRIAL)
+        self._runner.align()
+        stretch = trial.number + (STRETCH_PRACTICE if trial.is_practice else 0)
+        if self._participant is not None:
+            self._participant.prepare(stretch, self._loop.t_ns)
+        outcome = self._runner.run(trial, self._calibration)
+        self._last_trial = trial
+        if self._setup.on_trial is not None:
+            self._setup.on_trial(
+                trial.trial_id, self._runner.finished, len(self._setup.plan.trials)
+            )
+        return outcome
+
+    def _repeat_last_if_asked(self) -> None:
+        trial = self._last_trial
+        if self._desk.take(Action.REPEAT) and trial is not None:
+            self._recorder.event("trial_repeat", self._loop.t_ns, trial_id=trial.trial_id)
+            if trial not in self._queue:
+                self._queue.append(trial)
+
+    def _hold_if_needed(self, block: Block) -> None:
+        if self._desk.device_lost():
+            self._wait_for_device()
+            self._calibrate(block)
+        if self._desk.take(Action.PAUSE):
+            self._states.move(SessionState.PAUSED)
+            self._recorder.event("pause_start", self._loop.t_ns)
+            self._desk.wait("Paused. Space goes on.", always=True)
+            self._recorder.event("pause_end", self._loop.t_ns)
+
+    def _wait_for_device(self) -> None:
+        self._states.move(SessionState.PAUSED)
+        fault = self._desk.blocking_fault()
+        self._recorder.event(
+            "device_lost",
+            self._loop.t_ns,
+            role=fault.role if fault else "",
+            message=fault.message if fault else "",
+        )
+        give_up_ns = self._loop.t_ns + int(LOST_DEVICE_S * NS_PER_S)
+        while (fault := self._desk.blocking_fault()) is not None:
+            if self._loop.t_ns > give_up_ns:
+                raise DeviceError(
+                    f"{fault.message} for {LOST_DEVICE_S:.0f} s",
+                    role=fault.role,
+                    remedy=f"{fault.remedy}; then continue with `visavis resume`",
+                )
+            self._desk.next_frame()
+        self._recorder.event("device_back", self._loop.t_ns)
+
+    # ---- calibration -------------------------------------------------------------------------
+
+    def _calibrate(self, block: Block) -> None:
+        best: CalibrationInForce | None = None
+        for attempt in range(1, MAX_CALIBRATIONS + 1):
+            self._states.move(SessionState.CALIBRATING)
+            self._prepare(block.index, attempt)
+            outcome = self._gaze_setup.calibrate()
+            self._recorder.event(
+                "calibration",
+                self._loop.t_ns,
+                block=block.index,
+                attempt=attempt,
+                succeeded=outcome.succeeded,
+                message=outcome.message,
+                vendor_accuracy_deg=outcome.vendor_accuracy_deg,
+                vendor_precision_deg=outcome.vendor_precision_deg,
+            )
+            measured = self._validate(block.index, attempt, moment="block_start")
+            if best is None or _error(measured) < _error(best):
+                best = measured
+            if measured.verdict.accepted and outcome.succeeded:
+                best = measured
+                break
+        assert best is not None  # noqa: S101 - MAX_CALIBRATIONS is at least 1
+        if not best.verdict.accepted:
+            self._recorder.event(
+                "calibration_below_threshold", self._loop.t_ns, reason=best.verdict.reason
+            )
+            self._desk.say(f"calibration not accepted: {best.verdict.reason}")
+        self._calibration = best
+        self._desk.calibration = best
+
+    def _validate(self, block: int, attempt: int, *, moment: str) -> CalibrationInForce:
+        self._states.move(SessionState.VALIDATING)
+        points = self._gaze_setup.validate()
+        verdict = self._setup.judge_validation(points, self._gaze_rate_hz)
+        self._calibrations += 1
+        calibration = CalibrationInForce(
+            f"B{block}A{attempt}" if moment == "block_start" else "END", self._loop.t_ns, verdict
+        )
+        self._recorder.event(
+            "validation",
+            self._loop.t_ns,
+            moment=moment,
+            block=block,
+            attempt=attempt,
+            calibration_id=calibration.calibration_id,
+            accepted=verdict.accepted,
+            reason=verdict.reason,
+            accuracy_deg=verdict.accuracy_deg,
+            worst_point_deg=verdict.worst_point_deg,
+            precision_deg=verdict.precision_deg,
+            lost_01=verdict.lost_01,
+            points=[dict(row) for row in verdict.rows],
+        )
+        return calibration
+
+    def _validate_at_end(self) -> None:
+        if not any(b.calibrate for b in self._setup.plan.blocks):
+            return
+        self._prepare(len(self._setup.plan.blocks), 1)
+        self._validate(len(self._setup.plan.blocks), 1, moment="end")
+
+    def _prepare(self, block: int, attempt: int) -> None:
+        self._runner.align()
+        if self._participant is not None:
+            self._participant.prepare(STRETCH_CALIBRATION + 100 * block + attempt, self._loop.t_ns)
+
+    # ---- questions ---------------------------------------------------------------------------
+
+    def _ask_questionnaires(self) -> None:
+        self._loop.show_scene(self._setup.experiment.blank(None))
+        for questionnaire in self._setup.questionnaires:
+            if questionnaire.name in self._setup.progress.answered:
+                continue
+            for question in questionnaire.questions():
+                answer = self._setup.respondent.answer(
+                    question.question_id, question.prompt, question.options
+                )
+                self._recorder.event(
+                    "answer",
+                    self._loop.t_ns,
+                    questionnaire=questionnaire.name,
+                    question=question.question_id,
+                    answer=answer,
+                )
+            self._recorder.event(
+                "questionnaire_complete", self._loop.t_ns, questionnaire=questionnaire.name
+            )
+            self._recorder.checkpoint(timeout_s=5.0)
+
+
+def _error(calibration: CalibrationInForce) -> float:
+    accuracy = calibration.verdict.accuracy_deg
+    return float("inf") if accuracy is None else accuracy

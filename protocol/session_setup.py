@@ -1,0 +1,40 @@
+"""Everything a session needs, put together by the composition root."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from lab.clock import Clock
+from protocol.experiment import Experiment, Respondent, ValidationJudge
+from protocol.gaze_setup import TargetTiming
+from protocol.operator import Operator
+from protocol.participants import SimulatedParticipant
+from protocol.plan import SessionPlan
+from protocol.progress import Progress
+from protocol.questionnaires import Questionnaire
+from protocol.rig import Rig
+from recording.writer import Recorder
+from stage.contracts import Stage
+
+
+@dataclass(frozen=True)
+class SessionSetup:
+    """Everything a session needs; nothing in it is created or read from disk here."""
+
+    experiment: Experiment
+    plan: SessionPlan
+    participant_label: str
+    session_number: int
+    part: int
+    rig: Rig
+    stage: Stage
+    recorder: Recorder
+    clock: Clock
+    operator: Operator
+    respondent: Respondent
+    judge_validation: ValidationJudge
+    questionnaires: tuple[Questionnaire, ...] = ()
+    participant: SimulatedParticipant | None = None
+    progress: Progress = field(default_factory=Progress)
+    blind: bool = False
+    timing: TargetTiming = field(default_factory=TargetTiming)
+    on_trial: Callable[[str, int, int], None] | None = None

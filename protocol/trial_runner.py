@@ -1,0 +1,205 @@
+"""Perform one trial: run its plan frame by frame and write its row."""
+
+from dataclasses import dataclass
+
+from lab.clock import NS_PER_S
+from lab.clock_fit import offset_ns
+from protocol.calibration_record import NO_CALIBRATION, CalibrationInForce
+from protocol.frame_loop import FrameLoop
+from protocol.operator_desk import OperatorDesk
+from protocol.plan import Trial
+from protocol.rig import RunningRig
+from protocol.session_setup import SessionSetup
+from protocol.states import SessionState
+from protocol.steps import (
+    Answered,
+    Ask,
+    FrameView,
+    Mark,
+    NextFrame,
+    Plan,
+    Row,
+    Show,
+    TrialInterrupted,
+    Vibrate,
+)
+
+ALIGNED_WITHIN_NS = 1_000_000
+RECENT_EXCHANGES = 24
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a trial ended: "complete", "interrupted" or "skipped", and why."""
+
+    status: str
+    reason: str | None
+
+
+class TrialRunner:
+    """Run trials one after another for a session."""
+
+    def __init__(
+        self,
+        setup: SessionSetup,
+        loop: FrameLoop,
+        desk: OperatorDesk,
+        rig: RunningRig,
+        gaze_rate_hz: float,
+    ) -> None:
+        self._setup = setup
+        self._loop = loop
+        self._desk = desk
+        self._rig = rig
+        self._gaze_rate_hz = gaze_rate_hz
+        self._attempts = dict(setup.progress.attempts)
+        self.finished = len(setup.progress.finished)
+        self._stretch_start_ns = 0
+        desk.trials_done = self.finished
+
+    def align(self) -> None:
+        """With a simulated participant, wait for the next whole second of session time.
+
+        Display and simulated tracker then sample a repeated stretch at the same phases, so a
+        trial performed again after an interruption gives the same data. People need no such
+        thing, and nothing waits for them.
+        """
+        if self._setup.participant is not None:
+            while self._loop.t_ns % NS_PER_S > ALIGNED_WITHIN_NS:
+                self._desk.next_frame()
+        self._stretch_start_ns = self._loop.t_ns
+
+    def run(self, trial: Trial, calibration: CalibrationInForce | None) -> Outcome:
+        """Perform a trial with the time before it; write its row; return how it ended."""
+        setup, loop, desk = self._setup, self._loop, self._desk
+        desk.trial = trial
+        desk.interrupt_reason = None
+        self._perform(setup.experiment.intertrial(trial), interruptible=False)
+        desk.raise_if_aborted()
+        self._set_clock_offset()
+        attempt = self._attempts.get(trial.trial_id, 0) + 1
+        self._attempts[trial.trial_id] = attempt
+        loop.trial_number = trial.number
+        setup.recorder.event(
+            "trial_start", loop.t_ns, trial_id=trial.trial_id, attempt=attempt, block=trial.block
+        )
+        start_ns = loop.t_ns
+        before = self._counts()
+        desk.begin_trial(trial, start_ns + int(setup.experiment.trial_s * NS_PER_S))
+        desk.enter(SessionState.TRIAL)
+        row, interrupted = self._perform(setup.experiment.run_trial(trial), interruptible=True)
+        outcome = self._outcome(interrupted)
+        loop.trial_number = -1
+        loop.flush()
+        if outcome.status != "interrupted":
+            self.finished += 1
+        setup.recorder.trial(
+            {
+                "participant": setup.participant_label,
+                "participant_index": setup.plan.participant_index,
+                "session": setup.session_number,
+                "group": setup.plan.group,
+                "part": setup.part,
+                "trial_id": trial.trial_id,
+                "number": trial.number,
+                "block": trial.block,
+                "is_practice": trial.is_practice,
+                "attempt": attempt,
+                "status": outcome.status,
+                "reason": outcome.reason,
+                "flags": ";".join(desk.flags),
+                **trial.factors,
+                **row,
+                "t_start_ns": row.get("t_start_ns", start_ns),
+                "t_end_ns": row.get("t_end_ns", loop.t_ns),
+                **self._delivered(before, start_ns),
+                **(calibration.columns(start_ns) if calibration else NO_CALIBRATION),
+                "clock_offset_ns": loop.observer.clock_offset_ns,
+            }
+        )
+        desk.end_trial()
+        desk.trials_done = self.finished
+        desk.raise_if_aborted()
+        return outcome
+
+    def _outcome(self, interrupted: str | None) -> Outcome:
+        if self._desk.skip_reason is not None:
+            return Outcome("skipped", self._desk.skip_reason)
+        if interrupted is not None:
+            return Outcome("interrupted", interrupted)
+        return Outcome("complete", None)
+
+    def _perform(self, plan: Plan, *, interruptible: bool) -> tuple[Row, str | None]:
+        desk = self._desk
+        reply: FrameView | Answered | None = None
+        interrupted: str | None = None
+        try:
+            step = next(plan)
+            while True:
+                kind = type(step)
+                if kind is NextFrame:
+                    reply = desk.next_frame()
+                    if interruptible and desk.interrupt_reason is not None:
+                        interrupted = desk.interrupt_reason
+                        self._unwind(plan, interrupted)
+                        return {}, interrupted
+                else:
+                    reply = self._do(step)
+                step = plan.send(reply)
+        except StopIteration as end:
+            return (end.value or {}), interrupted
+
+    def _unwind(self, plan: Plan, reason: str) -> None:
+        try:
+            step = plan.throw(TrialInterrupted(reason))
+            while True:
+                if type(step) is NextFrame:
+                    raise RuntimeError("a plan must not ask for frames while it is interrupted")
+                step = plan.send(self._do(step))
+        except (StopIteration, TrialInterrupted):
+            return
+
+    def _do(self, step: object) -> Answered | None:
+        setup, loop = self._setup, self._loop
+        match step:
+            case Show(view):
+                loop.show(view)
+            case Mark(name, payload):
+                setup.recorder.event(name, loop.t_ns, **payload)
+            case Ask(question_id, prompt, options):
+                answer = setup.respondent.answer(question_id, prompt, options)
+                return Answered(answer, loop.t_ns)
+            case Vibrate():
+                self._rig.vibrate(step)
+            case _:
+                raise TypeError(f"a plan yielded {step!r}, which is no step")
+        return None
+
+    def _set_clock_offset(self) -> None:
+        pairs = self._rig.eye_tracker.clock_pairs()
+        recent = [p for p in pairs[-RECENT_EXCHANGES:] if p.host_send_ns >= self._stretch_start_ns]
+        used = recent if len(recent) >= 3 else list(pairs[-RECENT_EXCHANGES:])
+        if used:
+            self._loop.observer.clock_offset_ns = offset_ns(used)
+
+    def _counts(self) -> tuple[int, int, int, int]:
+        loop = self._loop
+        return (
+            loop.frames_done,
+            loop.frames_dropped,
+            loop.observer.received,
+            loop.observer.valid,
+        )
+
+    def _delivered(self, before: tuple[int, int, int, int], start_ns: int) -> dict[str, int]:
+        frames, dropped, received, valid = (
+            now - then for now, then in zip(self._counts(), before, strict=True)
+        )
+        expected = round((self._loop.t_ns - start_ns) / NS_PER_S * self._gaze_rate_hz)
+        return {
+            "frames": frames,
+            "frames_dropped": dropped,
+            "gaze_expected": expected,
+            "gaze_received": received,
+            "gaze_valid": valid,
+        }
