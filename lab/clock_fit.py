@@ -41,9 +41,9 @@ class ClockFit:
     """A straight line from device time to host-minus-device offset.
 
     `offset_ns` holds at `reference_device_ns`; `drift_ppm` is how much faster the host's clock
-    runs than the device's; `residual_ms` is the standard deviation about the line, NaN below
-    three exchanges; `round_trip_ms` is the median round trip of the `n_used` exchanges. Any
-    asymmetry of the link biases the offset by at most half the round trip.
+    runs than the device's; `residual_ms` is the weighted standard deviation about the line,
+    NaN below three exchanges; `round_trip_ms` is the median round trip of the `n_used`
+    exchanges. An asymmetric link biases the offset by at most half the round trip.
     """
 
     offset_ns: int
@@ -66,8 +66,9 @@ class ClockFit:
 def fit_clock(pairs: Sequence[TimeExchange], *, share: float = LOWEST_ROUND_TRIPS) -> ClockFit:
     """Fit offset and drift by least squares on the exchanges with the lowest round trips.
 
-    One exchange gives an offset with drift zero. Raises DataError for none, or for an exchange
-    received before it was sent.
+    An exchange is wrong by at most half of what its round trip exceeds the lowest one by, so
+    it weighs by the inverse square of that bound. One exchange gives an offset with drift
+    zero. Raises DataError for none, or for one received before it was sent.
     """
     send, device, receive = _columns(pairs)
     round_trip = receive - send
@@ -78,13 +79,14 @@ def fit_clock(pairs: Sequence[TimeExchange], *, share: float = LOWEST_ROUND_TRIP
     offsets = send[best] + round_trip[best] // 2 - device[best]
     base = int(offsets[0])
     relative = (offsets - base).astype(np.float64)
-    drift_ns_per_s, intercept = 0.0, float(relative.mean())
-    if np.ptp(elapsed_s) > 0:
-        centred = elapsed_s - elapsed_s.mean()
-        drift_ns_per_s = float(centred @ relative / (centred @ centred))
-        intercept = float(relative.mean() - drift_ns_per_s * elapsed_s.mean())
+    weights = _weights(round_trip[best] - round_trip.min())
+    mean_s, mean_ns = float(weights @ elapsed_s), float(weights @ relative)
+    centred_s = elapsed_s - mean_s
+    spread_s2 = float(weights @ centred_s**2)
+    drift_ns_per_s = float(weights @ (centred_s * relative)) / spread_s2 if spread_s2 > 0 else 0.0
+    intercept = mean_ns - drift_ns_per_s * mean_s
     residuals = relative - intercept - drift_ns_per_s * elapsed_s
-    spread = float(np.sqrt(residuals @ residuals / (keep - 2))) if keep > 2 else float("nan")
+    spread = float(np.sqrt(weights @ residuals**2)) if keep > 2 else float("nan")
     return ClockFit(
         offset_ns=base + round(intercept),
         drift_ppm=drift_ns_per_s / 1e3,
@@ -140,6 +142,15 @@ def fit_one_way(t_device_ns: npt.NDArray[np.int64], t_host_ns: npt.NDArray[np.in
         n_used=len(corners),
         round_trip_ms=float("nan"),
     )
+
+
+def _weights(excess_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+    """Return weights that sum to one; a fifth of the median excess keeps the best finite."""
+    bound = excess_ns.astype(np.float64)
+    floor = max(0.2 * float(np.median(bound)), 1.0)
+    raw = 1.0 / (bound**2 + floor**2)
+    weights: npt.NDArray[np.float64] = raw / raw.sum()
+    return weights
 
 
 def _lower_envelope(x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> list[int]:

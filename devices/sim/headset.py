@@ -1,0 +1,194 @@
+"""A headset without optics: paces frames on the clock and measures a body's head.
+
+Not modelled: lens distortion, tracking noise and drift, prediction error, reprojection, base
+stations. Poses are the body's own at the frame's start.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from devices.contracts import (
+    HEAD,
+    Body,
+    ClockPair,
+    DeviceInfo,
+    DeviceState,
+    Fault,
+    Health,
+    Sink,
+)
+from devices.lifecycle import Lifecycle
+from devices.meter import StreamMeter
+from devices.sim.faults import FaultSchedule
+from lab.clock import NS_PER_S, Clock
+from lab.errors import ConfigError
+from lab.frame import FrameInfo
+from lab.schema import SampleBatch, StreamSchema
+
+MILLI_HZ = 1000
+
+
+class SimulatedHeadset:
+    """Follow the `Headset` contract over a simulated body.
+
+    Frame k begins at `k * 10**9 // display_rate_hz` ns on the session clock; a frame whose
+    start has passed when it is asked for is dropped. Light leaves `latency_frames` later.
+    Faults of kind "standby" make poses invalid, as when the headset is taken off.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        body: Body,
+        clock: Clock,
+        *,
+        display_rate_hz: float = 90,
+        latency_frames: int = 1,
+        faults: FaultSchedule | None = None,
+    ) -> None:
+        if display_rate_hz <= 0 or latency_frames < 0:
+            raise ConfigError(
+                f"{role}: display_rate_hz must be above 0 and latency_frames at least 0, "
+                f"not {display_rate_hz} and {latency_frames}"
+            )
+        self.display_rate_hz = float(display_rate_hz)
+        self._rate_milli_hz = round(display_rate_hz * MILLI_HZ)
+        self._latency_frames = latency_frames
+        self._body = body
+        self._clock = clock
+        self._faults = faults if faults is not None else FaultSchedule()
+        self._origin_ns = clock.now_ns()
+        self._life = Lifecycle(role)
+        self._schema = StreamSchema(HEAD.name, HEAD.fields, self.display_rate_hz, HEAD.version)
+        self.info = DeviceInfo(
+            role=role,
+            driver="sim_headset",
+            driver_version="1",
+            vendor="Visavis",
+            model="simulated headset",
+            serial="simulated",
+            transport="none",
+            is_simulated=True,
+        )
+        self._meter = StreamMeter(self.display_rate_hz)
+        self._pending: deque[SampleBatch] = deque()
+        self._ready = threading.Event()
+        self._sink: Sink | None = None
+        self._first: int | None = None
+        self._last: int | None = None
+        self._dropped = 0
+        self._valid = True
+        self.submitted_images = 0
+
+    @property
+    def state(self) -> DeviceState:
+        """Where it is in its life."""
+        return self._life.state
+
+    def open(self, deadline_s: float) -> None:
+        """Become ready; there is nothing to connect to."""
+        self._life.require("open", DeviceState.CLOSED)
+        self._life.state = DeviceState.OPEN
+
+    def describe(self) -> tuple[StreamSchema, ...]:
+        """Return the head stream at the display's rate."""
+        return (self._schema,)
+
+    def start(self, sink: Sink) -> None:
+        """Begin counting frames anew."""
+        self._life.require("start", DeviceState.OPEN)
+        self._sink = sink
+        self._first = self._last = None
+        self._dropped = 0
+        self._pending.clear()
+        self._meter = StreamMeter(self.display_rate_hz)
+        self._life.state = DeviceState.STREAMING
+
+    def poll(self, timeout_s: float) -> int:
+        """Hand over the poses of the frames waited for since the last call."""
+        self._life.require("poll", DeviceState.STREAMING)
+        if not self._pending and timeout_s > 0:
+            self._ready.wait(timeout_s)
+        self._ready.clear()
+        delivered = 0
+        while self._pending and self._sink is not None:
+            batch = self._pending.popleft()
+            self._meter.update(batch.t_device_ns.tolist(), int(batch.t_host_ns[-1]))
+            self._sink(batch)
+            delivered += len(batch)
+        return delivered
+
+    def wait_frame(self) -> FrameInfo:
+        """Sleep until the next frame that has not yet begun, and measure the head there."""
+        self._life.require("wait_frame", DeviceState.STREAMING)
+        now_ns = self._clock.now_ns()
+        due = -(-now_ns * self._rate_milli_hz // (NS_PER_S * MILLI_HZ))
+        following = due if self._last is None else self._last + 1
+        index = max(due, following)
+        dropped = index - following
+        t_ns = self._frame_ns(index)
+        self._clock.sleep_until_ns(t_ns)
+        if self._first is None:
+            self._first = index
+        self._last = index
+        self._dropped += dropped
+        self._measure(index - self._first, t_ns)
+        return FrameInfo(
+            index=index - self._first,
+            t_ns=t_ns,
+            predicted_display_ns=self._frame_ns(index + self._latency_frames),
+            dropped=dropped,
+        )
+
+    def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
+        """Count the images; nobody looks at them here."""
+        self._life.require("submit", DeviceState.STREAMING)
+        self.submitted_images += len(images)
+
+    def stop(self) -> None:
+        """Stop measuring."""
+        self._life.require("stop", DeviceState.STREAMING)
+        self._sink = None
+        self._life.state = DeviceState.OPEN
+
+    def close(self) -> None:
+        """Forget everything; idempotent."""
+        self._sink = None
+        self._pending.clear()
+        self._life.state = DeviceState.CLOSED
+
+    def health(self) -> Health:
+        """Report frames delivered; dropped frames are holes in `seq`."""
+        return self._meter.health(self.state, self._clock.now_ns())
+
+    def check(self) -> tuple[Fault, ...]:
+        """Tell a headset in standby."""
+        if self._valid:
+            return ()
+        remedy = "ask the participant to put the headset on; wake it by moving it"
+        return (Fault(self.info.role, "blocking", "no head tracking: in standby", remedy),)
+
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return nothing: it runs on the session clock."""
+        return ()
+
+    def _frame_ns(self, index: int) -> int:
+        return index * NS_PER_S * MILLI_HZ // self._rate_milli_hz
+
+    def _measure(self, seq: int, t_ns: int) -> None:
+        self._valid = self._faults.active("standby", t_ns - self._origin_ns) is None
+        values = np.empty(1, self._schema.dtype)
+        if self._valid:
+            position_m, orientation_wxyz = self._body.head(t_ns)
+            values["position_m"] = position_m
+            values["orientation_wxyz"] = orientation_wxyz
+        else:
+            values["position_m"] = np.nan
+            values["orientation_wxyz"] = np.nan
+        values["valid"] = self._valid
+        stamp = np.array([t_ns], np.int64)
+        self._pending.append(SampleBatch(self._schema, np.array([seq]), stamp, stamp, values))
+        self._ready.set()
