@@ -1,0 +1,345 @@
+"""Read `lab_config.yaml`: one lab, its folders, its devices by role; wrong in full or right."""
+
+import hashlib
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, TypeGuard
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from lab.units import NAMES, explain_magnitude, explain_text, explain_unknown, unit_of
+from lab.yaml_lines import (
+    Document,
+    KeyPath,
+    Problem,
+    ProblemsError,
+    did_you_mean,
+    parse_document,
+    read_document,
+)
+
+ROLES = ("headset", "eye_tracker", "responses", "body_tracker")
+ARMBAND_ROLE = re.compile(r"armband_[a-z0-9_]+")
+
+OptionModels: TypeAlias = Mapping[str, type[BaseModel]]
+"""Option models by driver name; only these drivers are then known."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class Room(_Part):
+    """The room the participant moves in."""
+
+    name: str = ""
+    width_m: float | None = Field(default=None, gt=0, le=100)
+    depth_m: float | None = Field(default=None, gt=0, le=100)
+
+
+class Display(_Part):
+    """Where the scene is drawn: nowhere (geometry only), in a window, or in the headset."""
+
+    show: Literal["none", "window", "headset"] = "none"
+    window_width_px: int = Field(default=1280, ge=160, le=16384)
+    window_height_px: int = Field(default=720, ge=120, le=16384)
+
+
+class Privacy(_Part):
+    """What participants agreed to; the version is recorded with every session."""
+
+    consent_version: str = Field(min_length=1)
+    contact: str = ""
+
+
+class DeviceConfig(BaseModel):
+    """One role: which driver fills it, on a real or a simulated wire, with which options.
+
+    `options` holds every other key; with an option model, its defaults too.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    role: str
+    driver: str
+    simulated: bool
+    options: Mapping[str, Any]
+
+
+class LabConfig(BaseModel):
+    """One lab. Paths are absolute; `text` is the file as read and `sha256` its hash (hex)."""
+
+    model_config = ConfigDict(frozen=True)
+
+    lab: str
+    data_root: Path
+    simulated_root: Path
+    key_root: Path
+    room: Room
+    display: Display
+    privacy: Privacy
+    devices: Mapping[str, DeviceConfig]
+    wording: Mapping[str, Path]
+    path: Path
+    text: str
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of the file's text in UTF-8."""
+        return hashlib.sha256(self.text.encode("utf-8")).hexdigest()
+
+
+class _File(_Part):
+    """The file as written, before paths and devices are resolved."""
+
+    lab: str = Field(min_length=1)
+    data_root: str = Field(min_length=1)
+    simulated_root: str | None = Field(default=None, min_length=1)
+    key_root: str = Field(min_length=1)
+    room: Room = Room()
+    display: Display = Display()
+    privacy: Privacy
+    devices: dict[str, Any] = Field(min_length=1)
+    wording: dict[str, str] = Field(default_factory=dict)
+
+
+def load_config(path: Path, option_models: OptionModels | None = None) -> LabConfig:
+    """Read and validate a lab configuration.
+
+    Raises `lab.yaml_lines.ProblemsError` (a ConfigError) with everything that is wrong.
+    """
+    return _validated(read_document(path), option_models)
+
+
+def parse_config(text: str, path: Path, option_models: OptionModels | None = None) -> LabConfig:
+    """Validate a configuration given as text, such as the copy kept with a session.
+
+    Relative paths in it are relative to the folder of `path`.
+    """
+    return _validated(parse_document(text, path), option_models)
+
+
+def with_devices(config: LabConfig, kind: Literal["sim", "real"]) -> LabConfig:
+    """Put every role on a simulated wire, or every role on its real one."""
+    devices = {
+        role: device.model_copy(update={"simulated": kind == "sim"})
+        for role, device in config.devices.items()
+    }
+    return config.model_copy(update={"devices": devices})
+
+
+def _validated(document: Document, option_models: OptionModels | None) -> LabConfig:
+    problems = list(document.problems)
+    raw = document.data
+    if not isinstance(raw, dict):
+        problems.append(document.problem((), "expects settings such as `lab: NAME`"))
+        raise ProblemsError(document.path, problems)
+    problems += _model_problems(document, _File, raw, ())
+    devices = raw.get("devices")
+    entries: dict[str, DeviceConfig] = {}
+    if isinstance(devices, dict):
+        for role, entry in devices.items():
+            checked = _device(document, role, entry, option_models, problems)
+            if checked is not None:
+                entries[checked.role] = checked
+    paths = {
+        key: _absolute(document.path, str(raw[key]))
+        for key in ("data_root", "simulated_root", "key_root")
+        if raw.get(key)
+    }
+    if "data_root" in paths:
+        real = paths["data_root"]
+        paths.setdefault("simulated_root", real.with_name(f"{real.name}_simulated"))
+        problems += _path_problems(document, paths)
+    if problems:
+        raise ProblemsError(document.path, problems)
+    file = _File.model_validate(raw)
+    return LabConfig(
+        lab=file.lab,
+        room=file.room,
+        display=file.display,
+        privacy=file.privacy,
+        devices=entries,
+        wording={name: _absolute(document.path, text) for name, text in file.wording.items()},
+        path=document.path.absolute(),
+        text=document.text,
+        **paths,
+    )
+
+
+def _absolute(config: Path, text: str) -> Path:
+    return (config.absolute().parent / Path(text).expanduser()).resolve()
+
+
+def _path_problems(document: Document, paths: Mapping[str, Path]) -> list[Problem]:
+    problems = []
+    for inner, outer, why in (
+        ("key_root", "data_root", "whoever copies the data would copy who is who"),
+        ("key_root", "simulated_root", "whoever copies the data would copy who is who"),
+        ("simulated_root", "data_root", "simulated and real sessions never mix"),
+        ("data_root", "simulated_root", "simulated and real sessions never mix"),
+    ):
+        if inner in paths and outer in paths and paths[inner].is_relative_to(paths[outer]):
+            message = f"lies in {outer} ({paths[outer]}): {why}; choose a folder outside it"
+            problems.append(document.problem((inner,), message))
+    return problems
+
+
+def _device(
+    document: Document,
+    role: object,
+    entry: object,
+    option_models: OptionModels | None,
+    problems: list[Problem],
+) -> DeviceConfig | None:
+    """Check one role; adds what is wrong to `problems`."""
+    at: KeyPath = ("devices", str(role))
+    if str(role) not in ROLES and not ARMBAND_ROLE.fullmatch(str(role)):
+        hint = did_you_mean(role, [*ROLES, "armband_left", "armband_right"])
+        problems.append(document.problem(at, f"unknown role{hint}"))
+    if not isinstance(entry, dict):
+        problems.append(document.problem(at, "expects settings such as {driver: NAME}"))
+        return None
+    options = {str(k): v for k, v in entry.items() if k not in ("driver", "simulated")}
+    simulated = entry.get("simulated", False)
+    if not isinstance(simulated, bool):
+        problems.append(document.problem((*at, "simulated"), f"is {simulated!r}; true or false"))
+    driver = entry.get("driver")
+    if not isinstance(driver, str):
+        said = "is missing" if "driver" not in entry else f"is {driver!r}"
+        near = did_you_mean("", option_models or ())
+        problems.append(document.problem((*at, "driver"), f"{said}; name the driver{near}"))
+        return None
+    if option_models is not None and driver not in option_models:
+        hint = did_you_mean(driver, option_models)
+        problems.append(document.problem((*at, "driver"), f"unknown driver {driver!r}{hint}"))
+        return None
+    if option_models is None:
+        problems += [
+            document.problem((*at, key), message)
+            for key, value in options.items()
+            if (message := _unit_doubt(key, value))
+        ]
+    else:
+        model = option_models[driver]
+        found = _model_problems(document, model, options, at, also_known=("driver", "simulated"))
+        problems += found
+        if not found:
+            options = {**options, **model.model_validate(options).model_dump()}
+    return DeviceConfig(role=str(role), driver=driver, simulated=simulated is True, options=options)
+
+
+def _unit_doubt(key: str, value: object) -> str | None:
+    """Doubt the unit of an option nobody has described."""
+    if unit_of(key) and isinstance(value, str):
+        return explain_text(key, value)
+    return explain_magnitude(key, value)
+
+
+def _model_problems(
+    document: Document,
+    model: type[BaseModel],
+    raw: Mapping[str, Any],
+    at: KeyPath,
+    also_known: tuple[str, ...] = (),
+) -> list[Problem]:
+    """Return what a model finds wrong, each with its line, nearest match and unit."""
+    problems: list[Problem] = []
+    complained: set[KeyPath] = set()
+    known = {*model.model_fields, *also_known}
+    if model.model_config.get("extra") != "forbid":
+        for key in raw.keys() - known:
+            problems.append(_unknown(document, (*at, key), raw[key], known))
+            complained.add((*at, key))
+    try:
+        model.model_validate(dict(raw))
+    except ValidationError as error:
+        for item in error.errors(include_url=False):
+            place = _in_file(document, (*at, *item["loc"]))
+            if item["type"] == "extra_forbidden":
+                fields = _fields_at(model, item["loc"][:-1])
+                extra = also_known if len(item["loc"]) == 1 else ()
+                problems.append(_unknown(document, place, item["input"], {*fields, *extra}))
+            else:
+                message = _wording(str(place[-1]) if place else "", dict(item))
+                problems.append(document.problem(place, message))
+            complained.add(place)
+    problems += _magnitudes(document, model, raw, at, complained)
+    return problems
+
+
+def _in_file(document: Document, place: tuple[str | int, ...]) -> KeyPath:
+    """Drop the parts of a pydantic location that name a type and not a key."""
+    kept: KeyPath = ()
+    for part in place[:-1]:
+        if (*kept, part) in document.lines:
+            kept = (*kept, part)
+    return (*kept, *place[-1:])
+
+
+def _fields_at(model: type[BaseModel], place: tuple[str | int, ...]) -> set[str]:
+    inner: object = model
+    for part in place:
+        if not _is_model(inner):
+            return set()
+        field = inner.model_fields.get(str(part))
+        inner = None if field is None else field.annotation
+    return set(inner.model_fields) if _is_model(inner) else set()
+
+
+def _is_model(kind: object) -> TypeGuard[type[BaseModel]]:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _unknown(document: Document, place: KeyPath, value: object, known: set[str]) -> Problem:
+    key = str(place[-1])
+    message = explain_unknown(key, value, known) or f"unknown key{did_you_mean(key, known)}"
+    return document.problem(place, message)
+
+
+def _wording(key: str, item: Mapping[str, Any]) -> str:
+    """Say a pydantic complaint to an operator."""
+    kind, value = str(item["type"]), item["input"]
+    if kind == "missing":
+        unit = unit_of(key)
+        return "is missing" + (f"; give it in {NAMES[unit]}" if unit else "; add it")
+    if kind.startswith(("int_", "float_")) and (explained := explain_text(key, value)):
+        return explained
+    if kind == "string_type":
+        return f"is {value}, which YAML does not read as text; put it in quotes"
+    said = str(item["msg"])
+    said = (said[0].lower() + said[1:]).replace("input should", "should")
+    unit = unit_of(key)
+    in_unit = f", in {NAMES[unit]}" if unit else ""
+    if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
+        if doubted := explain_magnitude(key, value):
+            return doubted
+        return f"is {value!r}; {said}{in_unit}"
+    return f"is {value!r}; {said}{in_unit}"
+
+
+def _magnitudes(
+    document: Document,
+    model: type[BaseModel],
+    raw: Mapping[str, Any],
+    at: KeyPath,
+    complained: set[KeyPath],
+) -> list[Problem]:
+    """Doubt numbers that look like another unit, in this part and the parts below it."""
+    problems = []
+    for name, field in model.model_fields.items():
+        if name not in raw:
+            continue
+        place, value, kind = (*at, name), raw[name], field.annotation
+        if _is_model(kind) and isinstance(value, dict):
+            problems += _magnitudes(document, kind, value, place, complained)
+        elif place not in complained and not _any_magnitude(field.json_schema_extra):
+            usual = None if field.is_required() else field.default
+            if message := explain_magnitude(name, value, usual):
+                problems.append(document.problem(place, message))
+    return problems
+
+
+def _any_magnitude(extra: object) -> bool:
+    return isinstance(extra, dict) and bool(extra.get("any_magnitude"))
