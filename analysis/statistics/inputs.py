@@ -1,0 +1,116 @@
+"""Turn what an analyst has into checked arrays, or say which row is wrong."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.statistics.errors import (
+    ConstantResponse,
+    InfiniteValue,
+    MissingValue,
+    NotNumeric,
+    TooFewSubjects,
+    UnequalLength,
+)
+from analysis.statistics.results import Array
+
+
+def is_missing(value: object) -> bool:
+    """Tell whether a value of an object column stands for nothing (None, NaN, pandas NA, NaT)."""
+    if value is None or type(value).__name__ in ("NAType", "NaTType"):
+        return True
+    return isinstance(value, float | np.floating) and bool(np.isnan(value))
+
+
+def numbers(values: npt.ArrayLike, *, name: str, allow_missing: bool = False) -> Array:
+    """Return a column as floats of shape (n,).
+
+    `allow_missing` keeps missing entries as NaN. Raises `NotNumeric`, `MissingValue` or
+    `InfiniteValue` naming the first such row, counted from 1 as in a table without its header.
+    """
+    raw: npt.NDArray[Any] = np.asarray(values)
+    if raw.ndim != 1:
+        raise NotNumeric(f"{name} has {raw.ndim} dimensions; pass one column of numbers")
+    if raw.dtype.kind in "biuf":
+        column = raw.astype(np.float64)
+    else:
+        column = np.empty(raw.shape[0])
+        for row, value in enumerate(raw.tolist()):
+            column[row] = _number(value, name, row)
+    missing = np.isnan(column)
+    if missing.any() and not allow_missing:
+        rows = rows_text(np.flatnonzero(missing))
+        raise MissingValue(
+            f"{name} is missing in {rows}; repair the rows or say how to treat missing values"
+        )
+    infinite = np.isinf(column)
+    if infinite.any():
+        rows = rows_text(np.flatnonzero(infinite))
+        raise InfiniteValue(f"{name} is infinite in {rows}; find out how it was computed")
+    return column
+
+
+def sample(values: npt.ArrayLike, *, name: str, at_least: int = 3, vary: bool = True) -> Array:
+    """Return one checked sample of at least `at_least` numbers which vary unless `vary` is off."""
+    column = numbers(values, name=name)
+    if column.size < at_least:
+        raise TooFewSubjects(f"{name} has {column.size} values; this test needs {at_least}")
+    if vary and is_constant(column):
+        raise ConstantResponse(
+            f"{name} is {column[0]:g} in all {column.size} rows; there is nothing to test"
+        )
+    return column
+
+
+def paired(
+    x: npt.ArrayLike, y: npt.ArrayLike, *, names: tuple[str, str] = ("x", "y"), at_least: int = 3
+) -> tuple[Array, Array]:
+    """Return two checked samples of equal length, one row per pair."""
+    first = sample(x, name=names[0], at_least=at_least, vary=False)
+    second = sample(y, name=names[1], at_least=at_least, vary=False)
+    if first.size != second.size:
+        raise UnequalLength(
+            f"{names[0]} has {first.size} rows and {names[1]} has {second.size}; pairs need both"
+        )
+    return first, second
+
+
+def differences(x: Array, y: Array) -> Array:
+    """Return x − y with float noise removed (nine digits of the larger operand).
+
+    Ties and zeros of ranked differences depend on it: 0.3 − 0.1 and 0.2 − 0 must be equal.
+    """
+    largest = max(float(np.abs(x).max()), float(np.abs(y).max()))
+    if largest == 0:
+        return np.zeros_like(x)
+    unit = 10.0 ** np.floor(np.log10(largest))
+    rounded: Array = np.round((x - y) / unit, 9) * unit
+    return rounded
+
+
+def is_constant(column: Array) -> bool:
+    """Tell whether a column does not vary beyond float noise."""
+    spread = float(np.ptp(column))
+    return spread <= 1e-12 * max(1e-300, float(np.abs(column).max()))
+
+
+def rows_text(rows: npt.NDArray[np.intp] | Sequence[int], shown: int = 5) -> str:
+    """Name rows for a message, counted from 1: 'row 4', 'rows 4, 9 and 3 more'."""
+    listed = [str(int(r) + 1) for r in rows[:shown]]
+    rest = len(rows) - len(listed)
+    text = ", ".join(listed) + (f" and {rest} more" if rest else "")
+    return f"row {text}" if len(rows) == 1 else f"rows {text}"
+
+
+def _number(value: object, name: str, row: int) -> float:
+    if is_missing(value):
+        return float("nan")
+    if isinstance(value, str | bytes):
+        raise NotNumeric(f"{name} holds the text {value!r} in row {row + 1}; it must be a number")
+    try:
+        return float(value)  # type: ignore[arg-type]  # anything that says it is a number
+    except (TypeError, ValueError) as error:
+        kind = type(value).__name__
+        raise NotNumeric(f"{name} holds a {kind} in row {row + 1}; it must be a number") from error

@@ -1,0 +1,219 @@
+"""Student's t in its forms: paired, independent, Welch, one sample, and from summaries."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import special
+
+from analysis.statistics.effects import (
+    d_average,
+    partial_eta_squared,
+    standardised_mean,
+)
+from analysis.statistics.errors import ConstantResponse, StatisticsError, TooFewSubjects
+from analysis.statistics.inputs import is_constant, paired, sample
+from analysis.statistics.results import (
+    Effect,
+    Interval,
+    Provenance,
+    Result,
+    Row,
+    degrees,
+    number,
+    p_text,
+    percent,
+)
+
+
+@dataclass(frozen=True)
+class TTest(Result):
+    """Outcome of a t test.
+
+    `estimate` is the mean difference (first minus second, or mean minus mu) with its `interval`;
+    `sd` the standard deviation it is judged by (of the differences, pooled, or of the sample; for
+    Welch the pooled one, which only the effect size uses). `effect` is dz, d or d of the sample,
+    `eta` partial eta squared.
+    """
+
+    t: float
+    df: float
+    p: float
+    estimate: float
+    interval: Interval
+    sd: float
+    effect: Effect
+    eta: Effect
+    means: tuple[float, ...]
+    sds: tuple[float, ...]
+    provenance: Provenance
+    d_av: float | None = None
+
+    def sentence(self) -> str:
+        """Return the result as an APA sentence."""
+        interval = self.interval
+        return (
+            f"t({degrees(self.df)}) = {number(self.t)}, {p_text(self.p)}, {self.effect}, "
+            f"mean difference {number(self.estimate, 3)}, {percent(interval.level)} CI "
+            f"[{number(interval.low, 3)}, {number(interval.high, 3)}]"
+        )
+
+    def row(self) -> Row:
+        """Return the result as one flat table row."""
+        return {
+            "t": self.t,
+            "df": self.df,
+            "p": self.p,
+            "estimate": self.estimate,
+            "ci_low": self.interval.low,
+            "ci_high": self.interval.high,
+            **self.effect.row(),
+            **self.provenance.row(),
+        }
+
+
+def paired_t(
+    x: npt.ArrayLike,
+    y: npt.ArrayLike,
+    *,
+    level: float = 0.95,
+    names: tuple[str, str] = ("x", "y"),
+) -> TTest:
+    """Test whether the mean of x − y is zero; dz is mean over SD of the differences."""
+    first, second = paired(x, y, names=names)
+    d = first - second
+    scale = float(max(np.abs(first).max(), np.abs(second).max()))
+    if is_constant(d) or float(np.ptp(d)) <= 1e-12 * scale:
+        raise ConstantResponse(
+            f"{names[0]} minus {names[1]} is {d[0]:g} in all {d.size} pairs; t is not defined"
+        )
+    n = int(d.size)
+    sd = float(d.std(ddof=1))
+    t = float(d.mean() / (sd / np.sqrt(n)))
+    return TTest(
+        t=t,
+        df=n - 1,
+        p=two_sided_t(t, n - 1),
+        estimate=float(d.mean()),
+        interval=_interval(float(d.mean()), sd / np.sqrt(n), n - 1, level),
+        sd=sd,
+        effect=standardised_mean("dz", t, n - 1, 1 / np.sqrt(n), value=t / np.sqrt(n), level=level),
+        eta=partial_eta_squared(t**2, 1, n - 1, level=level),
+        means=(float(first.mean()), float(second.mean())),
+        sds=(float(first.std(ddof=1)), float(second.std(ddof=1))),
+        provenance=Provenance("paired t", n, error_term="SD of the differences"),
+        d_av=d_average(first, second),
+    )
+
+
+def one_sample_t(
+    x: npt.ArrayLike, *, mu: float = 0.0, level: float = 0.95, name: str = "x"
+) -> TTest:
+    """Test whether the mean is `mu`; d is (mean − mu) over SD."""
+    column = sample(x, name=name)
+    n = int(column.size)
+    sd = float(column.std(ddof=1))
+    estimate = float(column.mean()) - mu
+    t = estimate / (sd / np.sqrt(n))
+    return TTest(
+        t=float(t),
+        df=n - 1,
+        p=two_sided_t(t, n - 1),
+        estimate=estimate,
+        interval=_interval(estimate, sd / np.sqrt(n), n - 1, level),
+        sd=sd,
+        effect=standardised_mean("d", t, n - 1, 1 / np.sqrt(n), value=estimate / sd, level=level),
+        eta=partial_eta_squared(t**2, 1, n - 1, level=level),
+        means=(float(column.mean()),),
+        sds=(sd,),
+        provenance=Provenance(
+            "one-sample t", n, error_term="SD", notes=(f"tested against {mu:g}",)
+        ),
+    )
+
+
+def independent_t(
+    x: npt.ArrayLike,
+    y: npt.ArrayLike,
+    *,
+    equal_variances: bool = True,
+    level: float = 0.95,
+    names: tuple[str, str] = ("x", "y"),
+) -> TTest:
+    """Test whether two independent groups differ in their mean (Student, or Welch).
+
+    d and its interval use the pooled SD in both cases.
+    """
+    first, second = (sample(v, name=n, vary=False) for v, n in zip((x, y), names, strict=True))
+    if is_constant(first) and is_constant(second):
+        raise ConstantResponse(f"neither {names[0]} nor {names[1]} varies; t is not defined")
+    return independent_t_from_summary(
+        float(first.mean()),
+        float(first.std(ddof=1)),
+        int(first.size),
+        float(second.mean()),
+        float(second.std(ddof=1)),
+        int(second.size),
+        equal_variances=equal_variances,
+        level=level,
+    )
+
+
+def independent_t_from_summary(
+    mean_1: float,
+    sd_1: float,
+    n_1: int,
+    mean_2: float,
+    sd_2: float,
+    n_2: int,
+    *,
+    equal_variances: bool = True,
+    level: float = 0.95,
+) -> TTest:
+    """Test two independent groups from their means, standard deviations and sizes."""
+    if min(n_1, n_2) < 2:
+        raise TooFewSubjects(f"groups of {n_1} and {n_2} are too small for a t test")
+    if not (sd_1 >= 0 and sd_2 >= 0 and sd_1 + sd_2 > 0):
+        raise StatisticsError(f"standard deviations {sd_1} and {sd_2} allow no t test")
+    n_df = n_1 + n_2 - 2
+    pooled = float(np.sqrt(((n_1 - 1) * sd_1**2 + (n_2 - 1) * sd_2**2) / n_df))
+    v1, v2 = sd_1**2 / n_1, sd_2**2 / n_2
+    if equal_variances:
+        se, df = pooled * np.sqrt(1 / n_1 + 1 / n_2), float(n_df)
+    else:
+        se = np.sqrt(v1 + v2)
+        df = (v1 + v2) ** 2 / (v1**2 / (n_1 - 1) + v2**2 / (n_2 - 1))
+    estimate = mean_1 - mean_2
+    t = float(estimate / se)
+    scale = float(np.sqrt(1 / n_1 + 1 / n_2))
+    t_pooled = float(estimate / (pooled * scale))
+    return TTest(
+        t=t,
+        df=float(df),
+        p=two_sided_t(t, df),
+        estimate=estimate,
+        interval=_interval(estimate, float(se), float(df), level),
+        sd=pooled,
+        effect=standardised_mean(
+            "d", t_pooled, n_df, scale, value=float(estimate / pooled), level=level
+        ),
+        eta=partial_eta_squared(t**2, 1, df, level=level),
+        means=(mean_1, mean_2),
+        sds=(sd_1, sd_2),
+        provenance=Provenance(
+            "independent t (Student)" if equal_variances else "independent t (Welch)",
+            n_1 + n_2,
+            error_term="pooled SD" if equal_variances else "separate variances",
+            notes=(f"groups of {n_1} and {n_2}",),
+        ),
+    )
+
+
+def two_sided_t(t: float, df: float) -> float:
+    """Return the two-sided p of a t statistic."""
+    return float(2 * special.stdtr(df, -abs(t)))
+
+
+def _interval(estimate: float, se: float, df: float, level: float) -> Interval:
+    reach = float(special.stdtrit(df, 0.5 + level / 2)) * se
+    return Interval(float(estimate - reach), float(estimate + reach), level)
