@@ -1,0 +1,340 @@
+"""Pupil Capture as seen from the network: the other end of the Pupil Core driver's wire.
+
+Not modelled: eye images and the pupil detector, eye-camera matching (every datum pairs two
+pupils of one instant, or one pupil), the scene camera's optics (`norm_pos` is a pinhole's),
+slow slippage of the headset, other plug-ins. The bytes are those of `devices.sim.pupil_wire`.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import msgpack
+import numpy as np
+import numpy.typing as npt
+
+from devices.contracts import Body
+from devices.sim.calibration import CalibrationJudge
+from devices.sim.faults import FaultSchedule, WireFault
+from devices.sim.pupil_wire import (
+    BINOCULAR_TOPIC,
+    COLUMN,
+    GAZE_VALUES,
+    MONOCULAR_TOPICS,
+    GazeTemplate,
+    pack_notification,
+)
+from devices.sim.tracker_error import (
+    N_SLOW,
+    N_WHITE,
+    StretchNoise,
+    SystematicError,
+    TrackerErrorModel,
+    draw_systematic,
+    measured_directions,
+)
+from devices.transports import Frames, Message
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.compiled import compiled
+
+Floats = npt.NDArray[np.float64]
+Times = npt.NDArray[np.int64]
+
+MILLI_HZ = 1000
+LEG_FLOOR_NS = 100_000
+LEG_UNDISTURBED_01 = 0.4
+LEG_WAIT_NS = 150_000
+VERDICT_AFTER_NS = 500 * NS_PER_MS
+DEFAULT_VERSION = "3.5.1"
+DEFAULT_PORTS = (50021, 50022)
+
+_LEG_STREAM = 0x1E
+_EPOCH_STREAM = 0xE0
+_GARBAGE_STREAM = 0x6A
+_LATENCY, _LOSS, _DUPLICATE, _REORDER, _GARBAGE = range(N_WHITE + N_SLOW, N_WHITE + N_SLOW + 5)
+
+
+class PupilCoreSimulator:
+    """Publish gaze data of a body's eyes and answer Pupil Remote's requests.
+
+    Sample k is taken at `k * 10**9 // rate_hz` ns of the session clock. The device's clock has
+    an epoch of its own (from the seed) and runs `drift_ppm` fast. Noise is drawn from (seed,
+    `body.stretch()`) and the systematic error from (seed, `body.fit()`, the fit calibrated at).
+    Session time of the fault schedule begins when the simulator is made. `ports` are what
+    SUB_PORT and PUB_PORT answer.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        *,
+        seed: int,
+        clock: Clock | None = None,
+        rate_hz: float = 120,
+        faults: FaultSchedule | None = None,
+        error: TrackerErrorModel | None = None,
+        drift_ppm: float = 0.0,
+        eye_distance_mm: float = 64.0,
+        version: str = DEFAULT_VERSION,
+    ) -> None:
+        self.ports = DEFAULT_PORTS
+        self.annotations: list[dict[str, Any]] = []
+        self._body = body
+        self._seed = seed
+        self._rate_hz = rate_hz
+        self._rate_milli_hz = round(rate_hz * MILLI_HZ)
+        self._faults = faults if faults is not None else FaultSchedule()
+        self._error = error if error is not None else TrackerErrorModel()
+        self._drift = drift_ppm * 1e-6
+        self._version = version
+        self._origin_ns = clock.now_ns() if clock is not None else 0
+        epoch_rng = np.random.default_rng([seed, _EPOCH_STREAM])
+        self._epoch_ns = int(epoch_rng.integers(10**12, 10**14))
+        self._legs = np.random.default_rng([seed, _LEG_STREAM])
+        self._garbage = np.random.default_rng([seed, _GARBAGE_STREAM])
+        half_mm = eye_distance_mm / 2
+        centers = {0: (half_mm, 0.0, 0.0), 1: (-half_mm, 0.0, 0.0)}
+        self._both = GazeTemplate(BINOCULAR_TOPIC, centers)
+        self._single = tuple(
+            GazeTemplate(MONOCULAR_TOPICS[eye], {eye: centers[eye]}) for eye in (0, 1)
+        )
+        self._half_mm = half_mm
+        self._next_sample = -(-self._origin_ns * self._rate_milli_hz // (NS_PER_S * MILLI_HZ))
+        self._advanced_ns = self._origin_ns - 1
+        self._outbox: deque[Message] = deque()
+        self._extra: list[Message] = []
+        self._stretch: int | None = None
+        self._noise: StretchNoise | None = None
+        self._worn: tuple[int, int | None] | None = None
+        self._systematic: SystematicError | None = None
+        self._calibrated_fit: int | None = None
+        self._judge: CalibrationJudge | None = None
+
+    def advance(self, t_ns: int) -> None:
+        """Take every sample due up to this session time."""
+        scale = NS_PER_S * MILLI_HZ
+        last = ((t_ns + 1) * self._rate_milli_hz - 1) // scale
+        first = self._next_sample
+        if self._faults.faults:
+            self._publish_notifications(self._advanced_ns, t_ns)
+        self._advanced_ns = max(self._advanced_ns, t_ns)
+        if last < first:
+            return
+        self._next_sample = last + 1
+        rate = self._rate_milli_hz
+        t_list = [k * scale // rate for k in range(first, last + 1)]
+        self._sample(np.array(t_list, np.int64), t_list)
+
+    def outgoing(self, until_ns: int) -> Sequence[Message]:
+        """Give up what has arrived at the host by this time."""
+        outbox = self._outbox
+        messages = []
+        while outbox and outbox[0].t_host_ns <= until_ns:
+            messages.append(outbox.popleft())
+        if self._extra:
+            due = [m for m in self._extra if m.t_host_ns <= until_ns]
+            if due:
+                self._extra = [m for m in self._extra if m.t_host_ns > until_ns]
+                messages = sorted([*messages, *due], key=lambda m: m.t_host_ns)
+        return messages
+
+    def leg_ns(self) -> int:
+        """Draw a one-way travel time: often the floor, otherwise the floor and a wait."""
+        if self._legs.random() < LEG_UNDISTURBED_01:
+            return LEG_FLOOR_NS
+        return LEG_FLOOR_NS + round(self._legs.exponential(LEG_WAIT_NS))
+
+    def handle_request(self, frames: Frames, t_ns: int) -> Frames | None:
+        """Answer as Pupil Remote does; None while a fault keeps it silent."""
+        since_ns = t_ns - self._origin_ns
+        for kind in ("late_start", "disconnect", "mute"):
+            if self._faults.active(kind, since_ns) is not None:
+                return None
+        command = frames[0]
+        if command.startswith(b"notify.") and len(frames) > 1:
+            self._take_notification(frames[1], t_ns)
+            return (b"Notification received.",)
+        return (self._reply(command, t_ns).encode(),)
+
+    def accept(self, frames: Frames, t_ns: int) -> None:
+        """Take an annotation published to PUB_PORT."""
+        if len(frames) == 2:
+            payload = _unpacked(frames[1])
+            if payload is not None:
+                self.annotations.append(payload)
+
+    def device_ns(self, t_ns: int) -> int:
+        """Return what the device's clock shows at a session time."""
+        since_ns = t_ns - self._origin_ns
+        shown = self._epoch_ns + since_ns
+        if self._drift:
+            shown += round(self._drift * since_ns)
+        for fault in self._faults.of_kind("drift"):
+            shown += round(max(0, since_ns - fault.start_ns) * fault.amount * 1e-6)
+        for fault in self._faults.of_kind("clock_jump"):
+            if since_ns >= fault.start_ns:
+                shown += round(fault.amount * NS_PER_S)
+        return shown
+
+    def _reply(self, command: bytes, t_ns: int) -> str:
+        if command == b"t":
+            return repr(self.device_ns(t_ns) / NS_PER_S)
+        if command == b"SUB_PORT":
+            return str(self.ports[0])
+        if command == b"PUB_PORT":
+            return str(self.ports[1])
+        if command == b"v":
+            fault = self._faults.active("version", t_ns - self._origin_ns)
+            return fault.text if fault is not None else self._version
+        if command[:1] in (b"R", b"r", b"C", b"c"):
+            return "OK"
+        return "Unknown command."
+
+    def _sample(self, t: Times, t_list: list[int]) -> None:
+        eyes = self._body.eyes(t)
+        stretch = self._body.stretch()
+        if stretch != self._stretch or self._noise is None:
+            self._stretch = stretch
+            self._noise = StretchNoise(self._error, self._seed, stretch, self._rate_hz)
+        worn = (self._body.fit(), self._calibrated_fit)
+        if worn != self._worn or self._systematic is None:
+            self._worn = worn
+            self._systematic = draw_systematic(
+                self._error, self._seed, fit=worn[0], calibrated_fit=worn[1]
+            )
+        n = len(t_list)
+        noise = self._noise.take(n)
+        left, right = eyes["left_direction_head"], eyes["right_direction_head"]
+        if self._judge is not None:
+            stamps_s = [self.device_ns(t_ns) / NS_PER_S for t_ns in t_list]
+            self._judge.observe(stamps_s, left, right, eyes["openness_01"])
+        seen = np.empty((n, 2, 3))
+        measured_directions(
+            left, right, noise, self._systematic.offset_rad, self._systematic.gain, seen
+        )
+        values = np.empty((n, len(GAZE_VALUES)))
+        fill_values(seen, eyes["openness_01"], eyes["pupil_mm"], self._half_mm, values)
+        values[:, 0] = [self.device_ns(t_ns) for t_ns in t_list]
+        values[:, 0] /= NS_PER_S
+        jitter_ms = (2 * noise[:, _LATENCY] - 1) * self._error.latency_jitter_ms
+        delays = ((jitter_ms + self._error.latency_ms) * NS_PER_MS).astype(np.int64).tolist()
+        if self._faults.faults:
+            self._publish_faulty(t_list, delays, values, noise)
+            return
+        push = self._outbox.append
+        for t_ns, delay_ns, frames in zip(t_list, delays, self._both.pack(values), strict=True):
+            push(Message(t_ns + delay_ns, frames))
+
+    def _publish_faulty(
+        self, t_list: list[int], delays: list[int], values: Floats, noise: Floats
+    ) -> None:
+        period_ns = NS_PER_S * MILLI_HZ // self._rate_milli_hz
+        for i, t_ns in enumerate(t_list):
+            since_ns = t_ns - self._origin_ns
+            active = {
+                fault.kind: fault
+                for fault in self._faults.faults
+                if fault.start_ns <= since_ns < fault.end_ns
+            }
+            if active.keys() & {"late_start", "silence", "disconnect"}:
+                continue
+            if _happens(active, "loss", noise[i, _LOSS]):
+                continue
+            row = values[i : i + 1]
+            if "backward" in active:
+                row[0, 0] -= active["backward"].amount
+            template = self._both
+            if "eyes_lost" in active:
+                eyes = active["eyes_lost"].eyes
+                if eyes == "both":
+                    row[0, COLUMN["confidence"]] = 0.0
+                    row[0, COLUMN["confidence0"] : COLUMN["confidence1"] + 1] = 0.0
+                else:
+                    template = self._single[0 if eyes == "left" else 1]
+            frames: Frames = template.pack(row)[0]
+            if _happens(active, "garbage", noise[i, _GARBAGE]):
+                frames = (frames[0], self._garbage.bytes(int(self._garbage.integers(1, 400))))
+            arrival_ns = t_ns + delays[i]
+            if "burst" in active:
+                end_ns = min(active["burst"].end_ns, since_ns + 3600 * NS_PER_S)
+                arrival_ns = self._origin_ns + end_ns + delays[i]
+            if _happens(active, "reorder", noise[i, _REORDER]):
+                arrival_ns += 2 * period_ns
+            self._extra.append(Message(arrival_ns, frames))
+            if _happens(active, "duplicate", noise[i, _DUPLICATE]):
+                self._extra.append(Message(arrival_ns, frames))
+
+    def _publish_notifications(self, after_ns: int, until_ns: int) -> None:
+        for fault in self._faults.of_kind("notify"):
+            at_ns = self._origin_ns + fault.start_ns
+            if after_ns < at_ns <= until_ns:
+                self._notify(fault.text, at_ns)
+
+    def _notify(self, subject: str, t_ns: int, **fields: Any) -> None:
+        frames = pack_notification(subject, timestamp=self.device_ns(t_ns) / NS_PER_S, **fields)
+        self._extra.append(Message(t_ns + LEG_FLOOR_NS, frames))
+
+    def _take_notification(self, payload: bytes, t_ns: int) -> None:
+        notification = _unpacked(payload)
+        if notification is None:
+            return
+        subject = notification.get("subject")
+        if subject == "calibration.should_start":
+            if "translation_eye0" in notification and "translation_eye1" in notification:
+                self._judge = CalibrationJudge()
+                self._notify("calibration.started", t_ns)
+        elif subject == "calibration.add_ref_data" and self._judge is not None:
+            self._judge.add_references(notification.get("ref_data", ()))
+        elif subject == "calibration.should_stop" and self._judge is not None:
+            reason = self._judge.verdict()
+            self._judge = None
+            self._notify("calibration.stopped", t_ns)
+            if reason is None:
+                self._calibrated_fit = self._body.fit()
+                self._notify("calibration.successful", t_ns + VERDICT_AFTER_NS)
+            else:
+                self._notify("calibration.failed", t_ns + VERDICT_AFTER_NS, reason=reason)
+
+
+def _happens(active: dict[str, WireFault], kind: str, drawn: float) -> bool:
+    return kind in active and drawn < active[kind].amount
+
+
+def _unpacked(payload: bytes) -> dict[str, Any] | None:
+    try:
+        found = msgpack.unpackb(payload, strict_map_key=False)
+    except (ValueError, msgpack.UnpackException):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+@compiled
+def fill_values(
+    seen: Floats, openness_01: Floats, pupil_mm: Floats, half_mm: float, values: Floats
+) -> None:
+    """Write the columns of `GAZE_VALUES` except the time from what each eye is seen to do.
+
+    `seen` (n, 2, 3) is in the head frame, left eye first; an eye closed by half or more loses
+    confidence. The gaze point is the closest approach of both lines, at most 10 m away.
+    """
+    for i in range(seen.shape[0]):
+        lx, ly, lz = seen[i, 0, 0], -seen[i, 0, 1], -seen[i, 0, 2]
+        rx, ry, rz = seen[i, 1, 0], -seen[i, 1, 1], -seen[i, 1, 2]
+        confidence = min(1.0, max(0.0, openness_01[i] * 1.2 - 0.1)) * 0.99
+        closing = lx - rx
+        depth_mm = 10_000.0
+        if closing > 2.0 * half_mm / depth_mm:
+            depth_mm = 2.0 * half_mm / closing
+        mx, my, mz = (lx + rx) / 2, (ly + ry) / 2, (lz + rz) / 2
+        values[i, 1] = confidence
+        values[i, 2] = 0.5 + 0.5 * mx / max(mz, 0.1)
+        values[i, 3] = 0.5 - 0.5 * my / max(mz, 0.1)
+        values[i, 4] = mx * depth_mm
+        values[i, 5] = my * depth_mm
+        values[i, 6] = mz * depth_mm
+        values[i, 7], values[i, 8], values[i, 9] = rx, ry, rz
+        values[i, 10], values[i, 11], values[i, 12] = lx, ly, lz
+        for eye in range(2):
+            values[i, 13 + eye] = confidence
+            values[i, 15 + eye] = pupil_mm[i]
+            values[i, 17 + eye] = pupil_mm[i] * 12.0
