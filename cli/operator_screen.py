@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from types import TracebackType
 
-from rich.console import Console, Group
+from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
@@ -149,7 +149,7 @@ class TerminalOperator:
 
 def render(status: SessionStatus, entry_line: str, *, is_simulated: bool) -> Panel:
     """Return the whole screen for a status."""
-    parts = [
+    parts: list[RenderableType] = [
         _headline(status),
         _progress(status),
         _streams(status.health),

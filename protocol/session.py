@@ -148,7 +148,7 @@ class Session:
             "block_start",
             self._loop.t_ns,
             block=block.index,
-            name=block.name,
+            block_name=block.name,
             trials_left=len(trials),
         )
         self._desk.block_name = block.name

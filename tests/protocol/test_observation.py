@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+
+from devices.contracts import GAZE
+from lab.geometry import Pose, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
+from lab.schema import SampleBatch, empty_values
+from protocol.observation import GazeObserver
+from protocol.row_buffer import RowBuffer
+from protocol.streams import gaze_targets_schema
+from stimuli.scene import Agent, Scene
+
+EYE = np.array([0.0, 1.2, 0.0])
+
+
+def agent(yaw_deg: float, distance_m: float = 2.0) -> Agent:
+    centre = EYE + distance_m * direction_from_yaw_pitch_deg(yaw_deg, 0.0)
+    return Agent(f"agent_{yaw_deg}", "woman_1", "seat", centre, 0.12, -centre, centre)
+
+
+def gaze_batch(t_ns: list[int], yaw_deg: float, *, valid: bool = True) -> SampleBatch:
+    n = len(t_ns)
+    values = empty_values(GAZE, n)
+    values["direction_head"] = direction_from_yaw_pitch_deg(yaw_deg, 0.0)
+    values["valid"] = valid
+    stamps = np.array(t_ns, dtype=np.int64)
+    return SampleBatch(GAZE, np.arange(n), stamps, stamps, values)
+
+
+def observer(scene: Scene) -> tuple[GazeObserver, list[SampleBatch], RowBuffer]:
+    recorded: list[SampleBatch] = []
+    rows = RowBuffer(gaze_targets_schema(2, 120.0), recorded.append, hold_ns=10**12)
+    made = GazeObserver(rows)
+    made.show(scene)
+    return made, recorded, rows
+
+
+SCENE = Scene("two", (agent(0.0), agent(20.0)))
+
+
+def test_gaze_turned_in_a_turned_head_meets_the_agent_straight_ahead() -> None:
+    seen, _, _ = observer(SCENE)
+    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(-15.0)))
+    seen.take(gaze_batch([0], 15.0))
+
+    view = seen.observe(1, 0)
+
+    assert view.hit.tolist() == [0]
+    assert view.angle_deg[0, 0] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_the_pose_at_the_samples_own_time_is_used_not_the_latest() -> None:
+    seen, _, _ = observer(SCENE)
+    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.add_pose(100, Pose(EYE, quat_from_yaw_pitch_deg(20.0)))
+    seen.take(gaze_batch([0, 50, 100], 0.0))
+
+    view = seen.observe(1, 100)
+
+    assert view.hit.tolist() == [0, -1, 1]
+    assert view.angle_deg[1].tolist() == pytest.approx([10.0, 10.0], abs=1e-3)
+
+
+def test_a_sample_older_than_every_pose_takes_the_oldest_pose() -> None:
+    seen, _, _ = observer(SCENE)
+    for t in range(100, 200):
+        seen.add_pose(t, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.take(gaze_batch([0], 0.0))
+
+    assert seen.observe(1, 200).hit.tolist() == [0]
+
+
+def test_the_clock_offset_moves_samples_to_session_time() -> None:
+    seen, recorded, rows = observer(SCENE)
+    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.clock_offset_ns = -7
+    seen.take(gaze_batch([1000], 0.0))
+    seen.observe(3, 1000)
+    rows.flush()
+
+    assert recorded[0].values["t_sample_ns"].tolist() == [993]
+    assert recorded[0].values["frame_index"].tolist() == [3]
+
+
+def test_a_lost_sample_hits_nothing_and_counts_as_received_only() -> None:
+    seen, _, _ = observer(SCENE)
+    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.take(gaze_batch([0, 1], 0.0, valid=False))
+
+    view = seen.observe(1, 1)
+
+    assert view.hit.tolist() == [-2, -2]
+    assert (2, 0) == (seen.received, seen.valid)
+
+
+def test_a_frame_without_samples_brings_an_empty_view() -> None:
+    seen, _, _ = observer(SCENE)
+
+    assert (0, 2) == seen.observe(1, 0).angle_deg.shape
