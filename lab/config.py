@@ -74,7 +74,6 @@ class LabConfig(BaseModel):
 
     lab: str
     data_root: Path
-    simulated_root: Path
     key_root: Path
     room: Room
     display: Display
@@ -95,7 +94,6 @@ class _File(_Part):
 
     lab: str = Field(min_length=1)
     data_root: str = Field(min_length=1)
-    simulated_root: str | None = Field(default=None, min_length=1)
     key_root: str = Field(min_length=1)
     room: Room = Room()
     display: Display = Display()
@@ -145,13 +143,15 @@ def _validated(document: Document, option_models: OptionModels | None) -> LabCon
                 entries[checked.role] = checked
     paths = {
         key: _absolute(document.path, str(raw[key]))
-        for key in ("data_root", "simulated_root", "key_root")
+        for key in ("data_root", "key_root")
         if raw.get(key)
     }
-    if "data_root" in paths:
-        real = paths["data_root"]
-        paths.setdefault("simulated_root", real.with_name(f"{real.name}_simulated"))
-        problems += _path_problems(document, paths)
+    if len(paths) == 2 and paths["key_root"].is_relative_to(paths["data_root"]):
+        message = (
+            f"lies in data_root ({paths['data_root']}): whoever copies the data would copy who is "
+            "who; choose a folder outside it"
+        )
+        problems.append(document.problem(("key_root",), message))
     if problems:
         raise ProblemsError(document.path, problems)
     file = _File.model_validate(raw)
@@ -170,20 +170,6 @@ def _validated(document: Document, option_models: OptionModels | None) -> LabCon
 
 def _absolute(config: Path, text: str) -> Path:
     return (config.absolute().parent / Path(text).expanduser()).resolve()
-
-
-def _path_problems(document: Document, paths: Mapping[str, Path]) -> list[Problem]:
-    problems = []
-    for inner, outer, why in (
-        ("key_root", "data_root", "whoever copies the data would copy who is who"),
-        ("key_root", "simulated_root", "whoever copies the data would copy who is who"),
-        ("simulated_root", "data_root", "simulated and real sessions never mix"),
-        ("data_root", "simulated_root", "simulated and real sessions never mix"),
-    ):
-        if inner in paths and outer in paths and paths[inner].is_relative_to(paths[outer]):
-            message = f"lies in {outer} ({paths[outer]}): {why}; choose a folder outside it"
-            problems.append(document.problem((inner,), message))
-    return problems
 
 
 def _device(
