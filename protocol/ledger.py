@@ -1,0 +1,383 @@
+"""The participant ledger of a study: who takes part, in which order and group, and who left.
+
+`<study_root>/participants.jsonl` only grows: one JSON line per event, flushed and synced under a
+lock, so that two rooms cannot issue one identifier or one place in the order. It holds no names;
+those are in the key file (protocol.key_file).
+"""
+
+import builtins
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from lab.clock import Clock
+from lab.errors import LedgerError
+from protocol.file_lock import locked
+from protocol.identifiers import MAX_NUMBER, is_one_slip_apart, make_label, read_label
+from protocol.key_file import KeyFile
+from protocol.withdrawal import Removal, remove_participant
+
+LEDGER_NAME = "participants.jsonl"
+LOCK_NAME = ".participants.lock"
+DERIVED_NAME = "derived"
+FORMAT_VERSION = 1
+
+Status = Literal["active", "withdrawing", "withdrawn"]
+
+
+@dataclass(frozen=True)
+class Participant:
+    """One entry of the ledger.
+
+    `index` counts from 0 in order of entry and decides orders and seeds; `replaces` is the label
+    of the withdrawn participant whose index this one took over. A withdrawn entry is the
+    tombstone: `withdrawn_at` and `reason` say when and why.
+    """
+
+    label: str
+    number: int
+    index: int
+    group: str
+    consent_version: str
+    added_at: str
+    status: Status = "active"
+    replaces: str = ""
+    withdrawn_at: str = ""
+    reason: str = ""
+
+
+class UnknownParticipant(LedgerError):
+    """No participant has this number; `number` for whoever wants to add it."""
+
+    def __init__(self, message: str, number: int) -> None:
+        super().__init__(message)
+        self.number = number
+
+
+class WithdrawnParticipant(LedgerError):
+    """The participant has withdrawn; the identifier is never used again."""
+
+
+class Ledger:
+    """The ledger of the study whose folder is `study_root` (the folder's name is the study's).
+
+    `prefix` (capital letters) sets the labels of simulated participants apart: "S07H".
+    """
+
+    def __init__(self, study_root: Path, clock: Clock, *, prefix: str = "") -> None:
+        if prefix and not (prefix.isascii() and prefix.isalpha() and prefix.isupper()):
+            raise LedgerError(f"prefix {prefix!r} must be capital letters A to Z")
+        self.path = study_root / LEDGER_NAME
+        self.study = study_root.name
+        self.prefix = prefix
+        self._root = study_root
+        self._clock = clock
+
+    def add(
+        self,
+        number: int | None = None,
+        *,
+        group: str | Callable[[int], str] = "",
+        consent_version: str = "",
+        index: int | None = None,
+        replaces: str | None = None,
+    ) -> Participant:
+        """Issue an identifier and a place in the order, both never used before.
+
+        Without `number`, the next free one. `group` is a name, or a function of the index that
+        is called while the ledger is held (protocol.design.group_of). `index` asks for a certain
+        place; `replaces` takes over index and group of a withdrawn participant.
+        """
+        with self._held():
+            entries = self._read()
+            chosen = 1 + max((p.number for p in entries), default=0) if number is None else number
+            self._check_number(chosen, entries)
+            if replaces is not None:
+                gone = self._replaceable(replaces, entries)
+                place, own_group, replaced = gone.index, gone.group, gone.label
+            else:
+                place = self._place(index, entries)
+                own_group = group if isinstance(group, str) else group(place)
+                replaced = ""
+            added = Participant(
+                label=make_label(chosen, self.prefix),
+                number=chosen,
+                index=place,
+                group=own_group,
+                consent_version=consent_version,
+                added_at=self._clock.wall_iso(),
+                replaces=replaced,
+            )
+            self._append(
+                "added",
+                label=added.label,
+                at=added.added_at,
+                number=added.number,
+                index=added.index,
+                group=added.group,
+                consent_version=added.consent_version,
+                replaces=added.replaces,
+            )
+        return added
+
+    def resolve(self, text: str) -> Participant:
+        """Return the participant meant by a number ("7", "07") or a label ("07H").
+
+        Raises UnknownParticipant, WithdrawnParticipant, or LedgerError for a label whose check
+        letter is wrong, with the labels probably meant.
+        """
+        found = self._find(text, self._read())
+        if found.status == "withdrawing":
+            raise WithdrawnParticipant(
+                f"participant {found.label} of {self.study} is being withdrawn and the removal is "
+                f"not finished; repeat: visavis participant withdraw {self.study} {found.label}"
+            )
+        if found.status == "withdrawn":
+            raise WithdrawnParticipant(
+                f"participant {found.label} of {self.study} withdrew on {found.withdrawn_at}; the "
+                "identifier is never used again, add a new participant: "
+                f"visavis participant add {self.study}"
+            )
+        return found
+
+    def list(self) -> tuple[Participant, ...]:
+        """Return every entry in order of entry, tombstones included."""
+        return self._read()
+
+    def consent(self, text: str, version: str) -> Participant:
+        """Record that a participant agreed to another version of the consent form."""
+        with self._held():
+            found = self.resolve(text)
+            if found.consent_version != version:
+                self._append(
+                    "consented",
+                    label=found.label,
+                    at=self._clock.wall_iso(),
+                    consent_version=version,
+                )
+        return replace(found, consent_version=version)
+
+    def withdraw(
+        self,
+        text: str,
+        data_roots: Sequence[Path],
+        *,
+        reason: str = "",
+        derived_roots: Sequence[Path] | None = None,
+        key_file: KeyFile | None = None,
+    ) -> Removal:
+        """Remove a participant's data everywhere and leave a tombstone.
+
+        Session folders of this study go from `data_roots` (data roots or study folders, real and
+        simulated), rows from CSV and Parquet tables below `derived_roots` (default: `derived` in
+        the study's folder), the entry from the key file. Whatever cannot be removed is named in
+        a LedgerError; the ledger then says "withdrawing" and the call can be repeated.
+        """
+        with self._held():
+            found = self._find(text, self._read())
+            if found.status == "withdrawn":
+                raise WithdrawnParticipant(
+                    f"participant {found.label} of {self.study} has withdrawn already, on "
+                    f"{found.withdrawn_at}; nothing is left to remove"
+                )
+            if found.status == "active":
+                self._append(
+                    "withdrawing", label=found.label, at=self._clock.wall_iso(), reason=reason
+                )
+        # not under the lock: removing hours of recordings must not stop other rooms
+        default = (self._root / DERIVED_NAME,)
+        removal = remove_participant(
+            self.study,
+            found.label,
+            data_roots,
+            default if derived_roots is None else derived_roots,
+            required_derived=derived_roots is not None,
+        )
+        failures = builtins.list(removal.failures)
+        if key_file is not None and not failures:
+            try:
+                key_file.forget(found.label)
+            except (LedgerError, OSError) as error:
+                failures.append(str(error))
+        if failures:
+            raise LedgerError(
+                f"the withdrawal of {found.label} is not finished, the ledger keeps it as "
+                "withdrawing; correct this and repeat the command:\n  " + "\n  ".join(failures)
+            )
+        with self._held():
+            if self._find(found.label, self._read()).status != "withdrawn":
+                self._append("withdrawn", label=found.label, at=self._clock.wall_iso())
+        return removal
+
+    # ---- rules ---------------------------------------------------------------------------------
+
+    def _check_number(self, number: int, entries: Sequence[Participant]) -> None:
+        if not 1 <= number <= MAX_NUMBER:
+            raise LedgerError(
+                f"number {number} is not possible; give one from 1 to {MAX_NUMBER}, or none"
+            )
+        for entry in entries:
+            if entry.number == number:
+                state = "is in the ledger" if entry.status == "active" else "has withdrawn"
+                raise LedgerError(
+                    f"participant {entry.label} of {self.study} {state} (added {entry.added_at}); "
+                    "identifiers are never used twice: add without a number to get the next free "
+                    "one, or run another session of the same person"
+                )
+
+    def _place(self, index: int | None, entries: Sequence[Participant]) -> int:
+        if index is None:
+            return 1 + max((p.index for p in entries), default=-1)
+        if index < 0:
+            raise LedgerError(f"index {index} is not possible; indices count from 0")
+        for entry in entries:
+            if entry.index == index:
+                raise LedgerError(
+                    f"index {index} of {self.study} belongs to {entry.label}; leave the index out "
+                    "to get the next free one"
+                )
+        return index
+
+    def _replaceable(self, text: str, entries: Sequence[Participant]) -> Participant:
+        gone = self._find(text, entries)
+        if gone.status == "active":
+            raise LedgerError(
+                f"participant {gone.label} of {self.study} has not withdrawn and cannot be "
+                "replaced; withdraw first, or add without replacing"
+            )
+        for entry in entries:
+            if entry.replaces == gone.label:
+                raise LedgerError(f"{gone.label} has been replaced already, by {entry.label}")
+        return gone
+
+    def _find(self, text: str, entries: Sequence[Participant]) -> Participant:
+        typed = text.strip().upper()
+        number = int(typed) if typed.isascii() and typed.isdigit() else None
+        if number is None:
+            number = read_label(typed, self.prefix)
+        if number is None:
+            near = [p.label for p in entries if is_one_slip_apart(typed, p.label)]
+            if not near:
+                digits = typed.removeprefix(self.prefix)[:-1]
+                near = [p.label for p in entries if digits.isdecimal() and p.number == int(digits)]
+            hint = (
+                f"did you mean {' or '.join(near[:3])}?"
+                if near
+                else f"list the participants: visavis participant list {self.study}"
+            )
+            raise LedgerError(
+                f"{text!r} is no participant of {self.study}: not a number, and not a label with "
+                f"the right check letter; {hint}"
+            )
+        for entry in entries:
+            if entry.number == number:
+                return entry
+        raise UnknownParticipant(
+            f"participant {number:02d} is not in the ledger of {self.study}; add it: "
+            f"visavis participant add {self.study} --number {number}",
+            number,
+        )
+
+    # ---- the file ------------------------------------------------------------------------------
+
+    def _held(self) -> Any:
+        return locked(self._root / LOCK_NAME)
+
+    def _read(self) -> tuple[Participant, ...]:
+        entries: dict[str, Participant] = {}
+        for line_number, record in self._records():
+            try:
+                _apply(record, entries, self)
+            except (KeyError, TypeError, ValueError) as error:
+                raise self._damaged(line_number, f"lacks or misstates {error}") from error
+        return tuple(entries.values())
+
+    def _records(self) -> builtins.list[tuple[int, dict[str, Any]]]:
+        try:
+            data = self.path.read_bytes()
+        except FileNotFoundError:
+            return []
+        except OSError as error:
+            raise LedgerError(f"{self.path} cannot be read: {error.strerror}") from error
+        # what follows the last newline was never acknowledged: its writer died
+        lines = data[: data.rfind(b"\n") + 1].splitlines()
+        records = []
+        for line_number, line in enumerate(lines, start=1):
+            try:
+                record = json.loads(line)
+            except ValueError as error:
+                raise self._damaged(line_number, "is not JSON") from error
+            if not isinstance(record, dict):
+                raise self._damaged(line_number, "is not an object")
+            records.append((line_number, record))
+        return records
+
+    def _damaged(self, line_number: int, what: str) -> LedgerError:
+        return LedgerError(
+            f"{self.path}:{line_number}: the ledger is damaged, the line {what}; restore the file "
+            "from a backup, and do not edit it by hand"
+        )
+
+    def _append(self, event: str, **content: object) -> None:
+        """Write one line durably; the caller holds the lock."""
+        lines = [{"event": event, **content}]
+        try:
+            with self.path.open("a+b") as file:
+                end = file.seek(0, os.SEEK_END)
+                file.seek(0)
+                whole = file.read().rfind(b"\n") + 1
+                if whole != end:
+                    file.truncate(whole)
+                if whole == 0:
+                    head = {"event": "ledger", "format": FORMAT_VERSION, "study": self.study}
+                    lines.insert(0, {**head, "prefix": self.prefix})
+                text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
+                file.write(text.encode("utf-8"))
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise LedgerError(
+                f"{self.path} cannot be written: {error.strerror}; nothing was registered, check "
+                "the disk and try again"
+            ) from error
+
+
+def _apply(record: dict[str, Any], entries: dict[str, Participant], ledger: Ledger) -> None:
+    """Bring the entries up to date with one line of the ledger."""
+    event = record["event"]
+    if event == "ledger":
+        if int(record["format"]) > FORMAT_VERSION:
+            raise LedgerError(
+                f"{ledger.path} was written by a newer Visavis (format {record['format']}); "
+                "install that version"
+            )
+        if record["prefix"] != ledger.prefix:
+            raise LedgerError(
+                f"{ledger.path} issues labels with prefix {record['prefix']!r}, not "
+                f"{ledger.prefix!r}; simulated and real participants have ledgers of their own"
+            )
+    elif event == "added":
+        entries[str(record["label"])] = Participant(
+            label=str(record["label"]),
+            number=int(record["number"]),
+            index=int(record["index"]),
+            group=str(record["group"]),
+            consent_version=str(record["consent_version"]),
+            added_at=str(record["at"]),
+            replaces=str(record["replaces"]),
+        )
+    else:
+        label, at = str(record["label"]), str(record["at"])
+        change: dict[str, Any] = {
+            "consented": lambda: {"consent_version": str(record["consent_version"])},
+            "withdrawing": lambda: {
+                "status": "withdrawing",
+                "withdrawn_at": at,
+                "reason": str(record["reason"]),
+            },
+            "withdrawn": lambda: {"status": "withdrawn", "withdrawn_at": at},
+        }[event]()
+        entries[label] = replace(entries[label], **change)

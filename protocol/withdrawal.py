@@ -1,0 +1,217 @@
+"""Find and remove everything recorded or derived from one participant."""
+
+import csv
+import io
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from recording.lock import is_held
+
+LABEL_COLUMNS = ("participant", "participant_id", "participant_label")
+MANIFEST_NAME = "manifest.json"
+
+
+@dataclass
+class Removal:
+    """What a withdrawal did.
+
+    `removed` lists folders and files that are gone, `rows` the rows taken out of each table,
+    `stale` derived files made with this participant's data that must be made anew, `unreadable`
+    manifests outside the participant's own folders that could not be read, `failures` what could
+    not be removed and why.
+    """
+
+    removed: list[Path] = field(default_factory=list)
+    rows: dict[Path, int] = field(default_factory=dict)
+    stale: list[Path] = field(default_factory=list)
+    unreadable: list[Path] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+
+
+def remove_participant(
+    study: str,
+    label: str,
+    data_roots: Sequence[Path],
+    derived_roots: Sequence[Path],
+    *,
+    required_derived: bool = True,
+) -> Removal:
+    """Remove a participant of a study from data roots and derived tables; repeatable.
+
+    Goes on after a failure, so that one locked file does not keep the rest. A data root that is
+    not there is a failure: its disk may only be unplugged.
+    """
+    removal = Removal()
+    for root in data_roots:
+        if not root.is_dir():
+            removal.failures.append(f"{root}: the data root is not there; connect its disk")
+            continue
+        for folder in _own_folders(study, label, root, removal):
+            _remove_sessions(folder, removal)
+    for root in derived_roots:
+        if root.is_dir():
+            _clean_derived(label, root, removal)
+        elif required_derived:
+            removal.failures.append(f"{root}: the folder of derived data is not there")
+    return removal
+
+
+def _own_folders(study: str, label: str, root: Path, removal: Removal) -> list[Path]:
+    """Return the participant's folders: by the name the recorder gives, and by manifest."""
+    own_name = f"sub-{label}".lower()
+    found: list[Path] = []
+    for folder, folders, files in os.walk(root):
+        here = Path(folder)
+        for name in list(folders):
+            if name.lower() == own_name and here.name == study:
+                found.append(here / name)
+                folders.remove(name)
+        if MANIFEST_NAME in files:
+            try:
+                manifest = json.loads((here / MANIFEST_NAME).read_bytes())
+            except (OSError, ValueError):
+                removal.unreadable.append(here / MANIFEST_NAME)
+                continue
+            if (
+                isinstance(manifest, dict)
+                and str(manifest.get("participant", "")).upper() == label
+                and manifest.get("study") == study
+            ):
+                found.append(here)
+                folders.clear()
+    return found
+
+
+def _remove_sessions(folder: Path, removal: Removal) -> None:
+    sessions = [p.parent for p in folder.rglob(MANIFEST_NAME)]
+    busy = [session for session in sessions if is_held(session)]
+    if busy:
+        removal.failures += [f"{s}: this session is running; end it first" for s in busy]
+        return
+    _remove(folder, removal)
+
+
+def _remove(path: Path, removal: Removal) -> None:
+    def note(function: object, failed: str, info: tuple[type, BaseException, object]) -> None:
+        error = info[1]
+        why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        removal.failures.append(f"{failed}: {why}; close programs that use it, check its rights")
+
+    before = len(removal.failures)
+    if path.is_dir() and not path.is_symlink():
+        _make_writable(path)
+        shutil.rmtree(path, onerror=note)
+    else:
+        try:
+            path.unlink()
+        except OSError as error:
+            note(None, str(path), (type(error), error, None))
+    if len(removal.failures) == before:
+        removal.removed.append(path)
+
+
+def _make_writable(folder: Path) -> None:
+    """Lift the write protection of raw files, which keeps Windows from removing them."""
+    if os.name == "nt":
+        for file in folder.rglob("*"):
+            if file.is_file():
+                file.chmod(0o600)
+
+
+def _clean_derived(label: str, root: Path, removal: Removal) -> None:
+    own = re.compile(rf"(?<![A-Za-z0-9])(sub-)?{re.escape(label)}(?![A-Za-z0-9])", re.IGNORECASE)
+    rest: list[Path] = []
+    for path in _walk(root, own):
+        if own.search(path.name):
+            _remove(path, removal)
+        else:
+            rest.append(path)
+    touched = False
+    for path in rest:
+        try:
+            count = _drop_rows(path, label)
+        except (OSError, ValueError, csv.Error, pa.ArrowException) as error:
+            removal.failures.append(f"{path}: its rows cannot be removed ({error})")
+            continue
+        if count:
+            removal.rows[path] = count
+            touched = True
+    tables = {".csv", ".tsv", ".parquet"}
+    if touched or removal.removed:
+        removal.stale += [p for p in rest if p.suffix.lower() not in tables]
+
+
+def _walk(root: Path, own: re.Pattern[str]) -> Iterator[Path]:
+    """Yield files, and whole folders that are the participant's own."""
+    for path in sorted(root.iterdir()):
+        if path.is_dir() and not path.is_symlink() and not own.search(path.name):
+            yield from _walk(path, own)
+        else:
+            yield path
+
+
+def _drop_rows(path: Path, label: str) -> int:
+    suffix = path.suffix.lower()
+    if suffix in (".csv", ".tsv"):
+        return _drop_csv_rows(path, label, "," if suffix == ".csv" else "\t")
+    if suffix == ".parquet":
+        return _drop_parquet_rows(path, label)
+    return 0
+
+
+def _drop_csv_rows(path: Path, label: str, delimiter: str) -> int:
+    text = path.read_bytes().decode("utf-8")
+    first_line = text.split("\n", 1)[0]
+    if delimiter not in first_line and ";" in first_line:  # saved by a decimal-comma spreadsheet
+        delimiter = ";"
+    rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
+    if not rows:
+        return 0
+    names = [name.removeprefix("\ufeff").strip() for name in rows[0]]
+    columns = [i for i, name in enumerate(names) if name in LABEL_COLUMNS]
+    kept = [rows[0], *(r for r in rows[1:] if not _names(r, columns, label))]
+    if len(kept) == len(rows):
+        return 0
+    out = io.StringIO(newline="")
+    ending = "\r\n" if "\r\n" in text else "\n"
+    csv.writer(out, delimiter=delimiter, lineterminator=ending).writerows(kept)
+    _replace(path, out.getvalue().encode("utf-8"))
+    return len(rows) - len(kept)
+
+
+def _names(row: Sequence[str], columns: Iterable[int], label: str) -> bool:
+    return any(i < len(row) and row[i].strip().upper() == label for i in columns)
+
+
+def _drop_parquet_rows(path: Path, label: str) -> int:
+    table = pq.read_table(path, partitioning=None)
+    drop = pa.chunked_array([pa.array([False] * table.num_rows)])
+    for name in LABEL_COLUMNS:
+        if name in table.column_names:
+            column = pc.utf8_upper(pc.cast(table[name], pa.string()))
+            drop = pc.or_(drop, pc.fill_null(pc.equal(column, label), False))
+    kept = table.filter(pc.invert(drop))
+    if kept.num_rows == table.num_rows:
+        return 0
+    buffer = io.BytesIO()
+    pq.write_table(kept, buffer)
+    _replace(path, buffer.getvalue())
+    return int(table.num_rows - kept.num_rows)
+
+
+def _replace(path: Path, data: bytes) -> None:
+    temporary = path.with_name(f".{path.name}.new")
+    with temporary.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(temporary, path)
