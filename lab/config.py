@@ -4,11 +4,12 @@ import hashlib
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, TypeGuard
+from typing import Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from lab.units import NAMES, explain_magnitude, explain_text, explain_unknown, unit_of
+from lab.model_problems import model_problems
+from lab.units import explain_magnitude, explain_text, unit_of
 from lab.yaml_lines import (
     Document,
     KeyPath,
@@ -133,7 +134,7 @@ def _validated(document: Document, option_models: OptionModels | None) -> LabCon
     if not isinstance(raw, dict):
         problems.append(document.problem((), "expects settings such as `lab: NAME`"))
         raise ProblemsError(document.path, problems)
-    problems += _model_problems(document, _File, raw, ())
+    problems += model_problems(document, _File, raw, ())
     devices = raw.get("devices")
     entries: dict[str, DeviceConfig] = {}
     if isinstance(devices, dict):
@@ -209,7 +210,7 @@ def _device(
         ]
     else:
         model = option_models[driver]
-        found = _model_problems(document, model, options, at, also_known=("driver", "simulated"))
+        found = model_problems(document, model, options, at, also_known=("driver", "simulated"))
         problems += found
         if not found:
             options = {**options, **model.model_validate(options).model_dump()}
@@ -221,111 +222,3 @@ def _unit_doubt(key: str, value: object) -> str | None:
     if unit_of(key) and isinstance(value, str):
         return explain_text(key, value)
     return explain_magnitude(key, value)
-
-
-def _model_problems(
-    document: Document,
-    model: type[BaseModel],
-    raw: Mapping[str, Any],
-    at: KeyPath,
-    also_known: tuple[str, ...] = (),
-) -> list[Problem]:
-    """Return what a model finds wrong, each with its line, nearest match and unit."""
-    problems: list[Problem] = []
-    complained: set[KeyPath] = set()
-    known = {*model.model_fields, *also_known}
-    if model.model_config.get("extra") != "forbid":
-        for key in raw.keys() - known:
-            problems.append(_unknown(document, (*at, key), raw[key], known))
-            complained.add((*at, key))
-    try:
-        model.model_validate(dict(raw))
-    except ValidationError as error:
-        for item in error.errors(include_url=False):
-            place = _in_file(document, (*at, *item["loc"]))
-            if item["type"] == "extra_forbidden":
-                fields = _fields_at(model, item["loc"][:-1])
-                extra = also_known if len(item["loc"]) == 1 else ()
-                problems.append(_unknown(document, place, item["input"], {*fields, *extra}))
-            else:
-                message = _wording(str(place[-1]) if place else "", dict(item))
-                problems.append(document.problem(place, message))
-            complained.add(place)
-    problems += _magnitudes(document, model, raw, at, complained)
-    return problems
-
-
-def _in_file(document: Document, place: tuple[str | int, ...]) -> KeyPath:
-    """Drop the parts of a pydantic location that name a type and not a key."""
-    kept: KeyPath = ()
-    for part in place[:-1]:
-        if (*kept, part) in document.lines:
-            kept = (*kept, part)
-    return (*kept, *place[-1:])
-
-
-def _fields_at(model: type[BaseModel], place: tuple[str | int, ...]) -> set[str]:
-    inner: object = model
-    for part in place:
-        if not _is_model(inner):
-            return set()
-        field = inner.model_fields.get(str(part))
-        inner = None if field is None else field.annotation
-    return set(inner.model_fields) if _is_model(inner) else set()
-
-
-def _is_model(kind: object) -> TypeGuard[type[BaseModel]]:
-    return isinstance(kind, type) and issubclass(kind, BaseModel)
-
-
-def _unknown(document: Document, place: KeyPath, value: object, known: set[str]) -> Problem:
-    key = str(place[-1])
-    message = explain_unknown(key, value, known) or f"unknown key{did_you_mean(key, known)}"
-    return document.problem(place, message)
-
-
-def _wording(key: str, item: Mapping[str, Any]) -> str:
-    """Say a pydantic complaint to an operator."""
-    kind, value = str(item["type"]), item["input"]
-    if kind == "missing":
-        unit = unit_of(key)
-        return "is missing" + (f"; give it in {NAMES[unit]}" if unit else "; add it")
-    if kind.startswith(("int_", "float_")) and (explained := explain_text(key, value)):
-        return explained
-    if kind == "string_type":
-        return f"is {value}, which YAML does not read as text; put it in quotes"
-    said = str(item["msg"])
-    said = (said[0].lower() + said[1:]).replace("input should", "should")
-    unit = unit_of(key)
-    in_unit = f", in {NAMES[unit]}" if unit else ""
-    if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
-        if doubted := explain_magnitude(key, value):
-            return doubted
-        return f"is {value!r}; {said}{in_unit}"
-    return f"is {value!r}; {said}{in_unit}"
-
-
-def _magnitudes(
-    document: Document,
-    model: type[BaseModel],
-    raw: Mapping[str, Any],
-    at: KeyPath,
-    complained: set[KeyPath],
-) -> list[Problem]:
-    """Doubt numbers that look like another unit, in this part and the parts below it."""
-    problems = []
-    for name, field in model.model_fields.items():
-        if name not in raw:
-            continue
-        place, value, kind = (*at, name), raw[name], field.annotation
-        if _is_model(kind) and isinstance(value, dict):
-            problems += _magnitudes(document, kind, value, place, complained)
-        elif place not in complained and not _any_magnitude(field.json_schema_extra):
-            usual = None if field.is_required() else field.default
-            if message := explain_magnitude(name, value, usual):
-                problems.append(document.problem(place, message))
-    return problems
-
-
-def _any_magnitude(extra: object) -> bool:
-    return isinstance(extra, dict) and bool(extra.get("any_magnitude"))
