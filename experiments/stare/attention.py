@@ -361,13 +361,19 @@ def begin_stretch(
 def begin_scene(
     mind: Records,
     person: Records,
-    segments: Records,
+    key: np.uint64,
     brightness_01: float,
     n_targets: int,
     t_ns: int,
 ) -> None:
-    """Meet a scene that appears at this time; look around once it has been taken in."""
+    """Meet a scene that appears at this time; look around once it has been taken in.
+
+    Random numbers go on from the start of stream `key`, so that what flashed up before this
+    scene leaves no trace.
+    """
     m, p = mind[0], person[0]
+    m.key = key
+    m.drawn = 0
     m.brightness_01 = brightness_01
     m.n_targets = n_targets
     m.target = NO_TARGET

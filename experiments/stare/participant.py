@@ -14,7 +14,12 @@ import numpy.typing as npt
 from devices.contracts import EYES_DTYPE
 from experiments.stare import attention, eye_movements, observer_state
 from experiments.stare.self_report import answer_question
-from experiments.stare.temperament import Population, Temperament, draw_temperament
+from experiments.stare.temperament import (
+    DEFAULT_POPULATION,
+    Population,
+    Temperament,
+    draw_temperament,
+)
 from lab.geometry import Vector, direction_from_yaw_pitch_deg
 from stimuli.scene import Scene, SceneFrame
 from stimuli.scenes.audience import PARTICIPANT_EYE_M
@@ -53,10 +58,10 @@ class StareParticipant:
         seed: int,
         effect: bool = True,
         *,
-        population: Population | None = None,
+        population: Population = DEFAULT_POPULATION,
         seat_m: Vector = PARTICIPANT_EYE_M,
     ) -> None:
-        self._population = Population() if population is None else population
+        self._population = population
         self._entropy = (seed, index)
         self.temperament: Temperament = draw_temperament(
             self._population, self._rng(N_PEOPLE_STREAM)
@@ -71,10 +76,13 @@ class StareParticipant:
         self._targets = np.zeros(1, dtype=observer_state.TARGET_DTYPE)
         self._scratch = np.zeros(1)
         self._agent_eyes = np.zeros((0, 3))
+        self._layout: _Layout | None = None
+        self._appeal: npt.NDArray[np.float64] = np.zeros(0)
         self._scene: Scene | None = None
         self._gaze: npt.NDArray[np.float64] | None = None
         self._openness: npt.NDArray[np.float64] | None = None
         self._instructed: tuple[float, ...] | None = None
+        self._scene_keys = np.uint64(0), np.uint64(0)
         self._stretch = 0
         self._fit = 0
         self._origin_ns = 0
@@ -89,9 +97,10 @@ class StareParticipant:
         """
         self._stretch = stretch
         self._origin_ns = t_ns
-        keys = self._sequence(N_BEHAVIOUR_STREAM, stretch).generate_state(2, np.uint64)
+        keys = self._sequence(N_BEHAVIOUR_STREAM, stretch).generate_state(4, np.uint64)
         mind = self._mind
-        mind["key"], mind["blink_key"] = keys
+        mind["key"], mind["blink_key"] = keys[:2]
+        self._scene_keys = keys[2], keys[3]
         mind["rest_yaw"] = mind["rest_pitch"] = 0.0
         direction, dioptre = np.array([0.0, 0.0, -1.0]), 1 / ROOM_DISTANCE_M
         if self._instructed is not None:
@@ -185,6 +194,11 @@ class StareParticipant:
         """Return the number of the present stretch of behaviour."""
         return self._stretch
 
+    @property
+    def notices_contact(self) -> bool:
+        """Whether gaze contact means anything to this participant."""
+        return self._effect
+
     def fit(self) -> int:
         """Return how the headset sits."""
         return self._fit
@@ -221,23 +235,27 @@ class StareParticipant:
         self._scene = scene
         lit = scene.brightness_01 > 0 and len(scene.agents) > 0
         if lit:
-            what = _Layout(scene, self._seat)
+            if self._layout is None or self._layout.scene is not scene:
+                self._layout = _Layout(scene, self._seat)
+                self._appeal = self._appeal_of(self._layout)
+            what = self._layout
             self._agent_eyes = what.agent_eyes
             self._targets = what.targets.copy()
-            self._targets["appeal"] = self._appeal(what)
+            self._targets["appeal"] = self._appeal
             self._scratch = np.zeros(len(self._targets))
             self._mind["rest_yaw"], self._mind["rest_pitch"] = what.rest
+        else:
+            self._mind["rest_yaw"] = self._mind["rest_pitch"] = 0.0
         n = len(self._targets) if lit else 0
-        attention.begin_scene(
-            self._mind, self._person, self._segments, scene.brightness_01, n, t_ns
-        )
+        key = self._scene_keys[int(lit)]
+        attention.begin_scene(self._mind, self._person, key, scene.brightness_01, n, t_ns)
         if self._instructed is None and not lit and scene.mark_m is not None:
             direction, dioptre = self._towards(scene.mark_m.tolist())
             attention.instruct(self._mind, self._person, direction, dioptre, t_ns)
         elif self._instructed is None:
             attention.release(self._mind, self._person, t_ns)
 
-    def _appeal(self, what: "_Layout") -> npt.NDArray[np.float64]:
+    def _appeal_of(self, what: "_Layout") -> npt.NDArray[np.float64]:
         q, who = self._population, self.temperament
         by_kind = np.array(
             [
@@ -260,6 +278,7 @@ class _Layout:
     """A scene as targets seen from a seat, before anyone's preferences."""
 
     def __init__(self, scene: Scene, seat: Vector) -> None:
+        self.scene = scene
         n = len(scene.agents)
         heads = np.array([a.head_centre_m for a in scene.agents])
         bodies = heads - np.array([0.0, CHEST_BELOW_HEAD_M, 0.0])

@@ -176,6 +176,9 @@ class Population:
     """C: its between-person spread."""
 
 
+DEFAULT_POPULATION = Population()
+
+
 @dataclass(frozen=True)
 class Temperament:
     """One simulated person: `constants` for the kernel and what the questionnaires ask about.

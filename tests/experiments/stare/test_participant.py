@@ -97,6 +97,23 @@ def test_repeated_stretch_is_the_same_bit_for_bit_whatever_came_before() -> None
         assert want.tobytes() == got.tobytes()
 
 
+def test_what_flashed_up_before_the_dark_leaves_no_trace() -> None:
+    dark = black_scene(CHARACTERS)
+    blank = Scene(name="blank", agents=(), brightness_01=0.0)
+    nothing = np.empty((0, 3))
+    results = []
+    for before in (frame((1,)), SceneFrame(blank, 0, nothing, np.empty(0))):
+        participant = StareParticipant(6, 4)
+        participant.prepare(3, 0)
+        participant.see(before, 11 * MS)
+        participant.eyes(TRIAL_NS[:2])
+        participant.see(SceneFrame(dark, 0, gaze_towards(dark), np.ones(11)), 22 * MS)
+        participant.eyes(TRIAL_NS[2:360])
+        participant.see(frame((2,)), 3000 * MS)
+        results.append(participant.eyes(TRIAL_NS[360:]).tobytes())
+    assert results[0] == results[1]
+
+
 def test_another_stretch_is_another_behaviour() -> None:
     assert not np.array_equal(watched(0, 1, (), True)[2], watched(0, 2, (), True)[2])
 

@@ -1,0 +1,55 @@
+"""The tracker error of the simulated Pupil Core, without its wire, for the quick path."""
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.sim.tracker_error import (
+    N_SLOW,
+    N_WHITE,
+    StretchNoise,
+    TrackerErrorModel,
+    draw_systematic,
+    measured_directions,
+)
+from lab.clock import NS_PER_MS
+from lab.geometry import Vector, unit
+
+RATE_HZ = 120.0
+OPENNESS_SEEN_01 = (0.6 / 0.99 + 0.1) / 1.2
+"""Lids at which the simulator's confidence reaches the driver's threshold of 0.6."""
+
+
+class QuickTracker:
+    """Draw the same errors as the simulated device, from the same seeds."""
+
+    def __init__(self, seed: int, model: TrackerErrorModel | None = None) -> None:
+        self._seed = seed
+        self._model = TrackerErrorModel() if model is None else model
+
+    @property
+    def delay_ns(self) -> int:
+        """Mean time from a sample to its arrival."""
+        return round(self._model.latency_ms * NS_PER_MS)
+
+    def measure(
+        self, eyes: npt.NDArray[np.void], *, first_sample: int, stretch: int, fit: int
+    ) -> tuple[Vector, npt.NDArray[np.bool_]]:
+        """Return combined directions in the head frame (n, 3) and validity (n,)."""
+        n = eyes.shape[0]
+        systematic = draw_systematic(self._model, self._seed, fit=fit, calibrated_fit=fit)
+        noise = StretchNoise(self._model, self._seed, stretch, RATE_HZ).take(first_sample + n)
+        out = np.empty((n, 2, 3))
+        measured_directions(
+            eyes["left_direction_head"],
+            eyes["right_direction_head"],
+            noise[first_sample:, : N_WHITE + N_SLOW],
+            systematic.offset_rad,
+            systematic.gain,
+            out,
+        )
+        return unit(out.sum(axis=1)), eyes["openness_01"] >= OPENNESS_SEEN_01
+
+
+def tracker_of(seed: int, index: int) -> QuickTracker:
+    """Return the tracker of one participant of a study."""
+    return QuickTracker(seed * 1000 + index)

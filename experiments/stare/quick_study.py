@@ -1,0 +1,307 @@
+"""A short path through the stare study: the same people, trials and rules without the engine.
+
+It leaves out wires, drivers, recorder, session, calibration and validation, and agents' blinks;
+everything that decides a measure is the code the engine uses: the participant, the audience, the
+ray test, the area of interest, the look measures, and a tracker model handed in. A trial takes
+about 2 ms instead of 200, which makes fitting, power analyses and studies of the null
+hypothesis feasible. Head position is held for a tenth of a second at a time in the ray test
+(it moves less than a millimetre meanwhile).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.gaze.aoi import aoi_of_samples
+from analysis.gaze.looks import (
+    DEFAULT_LOOK_PARAMETERS,
+    LookMeasures,
+    LookParameters,
+    measure_trial,
+)
+from experiments.stare.design import (
+    AVERTED,
+    AVERTED_THEN_DIRECTED,
+    CONDITIONS,
+    DEFAULT_PARAMETERS,
+    DYNAMIC_CONDITIONS,
+    StareParameters,
+    plan_session,
+)
+from experiments.stare.measures import SIX_MEASURES
+from experiments.stare.participant import StareParticipant
+from experiments.stare.scene import active_index_of
+from experiments.stare.temperament import DEFAULT_POPULATION, Population
+from lab.clock import NS_PER_MS, NS_PER_S
+from lab.geometry import Vector, rotate
+from protocol.plan import SessionPlan, Trial
+from stimuli.gaze.behaviour import EyeBehaviour
+from stimuli.gaze.blinks import Blinks
+from stimuli.scene import Scene, SceneFrame
+from stimuli.scenes.audience import (
+    PARTICIPANT_EYE_M,
+    PLACES,
+    SPEAKER_EYE_M,
+    audience_scene,
+    black_scene,
+)
+from stimuli.visibility import SceneGeometry
+
+N_CONDITIONS = len(CONDITIONS)
+FIRST_FRAME = 2
+"""The dark appears two frames after the stretch begins: one to wait for, one to be displayed."""
+DISPLAY_HZ = 90
+TRACKER_HZ = 120
+HELD_SAMPLES = 12
+
+Times = npt.NDArray[np.int64]
+
+
+class TrackerModel(Protocol):
+    """Measure true eye states as an eye tracker would."""
+
+    def measure(
+        self, eyes: npt.NDArray[np.void], *, first_sample: int, stretch: int, fit: int
+    ) -> tuple[Vector, npt.NDArray[np.bool_]]:
+        """Return combined directions in the head frame (n, 3) and validity (n,).
+
+        `first_sample` counts the stretch's samples before these.
+        """
+        ...
+
+    @property
+    def delay_ns(self) -> int:
+        """Time from a sample to its arrival."""
+        ...
+
+
+@dataclass(frozen=True)
+class QuickResult:
+    """A simulated study: `measures` (participants, trials, 6), NaN where missing.
+
+    The last axis follows `SIX_MEASURES`; `condition` and `place` (participants, trials) index
+    `CONDITIONS` and `PLACES`; `switch_ms` is NaN without a gaze change; `anxiety_total`
+    (participants,) is the score of the scale.
+    """
+
+    measures: npt.NDArray[np.float64]
+    condition: npt.NDArray[np.int64]
+    place: npt.NDArray[np.int64]
+    switch_ms: npt.NDArray[np.float64]
+    anxiety_total: npt.NDArray[np.float64]
+
+
+@lru_cache(maxsize=1)
+def _scenes() -> tuple[Scene, Scene, SceneGeometry, EyeBehaviour]:
+    characters = tuple(f"character_{i + 1:02d}" for i in range(len(PLACES)))
+    scene = audience_scene(characters)
+    nothing = np.empty(0, np.int64)
+    behaviour = EyeBehaviour.of_scene(
+        scene, target_m=SPEAKER_EYE_M, blinks=Blinks(nothing, nothing, nothing)
+    )
+    return scene, black_scene(characters), SceneGeometry.from_scene(scene), behaviour
+
+
+def _frame_at_or_after(t_ns: int) -> int:
+    return -(-t_ns * DISPLAY_HZ // NS_PER_S)
+
+
+def _frame_ns(index: int) -> int:
+    return index * NS_PER_S // DISPLAY_HZ
+
+
+def _sample_times(start_ns: int, end_ns: int) -> Times:
+    first = -(-start_ns * TRACKER_HZ // NS_PER_S)
+    last = -(-end_ns * TRACKER_HZ // NS_PER_S)
+    return np.arange(first, last, dtype=np.int64) * NS_PER_S // TRACKER_HZ
+
+
+def run_participant(
+    participant: StareParticipant,
+    tracker: TrackerModel,
+    plan: SessionPlan,
+    *,
+    params: StareParameters = DEFAULT_PARAMETERS,
+    looks: LookParameters = DEFAULT_LOOK_PARAMETERS,
+) -> tuple[list[LookMeasures], list[float]]:
+    """Perform every trial of a plan; return its measures and the time of the gaze change.
+
+    The gaze change is in milliseconds from the trial's start, NaN for none.
+    """
+    measures, switches = [], []
+    for block in plan.blocks:
+        participant.wear(block.index + 1)
+        for trial in block.trials:
+            if not trial.is_practice:
+                measured, switch_ms = _trial(participant, tracker, trial, params, looks)
+                measures.append(measured)
+                switches.append(switch_ms)
+    return measures, switches
+
+
+def _trial(
+    participant: StareParticipant,
+    tracker: TrackerModel,
+    trial: Trial,
+    params: StareParameters,
+    looks: LookParameters,
+) -> tuple[LookMeasures, float]:
+    _, _, geometry, behaviour = _scenes()
+    active = active_index_of(trial)
+    condition = str(trial.factors["condition"])
+    if condition not in (AVERTED, AVERTED_THEN_DIRECTED):
+        behaviour = behaviour.staring(active)
+    start_frame = FIRST_FRAME + 1 + _frame_at_or_after(round(params.intertrial_s * NS_PER_S))
+    start_ns = _frame_ns(start_frame)
+    end_ns = start_ns + round(params.trial_s * NS_PER_S)
+    t_ns = _sample_times(start_ns, end_ns)
+    first = int(t_ns[0] * TRACKER_HZ // NS_PER_S) + 1
+    _begin(participant, trial.number, start_ns, behaviour)
+    aoi = _aoi(participant, tracker, geometry, t_ns, first, params.pad_deg)
+    if condition not in DYNAMIC_CONDITIONS:
+        return measure_trial(t_ns, aoi, active, start_ns, end_ns, params=looks), float("nan")
+
+    turn_frame = _turn_frame(t_ns, aoi, active, start_ns, tracker.delay_ns, params)
+    switch_ns = _frame_ns(turn_frame + 1)
+    if participant.notices_contact:
+        after = int(np.searchsorted(t_ns, switch_ns))
+        turning = behaviour.turning(
+            active,
+            _frame_ns(turn_frame) - start_ns,
+            to_observer=condition == AVERTED_THEN_DIRECTED,
+        )
+        _begin(participant, trial.number, start_ns, behaviour)
+        participant.head(int(t_ns[after - 1]))
+        moving = True
+        while moving:
+            _, moving = _show(participant, turning, start_ns, turn_frame)
+            turn_frame += 1
+        rest = _aoi(participant, tracker, geometry, t_ns[after:], first + after, params.pad_deg)
+        aoi = np.concatenate([aoi[:after], rest])
+    measured = measure_trial(t_ns, aoi, active, start_ns, end_ns, switch_ns=switch_ns, params=looks)
+    return measured, (switch_ns - start_ns) / NS_PER_MS
+
+
+def _begin(
+    participant: StareParticipant, stretch: int, start_ns: int, behaviour: EyeBehaviour
+) -> None:
+    """Go through the dark before a trial and show its first picture."""
+    scene, dark, _, _ = _scenes()
+    facing = np.array([a.facing for a in dark.agents])
+    participant.prepare(stretch, 0)
+    dark_ns = _frame_ns(FIRST_FRAME)
+    participant.see(SceneFrame(dark, dark_ns, facing, np.ones(len(PLACES))), dark_ns)
+    gaze, openness, _ = behaviour.at(0, PARTICIPANT_EYE_M)
+    participant.head(start_ns - 1)
+    participant.see(SceneFrame(scene, start_ns, gaze, openness), start_ns)
+
+
+def _show(
+    participant: StareParticipant, behaviour: EyeBehaviour, start_ns: int, frame: int
+) -> tuple[int, bool]:
+    """Show what a frame holds, from the next on; return that time, and whether eyes move."""
+    elapsed_ns = _frame_ns(frame) - start_ns
+    display_ns = _frame_ns(frame + 1)
+    gaze, openness, moving = behaviour.at(elapsed_ns, PARTICIPANT_EYE_M)
+    participant.see(SceneFrame(_scenes()[0], display_ns, gaze, openness), display_ns)
+    return display_ns, moving
+
+
+def _aoi(
+    participant: StareParticipant,
+    tracker: TrackerModel,
+    geometry: SceneGeometry,
+    t_ns: Times,
+    first_sample: int,
+    pad_deg: float,
+) -> npt.NDArray[np.int16]:
+    """Return the area of interest of each sample, as the tracker sees it."""
+    eyes, position, orientation = participant.sense(t_ns)
+    direction_head, valid = tracker.measure(
+        eyes, first_sample=first_sample, stretch=participant.stretch(), fit=participant.fit()
+    )
+    held = np.arange(t_ns.shape[0]) // HELD_SAMPLES * HELD_SAMPLES
+    origin = position[held]
+    direction = rotate(orientation, direction_head)
+    angle, radius, limit, hit = geometry.observe(origin, direction, valid)
+    return aoi_of_samples(angle, radius, limit, hit, pad_deg=pad_deg)
+
+
+def _turn_frame(
+    t_ns: Times,
+    aoi: npt.NDArray[np.int16],
+    active: int,
+    start_ns: int,
+    delay_ns: int,
+    params: StareParameters,
+) -> int:
+    """Return the frame at which the active agent turns: once looked at, or at half time."""
+    limit_ns = start_ns + round(params.trial_s * params.switch_at_01 * NS_PER_S)
+    by_time = _frame_at_or_after(limit_ns)
+    on = np.flatnonzero(aoi == active)
+    if not on.size:
+        return by_time
+    seen_ns = int(t_ns[on[0]]) + delay_ns
+    wait_ns = round(params.look_trigger_ms * NS_PER_MS)
+    return min(by_time, _frame_at_or_after(max(seen_ns, int(t_ns[on[0]]) + wait_ns)))
+
+
+def run_study(
+    make_tracker: Callable[[int, int], TrackerModel],
+    *,
+    seed: int,
+    participants: Sequence[int] = range(30),
+    effect: bool = True,
+    population: Population = DEFAULT_POPULATION,
+    params: StareParameters = DEFAULT_PARAMETERS,
+    looks: LookParameters = DEFAULT_LOOK_PARAMETERS,
+) -> QuickResult:
+    """Simulate a study; `make_tracker(seed, index)` gives each participant a tracker."""
+    measures, condition, place, switches, totals = [], [], [], [], []
+    for index in participants:
+        plan = plan_session(index, seed, params=params)
+        person = StareParticipant(index, seed, effect, population=population)
+        measured, switch_ms = run_participant(
+            person, make_tracker(seed, index), plan, params=params, looks=looks
+        )
+        trials = [t for t in plan.trials if not t.is_practice]
+        rows = [m.as_row() for m in measured]
+        measures.append([[_number(row[name]) for name in SIX_MEASURES] for row in rows])
+        condition.append([CONDITIONS.index(str(t.factors["condition"])) for t in trials])
+        place.append([active_index_of(t) for t in trials])
+        switches.append(switch_ms)
+        totals.append(anxiety_total(person))
+    return QuickResult(
+        np.array(measures),
+        np.array(condition),
+        np.array(place),
+        np.array(switches),
+        np.array(totals),
+    )
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def anxiety_total(participant: StareParticipant) -> float:
+    """Return the sum over 24 situations of fear and avoidance, 0-3 each."""
+    options = ("0", "1", "2", "3")
+    items = (f"liebowitz_{i:02d}_{part}" for i in range(1, 25) for part in ("fear", "avoidance"))
+    answers = (participant.answer(item, "", options) for item in items)
+    return float(sum(int(a) for a in answers if a is not None))
+
+
+def condition_means(result: QuickResult) -> npt.NDArray[np.float64]:
+    """Return participants' means (participants, 4, 6) over trials where the measure exists."""
+    means = np.full((result.measures.shape[0], N_CONDITIONS, len(SIX_MEASURES)), np.nan)
+    for c in range(N_CONDITIONS):
+        chosen = np.where((result.condition == c)[:, :, None], result.measures, np.nan)
+        count = np.isfinite(chosen).sum(axis=1)
+        with np.errstate(invalid="ignore"):
+            means[:, c] = np.where(count > 0, np.nansum(chosen, axis=1) / count, np.nan)
+    return means
