@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from protocol.plan import Block, Trial
+from recording.reader import Recording
 
 DONE = frozenset({"complete", "skipped"})
 
@@ -70,6 +71,23 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
         calibrations,
         validated_at_end,
     )
+
+
+def progress_of_recording(recording: Recording) -> Progress:
+    """Derive progress from everything a session has recorded so far."""
+    rows = {
+        (str(row["trial_id"]), int(row["attempt"])): row
+        for row in recording.trials().to_dict("records")
+    }
+    entries: list[dict[str, Any]] = []
+    for event in recording.events().to_dict("records"):
+        entry = {**event["payload"], "event": event["name"]}
+        entries.append(entry)
+        if event["name"] == "trial_start":
+            row = rows.get((str(entry["trial_id"]), int(entry["attempt"])))
+            if row is not None:
+                entries.append({**row, "event": "trial"})
+    return progress_of(entries)
 
 
 def left_of(block: Block, progress: Progress) -> tuple[Trial, ...]:

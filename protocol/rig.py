@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from devices.contracts import (
     Armband,
     Device,
+    DeviceInfo,
     EyeTracker,
     Fault,
     Headset,
@@ -87,6 +88,10 @@ class RunningRig:
     def schemas(self) -> tuple[StreamSchema, ...]:
         """Return every stream the devices will deliver."""
         return tuple(s for d in self._devices.values() for s in d.describe())
+
+    def infos(self) -> tuple[DeviceInfo, ...]:
+        """Return who every device is; complete once open."""
+        return tuple(d.info for d in self._devices.values())
 
     def preflight(self) -> tuple[Fault, ...]:
         """Check every device; raise on the first that blocks the session.

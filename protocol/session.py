@@ -57,6 +57,8 @@ class Session:
         with RunningRig(setup.rig, setup.clock, lambda r, b: deliver[0].sink(r, b)) as rig:
             for schema in rig.schemas():
                 self._recorder.declare(schema)
+            if setup.on_open is not None:
+                setup.on_open(rig.infos())
             gaze_rate_hz = rig.eye_tracker.describe()[0].nominal_rate_hz
             loop = FrameLoop(
                 setup.experiment,

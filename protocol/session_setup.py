@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from devices.contracts import DeviceInfo
 from lab.clock import Clock
 from protocol.experiment import Experiment, Respondent, ValidationJudge
 from protocol.gaze_setup import TargetTiming
@@ -38,3 +39,4 @@ class SessionSetup:
     blind: bool = False
     timing: TargetTiming = field(default_factory=TargetTiming)
     on_trial: Callable[[str, int, int], None] | None = None
+    on_open: Callable[[tuple[DeviceInfo, ...]], None] | None = None

@@ -1,0 +1,411 @@
+"""Can they leave? Compare what a session planned with what its recording holds.
+
+Every threshold is an argument with a default; gaze loss and calibration limits follow gaze.md
+section 5 (trial out above 30 % loss, validation accepted up to 1.5°).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from recording.reader import Recording
+
+
+class Level(IntEnum):
+    """Green: they can leave. Amber: look before they leave. Red: something must be redone."""
+
+    GREEN = 0
+    AMBER = 1
+    RED = 2
+
+
+@dataclass(frozen=True)
+class CheckLimits:
+    """When a trial, a stream or a calibration stops being good."""
+
+    received_amber_01: float = 0.95
+    received_red_01: float = 0.80
+    valid_amber_01: float = 0.85
+    valid_red_01: float = 0.70
+    accuracy_amber_deg: float = 1.5
+    accuracy_red_deg: float = 2.5
+    drift_amber_deg: float = 0.75
+    drift_red_deg: float = 1.5
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at; `redo` is what to do now, empty when nothing."""
+
+    level: Level
+    subject: str
+    message: str
+    redo: str = ""
+
+
+@dataclass(frozen=True)
+class TrialCheck:
+    """What one planned trial delivered; counts are None when it was never finished."""
+
+    trial_id: str
+    block: int
+    status: str
+    attempts: int
+    gaze_level: Level
+    gaze_expected: int | None
+    gaze_received: int | None
+    gaze_valid: int | None
+    frames: int | None
+    frames_dropped: int | None
+    flags: str
+
+
+@dataclass(frozen=True)
+class StreamCheck:
+    """What one stream delivered over the whole session; expected None for irregular streams."""
+
+    stream: str
+    rows: int
+    expected: int | None
+    rate_hz: float | None
+    longest_gap_ms: float | None
+    level: Level
+
+
+@dataclass(frozen=True)
+class SessionCheck:
+    """The verdict with everything behind it."""
+
+    level: Level
+    is_simulated: bool
+    participant: str
+    findings: tuple[Finding, ...]
+    trials: tuple[TrialCheck, ...]
+    streams: tuple[StreamCheck, ...] = field(default_factory=tuple)
+
+    @property
+    def redo(self) -> tuple[str, ...]:
+        """What to do while the participant is still there, most pressing first."""
+        urgent = sorted((f for f in self.findings if f.redo), key=lambda f: -f.level)
+        return tuple(dict.fromkeys(f.redo for f in urgent))
+
+
+def check_session(recording: Recording, limits: CheckLimits | None = None) -> SessionCheck:
+    """Compare plan and recording of a session in any state."""
+    limits = limits or CheckLimits()
+    plan: Mapping[str, Any] = recording.manifest.plan
+    events = recording.events()
+    trials = _check_trials(plan, recording.trials(), events, limits)
+    streams = _check_streams(recording, limits)
+    findings = [
+        *_recording_findings(recording),
+        *_trial_findings(trials),
+        *_stream_findings(streams),
+        *_calibration_findings(events, limits),
+        *_questionnaire_findings(plan, events),
+        *_deviation_findings(events, recording),
+    ]
+    return SessionCheck(
+        level=max((f.level for f in findings), default=Level.GREEN),
+        is_simulated=recording.is_simulated,
+        participant=recording.manifest.participant,
+        findings=tuple(findings),
+        trials=tuple(trials),
+        streams=tuple(streams),
+    )
+
+
+# ---- the recording itself --------------------------------------------------------------------
+
+
+def _recording_findings(recording: Recording) -> list[Finding]:
+    status = recording.status
+    problems = [
+        p for part in recording.manifest.parts for p in recording.part_problems(part.number)
+    ]
+    torn = [p for p in problems if "mixes simulated and real" not in p]
+    if status == "running":
+        return [
+            Finding(
+                Level.AMBER, "recording", "the session is still running", "wait for its last trial"
+            )
+        ]
+    if status in ("aborted", "crashed"):
+        found = [
+            Finding(
+                Level.RED,
+                "recording",
+                f"the session {'was ended early' if status == 'aborted' else 'crashed'}",
+                "continue with `visavis resume`",
+            )
+        ]
+    else:
+        found = [Finding(Level.GREEN, "recording", "complete: every file closed and counted")]
+    crashed = [p.number for p in recording.manifest.parts if p.status == "crashed"]
+    for problem in torn:
+        if not any(f"part-{number:02d}" in problem for number in crashed):
+            found.append(Finding(Level.RED, "recording", problem, "run `visavis recover`"))
+    return found
+
+
+# ---- trials ----------------------------------------------------------------------------------
+
+
+def _check_trials(
+    plan: Mapping[str, Any], rows: pd.DataFrame, events: pd.DataFrame, limits: CheckLimits
+) -> list[TrialCheck]:
+    started: dict[str, int] = {}
+    for payload in events.loc[events["name"] == "trial_start", "payload"]:
+        started[payload["trial_id"]] = started.get(payload["trial_id"], 0) + 1
+    last: dict[str, Mapping[str, Any]] = {}
+    for row in rows.to_dict("records"):
+        kept = last.get(str(row["trial_id"]))
+        if kept is None or row["status"] != "interrupted" or kept["status"] == "interrupted":
+            last[str(row["trial_id"])] = {str(k): v for k, v in row.items()}
+    return [
+        _check_trial(trial, last.get(trial["trial_id"]), started, limits)
+        for block in plan["blocks"]
+        for trial in block["trials"]
+    ]
+
+
+def _check_trial(
+    trial: Mapping[str, Any],
+    row: Mapping[str, Any] | None,
+    started: Mapping[str, int],
+    limits: CheckLimits,
+) -> TrialCheck:
+    trial_id = trial["trial_id"]
+    attempts = started.get(trial_id, 0)
+    if row is None or row["status"] == "interrupted":
+        status = "interrupted" if attempts else "missing"
+        return TrialCheck(
+            trial_id, trial["block"], status, attempts, Level.RED, None, None, None, None, None, ""
+        )
+    expected, received, valid = (
+        int(row[c]) for c in ("gaze_expected", "gaze_received", "gaze_valid")
+    )
+    level = Level.GREEN
+    if expected:
+        level = max(
+            _share_level(received / expected, limits.received_amber_01, limits.received_red_01),
+            _share_level(valid / expected, limits.valid_amber_01, limits.valid_red_01),
+        )
+    flags = str(row.get("flags") or "")
+    return TrialCheck(
+        trial_id,
+        trial["block"],
+        str(row["status"]),
+        attempts,
+        level,
+        expected,
+        received,
+        valid,
+        int(row["frames"]),
+        int(row["frames_dropped"]),
+        flags,
+    )
+
+
+def _share_level(share_01: float, amber_01: float, red_01: float) -> Level:
+    if share_01 < red_01:
+        return Level.RED
+    return Level.AMBER if share_01 < amber_01 else Level.GREEN
+
+
+def _trial_findings(trials: list[TrialCheck]) -> list[Finding]:
+    complete = sum(t.status == "complete" for t in trials)
+    found = [
+        Finding(
+            Level.GREEN if complete == len(trials) else Level.AMBER,
+            "trials",
+            f"{complete} of {len(trials)} planned trials complete",
+        )
+    ]
+    undone = [t.trial_id for t in trials if t.status in ("missing", "interrupted")]
+    if undone:
+        found.append(
+            Finding(
+                Level.RED,
+                "trials",
+                f"not done: {_listed(undone)}",
+                "continue with `visavis resume`; it performs the missing trials",
+            )
+        )
+    skipped = [t.trial_id for t in trials if t.status == "skipped"]
+    if skipped:
+        found.append(Finding(Level.AMBER, "trials", f"skipped with a reason: {_listed(skipped)}"))
+    for level, word in ((Level.RED, "too little"), (Level.AMBER, "less than usual")):
+        poor = [t.trial_id for t in trials if t.status == "complete" and t.gaze_level is level]
+        if poor:
+            redo = "recalibrate, then redo these trials in a further session" if level > 1 else ""
+            found.append(Finding(level, "gaze", f"{word} valid gaze in {_listed(poor)}", redo))
+    flagged = [f"{t.trial_id} ({t.flags})" for t in trials if t.flags]
+    if flagged:
+        found.append(Finding(Level.AMBER, "trials", f"flagged: {_listed(flagged)}"))
+    return found
+
+
+def _listed(names: list[str], most: int = 12) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+# ---- streams ---------------------------------------------------------------------------------
+
+
+def _check_streams(recording: Recording, limits: CheckLimits) -> list[StreamCheck]:
+    checks = []
+    for name in recording.stream_names:
+        schema = recording.stream_schema(name)
+        arrays = recording.stream_arrays(name)
+        t_ns = arrays.get("t_host_ns", np.zeros(0, dtype=np.int64))
+        parts = arrays["recording_part"]
+        nominal_hz = schema.nominal_rate_hz if schema is not None else 0.0
+        if nominal_hz <= 0:
+            checks.append(StreamCheck(name, len(t_ns), None, None, None, Level.GREEN))
+            continue
+        duration_s = 0.0
+        longest_ms = 0.0
+        for part in np.unique(parts):
+            times = t_ns[parts == part]
+            duration_s += float(times[-1] - times[0]) / 1e9
+            if len(times) > 1:
+                longest_ms = max(longest_ms, float(np.diff(times).max()) / 1e6)
+        expected = round(duration_s * nominal_hz)
+        share_01 = len(t_ns) / expected if expected else 0.0
+        level = _share_level(share_01, limits.received_amber_01, limits.received_red_01)
+        rate_hz = len(t_ns) / duration_s if duration_s > 0 else 0.0
+        checks.append(StreamCheck(name, len(t_ns), expected, rate_hz, longest_ms, level))
+    return checks
+
+
+def _stream_findings(streams: list[StreamCheck]) -> list[Finding]:
+    found = []
+    for stream in streams:
+        if stream.expected is None:
+            continue
+        if stream.rows == 0:
+            message, redo = "delivered nothing", "check the device, then redo the session"
+            found.append(Finding(Level.RED, stream.stream, message, redo))
+        elif stream.level is not Level.GREEN:
+            share = 100 * stream.rows / stream.expected
+            message = (
+                f"{share:.0f} % of the expected samples; longest gap {stream.longest_gap_ms:.0f} ms"
+            )
+            found.append(Finding(stream.level, stream.stream, message))
+    if not streams:
+        found.append(Finding(Level.RED, "streams", "nothing was recorded", "redo the session"))
+    return found
+
+
+# ---- calibration -----------------------------------------------------------------------------
+
+
+def _calibration_findings(events: pd.DataFrame, limits: CheckLimits) -> list[Finding]:
+    validations = list(events.loc[events["name"] == "validation", "payload"])
+    if not validations:
+        return [
+            Finding(
+                Level.RED, "calibration", "no validation was recorded", "calibrate and validate"
+            )
+        ]
+    found = []
+    in_force = {v["block"]: v for v in validations if v["moment"] == "block_start"}
+    for block, v in in_force.items():
+        if not v["accepted"]:
+            found.append(
+                Finding(Level.AMBER, "calibration", f"block {block} not accepted: {v['reason']}")
+            )
+    ends = [v for v in validations if v["moment"] == "end"]
+    if not ends:
+        found.append(
+            Finding(
+                Level.AMBER,
+                "calibration",
+                "no validation at the end, so drift is unknown",
+                "continue with `visavis resume`; it validates once more",
+            )
+        )
+    else:
+        found.append(_drift_finding(list(in_force.values()), ends[-1], limits))
+    return found
+
+
+def _drift_finding(
+    starts: list[Mapping[str, Any]], end: Mapping[str, Any], limits: CheckLimits
+) -> Finding:
+    end_deg = end["accuracy_deg"]
+    if end_deg is None:
+        return Finding(Level.RED, "calibration", "all gaze was lost in the final validation")
+    start_deg = starts[-1]["accuracy_deg"] if starts else None
+    drift_deg = 0.0 if start_deg is None else end_deg - start_deg
+    level = Level.GREEN
+    if end_deg > limits.accuracy_amber_deg or drift_deg > limits.drift_amber_deg:
+        level = Level.AMBER
+    if end_deg > limits.accuracy_red_deg or drift_deg > limits.drift_red_deg:
+        level = Level.RED
+    message = f"accuracy {end_deg:.2f}° at the end, drift {drift_deg:+.2f}° over the last block"
+    return Finding(level, "calibration", message)
+
+
+# ---- questionnaires and deviations -----------------------------------------------------------
+
+
+def _questionnaire_findings(plan: Mapping[str, Any], events: pd.DataFrame) -> list[Finding]:
+    complete = {
+        p["questionnaire"]
+        for p in events.loc[events["name"] == "questionnaire_complete", "payload"]
+    }
+    found = [
+        Finding(
+            Level.RED,
+            "questionnaires",
+            f"{name} is missing",
+            "continue with `visavis resume`; it asks what is missing",
+        )
+        for name in plan["questionnaires"]
+        if name not in complete
+    ]
+    left_out: dict[str, int] = {}
+    for p in events.loc[events["name"] == "answer", "payload"]:
+        if p["answer"] is None:
+            left_out[p["questionnaire"]] = left_out.get(p["questionnaire"], 0) + 1
+    for name, count in left_out.items():
+        level = Level.GREEN if name == "comment" else Level.AMBER
+        found.append(Finding(level, "questionnaires", f"{name}: {count} left out"))
+    if not found:
+        found.append(Finding(Level.GREEN, "questionnaires", "all answered"))
+    return found
+
+
+def _deviation_findings(events: pd.DataFrame, recording: Recording) -> list[Finding]:
+    found = [
+        Finding(
+            Level.AMBER,
+            "interruption",
+            f"part {part.number} ended early ({part.status})"
+            + (f": {part.reason}" if part.reason else ""),
+        )
+        for part in recording.manifest.parts[:-1]
+    ]
+    for name, text in (
+        ("trial_repeat", "trials repeated by the operator"),
+        ("fault", "device faults"),
+        ("device_lost", "devices lost and regained"),
+        ("calibration_below_threshold", "blocks run on a calibration below the threshold"),
+    ):
+        count = int((events["name"] == name).sum())
+        if count:
+            found.append(Finding(Level.AMBER, "deviation", f"{text}: {count}"))
+    notes = [
+        p["text"]
+        for p in events.loc[events["name"] == "operator", "payload"]
+        if p["action"] == "note" and p["text"]
+    ]
+    found += [Finding(Level.AMBER, "note", str(text)) for text in notes]
+    return found

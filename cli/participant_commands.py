@@ -1,0 +1,121 @@
+"""participant add, list, withdraw: the ledger of a study."""
+
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from cli.app import ConfigOption, StudyArgument, app, console, load_lab
+from cli.rigs import is_simulated
+from cli.session_commands import DEFAULT_SEED, DevicesOption, ledger_of
+from cli.studies import find_study
+from cli.study_folder import StudySettings, settle
+from lab.errors import UsageError
+from protocol.key_file import KeyFile
+from recording.folder import study_dir
+
+participant_app = typer.Typer(help="Issue, list and withdraw participant identifiers.")
+app.add_typer(participant_app, name="participant")
+
+
+@participant_app.command("add")
+def add(
+    study: StudyArgument,
+    number: Annotated[
+        int | None, typer.Argument(help="Number to issue; the next free one when left out.")
+    ] = None,
+    consent: Annotated[
+        str, typer.Option("--consent", help="Version of the consent form signed.")
+    ] = "",
+    name: Annotated[
+        str, typer.Option("--name", help="Who it is; goes to the key file, never to the data.")
+    ] = "",
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of a new study.")] = None,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+) -> None:
+    """Issue an identifier and a place in the order; neither is ever used again.
+
+    Example: visavis participant add stare 7 --consent 2
+    """
+    lab = load_lab(config, devices)
+    simulated = is_simulated(lab)
+    folder = study_dir(lab.data_root, study, is_simulated=simulated)
+    wanted = StudySettings(study, DEFAULT_SEED if seed is None else seed, simulated)
+    settings = settle(folder, wanted, seed_given=seed is not None)
+    experiment = find_study(study).experiment(settings.parameters)
+    entry = ledger_of(lab, study, simulated=simulated).add(
+        number,
+        group=lambda index: experiment.plan(index, settings.seed).group,
+        consent_version=consent or lab.privacy.consent_version,
+    )
+    if name and simulated:
+        raise UsageError("simulated participants have no names")
+    if name:
+        KeyFile(lab.key_root, study, [lab.data_root]).identify(entry.label, {"name": name})
+    console.print(
+        f"[b]{entry.label}[/b] is participant {entry.number} of {study}, place {entry.index + 1}"
+        + (f", group {entry.group}" if entry.group else "")
+    )
+    console.print(f"next: visavis run {study} --participant {entry.label}")
+
+
+@participant_app.command("list")
+def list_them(
+    study: StudyArgument, devices: DevicesOption = None, config: ConfigOption = None
+) -> None:
+    """List everyone in the ledger with what became of them.
+
+    Example: visavis participant list stare
+    """
+    lab = load_lab(config, devices)
+    simulated = is_simulated(lab)
+    folder = study_dir(lab.data_root, study, is_simulated=simulated)
+    table = Table("label", "place", "group", "consent", "status", "sessions", "added")
+    entries = ledger_of(lab, study, simulated=simulated).list()
+    for e in entries:
+        sessions = len(list(folder.glob(f"sub-{e.label}/ses-*/manifest.json")))
+        table.add_row(
+            e.label,
+            str(e.index + 1),
+            e.group,
+            e.consent_version,
+            e.status,
+            str(sessions),
+            e.added_at,
+        )
+    console.print(table)
+    console.print(f"{len(entries)} in the ledger of {study}{' (simulated)' if simulated else ''}")
+
+
+@participant_app.command("withdraw")
+def withdraw(
+    study: StudyArgument,
+    participant: Annotated[str, typer.Argument(help="Label, such as 07H.")],
+    reason: Annotated[str, typer.Option("--reason", help="Why, for the tombstone.")] = "",
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+) -> None:
+    """Remove a person's data everywhere and leave a tombstone; cannot be undone.
+
+    Example: visavis participant withdraw stare 07H --reason "asked by e-mail"
+    """
+    lab = load_lab(config, devices)
+    simulated = is_simulated(lab)
+    folder = study_dir(lab.data_root, study, is_simulated=simulated)
+    ledger = ledger_of(lab, study, simulated=simulated)
+    if not yes and not typer.confirm(
+        f"Remove all data of {participant} in {folder}? This cannot be undone."
+    ):
+        raise UsageError("nothing was removed")
+    key_file = None if simulated else KeyFile(lab.key_root, study, [lab.data_root])
+    removal = ledger.withdraw(participant, [folder], reason=reason, key_file=key_file)
+    console.print(
+        f"{participant} is withdrawn: {len(removal.removed)} folders removed, "
+        f"rows cut from {len(removal.rows)} tables"
+    )
+    for path in removal.stale:
+        console.print(f"[yellow]made with this person's data, make it again: {path}[/]")
+    for path in removal.unreadable:
+        console.print(f"[yellow]could not be read, look yourself: {path}[/]")

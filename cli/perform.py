@@ -1,0 +1,202 @@
+"""Perform a session, new or resumed, and leave a closed recording behind."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from cli.rigs import build_rig, is_simulated
+from cli.studies import Study
+from lab.clock import Clock, SimClock
+from lab.config import LabConfig
+from lab.errors import ConfigError, LabError
+from protocol.experiment import Experiment, Respondent
+from protocol.operator import Operator, UnattendedOperator
+from protocol.participants import SimulatedParticipant
+from protocol.plan import SessionPlan
+from protocol.progress import Progress, progress_of_recording
+from protocol.session import Session
+from protocol.session_setup import SessionSetup
+from recording.folder import SessionFolder, create_session, open_session
+from recording.journal import as_json
+from recording.manifest import Manifest
+from recording.provenance import provenance
+from recording.reader import Recording
+from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseStatus, Recorder
+from stage.contracts import GeometryStage
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to perform: whom, which study, on what, with which clock and operator."""
+
+    study: Study
+    experiment: Experiment
+    config: LabConfig
+    participant_label: str
+    participant_index: int
+    group: str
+    session: int
+    seed: int
+    clock: Clock
+    operator: Operator
+    respondent: Respondent | None = None
+    effect: bool = True
+    blind: bool = False
+    consent_version: str = ""
+    on_trial: Callable[[str, int, int], None] | None = None
+
+
+def device_seed(seed: int, participant_index: int) -> int:
+    """Return the seed of a participant's simulated devices."""
+    return seed * 100_003 + participant_index
+
+
+def perform_new(request: Request) -> Path:
+    """Perform a session from its beginning; return its folder.
+
+    Raises:
+        UsageError: the session exists already.
+        SessionAborted, DeviceError: it ended early; what is finished is kept.
+    """
+    plan = request.experiment.plan(request.participant_index, request.seed, request.group)
+    config = request.config
+    manifest = Manifest(
+        study=request.study.name,
+        participant=request.participant_label,
+        session=request.session,
+        is_simulated=is_simulated(config),
+        plan=plan,
+        seed=request.seed,
+        configuration={
+            "devices": config.devices,
+            "lab": config.lab,
+            "sha256": config.sha256,
+            "effect": request.effect,
+        },
+        devices=(),
+        consent_version=request.consent_version or config.privacy.consent_version,
+        created_wall_iso=request.clock.wall_iso(),
+        provenance=provenance(),
+    )
+    with create_session(config.data_root, manifest) as folder:
+        _perform_part(request, folder, plan, Progress())
+        return folder.path
+
+
+def perform_rest(request: Request, session_path: Path) -> Path:
+    """Go on with a session where it was left; return its folder.
+
+    Raises:
+        ConfigError: the plan in the manifest is not the one this version would make.
+    """
+    folder, _ = open_session(session_path)
+    with folder:
+        recording = Recording(session_path)
+        plan = request.experiment.plan(request.participant_index, request.seed, request.group)
+        if as_json(plan) != recording.manifest.plan:
+            raise ConfigError(
+                f"{session_path}: the plan recorded with this session differs from the plan this "
+                "version of Visavis makes; check out the version named in manifest.json "
+                "(provenance) and resume with that"
+            )
+        _perform_part(request, folder, plan, progress_of_recording(recording))
+        return folder.path
+
+
+def _perform_part(
+    request: Request, folder: SessionFolder, plan: SessionPlan, progress: Progress
+) -> None:
+    clock = request.clock
+    recorder: Recorder | None = None
+    with ExitStack() as stack:
+        participant = _simulated_participant(request)
+        rig = build_rig(
+            request.config,
+            clock,
+            participant,
+            device_seed(request.seed, request.participant_index),
+            stack,
+        )
+        part_dir = folder.begin_part(clock)
+        status: CloseStatus = "aborted"
+        reason = ""
+        try:
+            recorder = Recorder(
+                part_dir,
+                clock,
+                threaded=not clock.is_virtual,
+                max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
+                is_simulated=folder.manifest.is_simulated,
+            )
+            respondent = request.respondent or participant
+            if respondent is None:
+                raise ConfigError("nobody is there to answer the questionnaires")
+            session = Session(
+                SessionSetup(
+                    experiment=request.experiment,
+                    plan=plan,
+                    participant_label=request.participant_label,
+                    session_number=request.session,
+                    part=folder.manifest.parts[-1].number,
+                    rig=rig,
+                    stage=GeometryStage([participant] if participant else []),
+                    recorder=recorder,
+                    clock=clock,
+                    operator=request.operator,
+                    respondent=respondent,
+                    judge_validation=request.study.judge_validation,
+                    questionnaires=request.study.questionnaires(request.config),
+                    participant=participant,
+                    progress=progress,
+                    blind=request.blind,
+                    on_trial=request.on_trial,
+                    on_open=lambda infos: folder.describe(devices=infos),
+                )
+            )
+            session.run()
+            status = "complete"
+        except LabError as error:
+            reason = str(error)
+            raise
+        except KeyboardInterrupt:
+            reason = "interrupted from the keyboard"
+            raise
+        finally:
+            summary = recorder.close(status) if recorder is not None else None
+            folder.end_part(clock, summary, reason=reason)
+
+
+def _simulated_participant(request: Request) -> SimulatedParticipant | None:
+    if not is_simulated(request.config):
+        return None
+    return request.study.participant(request.participant_index, request.seed, effect=request.effect)
+
+
+def simulated_request(
+    study: Study,
+    experiment: Experiment,
+    config: LabConfig,
+    *,
+    label: str,
+    index: int,
+    seed: int,
+    effect: bool = True,
+    group: str = "",
+    on_trial: Callable[[str, int, int], None] | None = None,
+) -> Request:
+    """Return a request on the virtual clock, unattended."""
+    return Request(
+        study=study,
+        experiment=experiment,
+        config=config,
+        participant_label=label,
+        participant_index=index,
+        group=group,
+        session=1,
+        seed=seed,
+        clock=SimClock(),
+        operator=UnattendedOperator(),
+        effect=effect,
+        on_trial=on_trial,
+    )

@@ -1,0 +1,391 @@
+"""plan, run, resume, check, recover: one session."""
+
+import json
+import signal
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from analysis.session_check import Level, SessionCheck, check_session
+from cli.app import ConfigOption, JsonOption, StudyArgument, app, console, load_lab
+from cli.operator_screen import TerminalOperator
+from cli.perform import Request, perform_new, perform_rest
+from cli.questions import TerminalRespondent
+from cli.rigs import is_simulated
+from cli.studies import Study, find_study
+from cli.study_folder import StudySettings, read_settings, settle
+from lab.clock import SimClock, SystemClock
+from lab.config import LabConfig
+from lab.errors import UsageError
+from protocol.ledger import Ledger, Participant, UnknownParticipant
+from protocol.operator import Operator, UnattendedOperator
+from protocol.plan import SessionPlan
+from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir, study_dir
+from recording.reader import Recording
+from recording.recovery import recover as recover_session
+
+DEFAULT_SEED = 1
+EXIT_RED = 5
+SIMULATED_PREFIX = "S"
+
+ParticipantOption = Annotated[
+    str, typer.Option("--participant", help="Identifier from the ledger, such as 07.")
+]
+SessionOption = Annotated[int, typer.Option("--session", help="Session number.")]
+SeedOption = Annotated[
+    int | None, typer.Option("--seed", help="Seed of the whole study; kept with its folder.")
+]
+DevicesOption = Annotated[
+    str | None, typer.Option("--devices", help="sim or real: overrides every role.")
+]
+FastOption = Annotated[
+    bool, typer.Option("--fast", help="Virtual clock: seconds instead of minutes; simulated only.")
+]
+BlindOption = Annotated[bool, typer.Option("--blind", help="Hide conditions from the operator.")]
+
+
+def ledger_of(config: LabConfig, study: str, *, simulated: bool) -> Ledger:
+    """Return a study's ledger; simulated people have one of their own."""
+    folder = study_dir(config.data_root, study, is_simulated=simulated)
+    prefix = SIMULATED_PREFIX if simulated else ""
+    return Ledger(folder, SimClock() if simulated else SystemClock(), prefix=prefix)
+
+
+@app.command()
+def plan(
+    study: StudyArgument,
+    participant: ParticipantOption,
+    seed: SeedOption = None,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show the order of all trials before anything runs.
+
+    Example: visavis plan stare --participant 07
+    """
+    lab = load_lab(config, devices)
+    chosen = find_study(study)
+    simulated = is_simulated(lab)
+    folder = study_dir(lab.data_root, study, is_simulated=simulated)
+    settings = read_settings(folder)
+    in_force = _seed_in_force(settings, seed)
+    ledger = ledger_of(lab, study, simulated=simulated)
+    try:
+        entry = ledger.resolve(participant)
+        label, index, group = entry.label, entry.index, entry.group
+        note = ""
+    except UnknownParticipant as unknown:
+        label, index, group = participant, max(unknown.number - 1, 0), ""
+        note = f"{participant} is not in the ledger yet; shown is the order of place {index + 1}."
+    experiment = chosen.experiment(settings.parameters if settings else {})
+    made = experiment.plan(index, in_force, group)
+    if as_json:
+        typer.echo(json.dumps(asdict(made), default=str, ensure_ascii=False, indent=1))
+        return
+    _print_plan(made, label, note)
+
+
+def _seed_in_force(settings: StudySettings | None, seed: int | None) -> int:
+    if seed is not None:
+        return seed
+    return settings.seed if settings is not None else DEFAULT_SEED
+
+
+def _print_plan(made: SessionPlan, label: str, note: str) -> None:
+    console.print(
+        f"[b]{made.study}[/b]  participant [b]{label}[/b]  place {made.participant_index + 1}  "
+        f"seed {made.seed}" + (f"  group {made.group}" if made.group else "")
+    )
+    if note:
+        console.print(f"[yellow]{note}[/]")
+    for block in made.blocks:
+        calibration = "calibration and validation first" if block.calibrate else ""
+        table = Table(title=f"{block.name}  ({calibration})" if calibration else block.name)
+        table.title_justify = "left"
+        names = list(dict.fromkeys(k for t in block.trials for k in t.factors))
+        for name in ("trial", *names):
+            table.add_column(name)
+        for trial in block.trials:
+            table.add_row(trial.trial_id, *(str(trial.factors.get(n, "")) for n in names))
+        console.print(table)
+    total = sum(not t.is_practice for t in made.trials)
+    practice = len(made.trials) - total
+    console.print(
+        f"{total} trials in {sum(any(not t.is_practice for t in b.trials) for b in made.blocks)} "
+        f"blocks, {practice} practice; then {', '.join(made.questionnaires) or 'no questions'}."
+    )
+
+
+@app.command()
+def run(
+    study: StudyArgument,
+    participant: ParticipantOption,
+    session: SessionOption = 1,
+    seed: SeedOption = None,
+    devices: DevicesOption = None,
+    fast: FastOption = False,
+    blind: BlindOption = False,
+    config: ConfigOption = None,
+) -> None:
+    """Perform one session on the devices of lab_config.yaml.
+
+    Example: visavis run stare --participant 07
+    """
+    lab = load_lab(config, devices)
+    chosen = find_study(study)
+    simulated = is_simulated(lab)
+    if fast and not simulated:
+        raise UsageError("--fast runs on a virtual clock, which people cannot; add --devices sim")
+    folder = study_dir(lab.data_root, study, is_simulated=simulated)
+    wanted = StudySettings(study, DEFAULT_SEED if seed is None else seed, simulated)
+    settings = settle(folder, wanted, seed_given=seed is not None)
+    entry = _entry(lab, chosen, settings, participant, simulated=simulated)
+    path = session_dir(lab.data_root, study, entry.label, session, is_simulated=simulated)
+    if path.exists():
+        others = len(list(path.parent.glob("ses-*")))
+        raise UsageError(
+            f"participant {entry.label} already has session {session} ({path}); nothing was "
+            f"overwritten. Continue it: visavis resume {path}   "
+            f"Or run the next one: add --session {others + 1}"
+        )
+    _perform(lab, chosen, settings, entry, session, fast=fast, blind=blind, resume_from=None)
+
+
+def _entry(
+    lab: LabConfig, study: Study, settings: StudySettings, participant: str, *, simulated: bool
+) -> Participant:
+    ledger = ledger_of(lab, study.name, simulated=simulated)
+    try:
+        return ledger.resolve(participant)
+    except UnknownParticipant as unknown:
+        if not simulated:
+            raise
+        experiment = study.experiment(settings.parameters)
+        return ledger.add(
+            unknown.number,
+            index=max(unknown.number - 1, 0),
+            group=lambda index: experiment.plan(index, settings.seed).group,
+            consent_version=lab.privacy.consent_version,
+        )
+
+
+@app.command()
+def resume(
+    session_path: Annotated[
+        Path | None,
+        typer.Argument(help="Folder of the session (ses-…); the one unfinished when left out."),
+    ] = None,
+    devices: DevicesOption = None,
+    fast: FastOption = False,
+    blind: BlindOption = False,
+    config: ConfigOption = None,
+) -> None:
+    """Go on with an interrupted session: instructions, calibration, then the trials left.
+
+    Example: visavis resume data/simulated/stare/sub-S07H/ses-001
+    """
+    lab = load_lab(config, devices)
+    if session_path is None:
+        session_path = _the_unfinished(lab)
+    recording = Recording(session_path)
+    manifest = recording.manifest
+    if recording.is_simulated != is_simulated(lab):
+        kind = "simulated" if recording.is_simulated else "real"
+        raise UsageError(
+            f"{session_path} is a {kind} session; add --devices "
+            f"{'sim' if recording.is_simulated else 'real'}"
+        )
+    if recording.status == "complete":
+        raise UsageError(f"{session_path} is complete; nothing is left to do")
+    if fast and not recording.is_simulated:
+        raise UsageError("--fast runs on a virtual clock, which people cannot")
+    chosen = find_study(manifest.study)
+    folder = session_path.resolve().parent.parent
+    settings = read_settings(folder)
+    if settings is None:
+        raise UsageError(f"{folder} has no study.json; restore it from a copy")
+    ledger = Ledger(
+        folder, SystemClock(), prefix=SIMULATED_PREFIX if recording.is_simulated else ""
+    )
+    entry = ledger.resolve(manifest.participant)
+    _perform(
+        lab,
+        chosen,
+        settings,
+        entry,
+        manifest.session,
+        fast=fast,
+        blind=blind,
+        resume_from=session_path,
+    )
+
+
+def _the_unfinished(lab: LabConfig) -> Path:
+    kind = SIMULATED_ROOT if is_simulated(lab) else REAL_ROOT
+    sessions = sorted((lab.data_root / kind).glob("*/sub-*/ses-*/manifest.json"))
+    unfinished = [
+        p.parent for p in sessions if Recording(p.parent).status in ("aborted", "crashed")
+    ]
+    if len(unfinished) == 1:
+        return unfinished[0]
+    if not unfinished:
+        raise UsageError(f"no unfinished session under {lab.data_root / kind}")
+    listed = "\n  ".join(f"visavis resume {p}" for p in unfinished)
+    raise UsageError(f"several sessions are unfinished; choose one:\n  {listed}")
+
+
+def _perform(
+    lab: LabConfig,
+    study: Study,
+    settings: StudySettings,
+    entry: Participant,
+    session: int,
+    *,
+    fast: bool,
+    blind: bool,
+    resume_from: Path | None,
+) -> None:
+    simulated = is_simulated(lab)
+    with ExitStack() as stack:
+        operator: Operator = UnattendedOperator()
+        respondent = None
+        if not fast:
+            screen = TerminalOperator(console, is_simulated=simulated, confirm_waits=not simulated)
+            operator = stack.enter_context(screen)
+            _let_signals_end(screen)
+            if not simulated:
+                respondent = TerminalRespondent(console, screen.suspend)
+        request = Request(
+            study=study,
+            experiment=study.experiment(settings.parameters),
+            config=lab,
+            participant_label=entry.label,
+            participant_index=entry.index,
+            group=entry.group,
+            session=session,
+            seed=settings.seed,
+            clock=SimClock() if fast else SystemClock(),
+            operator=operator,
+            respondent=respondent,
+            effect=settings.effect,
+            blind=blind,
+            consent_version=entry.consent_version,
+        )
+        if resume_from is None:
+            path = perform_new(request)
+        else:
+            path = perform_rest(request, resume_from)
+    _print_check(check_session(Recording(path)), path)
+
+
+def _let_signals_end(screen: TerminalOperator) -> None:
+    def end(*_: object) -> None:
+        screen.abort_requested = True
+
+    signal.signal(signal.SIGINT, end)
+    signal.signal(signal.SIGTERM, end)
+
+
+# ---- after the session -----------------------------------------------------------------------
+
+
+@app.command()
+def check(
+    session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
+    trials: Annotated[bool, typer.Option("--trials", help="List every trial.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Can they leave? Compare what was planned with what was recorded.
+
+    Example: visavis check data/simulated/stare/sub-S07H/ses-001
+    """
+    verdict = check_session(Recording(session_path))
+    if as_json:
+        content = {**asdict(verdict), "redo": verdict.redo, "verdict": verdict.level.name.lower()}
+        typer.echo(json.dumps(content, ensure_ascii=False, indent=1))
+    else:
+        _print_check(verdict, session_path, list_trials=trials)
+    if verdict.level is Level.RED:
+        raise typer.Exit(EXIT_RED)
+
+
+STYLE = {Level.GREEN: "green", Level.AMBER: "yellow", Level.RED: "bold red"}
+ANSWER = {
+    Level.GREEN: "They can leave.",
+    Level.AMBER: "They can leave once you have looked at this.",
+    Level.RED: "Keep them here.",
+}
+
+
+def _print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False) -> None:
+    mark = "  [magenta]SIMULATED[/]" if verdict.is_simulated else ""
+    console.print(
+        f"[{STYLE[verdict.level]}]{verdict.level.name}  {ANSWER[verdict.level]}[/]"
+        f"  participant {verdict.participant}{mark}"
+    )
+    table = Table(box=None, pad_edge=False)
+    for name in ("", "what", "finding"):
+        table.add_column(name)
+    for finding in verdict.findings:
+        dot = f"[{STYLE[finding.level]}]●[/]"
+        table.add_row(dot, finding.subject, finding.message)
+    console.print(table)
+    streams = Table("stream", "samples", "expected", "rate", "longest gap", box=None)
+    for s in verdict.streams:
+        streams.add_row(
+            s.stream,
+            str(s.rows),
+            "–" if s.expected is None else str(s.expected),
+            "–" if s.rate_hz is None else f"{s.rate_hz:.1f} Hz",
+            "–" if s.longest_gap_ms is None else f"{s.longest_gap_ms:.0f} ms",
+            style=STYLE[s.level] if s.level is not Level.GREEN else "",
+        )
+    console.print(streams)
+    if list_trials:
+        rows = Table("trial", "block", "status", "attempts", "gaze valid/received/expected")
+        for t in verdict.trials:
+            counts = (
+                "–"
+                if t.gaze_expected is None
+                else f"{t.gaze_valid}/{t.gaze_received}/{t.gaze_expected}"
+            )
+            rows.add_row(
+                t.trial_id,
+                str(t.block),
+                t.status,
+                str(t.attempts),
+                counts,
+                style="" if t.gaze_level is Level.GREEN else STYLE[t.gaze_level],
+            )
+        console.print(rows)
+    for step in verdict.redo:
+        console.print(f"[bold]→ {step}[/]")
+    console.print(f"[dim]{path}[/]", soft_wrap=True)
+
+
+@app.command()
+def recover(
+    session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
+    as_json: JsonOption = False,
+) -> None:
+    """Take stock of a crashed session; raw files are never changed.
+
+    Example: visavis recover data/simulated/stare/sub-S07H/ses-001
+    """
+    report = recover_session(session_path)
+    if as_json:
+        typer.echo(json.dumps(asdict(report), default=str, ensure_ascii=False, indent=1))
+        return
+    console.print(f"[b]{report.trials}[/b] finished trials are safe in {session_path}")
+    for part in report.parts:
+        console.print(f"part {part.number}: {part.status}")
+        for stream in part.streams:
+            console.print(f"  {stream.name}: {stream.rows} rows")
+        for problem in part.problems:
+            console.print(f"  [yellow]{problem}[/]")
+    console.print(f"Continue with: visavis resume {session_path}", soft_wrap=True)

@@ -1,0 +1,131 @@
+"""Simulate and measure many sessions on all cores."""
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cli.perform import perform_new, simulated_request
+from cli.studies import find_study
+from lab.config import LabConfig
+from recording.reader import Recording
+
+
+@dataclass(frozen=True)
+class SimulationTask:
+    """One participant to simulate."""
+
+    study: str
+    config: LabConfig
+    label: str
+    index: int
+    group: str
+    seed: int
+    effect: bool
+    parameters: dict[str, Any]
+
+
+def worker_count(asked: int | None) -> int:
+    """Return how many processes to use: as asked, or one per usable core."""
+    if asked is not None:
+        return max(asked, 1)
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:
+        return os.cpu_count() or 1
+
+
+def simulate_one(task: SimulationTask) -> Path:
+    """Simulate one participant's session; return its folder."""
+    study = find_study(task.study)
+    request = simulated_request(
+        study,
+        study.experiment(task.parameters),
+        task.config,
+        label=task.label,
+        index=task.index,
+        seed=task.seed,
+        effect=task.effect,
+        group=task.group,
+    )
+    return perform_new(request)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What one session gives to analysis."""
+
+    rows: pd.DataFrame
+    answers: pd.DataFrame
+    summary: dict[str, Any]
+
+
+def measure_one(study: str, session: Path) -> Measured:
+    """Measure one session."""
+    recording = Recording(session)
+    return Measured(
+        find_study(study).measure(recording), _answers(recording), _summary(recording, session)
+    )
+
+
+def _answers(recording: Recording) -> pd.DataFrame:
+    events = recording.events()
+    payloads = list(events.loc[events["name"] == "answer", "payload"])
+    frame = pd.DataFrame(payloads, columns=["questionnaire", "question", "answer"])
+    frame.insert(0, "participant", recording.manifest.participant)
+    return frame.drop_duplicates(["questionnaire", "question"], keep="last")
+
+
+def _summary(recording: Recording, session: Path) -> dict[str, Any]:
+    manifest = recording.manifest
+    return {
+        "participant": manifest.participant,
+        "session": manifest.session,
+        "is_simulated": manifest.is_simulated,
+        "study": manifest.study,
+        "status": recording.status,
+        "parts": len(manifest.parts),
+        "seed": manifest.seed,
+        "plan_version": manifest.plan.get("study_version", ""),
+        "parameters": dict(manifest.plan.get("parameters", {})),
+        "configuration_sha256": manifest.configuration_sha256,
+        "consent_version": manifest.consent_version,
+        "code_revision": manifest.provenance.code_revision,
+        "python": manifest.provenance.python,
+        "packages": dict(manifest.provenance.packages),
+        "devices": list(manifest.devices),
+        "stream_sha256": {
+            f"part-{p.number:02d}/{s.file}": s.sha256 for p in manifest.parts for s in p.streams
+        },
+        "validations": _events_named(recording, "validation"),
+        "folder": f"{session.parent.name}/{session.name}",
+    }
+
+
+def _events_named(recording: Recording, name: str) -> list[dict[str, Any]]:
+    events = recording.events()
+    return [dict(p) for p in events.loc[events["name"] == name, "payload"]]
+
+
+def in_parallel(
+    work: Callable[..., Any], jobs: list[tuple[Any, ...]], processes: int
+) -> Iterator[tuple[int, Any]]:
+    """Yield (job number, result) as they finish; with one process, here and in order."""
+    if processes == 1 or len(jobs) == 1:
+        for number, job in enumerate(jobs):
+            yield number, work(*job)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(processes, len(jobs)), mp_context=context) as pool:
+        numbers: dict[Future[Any], int] = {pool.submit(work, *j): i for i, j in enumerate(jobs)}
+        try:
+            for future in as_completed(numbers):
+                yield numbers[future], future.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise

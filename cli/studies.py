@@ -1,0 +1,82 @@
+"""The studies the command line knows, each imported only when it is used."""
+
+import difflib
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+import pandas as pd
+
+from lab.config import LabConfig
+from lab.errors import UsageError
+from protocol.experiment import Experiment, ValidationPoint, ValidationVerdict
+from protocol.participants import SimulatedParticipant
+from protocol.questionnaires import Questionnaire
+from recording.reader import Recording
+
+STUDY_MODULES = {"stare": "experiments.stare.study"}
+
+
+class Study(Protocol):
+    """What every study module offers to the command line."""
+
+    @property
+    def name(self) -> str:
+        """The study's name on the command line."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """The study's name in a heading."""
+        ...
+
+    def experiment(self, overrides: Mapping[str, Any]) -> Experiment:
+        """Return the experiment; `overrides` replace published parameters by name."""
+        ...
+
+    def participant(self, index: int, seed: int, *, effect: bool) -> SimulatedParticipant:
+        """Return a simulated participant."""
+        ...
+
+    def judge_validation(
+        self, points: Sequence[ValidationPoint], rate_hz: float
+    ) -> ValidationVerdict:
+        """Measure a validation and decide."""
+        ...
+
+    def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
+        """Return the questionnaires asked at the end, in the lab's wording."""
+        ...
+
+    def measure(self, recording: Recording) -> pd.DataFrame:
+        """Return one tidy row per performed trial of a session."""
+        ...
+
+    def analyse(
+        self,
+        rows: pd.DataFrame,
+        answers: pd.DataFrame,
+        out_dir: Path,
+        provenance: Mapping[str, Any],
+        *,
+        is_simulated: bool,
+        example: Recording | None,
+    ) -> Path:
+        """Write tables, figures and the report of a study; return the report's path."""
+        ...
+
+
+def find_study(name: str) -> Study:
+    """Return a study by name.
+
+    Raises:
+        UsageError: unknown, with the nearest name.
+    """
+    if name not in STUDY_MODULES:
+        near = difflib.get_close_matches(name, STUDY_MODULES, n=1, cutoff=0.3)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise UsageError(f"there is no study {name!r}{hint} Known: {', '.join(STUDY_MODULES)}")
+    module = importlib.import_module(STUDY_MODULES[name])
+    make = cast(Callable[[], Study], module.STUDY)
+    return make()

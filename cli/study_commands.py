@@ -1,0 +1,226 @@
+"""simulate, analyse, report, demo: a whole study."""
+
+import webbrowser
+from pathlib import Path
+from typing import Annotated, Any
+
+import pandas as pd
+import typer
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from cli.app import ConfigOption, StudyArgument, app, console, load_lab
+from cli.session_commands import DEFAULT_SEED, SIMULATED_PREFIX
+from cli.simulation import SimulationTask, in_parallel, measure_one, simulate_one, worker_count
+from cli.studies import find_study
+from cli.study_folder import DERIVED, StudySettings, sessions_of, settle
+from lab.clock import SimClock, StopWatch
+from lab.config import LabConfig
+from lab.errors import DataError
+from protocol.ledger import Ledger, Participant, UnknownParticipant
+from recording.folder import SIMULATED_ROOT
+from recording.manifest import read_manifest
+from recording.reader import Recording
+
+DEMO_PARTICIPANTS = 8
+
+ProcessesOption = Annotated[
+    int | None, typer.Option("--processes", help="Processes to use; one per core when left out.")
+]
+StudyFolder = Annotated[Path, typer.Argument(help="Folder of a study (holds sub-…/ses-…).")]
+
+
+@app.command()
+def simulate(
+    study: StudyArgument,
+    participants: Annotated[int, typer.Option("--participants", min=1, help="How many.")] = 30,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the study.")] = DEFAULT_SEED,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", help="Data root to write to; the lab's own when left out."),
+    ] = None,
+    effect: Annotated[
+        bool, typer.Option("--effect/--no-effect", help="Whether agents' gaze matters.")
+    ] = True,
+    processes: ProcessesOption = None,
+    config: ConfigOption = None,
+) -> None:
+    """Simulate a whole study on the virtual clock, on all cores.
+
+    Example: visavis simulate stare --participants 30 --seed 1 --output out/dry_run
+    """
+    lab = load_lab(config, "sim")
+    if output is None:
+        name = f"{study}_n{participants}_seed{seed}" + ("" if effect else "_noeffect")
+        output = lab.data_root / "dry_runs" / name
+    folder = simulate_study(lab, study, participants, seed, output, effect, processes)
+    console.print(f"[magenta]SIMULATED[/] study in [b]{folder}[/]", soft_wrap=True)
+    console.print(f"next: visavis analyse {folder}", soft_wrap=True)
+
+
+def simulate_study(
+    lab: LabConfig,
+    study: str,
+    participants: int,
+    seed: int,
+    data_root: Path,
+    effect: bool,
+    processes: int | None,
+) -> Path:
+    """Simulate what is missing of a study; sessions already there are kept.
+
+    Raises:
+        UsageError: the folder was begun with another seed.
+    """
+    chosen = find_study(study)
+    data_root = data_root.resolve()
+    lab = lab.model_copy(update={"data_root": data_root})
+    folder = data_root / SIMULATED_ROOT / study
+    wanted = StudySettings(study, seed, is_simulated=True, effect=effect)
+    settings = settle(folder, wanted, seed_given=True)
+    experiment = chosen.experiment(settings.parameters)
+    entries = [
+        _entry(folder, number, experiment.plan, settings.seed)
+        for number in range(1, participants + 1)
+    ]
+    present = {p.parent.parent.name for p in folder.glob("sub-*/ses-001/manifest.json")}
+    tasks = [
+        SimulationTask(
+            study, lab, e.label, e.index, e.group, settings.seed, effect, settings.parameters
+        )
+        for e in entries
+        if f"sub-{e.label}" not in present
+    ]
+    if present:
+        console.print(f"{len(present)} sessions are there already and are kept")
+    watch = StopWatch()
+    with _progress() as bar:
+        line = bar.add_task("simulating", total=len(tasks))
+        for _ in in_parallel(simulate_one, [(t,) for t in tasks], worker_count(processes)):
+            bar.advance(line)
+    if tasks:
+        console.print(f"{len(tasks)} participants simulated in {watch.elapsed_s():.0f} s")
+    return folder
+
+
+def _entry(folder: Path, number: int, plan: Any, seed: int) -> Participant:
+    ledger = Ledger(folder, SimClock(), prefix=SIMULATED_PREFIX)
+    try:
+        return ledger.resolve(str(number))
+    except UnknownParticipant:
+        return ledger.add(number, index=number - 1, group=lambda index: plan(index, seed).group)
+
+
+@app.command()
+def analyse(
+    folder: StudyFolder,
+    output: Annotated[
+        Path | None, typer.Option("--output", help="Where to write; derived/ when left out.")
+    ] = None,
+    mixture: Annotated[
+        bool, typer.Option("--allow-mixture", help="Take simulated and real data together.")
+    ] = False,
+    processes: ProcessesOption = None,
+) -> None:
+    """Write one tidy row per trial, statistics, figures and the report.
+
+    Example: visavis analyse data/simulated/stare
+    """
+    report_path = analyse_study(folder, output, mixture=mixture, processes=processes)
+    console.print(f"tables, figures and report in [b]{report_path.parent}[/]", soft_wrap=True)
+    console.print(f"report: [b]{report_path}[/]", soft_wrap=True)
+
+
+def analyse_study(
+    folder: Path, output: Path | None, *, mixture: bool, processes: int | None
+) -> Path:
+    """Measure every session of a study and analyse them together; return the report's path."""
+    folder = folder.resolve()
+    sessions = sessions_of(folder)
+    manifests = [read_manifest(s) for s in sessions]
+    names = {m.study for m in manifests}
+    kinds = {m.is_simulated for m in manifests}
+    if len(names) > 1:
+        raise DataError(f"{folder} holds sessions of {', '.join(sorted(names))}; analyse one study")
+    if len(kinds) > 1 and not mixture:
+        raise DataError(
+            f"{folder} holds simulated and real sessions; take them apart, or add --allow-mixture "
+            "if you mean it (everything is then marked as simulated)"
+        )
+    study = names.pop()
+    watch = StopWatch()
+    measured: dict[int, Any] = {}
+    with _progress() as bar:
+        line = bar.add_task("measuring", total=len(sessions))
+        jobs = [(study, s) for s in sessions]
+        for number, result in in_parallel(measure_one, jobs, worker_count(processes)):
+            measured[number] = result
+            bar.advance(line)
+    ordered = [measured[i] for i in range(len(sessions))]
+    out_dir = output.resolve() if output is not None else folder / DERIVED
+    out_dir.mkdir(parents=True, exist_ok=True)
+    report_path = find_study(study).analyse(
+        pd.concat([m.rows for m in ordered], ignore_index=True),
+        pd.concat([m.answers for m in ordered], ignore_index=True),
+        out_dir,
+        {"sessions": [m.summary for m in ordered]},
+        is_simulated=True in kinds,
+        example=Recording(sessions[0]),
+    )
+    console.print(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
+    return report_path
+
+
+@app.command()
+def report(
+    folder: StudyFolder,
+    open_it: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    processes: ProcessesOption = None,
+) -> None:
+    """Make the study's self-contained HTML report and say where it lies.
+
+    Example: visavis report data/simulated/stare
+    """
+    path = analyse_study(folder, None, mixture=False, processes=processes)
+    console.print(f"report: [b]{path}[/]", soft_wrap=True)
+    if open_it:
+        webbrowser.open(path.as_uri())
+
+
+@app.command()
+def demo(
+    output: Annotated[Path, typer.Option("--output", help="Where to write.")] = Path("demo"),
+    processes: ProcessesOption = None,
+    config: ConfigOption = None,
+) -> None:
+    """Simulate a small stare-in-the-crowd study and analyse it.
+
+    Example: visavis demo
+    """
+    watch = StopWatch()
+    lab = load_lab(config, "sim")
+    console.print(
+        f"Simulating [b]stare in the crowd[/]: {DEMO_PARTICIPANTS} simulated participants, "
+        "72 trials each, through the session engine, drivers, recorder and analysis."
+    )
+    folder = simulate_study(lab, "stare", DEMO_PARTICIPANTS, DEFAULT_SEED, output, True, processes)
+    path = analyse_study(folder, None, mixture=False, processes=processes)
+    console.print(f"done in {watch.elapsed_s():.0f} s; everything is marked [magenta]SIMULATED[/]")
+    console.print(f"[b]report: {path}[/]", soft_wrap=True)
+
+
+def _progress() -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+    )

@@ -1,0 +1,80 @@
+"""The folder of a study: its settings, its sessions, and what analysis derives from it."""
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lab.errors import DataError, UsageError
+from recording.durable import replace_file
+
+SETTINGS_NAME = "study.json"
+DERIVED = "derived"
+
+
+@dataclass(frozen=True)
+class StudySettings:
+    """What every session of a study shares; written before the first one."""
+
+    study: str
+    seed: int
+    is_simulated: bool
+    effect: bool = True
+    parameters: dict[str, Any] = field(default_factory=dict)
+    format_version: int = 1
+
+
+def read_settings(folder: Path) -> StudySettings | None:
+    """Return a study folder's settings; None when it has none yet.
+
+    Raises:
+        DataError: the file is damaged.
+    """
+    path = folder / SETTINGS_NAME
+    if not path.exists():
+        return None
+    try:
+        return StudySettings(**json.loads(path.read_text(encoding="utf-8")))
+    except (ValueError, TypeError) as error:
+        raise DataError(
+            f"{path} is damaged ({error}); restore it from a copy: it holds the study's seed"
+        ) from error
+
+
+def settle(folder: Path, wanted: StudySettings, *, seed_given: bool) -> StudySettings:
+    """Return the settings in force, writing them when the study is new.
+
+    Raises:
+        UsageError: another seed was asked for than the study was begun with.
+    """
+    present = read_settings(folder)
+    if present is None:
+        folder.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(asdict(wanted), indent=1, ensure_ascii=False) + "\n"
+        replace_file(folder / SETTINGS_NAME, text.encode())
+        return wanted
+    if seed_given and wanted.seed != present.seed:
+        raise UsageError(
+            f"{folder} was begun with seed {present.seed}; another seed would change every "
+            f"order. Leave --seed out, or use another data root"
+        )
+    if present.effect != wanted.effect or present.parameters != wanted.parameters:
+        raise UsageError(f"{folder} was begun with other settings; choose another --output")
+    return present
+
+
+def sessions_of(folder: Path) -> tuple[Path, ...]:
+    """Return the session folders of a study, by participant and session number.
+
+    Raises:
+        UsageError: there is none.
+    """
+    if not folder.is_dir():
+        raise UsageError(f"{folder} does not exist; give the folder of a study")
+    found = tuple(sorted(p.parent for p in folder.glob("sub-*/ses-*/manifest.json")))
+    if not found:
+        inner = sorted(p.parent for p in folder.glob(f"*/{SETTINGS_NAME}"))
+        inner += sorted(p.parent for p in folder.glob(f"*/*/{SETTINGS_NAME}"))
+        hint = f"; did you mean {inner[0]}?" if inner else ""
+        raise UsageError(f"{folder} holds no sessions (sub-…/ses-…){hint}")
+    return found
