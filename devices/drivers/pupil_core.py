@@ -1,0 +1,480 @@
+"""Drive a Pupil Labs Core eye tracker through Pupil Capture's network API.
+
+Codec: `devices.drivers.pupil_codec`. Transport: any `devices.transports.MessageTransport`.
+Capture's clock is never set: offsets come from repeated `t` requests, all of them kept. Its
+stream has no sample counter, so `seq` counts what arrived and loss shows in the stamps alone.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NoAnswerInTime
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from devices.contracts import (
+    GAZE,
+    CalibrationOutcome,
+    ClockPair,
+    DeviceInfo,
+    DeviceState,
+    Fault,
+    Health,
+    Sink,
+)
+from devices.drivers import pupil_codec as codec
+from devices.drivers.pupil_faults import Findings, describe
+from devices.lifecycle import Lifecycle
+from devices.meter import StreamMeter
+from devices.transports import Frames, Message, MessageTransport
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.clock_fit import fit_clock, offset_ns
+from lab.errors import (
+    DeviceDisconnected,
+    DeviceError,
+    DeviceNotFound,
+    DeviceTimeout,
+    ProtocolViolation,
+)
+from lab.geometry import Vector
+from lab.schema import SampleBatch, StreamSchema
+
+REMEDY = (
+    "start Pupil Capture, enable the plug-in Pupil Remote on port 50020, and check address and "
+    "firewall"
+)
+OLDEST_VERSION = (2, 0)
+"""The first version whose headset calibration takes 3-D references (HMD3DChoreographyPlugin)."""
+
+TOPICS = (codec.GAZE_TOPIC, codec.NOTIFY_TOPIC)
+RECONNECT_WINDOW_NS = 250 * NS_PER_MS
+POSTS_BEFORE_LOST = 3
+CLOCK_JUMP_NS = 20 * NS_PER_MS
+COMMAND_TIMEOUT_S = 1.0
+RECENT_EXCHANGES = 60
+RECENT_BATCHES = 90
+
+
+class PupilCore:
+    """Follow the `EyeTracker` contract over Pupil Capture.
+
+    `rate_hz` is what the eye cameras are set to; `eye_distance_mm` and `reference_distance_m`
+    go into the headset calibration. A time exchange is made every `exchange_interval_s` while
+    polling; the peer counts as lost when nothing came for `lost_after_s`.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        transport: MessageTransport,
+        clock: Clock,
+        *,
+        rate_hz: float = 120.0,
+        confidence_threshold_01: float = codec.CONFIDENCE_THRESHOLD_01,
+        exchange_interval_s: float = 0.5,
+        opening_exchanges: int = 20,
+        lost_after_s: float = 2.0,
+        eye_distance_mm: float = 64.0,
+        reference_distance_m: float = 1.0,
+    ) -> None:
+        self._transport = transport
+        self._clock = clock
+        self._threshold_01 = confidence_threshold_01
+        self._interval_ns = round(exchange_interval_s * NS_PER_S)
+        self._opening_exchanges = opening_exchanges
+        self._lost_after_ns = round(lost_after_s * NS_PER_S)
+        self._half_eyes_mm = eye_distance_mm / 2
+        self._reference_distance_m = reference_distance_m
+        self._life = Lifecycle(role)
+        self._schema = StreamSchema(GAZE.name, GAZE.fields, rate_hz, GAZE.version)
+        self._sink: Sink | None = None
+        self._publish_port = 0
+        self._pairs: list[ClockPair] = []
+        self._pairs_since_jump = 0
+        self._references: list[dict[str, Any]] = []
+        self._outcome: CalibrationOutcome | None = None
+        self._polling_thread: int | None = None
+        self._mailbox: deque[tuple[Callable[[], None], Future[None]]] = deque()
+        self._attempt_ends_ns: int | None = None
+        self.info = DeviceInfo(
+            role=role,
+            driver="pupil_core",
+            driver_version="1",
+            vendor="Pupil Labs",
+            model="Core",
+            serial="",
+            transport=transport.kind,
+            is_simulated=transport.is_simulated,
+            capabilities=frozenset({"gaze", "calibration", "annotation"}),
+        )
+        self._reset(clock.now_ns())
+
+    @property
+    def state(self) -> DeviceState:
+        """Where it is in its life; FAULT while the peer is gone."""
+        return self._life.state
+
+    def open(self, deadline_s: float) -> None:
+        """Ask for version and ports, and take the first time exchanges."""
+        self._life.require("open", DeviceState.CLOSED)
+        deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
+        self._pairs = []
+        self._pairs_since_jump = 0
+        self._findings = Findings()
+        try:
+            self._transport.open(deadline_s)
+            version = self._ask(b"v", deadline_ns)
+            self._check_version(version)
+            self.info = replace(
+                self.info, model=f"Core (Capture {version})", transport=self._transport.kind
+            )
+            subscribe_port = self._port(self._ask(b"SUB_PORT", deadline_ns), "SUB_PORT")
+            self._publish_port = self._port(self._ask(b"PUB_PORT", deadline_ns), "PUB_PORT")
+            for _ in range(max(1, self._opening_exchanges)):
+                self._request_time(deadline_ns)
+            self._transport.subscribe(subscribe_port, TOPICS)
+        except DeviceError:
+            self._transport.close()
+            raise
+        self._life.state = DeviceState.OPEN
+
+    def describe(self) -> tuple[StreamSchema, ...]:
+        """Return the gaze stream at the eye cameras' rate."""
+        return (self._schema,)
+
+    def start(self, sink: Sink) -> None:
+        """Begin delivering; what was published before is thrown away."""
+        self._life.require("start", DeviceState.OPEN)
+        self._transport.receive(0.0)
+        self._sink = sink
+        self._reset(self._clock.now_ns())
+        self._life.state = DeviceState.STREAMING
+
+    def poll(self, timeout_s: float) -> int:
+        """Decode what came and keep the clock pairs coming; see the contract."""
+        life = self._life
+        if life.state is not DeviceState.STREAMING:
+            life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
+            return self._reconnect(timeout_s)
+        self._polling_thread = threading.get_ident()
+        if self._mailbox:
+            self._run_mailbox()
+        messages = self._transport.receive(timeout_s)
+        delivered = self._take(messages) if messages else 0
+        now_ns = self._clock.now_ns()
+        if now_ns >= self._next_exchange_ns:
+            self._post_time(now_ns)
+        return delivered
+
+    def stop(self) -> None:
+        """Stop delivering; the connection stays."""
+        self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
+        self._sink = None
+        self._polling_thread = None
+        self._life.state = DeviceState.OPEN
+
+    def close(self) -> None:
+        """Close the connection; idempotent."""
+        self._sink = None
+        self._polling_thread = None
+        self._transport.close()
+        self._life.state = DeviceState.CLOSED
+
+    def health(self) -> Health:
+        """Report deliveries and the clock fit of the recent exchanges."""
+        health = self._meter.health(self.state, self._clock.now_ns())
+        pairs = self._recent_pairs()
+        if not pairs:
+            return health
+        fit = fit_clock(pairs)
+        return replace(
+            health, clock_offset_ms=fit.offset_ns / NS_PER_MS, clock_drift_ppm=fit.drift_ppm
+        )
+
+    def check(self) -> tuple[Fault, ...]:
+        """Name everything odd about stream, clock and tracker since start."""
+        waited_ns = self._clock.now_ns() - self._answered_ns
+        return describe(
+            self.info.role,
+            self._findings,
+            self._meter,
+            recent=tuple(self._recent),
+            unanswered_s=waited_ns / NS_PER_S if self._posts_unanswered else 0.0,
+        )
+
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return every time exchange since open; stamps before a clock jump included."""
+        return tuple(self._pairs)
+
+    def begin_calibration(self) -> None:
+        """Start the 3-D headset calibration; targets follow by `add_reference`."""
+        self._life.require("begin_calibration", DeviceState.STREAMING)
+        self._references = []
+        self._outcome = None
+        half_mm = self._half_eyes_mm
+        self._notify("start_plugin", name="HMD3DChoreographyPlugin", args={})
+        self._notify(
+            "calibration.should_start",
+            translation_eye0=[half_mm, 0.0, 0.0],
+            translation_eye1=[-half_mm, 0.0, 0.0],
+            record=True,
+        )
+
+    def add_reference(self, direction_head: Vector, t_host_ns: int) -> None:
+        """Keep a target; it is placed at `reference_distance_m` and sent at the end."""
+        self._life.require("add_reference", DeviceState.STREAMING)
+        device_ns = t_host_ns - offset_ns(self._recent_pairs())
+        self._references.append(
+            codec.encode_reference(direction_head, device_ns, self._reference_distance_m)
+        )
+
+    def end_calibration(self, deadline_s: float) -> CalibrationOutcome:
+        """Send the targets and wait for Capture's verdict; samples go on meanwhile.
+
+        Raises DeviceTimeout when no verdict comes.
+        """
+        self._life.require("end_calibration", DeviceState.STREAMING)
+        deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
+        self._notify("calibration.add_ref_data", ref_data=self._references)
+        self._notify("calibration.should_stop")
+        while self._outcome is None:
+            now_ns = self._clock.now_ns()
+            if now_ns >= deadline_ns:
+                raise DeviceTimeout(
+                    f"no calibration result within {deadline_s:g} s",
+                    role=self.info.role,
+                    remedy="look at Pupil Capture's log, then calibrate again",
+                )
+            if self._polls_elsewhere():
+                self._clock.sleep_until_ns(now_ns + 5 * NS_PER_MS)
+            else:
+                self.poll(0.02)
+        self._findings.calibrated = self._findings.calibrated or self._outcome.succeeded
+        return self._outcome
+
+    def annotate(self, text: str, t_host_ns: int) -> None:
+        """Publish an annotation stamped on Capture's clock."""
+        self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
+        device_ns = t_host_ns - offset_ns(self._recent_pairs())
+        frames = codec.encode_annotation(text, device_ns)
+        self._on_wire(lambda: self._transport.send(self._publish_port, frames))
+
+    # ---- receiving ------------------------------------------------------------------------
+
+    def _reset(self, now_ns: int) -> None:
+        self._meter = StreamMeter(self._schema.nominal_rate_hz)
+        self._findings = Findings(calibrated=getattr(self, "_findings", Findings()).calibrated)
+        self._recent: deque[SampleBatch] = deque(maxlen=RECENT_BATCHES)
+        self._seq = 0
+        self._heard_ns = now_ns
+        self._answered_ns = now_ns
+        self._posts_unheard = 0
+        self._posts_unanswered = 0
+        self._next_exchange_ns = now_ns + self._interval_ns
+        self._attempt_ends_ns = None
+
+    def _take(self, messages: Sequence[Message]) -> int:
+        rows: list[bytes] = []
+        seqs: list[int] = []
+        stamps: list[int] = []
+        arrivals: list[int] = []
+        threshold_01 = self._threshold_01
+        seq = self._seq
+        for message in messages:
+            frames = message.frames
+            if message.t_sent_ns is not None:
+                self._take_answer(message)
+            elif len(frames) != 2:
+                self._findings.malformed += 1
+            elif frames[0].startswith(codec.GAZE_TOPIC):
+                decoded = codec.decode_gaze(frames[1], threshold_01)
+                if decoded is None:
+                    self._findings.malformed += 1
+                else:
+                    stamps.append(decoded[0])
+                    rows.append(decoded[1])
+                    seqs.append(seq)
+                    arrivals.append(message.t_host_ns)
+                seq += 1
+            else:
+                self._take_notification(frames[1])
+        self._seq = seq
+        self._heard_ns = messages[-1].t_host_ns
+        self._posts_unheard = 0
+        sink = self._sink
+        if not rows or sink is None:
+            return 0
+        self._meter.update(stamps, arrivals[-1])
+        batch = SampleBatch(
+            self._schema,
+            np.array(seqs, np.int64),
+            np.array(stamps, np.int64),
+            np.array(arrivals, np.int64),
+            codec.rows_to_values(rows),
+        )
+        self._recent.append(batch)
+        sink(batch)
+        return len(rows)
+
+    def _take_answer(self, message: Message) -> None:
+        self._answered_ns = message.t_host_ns
+        self._posts_unanswered = 0
+        device_ns = codec.decode_time(message.frames)
+        if device_ns is None or message.t_sent_ns is None:
+            self._findings.malformed += 1
+        elif b"." in message.frames[0]:  # otherwise a late answer to SUB_PORT
+            self._add_pair(ClockPair(message.t_sent_ns, device_ns, message.t_host_ns))
+
+    def _take_notification(self, payload: bytes) -> None:
+        found = codec.decode_notification(payload)
+        if found is None:
+            self._findings.malformed += 1
+            return
+        subject = found["subject"]
+        if subject == "calibration.successful":
+            self._outcome = CalibrationOutcome(succeeded=True, message="successful")
+        elif subject == "calibration.failed":
+            reason = str(found.get("reason", "no reason given"))
+            self._outcome = CalibrationOutcome(succeeded=False, message=reason)
+        else:
+            self._findings.note(subject, found.get("eye_id"))
+
+    # ---- connection and clock --------------------------------------------------------------
+
+    def _post_time(self, now_ns: int) -> None:
+        if (
+            self._posts_unheard >= POSTS_BEFORE_LOST
+            and now_ns - self._heard_ns > self._lost_after_ns
+        ):
+            self._life.state = DeviceState.FAULT
+            quiet_s = (now_ns - self._heard_ns) / NS_PER_S
+            raise DeviceDisconnected(
+                f"neither data nor answers for {quiet_s:.1f} s", role=self.info.role, remedy=REMEDY
+            )
+        self._next_exchange_ns = now_ns + self._interval_ns
+        self._posts_unheard += 1
+        self._posts_unanswered += 1
+        self._transport.post((b"t",))
+
+    def _reconnect(self, timeout_s: float) -> int:
+        """Ask for the port; back as soon as anything comes, DeviceDisconnected after a while."""
+        now_ns = self._clock.now_ns()
+        if self._attempt_ends_ns is None:
+            self._attempt_ends_ns = now_ns + RECONNECT_WINDOW_NS
+            self._transport.post((b"SUB_PORT",))
+        messages = self._transport.receive(timeout_s)
+        if messages:
+            for message in messages:
+                answer = message.frames[0]
+                if message.t_sent_ns is not None and answer.isdigit():
+                    self._transport.subscribe(int(answer), TOPICS)
+            self._attempt_ends_ns = None
+            self._next_exchange_ns = now_ns
+            self._life.state = DeviceState.STREAMING
+            return self._take(messages)
+        if now_ns >= self._attempt_ends_ns:
+            self._attempt_ends_ns = None
+            raise DeviceDisconnected("still not there", role=self.info.role, remedy=REMEDY)
+        return 0
+
+    def _add_pair(self, pair: ClockPair) -> None:
+        if self._pairs:
+            moved_ns = abs(_offset(pair) - _offset(self._pairs[-1]))
+            waited_ns = pair.host_receive_ns - pair.host_send_ns
+            if moved_ns > CLOCK_JUMP_NS + waited_ns:
+                self._findings.clock_jumps_ms.append(moved_ns / NS_PER_MS)
+                self._pairs_since_jump = len(self._pairs)
+        self._pairs.append(pair)
+
+    def _recent_pairs(self) -> list[ClockPair]:
+        return self._pairs[max(self._pairs_since_jump, len(self._pairs) - RECENT_EXCHANGES) :]
+
+    def _request_time(self, deadline_ns: int) -> None:
+        exchange = self._transport.request((b"t",), self._left_s(deadline_ns))
+        device_ns = codec.decode_time(exchange.frames)
+        if device_ns is None:
+            raise ProtocolViolation(
+                f"answered {exchange.frames[0][:40]!r} when asked for its time",
+                role=self.info.role,
+                remedy=REMEDY,
+            )
+        self._add_pair(ClockPair(exchange.t_send_ns, device_ns, exchange.t_receive_ns))
+
+    def _ask(self, command: bytes, deadline_ns: int) -> str:
+        try:
+            exchange = self._transport.request((command,), self._left_s(deadline_ns))
+        except DeviceTimeout as cause:
+            raise DeviceTimeout(
+                "nobody answered in time", role=self.info.role, remedy=REMEDY
+            ) from cause
+        except DeviceNotFound as cause:
+            raise DeviceNotFound(str(cause), role=self.info.role, remedy=REMEDY) from cause
+        return exchange.frames[0].decode("utf-8", "replace")
+
+    def _left_s(self, deadline_ns: int) -> float:
+        return max(0.001, (deadline_ns - self._clock.now_ns()) / NS_PER_S)
+
+    def _check_version(self, text: str) -> None:
+        version = codec.decode_version(text)
+        if version is None or version < OLDEST_VERSION:
+            oldest = ".".join(str(part) for part in OLDEST_VERSION)
+            raise ProtocolViolation(
+                f"Pupil Capture says it is version {text!r}; this driver needs {oldest} or newer",
+                role=self.info.role,
+                remedy="install a current Pupil Capture",
+            )
+
+    def _port(self, text: str, name: str) -> int:
+        if not text.isascii() or not text.isdigit() or not 0 < int(text) < 2**16:
+            raise ProtocolViolation(
+                f"answered {text[:40]!r} when asked for {name}", role=self.info.role, remedy=REMEDY
+            )
+        return int(text)
+
+    # ---- commands ---------------------------------------------------------------------------
+
+    def _notify(self, subject: str, **fields: Any) -> None:
+        frames: Frames = codec.encode_notification(subject, **fields)
+
+        def send() -> None:
+            answer = self._transport.request(frames, COMMAND_TIMEOUT_S).frames[0]
+            if answer.startswith(b"Unknown"):
+                raise ProtocolViolation(
+                    f"refused {subject!r}: {answer[:80]!r}", role=self.info.role, remedy=REMEDY
+                )
+
+        self._on_wire(send)
+
+    def _on_wire(self, command: Callable[[], None]) -> None:
+        """Run in the thread that polls: sockets must not be shared between threads."""
+        if not self._polls_elsewhere():
+            command()
+            return
+        done: Future[None] = Future()
+        self._mailbox.append((command, done))
+        try:
+            done.result(timeout=2 * COMMAND_TIMEOUT_S)
+        except NoAnswerInTime as cause:
+            raise DeviceTimeout(
+                "the device thread did not take a command", role=self.info.role, remedy=REMEDY
+            ) from cause
+
+    def _polls_elsewhere(self) -> bool:
+        return self._polling_thread not in (None, threading.get_ident())
+
+    def _run_mailbox(self) -> None:
+        while self._mailbox:
+            command, done = self._mailbox.popleft()
+            try:
+                command()
+            except DeviceError as problem:
+                done.set_exception(problem)
+            else:
+                done.set_result(None)
+
+
+def _offset(pair: ClockPair) -> int:
+    return (pair.host_send_ns + pair.host_receive_ns) // 2 - pair.device_ns

@@ -1,0 +1,238 @@
+"""Write what crosses a message wire to a `.wire` file, and play such a file back.
+
+The file is a sequence of msgpack values: a header map, then one list per record, appended and
+flushed as it happens; a torn tail is ignored when reading. Times are session nanoseconds.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import msgpack
+
+from devices.transports import Exchange, Frames, Message, MessageTransport
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.errors import DataError, DeviceNotFound, DeviceTimeout
+
+FORMAT = "visavis-wire"
+VERSION = 1
+
+_MESSAGE, _EXCHANGE, _SENT = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class WireLog:
+    """What a `.wire` file holds, times as recorded; `exchanges` pairs requests with answers."""
+
+    transport: str
+    is_simulated: bool
+    messages: tuple[Message, ...]
+    exchanges: tuple[tuple[Frames, Exchange], ...]
+    sent: tuple[Message, ...]
+
+
+def read_wire_log(path: Path) -> WireLog:
+    """Read a `.wire` file up to its last whole record; raises DataError when it is none."""
+    messages: list[Message] = []
+    exchanges: list[tuple[Frames, Exchange]] = []
+    sent: list[Message] = []
+    with path.open("rb") as file:
+        records = msgpack.Unpacker(file, use_list=False)
+        try:
+            header = next(records)
+        except (StopIteration, ValueError, msgpack.UnpackException) as cause:
+            raise DataError(f"{path}: no wire log: it is empty or cut in its header") from cause
+        if not isinstance(header, dict) or header.get("format") != FORMAT:
+            raise DataError(f"{path}: no wire log: its header does not say {FORMAT!r}")
+        if header.get("version") != VERSION:
+            raise DataError(
+                f"{path}: wire log version {header.get('version')!r}; this program reads "
+                f"{VERSION}: update Visavis"
+            )
+        for number, record in enumerate(records, start=1):
+            try:
+                kind, *fields = record
+                if kind == _MESSAGE:
+                    t_host_ns, t_sent_ns, frames = fields
+                    messages.append(Message(t_host_ns, frames, t_sent_ns))
+                elif kind == _EXCHANGE:
+                    send_ns, receive_ns, request, answer = fields
+                    exchanges.append((request, Exchange(answer, send_ns, receive_ns)))
+                elif kind == _SENT:
+                    t_host_ns, frames = fields
+                    sent.append(Message(t_host_ns, frames))
+            except (TypeError, ValueError) as cause:
+                raise DataError(f"{path}: record {number} is no wire log record") from cause
+    return WireLog(
+        str(header.get("transport", "")),
+        bool(header.get("is_simulated", False)),
+        tuple(messages),
+        tuple(exchanges),
+        tuple(sent),
+    )
+
+
+class TeeTransport:
+    """Pass everything through to another transport and write it down with its times."""
+
+    def __init__(self, inner: MessageTransport, path: Path, clock: Clock) -> None:
+        self._inner = inner
+        self._path = path
+        self._clock = clock
+        self._file: BinaryIO | None = None
+        self._packer = msgpack.Packer()
+
+    @property
+    def kind(self) -> str:
+        """Name the wire itself."""
+        return self._inner.kind
+
+    @property
+    def is_simulated(self) -> bool:
+        """Tell what the wire tells."""
+        return self._inner.is_simulated
+
+    def open(self, deadline_s: float) -> None:
+        """Open the wire; the log is appended to when it exists."""
+        self._inner.open(deadline_s)
+        if self._file is None:
+            self._file = self._path.open("ab", buffering=0)
+            if self._file.tell() == 0:
+                header = {
+                    "format": FORMAT,
+                    "version": VERSION,
+                    "transport": self._inner.kind,
+                    "is_simulated": self._inner.is_simulated,
+                }
+                self._write(header)
+
+    def request(self, frames: Frames, timeout_s: float) -> Exchange:
+        """Pass on; an unanswered request is logged as sent."""
+        try:
+            exchange = self._inner.request(frames, timeout_s)
+        except DeviceTimeout:
+            self._write((_SENT, self._clock.now_ns(), frames))
+            raise
+        record = (_EXCHANGE, exchange.t_send_ns, exchange.t_receive_ns, frames, exchange.frames)
+        self._write(record)
+        return exchange
+
+    def post(self, frames: Frames) -> None:
+        """Pass on and log as sent; the answer is logged when it is received."""
+        self._write((_SENT, self._clock.now_ns(), frames))
+        self._inner.post(frames)
+
+    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
+        """Pass on."""
+        self._inner.subscribe(port, topics)
+
+    def receive(self, timeout_s: float) -> Sequence[Message]:
+        """Pass on and log every message."""
+        messages = self._inner.receive(timeout_s)
+        if messages and self._file is not None:
+            pack = self._packer.pack
+            self._file.write(
+                b"".join(pack((_MESSAGE, m.t_host_ns, m.t_sent_ns, m.frames)) for m in messages)
+            )
+        return messages
+
+    def send(self, port: int, frames: Frames) -> None:
+        """Pass on and log as sent."""
+        self._write((_SENT, self._clock.now_ns(), frames))
+        self._inner.send(port, frames)
+
+    def close(self) -> None:
+        """Close the wire and the log; idempotent."""
+        self._inner.close()
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _write(self, record: Any) -> None:
+        if self._file is not None:
+            self._file.write(self._packer.pack(record))
+
+
+class ReplayTransport:
+    """Play a `.wire` file through the driver that wrote it, moved to begin when opened.
+
+    Requests get the recorded answers of the same first frame in their order, the last one over
+    and over; one that was never answered times out. Messages keep their spacing.
+    """
+
+    kind = "replay"
+    is_simulated = True
+
+    def __init__(self, path: Path, clock: Clock) -> None:
+        self._path = path
+        self._clock = clock
+        self._shift_ns = 0
+        self._messages: deque[Message] = deque()
+        self._answers: dict[bytes, deque[Exchange]] = {}
+
+    def open(self, deadline_s: float) -> None:
+        """Read the file."""
+        try:
+            log = read_wire_log(self._path)
+        except OSError as cause:
+            raise DeviceNotFound(
+                f"cannot read {self._path}: {cause.strerror}", remedy="check the path"
+            ) from cause
+        starts = [e.t_send_ns for _, e in log.exchanges] + [m.t_host_ns for m in log.messages]
+        self._shift_ns = self._clock.now_ns() - min(starts, default=0)
+        self._messages = deque(log.messages)
+        self._answers = {}
+        for request, exchange in log.exchanges:
+            self._answers.setdefault(request[0], deque()).append(exchange)
+
+    @property
+    def is_finished(self) -> bool:
+        """Tell whether every message was delivered."""
+        return not self._messages
+
+    def request(self, frames: Frames, timeout_s: float) -> Exchange:
+        """Answer as recorded, with the recorded times moved."""
+        answers = self._answers.get(frames[0])
+        if not answers:
+            raise DeviceTimeout(f"{self._path} holds no answer to {frames[0][:40]!r}")
+        exchange = answers.popleft() if len(answers) > 1 else answers[0]
+        shift_ns = self._shift_ns
+        return Exchange(
+            exchange.frames, exchange.t_send_ns + shift_ns, exchange.t_receive_ns + shift_ns
+        )
+
+    def post(self, frames: Frames) -> None:
+        """Do nothing: recorded answers come by themselves."""
+
+    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
+        """Do nothing: what was recorded was subscribed."""
+
+    def receive(self, timeout_s: float) -> Sequence[Message]:
+        """Return the messages whose moved time has come."""
+        messages = self._due()
+        if messages or timeout_s <= 0:
+            return messages
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        while not messages and (now_ns := self._clock.now_ns()) < deadline_ns:
+            self._clock.sleep_until_ns(min(now_ns + NS_PER_MS, deadline_ns))
+            messages = self._due()
+        return messages
+
+    def send(self, port: int, frames: Frames) -> None:
+        """Do nothing: nobody listens."""
+
+    def close(self) -> None:
+        """Forget the file; idempotent."""
+        self._messages.clear()
+        self._answers = {}
+
+    def _due(self) -> list[Message]:
+        shift_ns, until_ns = self._shift_ns, self._clock.now_ns() - self._shift_ns
+        due = []
+        while self._messages and self._messages[0].t_host_ns <= until_ns:
+            m = self._messages.popleft()
+            sent_ns = None if m.t_sent_ns is None else m.t_sent_ns + shift_ns
+            due.append(Message(m.t_host_ns + shift_ns, m.frames, sent_ns))
+        return due
