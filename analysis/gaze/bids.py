@@ -1,0 +1,247 @@
+"""Write and read gaze as BIDS eye tracking (1.11): one `recording-eyeN_physio` pair per eye.
+
+eye1 is the left, eye2 the right eye, eye3 both combined. Time stamps are integers in
+nanoseconds and numbers are written in full, so a round trip loses nothing; missing is `n/a`.
+"""
+
+import gzip
+import io
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.gaze.foreign import EyeSamples, GazeRecording, eye_samples
+from analysis.gaze.stamps import typical_step_ns
+from analysis.gaze.text_table import NS_PER_UNIT, TextTable, read_text_table
+from lab.clock import NS_PER_S
+from lab.errors import DataError, UsageError
+from lab.geometry import Vector, direction_from_yaw_pitch_deg, yaw_pitch_deg_of
+
+BIDS_VERSION = "1.11.1"
+_EYES = {"left": ("eye1", "left"), "right": ("eye2", "right"), "combined": ("eye3", "cyclopean")}
+_SPACES = {"head": "eye-in-head", "world": "gaze-in-world"}
+_GAZE = ("gaze_x", "gaze_y", "gaze_z")
+_HEAD_POSITION = ("head_x_m", "head_y_m", "head_z_m")
+_HEAD_ORIENTATION = ("head_quat_w", "head_quat_x", "head_quat_y", "head_quat_z")
+_AXES = "right-handed; x right, y up, z backward; gaze along −z is straight ahead"
+_DESCRIPTIONS: Mapping[str, Mapping[str, str]] = {
+    "timestamp": {"Description": "Stamp of the sample", "Units": "ns"},
+    "x_coordinate": {"Description": "Azimuth of gaze, positive to the right", "Units": "deg"},
+    "y_coordinate": {"Description": "Elevation of gaze, positive upwards", "Units": "deg"},
+    "pupil_size": {"Description": "Pupil diameter", "Units": "mm"},
+    "openness": {"Description": "Eye openness, 0 closed to 1 open", "Units": "arbitrary"},
+    "confidence": {"Description": "The tracker's confidence, 0 to 1", "Units": "arbitrary"},
+    "valid": {"Description": "1 when the tracker calls the sample usable"},
+    "device_timestamp": {"Description": "The tracker's own stamp", "Units": "ns"},
+    **{n: {"Description": f"Gaze unit vector, {_AXES}", "Units": "arbitrary"} for n in _GAZE},
+    **{n: {"Description": f"Head position, {_AXES}", "Units": "m"} for n in _HEAD_POSITION},
+    **{
+        n: {"Description": f"Head orientation in world, {_AXES}", "Units": "arbitrary"}
+        for n in _HEAD_ORIENTATION
+    },
+}
+
+
+def write_bids(
+    recording: GazeRecording, root: Path, *, subject: str, task: str, run: int = 1
+) -> tuple[Path, ...]:
+    """Write each eye under `root/sub-<subject>/beh`; return the `.tsv.gz` paths.
+
+    Raises UsageError when a label is not letters and digits, or a file is already there.
+    """
+    for what, label in (("subject", subject), ("task", task)):
+        if not (label.isascii() and label.isalnum()):
+            raise UsageError(f"{what} {label!r}: BIDS labels are letters and digits only")
+    folder = root / f"sub-{subject}" / "beh"
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, eye in recording.eyes.items():
+        stem = f"sub-{subject}_task-{task}_run-{run}_recording-{_EYES[name][0]}_physio"
+        path = folder / f"{stem}.tsv.gz"
+        if path.exists():
+            raise UsageError(f"{path} is already there; nothing is overwritten, choose another run")
+        columns = _columns_of(recording, eye)
+        lines = io.StringIO()
+        for row in zip(*columns.values(), strict=True):
+            lines.write("\t".join(row) + "\n")
+        # A fixed mtime: the same data give the same bytes.
+        path.write_bytes(gzip.compress(lines.getvalue().encode(), mtime=0))
+        described = json.dumps(_sidecar(recording, name, tuple(columns)), indent=2)
+        (folder / f"{stem}.json").write_text(described + "\n", encoding="utf-8")
+        written.append(path)
+    return tuple(written)
+
+
+def _columns_of(recording: GazeRecording, eye: EyeSamples) -> dict[str, list[str]]:
+    yaw, pitch = yaw_pitch_deg_of(eye.direction)
+    columns = {
+        "timestamp": [str(t) for t in recording.t_ns.tolist()],
+        "x_coordinate": _numbers(-yaw),
+        "y_coordinate": _numbers(pitch),
+        "pupil_size": _numbers(eye.pupil_mm),
+        **{n: _numbers(eye.direction[:, k]) for k, n in enumerate(_GAZE)},
+        "valid": [str(int(v)) for v in eye.valid.tolist()],
+        "openness": _numbers(eye.openness_01),
+        "confidence": _numbers(eye.confidence_01),
+    }
+    if recording.t_device_ns is not None:
+        columns["device_timestamp"] = [str(t) for t in recording.t_device_ns.tolist()]
+    for names, values in (
+        (_HEAD_POSITION, recording.head_position_m),
+        (_HEAD_ORIENTATION, recording.head_orientation_wxyz),
+    ):
+        if values is not None:
+            columns |= {n: _numbers(values[:, k]) for k, n in enumerate(names)}
+    return columns
+
+
+def _numbers(values: Vector) -> list[str]:
+    return ["n/a" if v != v else repr(v) for v in values.tolist()]
+
+
+def _sidecar(recording: GazeRecording, eye: str, columns: tuple[str, ...]) -> dict[str, Any]:
+    rate_hz = recording.rate_hz
+    if rate_hz is None:
+        rate_hz = NS_PER_S / typical_step_ns(np.unique(recording.t_ns))
+    return {
+        "BIDSVersion": BIDS_VERSION,
+        "PhysioType": "eyetrack",
+        "RecordedEye": _EYES[eye][1],
+        "SampleCoordinateSystem": _SPACES[recording.space],
+        "SamplingFrequency": rate_hz,
+        "SamplingFrequencyStated": recording.rate_hz is not None,
+        "StartTime": 0,
+        "Columns": list(columns),
+        **{name: dict(_DESCRIPTIONS[name]) for name in columns},
+        "Notes": dict(recording.notes),
+    }
+
+
+# ---- reading ------------------------------------------------------------------------------
+
+
+def read_bids(path: Path) -> GazeRecording:
+    """Read one `*_physio.tsv.gz` of eye tracking together with the other eyes of its run.
+
+    Gaze comes from `gaze_x/y/z` where those are, else from azimuth and elevation in degrees or
+    radians. Raises DataError for gaze in screen coordinates, eyes whose stamps differ, or a
+    sidecar that is missing or incomplete.
+    """
+    head, mark, _ = path.name.partition("_recording-")
+    paths = sorted(path.parent.glob(f"{head}{mark}*_physio.tsv.gz")) if mark else [path]
+    if path not in paths:
+        raise DataError(f"{path}: no such *_physio.tsv.gz file; check the path")
+    eyes: dict[str, EyeSamples] = {}
+    first: tuple[TextTable, dict[str, Any]] | None = None
+    t_ns = np.zeros(0, np.int64)
+    for each in paths:
+        sidecar = _read_sidecar(each)
+        if sidecar.get("PhysioType") != "eyetrack":
+            continue
+        table = _read_rows(each, sidecar)
+        stamps = table.stamps("timestamp", _time_unit(each, sidecar))
+        if first is None:
+            first, t_ns = (table, sidecar), stamps
+        elif not np.array_equal(t_ns, stamps):
+            raise DataError(
+                f"{each}: its stamps differ from those of {first[0].path.name}; import the eyes "
+                "one by one from separate folders"
+            )
+        eyes[_eye_name(each, sidecar)] = _read_eye(each, table, sidecar)
+    if first is None:
+        raise DataError(f"{path}: its sidecar does not say PhysioType eyetrack; not eye tracking")
+    table, sidecar = first
+    space = sidecar["SampleCoordinateSystem"]
+    unit = str(sidecar.get("device_timestamp", {}).get("Units", "ns"))
+    stated = sidecar.get("SamplingFrequencyStated", True)
+    return GazeRecording(
+        name=head or path.stem,
+        t_ns=t_ns,
+        space="world" if space == "gaze-in-world" else "head",
+        left=eyes.get("left"),
+        right=eyes.get("right"),
+        combined=eyes.get("combined"),
+        t_device_ns=table.stamps("device_timestamp", unit)
+        if table.has("device_timestamp")
+        else None,
+        head_position_m=table.vectors(_HEAD_POSITION) if table.has(*_HEAD_POSITION) else None,
+        head_orientation_wxyz=table.vectors(_HEAD_ORIENTATION)
+        if table.has(*_HEAD_ORIENTATION)
+        else None,
+        rate_hz=float(sidecar["SamplingFrequency"]) if stated else None,
+        notes=sidecar.get("Notes", {"format": "BIDS"}),
+    )
+
+
+def _read_sidecar(path: Path) -> dict[str, Any]:
+    beside = path.with_name(path.name.removesuffix(".tsv.gz") + ".json")
+    try:
+        content = json.loads(beside.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise DataError(f"{beside}: no such file; every physio table needs its sidecar") from error
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise DataError(f"{beside}: not JSON ({error}); mend the sidecar") from error
+    if not isinstance(content, dict):
+        raise DataError(f"{beside}: not a JSON object; mend the sidecar")
+    required = ["Columns", "SamplingFrequency"]
+    if content.get("PhysioType") == "eyetrack":
+        required += ["RecordedEye", "SampleCoordinateSystem"]
+    missing = [key for key in required if key not in content]
+    if missing:
+        raise DataError(f"{beside}: {', '.join(missing)} missing; add what BIDS requires")
+    return content
+
+
+def _read_rows(path: Path, sidecar: Mapping[str, Any]) -> TextTable:
+    try:
+        text = gzip.decompress(path.read_bytes()).decode()
+    except (OSError, EOFError, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: not a whole gzip text ({error}); copy it again") from error
+    return read_text_table(
+        io.StringIO(text), path=path, delimiter="\t", names=[str(c) for c in sidecar["Columns"]]
+    )
+
+
+def _time_unit(path: Path, sidecar: Mapping[str, Any]) -> str:
+    unit = str(sidecar.get("timestamp", {}).get("Units", "s"))
+    if unit not in NS_PER_UNIT:
+        raise DataError(f"{path}: timestamp Units {unit!r} unknown; use ns, us, ms or s")
+    return unit
+
+
+def _eye_name(path: Path, sidecar: Mapping[str, Any]) -> str:
+    names = {"left": "left", "right": "right", "cyclopean": "combined"}
+    recorded = str(sidecar["RecordedEye"]).lower()
+    if recorded not in names:
+        raise DataError(f"{path}: RecordedEye {recorded!r}; use left, right or cyclopean")
+    return names[recorded]
+
+
+def _read_eye(path: Path, table: TextTable, sidecar: Mapping[str, Any]) -> EyeSamples:
+    if table.has(*_GAZE):
+        direction = table.vectors(_GAZE)
+    else:
+        system = sidecar["SampleCoordinateSystem"]
+        unit = str(sidecar.get("x_coordinate", {}).get("Units", "deg"))
+        if system not in _SPACES.values() or unit not in ("deg", "rad"):
+            raise DataError(
+                f"{path}: gaze is {system} in {unit}; only eye-in-head and gaze-in-world in deg "
+                "or rad can be placed in 3-D; convert it to angles first"
+            )
+        angles = table.vectors(["x_coordinate", "y_coordinate"])
+        angles = np.degrees(angles) if unit == "rad" else angles
+        direction = direction_from_yaw_pitch_deg(-angles[:, 0], angles[:, 1])
+
+    def optional(name: str) -> Vector | None:
+        return table.numbers(name) if table.has(name) else None
+
+    return eye_samples(
+        direction,
+        valid=table.flags("valid") if table.has("valid") else None,
+        pupil_mm=optional("pupil_size"),
+        openness_01=optional("openness"),
+        confidence_01=optional("confidence"),
+    )

@@ -1,0 +1,114 @@
+"""Hold a gaze recording that came from elsewhere, in Visavis's frames and times."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.gaze.stamps import Times
+from lab.errors import UsageError
+from lab.geometry import Vector
+
+Column = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class EyeSamples:
+    """One eye (or both combined): n rows as the tracker gave them.
+
+    `direction` (n, 3), frame as the recording says; NaN when lost; unit unless
+    the file is wrong. `valid` (n,) the
+    tracker's own verdict. The rest (n,) with NaN where unknown.
+    """
+
+    direction: Vector
+    valid: Mask
+    pupil_mm: Column
+    openness_01: Column
+    confidence_01: Column
+
+
+@dataclass(frozen=True)
+class GazeRecording:
+    """A gaze recording read from a file; rows keep the file's order.
+
+    `t_ns` (n,) the recording's main clock, `t_device_ns` (n,) the tracker's own where the file
+    has both. Directions are in head when `space` is "head". `head_position_m` (n, 3) and
+    `head_orientation_wxyz` (n, 4) are in world, NaN when untracked, None when the file has none.
+    `rate_hz` is what the file or its maker states; None when nobody does. `notes` keeps what
+    else the file said.
+    """
+
+    name: str
+    t_ns: Times
+    space: str
+    left: EyeSamples | None = None
+    right: EyeSamples | None = None
+    combined: EyeSamples | None = None
+    t_device_ns: Times | None = None
+    head_position_m: Vector | None = None
+    head_orientation_wxyz: Vector | None = None
+    rate_hz: float | None = None
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return int(self.t_ns.shape[0])
+
+    @property
+    def eyes(self) -> Mapping[str, EyeSamples]:
+        """The eyes the file has, by name."""
+        named = {"left": self.left, "right": self.right, "combined": self.combined}
+        return {name: eye for name, eye in named.items() if eye is not None}
+
+
+def eye_samples(
+    direction: Vector,
+    *,
+    valid: Mask | None = None,
+    pupil_mm: Column | None = None,
+    openness_01: Column | None = None,
+    confidence_01: Column | None = None,
+) -> EyeSamples:
+    """Build an eye; what is not given is valid, or unknown."""
+    n = direction.shape[0]
+    unknown = np.full(n, np.nan)
+    return EyeSamples(
+        direction,
+        np.ones(n, bool) if valid is None else valid,
+        unknown if pupil_mm is None else pupil_mm,
+        unknown if openness_01 is None else openness_01,
+        unknown if confidence_01 is None else confidence_01,
+    )
+
+
+def without_zeros(direction: Vector) -> Vector:
+    """Turn zero vectors (n, 3), which some trackers write for lost gaze, into NaN.
+
+    Other lengths stay as they are, so that a vector that is no direction can be told later.
+    """
+    kept: Vector = np.where((direction == 0).all(axis=1)[:, None], np.nan, direction)
+    return kept
+
+
+def axes_matrix(right: str, up: str, forward: str) -> Vector:
+    """Return (3, 3) the map from a maker's axes to ours (x right, y up, −z forward).
+
+    Each argument says which of the maker's axes points there: "+x", "-z".
+    """
+    rows = []
+    for name in (right, up, forward):
+        if len(name) != 2 or name[0] not in "+-" or name[1] not in "xyz":
+            raise UsageError(f"axis {name!r} is not one of +x -x +y -y +z -z")
+        rows.append((1.0 if name[0] == "+" else -1.0) * np.eye(3)["xyz".index(name[1])])
+    matrix = np.array([rows[0], rows[1], -rows[2]])
+    if abs(round(float(np.linalg.det(matrix)))) != 1:
+        raise UsageError(f"axes right {right}, up {up}, forward {forward} name one axis twice")
+    return matrix
+
+
+def orientations_in_our_axes(wxyz: Vector, matrix: Vector) -> Vector:
+    """Turn quaternions (n, 4) given in a maker's axes into ours; mirrored axes included."""
+    turned: Vector = float(np.linalg.det(matrix)) * (wxyz[:, 1:] @ matrix.T)
+    return np.column_stack([wxyz[:, :1], turned])

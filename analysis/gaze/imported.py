@@ -1,0 +1,322 @@
+"""Turn an imported recording into a quality report and fixations: tables, and a figure."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from analysis.gaze.bids import read_bids
+from analysis.gaze.event_kernels import speeds_deg_s
+from analysis.gaze.events import (
+    IDT_HEADSET,
+    IVT_HEADSET,
+    IVT_MOVING_HEAD,
+    IVT_SCREEN,
+    Fixations,
+    IdtParameters,
+    IvtParameters,
+    detect_idt,
+    detect_ivt,
+)
+from analysis.gaze.foreign import EyeSamples, GazeRecording
+from analysis.gaze.import_figure import draw_import
+from analysis.gaze.loss import (
+    DEFAULT_LOSS,
+    LossParameters,
+    combined_direction,
+    loss,
+    usable_samples,
+)
+from analysis.gaze.mapped_csv import GazeMapping, read_csv
+from analysis.gaze.quality import moving_precision_deg
+from analysis.gaze.readers import read_pupil, read_vive
+from analysis.gaze.stamps import Order, Times, order_of, typical_step_ns
+from lab.clock import NS_PER_MS, NS_PER_S
+from lab.errors import DataError, UsageError
+from lab.geometry import Vector, rotate, unit, yaw_pitch_deg_of
+
+Format = Literal["vive", "bids", "pupil", "csv"]
+FORMATS: tuple[Format, ...] = ("vive", "bids", "pupil", "csv")
+
+DETECTORS: Mapping[str, IvtParameters | IdtParameters] = {
+    "I-VT 30°/s": IVT_SCREEN,
+    "I-VT 30°/s headset": IVT_HEADSET,
+    "I-VT 100°/s": IVT_MOVING_HEAD,
+    "I-DT 1.0° 250 ms": IDT_HEADSET,
+}
+"""What the report runs, in head and, with a head pose, in world; all parameters are reported."""
+
+MAIN_DETECTOR = "I-VT 30°/s"
+
+
+@dataclass(frozen=True)
+class PreparedGaze:
+    """A recording in time order, one row per stamp, with what may be used of it.
+
+    `direction` maps "head" and "world" to (n, 3) combined gaze, NaN when lost; `usable` maps an
+    eye to (n,); `eyes_used` (n,) has bit 0 left, bit 1 right (all bits for a combined ray).
+    """
+
+    recording: GazeRecording
+    order: Order
+    t_ns: Times
+    rate_hz: float
+    eyes: Mapping[str, EyeSamples]
+    usable: Mapping[str, npt.NDArray[np.bool_]]
+    direction: Mapping[str, Vector]
+    eyes_used: npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """What an imported recording says about itself.
+
+    `quality` has one row per eye, `detectors` one per detector and frame, `fixations` one per
+    fixation, `parameters` every threshold used. `files` are the files written.
+    """
+
+    name: str
+    quality: pd.DataFrame
+    detectors: pd.DataFrame
+    fixations: pd.DataFrame
+    parameters: pd.DataFrame
+    files: tuple[Path, ...]
+
+
+def read_gaze(path: Path, format_: Format, mapping: GazeMapping | None = None) -> GazeRecording:
+    """Read one file. Raises UsageError for `csv` without a mapping, DataError for bad data."""
+    if format_ == "csv":
+        if mapping is None:
+            raise UsageError(f"{path}: plain CSV needs a mapping of its columns (--mapping)")
+        return read_csv(path, mapping)
+    readers = {"vive": read_vive, "bids": read_bids, "pupil": read_pupil}
+    if format_ not in readers:
+        raise UsageError(f"format {format_!r} is unknown; choose one of {', '.join(FORMATS)}")
+    return readers[format_](path)
+
+
+def prepare(
+    recording: GazeRecording,
+    *,
+    params: LossParameters = DEFAULT_LOSS,
+    backward: Literal["error", "sort"] = "sort",
+    conflicts: Literal["error", "keep_first"] = "keep_first",
+) -> PreparedGaze:
+    """Order the rows, decide which may be used, join the eyes, turn gaze into world.
+
+    Rows that go back or contradict another are sorted and dropped by default, because the
+    report counts them.
+    """
+    if not len(recording):
+        raise DataError(f"{recording.name}: no samples")
+    if not recording.eyes:
+        raise DataError(f"{recording.name}: no eye; map at least one")
+    values = np.column_stack([eye.direction for eye in recording.eyes.values()])
+    order = order_of(
+        recording.t_ns, values, backward=backward, conflicts=conflicts, what=recording.name
+    )
+    rows = np.arange(len(recording)) if order.rows is None else order.rows
+    t_ns = recording.t_ns[rows]
+    eyes = {name: _taken(eye, rows) for name, eye in recording.eyes.items()}
+    usable = {
+        name: usable_samples(
+            t_ns,
+            eye.direction,
+            valid=eye.valid,
+            openness_01=eye.openness_01,
+            confidence_01=eye.confidence_01,
+            params=params,
+        )
+        for name, eye in eyes.items()
+    }
+    gaze, used = _joined(eyes, usable)
+    usable["combined"] = np.isfinite(gaze[:, 0])
+    direction = {recording.space: gaze}
+    pose = recording.head_orientation_wxyz
+    if recording.space == "head" and pose is not None:
+        direction["world"] = rotate(pose[rows], gaze)
+    rate_hz = recording.rate_hz or NS_PER_S / typical_step_ns(t_ns)
+    return PreparedGaze(recording, order, t_ns, rate_hz, eyes, usable, direction, used)
+
+
+def _taken(eye: EyeSamples, rows: npt.NDArray[np.int64]) -> EyeSamples:
+    return EyeSamples(
+        eye.direction[rows],
+        eye.valid[rows],
+        eye.pupil_mm[rows],
+        eye.openness_01[rows],
+        eye.confidence_01[rows],
+    )
+
+
+def _joined(
+    eyes: Mapping[str, EyeSamples], usable: Mapping[str, npt.NDArray[np.bool_]]
+) -> tuple[Vector, npt.NDArray[np.uint8]]:
+    if "combined" in eyes:
+        seen = usable["combined"]
+        ray = np.where(seen[:, None], unit(eyes["combined"].direction), np.nan)
+        return ray, np.where(seen, 3, 0).astype(np.uint8)
+    if len(eyes) == 1:
+        (name, eye), code = next(iter(eyes.items())), 1 if "left" in eyes else 2
+        ray = np.where(usable[name][:, None], unit(eye.direction), np.nan)
+        return ray, np.where(usable[name], code, 0).astype(np.uint8)
+    return combined_direction(
+        eyes["left"].direction, eyes["right"].direction, usable["left"], usable["right"]
+    )
+
+
+def quality_table(gaze: PreparedGaze, params: LossParameters = DEFAULT_LOSS) -> pd.DataFrame:
+    """Return one row per eye: loss, rate, gaps, repeats, precision in free viewing."""
+    rays = {name: eye.direction for name, eye in gaze.eyes.items()}
+    rays["combined"] = gaze.direction[gaze.recording.space]
+    device = gaze.recording.t_device_ns
+    repeats = None if device is None else int((np.diff(device) == 0).sum())
+    head_median, head_p95 = _head_speeds_deg_s(gaze)
+    rows = []
+    for name, ray in rays.items():
+        seen = gaze.usable[name]
+        lost = loss(gaze.t_ns, ray, seen, nominal_rate_hz=gaze.rate_hz, frozen_ms=params.frozen_ms)
+        middle, calmest = moving_precision_deg(gaze.t_ns, np.where(seen[:, None], ray, np.nan))
+        both = float((gaze.eyes_used == 3).mean())
+        rows.append(
+            {
+                "recording": gaze.recording.name,
+                "eye": name,
+                **asdict(lost),
+                "file_rows": len(gaze.recording),
+                "repeated_stamps": gaze.order.repeated,
+                "conflicting_stamps": gaze.order.conflicting,
+                "backward_stamps": gaze.order.backward,
+                "repeated_device_stamps": repeats,
+                "nominal_rate_hz": gaze.rate_hz,
+                "both_eyes_01": both if name == "combined" else None,
+                "rms_s2s_median_deg": middle,
+                "rms_s2s_calmest_deg": calmest,
+                "head_speed_median_deg_s": head_median,
+                "head_speed_p95_deg_s": head_p95,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _head_speeds_deg_s(gaze: PreparedGaze) -> tuple[float, float]:
+    """Return median and 95th percentile speed of the head's front, over about 80 ms."""
+    pose = gaze.recording.head_orientation_wxyz
+    if pose is None or len(gaze.t_ns) < 2:
+        return np.nan, np.nan
+    rows = slice(None) if gaze.order.rows is None else gaze.order.rows
+    front = rotate(pose[rows], np.broadcast_to([0.0, 0.0, -1.0], (len(gaze.t_ns), 3)))
+    speed = np.empty(len(gaze.t_ns))
+    tracked = np.where(np.isfinite(front[:, 0]), 0, -1)
+    half = max(1, round(0.04 * gaze.rate_hz))
+    speeds_deg_s(gaze.t_ns, np.ascontiguousarray(front), tracked, half, speed)
+    known = speed[np.isfinite(speed)]
+    if not known.size:
+        return np.nan, np.nan
+    return float(np.median(known)), float(np.percentile(known, 95))
+
+
+def detected(gaze: PreparedGaze) -> dict[tuple[str, str], Fixations]:
+    """Run every detector in every frame; keys are detector and frame."""
+    return {
+        (name, space): detect_ivt(gaze.t_ns, ray, params)
+        if isinstance(params, IvtParameters)
+        else detect_idt(gaze.t_ns, ray, params)
+        for name, params in DETECTORS.items()
+        for space, ray in gaze.direction.items()
+    }
+
+
+def _detector_settings() -> list[tuple[str, dict[str, object]]]:
+    return [(name, asdict(params)) for name, params in DETECTORS.items()]
+
+
+def _fixation_table(gaze: PreparedGaze, name: str, space: str, f: Fixations) -> pd.DataFrame:
+    yaw, pitch = yaw_pitch_deg_of(f.direction)
+    return pd.DataFrame(
+        {
+            "recording": gaze.recording.name,
+            "detector": name,
+            "frame": space,
+            "onset_ms": (f.onset_ns - gaze.t_ns[0]) / NS_PER_MS,
+            "duration_ms": f.duration_ns / NS_PER_MS,
+            "azimuth_right_deg": -yaw,
+            "elevation_up_deg": pitch,
+            "onset_ns": f.onset_ns,
+        }
+    )
+
+
+def report(
+    recording: GazeRecording, folder: Path, *, params: LossParameters = DEFAULT_LOSS
+) -> ImportReport:
+    """Write quality, detector and fixation tables (CSV) and a figure (PNG) under `folder`.
+
+    Files are named after the recording; a report that is already there is refused.
+    """
+    gaze = prepare(recording, params=params)
+    found = detected(gaze)
+    lasted_ns = int(gaze.t_ns[-1] - gaze.t_ns[0]) + typical_step_ns(gaze.t_ns)
+    summary = pd.DataFrame(
+        [
+            {
+                "recording": recording.name,
+                "detector": name,
+                "frame": space,
+                "fixations": len(f),
+                "share_of_time_01": float(f.duration_ns.sum()) / lasted_ns,
+                "median_duration_ms": float(np.median(f.duration_ns)) / NS_PER_MS
+                if len(f)
+                else np.nan,
+                "window_ms": f.window_ms,
+            }
+            for (name, space), f in found.items()
+        ]
+    )
+    tables = {
+        "quality": quality_table(gaze, params),
+        "detectors": summary,
+        "fixations": pd.concat(
+            [_fixation_table(gaze, name, space, f) for (name, space), f in found.items()],
+            ignore_index=True,
+        ),
+        "parameters": pd.DataFrame(
+            [
+                {"of": of, "parameter": key, "value": str(value)}
+                for of, chosen in (("loss", asdict(params)), *_detector_settings())
+                for key, value in chosen.items()
+            ]
+        ),
+    }
+    files = _write(recording.name, folder, tables)
+    space = "world" if "world" in gaze.direction else recording.space
+    figure = folder / f"{recording.name}_gaze.png"
+    draw_import(
+        figure,
+        title=recording.name,
+        t_ns=gaze.t_ns,
+        direction=gaze.direction[space],
+        frame=space,
+        fixations=found[MAIN_DETECTOR, space],
+        detector=MAIN_DETECTOR,
+        usable=gaze.usable,
+        pupil_mm={name: eye.pupil_mm for name, eye in gaze.eyes.items()},
+        lost_01=float(tables["quality"].iloc[-1]["lost_01"]),
+        rate_hz=float(tables["quality"].iloc[-1]["rate_hz"]),
+    )
+    return ImportReport(recording.name, **tables, files=(*files, figure))
+
+
+def _write(name: str, folder: Path, tables: Mapping[str, pd.DataFrame]) -> tuple[Path, ...]:
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = {kind: folder / f"{name}_{kind}.csv" for kind in tables}
+    there = [str(p) for p in paths.values() if p.exists()]
+    if there:
+        raise UsageError(f"{there[0]} is already there; give an empty folder")
+    for kind, path in paths.items():
+        tables[kind].to_csv(path, index=False)
+    return tuple(paths.values())
