@@ -113,6 +113,8 @@ def parse_document(text: str, path: Path) -> Document:
         message = "; ".join(part for part in (error.context, error.problem) if part)
         if "\\t" in message:
             message = "a tab stands where YAML wants spaces; indent with spaces"
+        elif "flow" in message:
+            message += "; inside { } and [ ] put texts with punctuation in quotes"
         line = 1 if mark is None else mark.line + 1
         raise ProblemsError(path, [Problem(line, "", f"not valid YAML: {message}")]) from error
     except yaml.YAMLError as error:
