@@ -1,0 +1,340 @@
+"""From the gaze of one trial to one row of measures on the active agent.
+
+Column names are constants here; `DATA_DICTIONARY` says what each holds. Missing is None.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any, Final, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.gaze.aoi import (
+    DEFAULT_PAD_DEG,
+    SENSITIVITY_PADS_DEG,
+    aoi_by_pad,
+    aoi_of_samples,
+)
+from analysis.gaze.events import (
+    IDT_HEADSET,
+    IVT_HEADSET,
+    Fixations,
+    IdtParameters,
+    IvtParameters,
+    detect_idt,
+    detect_ivt,
+)
+from analysis.gaze.looks import (
+    DEFAULT_LOOK_PARAMETERS,
+    LookMeasures,
+    LookParameters,
+    measure_trial,
+)
+from analysis.gaze.stamps import order_of
+from lab.clock import NS_PER_MS
+from lab.errors import DataError
+from protocol.steps import Row, Scalar
+
+DWELL_MS: Final = "dwell_ms"
+FIXATION_COUNT: Final = "fixation_count"
+FIRST_FIXATION_TIME_MS: Final = "first_fixation_time_ms"
+FIRST_FIXATION_DURATION_MS: Final = "first_fixation_duration_ms"
+SECOND_FIXATION_TIME_MS: Final = "second_fixation_time_ms"
+SECOND_FIXATION_DURATION_MS: Final = "second_fixation_duration_ms"
+
+SIX_MEASURES: Final = (
+    DWELL_MS,
+    FIXATION_COUNT,
+    FIRST_FIXATION_DURATION_MS,
+    FIRST_FIXATION_TIME_MS,
+    SECOND_FIXATION_DURATION_MS,
+    SECOND_FIXATION_TIME_MS,
+)
+"""The measures of the source, in the order of its tables."""
+
+BEFORE: Final = "before_"
+AFTER: Final = "after_"
+RAW: Final = "raw_"
+IVT: Final = "ivt_"
+IDT: Final = "idt_"
+
+SENSITIVITY_MINIMA_MS: Final = (100.0, 150.0, 200.0)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of the trial table: `unit` "1" for counts and shares, "" for flags and codes."""
+
+    name: str
+    unit: str
+    description: str
+
+
+_LOOK_COLUMNS: Final = (
+    Column(DWELL_MS, "ms", "time of valid gaze on the active agent's head"),
+    Column("dwell_in_fixations_ms", "ms", "the part of the dwell time that lies in fixations"),
+    Column(FIXATION_COUNT, "1", "looks of at least the minimum duration (150 ms)"),
+    Column("glance_count", "1", "shorter looks"),
+    Column(FIRST_FIXATION_TIME_MS, "ms", "onset of the first fixation from the start"),
+    Column(FIRST_FIXATION_DURATION_MS, "ms", "its duration, bridged loss included"),
+    Column(SECOND_FIXATION_TIME_MS, "ms", "onset of the second fixation from the start"),
+    Column(SECOND_FIXATION_DURATION_MS, "ms", "its duration, bridged loss included"),
+    Column("on_at_onset", "", "the first sample was on the active agent"),
+    Column("cut_at_end", "", "the last look ran into the end"),
+    Column("lost_01", "1", "share of the time without usable gaze, missing samples included"),
+    Column("off_01", "1", "share of the time with valid gaze elsewhere"),
+)
+_EVENT_COLUMNS: Final = (
+    Column("fixation_count", "1", "fixations anywhere in the scene"),
+    Column("mean_fixation_ms", "ms", "their mean duration; missing without any"),
+    Column("fixation_share_01", "1", "share of samples in a fixation"),
+    Column("on_active_count", "1", "fixations with most of their samples on the active agent"),
+)
+
+
+def _prefixed(prefix: str, note: str, columns: Sequence[Column]) -> tuple[Column, ...]:
+    return tuple(Column(prefix + c.name, c.unit, f"{note}: {c.description}") for c in columns)
+
+
+DATA_DICTIONARY: Final[tuple[Column, ...]] = (
+    *_LOOK_COLUMNS,
+    Column("repeated_samples", "1", "samples left out because they repeat a time stamp"),
+    Column("gaze_samples", "1", "samples within the trial"),
+    *_prefixed(RAW, "by the bare ray, without padding", _LOOK_COLUMNS),
+    *_prefixed(BEFORE, "AD and DA, from the start to the gaze change", _LOOK_COLUMNS),
+    *_prefixed(AFTER, "AD and DA, from the gaze change to the end", _LOOK_COLUMNS),
+    *_prefixed(IVT, "by velocity, gaze in world", _EVENT_COLUMNS),
+    *_prefixed(IDT, "by dispersion, gaze in world", _EVENT_COLUMNS),
+)
+"""Every column `trial_measures` adds to a trial's row, in order."""
+
+_NO_LOOKS: Final[Mapping[str, None]] = {c.name: None for c in _LOOK_COLUMNS}
+
+
+@dataclass(frozen=True)
+class MeasureParameters:
+    """The thresholds of the measures; they appear in the report."""
+
+    pad_deg: float = DEFAULT_PAD_DEG
+    looks: LookParameters = field(default=DEFAULT_LOOK_PARAMETERS)
+    ivt: IvtParameters = field(default=IVT_HEADSET)
+    idt: IdtParameters = field(default=IDT_HEADSET)
+
+
+DEFAULT_MEASURE_PARAMETERS: Final = MeasureParameters()
+
+
+@dataclass(frozen=True)
+class GazeTargets:
+    """Samples of the `gaze_targets` stream: n samples, m agents, in order of arrival.
+
+    `t_ns` (n,) when each was taken; `valid` (n,); `direction_world` (n, 3), NaN where lost;
+    `angle_deg`, `radius_deg`, `pad_limit_deg` (n, m) and `hit` (n,) as in `GazeView`.
+    """
+
+    t_ns: npt.NDArray[np.int64]
+    valid: npt.NDArray[np.bool_]
+    direction_world: npt.NDArray[np.floating[Any]]
+    angle_deg: npt.NDArray[np.floating[Any]]
+    radius_deg: npt.NDArray[np.floating[Any]]
+    pad_limit_deg: npt.NDArray[np.floating[Any]]
+    hit: npt.NDArray[np.integer[Any]]
+
+    @classmethod
+    def from_columns(cls, columns: Mapping[str, npt.NDArray[Any]]) -> Self:
+        """Take the columns of the recorded stream; raises DataError naming a missing one."""
+        names = {
+            "t_ns": "t_sample_ns",
+            "valid": "valid",
+            "direction_world": "direction_world",
+            "angle_deg": "angle_deg",
+            "radius_deg": "radius_deg",
+            "pad_limit_deg": "pad_limit_deg",
+            "hit": "hit",
+        }
+        missing = [name for name in names.values() if name not in columns]
+        if missing:
+            raise DataError(
+                f"the gaze_targets stream lacks {', '.join(missing)}; it was not recorded by a "
+                "session of this study"
+            )
+        return cls(**{own: columns[name] for own, name in names.items()})
+
+    def between(self, start_ns: int, end_ns: int) -> Self:
+        """Return the samples of a stretch of time and the one before it, as views."""
+        inside = np.flatnonzero((self.t_ns >= start_ns) & (self.t_ns < end_ns))
+        first, last = (int(inside[0]), int(inside[-1])) if inside.size else (0, -1)
+        if inside.size and first > 0 and self.t_ns[first - 1] < start_ns:
+            first -= 1
+        part = slice(first, last + 1)
+        return replace(
+            self,
+            t_ns=self.t_ns[part],
+            valid=self.valid[part],
+            direction_world=self.direction_world[part],
+            angle_deg=self.angle_deg[part],
+            radius_deg=self.radius_deg[part],
+            pad_limit_deg=self.pad_limit_deg[part],
+            hit=self.hit[part],
+        )
+
+
+@dataclass(frozen=True)
+class _Span:
+    """What the measures need of a trial's row."""
+
+    active: int
+    start_ns: int
+    end_ns: int
+    switch_ns: int | None
+
+
+def _span(row: Row) -> _Span:
+    numbers: dict[str, int | None] = {}
+    for name in ("active_index", "t_start_ns", "t_end_ns", "switch_ns"):
+        value = row.get(name)
+        if value is None or value != value:  # NaN where a table held a missing number
+            numbers[name] = None
+        elif isinstance(value, str):
+            raise DataError(f"trial {row.get('trial_id')}: {name} is {value!r}, not a number")
+        else:
+            numbers[name] = int(value)
+    active, start, end, switch = numbers.values()
+    if active is None or start is None or end is None:
+        raise DataError(
+            f"trial {row.get('trial_id')}: active_index, t_start_ns or t_end_ns is missing; only "
+            "trials that were carried through can be measured"
+        )
+    return _Span(active, start, end, switch)
+
+
+def trial_measures(
+    targets: GazeTargets, row: Row, *, params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS
+) -> dict[str, Scalar | None]:
+    """Measure a trial: the columns of `DATA_DICTIONARY`, without the second view's.
+
+    `targets` may hold the whole session; `row` is the trial's, with `active_index`, `t_start_ns`,
+    `t_end_ns` and, after a gaze change, `switch_ns`. Parts exist only with a change; their
+    fixation times count from the part's own start and looks are cut at the change. Raises
+    DataError for a row without those or samples that contradict themselves.
+    """
+    span = _span(row)
+    samples = targets.between(span.start_ns, span.end_ns)
+    aoi = aoi_of_samples(
+        samples.angle_deg,
+        samples.radius_deg,
+        samples.pad_limit_deg,
+        samples.hit,
+        pad_deg=params.pad_deg,
+    )
+    whole = _measured(samples, aoi, span, params.looks, span.switch_ns)
+    raw = _measured(samples, samples.hit, span, params.looks, None)
+    columns: dict[str, Scalar | None] = {
+        **whole.as_row(),
+        "repeated_samples": whole.repeated,
+        "gaze_samples": int(np.count_nonzero(samples.t_ns >= span.start_ns)),
+        **raw.as_row(RAW),
+    }
+    for number, prefix in enumerate((BEFORE, AFTER)):
+        if whole.parts:
+            columns |= whole.parts[number].as_row(prefix)
+        else:
+            columns |= {prefix + name: None for name in _NO_LOOKS}
+    return columns
+
+
+def _measured(
+    samples: GazeTargets,
+    aoi: npt.NDArray[np.integer[Any]],
+    span: _Span,
+    params: LookParameters,
+    switch_ns: int | None,
+) -> LookMeasures:
+    return measure_trial(
+        samples.t_ns,
+        aoi,
+        span.active,
+        span.start_ns,
+        span.end_ns,
+        switch_ns=switch_ns,
+        params=params,
+    )
+
+
+def second_view(
+    targets: GazeTargets, row: Row, *, params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS
+) -> dict[str, Scalar | None]:
+    """Return what detectors of eye movements say of the trial: the I-VT and I-DT columns.
+
+    A fixation counts as on the active agent when more than half its samples are, by the padded
+    rule.
+    """
+    span = _span(row)
+    samples = targets.between(span.start_ns, span.end_ns)
+    order = order_of(
+        samples.t_ns,
+        samples.hit,
+        backward=params.looks.backward,
+        conflicts=params.looks.conflicts,
+    )
+    rows = slice(None) if order.rows is None else order.rows
+    t_ns = samples.t_ns[rows]
+    aoi = aoi_of_samples(
+        samples.angle_deg[rows],
+        samples.radius_deg[rows],
+        samples.pad_limit_deg[rows],
+        samples.hit[rows],
+        pad_deg=params.pad_deg,
+    )
+    direction = np.where(samples.valid[rows, None], samples.direction_world[rows], np.nan)
+    on_active = aoi == span.active
+    columns = _event_columns(IVT, detect_ivt(t_ns, direction, params.ivt), on_active)
+    columns |= _event_columns(IDT, detect_idt(t_ns, direction, params.idt), on_active)
+    return columns
+
+
+def _event_columns(
+    prefix: str, found: Fixations, on_active: npt.NDArray[np.bool_]
+) -> dict[str, Scalar | None]:
+    passed = np.concatenate([[0], np.cumsum(on_active)])
+    on = passed[found.last_row + 1] - passed[found.first_row]
+    length = found.last_row + 1 - found.first_row
+    n = on_active.shape[0]
+    return {
+        prefix + "fixation_count": len(found),
+        prefix + "mean_fixation_ms": (
+            float(found.duration_ns.mean()) / NS_PER_MS if len(found) else None
+        ),
+        prefix + "fixation_share_01": float(found.in_fixation.mean()) if n else None,
+        prefix + "on_active_count": int(np.count_nonzero(2 * on > length)),
+    }
+
+
+def sensitivity_rows(
+    targets: GazeTargets,
+    row: Row,
+    *,
+    pads_deg: Sequence[float] = SENSITIVITY_PADS_DEG,
+    minima_ms: Sequence[float] = SENSITIVITY_MINIMA_MS,
+    params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
+) -> Iterator[dict[str, Scalar | None]]:
+    """Yield the six measures for every padding and minimum fixation duration."""
+    span = _span(row)
+    samples = targets.between(span.start_ns, span.end_ns)
+    by_pad = aoi_by_pad(
+        samples.angle_deg,
+        samples.radius_deg,
+        samples.pad_limit_deg,
+        samples.hit,
+        pads_deg=pads_deg,
+    )
+    for pad_deg, minimum_ms in product(pads_deg, minima_ms):
+        looks = replace(params.looks, minimum_fixation_ms=minimum_ms)
+        measures = _measured(samples, by_pad[pad_deg], span, looks, None).as_row()
+        yield {
+            "pad_deg": pad_deg,
+            "minimum_fixation_ms": minimum_ms,
+            **{name: measures[name] for name in SIX_MEASURES},
+        }

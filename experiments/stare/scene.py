@@ -1,0 +1,64 @@
+"""Who sits where, and what their eyes do, in one trial of the stare study."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from experiments.stare.design import AVERTED, AVERTED_THEN_DIRECTED
+from protocol.plan import Trial
+from stimuli.gaze.behaviour import EyeBehaviour
+from stimuli.gaze.blinks import draw_blinks
+from stimuli.scene import Scene
+from stimuli.scenes.audience import (
+    PLACES,
+    SPEAKER_EYE_M,
+    audience_scene,
+    black_scene,
+    training_scene,
+)
+
+CHARACTERS: tuple[str, ...] = (
+    *(f"female_{i:02d}" for i in range(1, 7)),
+    *(f"male_{i:02d}" for i in range(1, 6)),
+)
+"""The eleven models of the audience: six women and five men."""
+
+_SHUFFLE, _BLINKS = range(2)
+
+
+def characters_of(trial: Trial, characters: Sequence[str] = CHARACTERS) -> tuple[str, ...]:
+    """Return the model at each of `PLACES`, shuffled anew for every trial from its seed."""
+    return tuple(characters[i] for i in _rng(trial, _SHUFFLE).permutation(len(characters)))
+
+
+def scene_of(trial: Trial) -> Scene:
+    """Return the lit scene of a trial."""
+    characters = characters_of(trial)
+    return training_scene(characters) if trial.is_practice else audience_scene(characters)
+
+
+def dark_scene_of(trial: Trial) -> Scene:
+    """Return the dark scene before a trial, with the mark."""
+    return black_scene(characters_of(trial))
+
+
+def active_index_of(trial: Trial) -> int:
+    """Return the index of the active agent; in condition A it is drawn but behaves like all."""
+    return PLACES.index(str(trial.factors["place"]))
+
+
+def opening_eyes(trial: Trial, scene: Scene, duration_s: float) -> EyeBehaviour:
+    """Return what all eyes do from the trial's start until a gaze change, times from the start.
+
+    Everyone looks at the speaker, but for the active agent of D and DA, who looks at the
+    participant. In practice nobody does.
+    """
+    blinks = draw_blinks(_rng(trial, _BLINKS), len(PLACES), duration_s)
+    eyes = EyeBehaviour.of_scene(scene, target_m=SPEAKER_EYE_M, blinks=blinks)
+    if trial.is_practice or trial.factors["condition"] in (AVERTED, AVERTED_THEN_DIRECTED):
+        return eyes
+    return eyes.staring(active_index_of(trial))
+
+
+def _rng(trial: Trial, stream: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(trial.seed, spawn_key=(stream,)))
