@@ -102,12 +102,12 @@ def parse_document(text: str, path: Path) -> Document:
     """Parse YAML text; `path` is what messages name."""
     lines: dict[KeyPath, int] = {(): 1}
     problems: list[Problem] = []
-    loader = yaml.SafeLoader(text)
     try:
-        node = loader.get_single_node()
-        if node is not None:
-            _walk(node, (), lines, problems, ())
-        data = None if node is None else loader.construct_document(node)
+        data = _load(text, lines, problems)
+    except yaml.reader.ReaderError as error:
+        line = text[: error.position].count("\n") + 1
+        what = f"a character that YAML does not allow (code {error.character})"
+        raise ProblemsError(path, [Problem(line, "", f"not valid YAML: {what}")]) from error
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         message = "; ".join(part for part in (error.context, error.problem) if part)
@@ -121,9 +121,19 @@ def parse_document(text: str, path: Path) -> Document:
         raise ProblemsError(path, [Problem(1, "", f"not valid YAML: {error}")]) from error
     except ValueError as error:  # a date such as 2026-13-45
         raise ProblemsError(path, [Problem(1, "", f"a value cannot be read: {error}")]) from error
+    return Document(path, text, data, lines, tuple(problems))
+
+
+def _load(text: str, lines: dict[KeyPath, int], problems: list[Problem]) -> Any:
+    loader = yaml.SafeLoader(text)
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        _walk(node, (), lines, problems, ())
+        return loader.construct_document(node)
     finally:
         loader.dispose()
-    return Document(path, text, data, lines, tuple(problems))
 
 
 def _walk(
