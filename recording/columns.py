@@ -162,7 +162,8 @@ class BatchEncoder:
         n = stamps.shape[1]
         template = self._templates.get(n) or self._template(n)
         columns = template.columns
-        crc = 0
+        row = b"%012d" % first_row
+        crc = zlib.crc32(row)
         for i in range(3):
             columns[i][...] = stamps[i]
             crc = zlib.crc32(columns[i].data, crc)
@@ -172,7 +173,7 @@ class BatchEncoder:
             )
             crc = zlib.crc32(columns[i].data, crc)
         template.message[template.crc_at] = b"%08x" % crc
-        template.message[template.row_at] = b"%012d" % first_row
+        template.message[template.row_at] = row
         return template.message
 
     def _template(self, n: int) -> _Template:

@@ -1,5 +1,6 @@
 """Write one part of a session: a file per stream and the event journal."""
 
+import base64
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -39,7 +40,9 @@ class StreamStats:
 
 @dataclass(frozen=True)
 class StreamSummary:
-    """A stream file as it was closed; `closed_cleanly` False when writing it had failed."""
+    """A stream file as it was closed; `closed_cleanly` is False, and
+    `sha256` empty, when writing had failed.
+    """
 
     name: str
     file: str
@@ -179,9 +182,13 @@ class Recorder:
         capacity = max(int(schema.nominal_rate_hz * span_s) + 64, _QUEUE_LEAST_ROWS)
         encoder = BatchEncoder(schema, is_simulated=self._is_simulated)
         file = AppendOnlyFile(self._dir / f"{schema.name}.arrows")
-        file.write(encoder.header)
-        file.sync()
+        self._guarded(file.write, encoder.header)
+        self._guarded(file.sync)
         sync_folder(self._dir)
+        # A second copy of the header, so that damage to the file's first bytes costs nothing.
+        copy = base64.b64encode(encoder.header).decode()
+        self._add_line({"kind": "stream", "name": schema.name, "t_ns": 0, "header": copy})
+        self._guarded(self._write_pending_lines)
         rows = _Rows(schema, capacity)
         spare = _Rows(schema, capacity) if threaded else None
         self._streams[schema.name] = _Stream(
@@ -291,7 +298,7 @@ class Recorder:
                 dropped=s.dropped,
                 first_t_host_ns=s.first_t_host_ns,
                 last_t_host_ns=s.last_t_host_ns,
-                sha256=s.file.sha256(),
+                sha256=s.file.sha256() if clean else "",
                 closed_cleanly=clean,
             )
             for name, s in self._streams.items()
@@ -301,7 +308,7 @@ class Recorder:
             lines=self._lines_written,
             trials=self._trials,
             bytes=self._journal.size,
-            sha256=self._journal.sha256(),
+            sha256=self._journal.sha256() if clean else "",
             closed_cleanly=clean,
         )
         self._closed = PartSummary(

@@ -1,0 +1,138 @@
+"""Take stock of a session whose process died, without touching its raw files."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from recording.durable import sha256_of
+from recording.journal import JOURNAL_NAME
+from recording.journal_file import read_journal
+from recording.lock import SessionLock
+from recording.manifest import Part, PartStatus, read_manifest, write_manifest
+from recording.stream_file import read_stream_file
+from recording.writer import JournalSummary, StreamSummary
+
+
+@dataclass(frozen=True)
+class StreamFindings:
+    """What is left of one stream file; `problems` names every damage."""
+
+    name: str
+    rows: int
+    is_ended: bool
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PartFindings:
+    """What is left of one part, and what the manifest says of it before and now."""
+
+    number: int
+    status_before: PartStatus
+    status: PartStatus
+    trials: int
+    events: int
+    streams: tuple[StreamFindings, ...]
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RecoveryReport:
+    """What recovery found; `changed` tells whether the manifest was replaced."""
+
+    session: Path
+    changed: bool
+    parts: tuple[PartFindings, ...]
+
+    @property
+    def trials(self) -> int:
+        """Number of trial rows that were saved."""
+        return sum(p.trials for p in self.parts)
+
+
+def recover(session_dir: Path) -> RecoveryReport:
+    """Mark parts whose process died as crashed and report what is left of every part.
+
+    Raises UsageError while another process still records the session.
+    """
+    read_manifest(session_dir)
+    lock = SessionLock(session_dir)
+    try:
+        return recover_held(session_dir)
+    finally:
+        lock.release()
+
+
+def recover_held(session_dir: Path) -> RecoveryReport:
+    """Do what `recover` does for a caller who holds the session's lock."""
+    manifest = read_manifest(session_dir)
+    findings = []
+    changed = False
+    for part in manifest.parts:
+        found, part_now = _take_stock(session_dir, part)
+        findings.append(found)
+        if part_now != part:
+            manifest = manifest.with_part(part_now)
+            changed = True
+    if changed:
+        write_manifest(session_dir, manifest)
+    return RecoveryReport(session_dir, changed, tuple(findings))
+
+
+def _take_stock(session_dir: Path, part: Part) -> tuple[PartFindings, Part]:
+    folder = session_dir / part.folder
+    journal = read_journal(folder / JOURNAL_NAME)
+    names = list(
+        dict.fromkeys([*journal.headers, *(p.stem for p in sorted(folder.glob("*.arrows")))])
+    )
+    streams, summaries = [], []
+    for name in names:
+        path = folder / f"{name}.arrows"
+        content = read_stream_file(path, journal.headers.get(name))
+        streams.append(StreamFindings(name, content.n_rows, content.is_ended, content.problems))
+        if path.exists():
+            t_host_ns = content.columns["t_host_ns"].tolist() if content.n_rows else [None]
+            summaries.append(
+                StreamSummary(
+                    name=name,
+                    file=path.name,
+                    rows=content.n_rows,
+                    bytes=path.stat().st_size,
+                    dropped=0,
+                    first_t_host_ns=t_host_ns[0],
+                    last_t_host_ns=t_host_ns[-1],
+                    sha256=sha256_of(path),
+                    closed_cleanly=False,
+                )
+            )
+    now = part
+    if part.status == "running":
+        now = replace(
+            part,
+            status="crashed",
+            reason=part.reason or "the recording process ended without closing its files",
+            streams=tuple(summaries),
+            journal=_journal_as_found(folder / JOURNAL_NAME, journal.n_lines, len(journal.trials)),
+        )
+    found = PartFindings(
+        number=part.number,
+        status_before=part.status,
+        status=now.status,
+        trials=len(journal.trials),
+        events=len(journal.events),
+        streams=tuple(streams),
+        problems=journal.problems,
+    )
+    return found, now
+
+
+def _journal_as_found(path: Path, lines: int, trials: int) -> JournalSummary | None:
+    if not path.exists():
+        return None
+    return JournalSummary(
+        file=path.name,
+        lines=lines,
+        trials=trials,
+        bytes=path.stat().st_size,
+        sha256=sha256_of(path),
+        closed_cleanly=False,
+    )
