@@ -43,9 +43,12 @@ class CalibrationJudge:
     def add_references(self, rows: Iterable[Any]) -> None:
         """Take targets as sent: `mm_pos` in the scene camera's frame and `timestamp`."""
         for row in rows:
-            x, y, z = row["mm_pos"]
-            head = np.array([float(x), -float(y), -float(z)])
-            self._references.append((float(row["timestamp"]), unit(head)))
+            try:
+                x, y, z = (float(v) for v in row["mm_pos"])
+                stamp_s = float(row["timestamp"])
+            except (TypeError, KeyError, ValueError):
+                continue  # too few usable ones make the verdict
+            self._references.append((stamp_s, unit(np.array([x, -y, -z]))))
 
     def verdict(self) -> str | None:
         """Return why the calibration fails, or None when it succeeds."""

@@ -214,7 +214,10 @@ class PupilCoreSimulator:
         )
         values = np.empty((n, len(GAZE_VALUES)))
         fill_values(seen, eyes["openness_01"], eyes["pupil_mm"], self._half_mm, values)
-        values[:, 0] = [self.device_ns(t_ns) for t_ns in t_list]
+        if self._drift or self._faults.faults:
+            values[:, 0] = [self.device_ns(t_ns) for t_ns in t_list]
+        else:
+            values[:, 0] = t + (self._epoch_ns - self._origin_ns)
         values[:, 0] /= NS_PER_S
         jitter_ms = (2 * noise[:, _LATENCY] - 1) * self._error.latency_jitter_ms
         delays = ((jitter_ms + self._error.latency_ms) * NS_PER_MS).astype(np.int64).tolist()

@@ -61,7 +61,7 @@ class GazeTemplate:
         n = values.shape[0]
         packed = np.empty((n, self._template.size), np.uint8)
         packed[:] = self._template
-        numbers = values[:, self._columns].astype(">f8").view(np.uint8)
+        numbers = values.take(self._columns, axis=1).astype(">f8", order="C").view(np.uint8)
         packed[:, self._bytes] = numbers
         topic = self.topic
         return [(topic, row.tobytes()) for row in packed]

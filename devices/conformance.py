@@ -1,0 +1,194 @@
+"""Check that a device keeps its contract: plain functions for our drivers and anyone's.
+
+Each takes a factory that makes a fresh closed device and raises AssertionError naming the broken
+promise. `let_pass(seconds)` lets session time go by: it moves a virtual clock, or waits.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from devices.contracts import (
+    GAZE,
+    HEAD,
+    RESPONSES,
+    Device,
+    DeviceState,
+    EyeTracker,
+    Headset,
+    ResponseInput,
+)
+from lab.errors import DeviceError
+from lab.schema import SampleBatch, StreamSchema
+
+LetPass = Callable[[float], None]
+
+OPEN_DEADLINE_S = 5.0
+STEP_S = 0.01
+UNIT_LENGTH_TOLERANCE = 1e-4
+
+
+def check_lifecycle(make: Callable[[], Device], let_pass: LetPass) -> None:
+    """Check the states, that misuse is refused by name, and that close is idempotent."""
+    device = make()
+    _promise(device.state is DeviceState.CLOSED, "a new device is closed")
+    _refuses(device, "start", lambda: device.start(lambda batch: None))
+    _refuses(device, "poll", lambda: device.poll(0.0))
+    _refuses(device, "stop", device.stop)
+    device.open(OPEN_DEADLINE_S)
+    _promise(device.state is DeviceState.OPEN, "open() leads to open")
+    _refuses(device, "open", lambda: device.open(OPEN_DEADLINE_S))
+    info = device.info
+    _promise(bool(info.role and info.driver and info.model), "info is complete once open")
+    schemas = device.describe()
+    _promise(len(schemas) > 0, "describe() names at least one stream")
+    _promise(device.describe() == schemas, "describe() keeps its order")
+    for _ in range(2):
+        device.start(lambda batch: None)
+        _promise(device.state is DeviceState.STREAMING, "start() leads to streaming")
+        _refuses(device, "start", lambda: device.start(lambda batch: None))
+        let_pass(STEP_S)
+        device.poll(0.0)
+        device.stop()
+        _promise(device.state is DeviceState.OPEN, "stop() leads back to open")
+    device.close()
+    device.close()
+    _promise(device.state is DeviceState.CLOSED, "close() leads to closed, also twice")
+    device.open(OPEN_DEADLINE_S)
+    device.start(lambda batch: None)
+    device.close()
+    _promise(device.state is DeviceState.CLOSED, "close() works while streaming")
+
+
+def check_batches(make: Callable[[], Device], let_pass: LetPass, *, seconds: float = 1.0) -> None:
+    """Check shapes, dtypes, order and counts of what a device delivers."""
+    device = make()
+    batches = collect(device, let_pass, seconds=seconds)
+    schemas = device.describe()
+    total = sum(len(batch) for batch in batches)
+    _promise(device.health().received == total, "health().received counts what was delivered")
+    for schema in schemas:
+        own = [batch for batch in batches if batch.schema == schema]
+        if schema.nominal_rate_hz > 0:
+            _promise(len(own) > 0, f"stream {schema.name!r} delivers")
+        _check_stream(schema, own)
+    _promise(
+        all(batch.schema in schemas for batch in batches), "every batch bears a described schema"
+    )
+    device.close()
+
+
+def check_eye_tracker(make: Callable[[], EyeTracker], let_pass: LetPass) -> None:
+    """Check the gaze fields: unit vectors or NaN, validity apart from value, clock pairs."""
+    device = make()
+    batches = collect(device, let_pass)
+    _promise(device.describe()[0].fields == GAZE.fields, "the first stream has GAZE's fields")
+    values = np.concatenate([batch.values for batch in batches])
+    for name in ("direction_head", "left_direction_head", "right_direction_head"):
+        lengths = np.linalg.norm(values[name].astype(np.float64), axis=1)
+        known = np.isfinite(lengths)
+        near_one = np.abs(lengths[known] - 1) < UNIT_LENGTH_TOLERANCE
+        _promise(bool(near_one.all()), f"{name} is a unit vector or NaN, never zero")
+    _promise(
+        bool(np.isfinite(values["direction_head"][values["valid"]]).all()),
+        "a valid sample has a direction",
+    )
+    _promise(bool((values["eyes_used"] <= 3).all()), "eyes_used has two bits")
+    for eye in ("left", "right"):
+        pupil_mm = values[f"{eye}_pupil_mm"]
+        _promise(bool((~(pupil_mm <= 0)).all()), "an unknown pupil is NaN, never zero")
+    for pair in device.clock_pairs():
+        _promise(pair.host_receive_ns >= pair.host_send_ns, "an answer follows its request")
+    device.close()
+
+
+def check_headset(make: Callable[[], Headset], *, n_frames: int = 30) -> None:
+    """Check pacing: rising frames at the nominal rate, one pose per frame."""
+    device = make()
+    device.open(OPEN_DEADLINE_S)
+    batches: list[SampleBatch] = []
+    device.start(batches.append)
+    _promise(device.describe()[0].fields == HEAD.fields, "the first stream has HEAD's fields")
+    frames = []
+    for _ in range(n_frames):
+        frame = device.wait_frame()
+        device.submit(frame, ())
+        device.poll(0.0)
+        frames.append(frame)
+    for before, after in zip(frames, frames[1:], strict=False):
+        _promise(after.index == before.index + 1 + after.dropped, "index counts dropped frames too")
+        _promise(after.t_ns > before.t_ns, "frame times rise")
+    _promise(
+        all(frame.predicted_display_ns >= frame.t_ns for frame in frames),
+        "light follows the frame's start",
+    )
+    span = frames[-1].index - frames[0].index
+    rate_hz = span * 1e9 / (frames[-1].t_ns - frames[0].t_ns)
+    _promise(abs(rate_hz / device.display_rate_hz - 1) < 0.05, "frames keep the nominal rate")
+    _promise(sum(map(len, batches)) == n_frames, "every frame brings one pose")
+    values = np.concatenate([batch.values for batch in batches])
+    lengths = np.linalg.norm(values["orientation_wxyz"][values["valid"]], axis=1)
+    _promise(bool((np.abs(lengths - 1) < UNIT_LENGTH_TOLERANCE).all()), "valid poses are unit")
+    device.close()
+
+
+def check_response_input(make: Callable[[], ResponseInput], let_pass: LetPass) -> None:
+    """Check that every response names a control."""
+    device = make()
+    batches = collect(device, let_pass)
+    _promise(device.describe()[0].fields == RESPONSES.fields, "the stream has RESPONSES' fields")
+    _promise(len(device.controls) > 0, "there is a control")
+    for batch in batches:
+        known = batch.values["control"] < len(device.controls)
+        _promise(bool(known.all()), "every response names a known control")
+    device.close()
+
+
+def collect(device: Device, let_pass: LetPass, *, seconds: float = 1.0) -> list[SampleBatch]:
+    """Open, start and poll a device for a while; it is stopped but still open afterwards."""
+    batches: list[SampleBatch] = []
+    device.open(OPEN_DEADLINE_S)
+    device.start(batches.append)
+    for _ in range(round(seconds / STEP_S)):
+        let_pass(STEP_S)
+        before = sum(map(len, batches))
+        count = device.poll(0.0)
+        _promise(
+            count == sum(map(len, batches)) - before, "poll() returns the samples it delivered"
+        )
+    device.stop()
+    return batches
+
+
+def _check_stream(schema: StreamSchema, batches: list[SampleBatch]) -> None:
+    last_seq = -1
+    last_host_ns = -(2**63)
+    for batch in batches:
+        n = len(batch)
+        _promise(n > 0, "no batch is empty")
+        _promise(batch.values.dtype == schema.dtype, "values have the schema's dtype")
+        for name in ("seq", "t_device_ns", "t_host_ns"):
+            column = getattr(batch, name)
+            _promise(column.dtype == np.int64 and column.shape == (n,), f"{name} is int64 (n,)")
+        _promise(batch.values.shape == (n,), "values have one row per sample")
+        _promise(int(batch.seq[0]) > last_seq, "seq rises across batches")
+        _promise(bool((np.diff(batch.seq) > 0).all()), "seq rises within a batch")
+        _promise(int(batch.t_host_ns[0]) >= last_host_ns, "arrival times do not go back")
+        _promise(bool((np.diff(batch.t_host_ns) >= 0).all()), "arrival times do not go back")
+        last_seq, last_host_ns = int(batch.seq[-1]), int(batch.t_host_ns[-1])
+
+
+def _refuses(device: Device, method: str, call: Callable[[], object]) -> None:
+    try:
+        call()
+    except DeviceError as refusal:
+        text = str(refusal)
+        named = method in text and device.state.value in text
+        _promise(named, f"the refusal of {method}() names method and state")
+        return
+    raise AssertionError(f"{method}() must be refused while {device.state.value}")
+
+
+def _promise(kept: bool, promise: str) -> None:
+    if not kept:
+        raise AssertionError(f"broken promise: {promise}")
