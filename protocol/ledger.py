@@ -71,7 +71,7 @@ class Ledger:
         if prefix and not (prefix.isascii() and prefix.isalpha() and prefix.isupper()):
             raise LedgerError(f"prefix {prefix!r} must be capital letters A to Z")
         self.path = study_root / LEDGER_NAME
-        self.study = study_root.name
+        self.study = study_root.resolve().name
         self.prefix = prefix
         self._root = study_root
         self._clock = clock
@@ -277,7 +277,7 @@ class Ledger:
                 return entry
         raise UnknownParticipant(
             f"participant {number:02d} is not in the ledger of {self.study}; add it: "
-            f"visavis participant add {self.study} --number {number}",
+            f"visavis participant add {self.study} {number}",
             number,
         )
 

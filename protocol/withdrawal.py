@@ -69,7 +69,7 @@ def _own_folders(study: str, label: str, root: Path, removal: Removal) -> list[P
     """Return the participant's folders: by the name the recorder gives, and by manifest."""
     own_name = f"sub-{label}".lower()
     found: list[Path] = []
-    for folder, folders, files in os.walk(root):
+    for folder, folders, files in os.walk(root.resolve()):
         here = Path(folder)
         for name in list(folders):
             if name.lower() == own_name and here.name == study:

@@ -94,7 +94,7 @@ def test_group_may_be_a_function_of_the_index(tmp_path):
 
 
 def test_unknown_number_names_the_command_that_adds_it(tmp_path):
-    with pytest.raises(UnknownParticipant, match="participant add stare --number 7") as caught:
+    with pytest.raises(UnknownParticipant, match="participant add stare 7") as caught:
         ledger(tmp_path).resolve("07")
     assert 7 == caught.value.number
 

@@ -2,6 +2,7 @@ import csv
 import json
 import os
 import stat
+from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
@@ -253,3 +254,12 @@ def test_the_key_is_kept_until_the_data_are_gone(book, data, tmp_path):
     with pytest.raises(LedgerError):
         book.withdraw("7", [tmp_path / "unplugged"], key_file=keys)
     assert {"name": "A"} == keys.identity("07H")
+
+
+def test_the_study_folder_may_be_named_relative_to_the_working_folder(book, data, monkeypatch):
+    mine = record(data, "07H")
+    monkeypatch.chdir(data / "real" / "stare")
+    here = Ledger(Path(), SimClock())
+    assert "stare" == here.study
+    here.withdraw("7", [Path()])
+    assert not mine.exists()
