@@ -31,51 +31,51 @@ def draw_import(
     lost_01: float,
     rate_hz: float,
 ) -> None:
-    """Write a PNG with four panels over time; gaps in lines are lost gaze."""
+    """Write a PNG with five panels over time; gaps in lines are lost gaze."""
     t_s = (t_ns - t_ns[0]) / 1e9
     figure = Figure(figsize=(11, 8.5), layout="constrained")
     axes: list[Axes] = list(
-        figure.subplots(4, 1, sharex=True, height_ratios=(3, 1.6, 1.3, 0.9)).flat
+        figure.subplots(5, 1, sharex=True, height_ratios=(1.7, 1.4, 1.4, 1.2, 0.8)).flat
     )
     share = float(fixations.duration_ns.sum()) / max(1, int(t_ns[-1] - t_ns[0]))
     figure.suptitle(
         f"{title}: {len(t_ns)} samples, {rate_hz:.1f} Hz, {lost_01:.1%} lost, "
         f"{len(fixations)} fixations in {frame} ({detector}), {share:.0%} of the time"
     )
-    _gaze_panel(axes[0], t_s, direction, fixations, t_ns, frame)
-    _speed_panel(axes[1], t_s, t_ns, direction, detector)
+    yaw, pitch = yaw_pitch_deg_of(direction)
+    for axis, angle, colour, label in (
+        (axes[0], _unwrapped(-yaw), _AZIMUTH, "azimuth"),
+        (axes[1], pitch, _ELEVATION, "elevation"),
+    ):
+        _shade(axis, fixations, t_ns)
+        axis.plot(t_s, angle, lw=0.9, color=colour)
+        axis.set_ylabel(f"{label} in {frame} (°)")
+    axes[0].set_title("right and up are positive; grey: fixation", loc="left", fontsize=9)
+    _speed_panel(axes[2], t_s, t_ns, direction)
     colours = {"left": _LEFT, "right": _RIGHT, "combined": "black"}
     for name, pupil in pupil_mm.items():
         if np.isfinite(pupil).any():
-            axes[2].plot(t_s, pupil, lw=0.8, color=colours[name], label=name)
-    axes[2].set_ylabel("pupil (mm)")
-    if axes[2].lines:
-        axes[2].legend(loc="upper right", ncols=2, fontsize=8)
+            axes[3].plot(t_s, pupil, lw=0.8, color=colours[name], label=name)
+    axes[3].set_ylabel("pupil (mm)")
+    if axes[3].lines:
+        axes[3].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
     else:
-        axes[2].text(0.5, 0.5, "no pupil data", ha="center", transform=axes[2].transAxes)
+        axes[3].text(0.5, 0.5, "no pupil data", ha="center", transform=axes[3].transAxes)
     for k, (name, seen) in enumerate(usable.items()):
-        axes[3].fill_between(
+        axes[4].fill_between(
             t_s, k + 0.1, k + 0.9, where=~seen, step="post", color=colours[name], lw=0
         )
-    axes[3].set_yticks(np.arange(len(usable)) + 0.5, [f"{name} lost" for name in usable])
-    axes[3].set_ylim(0, len(usable))
-    axes[3].set_xlabel("time (s)")
-    axes[3].set_xlim(0, max(float(t_s[-1]), 1e-3))
+    axes[4].set_yticks(np.arange(len(usable)) + 0.5, [f"{name} lost" for name in usable])
+    axes[4].set_ylim(0, len(usable))
+    axes[4].set_xlabel("time (s)")
+    axes[4].set_xlim(0, max(float(t_s[-1]), 1e-3))
     figure.savefig(path, dpi=110)
 
 
-def _gaze_panel(
-    axis: Axes, t_s: Vector, direction: Vector, fixations: Fixations, t_ns: Times, frame: str
-) -> None:
-    yaw, pitch = yaw_pitch_deg_of(direction)
-    azimuth = _unwrapped(-yaw)
-    axis.plot(t_s, azimuth, lw=0.8, color=_AZIMUTH, label="azimuth (right +)")
-    axis.plot(t_s, pitch, lw=0.8, color=_ELEVATION, label="elevation (up +)")
+def _shade(axis: Axes, fixations: Fixations, t_ns: Times) -> None:
     for onset, duration in zip(fixations.onset_ns, fixations.duration_ns, strict=True):
         start = (onset - t_ns[0]) / 1e9
         axis.axvspan(start, start + duration / 1e9, color="0.88", lw=0)
-    axis.set_ylabel(f"gaze in {frame} (°)")
-    axis.legend(loc="upper right", ncols=2, fontsize=8, title="grey: fixation", title_fontsize=8)
 
 
 def _unwrapped(angle_deg: Vector) -> Vector:
@@ -88,7 +88,7 @@ def _unwrapped(angle_deg: Vector) -> Vector:
     return out
 
 
-def _speed_panel(axis: Axes, t_s: Vector, t_ns: Times, direction: Vector, detector: str) -> None:
+def _speed_panel(axis: Axes, t_s: Vector, t_ns: Times, direction: Vector) -> None:
     seen = np.isfinite(direction[:, 0])
     step_ns = typical_step_ns(t_ns)
     breaks = np.concatenate([[False], np.diff(t_ns) > _HOLE_STEPS * step_ns]) | ~seen
