@@ -36,7 +36,7 @@ class Performance:
 
     def recorded(self) -> dict[str, Any]:
         """Return the columns a session would have recorded."""
-        views = [g for g in self.gaze if g.t_ns.shape[0]]
+        views = [g for g in self.gaze if g.angle_deg.size]
         return {
             "t_sample_ns": np.concatenate([g.t_ns for g in views]),
             "valid": np.concatenate([g.valid for g in views]),

@@ -1,0 +1,173 @@
+"""From gaze samples to a trial's row."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.stare.design import StareParameters, plan_session
+from experiments.stare.measures import (
+    DATA_DICTIONARY,
+    SIX_MEASURES,
+    GazeTargets,
+    second_view,
+    sensitivity_rows,
+    trial_measures,
+)
+from experiments.stare.trial import run_trial
+from lab.errors import DataError
+from stimuli.scenes.audience import PLACES
+from tests.experiments.stare.performance import perform
+
+MS = 1_000_000
+ACTIVE = PLACES.index("centre_far")
+OTHER = PLACES.index("left_close")
+PARAMS = StareParameters(trial_s=4.0)
+STEP_MS = 8.333333
+
+
+def measured(condition: str, look: Any) -> tuple[GazeTargets, dict[str, Any]]:
+    template = plan_session(0, 1).trials[1]
+    factors = {"condition": condition, "place": "centre_far", "zone": "centre", "depth": "far"}
+    done = perform(run_trial(replace(template, factors=factors), PARAMS), look)
+    return GazeTargets.from_columns(done.recorded()), dict(done.row)
+
+
+def on_between(*spans_ms: tuple[float, float]) -> Any:
+    return lambda t: ACTIVE if any(a * MS <= t < b * MS for a, b in spans_ms) else OTHER
+
+
+def test_two_looks_and_a_glance_become_two_fixations_and_a_glance() -> None:
+    targets, row = measured("D", on_between((500, 800), (1500, 1600), (2000, 2500)))
+    found = trial_measures(targets, row)
+
+    assert pytest.approx(900, abs=3 * STEP_MS) == found["dwell_ms"]
+    assert pytest.approx(800, abs=3 * STEP_MS) == found["dwell_in_fixations_ms"]
+    assert (2, 1) == (found["fixation_count"], found["glance_count"])
+    assert pytest.approx(500, abs=STEP_MS) == found["first_fixation_time_ms"]
+    assert pytest.approx(300, abs=STEP_MS) == found["first_fixation_duration_ms"]
+    assert pytest.approx(2000, abs=STEP_MS) == found["second_fixation_time_ms"]
+    assert pytest.approx(500, abs=STEP_MS) == found["second_fixation_duration_ms"]
+    assert pytest.approx(480, abs=1) == found["gaze_samples"]
+
+
+def test_agent_never_looked_at_has_no_dwell_and_no_fixation_times() -> None:
+    found = trial_measures(*measured("D", lambda _: OTHER))
+
+    assert (0.0, 0) == (found["dwell_ms"], found["fixation_count"])
+    assert found["first_fixation_time_ms"] is None
+    assert found["second_fixation_duration_ms"] is None
+
+
+def test_trial_without_gaze_is_lost_and_has_zero_dwell() -> None:
+    found = trial_measures(*measured("AD", lambda _: -2))
+
+    assert (1.0, 0.0, 0) == (found["lost_01"], found["dwell_ms"], found["fixation_count"])
+    assert found["first_fixation_time_ms"] is None
+
+
+def test_parts_exist_only_where_a_gaze_changed_and_sum_to_the_whole() -> None:
+    static = trial_measures(*measured("D", on_between((500, 800))))
+    targets, row = measured("AD", on_between((500, 800), (2000, 2500)))
+    found = trial_measures(targets, row)
+
+    assert static["before_dwell_ms"] is None
+    assert static["after_fixation_count"] is None
+    parts = float(found["before_dwell_ms"]) + float(found["after_dwell_ms"])  # type: ignore[arg-type]
+    assert pytest.approx(found["dwell_ms"], abs=1e-6) == parts
+    # The change comes with the first sample of the look, so most of it lies after.
+    assert 0 < float(found["before_dwell_ms"]) < 40  # type: ignore[arg-type]
+    assert 2 == found["after_fixation_count"]
+
+
+def test_samples_of_neighbouring_trials_do_not_count() -> None:
+    targets, row = measured("D", lambda _: ACTIVE)
+    later = replace(targets, t_ns=targets.t_ns + 60_000 * MS)
+    both = GazeTargets(
+        **{
+            name: np.concatenate([getattr(targets, name), getattr(later, name)])
+            for name in targets.__dataclass_fields__
+        }
+    )
+
+    assert trial_measures(targets, row) == trial_measures(both, row)
+    assert pytest.approx(4000) == trial_measures(both, row)["dwell_ms"]
+
+
+def test_raw_ray_needs_the_ray_on_the_head_and_padding_does_not() -> None:
+    targets, row = measured("D", on_between((500, 1000)))
+    shifted = replace(targets, hit=np.where(targets.hit == ACTIVE, -1, targets.hit))
+    angle = targets.angle_deg.copy()
+    on = targets.hit == ACTIVE
+    angle[on, ACTIVE] = targets.radius_deg[on, ACTIVE] + 0.5
+    found = trial_measures(replace(shifted, angle_deg=angle), row)
+
+    assert 0.0 == found["raw_dwell_ms"]
+    assert pytest.approx(500, abs=STEP_MS) == found["dwell_ms"]
+
+
+def test_sensitivity_table_varies_padding_and_minimum_duration() -> None:
+    targets, row = measured("D", on_between((500, 620), (1000, 1180), (2000, 2500)))
+    rows = list(sensitivity_rows(targets, row))
+    by = {(r["pad_deg"], r["minimum_fixation_ms"]): r for r in rows}
+
+    assert 15 == len(rows) == len(by)
+    assert [3, 2, 1] == [by[1.0, m]["fixation_count"] for m in (100.0, 150.0, 200.0)]
+    main = trial_measures(targets, row)
+    assert {n: main[n] for n in SIX_MEASURES} == {n: by[1.0, 150.0][n] for n in SIX_MEASURES}
+
+
+def test_second_view_counts_fixations_everywhere_and_on_the_active_agent() -> None:
+    targets, row = measured("D", on_between((1000, 1500), (2500, 3200)))
+    found = second_view(targets, row)
+
+    assert (5, 2) == (found["ivt_fixation_count"], found["ivt_on_active_count"])
+    assert (5, 2) == (found["idt_fixation_count"], found["idt_on_active_count"])
+    assert pytest.approx(800, rel=0.1) == found["ivt_mean_fixation_ms"]
+
+
+def test_second_view_of_a_lost_trial_has_no_fixations_and_no_mean() -> None:
+    found = second_view(*measured("D", lambda _: -2))
+
+    assert (0, None) == (found["ivt_fixation_count"], found["ivt_mean_fixation_ms"])
+    assert (0, None) == (found["idt_fixation_count"], found["idt_mean_fixation_ms"])
+
+
+def test_repeated_rows_change_nothing_but_their_count() -> None:
+    targets, row = measured("D", on_between((500, 800)))
+    twice = np.sort(np.append(np.arange(targets.t_ns.shape[0]), [100, 200]))
+    doubled = GazeTargets(
+        **{name: getattr(targets, name)[twice] for name in targets.__dataclass_fields__}
+    )
+    once, again = trial_measures(targets, row), trial_measures(doubled, row)
+
+    assert 2 == again["repeated_samples"]
+    assert once["dwell_ms"] == again["dwell_ms"]
+    assert second_view(targets, row) == second_view(doubled, row)
+
+
+def test_dictionary_describes_every_column_and_no_other() -> None:
+    targets, row = measured("AD", on_between((500, 800)))
+    columns = [*trial_measures(targets, row), *second_view(targets, row)]
+
+    assert sorted(c.name for c in DATA_DICTIONARY) == sorted(columns)
+    assert all(c.unit == "ms" for c in DATA_DICTIONARY if c.name.endswith("_ms"))
+
+
+def test_missing_stream_column_is_named() -> None:
+    with pytest.raises(DataError, match="hit"):
+        GazeTargets.from_columns({"t_sample_ns": np.empty(0, np.int64)})
+
+
+def test_interrupted_trial_cannot_be_measured() -> None:
+    targets, row = measured("D", lambda _: OTHER)
+
+    with pytest.raises(DataError, match="T07"):
+        trial_measures(targets, {"trial_id": "T07", "t_start_ns": row["t_start_ns"]})
+
+
+def test_switch_missing_as_nan_means_no_parts() -> None:
+    targets, row = measured("D", on_between((500, 800)))
+
+    assert trial_measures(targets, {**row, "switch_ns": float("nan")})["before_dwell_ms"] is None
