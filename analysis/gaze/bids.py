@@ -201,7 +201,7 @@ def _read_rows(path: Path, sidecar: Mapping[str, Any]) -> TextTable:
     except (OSError, EOFError, UnicodeDecodeError) as error:
         raise DataError(f"{path}: not a whole gzip text ({error}); copy it again") from error
     return read_text_table(
-        io.StringIO(text), path=path, delimiter="\t", names=[str(c) for c in sidecar["Columns"]]
+        path, delimiter="\t", text=text, names=[str(c) for c in sidecar["Columns"]]
     )
 
 

@@ -131,7 +131,7 @@ def mapping_of(content: object, *, source: str = "mapping") -> GazeMapping:
 
 def read_csv(path: Path, mapping: GazeMapping) -> GazeRecording:
     """Read a table of gaze as its mapping says."""
-    table = read_text_table(path, path=path, delimiter=mapping.delimiter)
+    table = read_text_table(path, delimiter=mapping.delimiter)
     matrix = mapping.axes.matrix
     position = orientation = None
     if mapping.head is not None:

@@ -34,7 +34,7 @@ def read_vive(path: Path) -> GazeRecording:
     millisecond counter, which repeats and wraps at 32 bits, is kept beside it. Lost eyes are
     zero vectors in the file and NaN here.
     """
-    table = read_text_table(path, path=path, delimiter=";")
+    table = read_text_table(path, delimiter=";")
     return GazeRecording(
         name=path.stem,
         t_ns=table.stamps("time(100ns)", "100ns", from_first=True),
@@ -89,7 +89,7 @@ def read_pupil(path: Path) -> GazeRecording:
     The scene camera stands for the head. Eye 0 is the right eye, eye 1 the left. A row of one
     eye leaves the other missing; rows may go back in time where the eyes interleave.
     """
-    table = read_text_table(path, path=path, delimiter=",")
+    table = read_text_table(path, delimiter=",")
     point = table.vectors([f"gaze_point_3d_{c}" for c in "xyz"])
     if np.isnan(point).all():
         raise DataError(

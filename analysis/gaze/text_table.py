@@ -1,14 +1,14 @@
 """Read delimited text strictly: every complaint names the file, the line and the column."""
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from analysis.gaze.stamps import Times
 from lab.errors import DataError
@@ -25,26 +25,24 @@ _MISSING = frozenset({"", "n/a", "N/A", "NA", "nan", "NaN", "NAN", "null", "None
 
 @dataclass(frozen=True)
 class TextTable:
-    """A file's cells as text; `first_line` is the line number of the first row."""
+    """A file's cells as text, column by column; `lines` are the rows' line numbers."""
 
     path: Path
-    cells: pd.DataFrame
-    first_line: int
+    cells: Mapping[str, Sequence[str]]
+    lines: Sequence[int]
 
     def __len__(self) -> int:
-        return len(self.cells)
+        return len(self.lines)
 
     def has(self, *names: str) -> bool:
         """Tell whether all these columns are there."""
-        return all(name in self.cells.columns for name in names)
+        return all(name in self.cells for name in names)
 
-    def column(self, name: str) -> npt.NDArray[np.object_]:
+    def column(self, name: str) -> Sequence[str]:
         """Return a column's text. Raises DataError when there is none of that name."""
-        if name not in self.cells.columns:
-            raise DataError(
-                f"{self.path}: no column {name!r}; it has {', '.join(map(str, self.cells.columns))}"
-            )
-        return self.cells[name].to_numpy(dtype=object)
+        if name not in self.cells:
+            raise DataError(f"{self.path}: no column {name!r}; it has {', '.join(self.cells)}")
+        return self.cells[name]
 
     def numbers(self, name: str) -> npt.NDArray[np.float64]:
         """Return a column as float64, missing as NaN; a decimal comma is understood."""
@@ -99,54 +97,58 @@ class TextTable:
 
     def _complaint(self, row: int, name: str, cell: str, what: str) -> str:
         return (
-            f"{self.path}: line {row + self.first_line}, column {name!r} holds {cell!r}, {what}; "
+            f"{self.path}: line {self.lines[row]}, column {name!r} holds {cell!r}, {what}; "
             "mend or remove the line"
         )
 
 
 def read_text_table(
-    source: Path | IO[str],
-    *,
     path: Path,
+    *,
     delimiter: str,
+    text: str | None = None,
     names: Sequence[str] | None = None,
 ) -> TextTable:
-    """Read all cells as text; `names` replaces a missing header line.
+    """Read all cells as text; empty lines are passed over.
 
-    Raises DataError when the file is not there, not text, ragged, or without a row of data.
+    `text` is the content where the file itself is packed; `names` stands for a header line the
+    file lacks. Raises DataError when the file is not there, not text, ragged, names a column
+    twice, or holds no row of data.
     """
+    if text is None:
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+        except FileNotFoundError as error:
+            raise DataError(f"{path}: no such file; check the path") from error
+        except (OSError, UnicodeDecodeError) as error:
+            raise DataError(f"{path}: cannot be read as text ({error})") from error
+    rows, lines = [], []
+    reader = csv.reader(io.StringIO(text), delimiter=delimiter)
     try:
-        cells = pd.read_csv(
-            source,
-            sep=delimiter,
-            dtype=str,
-            keep_default_na=False,
-            na_filter=False,
-            header=0 if names is None else None,
-            names=None if names is None else list(names),
-            index_col=False,
-            skip_blank_lines=False,
-            encoding="utf-8-sig",
-            on_bad_lines="error",
-        )
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: no such file; check the path") from error
-    except pd.errors.EmptyDataError as error:
-        raise DataError(f"{path}: the file is empty; leave it out") from error
-    except (pd.errors.ParserError, pd.errors.ParserWarning, UnicodeDecodeError) as error:
-        raise DataError(
-            f"{path}: not a table with delimiter {delimiter!r} ({error}); check the format"
-        ) from error
-    while len(cells) and (cells.iloc[-1].fillna("") == "").all():
-        cells = cells.iloc[:-1]
-    short = cells.isna().any(axis=1).to_numpy()
-    first_line = 2 if names is None else 1
-    if short.any():
-        line = int(np.flatnonzero(short)[0]) + first_line
-        raise DataError(f"{path}: line {line} has fewer cells than the header; was it cut off?")
-    if not len(cells):
+        for row in reader:
+            if not any(row):
+                continue
+            if names is None:
+                names = [cell.strip() for cell in row]
+                continue
+            if len(row) == len(names) + 1 and not row[-1]:
+                row.pop()  # a delimiter at the end of the line
+            if len(row) != len(names):
+                raise DataError(
+                    f"{path}: line {reader.line_num} has {len(row)} cells, the header has "
+                    f"{len(names)}; was it cut off, or is the delimiter not {delimiter!r}?"
+                )
+            rows.append(row)
+            lines.append(reader.line_num)
+    except csv.Error as error:
+        raise DataError(f"{path}: line {reader.line_num} is not a table row ({error})") from error
+    if names is None:
+        raise DataError(f"{path}: the file is empty; leave it out")
+    if len(set(names)) != len(names):
+        twice = next(name for name in names if list(names).count(name) > 1)
+        raise DataError(f"{path}: two columns are named {twice!r}; rename one")
+    if not rows:
         raise DataError(
             f"{path}: a header but no samples; the recording never started, leave the file out"
         )
-    cells.columns = cells.columns.str.strip()
-    return TextTable(path, cells, first_line)
+    return TextTable(path, dict(zip(names, zip(*rows, strict=True), strict=True)), lines)
