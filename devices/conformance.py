@@ -4,6 +4,7 @@ Each takes a factory that makes a fresh closed device and raises AssertionError 
 promise. `let_pass(seconds)` lets session time go by: it moves a virtual clock, or waits.
 """
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -115,7 +116,7 @@ def check_headset(make: Callable[[], Headset], *, n_frames: int = 30) -> None:
         device.submit(frame, ())
         device.poll(0.0)
         frames.append(frame)
-    for before, after in zip(frames, frames[1:], strict=False):
+    for before, after in itertools.pairwise(frames):
         _promise(after.index == before.index + 1 + after.dropped, "index counts dropped frames too")
         _promise(after.t_ns > before.t_ns, "frame times rise")
     _promise(

@@ -14,8 +14,8 @@ ENTRY_POINT_GROUP = "visavis.drivers"
 
 BUILT_IN: dict[str, str] = {
     "pupil_core": "devices.drivers.pupil_core:PupilCore",
-    "sim_headset": "devices.sim.headset:SimulatedHeadset",
-    "sim_responses": "devices.sim.responses:SimulatedResponses",
+    "simulated_headset": "devices.sim.headset:SimulatedHeadset",
+    "simulated_responses": "devices.sim.responses:SimulatedResponses",
 }
 """Driver name -> "module:Class" of the drivers that ship with Visavis."""
 

@@ -283,9 +283,12 @@ class ZmqTransport:
         ready = dict(self._poller.poll(timeout_s * 1e3))
         messages: list[Message] = []
         if self._requests in ready:
-            self._drain(self._requests, messages, is_reply=True)
+            answer = tuple(self._requests.recv_multipart())  # a second read is refused by REQ
+            if self._posted_ns is not None:
+                messages.append(Message(self._clock.now_ns(), answer, self._posted_ns))
+                self._posted_ns = None
         if self._subscriber is not None and self._subscriber in ready:
-            self._drain(self._subscriber, messages, is_reply=False)
+            self._drain(messages)
         return messages
 
     def send(self, port: int, frames: Frames) -> None:
@@ -309,15 +312,11 @@ class ZmqTransport:
         self._publishers = {}
         self._posted_ns = None
 
-    def _drain(self, socket: Any, messages: list[Message], *, is_reply: bool) -> None:
+    def _drain(self, messages: list[Message]) -> None:
+        receive, again = self._subscriber.recv_multipart, self._zmq.Again
         while True:
             try:
-                frames = tuple(socket.recv_multipart(self._zmq.DONTWAIT))
-            except self._zmq.Again:
+                frames = tuple(receive(self._zmq.DONTWAIT))
+            except again:
                 return
-            now_ns = self._clock.now_ns()
-            if not is_reply:
-                messages.append(Message(now_ns, frames))
-            elif self._posted_ns is not None:
-                messages.append(Message(now_ns, frames, self._posted_ns))
-                self._posted_ns = None
+            messages.append(Message(self._clock.now_ns(), frames))

@@ -65,7 +65,7 @@ class SimulatedHeadset:
         self._schema = StreamSchema(HEAD.name, HEAD.fields, self.display_rate_hz, HEAD.version)
         self.info = DeviceInfo(
             role=role,
-            driver="sim_headset",
+            driver="simulated_headset",
             driver_version="1",
             vendor="Visavis",
             model="simulated headset",

@@ -259,8 +259,7 @@ class PupilCoreSimulator:
                 frames = (frames[0], self._garbage.bytes(int(self._garbage.integers(1, 400))))
             arrival_ns = t_ns + delays[i]
             if "burst" in active:
-                end_ns = min(active["burst"].end_ns, since_ns + 3600 * NS_PER_S)
-                arrival_ns = self._origin_ns + end_ns + delays[i]
+                arrival_ns = max(arrival_ns, self._origin_ns + active["burst"].end_ns)
             if _happens(active, "reorder", noise[i, _REORDER]):
                 arrival_ns += 2 * period_ns
             self._extra.append(Message(arrival_ns, frames))

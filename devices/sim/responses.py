@@ -46,7 +46,7 @@ class SimulatedResponses:
         self._seq = 0
         self.info = DeviceInfo(
             role=role,
-            driver="sim_responses",
+            driver="simulated_responses",
             driver_version="1",
             vendor="Visavis",
             model="simulated responses",

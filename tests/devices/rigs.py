@@ -1,0 +1,60 @@
+"""Build a Pupil Core driver on a simulated wire, and drive it through virtual time."""
+
+import numpy as np
+
+from devices.drivers.pupil_core import PupilCore
+from devices.pump import Pump
+from devices.sim.faults import FaultSchedule
+from devices.sim.pupil_core import PupilCoreSimulator
+from devices.transports import MemoryTransport
+from lab.clock import NS_PER_S, SimClock
+from tests.devices.bodies import FixatingBody
+
+
+class Rig:
+    """One eye tracker, pumped at 90 Hz on a virtual clock."""
+
+    def __init__(self, *faults, seed=1, body=None, wrap=None, **simulator):
+        self.clock = SimClock()
+        self.body = body if body is not None else FixatingBody(5.0, 3.0)
+        schedule = FaultSchedule.from_config(faults)
+        self.simulator = PupilCoreSimulator(
+            self.body, clock=self.clock, seed=seed, faults=schedule, **simulator
+        )
+        wire = MemoryTransport(self.simulator, self.clock)
+        self.driver = PupilCore("eyes", wrap(wire, self.clock) if wrap else wire, self.clock)
+        self.batches = []
+        self.pump = Pump(self.driver, self.batches.append, self.clock)
+
+    def start(self):
+        self.driver.open(2.0)
+        self.pump.start()
+        return self
+
+    def run(self, seconds):
+        end_ns = self.clock.now_ns() + round(seconds * NS_PER_S)
+        while self.clock.now_ns() < end_ns:
+            self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_S // 90)
+            self.pump.step()
+        return self
+
+    def calibrate(self, *, looks=True):
+        self.driver.begin_calibration()
+        for i in range(9):
+            target = FixatingBody(10 * (i % 3 - 1), 5 * (i // 3 - 1))
+            if looks:
+                self.body.look(10 * (i % 3 - 1), 5 * (i // 3 - 1))
+            self.run(0.3)
+            for j in range(3):
+                t_ns = self.clock.now_ns() - j * 30_000_000
+                self.driver.add_reference(target.direction, t_ns)
+        return self.driver.end_calibration(3.0)
+
+    def column(self, name):
+        return np.concatenate([batch.values[name] for batch in self.batches])
+
+    def stamps(self, name):
+        return np.concatenate([getattr(batch, name) for batch in self.batches])
+
+    def messages(self):
+        return " | ".join(fault.message for fault in self.pump.faults())

@@ -1,0 +1,137 @@
+"""The Pupil Core driver against its simulator on the memory wire."""
+
+import numpy as np
+import pytest
+
+from devices.contracts import DeviceState
+from devices.sim.tracker_error import TrackerErrorModel
+from lab.clock_fit import offset_ns
+from lab.geometry import angle_deg
+from tests.devices.rigs import Rig
+
+PERFECT = TrackerErrorModel(
+    offset_deg=0, eye_offset_deg=0, gain_sd_01=0, white_deg=0, slow_deg=0, latency_jitter_ms=0
+)
+
+
+def test_perfect_tracker_reports_the_body_direction():
+    rig = Rig(error=PERFECT).start().run(1.0)
+
+    errors_deg = angle_deg(rig.column("direction_head").astype("f8"), rig.body.direction)
+    assert errors_deg.max() < 0.01
+    assert (rig.column("left_pupil_mm") == 3.5).all()
+    np.testing.assert_allclose(rig.column("origin_m"), 0.0, atol=1e-9)
+
+
+def test_left_and_right_eye_are_not_exchanged():
+    rig = Rig(error=PERFECT).start().run(1.0)
+    truth = rig.body.eyes(np.zeros(1, np.int64))[0]
+
+    for eye in ("left", "right"):
+        seen = rig.column(f"{eye}_direction_head")[-1].astype("f8")
+        assert angle_deg(seen, truth[f"{eye}_direction_head"]) < 0.01
+
+
+def test_offset_from_clock_pairs_is_exact_without_drift():
+    rig = Rig().start().run(5.0)
+
+    expected = -rig.simulator.device_ns(0)
+    assert offset_ns(rig.driver.clock_pairs()) == expected
+    sampled = rig.stamps("t_device_ns") + expected
+    grid = np.array([k * 10**9 // 120 for k in range(1000)])
+    assert np.isin(sampled, grid).all()
+
+
+def test_host_stamp_is_the_arrival():
+    rig = Rig(error=PERFECT).start().run(1.0)
+
+    delay_ns = (
+        rig.stamps("t_host_ns") - rig.stamps("t_device_ns") - offset_ns(rig.driver.clock_pairs())
+    )
+    assert (delay_ns == 12_000_000).all()
+
+
+def test_calibration_succeeds_when_the_eyes_follow():
+    rig = Rig().start()
+
+    outcome = rig.calibrate()
+
+    assert outcome.succeeded
+    assert "not calibrated" not in rig.messages()
+
+
+def test_calibration_fails_with_a_reason_when_the_eyes_wander():
+    body_looks_away = Rig().start()
+    body_looks_away.body.look(40.0, 20.0)
+
+    outcome = body_looks_away.calibrate(looks=False)
+
+    assert not outcome.succeeded
+    assert "do not fit" in outcome.message
+
+
+def test_calibration_without_references_fails():
+    rig = Rig().start()
+    rig.driver.begin_calibration()
+
+    assert not rig.driver.end_calibration(3.0).succeeded
+
+
+def test_calibration_makes_gaze_more_accurate():
+    def mean_error(rig):
+        rig.batches.clear()
+        rig.body.look(5.0, 3.0)
+        rig.run(1.0)
+        return angle_deg(rig.column("direction_head").astype("f8"), rig.body.direction).mean()
+
+    before, after = [], []
+    for seed in range(8):
+        rig = Rig(seed=seed).start().run(0.1)
+        before.append(mean_error(rig))
+        rig.calibrate()
+        after.append(mean_error(rig))
+    assert np.mean(after) < 0.5 * np.mean(before)
+
+
+def test_blink_loses_confidence_and_validity():
+    rig = Rig().start().run(0.5)
+    rig.body.openness_01 = 0.0
+    rig.batches.clear()
+    rig.run(0.5)
+
+    assert not rig.column("valid")[5:].any()
+    assert rig.column("confidence_01")[5:].max() < 0.1
+
+
+def test_repeated_stretch_repeats_bit_for_bit():
+    def stretch(warm_up_s):
+        rig = Rig().start().run(warm_up_s)
+        start_ns = -(-rig.clock.now_ns() // 10**9) * 10**9
+        rig.clock.sleep_until_ns(start_ns - 1)
+        rig.pump.step()
+        rig.body.stretch_number = 7
+        rig.batches.clear()
+        rig.run(1.0)
+        device_ns = rig.stamps("t_device_ns") + offset_ns(rig.driver.clock_pairs())
+        return np.concatenate([b.values for b in rig.batches])[device_ns >= start_ns][:100]
+
+    np.testing.assert_array_equal(stretch(0.5), stretch(3.2))
+
+
+def test_annotation_arrives_on_the_device_clock():
+    rig = Rig().start().run(1.0)
+    t_ns = rig.clock.now_ns()
+
+    rig.driver.annotate("trial 1", t_ns)
+
+    (annotation,) = rig.simulator.annotations
+    assert annotation["label"] == "trial 1"
+    assert annotation["timestamp"] == pytest.approx(rig.simulator.device_ns(t_ns) / 1e9, abs=1e-6)
+
+
+def test_info_says_simulated_and_names_the_version():
+    rig = Rig().start()
+
+    assert rig.driver.info.is_simulated
+    assert rig.driver.info.model == "Core (Capture 3.5.1)"
+    assert rig.driver.state is DeviceState.STREAMING

@@ -1,0 +1,91 @@
+"""Frames of the simulated headset fall on an integer grid; late frames are dropped and told."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from devices.sim.faults import FaultSchedule
+from devices.sim.headset import SimulatedHeadset
+from devices.sim.responses import SimulatedResponses
+from lab.clock import SimClock
+from lab.errors import ConfigError, ProtocolViolation
+from tests.devices.bodies import FixatingBody
+
+
+def started(start_ns=0, **options):
+    clock, got = SimClock(start_ns), []
+    headset = SimulatedHeadset("headset", FixatingBody(), clock, **options)
+    headset.open(1.0)
+    headset.start(got.append)
+    return headset, clock, got
+
+
+@given(st.integers(0, 10**15), st.sampled_from([72, 90, 120, 144]))
+def test_frames_are_on_the_grid_of_the_clock(start_ns, rate_hz):
+    headset, _, _ = started(start_ns, display_rate_hz=rate_hz)
+
+    frames = [headset.wait_frame() for _ in range(5)]
+
+    k = frames[0].t_ns * rate_hz // 10**9
+    first = next(j for j in (k - 1, k, k + 1) if j * 10**9 // rate_hz >= start_ns)
+    assert [f.t_ns for f in frames] == [(first + i) * 10**9 // rate_hz for i in range(5)]
+    assert all(f.dropped == 0 for f in frames)
+
+
+def test_late_frame_counts_those_it_missed():
+    headset, clock, got = started()
+    headset.wait_frame()
+    clock.sleep_until_ns(40_000_000)
+
+    frame = headset.wait_frame()
+    headset.poll(0.0)
+
+    assert (frame.index, frame.dropped) == (4, 3)
+    assert [int(b.seq[0]) for b in got] == [0, 4]
+
+
+def test_standby_makes_poses_missing_and_is_a_fault():
+    faults = FaultSchedule.from_config([{"kind": "standby", "start_s": 0.5, "duration_s": 0.5}])
+    headset, _clock, got = started(faults=faults)
+    for _ in range(60):
+        headset.wait_frame()
+    assert "standby" in headset.check()[0].message
+    for _ in range(60):
+        headset.wait_frame()
+    headset.poll(0.0)
+
+    values = np.concatenate([b.values for b in got])
+    assert headset.check() == ()
+    assert np.isnan(values["position_m"][~values["valid"]]).all()
+    assert (~values["valid"]).sum() == 45
+
+
+def test_rate_of_zero_is_a_configuration_error():
+    with pytest.raises(ConfigError, match="display_rate_hz"):
+        SimulatedHeadset("headset", FixatingBody(), SimClock(), display_rate_hz=0)
+
+
+def test_press_arrives_with_its_own_time_and_control():
+    clock, got = SimClock(), []
+    body = FixatingBody(presses=[(5_000_000, "yes", 1.0), (7_000_000, "no", 1.0)])
+    device = SimulatedResponses("buttons", body, clock, controls=("no", "yes"))
+    device.open(1.0)
+    device.start(got.append)
+    clock.sleep_until_ns(10_000_000)
+    device.poll(0.0)
+
+    assert got[0].t_host_ns.tolist() == [5_000_000, 7_000_000]
+    assert got[0].values["control"].tolist() == [1, 0]
+
+
+def test_press_of_an_unknown_control_is_refused_by_name():
+    clock = SimClock()
+    body = FixatingBody(presses=[(5, "lever", 1.0)])
+    device = SimulatedResponses("buttons", body, clock)
+    device.open(1.0)
+    device.start(lambda batch: None)
+    clock.sleep_until_ns(10)
+
+    with pytest.raises(ProtocolViolation, match="'lever'"):
+        device.poll(0.0)

@@ -1,0 +1,73 @@
+"""The simulated tracker errs as published trackers do, and repeats by seed."""
+
+import numpy as np
+import pytest
+
+from devices.sim.tracker_error import (
+    StretchNoise,
+    TrackerErrorModel,
+    draw_systematic,
+    measured_directions,
+)
+from lab.geometry import angle_deg, direction_from_yaw_pitch_deg, unit
+
+MODEL = TrackerErrorModel()
+GRID_DEG = np.array([-15.0, -7.5, 0.0, 7.5, 15.0])
+
+
+def mean_error_deg(seed, **fits):
+    error = draw_systematic(MODEL, seed, **fits)
+    yaw, pitch = np.meshgrid(GRID_DEG, GRID_DEG)
+    truth = direction_from_yaw_pitch_deg(yaw.ravel(), pitch.ravel())
+    out = np.empty((truth.shape[0], 2, 3))
+    silent = np.zeros((truth.shape[0], 11))
+    measured_directions(truth, truth, silent, error.offset_rad, error.gain, out)
+    return angle_deg(unit(out.mean(axis=1)), truth).mean()
+
+
+def test_calibrated_accuracy_is_near_the_published_mean():
+    errors = [mean_error_deg(seed, fit=0, calibrated_fit=0) for seed in range(300)]
+
+    assert 0.75 < np.mean(errors) < 1.1
+
+
+def test_uncalibrated_and_slipped_headsets_are_worse():
+    def mean(**fits):
+        return np.mean([mean_error_deg(seed, **fits) for seed in range(100)])
+
+    calibrated = mean(fit=1, calibrated_fit=1)
+    assert mean(fit=1, calibrated_fit=0) > 1.5 * calibrated
+    assert mean(fit=1, calibrated_fit=None) > 3 * calibrated
+
+
+def test_precision_is_near_the_published_figures():
+    noise = StretchNoise(MODEL, 1, 1, 120.0).take(20_000)
+    ahead = np.tile([0.0, 0.0, -1.0], (20_000, 1))
+    out = np.empty((20_000, 2, 3))
+    measured_directions(ahead, ahead, noise, np.zeros((2, 2)), np.zeros((2, 2)), out)
+    seen = unit(out.mean(axis=1))
+
+    rms_deg = np.sqrt(np.mean(angle_deg(seen[1:], seen[:-1]) ** 2))
+    sd_deg = np.degrees(np.hypot(seen[:, 0].std(), seen[:, 1].std()))
+    assert rms_deg == pytest.approx(0.11, abs=0.01)
+    assert sd_deg == pytest.approx(0.18, abs=0.02)
+
+
+def test_noise_does_not_depend_on_how_it_is_taken():
+    whole = StretchNoise(MODEL, 1, 5, 120.0).take(2000)
+    parts = StretchNoise(MODEL, 1, 5, 120.0)
+
+    taken = np.concatenate([parts.take(n) for n in (1, 2, 509, 1, 700, 787)])
+
+    np.testing.assert_array_equal(whole, taken)
+
+
+def test_missing_direction_stays_missing():
+    nothing = np.full((1, 3), np.nan)
+    out = np.empty((1, 2, 3))
+
+    measured_directions(
+        nothing, nothing, np.zeros((1, 11)), np.zeros((2, 2)), np.zeros((2, 2)), out
+    )
+
+    assert np.isnan(out).all()
