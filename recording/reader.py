@@ -187,6 +187,10 @@ class Recording:
         ]
         return pd.DataFrame(rows) if rows else pd.DataFrame({PART_COLUMN: np.zeros(0, np.int64)})
 
+    def trial_entries(self, part: int) -> tuple[dict[str, Any], ...]:
+        """Return a part's trial rows with the session time of writing: keys t_ns and row."""
+        return self._journal(part).trials
+
     def verify(self) -> Verification:
         """Read everything again and compare counts, order, checksums and SHA-256."""
         problems: list[str] = []

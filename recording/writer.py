@@ -236,7 +236,7 @@ class Recorder:
                 self._guarded(self._write_rows, stream, rows)
                 rows.count = 0
 
-    def event(self, name: str, t_ns: int, **payload: Any) -> None:
+    def event(self, name: str, t_ns: int, /, **payload: Any) -> None:
         """Note an event; it is written with the next batch."""
         self._add_line({"kind": "event", "name": name, "t_ns": int(t_ns), "payload": payload})
 
