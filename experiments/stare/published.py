@@ -3,9 +3,9 @@
 Source: A. Jovane, *Modeling of reactive movement and non-verbal behaviors for the creation of
 digital agents for virtual reality*, thesis, Université de Rennes, 2023 (NNT 2023URENS005),
 chapter 3 (sections 3.2 to 3.3.1 from p. 77, 3.3.2 on p. 87) and appendix A (from p. 152); the
-experiment is that of Raimbaud et al. (2022). Thirty participants; each value averages a participant's
-18 trials of a condition. Times and durations are in milliseconds. Values stand as printed, also where they do not fit each
-other: `INCONSISTENCIES` lists where.
+experiment is that of Raimbaud et al. (2022). Thirty participants; each value averages a
+participant's 18 trials of a condition. Times and durations are in milliseconds. Values stand as
+printed, also where they do not fit each other: `INCONSISTENCIES` lists where.
 """
 
 from collections.abc import Mapping
