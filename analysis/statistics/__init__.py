@@ -6,12 +6,56 @@ error for data it cannot accept, and returns a frozen dataclass with `sentence()
 """
 
 from analysis.statistics.adjust import adjust_p, bonferroni_thresholds, stars
+from analysis.statistics.anova import Anova, AnovaEffect, between_anova, rm_anova
+from analysis.statistics.art import AlignmentCheck, ArtAnova, art_anova
+from analysis.statistics.art_contrasts import art_contrasts, art_interaction_contrasts
+from analysis.statistics.between import (
+    KruskalWallis,
+    OneWay,
+    group_means,
+    kruskal_wallis,
+    levene,
+    oneway_anova,
+    pairwise_t,
+    tukey_hsd,
+    welch_anova,
+)
+from analysis.statistics.bootstrap import Bootstrap, bootstrap_interval
+from analysis.statistics.clusters import Selection, Ward, select_scales, ward
+from analysis.statistics.contrasts import Contrast, Contrasts
 from analysis.statistics.correlation import Correlation, pearson, spearman, spearman_p
 from analysis.statistics.decision import PairedComparison, Step, compare_paired, correct_family
+from analysis.statistics.describe import Cell, cell_means, describe
+from analysis.statistics.design import Design, read_design
 from analysis.statistics.effects import partial_eta_squared
+from analysis.statistics.equivalence import (
+    Equivalence,
+    tost_independent,
+    tost_one_sample,
+    tost_paired,
+)
+from analysis.statistics.errors import StatisticsError
+from analysis.statistics.friedman import Friedman, SignedRankPair, friedman, posthoc_signed_rank
+from analysis.statistics.mixed import mixed_anova
 from analysis.statistics.normality import ShapiroWilk, shapiro_wilk, skewness
+from analysis.statistics.posthoc import posthoc
+from analysis.statistics.power import (
+    OneWayPower,
+    PowerCurve,
+    PowerPoint,
+    oneway_power,
+    oneway_sample_size,
+    oneway_sensitivity,
+    power_curve,
+    proportion_interval,
+)
+from analysis.statistics.printed import PublishedCheck, Verdict
+from analysis.statistics.rank_sum import RankSum, mann_whitney
+from analysis.statistics.reliability import CronbachAlpha, cronbach_alpha
 from analysis.statistics.results import Effect, Interval, Provenance, Result
 from analysis.statistics.signed_rank import SignedRank, signed_rank_p_from_t, wilcoxon_signed_rank
+from analysis.statistics.sphericity import Sphericity
+from analysis.statistics.studentized import studentized_range_quantile, studentized_range_sf
 from analysis.statistics.t_tests import (
     TTest,
     independent_t,
@@ -21,31 +65,90 @@ from analysis.statistics.t_tests import (
 )
 
 __all__ = [
+    "AlignmentCheck",
+    "Anova",
+    "AnovaEffect",
+    "ArtAnova",
+    "Bootstrap",
+    "Cell",
+    "Contrast",
+    "Contrasts",
     "Correlation",
+    "CronbachAlpha",
+    "Design",
     "Effect",
+    "Equivalence",
+    "Friedman",
     "Interval",
+    "KruskalWallis",
+    "OneWay",
+    "OneWayPower",
     "PairedComparison",
+    "PowerCurve",
+    "PowerPoint",
     "Provenance",
+    "PublishedCheck",
+    "RankSum",
     "Result",
+    "Selection",
     "ShapiroWilk",
     "SignedRank",
+    "SignedRankPair",
+    "Sphericity",
+    "StatisticsError",
     "Step",
     "TTest",
+    "Verdict",
+    "Ward",
     "adjust_p",
+    "art_anova",
+    "art_contrasts",
+    "art_interaction_contrasts",
+    "between_anova",
     "bonferroni_thresholds",
+    "bootstrap_interval",
+    "cell_means",
     "compare_paired",
     "correct_family",
+    "cronbach_alpha",
+    "describe",
+    "friedman",
+    "group_means",
     "independent_t",
     "independent_t_from_summary",
+    "kruskal_wallis",
+    "levene",
+    "mann_whitney",
+    "mixed_anova",
     "one_sample_t",
+    "oneway_anova",
+    "oneway_power",
+    "oneway_sample_size",
+    "oneway_sensitivity",
     "paired_t",
+    "pairwise_t",
     "partial_eta_squared",
     "pearson",
+    "posthoc",
+    "posthoc_signed_rank",
+    "power_curve",
+    "proportion_interval",
+    "read_design",
+    "rm_anova",
+    "select_scales",
     "shapiro_wilk",
     "signed_rank_p_from_t",
     "skewness",
     "spearman",
     "spearman_p",
     "stars",
+    "studentized_range_quantile",
+    "studentized_range_sf",
+    "tost_independent",
+    "tost_one_sample",
+    "tost_paired",
+    "tukey_hsd",
+    "ward",
+    "welch_anova",
     "wilcoxon_signed_rank",
 ]

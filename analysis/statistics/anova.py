@@ -1,0 +1,260 @@
+"""Analysis of variance: repeated measures, mixed designs (type III), sphericity, effect sizes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias, get_args
+
+from scipy import special
+
+from analysis.statistics.design import Design, Frame, Levels, Missing, read_design
+from analysis.statistics.effects import partial_eta_squared
+from analysis.statistics.errors import ConstantResponse, UnknownMethod
+from analysis.statistics.results import Effect, Provenance, Result, Row, f_text, p_text
+from analysis.statistics.sphericity import Sphericity, sphericity
+from analysis.statistics.strata import Strata, Stratum
+
+Correction: TypeAlias = Literal["mauchly", "gg", "hf", "none"]
+
+
+@dataclass(frozen=True)
+class AnovaEffect(Result):
+    """One line of an ANOVA table.
+
+    `F`, `df1`, `df2` and `p` are uncorrected; `df1_used`, `df2_used` and `p_used` are those to
+    report, after the correction `correction` names. `ges` is generalised eta squared with every
+    factor manipulated (None where it is not defined); `sphericity` is None for two levels,
+    between effects and models without strata.
+    """
+
+    term: tuple[str, ...]
+    F: float
+    df1: float
+    df2: float
+    p: float
+    ss: float | None
+    ss_error: float | None
+    error_term: str
+    eta: Effect
+    ges: float | None
+    sphericity: Sphericity | None
+    correction: str
+    df1_used: float
+    df2_used: float
+    p_used: float
+
+    @property
+    def name(self) -> str:
+        """The term as text, 'A:B'."""
+        return ":".join(self.term)
+
+    def sentence(self) -> str:
+        """Return the effect as an APA sentence."""
+        label = " × ".join(self.term)
+        text = f"{label}: {f_text(self.F, self.df1_used, self.df2_used)}, {p_text(self.p_used)}, "
+        corrected = "" if self.correction == "none" else f" ({self.correction}-corrected df)"
+        return f"{text}{self.eta}{corrected}"
+
+    def row(self) -> Row:
+        """Return the effect as one flat table row."""
+        s = self.sphericity
+        return {
+            "term": self.name,
+            "F": self.F,
+            "df1": self.df1,
+            "df2": self.df2,
+            "p": self.p,
+            "ss": self.ss,
+            "ss_error": self.ss_error,
+            "error_term": self.error_term,
+            **self.eta.row(),
+            "ges": self.ges,
+            "mauchly_W": None if s is None else s.W,
+            "mauchly_p": None if s is None else s.p,
+            "gg_epsilon": None if s is None else s.gg,
+            "p_gg": None if s is None else s.p_gg,
+            "hf_epsilon": None if s is None else s.hf_used,
+            "p_hf": None if s is None else s.p_hf,
+            "sphericity_correction": self.correction,
+            "p_used": self.p_used,
+        }
+
+
+@dataclass(frozen=True)
+class Anova(Result):
+    """An ANOVA table with its design and provenance."""
+
+    effects: tuple[AnovaEffect, ...]
+    design: Design
+    provenance: Provenance
+    subject: str = "subject"
+
+    def effect(self, term: str | Sequence[str]) -> AnovaEffect:
+        """Return one effect by term, 'A:B' or ('A', 'B'), in any order of the factors."""
+        wanted = self.design.term(term)
+        return next(e for e in self.effects if e.term == wanted)
+
+    def sentence(self) -> str:
+        """Return all effects, one sentence each."""
+        lines = [f"{self.provenance.test}, n = {self.provenance.n}."]
+        lines += [effect.sentence() + "." for effect in self.effects]
+        lines += [f"Note: {note}." for note in self.provenance.notes]
+        return "\n".join(lines)
+
+    def rows(self) -> tuple[Row, ...]:
+        """Return one flat table row per effect."""
+        return tuple({**e.row(), **_rest(self.provenance, e)} for e in self.effects)
+
+    def row(self) -> Row:
+        """Return the first effect's row; `rows` has them all."""
+        return self.rows()[0]
+
+
+def rm_anova(
+    frame: Frame,
+    dv: str,
+    *,
+    subject: str,
+    within: Sequence[str],
+    between: Sequence[str] = (),
+    levels: Levels | None = None,
+    missing: Literal["error", "listwise"] = "error",
+    correction: Correction = "mauchly",
+) -> Anova:
+    """Test all effects of a design with within factors, type III, each against its own error.
+
+    `correction` decides what is reported: "mauchly" applies Greenhouse-Geisser where Mauchly's
+    p < .05, "gg" and "hf" always, "none" never. For missing cells without dropping subjects use
+    `mixed_anova`. Raises a `StatisticsError` naming the row or cell.
+    """
+    design = read_design(
+        frame, dv, subject=subject, within=within, between=between, levels=levels,
+        missing=_no_mixed(missing),
+    )  # fmt: skip
+    return anova_of_design(design, subject=subject, correction=correction)
+
+
+def between_anova(
+    frame: Frame,
+    dv: str,
+    *,
+    between: Sequence[str],
+    subject: str | None = None,
+    levels: Levels | None = None,
+    ss_type: Literal[2, 3] = 3,
+) -> Anova:
+    """Test all effects of a between-subject factorial design, sums of squares of type II or III."""
+    design = read_design(frame, dv, subject=subject, between=between, levels=levels)
+    table = anova_of_design(design, subject=subject or "row", correction="none")
+    if ss_type == 3:
+        return table
+    from analysis.statistics.between import type_two_effects
+
+    return replace(
+        table,
+        effects=type_two_effects(design, table.effects),
+        provenance=replace(table.provenance, notes=("type II sums of squares",)),
+    )
+
+
+def anova_of_design(design: Design, *, subject: str, correction: Correction = "mauchly") -> Anova:
+    """Test all effects of a design already read and complete."""
+    if correction not in get_args(Correction):
+        raise UnknownMethod(
+            f"no correction {correction!r}; use one of {', '.join(get_args(Correction))}"
+        )
+    strata = Strata(design, subject)
+    table = design.table(design.y)
+    tested = [strata.test(table, term) for term in design.terms]
+    errors = {s.error_term: s.ss_error for s in tested}
+    if subject not in errors:
+        errors[subject] = float(strata.test(table, ()).ss_error)
+    total_error = sum(errors.values())
+    effects = tuple(
+        effect_of_stratum(s, design, correction, ges=s.ss / (s.ss + total_error)) for s in tested
+    )
+    kind = "Repeated-measures ANOVA" if design.within else "Between-subject ANOVA"
+    if design.within and design.between:
+        kind = "Mixed ANOVA (type III)"
+    notes: tuple[str, ...] = ()
+    if not design.is_balanced:
+        notes = ("groups differ in size; type III tests compare unweighted group means",)
+    provenance = Provenance(
+        kind,
+        design.n,
+        error_term="each effect's own subject-by-effect error" if design.within else "residual",
+        correction="sphericity: " + CORRECTION_NAME[correction] if design.within else "none",
+        dropped=design.dropped,
+        notes=notes,
+    )
+    return Anova(effects, design, provenance, subject)
+
+
+CORRECTION_NAME = {
+    "mauchly": "Greenhouse-Geisser where Mauchly p < .05",
+    "gg": "Greenhouse-Geisser",
+    "hf": "Huynh-Feldt",
+    "none": "none applied",
+}
+
+
+def effect_of_stratum(
+    s: Stratum, design: Design, correction: Correction, *, ges: float | None
+) -> AnovaEffect:
+    """Turn sums of squares into an `AnovaEffect`; a zero error is a `ConstantResponse`."""
+    refuse_zero_error(design.dv, s.term, s.ss, s.ss_error)
+    F = (s.ss / s.df1) / (s.ss_error / s.df2)
+    p = float(special.fdtrc(s.df1, s.df2, F))
+    judged = None
+    if any(f.name in s.term for f in design.within) and s.errors.shape[1] > 1:
+        cells = 1
+        for factor in design.within:
+            cells *= factor.k
+        df = s.errors.shape[0] - s.n_groups
+        judged = sphericity(s.errors, df, F, s.df1, n_cells=cells)
+    epsilon, p_used, name = _report(p, judged, correction)
+    return AnovaEffect(
+        term=s.term,
+        F=F,
+        df1=s.df1,
+        df2=s.df2,
+        p=p,
+        ss=s.ss,
+        ss_error=s.ss_error,
+        error_term=s.error_term,
+        eta=partial_eta_squared(F, s.df1, s.df2),
+        ges=ges,
+        sphericity=judged,
+        correction=name,
+        df1_used=s.df1 * epsilon,
+        df2_used=s.df2 * epsilon,
+        p_used=p_used,
+    )
+
+
+def refuse_zero_error(dv: str, term: Sequence[str], ss: float, ss_error: float) -> None:
+    """Raise `ConstantResponse` where the error of a term is zero and F has no value."""
+    if ss_error <= 1e-18 * max(ss, 1e-282):
+        raise ConstantResponse(
+            f"all subjects show exactly the same effect of {':'.join(term)} on {dv}, so its error "
+            "is zero and F is not defined; look for copied or constructed rows"
+        )
+
+
+def _report(p: float, s: Sphericity | None, correction: Correction) -> tuple[float, float, str]:
+    if s is None or correction == "none":
+        return 1.0, p, "none"
+    if correction == "hf":
+        return s.hf_used, s.p_hf, "Huynh-Feldt"
+    if correction == "gg" or s.p is None or s.p < 0.05:
+        return s.gg, s.p_gg, "Greenhouse-Geisser"
+    return 1.0, p, "none"
+
+
+def _rest(provenance: Provenance, effect: AnovaEffect) -> Row:
+    return {k: v for k, v in provenance.row().items() if k not in effect.row()}
+
+
+def _no_mixed(missing: Missing) -> Missing:
+    if missing == "mixed":
+        raise UnknownMethod("a repeated-measures ANOVA needs complete cells; use mixed_anova")
+    return missing

@@ -1,0 +1,299 @@
+"""Aligned rank transform ANOVA, with the checks and the second opinion it needs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from scipy import special
+
+from analysis.statistics.anova import (
+    CORRECTION_NAME,
+    Anova,
+    AnovaEffect,
+    Correction,
+    effect_of_stratum,
+)
+from analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
+from analysis.statistics.errors import StatisticsError, UnknownMethod
+from analysis.statistics.mixed import Ddf, mixed_effects
+from analysis.statistics.normality import skewness
+from analysis.statistics.ranks import average_ranks
+from analysis.statistics.results import Array, Provenance, number, p_text
+from analysis.statistics.strata import Strata, Stratum
+
+ArtError: TypeAlias = Literal["strata", "pooled", "mixed"]
+Transform: TypeAlias = Literal["art", "int"]
+
+ALIGNED_DECIMALS = 8
+"""Aligned values are rounded to this many decimals before ranking, as ARTool does."""
+SKEW_LIMIT = 1.0
+"""Residual skewness beyond which ART's false positives were seen to grow (docs/statistics.md)."""
+
+
+@dataclass(frozen=True)
+class AlignmentCheck:
+    """What alignment should leave: column sums of 0 and F = 0 for every other effect.
+
+    `column_sums` by term; `largest_other_f` is the largest F of any other effect on an aligned
+    column: 0 when the design is balanced, otherwise a measure of how far alignment is off.
+    """
+
+    column_sums: Mapping[str, float]
+    largest_other_f: float
+
+    @property
+    def is_clean(self) -> bool:
+        """Tell whether the columns are stripped of every other effect."""
+        sums = max((abs(s) for s in self.column_sums.values()), default=0.0)
+        return self.largest_other_f < 1e-6 and sums < 1e-4
+
+
+@dataclass(frozen=True)
+class ArtAnova(Anova):
+    """An ART ANOVA table.
+
+    `aligned` and `ranks` hold one column per term, one value per kept row (`design.rows`); with
+    transform "int" both hold the normal scores of the plain ranks. `second_opinion` is p of every
+    term after the other transform.
+    """
+
+    aligned: Mapping[str, Array] | None = None
+    ranks: Mapping[str, Array] | None = None
+    check: AlignmentCheck | None = None
+    second_opinion: Mapping[str, float] | None = None
+    residual_skewness: float = 0.0
+    error: ArtError = "strata"
+    transform: Transform = "art"
+    ddf: Ddf = "kenward-roger"
+
+
+def art_anova(
+    frame: Frame,
+    dv: str,
+    *,
+    subject: str | None = None,
+    within: Sequence[str] = (),
+    between: Sequence[str] = (),
+    levels: Levels | None = None,
+    error: ArtError = "strata",
+    missing: Missing = "error",
+    transform: Transform = "art",
+    sphericity: Correction = "none",
+    ddf: Ddf = "kenward-roger",
+    alpha: float = 0.05,
+) -> ArtAnova:
+    """Test all effects by the aligned rank transform (Wobbrock et al. 2011).
+
+    `error`: "strata" tests each within effect against its own subject-by-effect error, "pooled"
+    all of them against one error, "mixed" by a random-intercept model (REML, `ddf`).
+    `missing="mixed"` keeps incomplete subjects and implies the mixed model. `transform="int"`
+    runs the ANOVA on normal scores of the plain ranks, which holds its error rate on skewed data
+    where ART does not (Tsandilas and Casiez 2024); it is computed beside ART in any case, and a
+    note says when the two disagree at `alpha`. `sphericity` corrects the reported p of the
+    strata tests; by default epsilon is only shown.
+    """
+    for value, kind in ((error, ArtError), (transform, Transform)):
+        if value not in get_args(kind):
+            raise UnknownMethod(f"no {value!r} here; use one of {', '.join(get_args(kind))}")
+    design = read_design(
+        frame, dv, subject=subject, within=within, between=between, levels=levels, missing=missing
+    )
+    if not design.is_complete:
+        error = "mixed"
+    if error == "mixed" and not within:
+        raise UnknownMethod("without within factors there is no random subject; use error='strata'")
+    name = subject or "row"
+    aligned = aligned_columns(design)
+    ranks = {term: average_ranks(column) for term, column in aligned.items()}
+    scores = normal_scores(design.y)
+    plain = dict.fromkeys(aligned, scores)
+    used, other = (ranks, plain) if transform == "art" else (plain, ranks)
+    effects = _effects(design, used, name, error, sphericity, ddf)
+    second = _p_values(design, other, name, error, ddf)
+    check = alignment_check(design, aligned)
+    skew = skewness(design.y - _mean_by(design.y, _cell_codes(design, design.terms[-1])))
+    notes = _notes(design, effects, second, check, skew, transform, alpha)
+    provenance = Provenance(
+        "Aligned rank transform ANOVA" if transform == "art" else "Inverse-normal-rank ANOVA",
+        design.n,
+        unit="subjects" if subject else "rows",
+        error_term=_error_text(design, error, ddf),
+        correction="sphericity: " + CORRECTION_NAME[sphericity] if within else "none",
+        dropped=design.dropped,
+        notes=notes,
+    )
+    return ArtAnova(
+        effects, design, provenance, name,
+        aligned=aligned if transform == "art" else plain,
+        ranks=used, check=check, second_opinion=second, residual_skewness=skew,
+        error=error, transform=transform, ddf=ddf,
+    )  # fmt: skip
+
+
+def aligned_columns(design: Design) -> dict[str, Array]:
+    """Return the aligned response of every term, one value per row.
+
+    Residual (row minus mean of its full cell) plus the term's effect, the inclusion-exclusion sum
+    of the means of all its sub-terms; subjects play no part.
+    """
+    full = design.terms[-1]
+    means: dict[tuple[str, ...], Array] = {(): np.full(design.y.size, design.y.mean())}
+    for term in design.terms:
+        means[term] = _mean_by(design.y, _cell_codes(design, term))
+    residual = design.y - means[full]
+    columns = {}
+    for term in design.terms:
+        effect = np.zeros(design.y.size)
+        for size in range(len(term) + 1):
+            for part in combinations(term, size):
+                effect += (-1) ** (len(term) - size) * means[part]
+        columns[":".join(term)] = np.round(residual + effect, ALIGNED_DECIMALS)
+    return columns
+
+
+def normal_scores(y: Array) -> Array:
+    """Return normal quantiles of (rank − 3/8) / (N + 1/4) (Blom 1958)."""
+    scores: Array = special.ndtri((average_ranks(y) - 0.375) / (y.size + 0.25))
+    return scores
+
+
+def alignment_check(design: Design, aligned: Mapping[str, Array]) -> AlignmentCheck:
+    """Check aligned columns: sums, and the largest F of an effect they should not hold."""
+    sums = {term: float(column.sum()) for term, column in aligned.items()}
+    largest = 0.0
+    strata = Strata(design, "subject") if design.is_complete else None
+    for of, column in aligned.items():
+        if float(np.ptp(column)) == 0:
+            continue
+        if strata is not None:
+            table = design.table(column)
+            tested = [strata.test(table, t) for t in design.terms if ":".join(t) != of]
+            values = [_f(s) for s in tested]
+        else:
+            values = [e.F for e in mixed_effects(design, column) if e.name != of]
+        largest = max([largest, *values])
+    return AlignmentCheck(sums, largest)
+
+
+def _f(s: Stratum) -> float:
+    if s.ss <= 1e-18 * max(s.ss_error, 1e-282) or s.ss_error == 0:
+        return 0.0
+    return (s.ss / s.df1) / (s.ss_error / s.df2)
+
+
+def _effects(
+    design: Design,
+    columns: Mapping[str, Array],
+    subject: str,
+    error: ArtError,
+    sphericity: Correction,
+    ddf: Ddf,
+) -> tuple[AnovaEffect, ...]:
+    if error == "mixed":
+        return tuple(
+            next(e for e in mixed_effects(design, column, ddf=ddf, only=term))
+            for term, column in _by_term(design, columns)
+        )
+    return tuple(
+        effect_of_stratum(s, design, sphericity if error == "strata" else "none", ges=None)
+        for s in _strata(design, columns, subject, error)
+    )
+
+
+def _p_values(
+    design: Design, columns: Mapping[str, Array], subject: str, error: ArtError, ddf: Ddf
+) -> dict[str, float]:
+    """Return p of every term; NaN where a column has no error to test against."""
+    if error == "mixed":
+        effects = _effects(design, columns, subject, error, "none", ddf)
+        return {e.name: e.p for e in effects}
+    tested = _strata(design, columns, subject, error)
+    return {
+        ":".join(s.term): float(special.fdtrc(s.df1, s.df2, _f(s))) if s.ss_error > 0 else 0.0
+        for s in tested
+    }
+
+
+def _by_term(design: Design, columns: Mapping[str, Array]) -> list[tuple[tuple[str, ...], Array]]:
+    return [(term, columns[":".join(term)]) for term in design.terms]
+
+
+def _strata(
+    design: Design, columns: Mapping[str, Array], subject: str, error: ArtError
+) -> list[Stratum]:
+    strata = Strata(design, subject)
+    tested = []
+    within = {f.name for f in design.within}
+    for term, column in _by_term(design, columns):
+        table = design.table(column)
+        result = strata.test(table, term)
+        if error == "pooled" and within & set(term):
+            ss, df = strata.pooled_within_error(table)
+            result = replace(result, ss_error=ss, df2=df, error_term="Within")
+        tested.append(result)
+    return tested
+
+
+def _notes(
+    design: Design,
+    effects: tuple[AnovaEffect, ...],
+    second: Mapping[str, float],
+    check: AlignmentCheck,
+    skew: float,
+    transform: Transform,
+    alpha: float,
+) -> tuple[str, ...]:
+    notes = []
+    beside = "inverse-normal ranks" if transform == "art" else "the aligned rank transform"
+    for effect in effects:
+        p = second[effect.name]
+        if (effect.p < alpha) != (p < alpha):
+            notes.append(
+                f"{effect.name}: {p_text(effect.p)} here but {p_text(p)} by {beside}; "
+                "the verdict depends on the transform, do not rest a claim on it"
+            )
+    if abs(skew) > SKEW_LIMIT and transform == "art":
+        notes.append(
+            f"residuals are skewed ({number(skew)}); ART may report effects that are not there, "
+            "prefer transform='int' or a model of the response"
+        )
+    if not check.is_clean:
+        notes.append(
+            "cells are unequal, so alignment is approximate: other effects reach "
+            f"F = {number(check.largest_other_f)} in an aligned column"
+        )
+    return tuple(notes)
+
+
+def _error_text(design: Design, error: ArtError, ddf: Ddf) -> str:
+    if not design.within:
+        return "residual"
+    if error == "mixed":
+        name = "Kenward-Roger" if ddf == "kenward-roger" else "Satterthwaite"
+        return f"random intercept per subject, REML, {name} df"
+    return {
+        "strata": "each effect's own subject-by-effect error",
+        "pooled": "one error pooled over all within effects",
+    }[error]
+
+
+def _cell_codes(design: Design, term: Sequence[str]) -> Codes:
+    codes = np.zeros(design.y.size, dtype=np.intp)
+    for name in term:
+        factor = design.factor(name)
+        codes = codes * factor.k + factor.codes
+    return codes
+
+
+def _mean_by(values: Array, codes: Codes) -> Array:
+    counts = np.maximum(np.bincount(codes), 1)
+    means: Array = (np.bincount(codes, values) / counts)[codes]
+    return means
+
+
+def require_art(table: ArtAnova) -> None:
+    """Refuse an ANOVA on normal scores where aligned ranks are needed."""
+    if table.transform != "art":
+        raise StatisticsError("ART-C contrasts need transform='art'; use posthoc on the scores")

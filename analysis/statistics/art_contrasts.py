@@ -1,0 +1,237 @@
+"""ART-C: contrasts of main effects and joined factors on ranks aligned for them."""
+
+from collections.abc import Sequence
+from itertools import combinations, product
+
+import numpy as np
+
+from analysis.statistics.art import ArtAnova, ArtError, aligned_columns, require_art
+from analysis.statistics.contrasts import (
+    ContrastAdjustment,
+    Contrasts,
+    contrast_family,
+    pair_labels,
+    pair_matrix,
+)
+from analysis.statistics.design import Design, Factor
+from analysis.statistics.errors import UnknownMethod
+from analysis.statistics.linear import model_matrix
+from analysis.statistics.mixed import RandomIntercept, design_matrix, fit_random_intercept
+from analysis.statistics.ranks import average_ranks
+from analysis.statistics.results import Array, Provenance
+from analysis.statistics.strata import Strata
+
+
+def art_contrasts(
+    table: ArtAnova,
+    term: str | Sequence[str],
+    *,
+    adjust: ContrastAdjustment = "tukey",
+    error: ArtError | None = None,
+) -> Contrasts:
+    """Compare all pairs of levels of a factor, or of cells of several factors joined to one.
+
+    The joined factor is aligned and ranked in the model (joined × remaining factors), after
+    Elkin et al. (2021). `error` defaults to that of the ANOVA; "strata" is the joined factor's
+    own error. Joining between and within factors needs "mixed" and takes it by default.
+    """
+    require_art(table)
+    design = table.design
+    names = design.term(term)
+    joined = join_factors(design, names)
+    kinds = {design.factor(n).is_within for n in names}
+    crosses = len(kinds) > 1
+    error = error or ("mixed" if crosses else table.error)
+    if crosses and error != "mixed":
+        raise UnknownMethod(
+            f"{':'.join(names)} joins between and within factors, whose pairs have different "
+            "errors; use error='mixed'"
+        )
+    if error != "mixed" and not design.is_complete:
+        raise UnknownMethod("cells are missing; contrasts need error='mixed'")
+    label = ":".join(names)
+    ranks = average_ranks(aligned_columns(joined)[label])
+    labels = [",".join(str(v) for v in level) for level in product(*_levels(design, names))]
+    L = pair_matrix(len(labels))
+    fit = None
+    if error == "mixed":
+        fit = _fit(joined, ranks)
+        estimates, ses, dfs = _mixed(joined, fit, table, _level_rows(joined, (label,)), L)
+        text = "random intercept per subject, REML"
+    else:
+        estimates, ses, dfs, text = _stratum(joined, ranks, table.subject, label, L, error)
+    return contrast_family(
+        names,
+        pair_labels(labels),
+        estimates,
+        ses,
+        dfs,
+        k=len(labels),
+        provenance=_provenance(table, text, fit),
+        adjustment=adjust,
+    )
+
+
+def art_interaction_contrasts(
+    table: ArtAnova,
+    term: str | Sequence[str],
+    *,
+    adjust: ContrastAdjustment = "holm",
+    error: ArtError | None = None,
+) -> Contrasts:
+    """Compare differences of differences of an interaction on its own aligned ranks."""
+    require_art(table)
+    design = table.design
+    names = design.term(term)
+    if len(names) < 2:
+        raise UnknownMethod(f"{names[0]} is a main effect; use art_contrasts")
+    error = error or table.error
+    ranks = average_ranks(aligned_columns(design)[":".join(names)])
+    factors = [design.factor(n) for n in names]
+    L: Array = np.ones((1, 1))
+    for factor in factors:
+        L = np.asarray(np.kron(L, pair_matrix(factor.k)), dtype=np.float64)
+    pairs = list(product(*(combinations([str(v) for v in f.levels], 2) for f in factors)))
+    fit = None
+    if error == "mixed":
+        fit = _fit(design, ranks)
+        estimates, ses, dfs = _mixed(design, fit, table, _level_rows(design, names), L)
+        text = "random intercept per subject, REML"
+    else:
+        estimates, ses, dfs, text = _interaction(design, ranks, table.subject, names, L, error)
+    return contrast_family(
+        names,
+        pairs,
+        estimates,
+        ses,
+        dfs,
+        k=L.shape[1],
+        provenance=_provenance(table, text, fit),
+        adjustment=adjust,
+    )
+
+
+def join_factors(design: Design, names: tuple[str, ...]) -> Design:
+    """Return the design with some factors replaced by one of all their combinations."""
+    if len(names) == 1:
+        return design
+    codes = np.zeros(design.y.size, dtype=np.intp)
+    for name in names:
+        codes = codes * design.factor(name).k + design.factor(name).codes
+    is_within = any(design.factor(n).is_within for n in names)
+    joined = Factor(":".join(names), tuple(product(*_levels(design, names))), codes, is_within)
+    rest = tuple(f for f in design.factors if f.name not in names)
+    order = (joined, *rest) if not is_within else (
+        *(f for f in rest if not f.is_within), joined, *(f for f in rest if f.is_within)
+    )  # fmt: skip
+    return Design(
+        design.dv, design.y, design.subject, design.subjects, order, design.rows,
+        design.is_complete, design.dropped,
+    )  # fmt: skip
+
+
+def _levels(design: Design, names: Sequence[str]) -> list[tuple[object, ...]]:
+    return [design.factor(n).levels for n in names]
+
+
+def _stratum(
+    design: Design, ranks: Array, subject: str, name: str, L: Array, error: ArtError
+) -> tuple[Array, Array, Array, str]:
+    """Return estimates, standard errors and df against a stratum's error."""
+    strata = Strata(design, subject)
+    table = design.table(ranks)
+    factor = design.factor(name)
+    tested = strata.test(table, (name,))
+    ss, df, text = tested.ss_error, tested.df2, tested.error_term
+    sizes = design.group_sizes
+    if factor.is_within:
+        if error == "pooled":
+            ss, df = strata.pooled_within_error(table)
+            text = "Within, pooled"
+        axis = [f.name for f in design.within].index(name) + 1
+        others = tuple(i for i in range(1, table.ndim) if i != axis)
+        means, _ = strata.estimates(table.mean(axis=others) if others else table)
+        rows_per_level = table[0].size / factor.k
+        weight = (1 / sizes).sum() / sizes.size**2 / rows_per_level
+        variance = ss / df * weight * (L**2).sum(axis=1)
+    else:
+        # one value per subject; a level is the plain mean of its cells of the other factors
+        cells = np.prod(table.shape[1:], dtype=float)
+        group_means = strata.group_means(table.reshape(design.n, -1).mean(axis=1))
+        axis = [f.name for f in design.between].index(name)
+        others = tuple(i for i in range(group_means.ndim) if i != axis)
+        means = group_means.mean(axis=others)
+        shape = group_means.shape
+        inverse = (1 / sizes).reshape(shape).sum(axis=others) / (sizes.size / factor.k) ** 2
+        variance = ss / df / cells * (L**2 @ inverse)
+    return L @ means, np.sqrt(variance), np.full(L.shape[0], float(df)), text
+
+
+def _interaction(
+    design: Design,
+    ranks: Array,
+    subject: str,
+    names: tuple[str, ...],
+    L: Array,
+    error: ArtError,
+) -> tuple[Array, Array, Array, str]:
+    """Return double differences against the interaction's own (or the pooled) error."""
+    if not design.is_complete:
+        raise UnknownMethod("cells are missing; contrasts need error='mixed'")
+    strata = Strata(design, subject)
+    table = design.table(ranks)
+    tested = strata.test(table, names)
+    ss, df, text = tested.ss_error, tested.df2, tested.error_term
+    if error == "pooled" and any(f.is_within and f.name in names for f in design.factors):
+        ss, df = strata.pooled_within_error(table)
+        text = "Within, pooled"
+    inside = [i for i, f in enumerate(design.within) if f.name in names]
+    outside = tuple(i + 1 for i in range(len(design.within)) if i not in inside)
+    cells = table.mean(axis=outside) if outside else table
+    within_k = int(np.prod(cells.shape[1:], dtype=int))
+    repeats = table[0].size / within_k
+    means = strata.group_means(cells.reshape(design.n, -1))
+    axes = [i for i, f in enumerate(design.between) if f.name in names]
+    drop = tuple(i for i in range(len(design.between)) if i not in axes)
+    inverse = (1 / design.group_sizes).reshape(means.shape[:-1])
+    share = np.prod([means.shape[i] for i in drop], dtype=float)
+    means = means.mean(axis=drop).reshape(-1)
+    per_group = np.asarray(inverse.sum(axis=drop) / share**2).reshape(-1)
+    per_cell = np.repeat(per_group, within_k)
+    variance = ss / df / repeats * (L**2 @ per_cell)
+    return L @ means, np.sqrt(variance), np.full(L.shape[0], float(df)), text
+
+
+def _fit(design: Design, ranks: Array) -> RandomIntercept:
+    X, _ = design_matrix(design)
+    return fit_random_intercept(X, ranks, design.subject, name=f"ranks of {design.dv}")
+
+
+def _level_rows(design: Design, names: Sequence[str]) -> Array:
+    """Return the model row of every cell of some factors, averaged over the others' levels."""
+    k = [f.k for f in design.factors]
+    cells = np.stack(np.unravel_index(np.arange(int(np.prod(k))), tuple(k)))
+    X, _ = model_matrix(list(cells), k, cells.shape[1])
+    kept = [i for i, f in enumerate(design.factors) if f.name in names]
+    code = np.ravel_multi_index(tuple(cells[i] for i in kept), tuple(k[i] for i in kept))
+    count = int(np.prod([k[i] for i in kept]))
+    return np.stack([X[code == c].mean(axis=0) for c in range(count)])
+
+
+def _mixed(
+    design: Design, fit: RandomIntercept, table: ArtAnova, rows: Array, L: Array
+) -> tuple[Array, Array, Array]:
+    hypotheses = L @ rows
+    covariance = fit.covariance(table.ddf)
+    ses = np.sqrt(np.einsum("ij,jk,ik->i", hypotheses, covariance, hypotheses))
+    dfs = np.array([fit.test(h[None, :], ddf=table.ddf)[1] for h in hypotheses])
+    return hypotheses @ fit.beta, ses, dfs
+
+
+def _provenance(table: ArtAnova, text: str, fit: RandomIntercept | None) -> Provenance:
+    notes: tuple[str, ...] = ()
+    if fit is not None and fit.is_singular:
+        notes = ("the random intercept has no variance (singular fit); prefer error='strata'",)
+    return Provenance(
+        "ART-C", table.provenance.n, error_term=text, dropped=table.provenance.dropped, notes=notes
+    )

@@ -1,0 +1,295 @@
+"""Between-subject designs: one-way ANOVA and its relatives, Tukey, type II sums of squares."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from analysis.statistics.anova import AnovaEffect
+from analysis.statistics.contrasts import (
+    ContrastAdjustment,
+    Contrasts,
+    contrast_family,
+    pair_labels,
+    pair_matrix,
+)
+from analysis.statistics.design import Design, Frame, read_design
+from analysis.statistics.effects import partial_eta_squared
+from analysis.statistics.errors import ConstantResponse
+from analysis.statistics.linear import model_matrix, residual_ss
+from analysis.statistics.ranks import average_ranks, tie_sizes
+from analysis.statistics.results import Array, Effect, Provenance, Result, Row, f_text, p_text
+
+
+@dataclass(frozen=True)
+class GroupSummary:
+    """Size, mean and standard deviation of each group."""
+
+    levels: tuple[str, ...]
+    ns: tuple[int, ...]
+    means: tuple[float, ...]
+    sds: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class OneWay(Result):
+    """A one-way test between groups.
+
+    `omega2` and `cohen_f` belong to the classic ANOVA and are None otherwise; so are the sums of
+    squares.
+    """
+
+    F: float
+    df1: float
+    df2: float
+    p: float
+    groups: GroupSummary
+    provenance: Provenance
+    ss: float | None = None
+    ss_error: float | None = None
+    eta: Effect | None = None
+    omega2: float | None = None
+    cohen_f: float | None = None
+
+    def sentence(self) -> str:
+        """Return the result as an APA sentence."""
+        effect = "" if self.eta is None else f", {self.eta}"
+        return f"{self.provenance.test}: {f_text(self.F, self.df1, self.df2)}, {p_text(self.p)}" + (
+            effect
+        )
+
+    def row(self) -> Row:
+        """Return the result as one flat table row."""
+        effect = {} if self.eta is None else self.eta.row()
+        numbers = {"F": self.F, "df1": self.df1, "df2": self.df2, "p": self.p}
+        return {**numbers, **effect, **self.provenance.row()}
+
+
+@dataclass(frozen=True)
+class KruskalWallis(Result):
+    """Outcome of the Kruskal-Wallis test, H corrected for ties; `epsilon2` is its effect size."""
+
+    H: float
+    df: int
+    p: float
+    epsilon2: float
+    levels: tuple[str, ...]
+    mean_ranks: tuple[float, ...]
+    provenance: Provenance
+
+    def sentence(self) -> str:
+        """Return the result as an APA sentence."""
+        return f"H({self.df}) = {self.H:.2f}, {p_text(self.p)}, ε² = {self.epsilon2:.2f}"
+
+    def row(self) -> Row:
+        """Return the result as one flat table row."""
+        numbers = {"H": self.H, "df": self.df, "p": self.p, "epsilon2": self.epsilon2}
+        return {**numbers, **self.provenance.row()}
+
+
+@dataclass(frozen=True)
+class GroupMeans:
+    """Regression on one factor, first level as baseline, one entry per coefficient."""
+
+    coefficients: tuple[str, ...]
+    estimate: Array
+    se: Array
+    t: Array
+    p: Array
+    r2: float
+    levels: tuple[str, ...]
+    means: Array
+
+
+def oneway_anova(
+    frame: Frame, dv: str, *, factor: str, levels: Sequence[object] | None = None
+) -> OneWay:
+    """Test whether independent groups differ in their mean (equal variances)."""
+    names, groups = _groups(frame, dv, factor, levels)
+    N, k = sum(g.size for g in groups), len(groups)
+    grand = float(np.concatenate(groups).mean())
+    ss = float(sum(g.size * (g.mean() - grand) ** 2 for g in groups))
+    ss_error = _within_ss(groups, dv)
+    mse = ss_error / (N - k)
+    F = ss / (k - 1) / mse
+    eta2 = ss / (ss + ss_error)
+    return OneWay(
+        F=F, df1=k - 1, df2=N - k, p=float(special.fdtrc(k - 1, N - k, F)),
+        groups=_described(names, groups),
+        provenance=Provenance("One-way ANOVA", N, unit="rows", error_term="within groups"),
+        ss=ss, ss_error=ss_error,
+        eta=replace(partial_eta_squared(F, k - 1, N - k), name="η²"),
+        omega2=(ss - (k - 1) * mse) / (ss + ss_error + mse),
+        cohen_f=float(np.sqrt(eta2 / (1 - eta2))),
+    )  # fmt: skip
+
+
+def welch_anova(
+    frame: Frame, dv: str, *, factor: str, levels: Sequence[object] | None = None
+) -> OneWay:
+    """Test whether independent groups differ in their mean without equal variances (Welch 1951)."""
+    names, groups = _groups(frame, dv, factor, levels)
+    k = len(groups)
+    for name, group in zip(names, groups, strict=True):
+        if np.ptp(group) == 0:
+            raise ConstantResponse(f"{dv} does not vary in the group {name}; Welch needs it to")
+    weight = np.array([g.size / g.var(ddof=1) for g in groups])
+    means = np.array([g.mean() for g in groups])
+    centre = (weight * means).sum() / weight.sum()
+    share = 1 - weight / weight.sum()
+    tail = (share**2 / np.array([g.size - 1 for g in groups])).sum()
+    F = (weight * (means - centre) ** 2).sum() / (k - 1)
+    F /= 1 + 2 * (k - 2) / (k**2 - 1) * tail
+    df2 = (k**2 - 1) / (3 * tail)
+    return OneWay(
+        F=float(F), df1=k - 1, df2=float(df2), p=float(special.fdtrc(k - 1, df2, F)),
+        groups=_described(names, groups),
+        provenance=Provenance(
+            "Welch's ANOVA", sum(g.size for g in groups), unit="rows",
+            error_term="separate variances",
+        ),
+    )  # fmt: skip
+
+
+def levene(frame: Frame, dv: str, *, factor: str, levels: Sequence[object] | None = None) -> OneWay:
+    """Test equality of variances on distances from the group median (Brown-Forsythe)."""
+    names, groups = _groups(frame, dv, factor, levels)
+    distances = {
+        "group": np.repeat(np.arange(len(groups)), [g.size for g in groups]),
+        "distance": np.concatenate([np.abs(g - np.median(g)) for g in groups]),
+    }
+    test = oneway_anova(distances, "distance", factor="group")
+    provenance = replace(test.provenance, test="Levene's test (median)")
+    return replace(test, groups=_described(names, groups), provenance=provenance)
+
+
+def kruskal_wallis(
+    frame: Frame, dv: str, *, factor: str, levels: Sequence[object] | None = None
+) -> KruskalWallis:
+    """Test whether independent groups differ in rank, corrected for ties."""
+    names, groups = _groups(frame, dv, factor, levels)
+    every = np.concatenate(groups)
+    N, k = every.size, len(groups)
+    ranks = np.split(average_ranks(every), np.cumsum([g.size for g in groups])[:-1])
+    H = 12 / (N * (N + 1)) * sum(r.sum() ** 2 / r.size for r in ranks) - 3 * (N + 1)
+    ties = tie_sizes(every)
+    H = float(H / (1 - (ties**3 - ties).sum() / (N**3 - N)))
+    return KruskalWallis(
+        H, k - 1, float(special.chdtrc(k - 1, H)), H / (N - 1), names,
+        tuple(float(r.mean()) for r in ranks),
+        Provenance("Kruskal-Wallis", N, unit="rows", error_term="ranks, corrected for ties"),
+    )  # fmt: skip
+
+
+def tukey_hsd(
+    frame: Frame, dv: str, *, factor: str, levels: Sequence[object] | None = None
+) -> Contrasts:
+    """Compare all pairs of independent groups (Tukey; Tukey-Kramer when sizes differ)."""
+    return _pooled(frame, dv, factor, levels, "tukey", "Tukey HSD")
+
+
+def pairwise_t(
+    frame: Frame,
+    dv: str,
+    *,
+    factor: str,
+    levels: Sequence[object] | None = None,
+    adjust: ContrastAdjustment = "holm",
+) -> Contrasts:
+    """Compare all pairs of independent groups by t with the SD pooled over all groups."""
+    return _pooled(frame, dv, factor, levels, adjust, "pairwise t, pooled SD")
+
+
+def group_means(
+    frame: Frame, dv: str, *, factor: str, levels: Sequence[object] | None = None
+) -> GroupMeans:
+    """Regress on one factor with its first level as baseline."""
+    names, groups = _groups(frame, dv, factor, levels)
+    ns = np.array([g.size for g in groups])
+    means = np.array([g.mean() for g in groups])
+    df = int(ns.sum()) - len(groups)
+    ss_error = _within_ss(groups, dv)
+    mse = ss_error / df
+    estimate = np.concatenate(([means[0]], means[1:] - means[0]))
+    se = np.sqrt(mse * np.concatenate(([1 / ns[0]], 1 / ns[1:] + 1 / ns[0])))
+    t = estimate / se
+    every = np.concatenate(groups)
+    r2 = 1 - ss_error / float(((every - every.mean()) ** 2).sum())
+    return GroupMeans(
+        ("(Intercept)", *names[1:]), estimate, se, t, 2 * special.stdtr(df, -np.abs(t)), r2,
+        names, means,
+    )  # fmt: skip
+
+
+def type_two_effects(design: Design, effects: tuple[AnovaEffect, ...]) -> tuple[AnovaEffect, ...]:
+    """Replace sums of squares by type II: each term after all that do not contain it."""
+    names = [f.name for f in design.factors]
+    X, place = model_matrix(
+        [f.codes for f in design.factors], [f.k for f in design.factors], design.y.size
+    )
+    replaced = []
+    for effect in effects:
+        term = tuple(names.index(n) for n in effect.term)
+        others = [t for t in place if not set(term) <= set(t)]
+        smaller = np.hstack([X[:, place[t]] for t in others])
+        ss = residual_ss(smaller, design.y) - residual_ss(
+            np.hstack([smaller, X[:, place[term]]]), design.y
+        )
+        mse = (effect.ss_error or 0.0) / effect.df2
+        F = ss / effect.df1 / mse
+        p = float(special.fdtrc(effect.df1, effect.df2, F))
+        eta = partial_eta_squared(F, effect.df1, effect.df2)
+        replaced.append(replace(effect, F=F, p=p, p_used=p, ss=ss, eta=eta, ges=None))
+    return tuple(replaced)
+
+
+def _groups(
+    frame: Frame, dv: str, factor: str, levels: Sequence[object] | None
+) -> tuple[tuple[str, ...], list[Array]]:
+    order = None if levels is None else {factor: levels}
+    design = read_design(frame, dv, subject=None, between=(factor,), levels=order)
+    the = design.factors[0]
+    return tuple(str(v) for v in the.levels), [design.y[the.codes == i] for i in range(the.k)]
+
+
+def _within_ss(groups: list[Array], dv: str) -> float:
+    ss = float(sum(((g - g.mean()) ** 2).sum() for g in groups))
+    largest = max(float(np.abs(g).max()) for g in groups)
+    if ss <= 1e-24 * largest**2:
+        raise ConstantResponse(f"{dv} does not vary inside any group; F is not defined")
+    return ss
+
+
+def _described(names: tuple[str, ...], groups: list[Array]) -> GroupSummary:
+    return GroupSummary(
+        names,
+        tuple(int(g.size) for g in groups),
+        tuple(float(g.mean()) for g in groups),
+        tuple(float(g.std(ddof=1)) for g in groups),
+    )
+
+
+def _pooled(
+    frame: Frame,
+    dv: str,
+    factor: str,
+    levels: Sequence[object] | None,
+    adjust: ContrastAdjustment,
+    name: str,
+) -> Contrasts:
+    names, groups = _groups(frame, dv, factor, levels)
+    ns = np.array([g.size for g in groups])
+    df = int(ns.sum()) - len(groups)
+    mse = _within_ss(groups, dv) / df
+    L = pair_matrix(len(groups))
+    return contrast_family(
+        (factor,),
+        pair_labels(names),
+        L @ np.array([g.mean() for g in groups]),
+        np.sqrt(mse * (np.abs(L) @ (1 / ns))),
+        np.full(L.shape[0], float(df)),
+        k=len(groups),
+        provenance=Provenance(name, int(ns.sum()), unit="rows", error_term="pooled within groups"),
+        adjustment=adjust,
+    )

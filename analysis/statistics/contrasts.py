@@ -1,0 +1,230 @@
+"""Contrasts between means: estimate, error, t, and p adjusted for the family."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import combinations
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from scipy import special
+
+from analysis.statistics.adjust import ADJUSTMENT_NAME, adjust_p
+from analysis.statistics.errors import UnknownMethod
+from analysis.statistics.results import (
+    MINUS,
+    Array,
+    Effect,
+    Interval,
+    Provenance,
+    Result,
+    Row,
+    degrees,
+    number,
+    p_text,
+)
+from analysis.statistics.studentized import studentized_range_quantile, studentized_range_sf
+
+ContrastAdjustment: TypeAlias = Literal["tukey", "holm", "bonferroni", "bh", "none"]
+
+
+@dataclass(frozen=True)
+class Contrast(Result):
+    """One contrast; `pairs` has one pair of levels, or one per factor of a double difference.
+
+    `estimate` is the mean of the first level minus that of the second (for double differences
+    the difference of these over the second factor's pair).
+    """
+
+    pairs: tuple[tuple[str, str], ...]
+    estimate: float
+    se: float
+    df: float
+    t: float
+    p: float
+    p_adjusted: float
+    adjustment: ContrastAdjustment
+    interval: Interval | None = None
+    effect: Effect | None = None
+
+    @property
+    def label(self) -> str:
+        """The contrast as text: 'left − right'."""
+        return ", ".join(f"{a} {MINUS} {b}" for a, b in self.pairs)
+
+    def sentence(self) -> str:
+        """Return the contrast as an APA sentence."""
+        effect = "" if self.effect is None else f", {self.effect}"
+        adjusted = ""
+        if self.adjustment != "none":
+            how = "Tukey" if self.adjustment == "tukey" else ADJUSTMENT_NAME[self.adjustment]
+            adjusted = f" ({how})"
+        return (
+            f"{self.label}: estimate {number(self.estimate, 3)}, SE {number(self.se, 3)}, "
+            f"t({degrees(self.df)}) = {number(self.t)}, {p_text(self.p_adjusted)}{adjusted}{effect}"
+        )
+
+    def row(self) -> Row:
+        """Return the contrast as one flat table row."""
+        return {
+            "contrast": self.label,
+            "estimate": self.estimate,
+            "se": self.se,
+            "df": self.df,
+            "t": self.t,
+            "p": self.p,
+            "p_adjusted": self.p_adjusted,
+            "adjustment": self.adjustment,
+            "ci_low": None if self.interval is None else self.interval.low,
+            "ci_high": None if self.interval is None else self.interval.high,
+            "effect_size": None if self.effect is None else self.effect.value,
+        }
+
+
+@dataclass(frozen=True)
+class Contrasts(Result):
+    """A family of contrasts of one term; `k` is the number of means compared."""
+
+    term: tuple[str, ...]
+    contrasts: tuple[Contrast, ...]
+    k: int
+    provenance: Provenance
+    level: float = 0.95
+
+    def adjusted(self, adjustment: ContrastAdjustment) -> "Contrasts":
+        """Return the same contrasts with p (and, for Tukey, intervals) adjusted another way."""
+        if adjustment not in get_args(ContrastAdjustment):
+            known = ", ".join(get_args(ContrastAdjustment))
+            raise UnknownMethod(f"no adjustment {adjustment!r}; use one of {known}")
+        if adjustment == "tukey" and any(len(c.pairs) > 1 for c in self.contrasts):
+            raise UnknownMethod("Tukey compares means, not double differences; use holm")
+        p = _adjusted(self.contrasts, self.k, adjustment)
+        m = len(self.contrasts)
+        reach: dict[float, float] = {}
+        contrasts = []
+        for contrast, p_adjusted in zip(self.contrasts, p.tolist(), strict=True):
+            if contrast.df not in reach:
+                reach[contrast.df] = _reach(contrast.df, self.k, m, adjustment, self.level)
+            half = reach[contrast.df] * contrast.se
+            contrasts.append(
+                replace(
+                    contrast,
+                    p_adjusted=p_adjusted,
+                    adjustment=adjustment,
+                    interval=Interval(
+                        contrast.estimate - half, contrast.estimate + half, self.level
+                    ),
+                )
+            )
+        name = "Tukey" if adjustment == "tukey" else ADJUSTMENT_NAME[adjustment]
+        return replace(
+            self,
+            contrasts=tuple(contrasts),
+            provenance=replace(self.provenance, correction=f"{name}, {m} contrasts"),
+        )
+
+    def contrast(self, first: str, second: str) -> Contrast:
+        """Return the contrast of two levels, turned so that `first` comes first."""
+        for c in self.contrasts:
+            if c.pairs == ((first, second),):
+                return c
+            if c.pairs == ((second, first),):
+                return reverse(c)
+        raise UnknownMethod(f"no contrast of {first!r} and {second!r} in {':'.join(self.term)}")
+
+    def sentence(self) -> str:
+        """Return all contrasts, one sentence each."""
+        head = f"{self.provenance.test} of {' × '.join(self.term)} ({self.provenance.error_term})"
+        return "\n".join([head + ".", *(c.sentence() + "." for c in self.contrasts)])
+
+    def rows(self) -> tuple[Row, ...]:
+        """Return one flat table row per contrast."""
+        return tuple({**c.row(), **self.provenance.row()} for c in self.contrasts)
+
+    def row(self) -> Row:
+        """Return the first contrast's row; `rows` has them all."""
+        return self.rows()[0]
+
+
+def contrast_family(
+    term: Sequence[str],
+    pairs: Sequence[tuple[tuple[str, str], ...]],
+    estimates: Array,
+    ses: Array,
+    dfs: Array,
+    *,
+    k: int,
+    provenance: Provenance,
+    adjustment: ContrastAdjustment,
+    effects: Sequence[Effect] | None = None,
+) -> Contrasts:
+    """Assemble contrasts from estimates, standard errors and df, all of shape (m,)."""
+    t = estimates / ses
+    p = 2 * special.stdtr(dfs, -np.abs(t))
+    raw = tuple(
+        Contrast(pair, float(e), float(s), float(d), float(ti), float(pi), float(pi), "none")
+        for pair, e, s, d, ti, pi in zip(pairs, estimates, ses, dfs, t, p, strict=True)
+    )
+    if effects is not None:
+        raw = tuple(replace(c, effect=e) for c, e in zip(raw, effects, strict=True))
+    return Contrasts(tuple(term), raw, k, provenance).adjusted(adjustment)
+
+
+def pair_matrix(k: int) -> Array:
+    """Return all pairwise differences of k means as rows (k(k−1)/2, k), first minus second."""
+    rows = list(combinations(range(k), 2))
+    L = np.zeros((len(rows), k))
+    for i, (a, b) in enumerate(rows):
+        L[i, a], L[i, b] = 1.0, -1.0
+    return L
+
+
+def pair_labels(labels: Sequence[str]) -> list[tuple[tuple[str, str], ...]]:
+    """Return the level pairs of `pair_matrix` rows."""
+    return [(pair,) for pair in combinations(labels, 2)]
+
+
+def reverse(contrast: Contrast) -> Contrast:
+    """Turn the sign of a contrast round."""
+    interval = contrast.interval
+    effect = contrast.effect
+    if interval is not None:
+        interval = Interval(-interval.high, -interval.low, interval.level)
+    if effect is not None and effect.interval is not None:
+        inner = effect.interval
+        effect = Effect(effect.name, -effect.value, Interval(-inner.high, -inner.low, inner.level))
+    first, *rest = contrast.pairs
+    return replace(
+        contrast,
+        pairs=((first[1], first[0]), *rest),
+        estimate=-contrast.estimate,
+        t=-contrast.t,
+        interval=interval,
+        effect=effect,
+    )
+
+
+def _adjusted(contrasts: Sequence[Contrast], k: int, adjustment: ContrastAdjustment) -> Array:
+    p = np.array([c.p for c in contrasts])
+    if adjustment != "tukey":
+        return adjust_p(p, adjustment)
+    t = np.array([abs(c.t) for c in contrasts])
+    df = np.round([c.df for c in contrasts], 8)
+    result = np.empty(p.size)
+    for one in np.unique(df):
+        same = df == one
+        result[same] = studentized_range_sf(t[same] * np.sqrt(2), k, float(one))
+    return result
+
+
+@lru_cache(maxsize=256)
+def _tukey_reach(df: float, k: int, level: float) -> float:
+    return studentized_range_quantile(level, k, df) / float(np.sqrt(2))
+
+
+def _reach(df: float, k: int, m: int, adjustment: ContrastAdjustment, level: float) -> float:
+    """Return the half-width of a confidence interval in standard errors."""
+    if adjustment == "tukey":
+        return _tukey_reach(round(df, 8), k, level)
+    tail = (1 - level) / (m if adjustment == "bonferroni" else 1)
+    return float(special.stdtrit(df, 1 - tail / 2))

@@ -1,0 +1,377 @@
+"""Read a tidy frame as a factorial design, or say which row or cell is wrong."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cached_property
+from itertools import combinations
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.statistics.errors import (
+    ConstantResponse,
+    DuplicateCell,
+    InfiniteValue,
+    MissingCell,
+    MissingValue,
+    NotNumeric,
+    SubjectInTwoGroups,
+    TooFewLevels,
+    TooFewSubjects,
+    UnequalLength,
+    UnknownColumn,
+    UnknownMethod,
+)
+from analysis.statistics.inputs import is_constant, is_missing, numbers
+from analysis.statistics.results import Array
+
+Frame: TypeAlias = Any
+"""A pandas frame, or a mapping from column name to values."""
+Codes: TypeAlias = npt.NDArray[np.intp]
+Missing: TypeAlias = Literal["error", "listwise", "mixed"]
+Levels: TypeAlias = Mapping[str, Sequence[object]]
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A factor with its levels in order and the level code of every row."""
+
+    name: str
+    levels: tuple[object, ...]
+    codes: Codes
+    is_within: bool
+
+    @property
+    def k(self) -> int:
+        """Number of levels."""
+        return len(self.levels)
+
+
+@dataclass(frozen=True)
+class Design:
+    """A checked design: one row per subject and cell of the within factors.
+
+    Factors stand between first, then within, in the order given. `rows` are the row numbers
+    (from 0) of the frame that were kept; `dropped` says what was left out and why.
+    """
+
+    dv: str
+    y: Array
+    subject: Codes
+    subjects: tuple[object, ...]
+    factors: tuple[Factor, ...]
+    rows: Codes
+    is_complete: bool
+    dropped: tuple[str, ...] = ()
+
+    @property
+    def within(self) -> tuple[Factor, ...]:
+        """The factors that vary within a subject."""
+        return tuple(f for f in self.factors if f.is_within)
+
+    @property
+    def between(self) -> tuple[Factor, ...]:
+        """The factors that vary between subjects."""
+        return tuple(f for f in self.factors if not f.is_within)
+
+    @property
+    def n(self) -> int:
+        """Number of subjects."""
+        return len(self.subjects)
+
+    @cached_property
+    def terms(self) -> tuple[tuple[str, ...], ...]:
+        """All main effects, then all interactions, by order."""
+        names = [f.name for f in self.factors]
+        return tuple(t for size in range(1, len(names) + 1) for t in combinations(names, size))
+
+    @cached_property
+    def group_of_subject(self) -> tuple[Codes, ...]:
+        """Level codes of the between factors, one entry per subject."""
+        first = np.unique(self.subject, return_index=True)[1]
+        return tuple(f.codes[first] for f in self.between)
+
+    @cached_property
+    def group_sizes(self) -> Codes:
+        """Subjects in each cell of the between factors."""
+        if not self.between:
+            return np.array([self.n])
+        shape = tuple(f.k for f in self.between)
+        cells = np.ravel_multi_index(self.group_of_subject, shape)
+        return np.bincount(cells, minlength=int(np.prod(shape)))
+
+    @cached_property
+    def is_balanced(self) -> bool:
+        """Tell whether every subject has every cell and the groups are of equal size."""
+        return self.is_complete and bool((self.group_sizes == self.group_sizes[0]).all())
+
+    def table(self, values: Array) -> Array:
+        """Arrange one value per row as (subjects, levels of within 1, levels of within 2, …)."""
+        shape = tuple(f.k for f in self.within)
+        table = np.empty((self.n, *shape))
+        table[(self.subject, *(f.codes for f in self.within))] = values
+        return table
+
+    def factor(self, name: str) -> Factor:
+        """Return a factor by name."""
+        for candidate in self.factors:
+            if candidate.name == name:
+                return candidate
+        known = ", ".join(f.name for f in self.factors)
+        raise UnknownMethod(f"no factor {name!r} in this design; its factors are {known}")
+
+    def term(self, term: str | Sequence[str]) -> tuple[str, ...]:
+        """Return a term, given as 'A:B' or ('A', 'B'), in the order of the design."""
+        wanted = set(_split(term, [f.name for f in self.factors]))
+        for name in wanted:
+            self.factor(name)
+        return tuple(f.name for f in self.factors if f.name in wanted)
+
+
+def read_design(
+    frame: Frame,
+    dv: str,
+    *,
+    subject: str | None,
+    within: Sequence[str] = (),
+    between: Sequence[str] = (),
+    levels: Levels | None = None,
+    missing: Missing = "error",
+) -> Design:
+    """Check a tidy frame and return it as a `Design`.
+
+    `subject` may be None for purely between designs (every row another subject). Levels are
+    taken from `levels`, a pandas categorical, or sorted. `missing`: "error" names every missing
+    cell, "listwise" drops incomplete subjects, "mixed" keeps the rows that are there.
+    """
+    if missing not in get_args(Missing):
+        raise UnknownMethod(
+            f"no rule {missing!r} for missing cells; use one of {get_args(Missing)}"
+        )
+    within, between = _as_names(within), _as_names(between)
+    if not within and not between:
+        raise TooFewLevels("no factor was named; name at least one within or between factor")
+    if subject is None and within:
+        raise UnknownColumn("within factors need the column that names the subject")
+    columns = {c: column_of(frame, c) for c in (dv, *between, *within)}
+    if subject is not None:
+        columns[subject] = column_of(frame, subject)
+    if len({len(v) for v in columns.values()}) > 1:
+        sizes = ", ".join(f"{c}: {len(v)}" for c, v in columns.items())
+        raise UnequalLength(f"the columns differ in length ({sizes})")
+    n_rows = len(columns[dv])
+    ids: tuple[object, ...]
+    if subject is None:
+        ids, codes = tuple(range(1, n_rows + 1)), np.arange(n_rows)
+    else:
+        ids, codes = coded(columns[subject], subject, None)
+    factors = tuple(
+        Factor(name, *coded(columns[name], name, (levels or {}).get(name)), name in within)
+        for name in (*between, *within)
+    )
+    for factor in factors:
+        if factor.k < 2:
+            only = factor.levels[0] if factor.levels else "nothing"
+            raise TooFewLevels(f"factor {factor.name} has one level only ({only}); it needs two")
+    y = _response(columns[dv], dv, ids, codes, factors)
+    return _checked(dv, y, codes, ids, factors, missing)
+
+
+def column_of(frame: Frame, name: str) -> Any:
+    """Return one column of a frame; `UnknownColumn` names the nearest match."""
+    known = [str(c) for c in (frame.columns if hasattr(frame, "columns") else frame.keys())]
+    try:
+        return frame[name]
+    except KeyError:
+        near = get_close_matches(name, known, 1)
+        hint = f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(known)}"
+        raise UnknownColumn(f"no column {name!r} in the data{hint}") from None
+
+
+def coded(
+    column: Any, name: str, levels: Sequence[object] | None
+) -> tuple[tuple[object, ...], Codes]:
+    """Return the levels of a label column and the code of every row."""
+    categories = getattr(getattr(column, "cat", None), "categories", None)
+    raw = np.asarray(column)
+    if raw.dtype.kind in "biuUS":
+        found, codes = np.unique(raw, return_inverse=True)
+        present: list[object] = found.tolist()
+    else:
+        values = raw.tolist()
+        for row, value in enumerate(values):
+            if is_missing(value):
+                raise MissingValue(f"{name} is missing in row {row + 1}; every row needs its label")
+        try:
+            present = sorted(set(values))
+        except TypeError:
+            present = sorted(set(values), key=str)
+        place = {value: i for i, value in enumerate(present)}
+        codes = np.array([place[value] for value in values], dtype=np.intp)
+    if levels is None and categories is not None:
+        levels = [c for c in categories.tolist() if c in set(present)]
+    if levels is None:
+        return tuple(present), codes.astype(np.intp)
+    wanted = list(levels)
+    for value in present:
+        if value not in wanted:
+            row = int(np.flatnonzero(codes == present.index(value))[0])
+            raise TooFewLevels(f"{name} has the level {value!r} in row {row + 1}, not in its list")
+    for value in wanted:
+        if value not in present:
+            raise TooFewLevels(f"{name} never takes its level {value!r}")
+    order = np.array([wanted.index(value) for value in present], dtype=np.intp)
+    return tuple(wanted), order[codes]
+
+
+def _response(
+    column: Any, dv: str, ids: tuple[object, ...], codes: Codes, factors: tuple[Factor, ...]
+) -> Array:
+    """Return the response with missing entries as NaN; errors name row, subject and cell."""
+    try:
+        return numbers(column, name=dv, allow_missing=True)
+    except (NotNumeric, InfiniteValue) as error:
+        values = np.asarray(column)
+        for row, value in enumerate(values.tolist()):
+            bad = isinstance(value, str) if isinstance(error, NotNumeric) else _is_infinite(value)
+            if bad:
+                where = _where(row, ids, codes, factors)
+                raise type(error)(f"{error} ({where})") from error
+        raise
+
+
+def _is_infinite(value: object) -> bool:
+    return isinstance(value, float) and bool(np.isinf(value))
+
+
+def _checked(
+    dv: str,
+    y: Array,
+    codes: Codes,
+    ids: tuple[object, ...],
+    factors: tuple[Factor, ...],
+    missing: Missing,
+) -> Design:
+    _refuse_two_groups(codes, ids, [f for f in factors if not f.is_within])
+    within = [f for f in factors if f.is_within]
+    shape = (len(ids), *(f.k for f in within))
+    cell = np.ravel_multi_index((codes, *(f.codes for f in within)), shape)
+    counts = np.bincount(cell, minlength=int(np.prod(shape)))
+    if (counts > 1).any():
+        rows = np.flatnonzero(cell == int(np.argmax(counts > 1)))
+        raise DuplicateCell(
+            f"{_where(int(rows[0]), ids, codes, tuple(within))} has {len(rows)} rows "
+            f"({', '.join(str(int(r) + 1) for r in rows[:5])}); average repetitions first "
+            "(statistics.cell_means)"
+        )
+    gone = np.isnan(y)
+    absent = counts.reshape(len(ids), -1) == 0
+    lost = absent.copy()
+    lost[codes[gone], (cell % max(1, lost.shape[1]))[gone]] = True
+    keep = ~gone
+    dropped: tuple[str, ...] = ()
+    if lost.any():
+        if missing == "error":
+            _refuse_missing(dv, lost, absent, ids, within)
+        if missing == "listwise":
+            incomplete = lost.any(axis=1)
+            keep = ~incomplete[codes]
+            dropped = tuple(f"subject {ids[i]} (incomplete)" for i in np.flatnonzero(incomplete))
+        else:
+            dropped = tuple(
+                f"subject {ids[s]}, {_cell_text(int(c), within)} (missing)"
+                for s, c in zip(*np.nonzero(lost), strict=True)
+            )
+    kept = np.flatnonzero(keep)
+    left, new_codes = np.unique(codes[kept], return_inverse=True)
+    design = Design(
+        dv=dv,
+        y=y[kept],
+        subject=new_codes,
+        subjects=tuple(ids[i] for i in left),
+        factors=tuple(Factor(f.name, f.levels, f.codes[kept], f.is_within) for f in factors),
+        rows=kept,
+        is_complete=missing != "mixed" or not lost.any(),
+        dropped=dropped,
+    )
+    _refuse_too_little(design)
+    return design
+
+
+def _refuse_two_groups(codes: Codes, ids: tuple[object, ...], between: list[Factor]) -> None:
+    for factor in between:
+        low = np.full(len(ids), factor.k, dtype=np.intp)
+        high = np.full(len(ids), -1, dtype=np.intp)
+        np.minimum.at(low, codes, factor.codes)
+        np.maximum.at(high, codes, factor.codes)
+        if (low != high).any():
+            who = int(np.argmax(low != high))
+            rows = np.flatnonzero(codes == who)
+            other = rows[np.argmax(factor.codes[rows] != factor.codes[rows[0]])]
+            a, b = (factor.levels[factor.codes[r]] for r in (rows[0], other))
+            raise SubjectInTwoGroups(
+                f"subject {ids[who]} is {factor.name} {a} in row {rows[0] + 1} and {b} in row "
+                f"{other + 1}; name {factor.name} as a within factor or repair the rows"
+            )
+
+
+def _refuse_missing(
+    dv: str,
+    lost: npt.NDArray[np.bool_],
+    absent: npt.NDArray[np.bool_],
+    ids: tuple[object, ...],
+    within: list[Factor],
+) -> None:
+    places = list(zip(*np.nonzero(lost), strict=True))
+    named = []
+    for s, c in places[:6]:
+        cell = f", {_cell_text(int(c), within)}" if within else ""
+        named.append(f"subject {ids[s]}{cell} ({'no row' if absent[s, c] else 'no value'})")
+    more = f" and {len(places) - 6} more" if len(places) > 6 else ""
+    text = (
+        f"{dv} is missing in {len(places)} cell{'s' if len(places) > 1 else ''}: "
+        f"{'; '.join(named)}{more}. Repair them, or pass missing='listwise' to drop these "
+        "subjects or missing='mixed' for a mixed model"
+    )
+    raise (MissingCell(text) if absent.any() else MissingValue(text))
+
+
+def _refuse_too_little(design: Design) -> None:
+    if design.n < 3:
+        raise TooFewSubjects(
+            f"{design.n} subjects are left in {design.dv}; a test needs at least three"
+        )
+    sizes = design.group_sizes
+    for group in np.flatnonzero(sizes < 2):
+        cell = _cell_text(int(group), list(design.between))
+        text = f"the group {cell} has {sizes[group]} subjects; it needs at least two"
+        raise MissingCell(text) if sizes[group] == 0 else TooFewSubjects(text)
+    if is_constant(design.y):
+        raise ConstantResponse(
+            f"{design.dv} is {design.y[0]:g} in all {design.y.size} rows; there is nothing to test"
+        )
+    for factor in design.factors:
+        for level in np.flatnonzero(np.bincount(factor.codes, minlength=factor.k) == 0):
+            raise MissingCell(f"no row is left with {factor.name} {factor.levels[level]}")
+
+
+def _where(row: int, ids: tuple[object, ...], codes: Codes, factors: tuple[Factor, ...]) -> str:
+    cell = "".join(f", {f.name} {f.levels[f.codes[row]]}" for f in factors)
+    return f"subject {ids[codes[row]]}{cell}"
+
+
+def _cell_text(cell: int, factors: list[Factor]) -> str:
+    places = np.unravel_index(cell, tuple(f.k for f in factors))
+    return ", ".join(f"{f.name} {f.levels[int(i)]}" for f, i in zip(factors, places, strict=True))
+
+
+def _as_names(names: Sequence[str]) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def _split(term: str | Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+    if isinstance(term, str):
+        return (term,) if term in known else tuple(part.strip() for part in term.split(":"))
+    return tuple(term)

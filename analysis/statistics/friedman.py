@@ -1,0 +1,156 @@
+"""Friedman's test with Kendall's W, and signed-rank post-hocs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy import special
+
+from analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment, adjust_p
+from analysis.statistics.design import Design, Frame, Levels, read_design
+from analysis.statistics.errors import ConstantResponse, TooFewLevels
+from analysis.statistics.ranks import average_ranks, tie_sizes
+from analysis.statistics.results import Array, Provenance, Result, Row, f_text, number, p_text
+from analysis.statistics.signed_rank import (
+    SignedRank,
+    SignedRankMethod,
+    ZeroRule,
+    wilcoxon_signed_rank,
+)
+
+
+@dataclass(frozen=True)
+class Friedman(Result):
+    """Outcome of Friedman's test, corrected for ties; F and p_f are Iman and Davenport's."""
+
+    chi2: float
+    df: int
+    p: float
+    kendall_w: float
+    F: float
+    F_df: tuple[int, int]
+    p_f: float
+    levels: tuple[str, ...]
+    mean_ranks: tuple[float, ...]
+    provenance: Provenance
+
+    def sentence(self) -> str:
+        """Return the result as an APA sentence."""
+        return (
+            f"χ²({self.df}) = {number(self.chi2)}, {p_text(self.p)}, Kendall's "
+            f"W = {number(self.kendall_w)}, n = {self.provenance.n} "
+            f"(Iman-Davenport {f_text(self.F, *self.F_df)}, {p_text(self.p_f)})"
+        )
+
+    def row(self) -> Row:
+        """Return the result as one flat table row."""
+        return {
+            "chi2": self.chi2,
+            "df": self.df,
+            "p": self.p,
+            "kendall_W": self.kendall_w,
+            "iman_davenport_F": self.F,
+            "iman_davenport_p": self.p_f,
+            **self.provenance.row(),
+        }
+
+
+@dataclass(frozen=True)
+class SignedRankPair(Result):
+    """One signed-rank comparison of a family."""
+
+    level_1: str
+    level_2: str
+    test: SignedRank
+    p_adjusted: float
+    adjustment: Adjustment
+
+    def sentence(self) -> str:
+        """Return the comparison as an APA sentence."""
+        how = ADJUSTMENT_NAME[self.adjustment]
+        return (
+            f"{self.level_1} − {self.level_2}: {self.test.sentence()}, "
+            f"{p_text(self.p_adjusted, 'adjusted p')} ({how})"
+        )
+
+    def row(self) -> Row:
+        """Return the comparison as one flat table row."""
+        return {
+            "level_1": self.level_1,
+            "level_2": self.level_2,
+            **self.test.row(),
+            "p_adjusted": self.p_adjusted,
+            "adjustment": self.adjustment,
+        }
+
+
+def friedman(
+    frame: Frame,
+    dv: str,
+    *,
+    subject: str,
+    within: str,
+    levels: Sequence[object] | None = None,
+) -> Friedman:
+    """Test whether three or more conditions of the same subjects differ in rank."""
+    design = _design(frame, dv, subject, within, levels)
+    table = design.table(design.y)
+    n, k = table.shape
+    if k < 3:
+        raise TooFewLevels(f"{within} has two levels; use wilcoxon_signed_rank")
+    ranks = np.array([average_ranks(row) for row in table])
+    ties = sum(float((t**3 - t).sum()) for t in map(tie_sizes, table))
+    spread = n * k * (k + 1) - ties / (k - 1)
+    if spread <= 0:
+        raise ConstantResponse(f"{dv} is the same in all conditions of every subject")
+    off = ranks.sum(axis=0) - n * (k + 1) / 2
+    chi2 = float(12 * (off**2).sum() / spread)
+    W = chi2 / (n * (k - 1))
+    df = (k - 1, (k - 1) * (n - 1))
+    F = float("inf") if 1 - W < 1e-12 else (n - 1) * chi2 / (n * (k - 1) - chi2)
+    return Friedman(
+        chi2, k - 1, float(special.chdtrc(k - 1, chi2)), W, F, df,
+        float(special.fdtrc(*df, F)),
+        tuple(str(v) for v in design.factors[0].levels),
+        tuple(ranks.mean(axis=0).tolist()),
+        Provenance("Friedman", n, error_term="ranks within subjects, corrected for ties"),
+    )  # fmt: skip
+
+
+def posthoc_signed_rank(
+    frame: Frame,
+    dv: str,
+    *,
+    subject: str,
+    within: str,
+    levels: Sequence[object] | None = None,
+    adjust: Adjustment = "holm",
+    method: SignedRankMethod = "auto",
+    zeros: ZeroRule = "wilcoxon",
+    continuity: bool = False,
+) -> tuple[SignedRankPair, ...]:
+    """Compare all pairs of conditions by Wilcoxon's signed-rank test."""
+    design = _design(frame, dv, subject, within, levels)
+    table: Array = design.table(design.y)
+    names = [str(v) for v in design.factors[0].levels]
+    pairs = list(combinations(range(len(names)), 2))
+    tests = [
+        wilcoxon_signed_rank(
+            table[:, i], table[:, j], method=method, zeros=zeros, continuity=continuity,
+            names=(names[i], names[j]),
+        )
+        for i, j in pairs
+    ]  # fmt: skip
+    adjusted = adjust_p([t.p for t in tests], adjust).tolist()
+    return tuple(
+        SignedRankPair(names[i], names[j], test, p, adjust)
+        for (i, j), test, p in zip(pairs, tests, adjusted, strict=True)
+    )
+
+
+def _design(
+    frame: Frame, dv: str, subject: str, within: str, levels: Sequence[object] | None
+) -> Design:
+    order: Levels | None = None if levels is None else {within: levels}
+    return read_design(frame, dv, subject=subject, within=(within,), levels=order)

@@ -1,0 +1,50 @@
+"""Sum-to-zero coding and general linear hypotheses, on plain arrays."""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from analysis.statistics.design import Codes
+from analysis.statistics.results import Array
+
+
+def sum_coding(k: int) -> Array:
+    """Return the sum-to-zero code of k levels, (k, k − 1); the last level is −1 throughout."""
+    return np.vstack([np.eye(k - 1), -np.ones((1, k - 1))])
+
+
+def model_matrix(
+    codes: Sequence[Codes], levels: Sequence[int], n: int
+) -> tuple[Array, dict[tuple[int, ...], slice]]:
+    """Return the full-factorial sum-coded matrix and the columns of every term.
+
+    Terms are tuples of factor positions; () is the intercept. `n` is the number of rows, needed
+    when there is no factor.
+    """
+    coded = [sum_coding(k)[c] for c, k in zip(codes, levels, strict=True)]
+    blocks: list[Array] = [np.ones((n, 1))]
+    place: dict[tuple[int, ...], slice] = {(): slice(0, 1)}
+    at = 1
+    for size in range(1, len(coded) + 1):
+        for term in combinations(range(len(coded)), size):
+            block = coded[term[0]]
+            for other in term[1:]:
+                block = (block[:, :, None] * coded[other][:, None, :]).reshape(n, -1)
+            blocks.append(block)
+            place[term] = slice(at, at + block.shape[1])
+            at += block.shape[1]
+    return np.hstack(blocks), place
+
+
+def cell_rows(levels: Sequence[int]) -> tuple[Array, dict[tuple[int, ...], slice]]:
+    """Return one model row per cell of the full factorial, cells in C order."""
+    n = int(np.prod(levels)) if levels else 1
+    codes = np.unravel_index(np.arange(n), tuple(levels)) if levels else ()
+    return model_matrix([np.asarray(c) for c in codes], levels, n)
+
+
+def residual_ss(X: Array, y: Array) -> float:
+    """Return the residual sum of squares of a least-squares fit."""
+    beta = np.linalg.lstsq(X, y, rcond=None)[0]
+    return float(((y - X @ beta) ** 2).sum())

@@ -1,0 +1,259 @@
+"""Random-intercept models by REML with Kenward-Roger or Satterthwaite degrees of freedom."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, TypeAlias
+
+import numpy as np
+from scipy import special
+
+from analysis.statistics.anova import Anova, AnovaEffect
+from analysis.statistics.design import Codes, Design, Frame, Levels, read_design
+from analysis.statistics.effects import partial_eta_squared
+from analysis.statistics.errors import ConstantResponse
+from analysis.statistics.linear import model_matrix
+from analysis.statistics.reml import Moments, group_sums
+from analysis.statistics.results import Array, Provenance
+
+Ddf: TypeAlias = Literal["kenward-roger", "satterthwaite"]
+
+
+@dataclass(frozen=True)
+class RandomIntercept:
+    """A fitted model y = Xβ + one random intercept per group + noise.
+
+    Variances are `between` (intercepts) and `residual`; `is_singular` says that the former is
+    zero. `cov` is the plain covariance of β (p, p).
+    """
+
+    X: Array
+    y: Array
+    groups: Codes
+    ratio: float
+    residual: float
+    beta: Array
+    cov: Array
+
+    @property
+    def between(self) -> float:
+        """Variance of the random intercepts."""
+        return self.ratio * self.residual
+
+    @property
+    def is_singular(self) -> bool:
+        """Tell whether the intercepts have no variance left."""
+        return self.ratio == 0.0
+
+    @cached_property
+    def _sums(self) -> tuple[Array, Array]:
+        return group_sums(self.X, self.groups)
+
+    @cached_property
+    def _adjusted(self) -> tuple[Array, list[Array], Array]:
+        """Return Kenward-Roger's covariance of β, the P matrices and the covariance W."""
+        S, sizes = self._sums
+        cov = self.cov
+        solved = (
+            self.X - (self.ratio / (1 + self.ratio * sizes))[self.groups, None] * S[self.groups]
+        )
+        A = solved / self.residual  # V⁻¹X
+        sums = group_sums(A, self.groups)[0]  # Z'V⁻¹X
+        d = sizes / (1 + self.ratio * sizes) / self.residual  # diagonal of Z'V⁻¹Z
+        vinv_A = (
+            A - (self.ratio / (1 + self.ratio * sizes))[self.groups, None] * sums[self.groups]
+        ) / self.residual
+        P = [-sums.T @ sums, -A.T @ A]
+        vinv_sums = group_sums(vinv_A, self.groups)[0]
+        Q = [
+            [sums.T @ (d[:, None] * sums), sums.T @ vinv_sums],
+            [vinv_sums.T @ sums, A.T @ vinv_A],
+        ]
+        n = self.y.size
+        c = self.ratio / (1 + self.ratio * sizes)
+        trace = np.array(
+            [
+                [(d**2).sum(), (d / (1 + self.ratio * sizes)).sum() / self.residual],
+                [0.0, (n - (2 * c * sizes - (c * sizes) ** 2).sum()) / self.residual**2],
+            ]
+        )
+        trace[1, 0] = trace[0, 1]
+        information = np.empty((2, 2))
+        for i in range(2):
+            for j in range(2):
+                information[i, j] = (
+                    trace[i, j]
+                    - 2 * float((cov * Q[i][j]).sum())
+                    + float(((cov @ P[i]) * (cov @ P[j]).T).sum())
+                )
+        W: Array = np.asarray(2 * np.linalg.inv(information), dtype=np.float64)
+        U = sum(W[i, j] * (Q[i][j] - P[i] @ cov @ P[j]) for i in range(2) for j in range(2))
+        return cov + 2 * cov @ ((U + U.T) / 2) @ cov, P, W
+
+    def covariance(self, ddf: Ddf) -> Array:
+        """Return the covariance of β used with these degrees of freedom."""
+        return self._adjusted[0] if ddf == "kenward-roger" else self.cov
+
+    def test(self, L: Array, *, ddf: Ddf = "kenward-roger") -> tuple[float, float]:
+        """Return F and denominator df of the hypothesis Lβ = 0; L has full row rank (q, p)."""
+        estimate = L @ self.beta
+        q = L.shape[0]
+        F = float(estimate @ np.linalg.solve(L @ self.covariance(ddf) @ L.T, estimate)) / q
+        if ddf == "kenward-roger":
+            df, scale = self._kenward_roger(L)
+            return F * scale, df
+        return F, self._satterthwaite(L)
+
+    def _kenward_roger(self, L: Array) -> tuple[float, float]:
+        """Return denominator df and the scale of F (Kenward and Roger 1997)."""
+        _, P, W = self._adjusted
+        q = L.shape[0]
+        theta = L.T @ np.linalg.solve(L @ self.cov @ L.T, L)
+        parts = [theta @ self.cov @ P[i] @ self.cov for i in range(2)]
+        a1 = a2 = 0.0
+        for i in range(2):
+            for j in range(2):
+                a1 += W[i, j] * float(np.trace(parts[i])) * float(np.trace(parts[j]))
+                a2 += W[i, j] * float((parts[i] * parts[j].T).sum())
+        b = (a1 + 6 * a2) / (2 * q)
+        g = ((q + 1) * a1 - (q + 4) * a2) / ((q + 2) * a2)
+        denominator = 3 * q + 2 * (1 - g)
+        c1, c2, c3 = g / denominator, (q - g) / denominator, (q + 2 - g) / denominator
+        mean = 1 / (1 - a2 / q)
+        v0, v1, v2 = 1 + c1 * b, 1 - c2 * b, 1 - c3 * b
+        if abs(v2) < 1e-10:
+            v2 = 0.0
+        spread = 2 / q * v0 / v1**2 / v2 if v2 else float("inf")
+        rho = spread / (2 * mean**2)
+        df = 4 + (q + 2) / (q * rho - 1) if np.isfinite(rho) else 4.0
+        return float(df), float(df / (mean * (df - 2)))
+
+    @cached_property
+    def _variance_of_parameters(self) -> tuple[Array, list[Array]]:
+        """Return the covariance of (SD ratio, residual SD) and the derivatives of cov of β.
+
+        From the curvature of −2 log REML, by central differences; directions without curvature
+        are left out, as lmerTest does for singular fits.
+        """
+        at = np.array([np.sqrt(self.ratio), np.sqrt(self.residual)])
+        steps = 1e-3 * np.array([max(at[0], 0.1), at[1]])
+
+        moments = Moments(self.X, self.y, self.groups)
+
+        def deviance(offset: Array) -> float:
+            sd_ratio, sd = at + offset * steps
+            return moments.deviance(float(sd_ratio), float(sd))
+
+        unit = np.eye(2)
+        hessian = np.empty((2, 2))
+        for i in range(2):
+            for j in range(2):
+                if i == j:
+                    e = unit[i]
+                    f = [deviance(m * e) for m in (-2, -1, 0, 1, 2)]
+                    second = -f[0] + 16 * f[1] - 30 * f[2] + 16 * f[3] - f[4]
+                    hessian[i, i] = second / (12 * steps[i] ** 2)
+                else:
+                    total = 0.0
+                    for m, weight in ((1, 4 / 3), (2, -1 / 12)):
+                        for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+                            total += weight * a * b * deviance(m * (a * unit[i] + b * unit[j]))
+                    hessian[i, j] = total / (4 * steps[i] * steps[j])
+        values, vectors = np.linalg.eigh((hessian + hessian.T) / 2)
+        kept = values > 1e-8
+        covariance = 2 * (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+        slopes = []
+        for i in range(2):
+            total_cov = np.zeros_like(self.cov)
+            for m, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
+                sd_ratio, sd = at + m * unit[i] * steps
+                total_cov += weight * moments.covariance(float(sd_ratio**2), float(sd**2))
+            slopes.append(total_cov / (12 * steps[i]))
+        return covariance, slopes
+
+    def _satterthwaite(self, L: Array) -> float:
+        values, vectors = np.linalg.eigh(L @ self.cov @ L.T)
+        rows = vectors.T @ L
+        covariance, slopes = self._variance_of_parameters
+        dfs = []
+        for value, row in zip(values, rows, strict=True):
+            gradient = np.array([row @ slope @ row for slope in slopes])
+            dfs.append(2 * value**2 / float(gradient @ covariance @ gradient))
+        if len(dfs) == 1 or np.ptp(dfs) < 1e-8:
+            return float(np.mean(dfs))
+        total = sum(df / (df - 2) for df in dfs if df > 2)
+        q = len(dfs)
+        return float(2 * total / (total - q)) if total > q else 2.0
+
+
+def fit_random_intercept(X: Array, y: Array, groups: Codes, *, name: str = "y") -> RandomIntercept:
+    """Fit by REML; X (n, p) of full rank, groups (n,) codes of the random intercept."""
+    if np.linalg.matrix_rank(X) < X.shape[1]:
+        raise ConstantResponse(f"some cells of {name} are empty; the model cannot be estimated")
+    moments = Moments(X, y, groups)
+    ratio = moments.best_ratio()
+    beta, rss, _ = moments.solve(ratio)
+    residual = rss / (y.size - X.shape[1])
+    if not residual > 1e-24 * float(np.abs(y).max()) ** 2:
+        raise ConstantResponse(f"{name} leaves no residual variance; F is not defined")
+    return RandomIntercept(X, y, groups, ratio, residual, beta, moments.covariance(ratio, residual))
+
+
+def mixed_anova(
+    frame: Frame,
+    dv: str,
+    *,
+    subject: str,
+    within: Sequence[str],
+    between: Sequence[str] = (),
+    levels: Levels | None = None,
+    ddf: Ddf = "kenward-roger",
+) -> Anova:
+    """Test all effects (type III) by a random-intercept model; subjects may lack cells."""
+    design = read_design(
+        frame, dv, subject=subject, within=within, between=between, levels=levels, missing="mixed"
+    )
+    name = "Kenward-Roger" if ddf == "kenward-roger" else "Satterthwaite"
+    return Anova(
+        tuple(mixed_effects(design, design.y, ddf=ddf)),
+        design,
+        Provenance(
+            "Mixed model ANOVA (type III)", design.n,
+            error_term=f"random intercept per subject, REML, {name} df", dropped=design.dropped,
+        ),
+        subject,
+    )  # fmt: skip
+
+
+def design_matrix(design: Design) -> tuple[Array, dict[tuple[str, ...], slice]]:
+    """Return the sum-coded fixed effects of a design and the columns of every term."""
+    X, place = model_matrix(
+        [f.codes for f in design.factors], [f.k for f in design.factors], design.y.size
+    )
+    names = [f.name for f in design.factors]
+    return X, {tuple(names[i] for i in term): columns for term, columns in place.items()}
+
+
+def mixed_effects(
+    design: Design,
+    y: Array,
+    *,
+    ddf: Ddf = "kenward-roger",
+    only: Sequence[str] | None = None,
+) -> Iterator[AnovaEffect]:
+    """Yield type III tests of a response, one value per row of the design."""
+    X, place = design_matrix(design)
+    fit = fit_random_intercept(X, y, design.subject, name=design.dv)
+    error = "random intercept, singular" if fit.is_singular else "random intercept"
+    for term, columns in place.items():
+        if not term or (only is not None and term != tuple(only)):
+            continue
+        L = np.eye(X.shape[1])[columns]
+        F, df = fit.test(L, ddf=ddf)
+        q = L.shape[0]
+        p = float(special.fdtrc(q, df, F))
+        yield AnovaEffect(
+            term=term, F=F, df1=q, df2=df, p=p, ss=None, ss_error=None, error_term=error,
+            eta=partial_eta_squared(F, q, df), ges=None, sphericity=None, correction="none",
+            df1_used=q, df2_used=df, p_used=p,
+        )  # fmt: skip

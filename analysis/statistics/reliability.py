@@ -1,0 +1,99 @@
+"""Internal consistency of questionnaire items: Cronbach's alpha."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from analysis.statistics.design import Frame, column_of
+from analysis.statistics.errors import TooFewLevels, UnequalLength, UnknownColumn
+from analysis.statistics.inputs import sample
+from analysis.statistics.results import Array, Interval, Provenance, Result, Row, number, percent
+
+
+@dataclass(frozen=True)
+class CronbachAlpha(Result):
+    """Cronbach's alpha after reversing the `reverse` items.
+
+    `standardised` is alpha of standardised items, `without_item` alpha with each item left out,
+    `unreversed` alpha of the items as answered (equal to `alpha` when nothing is reversed).
+    """
+
+    alpha: float
+    interval: Interval
+    standardised: float
+    average_r: float
+    items: tuple[str, ...]
+    reversed_items: tuple[str, ...]
+    without_item: tuple[float, ...]
+    unreversed: float
+    provenance: Provenance
+
+    def sentence(self) -> str:
+        """Return the result as an APA sentence."""
+        low, high = number(self.interval.low), number(self.interval.high)
+        return (
+            f"Cronbach's α = {number(self.alpha)}, {percent(self.interval.level)} CI "
+            f"[{low}, {high}], {len(self.items)} items, n = {self.provenance.n}"
+        )
+
+    def row(self) -> Row:
+        """Return the result as one flat table row."""
+        return {
+            "alpha": self.alpha,
+            "ci_low": self.interval.low,
+            "ci_high": self.interval.high,
+            "standardised_alpha": self.standardised,
+            "average_r": self.average_r,
+            **self.provenance.row(),
+        }
+
+
+def cronbach_alpha(
+    frame: Frame,
+    items: Sequence[str],
+    *,
+    reverse: Sequence[str] = (),
+    level: float = 0.95,
+) -> CronbachAlpha:
+    """Return Cronbach's alpha of item columns, one row per person; `reverse` are keyed the other
+    way. The interval is Feldt's (1965), from the F distribution.
+    """
+    if len(items) < 2:
+        raise TooFewLevels(f"alpha needs two items, got {len(items)}")
+    for name in reverse:
+        if name not in items:
+            raise UnknownColumn(f"item {name!r} is to be reversed but is not among the items")
+    columns = [sample(column_of(frame, name), name=name) for name in items]
+    if len({c.size for c in columns}) > 1:
+        raise UnequalLength("the items differ in their number of rows")
+    answered = np.column_stack(columns)
+    signs = np.array([-1.0 if name in reverse else 1.0 for name in items])
+    keyed = answered * signs
+    n, k = keyed.shape
+    r = np.corrcoef(keyed, rowvar=False)
+    average = float((r.sum() - k) / (k * (k - 1)))
+    alpha = _alpha(keyed)
+    tail, df = (1 - level) / 2, (n - 1, (n - 1) * (k - 1))
+    interval = Interval(
+        1 - (1 - alpha) * float(special.fdtri(*df, 1 - tail)),
+        1 - (1 - alpha) * float(special.fdtri(*df, tail)),
+        level,
+    )
+    left_out = tuple(
+        _alpha(np.delete(keyed, i, axis=1)) if k > 2 else float("nan") for i in range(k)
+    )
+    return CronbachAlpha(
+        alpha, interval, k * average / (1 + (k - 1) * average), average, tuple(items),
+        tuple(name for name in items if name in reverse), left_out, _alpha(answered),
+        Provenance("Cronbach's alpha", n, unit="persons", error_term="items by persons"),
+    )  # fmt: skip
+
+
+def _alpha(items: Array) -> float:
+    k = items.shape[1]
+    total = float(items.sum(axis=1).var(ddof=1))
+    if total == 0:
+        return float("nan")
+    return float(k / (k - 1) * (1 - items.var(axis=0, ddof=1).sum() / total))
