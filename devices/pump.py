@@ -72,7 +72,11 @@ class Pump:
         self._failure: Fault | None = None
 
     def start(self, *, threaded: bool | None = None) -> None:
-        """Start the device; polls in a thread of its own unless the clock is virtual."""
+        """Start the device and, on a real clock, its thread.
+
+        A device that paces the session (it has `wait_frame`) never gets one: its poses must be
+        there in the same frame. `threaded` overrides both rules.
+        """
         if self._running:
             raise RuntimeError(f"pump of {self._role}: start() while already running")
         rates = [schema.nominal_rate_hz for schema in self.device.describe()]
@@ -88,7 +92,9 @@ class Pump:
         self._stopping.clear()
         self.device.start(self._take)
         self._running = True
-        if not self._clock.is_virtual if threaded is None else threaded:
+        if threaded is None:
+            threaded = not (self._clock.is_virtual or hasattr(self.device, "wait_frame"))
+        if threaded:
             self._thread = threading.Thread(
                 target=self._run, name=f"device-{self._role}", daemon=True
             )

@@ -8,9 +8,11 @@ from devices.contracts import DeviceInfo, DeviceState
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.pump import Pump
+from devices.sim.headset import SimulatedHeadset
 from lab.clock import SimClock, SystemClock
 from lab.errors import DeviceDisconnected
 from lab.schema import Field, SampleBatch, StreamSchema
+from tests.devices.bodies import FixatingBody
 
 SCHEMA = StreamSchema("toy", (Field("x", "f4", "1"),), 100.0)
 
@@ -177,3 +179,17 @@ def test_stop_twice_is_harmless_and_start_twice_is_refused():
         pump.start()
     pump.stop()
     pump.stop()
+
+
+def test_headset_is_polled_by_step_even_on_a_real_clock():
+    clock, got = SystemClock(), []
+    headset = SimulatedHeadset("headset", FixatingBody(), clock, display_rate_hz=1000)
+    headset.open(1.0)
+    pump = Pump(headset, got.append, clock)
+    pump.start()
+    frame = headset.wait_frame()
+
+    pump.step()
+    pump.stop()
+
+    assert [int(batch.t_host_ns[0]) for batch in got] == [frame.t_ns]
