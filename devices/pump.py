@@ -1,7 +1,7 @@
 """Keep one device delivering: drive its `poll`, watch for silence, reconnect, count drops.
 
 On a real clock a thread polls the device and `step` hands over what it brought; on a virtual
-clock `step` polls by itself. Either way the sink runs in the caller's thread, once per frame.
+clock, and for what is simulated in this process, `step` polls by itself. Either way the sink runs in the caller's thread, once per frame.
 """
 
 import threading
@@ -21,6 +21,7 @@ STALLED_NS = NS_PER_S
 FIRST_BACK_OFF_NS = NS_PER_S // 2
 LAST_BACK_OFF_NS = 8 * NS_PER_S
 THREAD_POLL_S = 0.02
+IN_PROCESS_TRANSPORTS = frozenset({"memory", "none"})
 
 EventKind = Literal[
     "silent", "stalled", "resumed", "disconnected", "reconnected", "failed", "dropped"
@@ -74,8 +75,9 @@ class Pump:
     def start(self, *, threaded: bool | None = None) -> None:
         """Start the device and, on a real clock, its thread.
 
-        A device that paces the session (it has `wait_frame`) never gets one: its poses must be
-        there in the same frame. `threaded` overrides both rules.
+        A device that paces the session (it has `wait_frame`) gets none: its poses must be there
+        in the same frame. Nor does one simulated in this process: the body it measures belongs
+        to the session's thread. `threaded` overrides these rules.
         """
         if self._running:
             raise RuntimeError(f"pump of {self._role}: start() while already running")
@@ -93,7 +95,10 @@ class Pump:
         self.device.start(self._take)
         self._running = True
         if threaded is None:
-            threaded = not (self._clock.is_virtual or hasattr(self.device, "wait_frame"))
+            info = self.device.info
+            lives_here = info.is_simulated and info.transport in IN_PROCESS_TRANSPORTS
+            paces = hasattr(self.device, "wait_frame")
+            threaded = not (self._clock.is_virtual or paces or lives_here)
         if threaded:
             self._thread = threading.Thread(
                 target=self._run, name=f"device-{self._role}", daemon=True

@@ -24,7 +24,7 @@ class ToyDevice:
         self.clock = clock
         self.script = list(script)
         self.polls_ns = []
-        self.info = DeviceInfo("toy", "toy", "1", "", "toy", "", "none", True)
+        self.info = DeviceInfo("toy", "toy", "1", "", "toy", "", "usb", False)
         self.life = Lifecycle("toy")
         self.life.state = DeviceState.OPEN
         self.meter = StreamMeter(100.0)
