@@ -376,7 +376,7 @@ def _questionnaire_findings(plan: Mapping[str, Any], events: pd.DataFrame) -> li
         if p["answer"] is None:
             left_out[p["questionnaire"]] = left_out.get(p["questionnaire"], 0) + 1
     for name, count in left_out.items():
-        level = Level.GREEN if name == "comment" else Level.AMBER
+        level = Level.GREEN if name == "free_comment" else Level.AMBER
         found.append(Finding(level, "questionnaires", f"{name}: {count} left out"))
     if not found:
         found.append(Finding(Level.GREEN, "questionnaires", "all answered"))

@@ -69,7 +69,7 @@ def perform_new(request: Request) -> Path:
         plan=plan,
         seed=request.seed,
         configuration={
-            "devices": config.devices,
+            "devices": {r: d.model_dump() for r, d in config.devices.items()},
             "lab": config.lab,
             "sha256": config.sha256,
             "effect": request.effect,

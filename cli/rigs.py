@@ -8,7 +8,6 @@ from devices.drivers.pupil_core import PupilCore
 from devices.sim.faults import FaultSchedule
 from devices.sim.headset import SimulatedHeadset
 from devices.sim.pupil_core import PupilCoreSimulator
-from devices.sim.pupil_host import ZmqHost
 from devices.sim.responses import SimulatedResponses
 from devices.transports import MemoryTransport, MessageTransport, ZmqTransport
 from lab.clock import Clock
@@ -67,7 +66,7 @@ def _build(
 
 
 def _faults(device: DeviceConfig) -> FaultSchedule:
-    return FaultSchedule.from_dicts(device.options.get("faults", ()))
+    return FaultSchedule.from_config(device.options.get("faults", ()))
 
 
 def _headset(
@@ -107,7 +106,7 @@ def _pupil_core(
     address = str(options.pop("address", "127.0.0.1"))
     port = int(options.pop("port", 50020))
     rate_hz = float(options.pop("rate_hz", 120))
-    faults = FaultSchedule.from_dicts(options.pop("faults", ()))
+    faults = FaultSchedule.from_config(options.pop("faults", ()))
     transport: MessageTransport
     if not device.simulated:
         transport = ZmqTransport(address, port, clock)
@@ -119,6 +118,8 @@ def _pupil_core(
         if clock.is_virtual:
             transport = MemoryTransport(simulator, clock)
         else:
+            from devices.sim.pupil_host import ZmqHost
+
             host = stack.enter_context(ZmqHost(simulator, clock))
             transport = ZmqTransport("127.0.0.1", host.port, clock, is_simulated=True)
     return PupilCore(role, transport, clock, rate_hz=rate_hz, **options)

@@ -15,7 +15,7 @@ from protocol.participants import SimulatedParticipant
 from protocol.questionnaires import Questionnaire
 from recording.reader import Recording
 
-STUDY_MODULES = {"stare": "experiments.stare.study"}
+STUDY_MODULES = {"stare": "experiments.stare.bundle"}
 
 
 class Study(Protocol):
@@ -78,5 +78,5 @@ def find_study(name: str) -> Study:
         hint = f"; did you mean {near[0]}?" if near else ""
         raise UsageError(f"there is no study {name!r}{hint} Known: {', '.join(STUDY_MODULES)}")
     module = importlib.import_module(STUDY_MODULES[name])
-    make = cast(Callable[[], Study], module.STUDY)
+    make = cast(Callable[[], Study], module.MAKE_STUDY)
     return make()

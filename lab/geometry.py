@@ -66,9 +66,17 @@ def quat_conjugate(q: Vector) -> Vector:
 
 def rotate(q: Vector, v: Vector) -> Vector:
     """Rotate vectors (..., 3) by unit quaternions (..., 4)."""
-    w, u = q[..., :1], q[..., 1:]
-    t = 2 * np.cross(u, v)
-    turned: Vector = v + w * t + np.cross(u, t)
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    vx, vy, vz = v[..., 0], v[..., 1], v[..., 2]
+    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    turned: Vector = np.stack(
+        [
+            vx + w * tx + y * tz - z * ty,
+            vy + w * ty + z * tx - x * tz,
+            vz + w * tz + x * ty - y * tx,
+        ],
+        axis=-1,
+    )
     return turned
 
 

@@ -93,18 +93,19 @@ class GazeSetup:
         """Show the nine targets and return the samples taken at each."""
         points = []
         for name, yaw_deg, pitch_deg in TARGETS:
-            self._place_target(yaw_deg, pitch_deg)
+            mark_m = self._place_target(yaw_deg, pitch_deg)
+            base = self._loop.head.orientation_wxyz
             self._frames_for(self._timing.validation_arrive_ms)
-            start_turn = self._loop.head.orientation_wxyz
-            pieces: list[Piece] = []
+            target = rotate(quat_conjugate(base), mark_m - self._loop.head.position_m)
+            pieces: list[tuple[SampleBatch, Vector]] = []
             end_ns = self._loop.t_ns + self._timing.validation_sample_ms * NS_PER_MS
             while self._loop.t_ns < end_ns:
                 self._loop.gaze_tap = []
                 self._next_frame()
-                turn = quat_multiply(quat_conjugate(start_turn), self._loop.head.orientation_wxyz)
-                pieces += [_turned(batch, turn) for batch in self._loop.gaze_tap]
+                turn = self._loop.head.orientation_wxyz
+                pieces += [(batch, turn) for batch in self._loop.gaze_tap]
             self._loop.gaze_tap = None
-            points.append(_point(name, yaw_deg, pitch_deg, pieces))
+            points.append(_point(name, target / np.linalg.norm(target), base, pieces))
         self._clear_target()
         return tuple(points)
 
@@ -130,43 +131,27 @@ class GazeSetup:
             self._next_frame()
 
 
-@dataclass(frozen=True)
-class Piece:
-    """Samples of one batch, directions turned into the head frame at the target's onset."""
-
-    batch: SampleBatch
-    combined: Vector
-    left: Vector
-    right: Vector
-
-
-def _turned(batch: SampleBatch, turn_wxyz: Vector) -> Piece:
-    values = batch.values
+def _point(
+    name: str, target: Vector, base: Vector, pieces: list[tuple[SampleBatch, Vector]]
+) -> ValidationPoint:
+    """Put samples and target into one frame: the head's when the target appeared."""
+    if not pieces:
+        empty = np.empty((0, 3))
+        return ValidationPoint(name, target, np.empty(0, dtype=np.int64), empty, empty, empty)
+    values = np.concatenate([batch.values for batch, _ in pieces])
+    turns = np.concatenate([np.tile(turn, (len(batch), 1)) for batch, turn in pieces])
+    turns = quat_multiply(quat_conjugate(base), turns)
 
     def turned(column: str, valid: str) -> Vector:
-        direction = rotate(turn_wxyz, values[column].astype(np.float64))
+        direction = rotate(turns, values[column].astype(np.float64))
         kept: Vector = np.where(values[valid][:, None], direction, np.nan)
         return kept
 
-    return Piece(
-        batch,
-        turned("direction_head", "valid"),
-        turned("left_direction_head", "left_valid"),
-        turned("right_direction_head", "right_valid"),
-    )
-
-
-def _point(name: str, yaw_deg: float, pitch_deg: float, pieces: list[Piece]) -> ValidationPoint:
-    def joined(arrays: list[Vector]) -> Vector:
-        return np.concatenate(arrays) if arrays else np.empty((0, 3))
-
     return ValidationPoint(
         name=name,
-        target=direction_from_yaw_pitch_deg(yaw_deg, pitch_deg),
-        t_ns=np.concatenate([p.batch.t_device_ns for p in pieces])
-        if pieces
-        else np.empty(0, dtype=np.int64),
-        combined=joined([p.combined for p in pieces]),
-        left=joined([p.left for p in pieces]),
-        right=joined([p.right for p in pieces]),
+        target=target,
+        t_ns=np.concatenate([batch.t_device_ns for batch, _ in pieces]),
+        combined=turned("direction_head", "valid"),
+        left=turned("left_direction_head", "left_valid"),
+        right=turned("right_direction_head", "right_valid"),
     )

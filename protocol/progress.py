@@ -86,7 +86,7 @@ def progress_of_recording(recording: Recording) -> Progress:
         if event["name"] == "trial_start":
             row = rows.get((str(entry["trial_id"]), int(entry["attempt"])))
             if row is not None:
-                entries.append({**row, "event": "trial"})
+                entries.append({**{str(k): v for k, v in row.items()}, "event": "trial"})
     return progress_of(entries)
 
 

@@ -55,17 +55,19 @@ class TrialRunner:
         self._attempts = dict(setup.progress.attempts)
         self.finished = len(setup.progress.finished)
         self._stretch_start_ns = 0
+        rates_hz = (rig.headset.display_rate_hz, gaze_rate_hz)
+        self._grid_ns = NS_PER_S // 10 if all(r % 10 == 0 for r in rates_hz) else NS_PER_S
         desk.trials_done = self.finished
 
     def align(self) -> None:
-        """With a simulated participant, wait for the next whole second of session time.
+        """With a simulated participant, wait until display and tracker sample in step.
 
-        Display and simulated tracker then sample a repeated stretch at the same phases, so a
-        trial performed again after an interruption gives the same data. People need no such
-        thing, and nothing waits for them.
+        A repeated stretch is then sampled at the same phases, so a trial performed again after
+        an interruption gives the same data. People need no such thing, and nothing waits for
+        them.
         """
         if self._setup.participant is not None:
-            while self._loop.t_ns % NS_PER_S > ALIGNED_WITHIN_NS:
+            while self._loop.t_ns % self._grid_ns > ALIGNED_WITHIN_NS:
                 self._desk.next_frame()
         self._stretch_start_ns = self._loop.t_ns
 

@@ -21,7 +21,7 @@ DYNAMIC_CONDITIONS: Final = (AVERTED_THEN_DIRECTED, DIRECTED_THEN_AVERTED)
 ZONES: Final = ("left", "centre", "right")
 DEPTHS: Final = ("close", "middle", "far")
 BLOCKS: Final = 3
-QUESTIONNAIRES: Final = ("demographics", "liebowitz", "comment")
+QUESTIONNAIRES: Final = ("demographics", "social_anxiety", "free_comment")
 
 TRAINING_INSTRUCTION: Final = (
     "In a moment you will sit in front of an audience that listens to a speaker. The speaker "

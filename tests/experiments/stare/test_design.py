@@ -48,7 +48,7 @@ def test_training_comes_first_and_nothing_in_it_changes() -> None:
 def test_every_block_has_its_own_instruction_and_calibration() -> None:
     assert 4 == len({b.instruction for b in PLAN.blocks})
     assert all(b.calibrate for b in PLAN.blocks)
-    assert ("demographics", "liebowitz", "comment") == PLAN.questionnaires
+    assert ("demographics", "social_anxiety", "free_comment") == PLAN.questionnaires
 
 
 def test_place_agrees_with_its_zone_and_depth() -> None:

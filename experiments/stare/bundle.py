@@ -1,0 +1,166 @@
+"""The stare study as the command line uses it: made, measured, analysed."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.gaze.quality import validate
+from experiments.stare.design import DEFAULT_PARAMETERS, QUESTIONNAIRES, STUDY, StareParameters
+from experiments.stare.measures import (
+    GazeTargets,
+    MeasureParameters,
+    second_view,
+    sensitivity_rows,
+    trial_measures,
+)
+from experiments.stare.participant import StareParticipant
+from experiments.stare.study import StareStudy
+from lab.config import LabConfig
+from lab.errors import ConfigError
+from protocol.experiment import ValidationPoint, ValidationVerdict
+from protocol.questionnaires import Questionnaire, load_questionnaire
+from recording.reader import Recording
+
+EYES = ("combined", "left", "right")
+
+
+@dataclass(frozen=True)
+class SessionMeasures:
+    """What one session gives to analysis: a row per trial, and the sensitivity table's rows."""
+
+    rows: pd.DataFrame
+    sensitivity: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class StareBundle:
+    """Everything the command line asks of the study."""
+
+    name: str = STUDY
+    title: str = "Stare in the crowd"
+
+    def experiment(self, overrides: Mapping[str, Any]) -> StareStudy:
+        """Return the experiment; `overrides` replace published parameters by name.
+
+        Raises:
+            ConfigError: a parameter does not exist.
+        """
+        unknown = set(overrides) - set(StareParameters.__dataclass_fields__)
+        if unknown:
+            known = ", ".join(StareParameters.__dataclass_fields__)
+            raise ConfigError(f"stare has no {', '.join(sorted(unknown))}; parameters: {known}")
+        return StareStudy(StareParameters(**overrides) if overrides else DEFAULT_PARAMETERS)
+
+    def participant(self, index: int, seed: int, *, effect: bool) -> StareParticipant:
+        """Return a simulated participant."""
+        return StareParticipant(index, seed, effect)
+
+    def judge_validation(
+        self, points: Sequence[ValidationPoint], rate_hz: float
+    ) -> ValidationVerdict:
+        """Measure a validation per eye; the combined eye decides."""
+        return judge_validation(points, rate_hz)
+
+    def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
+        """Return the questionnaires asked at the end, in the lab's wording."""
+        return tuple(load_questionnaire(n, config.wording.get(n)) for n in QUESTIONNAIRES)
+
+    def measure(self, recording: Recording) -> SessionMeasures:
+        """Measure every performed trial of a session."""
+        return measure_session(recording)
+
+
+def judge_validation(points: Sequence[ValidationPoint], rate_hz: float) -> ValidationVerdict:
+    """Decide a validation by the combined eye; rows hold every point and eye."""
+    rows: list[dict[str, str | int | float | bool | None]] = []
+    summaries = {}
+    for eye in EYES:
+        measured = [(p.target, p.t_ns, getattr(p, eye)) for p in points]
+        summary = validate(measured, nominal_rate_hz=rate_hz)
+        summaries[eye] = summary
+        for point, found in zip(points, summary.points, strict=True):
+            rows.append(
+                {
+                    "point": point.name,
+                    "eye": eye,
+                    "accuracy_deg": _known(found.accuracy.of_mean_deg),
+                    "mean_of_samples_deg": _known(found.accuracy.mean_of_samples_deg),
+                    "right_deg": _known(found.accuracy.right_deg),
+                    "up_deg": _known(found.accuracy.up_deg),
+                    "rms_s2s_deg": _known(found.precision.rms_s2s_deg),
+                    "std_deg": _known(found.precision.std_deg),
+                    "usable_ms": found.usable_ms,
+                    "lost_01": found.lost_01,
+                }
+            )
+    combined = summaries["combined"]
+    return ValidationVerdict(
+        accepted=combined.passed,
+        reason="" if combined.passed else _why_not(combined.accuracy_deg, combined.worst_deg),
+        accuracy_deg=_known(combined.accuracy_deg),
+        worst_point_deg=_known(combined.worst_deg),
+        precision_deg=_known(combined.rms_s2s_deg),
+        lost_01=combined.lost_01 if np.isfinite(combined.lost_01) else 1.0,
+        rows=tuple(rows),
+    )
+
+
+def _why_not(accuracy_deg: float, worst_deg: float) -> str:
+    if not np.isfinite(accuracy_deg):
+        return "too little valid gaze at every target"
+    return f"mean error {accuracy_deg:.2f}°, worst target {worst_deg:.2f}°, or too little gaze"
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def measure_session(
+    recording: Recording, params: MeasureParameters | None = None
+) -> SessionMeasures:
+    """Measure every performed trial; interrupted ones keep their row without measures."""
+    params = params or MeasureParameters()
+    trials = recording.trials()
+    rows: list[dict[str, Any]] = []
+    sensitivity: list[dict[str, Any]] = []
+    targets = {
+        int(part): GazeTargets.from_columns(recording.stream_arrays("gaze_targets", part=int(part)))
+        for part in trials["recording_part"].unique()
+    }
+    for row in _records(trials):
+        if row["status"] != "complete":
+            rows.append(row)
+            continue
+        samples = targets[int(row["recording_part"])]
+        rows.append(
+            {
+                **row,
+                **trial_measures(samples, row, params=params),
+                **second_view(samples, row, params=params),
+            }
+        )
+        if not row["is_practice"]:
+            sensitivity += [
+                {
+                    "participant": row["participant"],
+                    "trial_id": row["trial_id"],
+                    "condition": row["condition"],
+                    **values,
+                }
+                for values in sensitivity_rows(samples, row, params=params)
+            ]
+    frame = pd.DataFrame(rows)
+    frame.insert(0, "is_simulated", recording.is_simulated)
+    return SessionMeasures(frame, pd.DataFrame(sensitivity))
+
+
+def _records(frame: pd.DataFrame) -> Iterable[dict[str, Any]]:
+    for record in frame.to_dict("records"):
+        yield {str(k): v for k, v in record.items()}
+
+
+MAKE_STUDY = StareBundle
+"""What the command line calls to get the study."""
