@@ -1,7 +1,8 @@
 """Keep one device delivering: drive its `poll`, watch for silence, reconnect, count drops.
 
 On a real clock a thread polls the device and `step` hands over what it brought; on a virtual
-clock, and for what is simulated in this process, `step` polls by itself. Either way the sink runs in the caller's thread, once per frame.
+clock, and for what is simulated in this process, `step` polls by itself. Either way the sink
+runs in the caller's thread, once per frame.
 """
 
 import threading
