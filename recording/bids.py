@@ -309,19 +309,30 @@ def _head_notes(recording: Recording, table: pd.DataFrame, task: str) -> dict[st
 
 
 def _events(recording: Recording, part: int, zero_ns: int) -> pd.DataFrame:
-    """Return events and trial rows; a trial's onset is when its row was written."""
+    """Return events and trials, onset and duration in seconds.
+
+    A trial lasts from its row's `t_start_ns` to `t_end_ns`; without them it is the instant of
+    its writing.
+    """
     rows: list[dict[str, Any]] = []
     events = recording.events()
     for event in events[events[PART_COLUMN] == part].to_dict("records"):
-        onset = (event["t_ns"] - zero_ns) / NS_PER_S
-        rows.append({"onset": onset, "duration": 0.0, "trial_type": event["name"]})
+        rows.append(_event_row(event["name"], event["t_ns"], event["t_ns"], zero_ns))
         rows[-1] |= {k: v for k, v in event["payload"].items() if k not in rows[-1]}
     for trial in recording.trial_entries(part):
-        onset = (trial["t_ns"] - zero_ns) / NS_PER_S
-        rows.append({"onset": onset, "duration": 0.0, "trial_type": "trial_row"})
-        rows[-1] |= {k: v for k, v in trial["row"].items() if k not in rows[-1]}
+        row = trial["row"]
+        start_ns, end_ns = row.get("t_start_ns"), row.get("t_end_ns")
+        if start_ns is None or end_ns is None:
+            start_ns = end_ns = trial["t_ns"]
+        rows.append(_event_row("trial", start_ns, end_ns, zero_ns))
+        rows[-1] |= {k: v for k, v in row.items() if k not in rows[-1]}
     frame = pd.DataFrame(rows, columns=None if rows else ["onset", "duration", "trial_type"])
     return frame.sort_values("onset", kind="stable").reset_index(drop=True)
+
+
+def _event_row(name: str, start_ns: int, end_ns: int, zero_ns: int) -> dict[str, Any]:
+    onset, duration = (start_ns - zero_ns) / NS_PER_S, (end_ns - start_ns) / NS_PER_S
+    return {"onset": onset, "duration": duration, "trial_type": name}
 
 
 def _events_notes(recording: Recording, events: pd.DataFrame) -> dict[str, Any]:
@@ -329,7 +340,7 @@ def _events_notes(recording: Recording, events: pd.DataFrame) -> dict[str, Any]:
         "onset": {"Description": "session time from the start of the run", "Units": "s"},
         "duration": {"Description": "0 for events of an instant", "Units": "s"},
         "trial_type": {
-            "Description": "name of the event; trial_row is a trial's result, timed at its writing"
+            "Description": "name of the event; trial carries a trial's factors and results"
         },
         "IsSimulated": recording.is_simulated,
     }
