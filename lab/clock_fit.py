@@ -16,6 +16,10 @@ from lab.errors import DataError
 LOWEST_ROUND_TRIPS = 0.30
 """Share of exchanges a fit uses: those least disturbed by waiting in queues."""
 
+SAME_CLOCK_NS = 20_000_000
+QUICK_WITHIN_NS = 20_000
+QUICK_KEPT = 3
+
 
 class TimeExchange(Protocol):
     """Host clock before and after, device clock in between, all ns."""
@@ -180,3 +184,20 @@ def _columns(
     if wrong.size:
         raise DataError(f"time exchange {int(wrong[0])} was received before it was sent")
     return send, device, receive
+
+
+def latest_quick(pairs: Sequence[TimeExchange]) -> list[TimeExchange]:
+    """Return the last three exchanges that were hardly slower than the quickest.
+
+    "Hardly" is 20 µs of round trip. Exchanges from before a jump of the device's clock (more
+    than 20 ms away from the last exchange's offset) are left out. With recent exchanges only, a
+    drifting clock displaces the offset less than it would over all of them.
+    """
+    if not pairs:
+        return []
+    send, device, receive = _columns(pairs)
+    round_trip = receive - send
+    offsets = send + round_trip // 2 - device
+    same = np.abs(offsets - offsets[-1]) <= SAME_CLOCK_NS + round_trip
+    quick = same & (round_trip <= round_trip[same].min() + QUICK_WITHIN_NS)
+    return [pairs[int(i)] for i in np.flatnonzero(quick)[-QUICK_KEPT:]]

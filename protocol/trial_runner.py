@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from lab.clock import NS_PER_S
-from lab.clock_fit import offset_ns
+from lab.clock_fit import latest_quick, offset_ns
 from protocol.calibration_record import NO_CALIBRATION, CalibrationInForce
 from protocol.frame_loop import FrameLoop
 from protocol.operator_desk import OperatorDesk
@@ -54,7 +54,6 @@ class TrialRunner:
         self._gaze_rate_hz = gaze_rate_hz
         self._attempts = dict(setup.progress.attempts)
         self.finished = len(setup.progress.finished)
-        self._stretch_start_ns = 0
         rates_hz = (rig.headset.display_rate_hz, gaze_rate_hz)
         self._grid_ns = NS_PER_S // 10 if all(r % 10 == 0 for r in rates_hz) else NS_PER_S
         desk.trials_done = self.finished
@@ -69,7 +68,6 @@ class TrialRunner:
         if self._setup.participant is not None:
             while self._loop.t_ns % self._grid_ns > ALIGNED_WITHIN_NS:
                 self._desk.next_frame()
-        self._stretch_start_ns = self._loop.t_ns
 
     def run(self, trial: Trial, calibration: CalibrationInForce | None) -> Outcome:
         """Perform a trial with the time before it; write its row; return how it ended."""
@@ -178,11 +176,9 @@ class TrialRunner:
         return None
 
     def _set_clock_offset(self) -> None:
-        pairs = self._rig.eye_tracker.clock_pairs()
-        recent = [p for p in pairs[-RECENT_EXCHANGES:] if p.host_send_ns >= self._stretch_start_ns]
-        used = recent if len(recent) >= 3 else list(pairs[-RECENT_EXCHANGES:])
-        if used:
-            self._loop.observer.clock_offset_ns = offset_ns(used)
+        pairs = self._rig.eye_tracker.clock_pairs()[-RECENT_EXCHANGES:]
+        if pairs:
+            self._loop.observer.clock_offset_ns = offset_ns(latest_quick(pairs))
 
     def _counts(self) -> tuple[int, int, int, int]:
         loop = self._loop

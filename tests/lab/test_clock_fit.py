@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from devices.contracts import ClockPair
-from lab.clock_fit import fit_clock, fit_one_way, offset_ns
+from lab.clock_fit import fit_clock, fit_one_way, latest_quick, offset_ns
 from lab.errors import DataError
 
 SECOND = 10**9
@@ -94,3 +94,17 @@ def test_one_way_envelope_recovers_drift_under_one_sided_delay(seed):
 def test_one_way_fit_needs_two_times():
     with pytest.raises(DataError, match="two samples"):
         fit_one_way(np.array([1, 1]), np.array([2, 3]))
+
+
+def test_latest_quick_leaves_out_exchanges_before_a_clock_jump() -> None:
+    before = [ClockPair(t, t + 10**12, t + 200_000) for t in range(0, 10**9, 10**8)]
+    after = [ClockPair(t, t + 5 * 10**12, t + 300_000) for t in range(10**9, 2 * 10**9, 10**8)]
+
+    assert after[-3:] == latest_quick([*before, *after])
+
+
+def test_latest_quick_leaves_out_slow_exchanges() -> None:
+    quick = [ClockPair(t, t, t + 200_000) for t in (0, 10**8, 2 * 10**8)]
+    slow = [ClockPair(3 * 10**8, 3 * 10**8, 3 * 10**8 + 5_000_000)]
+
+    assert quick == latest_quick([*quick, *slow])
