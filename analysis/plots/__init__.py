@@ -1,0 +1,29 @@
+"""Figures in one style: colour-blind-safe, deterministic, marked when the data are simulated."""
+
+from analysis.plots.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    new_figure,
+)
+from analysis.plots.written import Drawn, draw, png_bytes, svg_for_page, write_figure
+
+__all__ = [
+    "BLACK",
+    "BLUE",
+    "GREEN",
+    "GREY",
+    "ORANGE",
+    "PURPLE",
+    "VERMILION",
+    "Drawn",
+    "draw",
+    "new_figure",
+    "png_bytes",
+    "svg_for_page",
+    "write_figure",
+]

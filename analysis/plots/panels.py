@@ -1,0 +1,136 @@
+"""Panels that figures of any study are made of; each draws into axes it is given."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from scipy import special
+
+from analysis.plots.style import BLACK, GREY
+
+Values = npt.NDArray[np.float64]
+
+
+def mean_interval(values: Values, level: float = 0.95) -> tuple[float, float, float]:
+    """Return mean, lower and upper bound by t; bounds NaN below two values, all below one."""
+    known = values[np.isfinite(values)]
+    if known.size == 0:
+        return float("nan"), float("nan"), float("nan")
+    mean = float(known.mean())
+    if known.size < 2:
+        return mean, float("nan"), float("nan")
+    se = float(known.std(ddof=1)) / np.sqrt(known.size)
+    reach = float(special.stdtrit(known.size - 1, 0.5 + level / 2)) * se
+    return mean, mean - reach, mean + reach
+
+
+def spread_out(values: Values, width: float) -> Values:
+    """Return sideways offsets within ±width so that equal values lie apart; deterministic."""
+    n = values.size
+    if n == 0:
+        return np.empty(0)
+    order = np.argsort(np.argsort(values, kind="stable"), kind="stable")
+    golden = (order * 0.6180339887) % 1.0
+    return np.asarray((golden - 0.5) * 2 * width, dtype=np.float64)
+
+
+def paired_lines(
+    axes: Axes, table: Values, labels: Sequence[str], colours: Sequence[str], *, level: float = 0.95
+) -> None:
+    """Draw every participant across conditions, means with their interval on top.
+
+    `table` (participants, conditions), NaN where missing.
+    """
+    n, m = table.shape
+    x = np.arange(m)
+    for row in table:
+        axes.plot(x, row, color=GREY, linewidth=0.7, alpha=0.45, zorder=1)
+    for j in range(m):
+        column = table[:, j]
+        axes.scatter(
+            np.full(n, j), column, s=12, color=colours[j], alpha=0.45, linewidths=0, zorder=2
+        )
+        draw_mean(axes, j, column, colours[j], level=level)
+    axes.set_xticks(x, labels)
+    axes.set_xlim(-0.5, m - 0.5)
+
+
+def draw_mean(
+    axes: Axes,
+    x: float,
+    values: Values,
+    colour: str,
+    *,
+    level: float = 0.95,
+    horizontal: bool = False,
+) -> None:
+    """Draw a mean as a disc with its confidence interval as a bar."""
+    mean, low, high = mean_interval(values, level)
+    if not np.isfinite(mean):
+        return
+    if np.isfinite(low):
+        along, across = [low, high], [x, x]
+        xs, ys = (along, across) if horizontal else (across, along)
+        axes.plot(xs, ys, color=BLACK, linewidth=2.2, solid_capstyle="butt", zorder=4)
+    px, py = (mean, x) if horizontal else (x, mean)
+    axes.plot([px], [py], "o", color=colour, markersize=8, mec=BLACK, mew=1.0, zorder=5)
+
+
+def published_mark(
+    axes: Axes,
+    x: float,
+    mean: float,
+    spread: float | None = None,
+    *,
+    horizontal: bool = False,
+    label: str | None = None,
+) -> None:
+    """Draw a published mean as an open diamond, its standard deviation as a dashed bar."""
+    if spread is not None:
+        along, across = [mean - spread, mean + spread], [x, x]
+        xs, ys = (along, across) if horizontal else (across, along)
+        axes.plot(xs, ys, color=BLACK, linewidth=1.0, linestyle=(0, (3, 2)), zorder=4)
+    px, py = (mean, x) if horizontal else (x, mean)
+    axes.plot(
+        [px], [py], "D", color="white", markersize=6.5, mec=BLACK, mew=1.1, zorder=5, label=label
+    )
+
+
+def differences(
+    axes: Axes, columns: Sequence[Values], labels: Sequence[str], colour: str, level: float = 0.95
+) -> None:
+    """Draw every participant's difference in one line per comparison, with mean and interval."""
+    axes.axvline(0, color=BLACK, linewidth=0.8)
+    for i, column in enumerate(columns):
+        known = column[np.isfinite(column)]
+        y = i + spread_out(known, 0.16)
+        axes.scatter(known, y, s=11, color=colour, alpha=0.4, linewidths=0, zorder=2)
+        draw_mean(axes, i, known, colour, level=level, horizontal=True)
+    axes.set_yticks(np.arange(len(labels)), labels)
+    axes.set_ylim(len(labels) - 0.5, -0.6)
+
+
+def no_data(axes: Axes, why: str) -> None:
+    """Say in the panel why it is empty."""
+    axes.text(0.5, 0.5, why, ha="center", va="center", transform=axes.transAxes, color=GREY)
+    axes.set_xticks([])
+    axes.set_yticks([])
+
+
+def dots_with_limit(
+    axes: Axes, values: Values, colour: str, *, limit: float | None, name: str
+) -> None:
+    """Draw one dot per row (top to bottom) and the limit beyond which a row is out."""
+    y = np.arange(values.size)
+    over = values > limit if limit is not None else np.zeros(values.size, bool)
+    axes.hlines(y, 0, np.nan_to_num(values), color=colour, alpha=0.25, linewidth=1.2)
+    axes.scatter(values[~over], y[~over], s=26, color=colour, zorder=3)
+    axes.scatter(values[over], y[over], s=34, marker="X", color=BLACK, zorder=3)
+    top = float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
+    if limit is not None:
+        axes.axvline(limit, color=BLACK, linestyle=(0, (4, 3)), linewidth=1)
+        top = max(top, limit)
+    axes.set_xlim(0, 1.12 * top if top > 0 else 1)
+    axes.set_xlabel(name)
+    axes.set_ylim(values.size - 0.4, -0.6)

@@ -1,0 +1,85 @@
+"""Make a figure and write it as SVG or PNG, byte for byte the same for the same data."""
+
+import io
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+from analysis.plots.style import figure_style, mark_simulated
+
+PNG_DPI = 160
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A finished figure. `name` is its file stem; the texts go below it and to screen readers."""
+
+    name: str
+    title: str
+    caption: str
+    alternative: str
+    figure: Figure
+
+
+def draw(
+    name: str,
+    make: Callable[[], Figure],
+    *,
+    title: str,
+    caption: str,
+    alternative: str,
+    is_simulated: bool,
+) -> Drawn:
+    """Make a figure in the house style; simulated data are marked, without a way around it."""
+    with figure_style():
+        figure = make()
+        if is_simulated:
+            mark_simulated(figure)
+    return Drawn(name, title, caption, alternative, figure)
+
+
+def svg_text(drawn: Drawn) -> str:
+    """Return the figure as a whole SVG file."""
+    buffer = io.StringIO()
+    with figure_style():
+        FigureCanvasSVG(drawn.figure)
+        drawn.figure.savefig(
+            buffer,
+            format="svg",
+            metadata={"Date": None, "Creator": "Visavis", "Title": drawn.title},
+        )
+    return buffer.getvalue()
+
+
+def svg_for_page(drawn: Drawn) -> str:
+    """Return the `<svg>` element for inlining: no prolog, identifiers unique to the figure."""
+    text = svg_text(drawn)
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r'\bid="', f'id="{drawn.name}-', text)
+    text = text.replace("url(#", f"url(#{drawn.name}-")
+    text = re.sub(r'xlink:href="#', f'xlink:href="#{drawn.name}-', text)
+    return text.strip()
+
+
+def png_bytes(drawn: Drawn, dpi: int = PNG_DPI) -> bytes:
+    """Return the figure as PNG."""
+    buffer = io.BytesIO()
+    with figure_style():
+        FigureCanvasAgg(drawn.figure)
+        drawn.figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": "Visavis"})
+    return buffer.getvalue()
+
+
+def write_figure(drawn: Drawn, folder: Path) -> tuple[Path, Path]:
+    """Write NAME.svg and NAME.png; returns both paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    svg, png = folder / f"{drawn.name}.svg", folder / f"{drawn.name}.png"
+    svg.write_text(svg_text(drawn), encoding="utf-8", newline="\n")
+    png.write_bytes(png_bytes(drawn))
+    return svg, png

@@ -1,0 +1,41 @@
+"""Self-contained HTML reports: pieces any study's report is made of, and the page around them."""
+
+from analysis.report.blocks import (
+    Block,
+    Bullets,
+    Cell,
+    Code,
+    Column,
+    Facts,
+    Fold,
+    Page,
+    Paragraph,
+    Picture,
+    Section,
+    Table,
+    Verdict,
+    Verdicts,
+)
+from analysis.report.page import render_page, write_page
+from analysis.report.provenance import ReportProvenance, SessionSource
+
+__all__ = [
+    "Block",
+    "Bullets",
+    "Cell",
+    "Code",
+    "Column",
+    "Facts",
+    "Fold",
+    "Page",
+    "Paragraph",
+    "Picture",
+    "ReportProvenance",
+    "Section",
+    "SessionSource",
+    "Table",
+    "Verdict",
+    "Verdicts",
+    "render_page",
+    "write_page",
+]

@@ -1,0 +1,133 @@
+"""The pieces of a report page as data; all text is plain and is escaped when it is rendered."""
+
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+Mark: TypeAlias = Literal["", "agree", "differ", "strong", "weak"]
+Status: TypeAlias = Literal["found", "partly", "not_found", "undecided"]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One table cell; `mark` sets its look, `hint` is shown on pointing at it."""
+
+    text: str
+    mark: Mark = ""
+    hint: str = ""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A table column; neighbours with the same `group` get one heading above them.
+
+    "tight" stands close to the column on its left (stars after a p value).
+    """
+
+    header: str
+    align: Literal["left", "right", "centre", "tight"] = "left"
+    group: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table whose first column names the row; it scrolls sideways on narrow screens."""
+
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell | str, ...], ...]
+    caption: str
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        for i, row in enumerate(self.rows, 1):
+            if len(row) != len(self.columns):
+                raise ValueError(
+                    f"row {i} of table {self.caption!r} has {len(row)} cells for "
+                    f"{len(self.columns)} columns"
+                )
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An SVG figure, with the words a reader gets who cannot see it."""
+
+    svg: str
+    title: str
+    caption: str
+    alternative: str
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Running text."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A list of sentences."""
+
+    items: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names with their values."""
+
+    pairs: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One question of the study with its answer."""
+
+    status: Status
+    headline: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """The answers a reader came for."""
+
+    items: tuple[Verdict, ...]
+
+
+@dataclass(frozen=True)
+class Code:
+    """Lines to be copied: commands, hashes."""
+
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Blocks behind a line that opens them; printed open."""
+
+    summary: str
+    blocks: "tuple[Block, ...]"
+
+
+Block: TypeAlias = Paragraph | Bullets | Facts | Verdicts | Table | Picture | Code | Fold
+
+
+@dataclass(frozen=True)
+class Section:
+    """A headed part of the page; `anchor` is its stable address."""
+
+    anchor: str
+    title: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A whole report. `is_simulated` puts a banner on every screen and every printed sheet."""
+
+    title: str
+    subtitle: str
+    facts: Facts
+    is_simulated: bool
+    sections: tuple[Section, ...]
+    language: str = "en"
+    footer: str = field(default="")

@@ -1,0 +1,167 @@
+"""Render a page into one HTML file that asks nothing of the network."""
+
+import re
+from html import escape
+from itertools import groupby
+from pathlib import Path
+
+from analysis.report.blocks import (
+    Block,
+    Bullets,
+    Cell,
+    Code,
+    Column,
+    Facts,
+    Fold,
+    Page,
+    Paragraph,
+    Picture,
+    Section,
+    Table,
+    Verdict,
+    Verdicts,
+)
+from lab.errors import UsageError
+
+SIMULATED_BANNER = "SIMULATED DATA – no human took part; do not report as results"
+
+_ANSWER = {
+    "found": "✔",
+    "partly": "◐",
+    "not_found": "○",
+    "undecided": "?",
+}
+_STYLE = Path(__file__).with_name("page.css")
+
+
+def render_page(page: Page) -> str:
+    """Return the page as HTML; the same page gives the same text."""
+    banner = ""
+    if page.is_simulated:
+        banner = (
+            f'<div class="banner" role="note">{escape(SIMULATED_BANNER)}</div>\n'
+            '<div class="watermark" aria-hidden="true">SIMULATED</div>\n'
+        )
+    links = "".join(
+        f'<a href="#{escape(s.anchor, quote=True)}">{escape(s.title)}</a>' for s in page.sections
+    )
+    sections = "\n".join(_section(s) for s in page.sections)
+    kind = "simulated" if page.is_simulated else "real"
+    return (
+        f'<!DOCTYPE html>\n<html lang="{escape(page.language)}">\n<head>\n'
+        '<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{'[simulated] ' if page.is_simulated else ''}{escape(page.title)}</title>\n"
+        f"<style>\n{_STYLE.read_text(encoding='utf-8')}</style>\n</head>\n"
+        f'<body class="{kind}">\n{banner}<header>\n<h1>{escape(page.title)}</h1>\n'
+        f'<p class="subtitle">{escape(page.subtitle)}</p>\n{_facts(page.facts)}</header>\n'
+        f'<nav aria-label="Sections">{links}</nav>\n<main>\n{sections}\n</main>\n'
+        f"<footer>{escape(page.footer)}</footer>\n</body>\n</html>\n"
+    )
+
+
+def write_page(page: Page, path: Path) -> Path:
+    """Write the page, replacing an older one in one step; returns the path."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_name(path.name + ".part")
+        part.write_text(render_page(page), encoding="utf-8", newline="\n")
+        part.replace(path)
+    except OSError as error:
+        raise UsageError(
+            f"the report cannot be written to {path}: {error.strerror or error}; choose a folder "
+            "you may write to"
+        ) from error
+    return path
+
+
+def _section(section: Section) -> str:
+    blocks = "\n".join(_block(b) for b in section.blocks)
+    anchor = escape(section.anchor, quote=True)
+    return f'<section id="{anchor}">\n<h2>{escape(section.title)}</h2>\n{blocks}\n</section>'
+
+
+def _block(block: Block) -> str:
+    match block:
+        case Paragraph(text):
+            return f"<p>{_running(text)}</p>"
+        case Bullets(items):
+            return "<ul>" + "".join(f"<li>{_running(i)}</li>" for i in items) + "</ul>"
+        case Facts():
+            return _facts(block)
+        case Verdicts(items):
+            return '<div class="verdicts">' + "".join(map(_verdict, items)) + "</div>"
+        case Table():
+            return _table(block)
+        case Picture():
+            return _picture(block)
+        case Code(lines):
+            return "<pre><code>" + escape("\n".join(lines)) + "</code></pre>"
+        case Fold(summary, blocks):
+            inner = "\n".join(_block(b) for b in blocks)
+            return f"<details><summary>{escape(summary)}</summary>\n{inner}\n</details>"
+
+
+def _running(text: str) -> str:
+    """Escape running text and keep 'p = .03' and '504 ms' on one line."""
+    kept = re.sub(r" ([=<>]) ", "\u00a0\\1\u00a0", text)
+    return escape(re.sub(r"(?<=\d) (?=(ms|%)\b|%)", "\u00a0", kept))
+
+
+def _facts(facts: Facts) -> str:
+    pairs = "".join(
+        f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts.pairs
+    )
+    return f'<dl class="facts">{pairs}</dl>\n'
+
+
+def _verdict(verdict: Verdict) -> str:
+    return (
+        f'<div class="verdict {verdict.status}"><h3><span class="answer" aria-hidden="true">'
+        f"{_ANSWER[verdict.status]}</span>{escape(verdict.headline)}</h3>"
+        f"<p>{_running(verdict.detail)}</p></div>"
+    )
+
+
+def _picture(picture: Picture) -> str:
+    label = escape(picture.alternative, quote=True)
+    return (
+        f'<figure><div class="plot" role="img" aria-label="{label}">{picture.svg}</div>'
+        f"<figcaption><strong>{escape(picture.title)}.</strong> "
+        f"{escape(picture.caption)}</figcaption></figure>"
+    )
+
+
+def _table(table: Table) -> str:
+    body = "\n".join(_row(row, table.columns) for row in table.rows)
+    note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
+    return (
+        f'<div class="table"><p class="caption">{escape(table.caption)}</p>'
+        f'<div class="scroll" tabindex="0" role="region" '
+        f'aria-label="{escape(table.caption, quote=True)}">'
+        f"<table>\n<thead>\n{_head(table.columns)}</thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+        f"</div>{note}</div>"
+    )
+
+
+def _head(columns: tuple[Column, ...]) -> str:
+    names = "".join(f'<th scope="col" class="{c.align}">{escape(c.header)}</th>' for c in columns)
+    if not any(c.group for c in columns):
+        return f"<tr>{names}</tr>\n"
+    groups = ""
+    for group, members in groupby(columns, key=lambda c: c.group):
+        span = len(tuple(members))
+        shape = ' class="group"' if group else ""
+        groups += f'<th colspan="{span}"{shape}>{escape(group)}</th>'
+    return f"<tr>{groups}</tr>\n<tr>{names}</tr>\n"
+
+
+def _row(row: tuple[Cell | str, ...], columns: tuple[Column, ...]) -> str:
+    cells = []
+    for i, (content, column) in enumerate(zip(row, columns, strict=True)):
+        cell = Cell(content) if isinstance(content, str) else content
+        hint = f' title="{escape(cell.hint, quote=True)}"' if cell.hint else ""
+        look = f"{column.align} {cell.mark}".strip()
+        tag, scope = ("th", ' scope="row"') if i == 0 else ("td", "")
+        cells.append(f'<{tag}{scope} class="{look}"{hint}>{escape(cell.text)}</{tag}>')
+    return "<tr>" + "".join(cells) + "</tr>"

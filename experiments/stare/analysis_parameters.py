@@ -1,0 +1,43 @@
+"""Every threshold of the study's analysis, with the place it comes from."""
+
+from dataclasses import dataclass
+
+from lab.errors import UsageError
+
+
+@dataclass(frozen=True)
+class AnalysisParameters:
+    """Thresholds of exclusion and testing; all of them appear in the report.
+
+    `alpha`, the decision by Shapiro-Wilk and Bonferroni over each family are those of the source
+    study. The exclusion limits are this platform's: a trial is out when more than
+    `max_trial_lost_01` of it has no usable gaze, a participant when more than
+    `max_bad_trials_01` of the trials are out or the mean calibration error exceeds
+    `max_error_deg`. `minimum_participants` is what a paired test needs.
+    """
+
+    alpha: float = 0.05
+    normality_alpha: float = 0.05
+    interval_level: float = 0.95
+    max_trial_lost_01: float = 0.30
+    max_bad_trials_01: float = 0.30
+    max_error_deg: float = 2.5
+    minimum_participants: int = 3
+    trials_per_condition: int = 18
+
+    def __post_init__(self) -> None:
+        for name in ("alpha", "normality_alpha", "interval_level"):
+            if not 0 < getattr(self, name) < 1:
+                raise UsageError(f"{name} is {getattr(self, name)}; give a number between 0 and 1")
+        for name in ("max_trial_lost_01", "max_bad_trials_01"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise UsageError(f"{name} is {getattr(self, name)}; give a share from 0 to 1")
+        if self.max_error_deg <= 0:
+            raise UsageError(f"max_error_deg is {self.max_error_deg}; give an angle above 0")
+        if self.minimum_participants < 3:
+            raise UsageError(
+                f"minimum_participants is {self.minimum_participants}; a paired test needs 3"
+            )
+
+
+DEFAULT_PARAMETERS = AnalysisParameters()

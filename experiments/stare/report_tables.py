@@ -1,0 +1,389 @@
+"""The report's tables: this study beside the published one, agreement marked."""
+
+from collections.abc import Sequence
+
+from analysis.report import Cell, Column, Table
+from analysis.report.notation import (
+    MISSING,
+    counted,
+    decimal,
+    fraction,
+    interval,
+    mean_sd,
+    percentage,
+    probability,
+    threshold,
+)
+from analysis.statistics import Effect
+from experiments.stare import agreement, published
+from experiments.stare.agreement import Agreement
+from experiments.stare.analysis import StareAnalysis
+from experiments.stare.comparisons import Comparison, find
+from experiments.stare.design import CONDITIONS, ZONES
+from experiments.stare.positions import PLACE_MEASURES
+from experiments.stare.quality_table import StareQuality
+from experiments.stare.terms import CONDITION_NAMES, FIRST_TIME, MEASURES
+from stimuli.scenes.audience import ACTIVE_PLACES
+
+HERE, PRINTED = "This study", "Published"
+
+
+def means_table(analysis: StareAnalysis) -> Table:
+    """Return mean (SD) by measure and condition beside the published ones."""
+    columns = [Column("Measure")]
+    for condition in CONDITIONS:
+        group = f"{condition}, {CONDITION_NAMES[condition]}"
+        columns += [
+            Column("here", "right", group),
+            Column("publ.", "right", group),
+            Column("Δ", "right", group),
+        ]
+    by_key = {(d.measure, d.condition): d for d in analysis.descriptives}
+    rows = []
+    for measure in MEASURES:
+        row: list[Cell | str] = [measure.short]
+        for condition in CONDITIONS:
+            here = by_key[measure, condition]
+            printed = published.MEANS[condition][measure.column]
+            row += [
+                Cell(
+                    mean_sd(here.mean, here.sd, measure.digits),
+                    hint=counted(here.n, "participant"),
+                ),
+                Cell(mean_sd(printed.mean, printed.sd, measure.digits), "weak"),
+                _signed_percentage(agreement.mean_deviation_01(here)),
+            ]
+        rows.append(tuple(row))
+    n = sorted({d.n for d in analysis.descriptives})
+    span = f"{n[0]}" if len(n) == 1 else f"{n[0]} to {n[-1]}"
+    return Table(
+        tuple(columns),
+        tuple(rows),
+        "Measures by condition, mean (SD) over participants",
+        f"n = {span} here, {published.PARTICIPANTS} published; times and durations in ms. Δ: how far the mean lies from the "
+        "published one.",
+    )
+
+
+def comparison_table(analysis: StareAnalysis, pair: tuple[str, str]) -> Table:
+    """Return the six tests of one comparison beside the published table."""
+    first, second = pair
+    source = published.published_test(first, second, MEASURES[0].column).table
+    columns = (
+        Column("Measure"),
+        Column(first, "right", HERE),
+        Column("", "centre", HERE),
+        Column(second, "right", HERE),
+        Column("n", "right", HERE),
+        Column("Statistic", "right", HERE),
+        Column("p", "right", HERE),
+        Column("", "tight", HERE),
+        Column("Effect [95 % CI]", "right", HERE),
+        Column("η²p", "right", HERE),
+        Column("t", "right", PRINTED),
+        Column("p", "right", PRINTED),
+        Column("", "tight", PRINTED),
+        Column("η²p", "right", PRINTED),
+        Column("Verdict", "centre"),
+    )
+    rows = tuple(_comparison_row(find(analysis.comparisons, measure, pair)) for measure in MEASURES)
+    limit = analysis.parameters.alpha / 30
+    one, two, three = (threshold(limit / divisor) for divisor in (1, 5, 50))
+    return Table(
+        columns,
+        rows,
+        f"{first} against {second}: {CONDITION_NAMES[first]} and {CONDITION_NAMES[second]}",
+        f"Mean (SD) over participants who have both values, times and durations in ms. * p < {one}, ** p < {two}, "
+        f"*** p < {three}. t: paired t test with dz; V: Wilcoxon signed-rank test with "
+        f"rank-biserial correlation; “wilc.”: the source prints no statistic. Published: {source}.",
+    )
+
+
+def _comparison_row(test: Comparison) -> tuple[Cell | str, ...]:
+    printed = published.published_test(test.first, test.second, test.measure.column)
+    found = agreement.condition_agreement(test)
+    digits = test.measure.digits
+    wilcoxon = printed.t is None
+    published_cells = (
+        Cell("wilc." if wilcoxon else decimal(printed.t), "weak"),
+        Cell(probability(printed.p), "weak"),
+        Cell("*" * printed.stars, "weak"),
+        Cell("wilc." if wilcoxon else fraction(printed.eta_p2), "weak"),
+    )
+    if test.outcome is None:
+        return (
+            test.measure.short,
+            decimal(test.first_mean, digits),
+            "",
+            decimal(test.second_mean, digits),
+            str(test.n_pairs),
+            Cell("not tested", "weak", test.problem),
+            *[MISSING, "", MISSING, MISSING],
+            *published_cells,
+            verdict_cell(found),
+        )
+    eta = test.outcome.eta
+    arrow = {1: "↗", -1: "↘"}.get(test.direction, "") if test.is_significant else ""
+    return (
+        test.measure.short,
+        mean_sd(test.first_mean, test.first_sd, digits),
+        Cell(arrow, "strong"),
+        mean_sd(test.second_mean, test.second_sd, digits),
+        str(test.n_pairs),
+        Cell(_short_statistic(test), hint=test.sentence()),
+        Cell(probability(test.outcome.p), "strong" if test.is_significant else ""),
+        test.stars,
+        _effect(test.outcome.effect),
+        MISSING if eta is None else fraction(eta.value),
+        *published_cells,
+        verdict_cell(found),
+    )
+
+
+def _short_statistic(test: Comparison) -> str:
+    row = test.row()
+    if test.outcome is not None and test.outcome.is_parametric:
+        return f"t({row['df']:.0f}) = {decimal(_number(row['t']))}"
+    return f"V = {decimal(_number(row['V']), 1)}"
+
+
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, int | float) else None
+
+
+def _effect(effect: Effect) -> str:
+    text = decimal(effect.value)
+    bounds = effect.interval
+    return text if bounds is None else f"{text} {interval(bounds.low, bounds.high)}"
+
+
+def verdict_cell(found: Agreement) -> Cell:
+    """Return how our verdict stands to the published one."""
+    if found.agrees is None:
+        return Cell("not tested", "weak")
+    if found.agrees:
+        return Cell("✓ same", "agree")
+    if found.published and found.ours:
+        return Cell("✗ opposite", "differ")
+    return Cell("✗ only publ." if found.published else "✗ only here", "differ")
+
+
+def places_table(analysis: StareAnalysis) -> Table:
+    """Return A against D at the nine places."""
+    columns = [Column("Place")]
+    for measure in PLACE_MEASURES:
+        columns += [
+            Column("A", "right", measure.axis),
+            Column("D", "right", measure.axis),
+            Column("p", "right", measure.axis),
+            Column("p publ.", "right", measure.axis),
+            Column("Verdict", "centre", measure.axis),
+        ]
+    rows = []
+    for place in ACTIVE_PLACES:
+        row: list[Cell | str] = [place.replace("_", " ").capitalize()]
+        for measure in PLACE_MEASURES:
+            test = find(analysis.places, measure, ("A", "D"), place)
+            row += [
+                decimal(test.first_mean, measure.digits),
+                decimal(test.second_mean, measure.digits),
+                *_p_pair(test),
+                verdict_cell(agreement.place_agreement(test)),
+            ]
+        rows.append(tuple(row))
+    limit = threshold(analysis.parameters.alpha / len(ACTIVE_PLACES))
+    return Table(
+        tuple(columns),
+        tuple(rows),
+        "Averted against directed gaze at each place of the active agent",
+        f"Mean of two trials per participant and cell; threshold {limit} (alpha over nine "
+        "places). Published: table A.4. Statistics and effect sizes are in statistics.csv.",
+    )
+
+
+def zones_table(analysis: StareAnalysis) -> Table:
+    """Return the first fixation time by zone for the five comparisons."""
+    columns = [Column("Zone")]
+    for pair in published.COMPARISONS:
+        group = f"{pair[0]} – {pair[1]}"
+        columns += [
+            Column("p", "right", group),
+            Column("p publ.", "right", group),
+            Column("", "tight", group),
+        ]
+    rows = []
+    for zone in ZONES:
+        row: list[Cell | str] = [zone.capitalize()]
+        for pair in published.COMPARISONS:
+            test = find(analysis.zones, FIRST_TIME, pair, zone)
+            verdict = verdict_cell(agreement.place_agreement(test))
+            row += [*_p_pair(test), Cell(verdict.text[:1], verdict.mark, verdict.text)]
+        rows.append(tuple(row))
+    limit = threshold(analysis.parameters.alpha / len(ZONES))
+    return Table(
+        tuple(columns),
+        tuple(rows),
+        "First fixation time by zone of the active agent",
+        f"Threshold {limit} (alpha over three zones). Published: table A.5. ✓ same verdict, "
+        "✗ different, n not tested.",
+    )
+
+
+def _p_pair(test: Comparison) -> tuple[Cell, Cell]:
+    printed = agreement.place_p(test)
+    here = Cell(MISSING, "weak", test.problem)
+    if test.outcome is not None:
+        text = f"{probability(test.outcome.p)} {test.stars}".strip()
+        here = Cell(text, "strong" if test.is_significant else "", test.sentence())
+    return here, Cell(f"{probability(printed.p)} {'*' * printed.stars}".strip(), "weak")
+
+
+def anxiety_table(analysis: StareAnalysis) -> Table:
+    """Return Spearman's coefficients for every measure and condition."""
+    columns = [Column("Measure")]
+    for condition in CONDITIONS:
+        columns += [
+            Column("rs", "right", condition),
+            Column("p", "right", condition),
+            Column("publ. rs", "right", condition),
+            Column("", "left", condition),
+        ]
+    by_key = {(c.measure, c.condition): c for c in analysis.anxiety}
+    rows = []
+    for measure in MEASURES:
+        row: list[Cell | str] = [measure.short]
+        for condition in CONDITIONS:
+            found = by_key[measure, condition]
+            printed = agreement.published_correlation(found)
+            verdict = verdict_cell(agreement.anxiety_agreement(found))
+            here = (
+                [Cell(MISSING, "weak", found.problem), Cell(MISSING, "weak")]
+                if found.outcome is None
+                else [
+                    Cell(fraction(found.outcome.r), hint=found.sentence()),
+                    Cell(probability(found.outcome.p), "strong" if found.is_significant else ""),
+                ]
+            )
+            row += [
+                *here,
+                Cell("n.s." if printed is None else fraction(printed.r_s), "weak"),
+                Cell(verdict.text[:1], verdict.mark, verdict.text),
+            ]
+        rows.append(tuple(row))
+    n = max((c.n for c in analysis.anxiety), default=0)
+    return Table(
+        tuple(columns),
+        tuple(rows),
+        "Spearman correlations with the social anxiety score",
+        f"n ≤ {n}. p uncorrected with threshold {threshold(analysis.parameters.alpha)}, as in the "
+        "source; Holm-adjusted values are in statistics.csv. n.s.: the source states no "
+        "correlation. ✓ same verdict, ✗ different, n not tested.",
+    )
+
+
+def sensitivity_table(analysis: StareAnalysis) -> Table:
+    """Return the main results for other paddings and minimum durations."""
+    columns = (
+        Column("Padding (°)", "right"),
+        Column("Minimum (ms)", "right"),
+        Column("A", "right", "Dwell time (ms)"),
+        Column("D", "right", "Dwell time (ms)"),
+        Column("p", "right", "Dwell time (ms)"),
+        Column("A", "right", "Fixation count"),
+        Column("D", "right", "Fixation count"),
+        Column("p", "right", "Fixation count"),
+        Column("Significant", "right", "Thirty tests"),
+        Column("Same verdict as main", "right", "Thirty tests"),
+    )
+    rows = tuple(
+        (
+            decimal(r.pad_deg, 1),
+            decimal(r.minimum_fixation_ms, 0),
+            decimal(r.dwell.first_mean, 0),
+            decimal(r.dwell.second_mean, 0),
+            probability(r.dwell.outcome.p if r.dwell.outcome else None),
+            decimal(r.count.first_mean, 2),
+            decimal(r.count.second_mean, 2),
+            probability(r.count.outcome.p if r.count.outcome else None),
+            str(r.significant),
+            Cell(
+                f"{r.same_verdicts} of {r.n_tests}",
+                "" if r.same_verdicts == r.n_tests else "differ",
+            ),
+        )
+        for r in analysis.sensitivity
+    )
+    return Table(
+        columns,
+        rows,
+        "Sensitivity to the angular padding of heads and to the minimum fixation",
+        "A averted, D directed; the same trials as in the main analysis.",
+    )
+
+
+def second_view_table(tests: Sequence[Comparison]) -> Table:
+    """Return the comparisons on fixations found without areas of interest."""
+    columns = (
+        Column("Measure"),
+        Column("Comparison"),
+        Column("First", "right"),
+        Column("Second", "right"),
+        Column("n", "right"),
+        Column("p", "right"),
+        Column("", "left"),
+    )
+    rows = tuple(
+        (
+            t.measure.label,
+            t.name,
+            decimal(t.first_mean, 2),
+            decimal(t.second_mean, 2),
+            str(t.n_pairs),
+            Cell(
+                probability(t.outcome.p if t.outcome else None),
+                "strong" if t.is_significant else "",
+                t.sentence(),
+            ),
+            t.stars,
+        )
+        for t in tests
+    )
+    return Table(
+        columns,
+        rows,
+        "Second view: fixations detected by velocity and by dispersion",
+        "Fixations with most of their samples on the active agent; alpha over five comparisons.",
+    )
+
+
+def quality_table(quality: StareQuality) -> Table:
+    """Return accuracy, precision and loss by participant."""
+    columns = (
+        Column("Participant"),
+        Column("Accuracy (°)", "right"),
+        Column("Worst point (°)", "right"),
+        Column("Precision (° RMS-S2S)", "right"),
+        Column("Lost gaze", "right"),
+        Column("Validations in force", "right"),
+        Column("Trials finished", "right"),
+        Column("Trials over the limit", "right"),
+    )
+    rows = tuple(
+        (
+            str(r["participant"]),
+            decimal(r["accuracy_deg"], 2),
+            decimal(r["worst_point_deg"], 2),
+            decimal(r["precision_deg"], 2),
+            percentage(r["lost_01"]),
+            str(r["calibrations"]),
+            str(r["trials"]),
+            str(r["trials_out"]),
+        )
+        for r in quality.participants.to_dict("records")
+    )
+    return Table(columns, rows, "Data quality by participant")
+
+
+def _signed_percentage(share_01: float) -> str:
+    text = percentage(share_01, 0)
+    return f"+{text}" if share_01 > 0 and text != "0 %" else text

@@ -1,0 +1,136 @@
+"""Analyse a study and write what an analyst takes away: tables, figures, report."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from analysis.plots import Drawn, write_figure
+from analysis.report import ReportProvenance
+from experiments.stare.analysis import SIMULATED_COLUMN, StareAnalysis, analyse_rows
+from experiments.stare.analysis_parameters import DEFAULT_PARAMETERS, AnalysisParameters
+from experiments.stare.figures import TrialExample, study_figures
+from experiments.stare.measures import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
+from experiments.stare.quality_table import StareQuality, quality_of_trials
+from experiments.stare.report import build_report
+from lab.errors import UsageError
+
+REPORT_NAME = "report.html"
+
+
+@dataclass(frozen=True)
+class StudyOutputs:
+    """What was written; `report` is the HTML file, `tables` and `figures` the rest."""
+
+    analysis: StareAnalysis
+    report: Path
+    tables: tuple[Path, ...]
+    figures: tuple[Path, ...]
+
+
+def analyse_study(
+    trials: pd.DataFrame,
+    answers: pd.DataFrame,
+    out_dir: Path,
+    *,
+    is_simulated: bool,
+    provenance: ReportProvenance,
+    parameters: AnalysisParameters = DEFAULT_PARAMETERS,
+    measures: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
+    sensitivity_rows: pd.DataFrame | None = None,
+    example: TrialExample | None = None,
+    facts: Mapping[str, str] | None = None,
+) -> StudyOutputs:
+    """Analyse a study and write trials, participants, statistics, figures and the report.
+
+    Tables as `analyse_rows` takes them. `facts` answers items of the eye-tracking reporting list
+    (keys of `reporting_list.SETUP_ITEMS`). Files of the same name are replaced; the same input
+    gives the same bytes.
+    """
+    analysis = analyse_rows(
+        trials,
+        answers,
+        parameters,
+        is_simulated=is_simulated,
+        sensitivity_rows=sensitivity_rows,
+    )
+    quality = quality_of_trials(
+        trials,
+        analysis.selection,
+        max_trial_lost_01=parameters.max_trial_lost_01,
+        facts=facts,
+    )
+    drawn = study_figures(analysis, quality, example)
+    try:
+        tables = write_tables(analysis, quality, answers, out_dir)
+        figures = write_figures(drawn, out_dir / "figures")
+    except OSError as error:
+        raise UsageError(
+            f"the analysis cannot be written to {out_dir}: {error.strerror or error}; choose a "
+            "folder you may write to"
+        ) from error
+    report = build_report(
+        analysis,
+        quality,
+        provenance,
+        out_dir / REPORT_NAME,
+        measures=measures,
+        figures=drawn,
+    )
+    return StudyOutputs(analysis, report, tables, figures)
+
+
+def write_tables(
+    analysis: StareAnalysis, quality: StareQuality, answers: pd.DataFrame, out_dir: Path
+) -> tuple[Path, ...]:
+    """Write trials (CSV, Parquet), participants, condition means, statistics, sensitivity."""
+    out_dir.mkdir(parents=True, exist_ok=True)
+    simulated = analysis.is_simulated
+    trials = _marked(analysis.trials, simulated)
+    trials["is_analysed"] = _is_analysed(analysis, trials)
+    people = quality.participants
+    if "participant" in answers:
+        known = answers.assign(participant=answers["participant"].astype(str))
+        people = people.merge(known, on="participant", how="outer", sort=True)
+    out = {e.participant: e.reason for e in analysis.selection.excluded if e.trial_id is None}
+    people = people.assign(excluded=[out.get(str(p), "") for p in people["participant"]])
+    tables = {
+        "participants": people,
+        "condition_means": analysis.means,
+        "statistics": pd.DataFrame(list(analysis.statistics_rows())),
+    }
+    if analysis.sensitivity:
+        tables["sensitivity"] = pd.DataFrame([r.row() for r in analysis.sensitivity])
+    written = [_csv(trials, out_dir / "trials.csv")]
+    parquet = out_dir / "trials.parquet"
+    trials.to_parquet(parquet, index=False)
+    written.append(parquet)
+    written += [
+        _csv(_marked(table, simulated), out_dir / f"{name}.csv") for name, table in tables.items()
+    ]
+    return tuple(written)
+
+
+def write_figures(figures: Mapping[str, Drawn], folder: Path) -> tuple[Path, ...]:
+    """Write every figure as SVG and PNG."""
+    return tuple(path for drawn in figures.values() for path in write_figure(drawn, folder))
+
+
+def _is_analysed(analysis: StareAnalysis, trials: pd.DataFrame) -> list[bool]:
+    keys = [
+        c
+        for c in ("participant", "session", "trial_id", "attempt")
+        if c in trials and c in analysis.selection.kept
+    ]
+    kept = {tuple(map(str, k)) for k in analysis.selection.kept[keys].itertuples(index=False)}
+    return [tuple(map(str, k)) in kept for k in trials[keys].itertuples(index=False)]
+
+
+def _marked(table: pd.DataFrame, is_simulated: bool) -> pd.DataFrame:
+    return table.assign(**{SIMULATED_COLUMN: is_simulated})
+
+
+def _csv(table: pd.DataFrame, path: Path) -> Path:
+    table.to_csv(path, index=False, encoding="utf-8", lineterminator="\n", na_rep="")
+    return path
