@@ -27,7 +27,7 @@ ArtError: TypeAlias = Literal["strata", "pooled", "mixed"]
 Transform: TypeAlias = Literal["art", "int"]
 
 ALIGNED_DECIMALS = 8
-"""Aligned values are rounded to this many decimals before ranking, as ARTool does."""
+"""Aligned values are ranked after rounding to this many decimals, so that ties survive."""
 SKEW_LIMIT = 1.0
 """Residual skewness beyond which ART's false positives were seen to grow (docs/statistics.md)."""
 
@@ -106,7 +106,7 @@ def art_anova(
         raise UnknownMethod("without within factors there is no random subject; use error='strata'")
     name = subject or "row"
     aligned = aligned_columns(design)
-    ranks = {term: average_ranks(column) for term, column in aligned.items()}
+    ranks = {term: aligned_ranks(column) for term, column in aligned.items()}
     scores = normal_scores(design.y)
     plain = dict.fromkeys(aligned, scores)
     used, other = (ranks, plain) if transform == "art" else (plain, ranks)
@@ -149,8 +149,13 @@ def aligned_columns(design: Design) -> dict[str, Array]:
         for size in range(len(term) + 1):
             for part in combinations(term, size):
                 effect += (-1) ** (len(term) - size) * means[part]
-        columns[":".join(term)] = np.round(residual + effect, ALIGNED_DECIMALS)
+        columns[":".join(term)] = residual + effect
     return columns
+
+
+def aligned_ranks(column: Array) -> Array:
+    """Rank an aligned column, float noise removed."""
+    return average_ranks(np.round(column, ALIGNED_DECIMALS))
 
 
 def normal_scores(y: Array) -> Array:

@@ -5,7 +5,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from analysis.statistics.art import ArtAnova, ArtError, aligned_columns, require_art
+from analysis.statistics.art import ArtAnova, ArtError, aligned_columns, aligned_ranks, require_art
 from analysis.statistics.contrasts import (
     ContrastAdjustment,
     Contrasts,
@@ -17,7 +17,6 @@ from analysis.statistics.design import Design, Factor
 from analysis.statistics.errors import UnknownMethod
 from analysis.statistics.linear import model_matrix
 from analysis.statistics.mixed import RandomIntercept, design_matrix, fit_random_intercept
-from analysis.statistics.ranks import average_ranks
 from analysis.statistics.results import Array, Provenance
 from analysis.statistics.strata import Strata
 
@@ -50,7 +49,7 @@ def art_contrasts(
     if error != "mixed" and not design.is_complete:
         raise UnknownMethod("cells are missing; contrasts need error='mixed'")
     label = ":".join(names)
-    ranks = average_ranks(aligned_columns(joined)[label])
+    ranks = aligned_ranks(aligned_columns(joined)[label])
     labels = [",".join(str(v) for v in level) for level in product(*_levels(design, names))]
     L = pair_matrix(len(labels))
     fit = None
@@ -86,7 +85,7 @@ def art_interaction_contrasts(
     if len(names) < 2:
         raise UnknownMethod(f"{names[0]} is a main effect; use art_contrasts")
     error = error or table.error
-    ranks = average_ranks(aligned_columns(design)[":".join(names)])
+    ranks = aligned_ranks(aligned_columns(design)[":".join(names)])
     factors = [design.factor(n) for n in names]
     L: Array = np.ones((1, 1))
     for factor in factors:

@@ -1,7 +1,7 @@
 """Check whether the numbers a paper prints fit one another."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from scipy import special
@@ -37,11 +37,12 @@ def check_f(
     figure = read_printed(F)
     if figure.value < 0:
         raise StatisticsError(f"F is never negative, got {F}")
+    functions: dict[str, tuple[Printed | None, Callable[[float], float]]] = {
+        "p": (p, lambda x: float(special.fdtrc(df1, df2, max(x, 0.0)))),
+        "eta2p": (eta, lambda x: eta_squared_of_f(max(x, 0.0), df1, df2)),
+    }
     verdicts, values = {}, {}
-    for name, printed, function in (
-        ("p", p, lambda x: float(special.fdtrc(df1, df2, max(x, 0.0)))),
-        ("eta2p", eta, lambda x: eta_squared_of_f(max(x, 0.0), df1, df2)),
-    ):
+    for name, (printed, function) in functions.items():
         values[name] = function(figure.value)
         if printed is not None:
             verdicts[name] = judge(printed, values[name], rounding_interval(function, figure))
@@ -54,11 +55,12 @@ def check_t(
     """Check two-sided p and partial eta squared of a printed t test."""
     figure = read_printed(t)
     size = Figure(figure.text, abs(figure.value), figure.half_unit)
+    functions: dict[str, tuple[Printed | None, Callable[[float], float]]] = {
+        "p": (p, lambda x: two_sided_t(x, df)),
+        "eta2p": (eta, lambda x: eta_squared_of_f(x * x, 1, df)),
+    }
     verdicts, values = {}, {}
-    for name, printed, function in (
-        ("p", p, lambda x: two_sided_t(x, df)),
-        ("eta2p", eta, lambda x: eta_squared_of_f(x * x, 1, df)),
-    ):
+    for name, (printed, function) in functions.items():
         values[name] = function(size.value)
         if printed is not None:
             verdicts[name] = judge(printed, values[name], rounding_interval(function, size))

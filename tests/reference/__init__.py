@@ -1,0 +1,1 @@
+"""Reference results and the runners that compare with them."""

@@ -1,0 +1,268 @@
+"""Map entries of factorial designs (ART, repeated measures, between) to public calls."""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import product
+from typing import Any
+
+from analysis import statistics
+from tests.reference.stats_compare import both_ways, by_key, term_key, turned
+
+Entry = Mapping[str, Any]
+MISSING = {"none": "error", "rows": "mixed", "subjects": "listwise"}
+
+
+class Case:
+    """One file with data: frame, design and the entry at hand."""
+
+    def __init__(self, file: Mapping[str, Any], frame: Any = None) -> None:
+        self.file = file
+        data = file.get("data") or {}
+        self.frame = frame if frame is not None else data.get("columns", {})
+        self.design = file.get("design") or {}
+        self.levels = data.get("levels") or None
+        self.sets = {s["name"]: s for s in file.get("sets", [])}
+
+    @property
+    def factors(self) -> list[str]:
+        """Between factors, then within factors."""
+        return [*self.design.get("between", []), *self.design.get("within", [])]
+
+    def arguments(self, entry: Entry) -> dict[str, Any]:
+        """Return what every factorial test is called with."""
+        return {
+            "subject": self.design.get("subject"),
+            "within": tuple(self.design.get("within", ())),
+            "between": tuple(self.design.get("between", ())),
+            "levels": self.levels,
+            "missing": MISSING[entry.get("drop", "none")],
+        }
+
+
+def art(case: Case, entry: Entry, **options: Any) -> statistics.ArtAnova:
+    """Run the ART ANOVA of an entry."""
+    return statistics.art_anova(case.frame, entry["dv"], **{**case.arguments(entry), **options})
+
+
+def _art_columns(case: Case, entry: Entry) -> dict[str, Any]:
+    table = art(case, entry)
+    assert table.aligned is not None
+    assert table.ranks is not None
+    assert table.check is not None
+    expected = entry["expected"]
+    ours = {term_key(t): t for t in table.aligned}
+    names = {t: ours.get(term_key(t), "") for t in expected["aligned"]}
+    return {
+        "rows_kept": len(table.design.rows),
+        "row_index": table.design.rows.tolist(),
+        "aligned": {t: table.aligned[o].tolist() for t, o in names.items() if o},
+        "aligned_ranks": {t: table.ranks[o].tolist() for t, o in names.items() if o},
+        "aligned_column_sums": {t: table.check.column_sums[o] for t, o in names.items() if o},
+        "max_F_on_aligned_not_of_interest": table.check.largest_other_f,
+    }
+
+
+def _effect(effect: statistics.AnovaEffect) -> dict[str, Any]:
+    s = effect.sphericity
+    return {
+        "df1": effect.df1,
+        "df2": effect.df2,
+        "ss": effect.ss,
+        "ss_error": effect.ss_error,
+        "F": effect.F,
+        "p": effect.p,
+        "pes": effect.eta.value,
+        "pes_from_F": effect.eta.value,
+        "ges": effect.ges,
+        "stratum": effect.error_term,
+        "singular_fit": "singular" in effect.error_term,
+        "mauchly_W": None if s is None else s.W,
+        "mauchly_p_R": None if s is None else s.p_r,
+        "mauchly_p_textbook": None if s is None else s.p,
+        "gg_eps": None if s is None else s.gg,
+        "p_gg": None if s is None else s.p_gg,
+        "hf_eps": None if s is None else s.hf,
+        "p_hf": None if s is None else s.p_hf,
+        "df1_gg": None if s is None else effect.df1 * s.gg,
+        "df2_gg": None if s is None else effect.df2 * s.gg,
+    }
+
+
+def _stratum(name: str, subject: str) -> str:
+    """Write the stratum as the files do, whose subject column is always called Subject."""
+    return ":".join(["Subject", *name.split(":")[1:]]) if name.split(":")[0] == subject else name
+
+
+def _table(case: Case, entry: Entry, table: statistics.Anova) -> dict[str, Any]:
+    rows = {}
+    for effect in table.effects:
+        row = _effect(effect)
+        row["stratum"] = _stratum(effect.error_term, table.subject)
+        rows[frozenset(effect.term)] = row
+    return by_key(entry["expected"], ["term"], rows, key=term_key)
+
+
+def _art_anova(**options: Any) -> Callable[[Case, Entry], dict[str, Any]]:
+    return lambda case, entry: _table(case, entry, art(case, entry, **options))
+
+
+def _refuses(case: Case, entry: Entry) -> dict[str, Any]:
+    """A missing response must raise; the wording is our own."""
+    try:
+        art(case, entry)
+    except statistics.StatisticsError:
+        return {"raises_error": True, "message": entry["expected"].get("message")}
+    return {"raises_error": False, "message": None}
+
+
+def contrast_rows(table: statistics.Contrasts) -> dict[Any, Mapping[str, Any]]:
+    """Return contrasts by level pair with every adjustment, in either direction."""
+    adjusted = {name: table.adjusted(name) for name in ("tukey", "holm", "bonferroni")}
+    rows = {}
+    for i, c in enumerate(table.contrasts):
+        rows[c.pairs[0]] = {
+            "estimate": c.estimate,
+            "mean_diff": c.estimate,
+            "diff": c.estimate,
+            "se": c.se,
+            "df": c.df,
+            "t": c.t,
+            "p_none": c.p,
+            "dz": None if c.effect is None else c.effect.value,
+            "ci_low": c.interval.low if c.interval else None,
+            "ci_high": c.interval.high if c.interval else None,
+            **{f"p_{name}": t.contrasts[i].p_adjusted for name, t in adjusted.items()},
+        }
+    return both_ways(rows)
+
+
+def _contrasts(error: str) -> Callable[[Case, Entry], dict[str, Any]]:
+    def run(case: Case, entry: Entry) -> dict[str, Any]:
+        table = statistics.art_contrasts(
+            art(case, entry), entry["term"].split(":"), error=error, adjust="tukey"
+        )
+        rows = contrast_rows(table)
+        if table.term != tuple(entry["term"].split(":")):
+            rows = _reordered(rows, table.term, entry["term"].split(":"))
+        return by_key(entry["expected"], ["level_1", "level_2"], rows)
+
+    return run
+
+
+def _reordered(
+    rows: Mapping[Any, Mapping[str, Any]], ours: Sequence[str], wanted: Sequence[str]
+) -> dict[Any, Mapping[str, Any]]:
+    """Rename joined levels where the file lists the factors in another order."""
+
+    def rename(label: str) -> str:
+        parts = dict(zip(ours, label.split(","), strict=True))
+        return ",".join(parts[name] for name in wanted)
+
+    return {(rename(a), rename(b)): row for (a, b), row in rows.items()}
+
+
+def _double_differences(error: str) -> Callable[[Case, Entry], dict[str, Any]]:
+    def run(case: Case, entry: Entry) -> dict[str, Any]:
+        table = statistics.art_interaction_contrasts(
+            art(case, entry), entry["term"].split(":"), error=error, adjust="none"
+        )
+        wanted = entry["term"].split(":")
+        holm, bonferroni = table.adjusted("holm"), table.adjusted("bonferroni")
+        rows: dict[Any, Mapping[str, Any]] = {}
+        for i, c in enumerate(table.contrasts):
+            row = {
+                "estimate": c.estimate,
+                "se": c.se,
+                "df": c.df,
+                "t": c.t,
+                "p_none": c.p,
+                "p_holm": holm.contrasts[i].p_adjusted,
+                "p_bonferroni": bonferroni.contrasts[i].p_adjusted,
+            }
+            pairs = [dict(zip(table.term, c.pairs, strict=True))[name] for name in wanted]
+            for flips in product((False, True), repeat=len(pairs)):
+                labels = tuple(
+                    f"{b} - {a}" if flip else f"{a} - {b}"
+                    for (a, b), flip in zip(pairs, flips, strict=True)
+                )
+                rows[labels] = turned(row) if sum(flips) % 2 else row
+        columns = [f"contrast_{i + 1}" for i in range(len(wanted))]
+        return by_key(entry["expected"], columns, rows)
+
+    return run
+
+
+def _rm_table(case: Case, entry: Entry) -> statistics.Anova:
+    return statistics.rm_anova(case.frame, entry["dv"], **case.arguments(entry))
+
+
+def _rm_anova(case: Case, entry: Entry) -> dict[str, Any]:
+    return _table(case, entry, _rm_table(case, entry))
+
+
+def _between(ss_type: int) -> Callable[[Case, Entry], dict[str, Any]]:
+    def run(case: Case, entry: Entry) -> dict[str, Any]:
+        table = statistics.between_anova(
+            case.frame,
+            entry["dv"],
+            between=case.design["between"],
+            subject=case.design.get("subject"),
+            levels=case.levels,
+            ss_type=ss_type,
+        )
+        return _table(case, entry, table)
+
+    return run
+
+
+def _lmer_anova(case: Case, entry: Entry) -> dict[str, Any]:
+    arguments = case.arguments(entry)
+    del arguments["missing"]
+    rows: dict[Any, dict[str, Any]] = {}
+    for ddf, suffix in (("kenward-roger", "kr"), ("satterthwaite", "satt")):
+        for e in statistics.mixed_anova(case.frame, entry["dv"], ddf=ddf, **arguments).effects:
+            row = rows.setdefault(frozenset(e.term), {"df1": e.df1})
+            row |= {f"F_{suffix}": e.F, f"df2_{suffix}": e.df2, f"p_{suffix}": e.p}
+    return by_key(entry["expected"], ["term"], rows, key=term_key)
+
+
+def _posthoc(error: str) -> Callable[[Case, Entry], dict[str, Any]]:
+    def run(case: Case, entry: Entry) -> dict[str, Any]:
+        factor = entry.get("factor") or case.design["within"][0]
+        table = statistics.posthoc(_rm_table(case, entry), factor, error=error, adjust="tukey")
+        return by_key(entry["expected"], ["level_1", "level_2"], contrast_rows(table))
+
+    return run
+
+
+def _describe(case: Case, entry: Entry) -> dict[str, Any]:
+    factors = [f for f in case.factors if f in entry["expected"]]
+    cells = statistics.describe(case.frame, entry["dv"], factors=factors, levels=case.levels)
+    rows = {tuple(c.labels.values()): c.row() for c in cells}
+    return by_key(entry["expected"], factors, rows)
+
+
+FACTORIAL: Mapping[str, Callable[[Case, Entry], dict[str, Any]]] = {
+    "describe": _describe,
+    "art_columns": _art_columns,
+    "art_missing_response": _refuses,
+    "art_anova_lm": _art_anova(error="strata"),
+    "art_anova_strata": _art_anova(error="strata"),
+    "art_anova_pooled": _art_anova(error="pooled"),
+    "art_anova_lmer_kr": _art_anova(error="mixed"),
+    "art_anova_lmer_satterthwaite": _art_anova(error="mixed", ddf="satterthwaite"),
+    "art_ranks_sphericity": _art_anova(error="strata"),
+    "art_con_lm": _contrasts("strata"),
+    "art_con_strata": _contrasts("strata"),
+    "art_con_pooled": _contrasts("pooled"),
+    "art_con_lmer_kr": _contrasts("mixed"),
+    "art_con_interaction_lm": _double_differences("strata"),
+    "art_con_interaction_lmer_kr": _double_differences("mixed"),
+    "rm_anova": _rm_anova,
+    "between_anova_type2": _between(2),
+    "between_anova_type3": _between(3),
+    "lmer_anova": _lmer_anova,
+    "posthoc_paired_t": _posthoc("per_pair"),
+    "posthoc_tukey_multivariate": _posthoc("per_pair"),
+    "posthoc_tukey_univariate": _posthoc("pooled"),
+}
+"""Public call of every procedure on a factorial design."""
