@@ -18,7 +18,7 @@ from recording.durable import make_folder, sync_folder, write_failure
 from recording.lock import SessionLock
 from recording.manifest import Manifest, Part, PartStatus, read_manifest, write_manifest
 from recording.recovery import RecoveryReport, recover_held
-from recording.writer import PartSummary
+from recording.summary import PartSummary
 
 SIMULATED_ROOT = "simulated"
 REAL_ROOT = "real"

@@ -12,7 +12,7 @@ from recording.columns import FORMAT_VERSION
 from recording.durable import replace_file
 from recording.journal import as_json
 from recording.provenance import Provenance
-from recording.writer import JournalSummary, StreamSummary
+from recording.summary import JournalSummary, StreamSummary
 
 MANIFEST_NAME = "manifest.json"
 

@@ -9,7 +9,7 @@ from recording.journal_file import read_journal
 from recording.lock import SessionLock
 from recording.manifest import Part, PartStatus, read_manifest, write_manifest
 from recording.stream_file import read_stream_file
-from recording.writer import JournalSummary, StreamSummary
+from recording.summary import JournalSummary, StreamSummary
 
 
 @dataclass(frozen=True)

@@ -210,6 +210,8 @@ def _decode(data: memoryview, message: Message, fields: tuple[Field, ...]) -> _B
     n, body, end = message.n_rows, message.body, message.end
     if len(places) != len(fields):
         raise Torn(f"{len(places)} columns instead of {len(fields)}")
+    if end - body != -(-sum(places[-1]) // 8) * 8:
+        raise Torn("the body has another length than its columns")
     row, stated = message.metadata.get("row", ""), message.metadata.get("crc32", "")
     crc = zlib.crc32(row.encode())
     buffers = []

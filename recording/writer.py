@@ -1,15 +1,12 @@
 """Write one part of a session: a file per stream and the event journal."""
 
 import base64
+import re
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
-
-import numpy as np
-import numpy.typing as npt
+from typing import Any
 
 from lab.clock import NS_PER_S, Clock
 from lab.errors import RecordingError
@@ -17,94 +14,24 @@ from lab.schema import SampleBatch, StreamSchema
 from recording.columns import END_OF_STREAM, FORMAT_VERSION, BatchEncoder
 from recording.durable import AppendOnlyFile, sync_folder
 from recording.journal import JOURNAL_NAME, encode_line
+from recording.stream_buffer import OpenStream, Rows
+from recording.summary import (
+    CloseStatus,
+    JournalSummary,
+    PartSummary,
+    StreamStats,
+    StreamSummary,
+)
+
+__all__ = ["REAL_TIME_BATCH_NS", "VIRTUAL_TIME_BATCH_NS", "CloseStatus", "Recorder"]
 
 REAL_TIME_BATCH_NS = NS_PER_S // 10
 VIRTUAL_TIME_BATCH_NS = NS_PER_S
 _SYNC_EVERY_NS = NS_PER_S
+_STREAM_NAME = re.compile(r"[A-Za-z0-9_-]+")
 _QUEUE_S = 10.0
 _QUEUE_LEAST_ROWS = 2048
 _QUEUE_MOST_EVENTS = 100_000
-
-CloseStatus = Literal["complete", "aborted"]
-
-
-@dataclass(frozen=True)
-class StreamStats:
-    """What the operator sees of a stream being recorded; `last_t_host_ns` None before data."""
-
-    rows: int
-    bytes: int
-    dropped: int
-    last_t_host_ns: int | None
-
-
-@dataclass(frozen=True)
-class StreamSummary:
-    """A stream file as it was closed; `closed_cleanly` is False, and
-    `sha256` empty, when writing had failed.
-    """
-
-    name: str
-    file: str
-    rows: int
-    bytes: int
-    dropped: int
-    first_t_host_ns: int | None
-    last_t_host_ns: int | None
-    sha256: str
-    closed_cleanly: bool
-
-
-@dataclass(frozen=True)
-class JournalSummary:
-    """The event journal as it was closed."""
-
-    file: str
-    lines: int
-    trials: int
-    bytes: int
-    sha256: str
-    closed_cleanly: bool
-
-
-@dataclass(frozen=True)
-class PartSummary:
-    """Everything the manifest says of a part that was closed."""
-
-    status: CloseStatus
-    streams: tuple[StreamSummary, ...]
-    journal: JournalSummary
-    failure: str = ""
-
-
-class _Rows:
-    """Room for rows of one stream in arrival order."""
-
-    def __init__(self, schema: StreamSchema, capacity: int) -> None:
-        self.capacity = capacity
-        self.count = 0
-        self.stamps: npt.NDArray[np.int64] = np.zeros((3, capacity), dtype=np.int64)
-        self.seq, self.t_device_ns, self.t_host_ns = self.stamps
-        self.values: npt.NDArray[np.void] = np.zeros(capacity, dtype=schema.dtype)
-        # Copying rows as opaque bytes is five times as fast as field by field.
-        self.opaque = self.values.view(f"V{schema.dtype.itemsize}")
-
-
-@dataclass
-class _Stream:
-    schema: StreamSchema
-    file: AppendOnlyFile
-    encoder: BatchEncoder
-    rows: _Rows
-    spare: _Rows | None
-    lock: threading.Lock = field(default_factory=threading.Lock)
-    opaque: Any = None
-    oldest_t_host_ns: int = 0
-    first_t_host_ns: int | None = None
-    last_t_host_ns: int | None = None
-    rows_accepted: int = 0
-    rows_written: int = 0
-    dropped: int = 0
 
 
 class Recorder:
@@ -134,7 +61,7 @@ class Recorder:
         self._clock = clock
         self._max_batch_ns = max_batch_ns
         self._is_simulated = is_simulated
-        self._streams: dict[str, _Stream] = {}
+        self._streams: dict[str, OpenStream] = {}
         self._failure: RecordingError | None = None
         self._failure_told = False
         self._closed: PartSummary | None = None
@@ -177,6 +104,10 @@ class Recorder:
                 f"stream {schema.name!r} is declared already in {self._dir}; "
                 "give every device its own stream name"
             )
+        if not _STREAM_NAME.fullmatch(schema.name):
+            raise RecordingError(
+                f"stream name {schema.name!r} cannot name a file; use letters, digits, - and _"
+            )
         threaded = self._thread is not None
         span_s = _QUEUE_S if threaded else 2 * self._max_batch_ns / NS_PER_S
         capacity = max(int(schema.nominal_rate_hz * span_s) + 64, _QUEUE_LEAST_ROWS)
@@ -189,9 +120,9 @@ class Recorder:
         copy = base64.b64encode(encoder.header).decode()
         self._add_line({"kind": "stream", "name": schema.name, "t_ns": 0, "header": copy})
         self._guarded(self._write_pending_lines)
-        rows = _Rows(schema, capacity)
-        spare = _Rows(schema, capacity) if threaded else None
-        self._streams[schema.name] = _Stream(
+        rows = Rows(schema, capacity)
+        spare = Rows(schema, capacity) if threaded else None
+        self._streams[schema.name] = OpenStream(
             schema, file, encoder, rows, spare, opaque=rows.opaque.dtype
         )
 
@@ -342,7 +273,7 @@ class Recorder:
             "before starting it"
         )
 
-    def _make_room(self, stream: _Stream, n: int) -> _Rows:
+    def _make_room(self, stream: OpenStream, n: int) -> Rows:
         rows = stream.rows
         if self._thread is not None:
             stream.dropped += n
@@ -354,7 +285,7 @@ class Recorder:
             self._guarded(self._write_rows, stream, rows)
             rows.count = 0
         if n > rows.capacity:
-            stream.rows = rows = _Rows(stream.schema, n)
+            stream.rows = rows = Rows(stream.schema, n)
         return rows
 
     def _add_line(self, entry: Mapping[str, Any]) -> None:
@@ -391,24 +322,32 @@ class Recorder:
         except RecordingError as error:
             self._failure = self._failure or error
 
-    def _write_rows(self, stream: _Stream, rows: _Rows) -> None:
+    def _write_rows(self, stream: OpenStream, rows: Rows) -> None:
         n = rows.count
         message = stream.encoder.encode(rows.stamps[:, :n], rows.values[:n], stream.rows_written)
         stream.file.write(message)
         stream.rows_written += n
 
     def _write_lines(self, lines: list[bytes]) -> None:
-        self._journal.write(b"".join(lines))
-        self._lines_written += len(lines)
+        if lines:
+            self._journal.write(b"".join(lines))
+            self._lines_written += len(lines)
 
-    def _write_pending_lines(self) -> None:
+    def _take_lines(self) -> list[bytes]:
         with self._journal_lock:
             lines, self._lines = self._lines, []
-        if lines:
-            self._write_lines(lines)
+        return lines
+
+    def _write_pending_lines(self) -> None:
+        self._write_lines(self._take_lines())
 
     def _write_all_pending(self, sync: bool) -> None:
-        """Write what waits: streams first, so that a trial row never precedes its samples."""
+        """Write what waits; a trial row never precedes its samples.
+
+        Lines are taken before the samples and written after them, because more of both may
+        arrive in between.
+        """
+        lines = self._take_lines()
         for stream in tuple(self._streams.values()):
             with stream.lock:
                 rows = stream.rows
@@ -424,7 +363,7 @@ class Recorder:
         if sync:
             for stream in tuple(self._streams.values()):
                 stream.file.sync()
-        self._write_pending_lines()
+        self._write_lines(lines)
         if sync:
             self._journal.sync()
 

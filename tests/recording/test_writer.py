@@ -76,9 +76,7 @@ def test_threaded_files_hold_the_same_samples_as_inline_ones(tmp_path: Path) -> 
         assert pa.ipc.open_stream(source).read_all()["seq"].to_pylist() == list(range(900))
 
 
-def test_a_queue_that_overflows_raises_and_counts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_queue_that_overflows_raises_and_counts(tmp_path: Path) -> None:
     recorder = recorder_in(tmp_path / "part-01", threaded=True, max_batch_ns=3600 * NS_PER_S)
     capacity = 2048
     for first in range(0, capacity, 16):
@@ -116,6 +114,13 @@ def test_undeclared_and_changed_streams_are_refused_by_name(tmp_path: Path) -> N
     recorder.close("complete")
     with pytest.raises(RecordingError, match="closed"):
         recorder.append(probe_batch(0, 1))
+
+
+def test_stream_names_that_are_paths_are_refused(tmp_path: Path) -> None:
+    recorder = recorder_in(tmp_path / "part-01")
+    with pytest.raises(RecordingError, match="cannot name a file"):
+        recorder.declare(StreamSchema("../gaze", (Field("code", "u2", ""),), 1.0))
+    recorder.close("complete")
 
 
 def test_a_batch_larger_than_the_buffer_is_kept_whole(tmp_path: Path) -> None:

@@ -1,0 +1,55 @@
+"""What a recorder tells of its files, while it writes and once it has closed them."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+CloseStatus = Literal["complete", "aborted"]
+
+
+@dataclass(frozen=True)
+class StreamStats:
+    """What the operator sees of a stream being recorded; `last_t_host_ns` None before data."""
+
+    rows: int
+    bytes: int
+    dropped: int
+    last_t_host_ns: int | None
+
+
+@dataclass(frozen=True)
+class StreamSummary:
+    """A stream file as it was closed; `closed_cleanly` is False, and
+    `sha256` empty, when writing had failed.
+    """
+
+    name: str
+    file: str
+    rows: int
+    bytes: int
+    dropped: int
+    first_t_host_ns: int | None
+    last_t_host_ns: int | None
+    sha256: str
+    closed_cleanly: bool
+
+
+@dataclass(frozen=True)
+class JournalSummary:
+    """The event journal as it was closed."""
+
+    file: str
+    lines: int
+    trials: int
+    bytes: int
+    sha256: str
+    closed_cleanly: bool
+
+
+@dataclass(frozen=True)
+class PartSummary:
+    """Everything the manifest says of a part that was closed."""
+
+    status: CloseStatus
+    streams: tuple[StreamSummary, ...]
+    journal: JournalSummary
+    failure: str = ""

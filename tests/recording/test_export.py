@@ -1,0 +1,202 @@
+import gzip
+import json
+import os
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+from lab.clock import NS_PER_S, SimClock
+from lab.errors import RecordingError, UsageError
+from lab.schema import Field, SampleBatch, StreamSchema, empty_values
+from recording.bids import export_bids
+from recording.export import export_session, export_tables
+from recording.folder import create_session
+from recording.reader import Recording
+from recording.writer import Recorder
+from tests.recording.sessions import probe_batch, probe_manifest, record_session
+
+VECTOR = (3,)
+GAZE_LIKE = StreamSchema(
+    "gaze",
+    (
+        Field("direction_head", "f4", "1", "head", VECTOR),
+        Field("valid", "?", ""),
+        Field("left_direction_head", "f4", "1", "head", VECTOR),
+        Field("left_valid", "?", ""),
+        Field("left_pupil_mm", "f4", "mm"),
+        Field("right_direction_head", "f4", "1", "head", VECTOR),
+        Field("right_valid", "?", ""),
+        Field("right_pupil_mm", "f4", "mm"),
+    ),
+    120.0,
+)
+HEAD_LIKE = StreamSchema(
+    "head",
+    (
+        Field("position_m", "f4", "m", "world", VECTOR),
+        Field("orientation_wxyz", "f4", "1", "world", (4,)),
+        Field("valid", "?", ""),
+    ),
+    90.0,
+)
+
+
+def gaze_session(root: Path, *, is_simulated: bool = True) -> Recording:
+    clock = SimClock()
+    manifest = replace(
+        probe_manifest(is_simulated=is_simulated),
+        devices=[{"role": "gaze", "vendor": "Maker", "model": "Eye", "serial": "7"}],
+    )
+    with create_session(root, manifest) as folder:
+        recorder = Recorder(
+            folder.begin_part(clock),
+            clock,
+            threaded=False,
+            max_batch_ns=NS_PER_S,
+            is_simulated=is_simulated,
+        )
+        for schema in (GAZE_LIKE, HEAD_LIKE):
+            recorder.declare(schema)
+            n = int(schema.nominal_rate_hz)
+            values = empty_values(schema, n)
+            for field in schema.fields:
+                if field.dtype == "?":
+                    values[field.name] = np.arange(n) != 1
+                elif field.name.endswith("direction_head"):
+                    values[field.name] = [np.sqrt(0.5), 0.0, -np.sqrt(0.5)]
+                elif field.name == "orientation_wxyz":
+                    values[field.name] = [1.0, 0.0, 0.0, 0.0]
+                else:
+                    values[field.name] = 3.5 if field.shape == () else [1.0, 2.0, 3.0]
+            t_ns = 5 * NS_PER_S + np.arange(n) * NS_PER_S // n
+            recorder.append(SampleBatch(schema, np.arange(n), t_ns, t_ns, values))
+        recorder.event("trial_start", 5 * NS_PER_S + NS_PER_S // 4, trial_id="T01")
+        recorder.trial(
+            {
+                "trial_id": "T01",
+                "condition": "AD",
+                "first_ms": None,
+                "t_start_ns": 5 * NS_PER_S + NS_PER_S // 4,
+                "t_end_ns": 5 * NS_PER_S + NS_PER_S // 2,
+            }
+        )
+        folder.end_part(clock, recorder.close("complete"))
+        return Recording(folder.path)
+
+
+def test_parquet_keeps_values_units_and_the_mark_of_simulation(tmp_path: Path) -> None:
+    recording = Recording(record_session(tmp_path))
+    export_tables(recording, tmp_path / "out")
+    table = pq.read_table(tmp_path / "out" / "probe.parquet")
+    expected = probe_batch(0, 450)
+    assert expected.seq.tolist() == table["seq"].to_pylist()
+    assert (expected.values["position_m"][:, 2] == table["position_z_m"].to_numpy()).all()
+    metadata = table.schema.field("position_z_m").metadata
+    assert (b"m", b"world") == (metadata[b"unit"], metadata[b"frame"])
+    assert b"true" == table.schema.metadata[b"is_simulated"]
+    trials = pd.read_csv(tmp_path / "out" / "trials.csv")
+    assert ["T00", "T01", "T02"] == trials["trial_id"].tolist()
+    assert trials["is_simulated"].all()
+    assert trials["first_ms"].isna().all()
+
+
+def test_export_overwrites_nothing(tmp_path: Path) -> None:
+    path = record_session(tmp_path)
+    for name in ("parquet", "bids"):
+        export_session(path, name, tmp_path / name)
+        with pytest.raises(RecordingError, match="export into a"):
+            export_session(path, name, tmp_path / name)
+    with pytest.raises(UsageError, match="choose parquet or bids"):
+        export_session(path, "xls", tmp_path / "xls")
+
+
+def test_bids_gaze_is_in_degrees_right_and_up_and_lost_is_missing(tmp_path: Path) -> None:
+    export_bids([gaze_session(tmp_path / "d")], tmp_path / "b", task="stare", dataset_name="Stare")
+    beh = tmp_path / "b" / "sub-P01" / "ses-001" / "beh"
+    stem = "sub-P01_ses-001_task-stare_run-1"
+    for eye, recorded in (("eye1", "left"), ("eye2", "right"), ("eye3", "cyclopean")):
+        notes = json.loads((beh / f"{stem}_recording-{eye}_physio.json").read_text("utf-8"))
+        table = pd.read_csv(
+            beh / f"{stem}_recording-{eye}_physio.tsv.gz",
+            sep="\t",
+            names=notes["Columns"],
+            na_values="n/a",
+        )
+        assert ["timestamp", "x_coordinate", "y_coordinate"] == notes["Columns"][:3]
+        assert ("eyetrack", recorded, "eye-in-head") == (
+            notes["PhysioType"],
+            notes["RecordedEye"],
+            notes["SampleCoordinateSystem"],
+        )
+        assert 120.0 == pytest.approx(notes["SamplingFrequency"], abs=0.01)
+        assert notes["IsSimulated"] is True
+        assert "Maker" == notes["Manufacturer"]
+        assert 120 == len(table)
+        assert 45.0 == pytest.approx(table["x_coordinate"][0], abs=1e-4)
+        assert 0.0 == pytest.approx(table["y_coordinate"][0], abs=1e-4)
+        assert [False, True, False] == table["x_coordinate"].isna().tolist()[:3]
+        assert 5 * NS_PER_S == table["t_host_ns"][0]
+
+
+def test_bids_events_give_trials_onset_and_duration_in_seconds(tmp_path: Path) -> None:
+    export_bids([gaze_session(tmp_path / "d")], tmp_path / "b", task="stare", dataset_name="Stare")
+    beh = tmp_path / "b" / "sub-P01" / "ses-001" / "beh"
+    path = beh / "sub-P01_ses-001_task-stare_run-1_events.tsv"
+    table = pd.read_csv(path, sep="\t", na_values="n/a")
+    trial = table[table["trial_type"] == "trial"].iloc[0]
+    assert (0.25, 0.25, "AD") == (trial["onset"], trial["duration"], trial["condition"])
+    assert ["onset", "duration", "trial_type"] == list(table.columns[:3])
+    notes = json.loads(path.with_suffix(".json").read_text("utf-8"))
+    assert set(table.columns) <= set(notes)
+
+
+def test_bids_motion_columns_are_those_of_its_channels(tmp_path: Path) -> None:
+    export_bids([gaze_session(tmp_path / "d")], tmp_path / "b", task="stare", dataset_name="Stare")
+    motion = tmp_path / "b" / "sub-P01" / "ses-001" / "motion"
+    stem = "sub-P01_ses-001_task-stare_tracksys-HMD_run-1"
+    channels = pd.read_csv(motion / f"{stem}_channels.tsv", sep="\t")
+    table = pd.read_csv(
+        motion / f"{stem}_motion.tsv", sep="\t", names=channels["name"].tolist(), na_values="n/a"
+    )
+    assert [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0, 0.0] == table.iloc[0].tolist()
+    assert table.iloc[1, :7].isna().all()
+    assert not table.iloc[1].isna()["latency"]
+    notes = json.loads((motion / f"{stem}_motion.json").read_text("utf-8"))
+    assert len(channels) == notes["MotionChannelCount"]
+
+
+def test_bids_refuses_a_mixture_of_simulated_and_real(tmp_path: Path) -> None:
+    both = [gaze_session(tmp_path / "d", is_simulated=s) for s in (True, False)]
+    with pytest.raises(RecordingError, match="analyse them apart"):
+        export_bids(both, tmp_path / "b", task="stare", dataset_name="Stare")
+
+
+def test_bids_export_repeats_byte_for_byte(tmp_path: Path) -> None:
+    recording = gaze_session(tmp_path / "d")
+    for name in ("a", "b"):
+        export_bids([recording], tmp_path / name, task="stare", dataset_name="Stare")
+    files = [p.relative_to(tmp_path / "a") for p in (tmp_path / "a").rglob("*") if p.is_file()]
+    assert len(files) > 10
+    for file in files:
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+    packed = next(p for p in files if p.suffix == ".gz")
+    assert gzip.decompress((tmp_path / "a" / packed).read_bytes())
+
+
+VALIDATOR = os.environ.get("BIDS_VALIDATOR") or shutil.which("bids-validator-deno")
+
+
+@pytest.mark.skipif(VALIDATOR is None, reason="bids-validator-deno is not installed")
+def test_official_validator_finds_no_error(tmp_path: Path) -> None:
+    export_bids([gaze_session(tmp_path / "d")], tmp_path / "b", task="stare", dataset_name="Stare")
+    done = subprocess.run(
+        [str(VALIDATOR), "--json", str(tmp_path / "b")], capture_output=True, text=True
+    )
+    issues = json.loads(done.stdout)["issues"]["issues"]
+    assert [] == [i for i in issues if i["severity"] == "error"]
