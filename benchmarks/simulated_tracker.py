@@ -15,6 +15,8 @@ from lab.clock import NS_PER_MS
 from lab.geometry import Vector, unit
 
 RATE_HZ = 120.0
+TRIAL_SAMPLES = 2304
+"""Samples drawn at once: a trial of 16 s and the dark before it."""
 OPENNESS_SEEN_01 = (0.6 / 0.99 + 0.1) / 1.2
 """Lids at which the simulator's confidence reaches the driver's threshold of 0.6."""
 
@@ -25,6 +27,10 @@ class QuickTracker:
     def __init__(self, seed: int, model: TrackerErrorModel | None = None) -> None:
         self._seed = seed
         self._model = TrackerErrorModel() if model is None else model
+        self._noise = np.empty((0, 0))
+        self._stretch = -1
+        self._fit = -1
+        self._systematic = draw_systematic(self._model, seed, fit=-1, calibrated_fit=-1)
 
     @property
     def delay_ns(self) -> int:
@@ -36,15 +42,20 @@ class QuickTracker:
     ) -> tuple[Vector, npt.NDArray[np.bool_]]:
         """Return combined directions in the head frame (n, 3) and validity (n,)."""
         n = eyes.shape[0]
-        systematic = draw_systematic(self._model, self._seed, fit=fit, calibrated_fit=fit)
-        noise = StretchNoise(self._model, self._seed, stretch, RATE_HZ).take(first_sample + n)
+        if fit != self._fit:
+            self._fit = fit
+            self._systematic = draw_systematic(self._model, self._seed, fit=fit, calibrated_fit=fit)
+        if stretch != self._stretch or self._noise.shape[0] < first_sample + n:
+            self._stretch = stretch
+            drawn = StretchNoise(self._model, self._seed, stretch, RATE_HZ)
+            self._noise = drawn.take(max(first_sample + n, TRIAL_SAMPLES))
         out = np.empty((n, 2, 3))
         measured_directions(
             eyes["left_direction_head"],
             eyes["right_direction_head"],
-            noise[first_sample:, : N_WHITE + N_SLOW],
-            systematic.offset_rad,
-            systematic.gain,
+            self._noise[first_sample:, : N_WHITE + N_SLOW],
+            self._systematic.offset_rad,
+            self._systematic.gain,
             out,
         )
         return unit(out.sum(axis=1)), eyes["openness_01"] >= OPENNESS_SEEN_01

@@ -51,6 +51,8 @@ def _worth(mind: Records, person: Records, targets: Records, i: int, t_ns: int) 
         worth *= p.familiar_share if g.kind == HEAD else 1.0
         if g.believed == 1:
             worth *= p.return_gain * p.return_habituation ** (g.visits - 1)
+            if g.caught == 1:
+                worth *= p.caught_return
         elif g.lost_ns >= 0:
             worth *= 1.0 + p.recheck_gain * math.exp(-(t_ns - g.lost_ns) * 1e-9 / p.recheck_s)
         worth *= 1.0 - math.exp(-away_s / p.recovery_s)
@@ -80,7 +82,8 @@ def _choose(
         if g.kind == HEAD and g.contact == 1 and g.believed == 0 and i != m.target:
             chance = p.parafovea_p * math.exp(-((apart / p.parafovea_rad) ** 2))
             if m.target == NO_TARGET:
-                chance = p.onset_p * math.exp(-((apart / p.onset_rad) ** 2))
+                aside = math.atan2(-g.direction[0], -g.direction[2]) - m.rest_yaw
+                chance = p.onset_p * math.exp(-((aside / p.onset_rad) ** 2))
             if chance > 1e-4 and draw(mind) < chance:
                 g.believed = 1
         if i != m.target:
@@ -94,6 +97,16 @@ def _choose(
             chosen = i
             break
     return int(chosen)
+
+
+@compiled
+def _hold_ns(mind: Records, person: Records, targets: Records, i: int) -> int:
+    """Draw by how much contact prolongs a visit."""
+    p = person[0]
+    mean_s = p.hold_s * p.hold_growth ** max(0, targets[i].visits - 1)
+    if targets[i].caught == 1:
+        mean_s *= p.caught_hold
+    return log_normal_ns(mind, mean_s, p.hold_log_sd)
 
 
 @compiled
@@ -111,6 +124,7 @@ def _visit(
     if m.target != NO_TARGET:
         targets[m.target].left_ns = t_ns
     m.target = chosen
+    m.saw_change = 0
     m.notice_ns = FAR_FUTURE_NS
     m.arousal_01 = 0.0
     g = targets[chosen]
@@ -137,7 +151,7 @@ def _visit(
             if draw(mind) < p.notice_p:
                 m.notice_ns = arrival + log_normal_ns(mind, p.notice_s, p.notice_log_sd)
         elif g.believed == 1:
-            lasts += log_normal_ns(mind, p.hold_s, p.hold_log_sd)
+            lasts += _hold_ns(mind, person, targets, chosen)
             m.arousal_01 = 1.0
     g.visits += 1
     lasts = max(lasts, 60_000_000)
@@ -191,15 +205,15 @@ def _notice(mind: Records, person: Records, targets: Records, t_ns: int) -> None
     g = targets[m.target]
     if g.contact == 1 and g.believed == 0:
         g.believed = 1
+        g.caught = 1 if m.saw_change == 1 or g.visits > 1 else 0
         m.arousal_01 = 1.0
-        m.visit_end_ns += log_normal_ns(mind, p.hold_s, p.hold_log_sd)
-    elif g.contact == 0 and g.believed == 1:
+        m.visit_end_ns += _hold_ns(mind, person, targets, m.target)
+    elif g.contact == 0 and (g.believed == 1 or m.saw_change == 1):
         g.believed = 0
         g.lost_ns = t_ns
         m.arousal_01 = 0.5
-        m.visit_end_ns = t_ns + log_normal_ns(mind, p.startle_s, p.hold_log_sd)
-        if m.next_ns > m.visit_end_ns:
-            m.next_ns = m.visit_end_ns
+        stays_ns = log_normal_ns(mind, p.startle_s, p.hold_log_sd)
+        m.visit_end_ns = max(m.visit_end_ns, t_ns + stays_ns)
 
 
 @compiled
@@ -219,11 +233,10 @@ def _apply_contacts(mind: Records, person: Records, targets: Records, t_ns: int)
             g.contact = now
             if m.mode != FREE:
                 continue
-            if i == m.target and g.contact != g.believed:
+            if i == m.target:
+                m.saw_change = 1
                 seen_ns = max(t_ns, m.arrival_ns)
                 m.notice_ns = seen_ns + log_normal_ns(mind, p.change_notice_s, p.notice_log_sd)
-            elif i == m.target:
-                m.notice_ns = FAR_FUTURE_NS
 
 
 @compiled
@@ -323,6 +336,7 @@ def begin_stretch(
     m.notice_ns = FAR_FUTURE_NS
     m.visit_end_ns = 0
     m.arrival_ns = 0
+    m.saw_change = 0
     m.correction = 0
     m.segment = 0
     m.pending_first = 0

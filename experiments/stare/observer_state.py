@@ -20,9 +20,9 @@ TARGET_DTYPE = np.dtype(
         ("distance_m", "f8"),
         ("radius_rad", "f8"),  # how far fixations scatter round the centre is a share of this
         ("appeal", "f8"),  # what place and size make it worth, before novelty and contact
-        ("onset_appeal", "f8"),  # the same while the first impression of the scene lasts
         ("contact", "i8"),  # 1 while its gaze meets the observer's eyes
         ("believed", "i8"),  # 1 once that has been noticed
+        ("caught", "i8"),  # 1 when it was seen to look elsewhere before
         ("lost_ns", "i8"),  # when contact was seen to end, -1 never
         ("visits", "i8"),
         ("left_ns", "i8"),  # when it was looked at last
@@ -68,6 +68,7 @@ MIND_DTYPE = np.dtype(
         ("arrival_ns", "i8"),
         ("notice_ns", "i8"),
         ("correction", "i8"),
+        ("saw_change", "i8"),
         ("aim", "f8", (3,)),
         ("aim_dioptre", "f8"),
         ("segment", "i8"),
@@ -103,6 +104,9 @@ PERSON_DTYPE = np.dtype(
             "other_visit_log_sd",
             "hold_s",
             "hold_log_sd",
+            "hold_growth",
+            "caught_hold",
+            "caught_return",
             "startle_s",
             "return_gain",
             "recheck_gain",

@@ -8,13 +8,14 @@ hypothesis feasible. Head position is held for a tenth of a second at a time in 
 (it moves less than a millimetre meanwhile).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from analysis.gaze.aoi import aoi_of_samples
 from analysis.gaze.looks import (
@@ -26,7 +27,6 @@ from analysis.gaze.looks import (
 from experiments.stare.design import (
     AVERTED,
     AVERTED_THEN_DIRECTED,
-    CONDITIONS,
     DEFAULT_PARAMETERS,
     DYNAMIC_CONDITIONS,
     StareParameters,
@@ -39,6 +39,7 @@ from experiments.stare.temperament import DEFAULT_POPULATION, Population
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.geometry import Vector, rotate
 from protocol.plan import SessionPlan, Trial
+from protocol.questionnaires import Questionnaire, load_questionnaire, read_answers, score
 from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.gaze.blinks import Blinks
 from stimuli.scene import Scene, SceneFrame
@@ -51,12 +52,12 @@ from stimuli.scenes.audience import (
 )
 from stimuli.visibility import SceneGeometry
 
-N_CONDITIONS = len(CONDITIONS)
 FIRST_FRAME = 2
 """The dark appears two frames after the stretch begins: one to wait for, one to be displayed."""
 DISPLAY_HZ = 90
 TRACKER_HZ = 120
 HELD_SAMPLES = 12
+CHUNK_SAMPLES = 240
 
 Times = npt.NDArray[np.int64]
 
@@ -80,19 +81,15 @@ class TrackerModel(Protocol):
 
 
 @dataclass(frozen=True)
-class QuickResult:
-    """A simulated study: `measures` (participants, trials, 6), NaN where missing.
+class QuickStudy:
+    """A simulated study as the analysis takes it.
 
-    The last axis follows `SIX_MEASURES`; `condition` and `place` (participants, trials) index
-    `CONDITIONS` and `PLACES`; `switch_ms` is NaN without a gaze change; `anxiety_total`
-    (participants,) is the score of the scale.
+    `trials` has one row per trial with the participant, the factors, the six measures, `lost_01`
+    and `switch_ms`; `answers` one row per participant with `participant` and `anxiety_total`.
     """
 
-    measures: npt.NDArray[np.float64]
-    condition: npt.NDArray[np.int64]
-    place: npt.NDArray[np.int64]
-    switch_ms: npt.NDArray[np.float64]
-    anxiety_total: npt.NDArray[np.float64]
+    trials: pd.DataFrame
+    answers: pd.DataFrame
 
 
 @lru_cache(maxsize=1)
@@ -127,20 +124,16 @@ def run_participant(
     *,
     params: StareParameters = DEFAULT_PARAMETERS,
     looks: LookParameters = DEFAULT_LOOK_PARAMETERS,
-) -> tuple[list[LookMeasures], list[float]]:
-    """Perform every trial of a plan; return its measures and the time of the gaze change.
+) -> Iterator[tuple[Trial, LookMeasures, float | None]]:
+    """Perform every trial of a plan but practice; yield its measures and its gaze change.
 
-    The gaze change is in milliseconds from the trial's start, NaN for none.
+    The gaze change is in milliseconds from the trial's start, None without one.
     """
-    measures, switches = [], []
     for block in plan.blocks:
         participant.wear(block.index + 1)
         for trial in block.trials:
             if not trial.is_practice:
-                measured, switch_ms = _trial(participant, tracker, trial, params, looks)
-                measures.append(measured)
-                switches.append(switch_ms)
-    return measures, switches
+                yield trial, *_trial(participant, tracker, trial, params, looks)
 
 
 def _trial(
@@ -149,7 +142,7 @@ def _trial(
     trial: Trial,
     params: StareParameters,
     looks: LookParameters,
-) -> tuple[LookMeasures, float]:
+) -> tuple[LookMeasures, float | None]:
     _, _, geometry, behaviour = _scenes()
     active = active_index_of(trial)
     condition = str(trial.factors["condition"])
@@ -161,27 +154,39 @@ def _trial(
     t_ns = _sample_times(start_ns, end_ns)
     first = int(t_ns[0] * TRACKER_HZ // NS_PER_S) + 1
     _begin(participant, trial.number, start_ns, behaviour)
-    aoi = _aoi(participant, tracker, geometry, t_ns, first, params.pad_deg)
-    if condition not in DYNAMIC_CONDITIONS:
-        return measure_trial(t_ns, aoi, active, start_ns, end_ns, params=looks), float("nan")
 
+    def seen(part: slice) -> npt.NDArray[np.int16]:
+        return _aoi(participant, tracker, geometry, t_ns[part], first + part.start, params.pad_deg)
+
+    n = t_ns.shape[0]
+    if condition not in DYNAMIC_CONDITIONS:
+        aoi = seen(slice(0, n))
+        return measure_trial(t_ns, aoi, active, start_ns, end_ns, params=looks), None
+
+    aoi = np.empty(0, np.int16)
+    while aoi.size < n and not (aoi == active).any():
+        aoi = np.concatenate([aoi, seen(slice(aoi.size, min(aoi.size + CHUNK_SAMPLES, n)))])
     turn_frame = _turn_frame(t_ns, aoi, active, start_ns, tracker.delay_ns, params)
     switch_ns = _frame_ns(turn_frame + 1)
+    # What was seen beyond the change was seen too early: go back and live through it again.
+    after = int(np.searchsorted(t_ns, switch_ns))
+    known = min(aoi.size, after)
     if participant.notices_contact:
-        after = int(np.searchsorted(t_ns, switch_ns))
         turning = behaviour.turning(
             active,
             _frame_ns(turn_frame) - start_ns,
             to_observer=condition == AVERTED_THEN_DIRECTED,
         )
         _begin(participant, trial.number, start_ns, behaviour)
-        participant.head(int(t_ns[after - 1]))
+        participant.head(int(t_ns[known - 1]))
+        between = seen(slice(known, after)) if known < after else aoi[:0]
         moving = True
         while moving:
-            _, moving = _show(participant, turning, start_ns, turn_frame)
+            moving = _show(participant, turning, start_ns, turn_frame)
             turn_frame += 1
-        rest = _aoi(participant, tracker, geometry, t_ns[after:], first + after, params.pad_deg)
-        aoi = np.concatenate([aoi[:after], rest])
+        aoi = np.concatenate([aoi[:known], between, seen(slice(after, n))])
+    elif aoi.size < n:
+        aoi = np.concatenate([aoi, seen(slice(aoi.size, n))])
     measured = measure_trial(t_ns, aoi, active, start_ns, end_ns, switch_ns=switch_ns, params=looks)
     return measured, (switch_ns - start_ns) / NS_PER_MS
 
@@ -202,13 +207,13 @@ def _begin(
 
 def _show(
     participant: StareParticipant, behaviour: EyeBehaviour, start_ns: int, frame: int
-) -> tuple[int, bool]:
-    """Show what a frame holds, from the next on; return that time, and whether eyes move."""
+) -> bool:
+    """Show what a frame holds, from the next on; tell whether eyes move."""
     elapsed_ns = _frame_ns(frame) - start_ns
     display_ns = _frame_ns(frame + 1)
     gaze, openness, moving = behaviour.at(elapsed_ns, PARTICIPANT_EYE_M)
     participant.see(SceneFrame(_scenes()[0], display_ns, gaze, openness), display_ns)
-    return display_ns, moving
+    return moving
 
 
 def _aoi(
@@ -254,54 +259,50 @@ def run_study(
     make_tracker: Callable[[int, int], TrackerModel],
     *,
     seed: int,
-    participants: Sequence[int] = range(30),
+    participants: Iterable[int] = range(30),
     effect: bool = True,
     population: Population = DEFAULT_POPULATION,
     params: StareParameters = DEFAULT_PARAMETERS,
     looks: LookParameters = DEFAULT_LOOK_PARAMETERS,
-) -> QuickResult:
+) -> QuickStudy:
     """Simulate a study; `make_tracker(seed, index)` gives each participant a tracker."""
-    measures, condition, place, switches, totals = [], [], [], [], []
+    rows: list[dict[str, object]] = []
+    answers = []
     for index in participants:
         plan = plan_session(index, seed, params=params)
         person = StareParticipant(index, seed, effect, population=population)
-        measured, switch_ms = run_participant(
+        performed = run_participant(
             person, make_tracker(seed, index), plan, params=params, looks=looks
         )
-        trials = [t for t in plan.trials if not t.is_practice]
-        rows = [m.as_row() for m in measured]
-        measures.append([[_number(row[name]) for name in SIX_MEASURES] for row in rows])
-        condition.append([CONDITIONS.index(str(t.factors["condition"])) for t in trials])
-        place.append([active_index_of(t) for t in trials])
-        switches.append(switch_ms)
-        totals.append(anxiety_total(person))
-    return QuickResult(
-        np.array(measures),
-        np.array(condition),
-        np.array(place),
-        np.array(switches),
-        np.array(totals),
-    )
+        label = f"{index:03d}"
+        for trial, measured, switch_ms in performed:
+            values = measured.as_row()
+            rows.append(
+                {
+                    "participant": label,
+                    "trial_id": trial.trial_id,
+                    **trial.factors,
+                    **{name: values[name] for name in (*SIX_MEASURES, "lost_01")},
+                    "switch_ms": switch_ms,
+                }
+            )
+        answers.append({"participant": label, "anxiety_total": anxiety_total(person)})
+    trials = pd.DataFrame(rows)
+    trials = trials.astype(dict.fromkeys((*SIX_MEASURES, "lost_01", "switch_ms"), float))
+    return QuickStudy(trials, pd.DataFrame(answers))
 
 
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
+@lru_cache(maxsize=1)
+def _anxiety_scale() -> Questionnaire:
+    return load_questionnaire("social_anxiety")
 
 
 def anxiety_total(participant: StareParticipant) -> float:
-    """Return the sum over 24 situations of fear and avoidance, 0-3 each."""
-    options = ("0", "1", "2", "3")
-    items = (f"liebowitz_{i:02d}_{part}" for i in range(1, 25) for part in ("fear", "avoidance"))
-    answers = (participant.answer(item, "", options) for item in items)
-    return float(sum(int(a) for a in answers if a is not None))
-
-
-def condition_means(result: QuickResult) -> npt.NDArray[np.float64]:
-    """Return participants' means (participants, 4, 6) over trials where the measure exists."""
-    means = np.full((result.measures.shape[0], N_CONDITIONS, len(SIX_MEASURES)), np.nan)
-    for c in range(N_CONDITIONS):
-        chosen = np.where((result.condition == c)[:, :, None], result.measures, np.nan)
-        count = np.isfinite(chosen).sum(axis=1)
-        with np.errstate(invalid="ignore"):
-            means[:, c] = np.where(count > 0, np.nansum(chosen, axis=1) / count, np.nan)
-    return means
+    """Return the total of the social anxiety questionnaire, NaN when an answer is missing."""
+    scale = _anxiety_scale()
+    given = {
+        q.question_id: participant.answer(q.question_id, q.prompt, q.options)
+        for q in scale.questions()
+    }
+    total = score(scale, read_answers(scale, given))["total"]
+    return float("nan") if total is None else float(total)

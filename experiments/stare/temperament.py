@@ -24,7 +24,7 @@ class Population:
     """C: unit of the weights, a head of average size in the middle of the view."""
     body_appeal: float = 0.5
     """F: a chest, against a head."""
-    room_appeal: float = 0.8
+    room_appeal: float = 1.95
     """F: one of the room's points (walls, ceiling, floor), against a head."""
     speaker_appeal: float = 2.0
     """F: the side towards which the audience looks, where the speaker is known to stand."""
@@ -34,15 +34,15 @@ class Population:
     """F (sign: Foulsham et al. 2013, Ossandon et al. 2014): log weight per 20° to the left."""
     centre_deg: float = 35.0
     """F: weights fall with the angle from the middle of the view as a Gaussian of this width."""
-    head_appeal_log_sd: float = 0.25
+    head_appeal_log_sd: float = 0.42
     """F: between-person spread of the share of looking that heads get."""
     novelty_gain: float = 1.0
     """F: weight of a target not yet inspected in this trial."""
     familiar_share: float = 0.4
     """F: weight of a head inspected before, without contact, once recovered."""
-    recovery_s: float = 0.8
+    recovery_s: float = 0.6
     """F: time constant with which a target just left attracts again (inhibition of return)."""
-    early_gain: float = 0.5
+    early_gain: float = 0.7
     """F: extra attraction of heads just after the scene appears, ..."""
     early_s: float = 4.0
     """F: ... and the time constant with which it fades."""
@@ -50,11 +50,11 @@ class Population:
     """L/F: near targets before far ones, exponential in saccade size (Tatler et al. 2006)."""
 
     # ---- how long visits and fixations last ----
-    head_visit_s: float = 0.30
+    head_visit_s: float = 0.238
     """F: mean visit to a head without contact (one or more fixations on it)."""
-    head_visit_log_sd: float = 0.50
+    head_visit_log_sd: float = 0.45
     """F: its within-person log spread."""
-    head_visit_between_log_sd: float = 0.15
+    head_visit_between_log_sd: float = 0.25
     """F: its between-person log spread."""
     other_visit_s: float = 0.35
     """F: mean visit to a body or a point of the room."""
@@ -78,43 +78,51 @@ class Population:
     """F: mean time to notice that the agent looked at begins or ends contact."""
     notice_log_sd: float = 0.35
     """C: log spread of both."""
-    hold_s: float = 0.22
+    hold_s: float = 0.28
     """F: mean prolongation of a visit by contact."""
     hold_log_sd: float = 0.60
     """F: its within-person log spread."""
-    hold_between_log_sd: float = 0.75
+    hold_between_log_sd: float = 0.68
     """F: its between-person log spread."""
-    startle_s: float = 0.18
+    startle_s: float = 0.45
     """F: mean time a visit goes on after contact was seen to end."""
-    return_gain: float = 3.5
-    """F: median factor by which an agent known to be in contact draws gaze back."""
-    return_between_log_sd: float = 0.6
+    startle_between_log_sd: float = 0.7
     """F: its between-person log spread."""
-    return_habituation: float = 0.92
+    hold_growth: float = 1.4
+    """F: factor on `hold_s` at each further visit to an agent in contact."""
+    caught_hold: float = 1.15
+    """F: factor on `hold_s` for an agent seen to look elsewhere before, ..."""
+    caught_return: float = 2.8
+    """F: ... and on `return_gain`: being caught staring asks for another look."""
+    return_gain: float = 14.0
+    """F: median factor by which an agent known to be in contact draws gaze back."""
+    return_between_log_sd: float = 0.9
+    """F: its between-person log spread."""
+    return_habituation: float = 0.36
     """F: factor on the former at each further visit."""
-    recheck_gain: float = 1.0
+    recheck_gain: float = 4.3
     """F: extra attraction of an agent that was seen to look away, ..."""
-    recheck_s: float = 6.0
+    recheck_s: float = 4.0
     """F: ... and the time constant with which it fades."""
     parafovea_p: float = 0.10
     """F: probability per fixation to notice contact just beside the point looked at, ..."""
     parafovea_deg: float = 6.0
     """F: ... falling with eccentricity as a Gaussian of this width (Palanica & Itier 2011)."""
-    onset_p: float = 0.35
-    """F: the same for the first impression of a scene just appeared, ..."""
-    onset_deg: float = 22.0
-    """F: ... and its width round where gaze waits, the mark at top centre."""
-    capture_gain: float = 1.5
+    onset_p: float = 0.5
+    """F: the same for the first impression of a scene just appeared, taken from its middle, ..."""
+    onset_deg: float = 9.0
+    """F: ... falling with the horizontal angle from there (published: the centre's effect)."""
+    capture_gain: float = 4.0
     """F: extra attraction of an agent whose contact was noticed beside the point looked at."""
 
     # ---- social anxiety ----
-    anxiety_on_hold: float = -0.50
+    anxiety_on_hold: float = -0.45
     """F: correlation of the trait with the log of `hold_s` (published: dwell rs -.37 to -.57)."""
-    anxiety_on_return: float = -0.50
+    anxiety_on_return: float = -0.6
     """F: correlation of the trait with the log of `return_gain`."""
-    anxiety_on_visit: float = -0.40
+    anxiety_on_visit: float = -0.55
     """F: correlation of the trait with the log of `head_visit_s` (published: A rs -.40)."""
-    hold_with_return: float = 0.70
+    hold_with_return: float = 0.9
     """F: correlation of the two gains through what is not anxiety."""
 
     # ---- eye movements ----
@@ -218,7 +226,11 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
         "other_visit_log_sd": q.other_visit_log_sd,
         "hold_s": q.hold_s * np.exp(q.hold_between_log_sd * hold - q.hold_between_log_sd**2 / 2),
         "hold_log_sd": q.hold_log_sd,
-        "startle_s": q.startle_s * np.exp(0.3 * hold),
+        "startle_s": q.startle_s
+        * np.exp(q.startle_between_log_sd * hold - q.startle_between_log_sd**2 / 2),
+        "hold_growth": q.hold_growth,
+        "caught_hold": q.caught_hold,
+        "caught_return": q.caught_return,
         "return_gain": q.return_gain * np.exp(q.return_between_log_sd * come_back),
         "return_habituation": q.return_habituation,
         "recheck_gain": q.recheck_gain * np.exp(q.return_between_log_sd * come_back),
