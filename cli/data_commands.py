@@ -4,13 +4,15 @@ import shutil
 from pathlib import Path
 from typing import Annotated
 
+import pandas as pd
 import typer
 from rich.table import Table
 
-from analysis.gaze.imported import import_gaze
+from analysis.gaze.imported import FORMATS, read_gaze, report
+from analysis.gaze.mapped_csv import read_mapping
 from cli.app import CONFIG_NAME, REPOSITORY, ConfigOption, app, console, load_lab
 from devices.registry import driver_names
-from lab.errors import UsageError
+from lab.errors import DataError, UsageError
 from recording.export import export_session
 
 import_app = typer.Typer(help="Read data recorded by other programs.")
@@ -36,10 +38,35 @@ def import_gaze_files(
 
     Example: visavis import gaze session1.csv --format vive -o out/session1
     """
-    result = import_gaze(files, format_name, mapping, output)
-    for line in result.lines:
-        console.print(line, soft_wrap=True)
+    if format_name not in FORMATS:
+        raise UsageError(f"--format takes {', '.join(FORMATS)}, not {format_name!r}")
+    columns = read_mapping(mapping) if mapping is not None else None
+    failures: list[str] = []
+    for file in files:
+        try:
+            recording = read_gaze(file, format_name, columns)
+            result = report(recording, output)
+        except DataError as error:
+            if len(files) == 1:
+                raise
+            failures.append(str(error))
+            continue
+        _print_frame(f"{result.name}: quality", result.quality)
+        _print_frame(f"{result.name}: fixations by detector", result.detectors)
+    for failure in failures:
+        console.print(f"[yellow]left out: {failure}[/]", soft_wrap=True)
     console.print(f"tables and figures in [b]{output}[/]", soft_wrap=True)
+    if failures:
+        raise typer.Exit(DataError.exit_code)
+
+
+def _print_frame(title: str, frame: pd.DataFrame) -> None:
+    table = Table(title=title, title_justify="left", box=None)
+    for column in frame.columns:
+        table.add_column(str(column))
+    for row in frame.itertuples(index=False):
+        table.add_row(*(f"{v:.3g}" if isinstance(v, float) else str(v) for v in row))
+    console.print(table)
 
 
 @app.command()

@@ -9,6 +9,7 @@ from devices.sim.faults import FaultSchedule
 from devices.sim.headset import SimulatedHeadset
 from devices.sim.pupil_core import PupilCoreSimulator
 from devices.sim.responses import SimulatedResponses
+from devices.sim.zmq_host import ZmqHost
 from devices.transports import MemoryTransport, MessageTransport, ZmqTransport
 from lab.clock import Clock
 from lab.config import DeviceConfig, LabConfig
@@ -112,21 +113,16 @@ def _pupil_core(
         transport = ZmqTransport(address, port, clock)
     else:
         assert body is not None  # noqa: S101 - checked by the caller
+        drift_ppm = float(options.pop("drift_ppm", 0.0))
         simulator = PupilCoreSimulator(
-            body, clock=clock, seed=seed, rate_hz=rate_hz, faults=faults, **_simulated(options)
+            body, clock=clock, seed=seed, rate_hz=rate_hz, faults=faults, drift_ppm=drift_ppm
         )
         if clock.is_virtual:
             transport = MemoryTransport(simulator, clock)
         else:
-            from devices.sim.pupil_host import ZmqHost
-
             host = stack.enter_context(ZmqHost(simulator, clock))
             transport = ZmqTransport("127.0.0.1", host.port, clock, is_simulated=True)
     return PupilCore(role, transport, clock, rate_hz=rate_hz, **options)
-
-
-def _simulated(options: dict[str, object]) -> dict[str, float]:
-    return {k: float(options.pop(k)) for k in ("drift_ppm",) if k in options}  # type: ignore[arg-type]  # validated as numbers by the configuration
 
 
 def _as_headset(device: Device) -> Headset:
