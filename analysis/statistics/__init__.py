@@ -22,6 +22,7 @@ from analysis.statistics.between import (
 )
 from analysis.statistics.bootstrap import Bootstrap, bootstrap_interval
 from analysis.statistics.clusters import Selection, Ward, select_scales, ward
+from analysis.statistics.conditions import ConditionsComparison, compare_conditions
 from analysis.statistics.contrasts import Contrast, Contrasts
 from analysis.statistics.correlation import Correlation, pearson, spearman, spearman_p
 from analysis.statistics.decision import PairedComparison, Step, compare_paired, correct_family
@@ -35,6 +36,7 @@ from analysis.statistics.equivalence import (
     tost_paired,
 )
 from analysis.statistics.errors import StatisticsError
+from analysis.statistics.estimation import estimation_plot
 from analysis.statistics.friedman import Friedman, SignedRankPair, friedman, posthoc_signed_rank
 from analysis.statistics.mixed import mixed_anova
 from analysis.statistics.normality import ShapiroWilk, shapiro_wilk, skewness
@@ -71,6 +73,7 @@ __all__ = [
     "ArtAnova",
     "Bootstrap",
     "Cell",
+    "ConditionsComparison",
     "Contrast",
     "Contrasts",
     "Correlation",
@@ -108,10 +111,12 @@ __all__ = [
     "bonferroni_thresholds",
     "bootstrap_interval",
     "cell_means",
+    "compare_conditions",
     "compare_paired",
     "correct_family",
     "cronbach_alpha",
     "describe",
+    "estimation_plot",
     "friedman",
     "group_means",
     "independent_t",
