@@ -119,11 +119,16 @@ def no_data(axes: Axes, why: str) -> None:
 
 
 def dots_with_limit(
-    axes: Axes, values: Values, colour: str, *, limit: float | None, name: str
+    axes: Axes,
+    values: Values,
+    colour: str,
+    *,
+    over: npt.NDArray[np.bool_],
+    limit: float | None,
+    name: str,
 ) -> None:
-    """Draw one dot per row (top to bottom) and the limit beyond which a row is out."""
+    """Draw one dot per row (top to bottom), a cross where `over`, and a limit."""
     y = np.arange(values.size)
-    over = values > limit if limit is not None else np.zeros(values.size, bool)
     axes.hlines(y, 0, np.nan_to_num(values), color=colour, alpha=0.25, linewidth=1.2)
     axes.scatter(values[~over], y[~over], s=26, color=colour, zorder=3)
     axes.scatter(values[over], y[over], s=34, marker="X", color=BLACK, zorder=3)

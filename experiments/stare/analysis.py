@@ -97,6 +97,7 @@ def analyse_rows(
     *,
     is_simulated: bool,
     sensitivity_rows: pd.DataFrame | None = None,
+    allow_mixture: bool = False,
 ) -> StareAnalysis:
     """Analyse a study from its tidy trial table and its participants' answers.
 
@@ -104,9 +105,11 @@ def analyse_rows(
     columns of the study's measures; `answers` one row per participant with `participant` and
     `anxiety_total`; `sensitivity_rows` the measures by padding and minimum duration. Works with
     any number of participants: what cannot be tested says why. Raises DataError for a table
-    that is not this study's or that mixes simulated and real data.
+    that is not this study's or that mixes simulated and real data; `allow_mixture` takes a
+    mixture, which then counts as simulated.
     """
-    _refuse_mixture(trials, is_simulated)
+    if not (allow_mixture and is_simulated):
+        _refuse_mixture(trials, is_simulated)
     selection = select_trials(trials, parameters)
     means = condition_means(selection.kept)
     comparisons = compare_conditions(means, parameters)

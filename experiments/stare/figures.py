@@ -116,7 +116,8 @@ def study_figures(
             lambda: _quality(analysis, quality),
             title="Data quality by participant",
             caption="Accuracy and precision from the validations in force, loss as the mean "
-            "over all finished trials. Dashed: the limit of exclusion; crosses lie beyond it.",
+            "over all finished trials. Dashed: the limits of a participant's mean error and of "
+            "one trial's loss. Crosses: participants excluded.",
             alternative="Accuracy, precision and data loss of every participant.",
             is_simulated=simulated,
         ),
@@ -205,9 +206,10 @@ def _anxiety(analysis: StareAnalysis) -> Figure:
     figure = new_figure(9.6, 5.4)
     grid = figure.subplots(2, 4, sharey="row", sharex="row")
     wide = analysis.means.pivot(index="participant", columns="condition", values=DWELL.column)
+    wide = wide.reindex(columns=list(CONDITIONS))
     for j, condition in enumerate(CONDITIONS):
         top, bottom = grid[0, j], grid[1, j]
-        known = wide[condition].dropna() if condition in wide else wide.iloc[:0, 0]
+        known = wide[condition].dropna()
         both = known.index.intersection(analysis.anxiety_scores.index)
         found = next(c for c in analysis.anxiety if c.measure == DWELL and c.condition == condition)
         top.set_title(f"{condition} – {CONDITION_NAMES[condition]}", fontsize=9.5)
@@ -242,6 +244,8 @@ def _quality(analysis: StareAnalysis, quality: StareQuality) -> Figure:
     parameters = analysis.parameters
     panels = figure.subplots(1, 3, sharey=True)
     limits = (parameters.max_error_deg, None, 100 * parameters.max_trial_lost_01)
+    out = {e.participant for e in analysis.selection.excluded if e.trial_id is None}
+    over = np.array([str(p) in out for p in table["participant"]], dtype=bool)
     names = ("Accuracy (° error)", "Precision (° RMS-S2S)", "Lost gaze (%)")
     for axes, column, limit, name in zip(panels, QUALITY_COLUMNS, limits, names, strict=True):
         values = table[column].to_numpy(float)
@@ -250,7 +254,7 @@ def _quality(analysis: StareAnalysis, quality: StareQuality) -> Figure:
             axes.set_xlabel(name)
             continue
         scale = 100.0 if column == "lost_01" else 1.0
-        dots_with_limit(axes, scale * values, BLUE, limit=limit, name=name)
+        dots_with_limit(axes, scale * values, BLUE, over=over, limit=limit, name=name)
     panels[0].set_yticks(np.arange(len(table)), table["participant"].astype(str).tolist())
     panels[0].set_ylabel("Participant")
     return figure

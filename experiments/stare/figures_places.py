@@ -52,8 +52,10 @@ def place_figure(analysis: StareAnalysis) -> Figure:
         _above(grid[0, j], values, scale, marks)
         _seen(grid[1, j], values, scale)
         grid[0, j].set_title(title)
-        bar = figure.colorbar(scale, ax=grid[:, j], location="bottom", shrink=0.8, pad=0.03)
-        bar.set_label("Dwell time (ms)" if j < 2 else "Difference (ms)")
+        if j > 0:
+            below = grid[:, :2] if j == 1 else grid[:, 2]
+            bar = figure.colorbar(scale, ax=below, location="bottom", shrink=0.6, pad=0.03)
+            bar.set_label("Dwell time (ms)" if j == 1 else "Difference (ms)")
     grid[0, 0].set_ylabel("Ahead (m)")
     grid[1, 0].set_ylabel("Elevation (°)")
     return figure

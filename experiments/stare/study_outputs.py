@@ -41,6 +41,7 @@ def analyse_study(
     sensitivity_rows: pd.DataFrame | None = None,
     example: TrialExample | None = None,
     facts: Mapping[str, str] | None = None,
+    allow_mixture: bool = False,
 ) -> StudyOutputs:
     """Analyse a study and write trials, participants, statistics, figures and the report.
 
@@ -54,6 +55,7 @@ def analyse_study(
         parameters,
         is_simulated=is_simulated,
         sensitivity_rows=sensitivity_rows,
+        allow_mixture=allow_mixture,
     )
     quality = quality_of_trials(
         trials,

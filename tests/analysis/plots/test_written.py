@@ -1,0 +1,143 @@
+import locale
+import re
+from xml.etree import ElementTree
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from analysis.plots import draw, new_figure, png_bytes, svg_for_page, write_figure
+from analysis.plots.panels import mean_interval, spread_out
+from analysis.plots.written import svg_text
+
+
+def figure_of(name: str = "plot", *, is_simulated: bool = True):
+    def make():
+        figure = new_figure(4, 3)
+        axes = figure.add_subplot()
+        axes.plot([0, 1, 2], [1.5, 2.5, -1.0], "o-")
+        axes.set_xlabel("time (ms)")
+        return figure
+
+    return draw(name, make, title="T", caption="C", alternative="A", is_simulated=is_simulated)
+
+
+def test_same_data_give_the_same_bytes():
+    assert svg_text(figure_of()) == svg_text(figure_of())
+    assert png_bytes(figure_of()) == png_bytes(figure_of())
+
+
+def test_writing_twice_gives_the_same_bytes():
+    drawn = figure_of()
+
+    assert svg_for_page(drawn) == svg_for_page(drawn)
+
+
+def test_simulated_figure_carries_the_watermark_and_a_real_one_does_not():
+    assert "SIMULATED" in svg_for_page(figure_of())
+    assert "SIMULATED" not in svg_for_page(figure_of(is_simulated=False))
+    assert png_bytes(figure_of()) != png_bytes(figure_of(is_simulated=False))
+
+
+@pytest.mark.parametrize(("width", "height"), [(4, 3), (9.6, 3.3), (3, 9)])
+def test_watermark_lies_within_the_figure(width, height):
+    drawn = draw(
+        "w",
+        lambda: new_figure(width, height),
+        title="",
+        caption="",
+        alternative="",
+        is_simulated=True,
+    )
+    renderer = FigureCanvasAgg(drawn.figure).get_renderer()
+    box = drawn.figure.texts[0].get_window_extent(renderer)
+    size = drawn.figure.bbox
+
+    assert box.x0 >= 0
+    assert box.y0 >= 0
+    assert box.x1 <= size.width
+    assert box.y1 <= size.height
+    assert max(box.width / size.width, box.height / size.height) > 0.6
+
+
+def test_inlined_figures_share_no_identifier():
+    first, second = (set(re.findall(r'\bid="([^"]+)"', svg_for_page(figure_of(n)))) for n in "ab")
+
+    assert first
+    assert not first & second
+
+
+def test_every_reference_within_an_inlined_figure_resolves():
+    text = svg_for_page(figure_of())
+    known = set(re.findall(r'\bid="([^"]+)"', text))
+    used = set(re.findall(r'(?:url\(#|href="#)([^")]+)', text))
+
+    assert used
+    assert used <= known
+    ElementTree.fromstring(text)  # noqa: S314 - our own output
+
+
+def test_svg_holds_no_date_and_no_foreign_address():
+    text = svg_for_page(figure_of())
+
+    assert "<dc:date>" not in text
+    assert "matplotlib.org" not in text
+
+
+def test_users_own_style_does_not_change_a_figure():
+    plain = svg_text(figure_of())
+    with mpl.rc_context({"font.size": 30, "axes.spines.top": True, "lines.linewidth": 9}):
+        assert plain == svg_text(figure_of())
+
+
+def test_figures_are_written_as_svg_and_png(tmp_path):
+    paths = write_figure(figure_of("my"), tmp_path / "figures")
+
+    assert [p.name for p in paths] == ["my.svg", "my.png"]
+    assert paths[1].read_bytes()[:4] == b"\x89PNG"
+
+
+def test_decimal_comma_locale_changes_nothing():
+    plain = svg_text(figure_of())
+    before = locale.setlocale(locale.LC_NUMERIC)
+    comma = next((n for n in ("de_DE.UTF-8", "fr_FR.UTF-8") if _has_locale(n)), "C")
+    try:
+        locale.setlocale(locale.LC_NUMERIC, comma)
+        assert plain == svg_text(figure_of())
+    finally:
+        locale.setlocale(locale.LC_NUMERIC, before)
+
+
+def _has_locale(name: str) -> bool:
+    before = locale.setlocale(locale.LC_NUMERIC)
+    try:
+        locale.setlocale(locale.LC_NUMERIC, name)
+    except locale.Error:
+        return False
+    finally:
+        locale.setlocale(locale.LC_NUMERIC, before)
+    return True
+
+
+def test_mean_interval_of_known_values():
+    mean, low, high = mean_interval(np.array([1.0, 2.0, 3.0, np.nan]))
+
+    assert mean == 2.0
+    assert (low, high) == pytest.approx(
+        (2 - 4.302652729911275 / 3**0.5, 2 + 4.302652729911275 / 3**0.5)
+    )
+
+
+def test_mean_interval_of_one_value_has_no_bounds():
+    mean, low, high = mean_interval(np.array([5.0]))
+
+    assert mean == 5.0
+    assert np.isnan([low, high]).all()
+
+
+def test_spread_stays_within_its_width_and_separates_equal_values():
+    offsets = spread_out(np.full(30, 2.0), 0.2)
+
+    assert np.abs(offsets).max() <= 0.2
+    assert len(np.unique(offsets)) == 30

@@ -1,0 +1,140 @@
+from html.parser import HTMLParser
+
+import pytest
+
+from analysis.report import (
+    Bullets,
+    Cell,
+    Code,
+    Column,
+    Facts,
+    Fold,
+    Page,
+    Paragraph,
+    Picture,
+    Section,
+    Table,
+    Verdict,
+    Verdicts,
+    render_page,
+    write_page,
+)
+from lab.errors import UsageError
+
+VOID = {"meta", "br", "hr", "img", "link", "input"}
+
+
+class Balance(HTMLParser):
+    """Fails on a tag that is closed without having been opened, or left open."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        self.seen.append(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+EVERY_BLOCK = (
+    Paragraph("p = .03 & more"),
+    Bullets(("one", "two")),
+    Facts((("n", "30"),)),
+    Verdicts((Verdict("found", "Found", "detail"),)),
+    Table(
+        (Column("Measure"), Column("p", "right", "Here"), Column("p", "right", "There")),
+        (("dwell", Cell(".01", "strong", "why"), Cell("–", "weak")),),
+        "Caption",
+        "A note",
+    ),
+    Picture('<svg viewBox="0 0 1 1"></svg>', "Title", "Caption", "Alternative"),
+    Code(("visavis report",)),
+    Fold("More", (Paragraph("inner"),)),
+)
+
+
+def page(*, is_simulated: bool = False, blocks=EVERY_BLOCK) -> Page:
+    return Page(
+        title="A study",
+        subtitle="A question",
+        facts=Facts((("Data", "real"),)),
+        is_simulated=is_simulated,
+        sections=(Section("one", "One", blocks),),
+    )
+
+
+def test_every_block_renders_to_balanced_html():
+    parser = Balance()
+    parser.feed(render_page(page(blocks=EVERY_BLOCK)))
+
+    assert parser.open == []
+    assert {"table", "figure", "details", "pre", "ul", "dl"} <= set(parser.seen)
+
+
+def test_text_is_escaped_everywhere():
+    evil = "<script>alert(1)</script>"
+    blocks = (
+        Paragraph(evil),
+        Bullets((evil,)),
+        Facts(((evil, evil),)),
+        Verdicts((Verdict("found", evil, evil),)),
+        Table((Column(evil),), ((Cell(evil, hint=evil),),), evil, evil),
+        Picture("<svg></svg>", evil, evil, evil),
+        Code((evil,)),
+        Fold(evil, ()),
+    )
+
+    assert "<script" not in render_page(page(blocks=blocks))
+
+
+def test_simulated_page_has_banner_and_printed_watermark_and_real_has_none():
+    simulated, real = (render_page(page(is_simulated=s)) for s in (True, False))
+
+    assert 'class="banner"' in simulated
+    assert 'class="watermark"' in simulated
+    assert "[simulated]" in simulated
+    assert 'class="banner"' not in real
+    assert 'class="watermark"' not in real
+
+
+def test_page_asks_nothing_of_the_network():
+    text = render_page(page(blocks=EVERY_BLOCK))
+
+    for word in ("http://", "https://", "<link", "<script", "<iframe", "@import", "src="):
+        assert word not in text
+
+
+def test_group_headings_span_their_columns():
+    text = render_page(page(blocks=EVERY_BLOCK))
+
+    assert '<th colspan="1" class="group">Here</th>' in text
+
+
+def test_row_of_the_wrong_length_is_refused():
+    with pytest.raises(ValueError, match="row 1 of table 'T' has 1 cells for 2 columns"):
+        Table((Column("a"), Column("b")), (("x",),), "T")
+
+
+def test_numbers_stay_with_their_sign_on_one_line():
+    assert "p\u00a0=\u00a0.03 &amp; more" in render_page(page(blocks=EVERY_BLOCK))
+
+
+def test_writing_replaces_an_older_file_and_leaves_no_part(tmp_path):
+    path = tmp_path / "sous-dossier é" / "report.html"
+    write_page(page(), path)
+    write_page(page(is_simulated=True), path)
+
+    assert "SIMULATED" in path.read_text(encoding="utf-8")
+    assert [p.name for p in path.parent.iterdir()] == ["report.html"]
+
+
+def test_folder_that_is_a_file_gives_a_clear_error(tmp_path):
+    (tmp_path / "taken").write_text("x")
+
+    with pytest.raises(UsageError, match="choose a folder"):
+        write_page(page(), tmp_path / "taken" / "report.html")

@@ -1,0 +1,321 @@
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from experiments.stare import agreement, published
+from experiments.stare.agreement import Agreement
+from experiments.stare.analysis import analyse_rows
+from experiments.stare.analysis_parameters import DEFAULT_PARAMETERS
+from experiments.stare.comparisons import (
+    compare,
+    compare_conditions,
+    condition_means,
+    describe,
+    find,
+)
+from experiments.stare.conclusions import conclude
+from experiments.stare.design import CONDITIONS
+from experiments.stare.terms import DWELL, FIRST_TIME, FIXATION_COUNT, MEASURES
+from lab.errors import DataError
+from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows, varied_rows
+
+N = 20
+
+
+@pytest.fixture(scope="module")
+def study():
+    rows = study_rows(N)
+    return analyse_rows(
+        rows, anxiety_answers(N), is_simulated=True, sensitivity_rows=varied_rows(rows)
+    )
+
+
+def means_of(**columns: list[float]) -> pd.DataFrame:
+    """Return condition means with dwell times by condition, one list entry per participant."""
+    return pd.DataFrame(
+        [
+            {"participant": f"S{i}", "condition": condition, DWELL.column: value}
+            for condition, values in columns.items()
+            for i, value in enumerate(values)
+        ]
+    )
+
+
+def dwell(means: pd.DataFrame):
+    return compare(means, DWELL, ("A", "D"), DEFAULT_PARAMETERS, family="f", n_tests=30)
+
+
+def test_condition_mean_averages_the_trials_of_a_condition(study):
+    rows = study.selection.kept
+    here = rows[(rows["participant"] == "S01") & (rows["condition"] == "AD")]
+    means = study.means.set_index(["participant", "condition"])
+
+    assert here["dwell_ms"].mean() == pytest.approx(means.loc[("S01", "AD"), "dwell_ms"])
+    assert means.loc[("S01", "AD"), "n_trials"] == 18
+
+
+def test_thirty_tests_share_alpha_over_thirty(study):
+    assert len(study.comparisons) == 30
+    assert {c.threshold for c in study.comparisons} == {0.05 / 30}
+    assert {c.threshold for c in study.places} == {0.05 / 9}
+    assert len(study.places) == 18
+    assert {c.threshold for c in study.zones} == {0.05 / 3}
+    assert len(study.zones) == 15
+
+
+def test_test_equals_scipy_on_the_participants_means(study):
+    wide = study.means.pivot(index="participant", columns="condition", values="dwell_ms")
+    expected = stats.ttest_rel(wide["A"], wide["D"])
+    outcome = find(study.comparisons, DWELL, ("A", "D")).outcome
+
+    assert outcome is not None
+    assert outcome.is_parametric == (stats.shapiro(wide["A"] - wide["D"]).pvalue > 0.05)
+    assert expected.pvalue == pytest.approx(outcome.p)
+
+
+def test_pairs_with_a_missing_value_are_left_out_and_counted():
+    means = means_of(A=[1.0, 2.0, np.nan, 4.0, 5.5], D=[3.0, 3.5, 7.0, 8.0, 9.0])
+
+    test = dwell(means)
+
+    assert (test.n_pairs, test.n_incomplete) == (4, 1)
+    assert test.first_mean == pytest.approx((1 + 2 + 4 + 5.5) / 4)
+    assert "n = 4 (1 participant without both values)" in test.sentence()
+
+
+def test_two_participants_are_too_few_and_the_sentence_says_so():
+    test = dwell(means_of(A=[1.0, 2.0], D=[3.0, 5.0]))
+
+    assert test.outcome is None
+    assert test.is_significant is None
+    assert "not tested, 2 participants with both values, 3 needed" in test.sentence()
+
+
+def test_constant_difference_is_a_stated_problem_not_a_crash():
+    test = dwell(means_of(A=[1.0, 2.0, 3.0, 4.0], D=[2.0, 3.0, 4.0, 5.0]))
+
+    assert test.outcome is None
+    assert test.problem
+
+
+def test_condition_nobody_saw_gives_no_test():
+    test = dwell(means_of(A=[1.0, 2.0, 3.0, 4.0]))
+
+    assert (test.n_pairs, test.n_incomplete) == (0, 4)
+    assert test.outcome is None
+
+
+def test_direction_is_up_when_the_second_condition_has_more():
+    assert dwell(means_of(A=[1.0, 2.0, 3.1], D=[3.0, 4.0, 9.0])).direction == 1
+    assert dwell(means_of(A=[3.0, 4.0, 9.0], D=[1.0, 2.0, 3.1])).direction == -1
+
+
+def test_sentence_names_test_n_statistic_p_effect_interval_and_threshold(study):
+    for test in (*study.comparisons, *study.places, *study.zones):
+        text = test.sentence()
+
+        assert f"n = {test.n_pairs}" in text
+        assert "t test" in text or "Wilcoxon" in text
+        assert "t(" in text or "V = " in text
+        assert "p = ." in text or "p < .001" in text
+        assert "95% CI [" in text
+        assert f"over {test.n_tests} tests" in text
+
+
+def test_descriptives_use_everyone_who_has_a_value():
+    means = means_of(A=[1.0, 3.0, np.nan])
+    for measure in MEASURES[1:]:
+        means[measure.column] = np.nan
+
+    found = {(d.measure, d.condition): d for d in describe(means)}
+
+    assert (found[DWELL, "A"].n, found[DWELL, "A"].mean) == (2, 2.0)
+    assert found[DWELL, "A"].sd == pytest.approx(np.sqrt(2))
+    assert found[FIXATION_COUNT, "A"].n == 0
+    assert np.isnan(found[FIXATION_COUNT, "A"].mean)
+
+
+@pytest.mark.parametrize(
+    ("printed", "ours", "same_direction", "expected"),
+    [
+        (True, True, True, True),
+        (True, True, False, False),
+        (True, False, True, False),
+        (False, True, True, False),
+        (False, False, False, True),
+        (True, None, True, None),
+    ],
+)
+def test_verdicts_agree_in_significance_and_direction(printed, ours, same_direction, expected):
+    assert Agreement(printed, ours, same_direction).agrees is expected
+
+
+def test_data_at_the_published_means_agree_with_most_published_verdicts(study):
+    assert study.agreements["conditions"].published == 30
+    assert study.agreements["conditions"].agree >= 24
+
+
+def test_reversed_effect_does_not_agree_with_the_published_one():
+    rows = study_rows(N)
+    rows["condition"] = rows["condition"].map({"A": "D", "D": "A", "AD": "AD", "DA": "DA"})
+    means = condition_means(rows)
+    test = compare(means, DWELL, ("A", "D"), DEFAULT_PARAMETERS, family="f", n_tests=30)
+
+    assert test.is_significant is True
+    assert agreement.condition_agreement(test).agrees is False
+    assert conclude(compare_conditions(means, DEFAULT_PARAMETERS), ())[0].status == "not_found"
+
+
+def test_effect_is_found_only_with_both_dwell_time_and_fixation_count():
+    rows = study_rows(N)
+    both = conclude(compare_conditions(condition_means(rows), DEFAULT_PARAMETERS), ())
+    rows["fixation_count"] = study_rows(N, effect=False, seed=3)["fixation_count"]
+    dwell_only = conclude(compare_conditions(condition_means(rows), DEFAULT_PARAMETERS), ())
+
+    assert both[0].status == "found"
+    assert dwell_only[0].status == "partly"
+
+
+def test_no_effect_is_reported_as_not_found():
+    rows = study_rows(12, effect=False, seed=5)
+    found = analyse_rows(rows, anxiety_answers(12), is_simulated=True)
+
+    assert found.conclusions[0].headline == "Stare-in-the-crowd effect: not found"
+
+
+@pytest.mark.parametrize("participants", [1, 2])
+def test_too_few_participants_are_said_not_computed(participants):
+    rows = study_rows(participants)
+    found = analyse_rows(rows, anxiety_answers(participants), is_simulated=True)
+
+    assert {c.status for c in found.conclusions} == {"undecided"}
+    assert found.agreements["conditions"].compared == 0
+    assert all("not tested" in c.sentence() for c in found.comparisons)
+
+
+def test_anxiety_correlation_uses_those_with_a_score(study):
+    answers = anxiety_answers(N)
+    answers.loc[0:1, "anxiety_total"] = np.nan
+    found = analyse_rows(study.trials, answers, is_simulated=True).anxiety
+    with_d = next(c for c in found if c.measure == DWELL and c.condition == "D")
+
+    assert {c.n for c in study.anxiety if c.measure == DWELL} == {N}
+    assert with_d.n == N - 2
+
+
+def test_strong_negative_anxiety_relation_is_found():
+    rows = study_rows(N)
+    order = {f"S{i + 1:02d}": i for i in range(N)}
+    rank = rows["participant"].map(order)
+    answers = pd.DataFrame({"participant": list(order), "anxiety_total": range(10, 10 + N)})
+    rows["dwell_ms"] = 3000.0 - 100 * rank + 0.001 * rows["dwell_ms"]
+    found = analyse_rows(rows, answers, is_simulated=True)
+
+    assert found.conclusions[-1].status == "found"
+    assert "3 of 3 conditions" in found.conclusions[-1].answer
+    significant = [a for a in found.anxiety if a.measure == DWELL]
+    assert all(a.outcome is not None and a.outcome.r < -0.9 for a in significant)
+
+
+def test_two_scores_of_one_participant_are_refused():
+    answers = pd.DataFrame({"participant": ["S01", "S01"], "anxiety_total": [5, 6]})
+
+    with pytest.raises(DataError, match="S01 has two"):
+        analyse_rows(study_rows(3), answers, is_simulated=True)
+
+
+def test_no_answers_leave_the_rest_of_the_analysis():
+    found = analyse_rows(study_rows(4), pd.DataFrame(), is_simulated=True)
+
+    assert found.conclusions[-1].status == "undecided"
+    assert all(c.outcome is not None for c in found.comparisons if c.measure == DWELL)
+
+
+def test_simulated_rows_are_refused_as_real():
+    with pytest.raises(DataError, match="apart"):
+        analyse_rows(study_rows(3), anxiety_answers(3), is_simulated=False)
+
+
+def test_sensitivity_repeats_the_main_analysis_at_its_own_setting(study):
+    own = [r for r in study.sensitivity if (r.pad_deg, r.minimum_fixation_ms) == (1.0, 150.0)]
+
+    assert len(study.sensitivity) == 15
+    assert own[0].same_verdicts == 30
+    main = find(study.comparisons, DWELL, ("A", "D"))
+    assert own[0].dwell.first_mean == pytest.approx(main.first_mean)
+
+
+def test_sensitivity_leaves_out_excluded_trials():
+    rows = study_rows(5)
+    varied = varied_rows(rows)
+    rows.loc[rows["trial_id"] == "T01", "lost_01"] = 0.9
+    varied.loc[varied["trial_id"] == "T01", "dwell_ms"] = 1e9
+    found = analyse_rows(rows, anxiety_answers(5), is_simulated=True, sensitivity_rows=varied)
+
+    assert max(r.dwell.first_mean for r in found.sensitivity) < 1e5
+
+
+def test_second_view_compares_fixations_of_the_velocity_detector(study):
+    assert len(study.second_view) == 5
+    assert {c.n_tests for c in study.second_view} == {5}
+
+
+def test_zone_means_average_the_three_depths(study):
+    rows = study.selection.kept
+    part = rows[(rows["zone"] == "centre") & (rows["condition"].isin(["A", "D"]))]
+    means = part.groupby(["participant", "condition"])[FIRST_TIME.column].mean().unstack()
+    test = find(study.zones, FIRST_TIME, ("A", "D"), "centre")
+
+    assert test.first_mean == pytest.approx(means.dropna()["A"].mean())
+
+
+def test_statistics_rows_name_every_family_and_every_sentence(study):
+    rows = list(study.statistics_rows())
+
+    assert len(rows) == 30 + 18 + 15 + 24 + 5 + 30
+    assert all(r["sentence"] for r in rows)
+    assert {r["family"] for r in rows} == {
+        "conditions",
+        "places",
+        "zones",
+        "anxiety",
+        "second view",
+        "without exclusions",
+    }
+
+
+def test_order_of_rows_does_not_change_the_analysis(study):
+    shuffled = study.trials.sample(frac=1, random_state=1).reset_index(drop=True)
+    again = analyse_rows(shuffled, anxiety_answers(N), is_simulated=True)
+
+    for a, b in zip(study.comparisons, again.comparisons, strict=True):
+        assert a.outcome is not None
+        assert b.outcome is not None
+        assert a.outcome.p == pytest.approx(b.outcome.p, rel=1e-9)
+
+
+def test_published_means_lie_at_zero_deviation():
+    means = pd.DataFrame(
+        [
+            {"participant": who, "condition": c}
+            | {m.column: published.MEANS[c][m.column].mean for m in MEASURES}
+            for c in CONDITIONS
+            for who in ("S1", "S2")
+        ]
+    )
+
+    assert {agreement.mean_deviation_01(d) for d in describe(means)} == {0.0}
+
+
+def test_allowed_mixture_counts_as_simulated():
+    rows = study_rows(3)
+    rows.loc[rows["participant"] == "S01", "is_simulated"] = False
+
+    with pytest.raises(DataError, match="apart"):
+        analyse_rows(rows, anxiety_answers(3), is_simulated=True)
+    with pytest.raises(DataError, match="apart"):
+        analyse_rows(rows, anxiety_answers(3), is_simulated=False, allow_mixture=True)
+    assert analyse_rows(
+        rows, anxiety_answers(3), is_simulated=True, allow_mixture=True
+    ).is_simulated
