@@ -65,11 +65,11 @@ def draw_mean(
     level: float = 0.95,
     horizontal: bool = False,
 ) -> None:
-    """Draw a mean as a disc with its confidence interval as a bar."""
+    """Draw a mean as a disc with its confidence interval as a bar, from three values on."""
     mean, low, high = mean_interval(values, level)
     if not np.isfinite(mean):
         return
-    if np.isfinite(low):
+    if np.isfinite(values).sum() >= 3:
         along, across = [low, high], [x, x]
         xs, ys = (along, across) if horizontal else (across, along)
         axes.plot(xs, ys, color=BLACK, linewidth=2.2, solid_capstyle="butt", zorder=4)
