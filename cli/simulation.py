@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from cli.perform import perform_new, simulated_request
 from cli.studies import find_study
 from lab.config import LabConfig
@@ -56,60 +54,9 @@ def simulate_one(task: SimulationTask) -> Path:
     return perform_new(request)
 
 
-@dataclass(frozen=True)
-class Measured:
-    """What one session gives to analysis."""
-
-    rows: pd.DataFrame
-    answers: pd.DataFrame
-    summary: dict[str, Any]
-
-
-def measure_one(study: str, session: Path) -> Measured:
-    """Measure one session."""
-    recording = Recording(session)
-    return Measured(
-        find_study(study).measure(recording), _answers(recording), _summary(recording, session)
-    )
-
-
-def _answers(recording: Recording) -> pd.DataFrame:
-    events = recording.events()
-    payloads = list(events.loc[events["name"] == "answer", "payload"])
-    frame = pd.DataFrame(payloads, columns=["questionnaire", "question", "answer"])
-    frame.insert(0, "participant", recording.manifest.participant)
-    return frame.drop_duplicates(["questionnaire", "question"], keep="last")
-
-
-def _summary(recording: Recording, session: Path) -> dict[str, Any]:
-    manifest = recording.manifest
-    return {
-        "participant": manifest.participant,
-        "session": manifest.session,
-        "is_simulated": manifest.is_simulated,
-        "study": manifest.study,
-        "status": recording.status,
-        "parts": len(manifest.parts),
-        "seed": manifest.seed,
-        "plan_version": manifest.plan.get("study_version", ""),
-        "parameters": dict(manifest.plan.get("parameters", {})),
-        "configuration_sha256": manifest.configuration_sha256,
-        "consent_version": manifest.consent_version,
-        "code_revision": manifest.provenance.code_revision,
-        "python": manifest.provenance.python,
-        "packages": dict(manifest.provenance.packages),
-        "devices": list(manifest.devices),
-        "stream_sha256": {
-            f"part-{p.number:02d}/{s.file}": s.sha256 for p in manifest.parts for s in p.streams
-        },
-        "validations": _events_named(recording, "validation"),
-        "folder": f"{session.parent.name}/{session.name}",
-    }
-
-
-def _events_named(recording: Recording, name: str) -> list[dict[str, Any]]:
-    events = recording.events()
-    return [dict(p) for p in events.loc[events["name"] == name, "payload"]]
+def measure_one(study: str, session: Path) -> Any:
+    """Take in one session; what comes back is for the study's `analyse`."""
+    return find_study(study).measure(Recording(session))
 
 
 def in_parallel(

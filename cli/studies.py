@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-import pandas as pd
-
 from lab.config import LabConfig
 from lab.errors import UsageError
 from protocol.experiment import Experiment, ValidationPoint, ValidationVerdict
@@ -49,18 +47,17 @@ class Study(Protocol):
         """Return the questionnaires asked at the end, in the lab's wording."""
         ...
 
-    def measure(self, recording: Recording) -> pd.DataFrame:
-        """Return one tidy row per performed trial of a session."""
+    def measure(self, recording: Recording) -> Any:
+        """Take in one session; the result can travel between processes."""
         ...
 
     def analyse(
         self,
-        rows: pd.DataFrame,
-        answers: pd.DataFrame,
+        sessions: Sequence[Any],
         out_dir: Path,
-        provenance: Mapping[str, Any],
         *,
         is_simulated: bool,
+        commands: tuple[str, ...],
         example: Recording | None,
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""

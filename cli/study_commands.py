@@ -4,7 +4,6 @@ import webbrowser
 from pathlib import Path
 from typing import Annotated, Any
 
-import pandas as pd
 import typer
 from rich.progress import (
     BarColumn,
@@ -19,7 +18,7 @@ from cli.app import ConfigOption, StudyArgument, app, console, load_lab
 from cli.session_commands import DEFAULT_SEED, SIMULATED_PREFIX
 from cli.simulation import SimulationTask, in_parallel, measure_one, simulate_one, worker_count
 from cli.studies import find_study
-from cli.study_folder import DERIVED, StudySettings, sessions_of, settle
+from cli.study_folder import DERIVED, StudySettings, read_settings, sessions_of, settle
 from lab.clock import SimClock, StopWatch
 from lab.config import LabConfig
 from lab.errors import DataError
@@ -166,15 +165,25 @@ def analyse_study(
     out_dir = output.resolve() if output is not None else folder / DERIVED
     out_dir.mkdir(parents=True, exist_ok=True)
     report_path = find_study(study).analyse(
-        pd.concat([m.rows for m in ordered], ignore_index=True),
-        pd.concat([m.answers for m in ordered], ignore_index=True),
+        ordered,
         out_dir,
-        {"sessions": [m.summary for m in ordered]},
         is_simulated=True in kinds,
+        commands=(*_origin(folder), f"visavis analyse {folder.name}"),
         example=Recording(sessions[0]),
     )
     console.print(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
     return report_path
+
+
+def _origin(folder: Path) -> tuple[str, ...]:
+    settings = read_settings(folder)
+    if settings is None or not settings.is_simulated:
+        return ()
+    count = len(list(folder.glob("sub-*")))
+    effect = "" if settings.effect else " --no-effect"
+    return (
+        f"visavis simulate {settings.study} --participants {count} --seed {settings.seed}{effect}",
+    )
 
 
 @app.command()

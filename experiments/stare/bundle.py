@@ -1,7 +1,8 @@
 """The stare study as the command line uses it: made, measured, analysed."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,15 +10,11 @@ import pandas as pd
 
 from analysis.gaze.quality import validate
 from experiments.stare.design import DEFAULT_PARAMETERS, QUESTIONNAIRES, STUDY, StareParameters
-from experiments.stare.measures import (
-    GazeTargets,
-    MeasureParameters,
-    second_view,
-    sensitivity_rows,
-    trial_measures,
-)
+from experiments.stare.example_trial import example_of
+from experiments.stare.intake import SessionIntake, provenance_of, take_in
 from experiments.stare.participant import StareParticipant
 from experiments.stare.study import StareStudy
+from experiments.stare.study_outputs import analyse_study
 from lab.config import LabConfig
 from lab.errors import ConfigError
 from protocol.experiment import ValidationPoint, ValidationVerdict
@@ -25,14 +22,6 @@ from protocol.questionnaires import Questionnaire, load_questionnaire
 from recording.reader import Recording
 
 EYES = ("combined", "left", "right")
-
-
-@dataclass(frozen=True)
-class SessionMeasures:
-    """What one session gives to analysis: a row per trial, and the sensitivity table's rows."""
-
-    rows: pd.DataFrame
-    sensitivity: pd.DataFrame
 
 
 @dataclass(frozen=True)
@@ -68,9 +57,31 @@ class StareBundle:
         """Return the questionnaires asked at the end, in the lab's wording."""
         return tuple(load_questionnaire(n, config.wording.get(n)) for n in QUESTIONNAIRES)
 
-    def measure(self, recording: Recording) -> SessionMeasures:
-        """Measure every performed trial of a session."""
-        return measure_session(recording)
+    def measure(self, recording: Recording) -> SessionIntake:
+        """Take in one session: trials measured, answers scored, sources noted."""
+        return take_in(recording)
+
+    def analyse(
+        self,
+        sessions: Sequence[SessionIntake],
+        out_dir: Path,
+        *,
+        is_simulated: bool,
+        commands: tuple[str, ...],
+        example: Recording | None,
+    ) -> Path:
+        """Write tables, figures and the report of a study; return the report's path."""
+        outputs = analyse_study(
+            pd.concat([s.rows for s in sessions], ignore_index=True),
+            pd.DataFrame([s.person for s in sessions]),
+            out_dir,
+            is_simulated=is_simulated,
+            provenance=provenance_of(sessions, commands),
+            sensitivity_rows=pd.concat([s.sensitivity for s in sessions], ignore_index=True),
+            example=None if example is None else example_of(example),
+            facts=sessions[0].facts,
+        )
+        return outputs.report
 
 
 def judge_validation(points: Sequence[ValidationPoint], rate_hz: float) -> ValidationVerdict:
@@ -116,50 +127,6 @@ def _why_not(accuracy_deg: float, worst_deg: float) -> str:
 
 def _known(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def measure_session(
-    recording: Recording, params: MeasureParameters | None = None
-) -> SessionMeasures:
-    """Measure every performed trial; interrupted ones keep their row without measures."""
-    params = params or MeasureParameters()
-    trials = recording.trials()
-    rows: list[dict[str, Any]] = []
-    sensitivity: list[dict[str, Any]] = []
-    targets = {
-        int(part): GazeTargets.from_columns(recording.stream_arrays("gaze_targets", part=int(part)))
-        for part in trials["recording_part"].unique()
-    }
-    for row in _records(trials):
-        if row["status"] != "complete":
-            rows.append(row)
-            continue
-        samples = targets[int(row["recording_part"])]
-        rows.append(
-            {
-                **row,
-                **trial_measures(samples, row, params=params),
-                **second_view(samples, row, params=params),
-            }
-        )
-        if not row["is_practice"]:
-            sensitivity += [
-                {
-                    "participant": row["participant"],
-                    "trial_id": row["trial_id"],
-                    "condition": row["condition"],
-                    **values,
-                }
-                for values in sensitivity_rows(samples, row, params=params)
-            ]
-    frame = pd.DataFrame(rows)
-    frame.insert(0, "is_simulated", recording.is_simulated)
-    return SessionMeasures(frame, pd.DataFrame(sensitivity))
-
-
-def _records(frame: pd.DataFrame) -> Iterable[dict[str, Any]]:
-    for record in frame.to_dict("records"):
-        yield {str(k): v for k, v in record.items()}
 
 
 MAKE_STUDY = StareBundle
