@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from cli.perform import device_seed
 from devices.sim.tracker_error import (
     N_SLOW,
     N_WHITE,
@@ -62,5 +63,5 @@ class QuickTracker:
 
 
 def tracker_of(seed: int, index: int) -> QuickTracker:
-    """Return the tracker of one participant of a study."""
-    return QuickTracker(seed * 1000 + index)
+    """Return the tracker a whole session of this participant would get."""
+    return QuickTracker(device_seed(seed, index))

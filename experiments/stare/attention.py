@@ -48,7 +48,9 @@ def _worth(mind: Records, person: Records, targets: Records, i: int, t_ns: int) 
         worth *= p.novelty_gain
     else:
         away_s = (t_ns - g.left_ns) * 1e-9
-        worth *= p.familiar_share if g.kind == HEAD else 1.0
+        if g.kind == HEAD:
+            worth *= p.familiar_share
+            worth *= 1.0 + p.second_look_gain * math.exp(-away_s / p.second_look_s)
         if g.believed == 1:
             worth *= p.return_gain * p.return_habituation ** (g.visits - 1)
             if g.caught == 1:

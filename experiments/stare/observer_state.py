@@ -115,6 +115,8 @@ PERSON_DTYPE = np.dtype(
             "novelty_gain",
             "recovery_s",
             "familiar_share",
+            "second_look_gain",
+            "second_look_s",
             "early_gain",
             "early_s",
             "notice_s",
