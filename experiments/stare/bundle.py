@@ -10,11 +10,11 @@ import pandas as pd
 
 from analysis.gaze.quality import validate
 from experiments.stare.design import DEFAULT_PARAMETERS, QUESTIONNAIRES, STUDY, StareParameters
-from experiments.stare.example_trial import example_of
 from experiments.stare.intake import SessionIntake, provenance_of, take_in
 from experiments.stare.participant import StareParticipant
 from experiments.stare.study import StareStudy
 from experiments.stare.study_outputs import analyse_study
+from experiments.stare.trial_example import example_of
 from lab.config import LabConfig
 from lab.errors import ConfigError
 from protocol.experiment import ValidationPoint, ValidationVerdict

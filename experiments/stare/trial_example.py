@@ -13,6 +13,25 @@ from experiments.stare.measures import (
 from lab.clock import NS_PER_MS
 from lab.errors import DataError
 from protocol.steps import Row
+from recording.reader import Recording
+
+SHOWN_CONDITION = "AD"
+
+
+def example_of(
+    recording: Recording, params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS
+) -> TrialExample | None:
+    """Return the first finished trial in which a look made the agent look back, or None."""
+    for record in recording.trials().to_dict("records"):
+        row = {str(k): v for k, v in record.items()}
+        if (
+            row["status"] == "complete"
+            and row["condition"] == SHOWN_CONDITION
+            and row.get("switch_cause") == "look"
+        ):
+            columns = recording.stream_arrays("gaze_targets", part=int(row["recording_part"]))
+            return trial_example(GazeTargets.from_columns(columns), row, params=params)
+    return None
 
 
 def trial_example(
