@@ -1,0 +1,37 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.simulated_tracker import tracker_of
+from cli.simulation import SimulationTask, measure_one, simulate_one
+from experiments.stare.design import StareParameters
+from experiments.stare.quick_study import run_study
+from lab.config import load_config
+
+SHIPPED_CONFIG = Path(__file__).resolve().parents[3] / "lab_config.yaml"
+SHORT = {"repetitions": 1, "trial_s": 6.0}
+SEED, INDEX = 7, 2
+
+
+@pytest.mark.slow
+def test_the_short_path_measures_what_the_full_engine_measures(tmp_path: Path) -> None:
+    config = load_config(SHIPPED_CONFIG).model_copy(update={"data_root": tmp_path})
+    session = simulate_one(SimulationTask("stare", config, "P1", INDEX, "", SEED, True, SHORT))
+    rows = measure_one("stare", session).rows
+    full = rows[~rows["is_practice"].astype(bool)].sort_values("number").reset_index(drop=True)
+    quick = run_study(
+        tracker_of, seed=SEED, participants=[INDEX], params=StareParameters(**SHORT)
+    ).trials
+
+    assert list(full["trial_id"]) == list(quick["trial_id"])
+    assert list(full["condition"]) == list(quick["condition"])
+    # Agents' blinks, which the short path leaves out, let a few trials take another course.
+    dwell_differs_ms = (full["dwell_ms"] - quick["dwell_ms"]).abs()
+    assert (dwell_differs_ms <= 60).mean() >= 0.85
+    assert (full["fixation_count"] == quick["fixation_count"]).mean() >= 0.85
+    assert full["dwell_ms"].mean() == pytest.approx(quick["dwell_ms"].mean(), rel=0.15)
+    assert full["lost_01"].mean() == pytest.approx(quick["lost_01"].mean(), abs=0.01)
+    both = full["switch_ms"].notna() & quick["switch_ms"].notna()
+    assert both.sum() == 18
+    assert np.median((full["switch_ms"] - quick["switch_ms"])[both].abs()) < 12
