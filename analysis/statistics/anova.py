@@ -170,7 +170,7 @@ def anova_of_design(design: Design, *, subject: str, correction: Correction = "m
         errors[subject] = float(strata.test(table, ()).ss_error)
     total_error = sum(errors.values())
     effects = tuple(
-        effect_of_stratum(s, design, correction, ges=s.ss / (s.ss + total_error)) for s in tested
+        effect_of_stratum(s, design, correction, total_error=total_error) for s in tested
     )
     kind = "Repeated-measures ANOVA" if design.within else "Between-subject ANOVA"
     if design.within and design.between:
@@ -198,9 +198,12 @@ CORRECTION_NAME = {
 
 
 def effect_of_stratum(
-    s: Stratum, design: Design, correction: Correction, *, ges: float | None
+    s: Stratum, design: Design, correction: Correction, *, total_error: float | None
 ) -> AnovaEffect:
-    """Turn sums of squares into an `AnovaEffect`; a zero error is a `ConstantResponse`."""
+    """Turn sums of squares into an `AnovaEffect`; a zero error is a `ConstantResponse`.
+
+    `total_error` is the error of all strata together, for generalised eta squared.
+    """
     refuse_zero_error(design.dv, s.term, s.ss, s.ss_error)
     F = (s.ss / s.df1) / (s.ss_error / s.df2)
     p = float(special.fdtrc(s.df1, s.df2, F))
@@ -222,7 +225,7 @@ def effect_of_stratum(
         ss_error=s.ss_error,
         error_term=s.error_term,
         eta=partial_eta_squared(F, s.df1, s.df2),
-        ges=ges,
+        ges=None if total_error is None else s.ss / (s.ss + total_error),
         sphericity=judged,
         correction=name,
         df1_used=s.df1 * epsilon,
@@ -233,7 +236,7 @@ def effect_of_stratum(
 
 def refuse_zero_error(dv: str, term: Sequence[str], ss: float, ss_error: float) -> None:
     """Raise `ConstantResponse` where the error of a term is zero and F has no value."""
-    if ss_error <= 1e-18 * max(ss, 1e-282):
+    if ss_error <= 1e-18 * ss:
         raise ConstantResponse(
             f"all subjects show exactly the same effect of {':'.join(term)} on {dv}, so its error "
             "is zero and F is not defined; look for copied or constructed rows"

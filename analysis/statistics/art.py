@@ -183,9 +183,10 @@ def alignment_check(design: Design, aligned: Mapping[str, Array]) -> AlignmentCh
 
 
 def _f(s: Stratum) -> float:
-    if s.ss <= 1e-18 * max(s.ss_error, 1e-282) or s.ss_error == 0:
+    """Return F, 0 for no effect at all and infinity for an effect without error."""
+    if s.ss == 0:
         return 0.0
-    return (s.ss / s.df1) / (s.ss_error / s.df2)
+    return (s.ss / s.df1) / (s.ss_error / s.df2) if s.ss_error > 0 else float("inf")
 
 
 def _effects(
@@ -202,7 +203,7 @@ def _effects(
             for term, column in _by_term(design, columns)
         )
     return tuple(
-        effect_of_stratum(s, design, sphericity if error == "strata" else "none", ges=None)
+        effect_of_stratum(s, design, sphericity if error == "strata" else "none", total_error=None)
         for s in _strata(design, columns, subject, error)
     )
 
@@ -210,15 +211,12 @@ def _effects(
 def _p_values(
     design: Design, columns: Mapping[str, Array], subject: str, error: ArtError, ddf: Ddf
 ) -> dict[str, float]:
-    """Return p of every term; NaN where a column has no error to test against."""
+    """Return p of every term."""
     if error == "mixed":
         effects = _effects(design, columns, subject, error, "none", ddf)
         return {e.name: e.p for e in effects}
     tested = _strata(design, columns, subject, error)
-    return {
-        ":".join(s.term): float(special.fdtrc(s.df1, s.df2, _f(s))) if s.ss_error > 0 else 0.0
-        for s in tested
-    }
+    return {":".join(s.term): float(special.fdtrc(s.df1, s.df2, _f(s))) for s in tested}
 
 
 def _by_term(design: Design, columns: Mapping[str, Array]) -> list[tuple[tuple[str, ...], Array]]:

@@ -16,7 +16,6 @@ from analysis.statistics.errors import (
     InfiniteValue,
     MissingCell,
     MissingValue,
-    NotNumeric,
     SubjectInTwoGroups,
     TooFewLevels,
     TooFewSubjects,
@@ -24,7 +23,7 @@ from analysis.statistics.errors import (
     UnknownColumn,
     UnknownMethod,
 )
-from analysis.statistics.inputs import is_constant, is_missing, numbers
+from analysis.statistics.inputs import as_column, is_constant, is_missing, numbers, refuse_text
 from analysis.statistics.results import Array
 
 Frame: TypeAlias = Any
@@ -195,7 +194,7 @@ def coded(
 ) -> tuple[tuple[object, ...], Codes]:
     """Return the levels of a label column and the code of every row."""
     categories = getattr(getattr(column, "cat", None), "categories", None)
-    raw = np.asarray(column)
+    raw = as_column(column)
     if raw.dtype.kind in "biuUS":
         found, codes = np.unique(raw, return_inverse=True)
         present: list[object] = found.tolist()
@@ -230,20 +229,16 @@ def _response(
     column: Any, dv: str, ids: tuple[object, ...], codes: Codes, factors: tuple[Factor, ...]
 ) -> Array:
     """Return the response with missing entries as NaN; errors name row, subject and cell."""
-    try:
-        return numbers(column, name=dv, allow_missing=True)
-    except (NotNumeric, InfiniteValue) as error:
-        values = np.asarray(column)
-        for row, value in enumerate(values.tolist()):
-            bad = isinstance(value, str) if isinstance(error, NotNumeric) else _is_infinite(value)
-            if bad:
-                where = _where(row, ids, codes, factors)
-                raise type(error)(f"{error} ({where})") from error
-        raise
-
-
-def _is_infinite(value: object) -> bool:
-    return isinstance(value, float) and bool(np.isinf(value))
+    raw = as_column(column)
+    if raw.ndim == 1 and raw.dtype.kind not in "biuf":
+        refuse_text(raw, dv, lambda row: _where(row, ids, codes, factors))
+    if raw.ndim == 1 and raw.dtype.kind == "f" and np.isinf(raw).any():
+        row = int(np.flatnonzero(np.isinf(raw))[0])
+        raise InfiniteValue(
+            f"{dv} is infinite in row {row + 1} ({_where(row, ids, codes, factors)}); "
+            "find out how it was computed"
+        )
+    return numbers(raw, name=dv, allow_missing=True)
 
 
 def _checked(
@@ -274,7 +269,9 @@ def _checked(
     dropped: tuple[str, ...] = ()
     if lost.any():
         if missing == "error":
-            _refuse_missing(dv, lost, absent, ids, within)
+            row_of = np.full(lost.shape, -1)
+            row_of[codes, cell % lost.shape[1]] = np.arange(y.size)
+            _refuse_missing(dv, lost, row_of, ids, within)
         if missing == "listwise":
             incomplete = lost.any(axis=1)
             keep = ~incomplete[codes]
@@ -320,7 +317,7 @@ def _refuse_two_groups(codes: Codes, ids: tuple[object, ...], between: list[Fact
 def _refuse_missing(
     dv: str,
     lost: npt.NDArray[np.bool_],
-    absent: npt.NDArray[np.bool_],
+    row_of: Codes,
     ids: tuple[object, ...],
     within: list[Factor],
 ) -> None:
@@ -328,14 +325,15 @@ def _refuse_missing(
     named = []
     for s, c in places[:6]:
         cell = f", {_cell_text(int(c), within)}" if within else ""
-        named.append(f"subject {ids[s]}{cell} ({'no row' if absent[s, c] else 'no value'})")
+        row = int(row_of[s, c])
+        named.append(f"subject {ids[s]}{cell} ({'no row' if row < 0 else f'row {row + 1}'})")
     more = f" and {len(places) - 6} more" if len(places) > 6 else ""
     text = (
         f"{dv} is missing in {len(places)} cell{'s' if len(places) > 1 else ''}: "
         f"{'; '.join(named)}{more}. Repair them, or pass missing='listwise' to drop these "
         "subjects or missing='mixed' for a mixed model"
     )
-    raise (MissingCell(text) if absent.any() else MissingValue(text))
+    raise (MissingCell(text) if (row_of < 0).any() else MissingValue(text))
 
 
 def _refuse_too_little(design: Design) -> None:
@@ -346,15 +344,18 @@ def _refuse_too_little(design: Design) -> None:
     sizes = design.group_sizes
     for group in np.flatnonzero(sizes < 2):
         cell = _cell_text(int(group), list(design.between))
-        text = f"the group {cell} has {sizes[group]} subjects; it needs at least two"
+        text = f"the group {cell} has too few subjects ({sizes[group]}); it needs at least two"
         raise MissingCell(text) if sizes[group] == 0 else TooFewSubjects(text)
     if is_constant(design.y):
         raise ConstantResponse(
             f"{design.dv} is {design.y[0]:g} in all {design.y.size} rows; there is nothing to test"
         )
-    for factor in design.factors:
-        for level in np.flatnonzero(np.bincount(factor.codes, minlength=factor.k) == 0):
-            raise MissingCell(f"no row is left with {factor.name} {factor.levels[level]}")
+    shape = tuple(f.k for f in design.factors)
+    cells = np.ravel_multi_index(tuple(f.codes for f in design.factors), shape)
+    empty = np.flatnonzero(np.bincount(cells, minlength=int(np.prod(shape))) == 0)
+    if empty.size:
+        cell = _cell_text(int(empty[0]), list(design.factors))
+        raise MissingCell(f"no row is left with {cell}; the effects cannot be told apart")
 
 
 def _where(row: int, ids: tuple[object, ...], codes: Codes, factors: tuple[Factor, ...]) -> str:

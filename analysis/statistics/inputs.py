@@ -1,6 +1,6 @@
 """Turn what an analyst has into checked arrays, or say which row is wrong."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,18 +24,41 @@ def is_missing(value: object) -> bool:
     return isinstance(value, float | np.floating) and bool(np.isnan(value))
 
 
+def as_column(values: object) -> npt.NDArray[Any]:
+    """Return a column as an array; a list that mixes text and numbers keeps both."""
+    raw: npt.NDArray[Any] = np.asarray(values)
+    if raw.dtype.kind in "US" and isinstance(values, list | tuple):
+        return np.array(values, dtype=object)
+    return raw
+
+
+def refuse_text(
+    raw: npt.NDArray[Any], name: str, where: Callable[[int], str] | None = None
+) -> None:
+    """Raise `NotNumeric` for the first text that is no number, or for numbers kept as text."""
+    texts = [(row, v) for row, v in enumerate(raw.tolist()) if isinstance(v, str | bytes)]
+    if not texts:
+        return
+    words = [(row, v) for row, v in texts if not _reads_as_number(v)]
+    row, value = (words or texts)[0]
+    place = f" ({where(row)})" if where is not None else ""
+    advice = "it must be a number" if words else "convert the column from text to numbers"
+    raise NotNumeric(f"{name} holds the text {value!r} in row {row + 1}{place}; {advice}")
+
+
 def numbers(values: npt.ArrayLike, *, name: str, allow_missing: bool = False) -> Array:
     """Return a column as floats of shape (n,).
 
     `allow_missing` keeps missing entries as NaN. Raises `NotNumeric`, `MissingValue` or
     `InfiniteValue` naming the first such row, counted from 1 as in a table without its header.
     """
-    raw: npt.NDArray[Any] = np.asarray(values)
+    raw = as_column(values)
     if raw.ndim != 1:
         raise NotNumeric(f"{name} has {raw.ndim} dimensions; pass one column of numbers")
     if raw.dtype.kind in "biuf":
         column = raw.astype(np.float64)
     else:
+        refuse_text(raw, name)
         column = np.empty(raw.shape[0])
         for row, value in enumerate(raw.tolist()):
             column[row] = _number(value, name, row)
@@ -107,10 +130,16 @@ def rows_text(rows: npt.NDArray[np.intp] | Sequence[int], shown: int = 5) -> str
 def _number(value: object, name: str, row: int) -> float:
     if is_missing(value):
         return float("nan")
-    if isinstance(value, str | bytes):
-        raise NotNumeric(f"{name} holds the text {value!r} in row {row + 1}; it must be a number")
     try:
         return float(value)  # type: ignore[arg-type]  # anything that says it is a number
     except (TypeError, ValueError) as error:
         kind = type(value).__name__
         raise NotNumeric(f"{name} holds a {kind} in row {row + 1}; it must be a number") from error
+
+
+def _reads_as_number(value: str | bytes) -> bool:
+    try:
+        float(value)
+    except ValueError:
+        return False
+    return True

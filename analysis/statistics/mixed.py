@@ -13,7 +13,7 @@ from analysis.statistics.design import Codes, Design, Frame, Levels, read_design
 from analysis.statistics.effects import partial_eta_squared
 from analysis.statistics.errors import ConstantResponse
 from analysis.statistics.linear import model_matrix
-from analysis.statistics.reml import Moments, group_sums
+from analysis.statistics.reml import LARGEST_LOG_RATIO, Moments, group_sums
 from analysis.statistics.results import Array, Provenance
 
 Ddf: TypeAlias = Literal["kenward-roger", "satterthwaite"]
@@ -138,7 +138,7 @@ class RandomIntercept:
         at = np.array([np.sqrt(self.ratio), np.sqrt(self.residual)])
         steps = 1e-3 * np.array([max(at[0], 0.1), at[1]])
 
-        moments = Moments(self.X, self.y, self.groups)
+        moments = Moments(self.X, self.y - self.y.mean(), self.groups)
 
         def deviance(offset: Array) -> float:
             sd_ratio, sd = at + offset * steps
@@ -190,12 +190,16 @@ def fit_random_intercept(X: Array, y: Array, groups: Codes, *, name: str = "y") 
     """Fit by REML; X (n, p) of full rank, groups (n,) codes of the random intercept."""
     if np.linalg.matrix_rank(X) < X.shape[1]:
         raise ConstantResponse(f"some cells of {name} are empty; the model cannot be estimated")
-    moments = Moments(X, y, groups)
+    centre = float(y.mean())  # keeps digits in the cross products; the intercept takes it back
+    moments = Moments(X, y - centre, groups)
     ratio = moments.best_ratio()
     beta, rss, _ = moments.solve(ratio)
+    beta[0] += centre
     residual = rss / (y.size - X.shape[1])
-    if not residual > 1e-24 * float(np.abs(y).max()) ** 2:
-        raise ConstantResponse(f"{name} leaves no residual variance; F is not defined")
+    if residual <= 1e-20 * float(y.var()) or np.log(ratio or 1.0) > LARGEST_LOG_RATIO - 0.5:
+        raise ConstantResponse(
+            f"{name} does not vary within subjects beyond the effects; F is not defined"
+        )
     return RandomIntercept(X, y, groups, ratio, residual, beta, moments.covariance(ratio, residual))
 
 

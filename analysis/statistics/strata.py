@@ -10,6 +10,9 @@ from analysis.statistics.design import Design
 from analysis.statistics.linear import model_matrix
 from analysis.statistics.results import Array
 
+FLOAT_NOISE = 1e-25
+"""Sums of squares below this share of the sum of squared values are rounding, hence zero."""
+
 
 @lru_cache(maxsize=64)
 def helmert(k: int) -> Array:
@@ -77,13 +80,15 @@ class Strata:
         hypothesis = part.T @ np.linalg.solve(self._inverse[columns, columns], part)
         inside = [n for n in self._within if n in term]
         q, df = Z.shape[1], Z.shape[0] - self._groups
+        noise = FLOAT_NOISE * float((table**2).sum())
+        ss, ss_error = float(np.trace(hypothesis)), float((errors**2).sum())
         return Stratum(
             term=tuple(term),
             error_term=":".join([self._subject, *inside]),
             df1=part.shape[0] * q,
             df2=df * q,
-            ss=float(np.trace(hypothesis)),
-            ss_error=float((errors**2).sum()),
+            ss=ss if ss > noise else 0.0,
+            ss_error=ss_error if ss_error > noise else 0.0,
             errors=errors,
             n_groups=self._groups,
         )
