@@ -1,0 +1,111 @@
+"""Rules of the checker: what fits, what is cut off, what cannot be."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from analysis.statistics import published
+from analysis.statistics.printed import judge, read_printed
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "half_unit"),
+    [
+        ("2.50", 2.5, 0.005),
+        ("13.0", 13.0, 0.05),
+        (13, 13.0, 0.5),
+        (".017", 0.017, 0.0005),
+        ("−6.75", -6.75, 0.005),
+        ("approximately 98%", 0.98, 0.005),
+        ("3.76e-09", 3.76e-9, 0.005e-9),
+    ],
+)
+def test_printed_numbers_carry_their_rounding(
+    text: str | int, value: float, half_unit: float
+) -> None:
+    figure = read_printed(text)
+    assert (value, half_unit) == pytest.approx((figure.value, figure.half_unit))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0.05, 40.0), st.integers(1, 6), st.integers(5, 80))
+def test_correctly_rounded_results_are_never_flagged(F: float, df1: int, df2: int) -> None:
+    p = stats.f.sf(F, df1, df2)
+    eta = F * df1 / (F * df1 + df2)
+    check = published.check_f(f"{F:.2f}", df1, df2, p=f"{p:.3f}", eta=f"{eta:.2f}")
+    assert check.is_consistent, check
+
+
+def test_cut_off_p_is_flagged_as_cut_off() -> None:
+    verdict = published.check_f("7.09", 1, 15, p=".017").verdicts["p"]
+    assert not verdict.is_consistent
+    assert "cut off" in verdict.remark
+
+
+def test_wrong_eta_is_flagged_as_not_following() -> None:
+    check = published.check_f("18.92", 2, 30, p="<.001", eta="0.356")
+    assert check.verdicts["p"].is_consistent
+    assert not check.verdicts["eta2p"].is_consistent
+    assert "does not follow" in check.sentence()
+
+
+def test_bound_that_does_not_hold_is_flagged() -> None:
+    assert not judge("<.001", 0.004).is_consistent
+    assert judge("< .05", 0.004).is_consistent
+
+
+def test_threshold_may_be_cut_off() -> None:
+    assert published.check_threshold(0.05, 30, threshold=".00166").is_consistent
+    assert not published.check_threshold(0.05, 30, threshold=".00160").is_consistent
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 500), st.data())
+def test_means_of_integers_are_possible(n: int, data: st.DataObject) -> None:
+    total = data.draw(st.integers(n, 5 * n))
+    assert published.check_integer_mean(f"{total / n:.4f}", n).is_consistent
+
+
+def test_mean_between_two_possible_ones_is_impossible() -> None:
+    assert not published.check_integer_mean("2.25", 3).is_consistent
+    assert not published.check_integer_mean(3.2989, 97, decimals=4).is_consistent
+
+
+def test_impossible_correlation_is_flagged() -> None:
+    good = published.check_paired_summary("504", "175", "1570", "864", "-6.75", 30)
+    assert good.is_consistent
+    impossible = published.check_paired_summary("504", "175", "1570", "864", "-0.75", 30)
+    assert "impossible correlation" in impossible.sentence()
+    turned = published.check_paired_summary("504", "175", "1570", "864", "6.75", 30)
+    assert "sign" in turned.verdicts["correlation"].remark
+
+
+def test_splits_of_one_sample_must_agree() -> None:
+    agree = {"sex": [("2.0", 10), ("3.0", 10)], "age": [("2.5", 20)]}
+    assert published.check_pooled_mean(agree, mean="2.5").is_consistent
+    disagree = {"sex": [("2.0", 10), ("3.0", 10)], "age": [("2.9", 20)]}
+    assert not published.check_pooled_mean(disagree, mean="2.5").is_consistent
+
+
+def test_tukey_verdicts_are_read_from_text() -> None:
+    verdicts = published.read_verdicts("c-a and c-b < .05, b-a > .05")
+    assert {("c", "a"): True, ("c", "b"): True, ("b", "a"): False} == verdicts
+    check = published.check_oneway_from_means(
+        "3.76e-09", ["2.5464", "2.5567", "3.3814"], 97, names=("a", "b", "c"), significant=verdicts
+    )
+    assert check.is_consistent
+    wrong = published.check_oneway_from_means(
+        "3.76e-09", ["2.5464", "2.5567", "3.3814"], 97, names="abc", significant={("b", "a"): True}
+    )
+    assert not wrong.is_consistent
+
+
+def test_signed_rank_without_continuity_is_told_from_with() -> None:
+    assert published.check_signed_rank(33, 13, p=".382").is_consistent
+    assert not published.check_signed_rank(33, 13, p=".382", continuity=True).is_consistent
+
+
+def test_printed_stars_may_not_exceed_p() -> None:
+    assert published.check_stars("0.00158", 30, printed="*").is_consistent
+    assert not published.check_stars("0.00158", 30, printed="**").is_consistent
