@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from cli.rigs import build_rig, is_simulated
@@ -11,12 +11,13 @@ from lab.clock import Clock, SimClock
 from lab.config import LabConfig
 from lab.errors import ConfigError, LabError
 from protocol.experiment import Experiment, Respondent
+from protocol.gaze_setup import TargetTiming
 from protocol.operator import Operator, UnattendedOperator
 from protocol.participants import SimulatedParticipant
 from protocol.plan import SessionPlan
 from protocol.progress import Progress, progress_of_recording
 from protocol.session import Session
-from protocol.session_setup import SessionSetup
+from protocol.session_setup import LOST_DEVICE_S, SessionSetup
 from recording.folder import SessionFolder, create_session, open_session
 from recording.journal import as_json
 from recording.manifest import Manifest
@@ -45,6 +46,8 @@ class Request:
     blind: bool = False
     consent_version: str = ""
     on_trial: Callable[[str, int, int], None] | None = None
+    timing: TargetTiming = field(default_factory=TargetTiming)
+    lost_device_s: float = LOST_DEVICE_S
 
 
 def device_seed(seed: int, participant_index: int) -> int:
@@ -150,6 +153,8 @@ def _perform_part(
                     participant=participant,
                     progress=progress,
                     blind=request.blind,
+                    timing=request.timing,
+                    lost_device_s=request.lost_device_s,
                     on_trial=request.on_trial,
                     on_open=lambda infos: folder.describe(devices=infos),
                 )

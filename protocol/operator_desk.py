@@ -1,7 +1,10 @@
 """Between the operator and the frame loop: requests, prompts, faults, the status shown."""
 
-from devices.contracts import Fault
-from lab.clock import NS_PER_S
+import re
+from dataclasses import dataclass
+
+from devices.contracts import Armband, Fault
+from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import SessionAborted
 from protocol.calibration_record import CalibrationInForce
 from protocol.frame_loop import FrameLoop
@@ -18,8 +21,25 @@ FAULT_CHECK_FRAMES = 22
 LOST_STREAM_NS = 3 * NS_PER_S
 """A blocking fault that lasts this long within a trial interrupts it."""
 
-LATER = frozenset({Action.PAUSE, Action.RECALIBRATE, Action.REPEAT})
-"""Requests that wait for the next checkpoint."""
+STALE_NS = 10 * NS_PER_S
+"""A warning whose figures have not changed for this long leaves the operator's screen."""
+
+LATER = {
+    Action.PAUSE: "pausing before the next trial",
+    Action.RECALIBRATE: "recalibrating before the next trial",
+}
+"""Requests that wait for the next checkpoint, and what the operator is told."""
+
+_FIGURES = re.compile(r"[0-9]+")
+
+
+@dataclass
+class _Standing:
+    """A fault that holds: since when, what it says now and since when it says that."""
+
+    since_ns: int
+    message: str
+    changed_ns: int
 
 
 class OperatorDesk:
@@ -43,13 +63,15 @@ class OperatorDesk:
         self._pending: set[Action] = set()
         self._advance = False
         self._faults: tuple[Fault, ...] = ()
-        self._known: set[tuple[str, str]] = set()
-        self._blocking_since_ns: int | None = None
+        self._standing: dict[tuple[str, str], _Standing] = {}
+        self._repeats: list[Trial] = []
+        self._last_trial: Trial | None = None
         self._frames_since_check = 0
         self._next_status_ns = 0
         self._messages: list[str] = []
         self._prompt = ""
         self._in_trial = False
+        self._trial_start_ns = 0
         self.interrupt_reason: str | None = None
         self.skip_reason: str | None = None
         self.flags: list[str] = []
@@ -97,20 +119,29 @@ class OperatorDesk:
 
     # ---- trials ------------------------------------------------------------------------------
 
+    def announce(self, trial: Trial) -> None:
+        """State which trial comes next."""
+        self.trial = trial
+        self.interrupt_reason = None
+        self.skip_reason = None
+
     def begin_trial(self, trial: Trial, end_ns: int) -> None:
         """Forget what concerned the trial before."""
         self._in_trial = True
-        self.interrupt_reason = None
-        self.skip_reason = None
+        self._trial_start_ns = self._loop.t_ns
+        self.announce(trial)
         self.flags = []
-        self.trial = trial
         self.trial_end_ns = end_ns
-        self._blocking_since_ns = None
 
-    def end_trial(self) -> None:
-        """Note that no trial runs."""
+    def end_trial(self, trial: Trial) -> None:
+        """Note that this trial was the last one and that none runs."""
         self._in_trial = False
         self.trial_end_ns = None
+        self._last_trial = trial
+
+    def leave_trial(self) -> None:
+        """Take the last trial off the screen."""
+        self.trial = None
 
     def take(self, action: Action) -> bool:
         """Tell whether this was asked for since the last checkpoint, and forget it."""
@@ -119,21 +150,35 @@ class OperatorDesk:
             return True
         return False
 
+    def take_repeats(self) -> tuple[Trial, ...]:
+        """Return the trials to be performed again, and forget them."""
+        repeats, self._repeats = tuple(self._repeats), []
+        return repeats
+
+    def must_hold(self) -> bool:
+        """Tell whether the next trial has to wait."""
+        return not self._pending.isdisjoint(LATER) or self.device_lost()
+
     # ---- faults ------------------------------------------------------------------------------
 
     def report(self, fault: Fault) -> None:
-        """Record a fault once and tell the operator."""
-        key = (fault.role, fault.message)
-        if key not in self._known:
-            self._known.add(key)
+        """Record a fault once for as long as it holds; its figures may change meanwhile."""
+        key = _key(fault)
+        now_ns = self._loop.t_ns
+        standing = self._standing.get(key)
+        if standing is None:
+            self._standing[key] = _Standing(now_ns, fault.message, now_ns)
             self._recorder.event(
-                "fault",
-                self._loop.t_ns,
+                # before the first calibration the devices are being set up
+                "fault" if self.calibration or fault.severity == "blocking" else "setup_fault",
+                now_ns,
                 role=fault.role,
                 severity=fault.severity,
                 message=fault.message,
                 remedy=fault.remedy,
             )
+        elif standing.message != fault.message:
+            standing.message, standing.changed_ns = fault.message, now_ns
 
     def say(self, message: str) -> None:
         """Put a line on the operator's screen."""
@@ -143,27 +188,52 @@ class OperatorDesk:
         """Return the first fault that keeps a trial from running, if any."""
         return next((f for f in self._faults if f.severity == "blocking"), None)
 
+    @property
+    def blocking_since_ns(self) -> int:
+        """Since when some fault has kept trials from running; now, when none does."""
+        since = [self._standing[_key(f)].since_ns for f in self._faults if f.severity == "blocking"]
+        return min(since, default=self._loop.t_ns)
+
     def device_lost(self) -> bool:
         """Look again, and tell whether a device is away."""
         self._look_for_faults()
         return self.blocking_fault() is not None
 
+    def lost_at_end(self) -> str | None:
+        """Look again at the end of a trial; return why its data are cut off, if they are."""
+        if self.device_lost():
+            self._interrupt_if_lost(0)
+        return self.interrupt_reason
+
     def _look_for_faults(self) -> None:
         self._faults = self._rig.faults()
-        if not self._faults:
-            self._blocking_since_ns = None
-            self._known.clear()
+        if not self._faults and not self._standing:
             return
         for fault in self._faults:
             self.report(fault)
-            if self._in_trial:
+            if self._in_trial and self._concerns_trial(fault):
                 self._flag(f"{fault.role}_{'lost' if fault.severity == 'blocking' else 'warning'}")
+        holding = {_key(f) for f in self._faults}
+        for key in [k for k in self._standing if k not in holding]:
+            over = self._standing.pop(key)
+            self._recorder.event(
+                "fault_over",
+                self._loop.t_ns,
+                role=key[0],
+                message=over.message,
+                lasted_ms=round((self._loop.t_ns - over.since_ns) / NS_PER_MS),
+            )
+        if self._in_trial:
+            self._interrupt_if_lost(LOST_STREAM_NS)
+
+    def _concerns_trial(self, fault: Fault) -> bool:
+        """Tell a fault of this trial from a count of what happened before it."""
+        is_count = fault.severity == "warning" and _FIGURES.search(fault.message)
+        return not is_count or self._standing[_key(fault)].changed_ns > self._trial_start_ns
+
+    def _interrupt_if_lost(self, longest_ns: int) -> None:
         blocking = self.blocking_fault()
-        if blocking is None:
-            self._blocking_since_ns = None
-        elif self._blocking_since_ns is None:
-            self._blocking_since_ns = self._loop.t_ns
-        elif self._in_trial and self._loop.t_ns - self._blocking_since_ns >= LOST_STREAM_NS:
+        if blocking is not None and self._loop.t_ns - self.blocking_since_ns >= longest_ns:
             self.interrupt_reason = f"{blocking.role}: {blocking.message}"
 
     def _flag(self, flag: str) -> None:
@@ -184,28 +254,70 @@ class OperatorDesk:
             self._pending.add(Action.ABORT)
             if not self._in_trial:
                 self.raise_if_aborted()
-        elif action is Action.SKIP and self._in_trial:
-            self.skip_reason = command.text or "no reason given"
-            self.interrupt_reason = f"skipped: {self.skip_reason}"
-        elif action is Action.REPEAT and self._in_trial:
-            self.interrupt_reason = "repeat asked for by the operator"
         elif action in LATER:
             self._pending.add(action)
-            self.say(f"{action.value} at the next checkpoint")
+            self.say(LATER[action])
+        elif action is Action.SKIP:
+            self._skip(command.text or "no reason given")
+        elif action is Action.REPEAT:
+            self._repeat()
+        elif action is Action.SILENCE:
+            self._silence()
         elif action is Action.FLAG:
             if self._in_trial:
                 self._flag("operator_flag")
-            self.say("moment flagged")
+            self.say(f"flagged{self._within()}")
         elif action is Action.NOTE:
-            self.say(f"noted: {command.text}")
+            self.say(f"noted{self._within()}: {command.text}")
+
+    def _within(self) -> str:
+        return f" in {self.trial.trial_id}" if self._in_trial and self.trial else ""
+
+    def _skip(self, reason: str) -> None:
+        if self.trial is None or not (self._in_trial or self._comes_next()):
+            self.say("nothing to skip: no trial is running or about to")
+            return
+        self.skip_reason = reason
+        self.say(f"{self.trial.trial_id} is skipped: {reason}")
+        if self._in_trial:
+            self.interrupt_reason = f"skipped: {reason}"
+
+    def _comes_next(self) -> bool:
+        return self._states.state is SessionState.INTERTRIAL
+
+    def _repeat(self) -> None:
+        if self._in_trial and self.trial is not None:
+            self.interrupt_reason = "repeat asked for by the operator"
+            self.say(f"{self.trial.trial_id} is ended and comes again at the end of the block")
+        elif self._last_trial is None:
+            self.say("nothing to repeat: no trial has been performed yet")
+        else:
+            if self._last_trial not in self._repeats:
+                self._repeats.append(self._last_trial)
+            self.say(f"{self._last_trial.trial_id} comes again at the end of the block")
+
+    def _silence(self) -> None:
+        armbands = {
+            role: device
+            for role, device in self._setup.rig.by_role().items()
+            if isinstance(device, Armband)
+        }
+        for device in armbands.values():
+            device.silence()
+        self.say(f"silenced: {', '.join(armbands) or 'no haptic device is connected'}")
 
     def raise_if_aborted(self) -> None:
         """Raise SessionAborted when the operator asked for it."""
         if Action.ABORT in self._pending:
             raise SessionAborted(
-                "the session was aborted; every finished trial is kept; "
-                "continue with `visavis resume`"
+                "the session was ended by the operator; every finished trial is kept. "
+                "Continue it with `visavis resume`"
             )
+
+    def _is_fresh(self, fault: Fault) -> bool:
+        if fault.severity == "blocking" or not _FIGURES.search(fault.message):
+            return True
+        return self._loop.t_ns - self._standing[_key(fault)].changed_ns < STALE_NS
 
     # ---- status ------------------------------------------------------------------------------
 
@@ -236,10 +348,14 @@ class OperatorDesk:
             accuracy_deg=verdict.accuracy_deg if verdict else None,
             precision_deg=verdict.precision_deg if verdict else None,
             calibration_age_s=(t_ns - calibration.t_ns) / NS_PER_S if calibration else None,
-            faults=self._faults,
+            faults=tuple(f for f in self._faults if self._is_fresh(f)),
             prompt=self._prompt,
             messages=tuple(self._messages),
         )
+
+
+def _key(fault: Fault) -> tuple[str, str]:
+    return fault.role, _FIGURES.sub("#", fault.message)
 
 
 def is_waiting(status: SessionStatus) -> bool:

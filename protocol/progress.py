@@ -16,13 +16,15 @@ class Progress:
 
     `attempts` counts performances of each trial so far, `finished` holds trials that need no
     other, `unfinished` those that were interrupted, in order; `answered` the questionnaires
-    already complete; `calibrations` how many were stored.
+    already complete, `answers` every (questionnaire, question) that was put; `calibrations` how
+    many validations were stored.
     """
 
     attempts: Mapping[str, int] = field(default_factory=dict)
     finished: frozenset[str] = frozenset()
     unfinished: tuple[str, ...] = ()
     answered: frozenset[str] = frozenset()
+    answers: frozenset[tuple[str, str]] = frozenset()
     calibrations: int = 0
     validated_at_end: bool = False
 
@@ -38,6 +40,7 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
     finished: set[str] = set()
     unfinished: dict[str, None] = {}
     answered: set[str] = set()
+    answers: set[tuple[str, str]] = set()
     calibrations = 0
     validated_at_end = False
     for event in events:
@@ -58,6 +61,8 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
             trial_id = str(event["trial_id"])
             finished.discard(trial_id)
             unfinished[trial_id] = None
+        elif kind == "answer":
+            answers.add((str(event["questionnaire"]), str(event["question"])))
         elif kind == "questionnaire_complete":
             answered.add(str(event["questionnaire"]))
         elif kind == "validation":
@@ -68,6 +73,7 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
         frozenset(finished),
         tuple(unfinished),
         frozenset(answered),
+        frozenset(answers),
         calibrations,
         validated_at_end,
     )

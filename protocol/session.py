@@ -2,13 +2,14 @@
 
 from collections import deque
 
+from devices.contracts import CalibrationOutcome
 from lab.clock import NS_PER_S
-from lab.errors import DeviceError, SessionAborted
+from lab.errors import DeviceError, LabError, RecordingError, SessionAborted
 from protocol.calibration_record import CalibrationInForce
 from protocol.frame_loop import FrameLoop
 from protocol.gaze_setup import GazeSetup
 from protocol.operator import Action
-from protocol.operator_desk import OperatorDesk
+from protocol.operator_desk import LOST_STREAM_NS, OperatorDesk
 from protocol.plan import Block, Trial
 from protocol.progress import left_of
 from protocol.rig import RunningRig
@@ -18,9 +19,6 @@ from protocol.trial_runner import Outcome, TrialRunner
 
 MAX_CALIBRATIONS = 3
 """Attempts before the session goes on with the best it got and says so (gaze.md section 5)."""
-
-LOST_DEVICE_S = 60.0
-"""How long a session waits for a device to come back before it ends, resumable."""
 
 STRETCH_CALIBRATION = 200_000
 STRETCH_PRACTICE = 100_000
@@ -36,7 +34,6 @@ class Session:
         self._participant = setup.participant
         self._calibration: CalibrationInForce | None = None
         self._calibrations = setup.progress.calibrations
-        self._last_trial: Trial | None = None
         self._queue: deque[Trial] = deque()
 
     @property
@@ -91,18 +88,21 @@ class Session:
             try:
                 self._perform()
                 loop.flush()
-            except SessionAborted:
-                loop.flush()
-                self._recorder.event("session_aborted", loop.t_ns)
-                self._states.move(SessionState.ABORTED)
-                raise
-            except DeviceError as error:
-                loop.flush()
-                self._recorder.event("session_failed", loop.t_ns, message=str(error))
-                self._states.move(SessionState.FAILED)
+                self._runner.record_exchanges()
+            except LabError as error:
+                self._end_early(error)
                 raise
             finally:
                 setup.stage.close()
+
+    def _end_early(self, error: LabError) -> None:
+        aborted = isinstance(error, SessionAborted)
+        if not isinstance(error, RecordingError):  # which takes nothing any more
+            self._loop.flush()
+            self._runner.record_exchanges()
+            name = "session_aborted" if aborted else "session_failed"
+            self._recorder.event(name, self._loop.t_ns, message=str(error))
+        self._states.move(SessionState.ABORTED if aborted else SessionState.FAILED)
 
     # ---- the course of the session -----------------------------------------------------------
 
@@ -127,19 +127,25 @@ class Session:
                 self._take_break(block)
             begun = True
             self._perform_block(block, trials)
-        if begun or not setup.progress.validated_at_end:
+        if begun:
             self._validate_at_end()
+        elif not setup.progress.validated_at_end:
+            # The tracker was started anew: what it shows now says nothing of the trials before.
+            self._recorder.event("end_validation_missed", self._loop.t_ns)
         self._states.move(SessionState.QUESTIONNAIRE)
         self._ask_questionnaires()
         self._states.move(SessionState.FINISHED)
         self._recorder.event("session_end", self._loop.t_ns)
 
     def _take_break(self, block: Block) -> None:
+        self._desk.leave_trial()
         self._states.move(SessionState.BREAK)
         self._loop.show_scene(self._setup.experiment.blank(None))
         self._recorder.event("break_start", self._loop.t_ns, before_block=block.index)
         self._recorder.checkpoint(timeout_s=5.0)
-        self._desk.wait(f"Break before {block.name}. Headset may come off.")
+        self._desk.wait(
+            f"Break before {block.name}. The headset may come off. Press space to go on."
+        )
         self._recorder.event("break_end", self._loop.t_ns, before_block=block.index)
 
     def _perform_block(self, block: Block, trials: tuple[Trial, ...]) -> None:
@@ -159,17 +165,15 @@ class Session:
             self._calibrate(block)
         self._queue = deque(trials)
         while self._queue:
-            if self._desk.take(Action.RECALIBRATE):
-                self._calibrate(block)
-            self._repeat_last_if_asked()
+            self._hold_if_needed(block)
             trial = self._queue.popleft()
             outcome = self._one_trial(trial)
-            if outcome.status == "interrupted":
+            if outcome.status == "postponed":
+                self._queue.appendleft(trial)
+            elif outcome.status == "interrupted":
                 self._queue.append(trial)
+            self._repeat_if_asked()
             self._hold_if_needed(block)
-        self._repeat_last_if_asked()
-        while self._queue:
-            self._one_trial(self._queue.popleft())
         self._recorder.event("block_end", self._loop.t_ns, block=block.index)
 
     def _one_trial(self, trial: Trial) -> Outcome:
@@ -179,58 +183,77 @@ class Session:
         if self._participant is not None:
             self._participant.prepare(stretch, self._loop.t_ns)
         outcome = self._runner.run(trial, self._calibration)
-        self._last_trial = trial
-        if self._setup.on_trial is not None:
+        if outcome.status != "postponed" and self._setup.on_trial is not None:
             self._setup.on_trial(
                 trial.trial_id, self._runner.finished, len(self._setup.plan.trials)
             )
         return outcome
 
-    def _repeat_last_if_asked(self) -> None:
-        trial = self._last_trial
-        if self._desk.take(Action.REPEAT) and trial is not None:
+    def _repeat_if_asked(self) -> None:
+        for trial in self._desk.take_repeats():
             self._recorder.event("trial_repeat", self._loop.t_ns, trial_id=trial.trial_id)
             if trial not in self._queue:
                 self._queue.append(trial)
 
     def _hold_if_needed(self, block: Block) -> None:
+        """Wait for devices that are away and for the operator; calibrate where that asks for it."""
+        calibrate = self._desk.take(Action.RECALIBRATE)
         if self._desk.device_lost():
-            self._wait_for_device()
-            self._calibrate(block)
+            calibrate = self._wait_for_device() or calibrate
         if self._desk.take(Action.PAUSE):
             self._states.move(SessionState.PAUSED)
             self._recorder.event("pause_start", self._loop.t_ns)
-            self._desk.wait("Paused. Space goes on.", always=True)
+            self._desk.wait("Paused. Press space to go on.", always=True)
             self._recorder.event("pause_end", self._loop.t_ns)
+            calibrate = self._desk.take(Action.RECALIBRATE) or calibrate
+        if calibrate and self._queue:  # a break calibrates anyway
+            self._calibrate(block)
 
-    def _wait_for_device(self) -> None:
+    def _wait_for_device(self) -> bool:
+        """Wait until no device is missing; tell whether it was away long enough to recalibrate."""
+        desk, loop = self._desk, self._loop
+        lost = desk.blocking_fault()
+        if lost is None:
+            return False
+        since_ns = desk.blocking_since_ns
         self._states.move(SessionState.PAUSED)
-        fault = self._desk.blocking_fault()
-        self._recorder.event(
-            "device_lost",
-            self._loop.t_ns,
-            role=fault.role if fault else "",
-            message=fault.message if fault else "",
-        )
-        give_up_ns = self._loop.t_ns + int(LOST_DEVICE_S * NS_PER_S)
-        while (fault := self._desk.blocking_fault()) is not None:
-            if self._loop.t_ns > give_up_ns:
+        self._recorder.event("device_lost", loop.t_ns, role=lost.role, message=lost.message)
+        self._recorder.checkpoint(timeout_s=5.0)
+        limit_s = self._setup.lost_device_s
+        desk.say(f"waiting for {lost.role}, at most {limit_s:.0f} s; every finished trial is safe")
+        give_up_ns = loop.t_ns + int(limit_s * NS_PER_S)
+        while (fault := desk.blocking_fault()) is not None:
+            if loop.t_ns > give_up_ns:
                 raise DeviceError(
-                    f"{fault.message} for {LOST_DEVICE_S:.0f} s",
+                    f"{fault.message}; it did not come back within {limit_s:.0f} s. Every "
+                    "finished trial is kept",
                     role=fault.role,
                     remedy=f"{fault.remedy}; then continue with `visavis resume`",
                 )
-            self._desk.next_frame()
-        self._recorder.event("device_back", self._loop.t_ns)
+            desk.next_frame()
+        away_ns = loop.t_ns - since_ns
+        self._recorder.event(
+            "device_back", loop.t_ns, role=lost.role, away_s=round(away_ns / NS_PER_S, 3)
+        )
+        desk.say(f"{lost.role} is back after {away_ns / NS_PER_S:.1f} s")
+        return away_ns >= LOST_STREAM_NS
 
     # ---- calibration -------------------------------------------------------------------------
 
     def _calibrate(self, block: Block) -> None:
         best: CalibrationInForce | None = None
+        problem: DeviceError | None = None
         for attempt in range(1, MAX_CALIBRATIONS + 1):
+            if self._desk.device_lost():
+                self._wait_for_device()
             self._states.move(SessionState.CALIBRATING)
             self._prepare(block.index, attempt)
-            outcome = self._gaze_setup.calibrate()
+            try:
+                outcome = self._gaze_setup.calibrate()
+            except DeviceError as error:
+                problem = error
+                outcome = CalibrationOutcome(succeeded=False, message=str(error))
+                self._desk.say(f"calibration failed: {error}")
             self._recorder.event(
                 "calibration",
                 self._loop.t_ns,
@@ -241,18 +264,29 @@ class Session:
                 vendor_accuracy_deg=outcome.vendor_accuracy_deg,
                 vendor_precision_deg=outcome.vendor_precision_deg,
             )
+            if self._desk.device_lost():
+                continue
             measured = self._validate(block.index, attempt, moment="block_start")
             if best is None or _error(measured) < _error(best):
                 best = measured
             if measured.verdict.accepted and outcome.succeeded:
                 best = measured
                 break
-        assert best is not None  # noqa: S101 - MAX_CALIBRATIONS is at least 1
+            self._desk.say(f"calibration {attempt} of {MAX_CALIBRATIONS} not good enough: again")
+        if best is None:
+            raise problem or DeviceError(
+                f"went away in each of {MAX_CALIBRATIONS} calibrations",
+                role="eye_tracker",
+                remedy="look at it and its program; then continue with `visavis resume`",
+            )
         if not best.verdict.accepted:
             self._recorder.event(
                 "calibration_below_threshold", self._loop.t_ns, reason=best.verdict.reason
             )
-            self._desk.say(f"calibration not accepted: {best.verdict.reason}")
+            self._desk.say(
+                f"going on with the best of {MAX_CALIBRATIONS} calibrations "
+                f"({best.verdict.reason}); press C to try again"
+            )
         self._calibration = best
         self._desk.calibration = best
 
@@ -261,9 +295,7 @@ class Session:
         points = self._gaze_setup.validate()
         verdict = self._setup.judge_validation(points, self._gaze_rate_hz)
         self._calibrations += 1
-        calibration = CalibrationInForce(
-            f"B{block}A{attempt}" if moment == "block_start" else "END", self._loop.t_ns, verdict
-        )
+        calibration = CalibrationInForce(f"C{self._calibrations:02d}", self._loop.t_ns, verdict)
         self._recorder.event(
             "validation",
             self._loop.t_ns,
@@ -300,6 +332,8 @@ class Session:
             if questionnaire.name in self._setup.progress.answered:
                 continue
             for question in questionnaire.questions():
+                if (questionnaire.name, question.question_id) in self._setup.progress.answers:
+                    continue
                 answer = self._setup.respondent.answer(
                     question.question_id, question.prompt, question.options
                 )

@@ -16,6 +16,9 @@ from protocol.rig import Rig
 from recording.writer import Recorder
 from stage.contracts import Stage
 
+LOST_DEVICE_S = 300.0
+"""How long a session waits for a device to come back before it ends, resumable."""
+
 
 @dataclass(frozen=True)
 class SessionSetup:
@@ -38,5 +41,6 @@ class SessionSetup:
     progress: Progress = field(default_factory=Progress)
     blind: bool = False
     timing: TargetTiming = field(default_factory=TargetTiming)
+    lost_device_s: float = LOST_DEVICE_S
     on_trial: Callable[[str, int, int], None] | None = None
     on_open: Callable[[tuple[DeviceInfo, ...]], None] | None = None

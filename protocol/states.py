@@ -36,8 +36,22 @@ TRANSITIONS: Mapping[SessionState, frozenset[SessionState]] = {
         {S.CALIBRATING, S.VALIDATING, S.INTERTRIAL, S.QUESTIONNAIRE, S.PAUSED, S.INSTRUCTING}
     )
     | _ENDS,
-    S.INTERTRIAL: frozenset({S.TRIAL, S.PAUSED, S.INTERTRIAL}) | _ENDS,
-    S.TRIAL: frozenset({S.INTERTRIAL, S.PAUSED, S.CALIBRATING, S.BREAK, S.VALIDATING}) | _ENDS,
+    S.INTERTRIAL: frozenset(
+        {
+            S.TRIAL,
+            S.INTERTRIAL,
+            S.PAUSED,
+            S.CALIBRATING,
+            S.BREAK,
+            S.VALIDATING,
+            S.QUESTIONNAIRE,
+        }
+    )
+    | _ENDS,
+    S.TRIAL: frozenset(
+        {S.INTERTRIAL, S.PAUSED, S.CALIBRATING, S.BREAK, S.VALIDATING, S.QUESTIONNAIRE}
+    )
+    | _ENDS,
     S.PAUSED: frozenset(
         {S.INTERTRIAL, S.CALIBRATING, S.VALIDATING, S.INSTRUCTING, S.BREAK, S.QUESTIONNAIRE}
     )

@@ -30,7 +30,10 @@ RECENT_EXCHANGES = 24
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a trial ended: "complete", "interrupted" or "skipped", and why."""
+    """How a trial ended: "complete", "interrupted" or "skipped", and why.
+
+    "postponed": it was not begun, because something has to be done first.
+    """
 
     status: str
     reason: str | None
@@ -53,6 +56,7 @@ class TrialRunner:
         self._rig = rig
         self._gaze_rate_hz = gaze_rate_hz
         self._attempts = dict(setup.progress.attempts)
+        self._exchanges_told = 0
         self.finished = len(setup.progress.finished)
         rates_hz = (rig.headset.display_rate_hz, gaze_rate_hz)
         self._grid_ns = NS_PER_S // 10 if all(r % 10 == 0 for r in rates_hz) else NS_PER_S
@@ -72,10 +76,11 @@ class TrialRunner:
     def run(self, trial: Trial, calibration: CalibrationInForce | None) -> Outcome:
         """Perform a trial with the time before it; write its row; return how it ended."""
         setup, loop, desk = self._setup, self._loop, self._desk
-        desk.trial = trial
-        desk.interrupt_reason = None
+        desk.announce(trial)
         self._perform(setup.experiment.intertrial(trial), interruptible=False)
-        desk.raise_if_aborted()
+        skip_reason = desk.skip_reason
+        if skip_reason is None and desk.must_hold():
+            return Outcome("postponed", None)
         self._set_clock_offset()
         attempt = self._attempts.get(trial.trial_id, 0) + 1
         self._attempts[trial.trial_id] = attempt
@@ -86,8 +91,13 @@ class TrialRunner:
         start_ns = loop.t_ns
         before = self._counts()
         desk.begin_trial(trial, start_ns + int(setup.experiment.trial_s * NS_PER_S))
-        desk.enter(SessionState.TRIAL)
-        row, interrupted = self._perform(setup.experiment.run_trial(trial), interruptible=True)
+        if skip_reason is None:
+            desk.enter(SessionState.TRIAL)
+            row, interrupted = self._perform(setup.experiment.run_trial(trial), interruptible=True)
+            interrupted = interrupted or desk.lost_at_end()
+        else:
+            row, interrupted = {}, None
+            desk.skip_reason = skip_reason
         outcome = self._outcome(interrupted)
         loop.trial_number = -1
         loop.flush()
@@ -117,7 +127,7 @@ class TrialRunner:
                 "clock_offset_ns": loop.observer.clock_offset_ns,
             }
         )
-        desk.end_trial()
+        desk.end_trial(trial)
         desk.trials_done = self.finished
         desk.raise_if_aborted()
         return outcome
@@ -175,8 +185,23 @@ class TrialRunner:
                 raise TypeError(f"a plan yielded {step!r}, which is no step")
         return None
 
+    def record_exchanges(self) -> None:
+        """Note the time exchanges with the eye tracker since the last call, as an event."""
+        pairs = self._rig.eye_tracker.clock_pairs()
+        new, self._exchanges_told = pairs[self._exchanges_told :], len(pairs)
+        if new:
+            self._setup.recorder.event(
+                "clock_exchanges",
+                self._loop.t_ns,
+                role="eye_tracker",
+                send_device_receive_ns=[
+                    [p.host_send_ns, p.device_ns, p.host_receive_ns] for p in new
+                ],
+            )
+
     def _set_clock_offset(self) -> None:
         pairs = self._rig.eye_tracker.clock_pairs()[-RECENT_EXCHANGES:]
+        self.record_exchanges()
         if pairs:
             self._loop.observer.clock_offset_ns = offset_ns(latest_quick(pairs))
 
