@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+import yaml
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -21,7 +22,7 @@ from cli.studies import find_study
 from cli.study_folder import DERIVED, StudySettings, read_settings, sessions_of, settle
 from lab.clock import SimClock, StopWatch
 from lab.config import LabConfig
-from lab.errors import DataError
+from lab.errors import DataError, UsageError
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from recording.folder import SIMULATED_ROOT
 from recording.manifest import read_manifest
@@ -47,6 +48,10 @@ def simulate(
     effect: Annotated[
         bool, typer.Option("--effect/--no-effect", help="Whether agents' gaze matters.")
     ] = True,
+    parameters: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Replace a parameter of the study: --set trial_s=8"),
+    ] = None,
     processes: ProcessesOption = None,
     config: ConfigOption = None,
 ) -> None:
@@ -58,30 +63,43 @@ def simulate(
     if output is None:
         name = f"{study}_n{participants}_seed{seed}" + ("" if effect else "_noeffect")
         output = lab.data_root / "dry_runs" / name
-    folder = simulate_study(lab, study, participants, seed, output, effect, processes)
+    wanted = StudySettings(
+        study, seed, is_simulated=True, effect=effect, parameters=read_parameters(parameters or [])
+    )
+    folder = simulate_study(lab, wanted, participants, output, processes)
     console.print(f"[magenta]SIMULATED[/] study in [b]{folder}[/]", soft_wrap=True)
     console.print(f"next: visavis analyse {folder}", soft_wrap=True)
 
 
+def read_parameters(assignments: list[str]) -> dict[str, Any]:
+    """Read NAME=VALUE texts; values are numbers, true, false or text as YAML reads them.
+
+    Raises:
+        UsageError: a text is no assignment.
+    """
+    read: dict[str, Any] = {}
+    for text in assignments:
+        name, sign, value = text.partition("=")
+        if not sign or not name.strip():
+            raise UsageError(f"--set takes NAME=VALUE, such as trial_s=8, not {text!r}")
+        read[name.strip()] = yaml.safe_load(value)
+    return read
+
+
 def simulate_study(
-    lab: LabConfig,
-    study: str,
-    participants: int,
-    seed: int,
-    data_root: Path,
-    effect: bool,
-    processes: int | None,
+    lab: LabConfig, wanted: StudySettings, participants: int, data_root: Path, processes: int | None
 ) -> Path:
     """Simulate what is missing of a study; sessions already there are kept.
 
     Raises:
-        UsageError: the folder was begun with another seed.
+        UsageError: the folder was begun with other settings.
     """
+    study, effect = wanted.study, wanted.effect
     chosen = find_study(study)
     data_root = data_root.resolve()
     lab = lab.model_copy(update={"data_root": data_root})
     folder = data_root / SIMULATED_ROOT / study
-    wanted = StudySettings(study, seed, is_simulated=True, effect=effect)
+    chosen.experiment(wanted.parameters)
     settings = settle(folder, wanted, seed_given=True)
     experiment = chosen.experiment(settings.parameters)
     entries = [
@@ -218,7 +236,8 @@ def demo(
         f"Simulating [b]stare in the crowd[/]: {DEMO_PARTICIPANTS} simulated participants, "
         "72 trials each, through the session engine, drivers, recorder and analysis."
     )
-    folder = simulate_study(lab, "stare", DEMO_PARTICIPANTS, DEFAULT_SEED, output, True, processes)
+    wanted = StudySettings("stare", DEFAULT_SEED, is_simulated=True)
+    folder = simulate_study(lab, wanted, DEMO_PARTICIPANTS, output, processes)
     path = analyse_study(folder, None, mixture=False, processes=processes)
     console.print(f"done in {watch.elapsed_s():.0f} s; everything is marked [magenta]SIMULATED[/]")
     console.print(f"[b]report: {path}[/]", soft_wrap=True)

@@ -1,0 +1,118 @@
+"""Simulated studies repeat bit for bit, never overwrite, and are marked everywhere."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from cli.main import app
+from cli.study_commands import read_parameters
+from lab.errors import DataError, UsageError
+
+SHORT = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
+SHORT += ["--set", "repetitions=1"]
+
+
+def simulate(root: Path, *more: str, participants: int = 2) -> Path:
+    arguments = ["simulate", "stare", "--participants", str(participants), "--seed", "5"]
+    result = CliRunner().invoke(
+        app, [*arguments, "--output", str(root), "--processes", "1", *SHORT, *more]
+    )
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return root / "simulated" / "stare"
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {
+        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest()
+        for p in sorted(folder.rglob("*"))
+        if p.is_file()
+    }
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return simulate(tmp_path_factory.mktemp("étude 1"), participants=2)
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_bytes_however_many_processes(
+    study: Path, tmp_path: Path
+) -> None:
+    again = simulate(tmp_path / "again", "--processes", "2")
+
+    assert digests(study) == digests(again)
+
+
+def test_every_file_and_table_says_it_is_simulated(study: Path) -> None:
+    for manifest in study.glob("sub-*/ses-*/manifest.json"):
+        assert json.loads(manifest.read_text())["is_simulated"] is True
+    for journal in study.glob("sub-*/ses-*/part-*/events.jsonl"):
+        assert json.loads(journal.read_text().splitlines()[0])["is_simulated"] is True
+    assert "simulated" in study.parts
+
+
+@pytest.mark.slow
+def test_analysis_writes_a_row_per_trial_in_two_formats_and_a_report(study: Path) -> None:
+    result = CliRunner().invoke(app, ["analyse", str(study), "--processes", "1"])
+
+    assert result.exit_code == 0, result.output
+    rows = pd.read_csv(study / "derived" / "trials.csv")
+    assert 2 * (36 + 1) == len(rows)
+    assert rows["is_simulated"].all()
+    assert len(rows) == len(pd.read_parquet(study / "derived" / "trials.parquet"))
+    page = (study / "derived" / "report.html").read_text()
+    assert "SIMULATED" in page
+    assert "http://" not in page.replace("http://www.w3.org", "")
+
+
+def test_sessions_already_there_are_kept(study: Path) -> None:
+    before = digests(study)
+
+    simulate(study.parent.parent, participants=2)
+
+    assert before == digests(study)
+
+
+def test_another_seed_for_the_same_folder_is_refused(study: Path) -> None:
+    with pytest.raises(UsageError, match="begun with seed 5"):
+        simulate(study.parent.parent, "--seed", "6")
+
+
+def test_a_mixture_of_simulated_and_real_is_refused(study: Path, tmp_path: Path) -> None:
+    mixed = tmp_path / "mixed"
+    for number, session in enumerate(sorted(study.glob("sub-*/ses-001"))):
+        manifest = json.loads((session / "manifest.json").read_text())
+        manifest["is_simulated"] = number == 0
+        target = mixed / session.parent.name / "ses-001"
+        target.mkdir(parents=True)
+        (target / "manifest.json").write_text(json.dumps(manifest))
+
+    result = CliRunner().invoke(app, ["analyse", str(mixed)])
+
+    assert isinstance(result.exception, DataError)
+    assert "simulated and real" in str(result.exception)
+
+
+def test_a_folder_without_sessions_names_the_study_inside_it(study: Path) -> None:
+    result = CliRunner().invoke(app, ["analyse", str(study.parent)])
+
+    assert isinstance(result.exception, UsageError)
+    assert str(study) in str(result.exception)
+
+
+def test_parameters_are_read_as_numbers_and_texts() -> None:
+    assert {"trial_s": 8, "name": "x"} == read_parameters(["trial_s=8", "name=x"])
+    with pytest.raises(UsageError, match="NAME=VALUE"):
+        read_parameters(["trial_s"])
+
+
+def test_an_unknown_study_is_answered_with_the_nearest() -> None:
+    result = CliRunner().invoke(app, ["simulate", "stair"])
+
+    assert isinstance(result.exception, UsageError)
+    assert "did you mean stare" in str(result.exception)
