@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -26,9 +27,13 @@ def simulate(root: Path, *more: str, participants: int = 2) -> Path:
     return root / "simulated" / "stare"
 
 
+REVISION = re.compile(rb'"code_revision": "[^"]*"')
+
+
 def digests(folder: Path) -> dict[str, str]:
+    """Hash every file; the revision in manifests is left out: it may move between two runs."""
     return {
-        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest()
+        str(p.relative_to(folder)): hashlib.sha256(REVISION.sub(b"", p.read_bytes())).hexdigest()
         for p in sorted(folder.rglob("*"))
         if p.is_file()
     }
