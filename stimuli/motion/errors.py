@@ -1,0 +1,15 @@
+"""What can be wrong with motion data."""
+
+from lab.errors import DataError
+
+
+class MotionError(DataError):
+    """Key poses, clips or skeletons are unusable or do not fit together."""
+
+
+class BvhError(MotionError):
+    """A BVH file is broken; `line` counts from 1."""
+
+    def __init__(self, name: str, line: int, message: str, remedy: str) -> None:
+        super().__init__(f"{name} line {line}: {message}; {remedy}")
+        self.line = line
