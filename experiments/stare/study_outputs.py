@@ -10,6 +10,7 @@ from analysis.plots import Drawn, write_figure
 from analysis.report import ReportProvenance
 from experiments.stare.analysis import SIMULATED_COLUMN, StareAnalysis, analyse_rows
 from experiments.stare.analysis_parameters import DEFAULT_PARAMETERS, AnalysisParameters
+from experiments.stare.data_dictionary import write_dictionary
 from experiments.stare.figures import TrialExample, study_figures
 from experiments.stare.measures import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 from experiments.stare.quality_table import StareQuality, quality_of_trials
@@ -104,7 +105,7 @@ def write_tables(
     }
     if analysis.sensitivity:
         tables["sensitivity"] = pd.DataFrame([r.row() for r in analysis.sensitivity])
-    written = [_csv(trials, out_dir / "trials.csv")]
+    written = [_csv(trials, out_dir / "trials.csv"), write_dictionary(out_dir / "trials.json")]
     parquet = out_dir / "trials.parquet"
     trials.to_parquet(parquet, index=False)
     written.append(parquet)

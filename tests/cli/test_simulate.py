@@ -70,6 +70,8 @@ def test_analysis_writes_a_row_per_trial_in_two_formats_and_a_report(study: Path
     assert 2 * (36 + 1) == len(rows)
     assert rows["is_simulated"].all()
     assert len(rows) == len(pd.read_parquet(study / "derived" / "trials.parquet"))
+    described = json.loads((study / "derived" / "trials.json").read_text())
+    assert [] == [c for c in rows.columns if c not in described]
     page = (study / "derived" / "report.html").read_text()
     assert "SIMULATED" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
