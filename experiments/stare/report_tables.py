@@ -60,8 +60,8 @@ def means_table(analysis: StareAnalysis) -> Table:
         tuple(columns),
         tuple(rows),
         "Measures by condition, mean (SD) over participants",
-        f"n = {span} here, {published.PARTICIPANTS} published; times and durations in ms. Δ: how far the mean lies from the "
-        "published one.",
+        f"n = {span} here, {published.PARTICIPANTS} published; times and durations in ms. "
+        "Δ: how far the mean lies from the published one.",
     )
 
 
@@ -93,8 +93,8 @@ def comparison_table(analysis: StareAnalysis, pair: tuple[str, str]) -> Table:
         columns,
         rows,
         f"{first} against {second}: {CONDITION_NAMES[first]} and {CONDITION_NAMES[second]}",
-        f"Mean (SD) over participants who have both values, times and durations in ms. * p < {one}, ** p < {two}, "
-        f"*** p < {three}. t: paired t test with dz; V: Wilcoxon signed-rank test with "
+        "Mean (SD) over participants who have both values, times and durations in ms. "
+        f"* p < {one}, ** p < {two}, *** p < {three}. t: paired t test with dz; V: Wilcoxon signed-rank test with "
         f"rank-biserial correlation; “wilc.”: the source prints no statistic. Published: {source}.",
     )
 
