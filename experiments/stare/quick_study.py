@@ -163,9 +163,11 @@ def _trial(
         aoi = seen(slice(0, n))
         return measure_trial(t_ns, aoi, active, start_ns, end_ns, params=looks), None
 
+    # To someone who does not notice contact the change is nothing, so one pass does.
+    step = CHUNK_SAMPLES if participant.notices_contact else n
     aoi = np.empty(0, np.int16)
     while aoi.size < n and not (aoi == active).any():
-        aoi = np.concatenate([aoi, seen(slice(aoi.size, min(aoi.size + CHUNK_SAMPLES, n)))])
+        aoi = np.concatenate([aoi, seen(slice(aoi.size, min(aoi.size + step, n)))])
     turn_frame = _turn_frame(t_ns, aoi, active, start_ns, tracker.delay_ns, params)
     switch_ns = _frame_ns(turn_frame + 1)
     # What was seen beyond the change was seen too early: go back and live through it again.
@@ -185,8 +187,6 @@ def _trial(
             moving = _show(participant, turning, start_ns, turn_frame)
             turn_frame += 1
         aoi = np.concatenate([aoi[:known], between, seen(slice(after, n))])
-    elif aoi.size < n:
-        aoi = np.concatenate([aoi, seen(slice(aoi.size, n))])
     measured = measure_trial(t_ns, aoi, active, start_ns, end_ns, switch_ns=switch_ns, params=looks)
     return measured, (switch_ns - start_ns) / NS_PER_MS
 
