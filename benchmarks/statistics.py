@@ -1,12 +1,14 @@
 """Print how fast the statistics are: ``python -m benchmarks.statistics [--json]``.
 
-Peers are measured in the same run where Python has one; the R figures were measured beforehand.
+Times are CPU seconds of one core. Peers are measured in the same run where Python has one; the R
+figures were measured beforehand.
 ``--error-rates N`` prints instead how often each analysis finds an effect that is not there, in N
 simulated studies per kind of data (the figures of docs/statistics.md; 2000 take about a minute).
 """
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from analysis import statistics
-from lab.clock import StopWatch
+from lab.clock import cpu_time_s
 
 R_STUDY_S = 0.091
 """ARTool 0.11.2 on R 4.2.2, one 16 × 2 × 3 study, strata test; measured on a similar machine."""
@@ -71,28 +73,30 @@ def analyse_in_full(frame: dict[str, Any]) -> None:
 
 
 def median_s(function: Callable[[], object], repeats: int) -> float:
-    """Return the median seconds of a call, after one warm-up."""
+    """Return the median CPU seconds of a call, after one warm-up."""
     function()
     times = []
     for _ in range(repeats):
-        watch = StopWatch()
+        started = cpu_time_s()
         function()
-        times.append(watch.elapsed_s())
+        times.append(cpu_time_s() - started)
     return float(np.median(times))
 
 
 def import_s(module: str) -> float:
     """Return the seconds a fresh interpreter takes to import a module, less its start.
 
-    The best of seven: on a busy machine anything else measures the neighbours.
+    CPU seconds, the best of seven.
     """
 
     def started(code: str) -> float:
         times = []
         for _ in range(7):
-            watch = StopWatch()
+            before = os.times()
             subprocess.run([sys.executable, "-c", code], check=True)
-            times.append(watch.elapsed_s())
+            after = os.times()
+            user = after.children_user - before.children_user
+            times.append(user + after.children_system - before.children_system)
         return min(times)
 
     return started(f"import {module}") - started("pass")
@@ -105,10 +109,10 @@ def measure() -> list[Line]:
     rng = np.random.default_rng(7)
     frames = [study(rng) for _ in range(1000)]
     analyse(frames[0])
-    watch = StopWatch()
+    started = cpu_time_s()
     for frame in frames:
         analyse(frame)
-    thousand = watch.elapsed_s()
+    thousand = cpu_time_s() - started
     full = median_s(lambda: analyse_in_full(frames[1]), 100)
     table = analyse(frames[1])
     mixed = median_s(

@@ -84,15 +84,9 @@ def noncentral_t_bounds(t: float, df: float, *, level: float = 0.95) -> tuple[fl
             low -= step
         while special.nctdtr(df, high, t) > target:
             high += step
-        for _ in range(200):
-            middle = (low + high) / 2
-            if special.nctdtr(df, middle, t) > target:
-                low = middle
-            else:
-                high = middle
-            if high - low < 1e-11 * (1 + abs(middle)):
-                break
-        return (low + high) / 2
+        return low + _solve_noncentrality(
+            lambda nc: float(special.nctdtr(df, low + nc, t)), target, (high - low) / 2
+        )
 
     return bound(1 - tail), bound(tail)
 
