@@ -19,6 +19,10 @@ from analysis.statistics.results import Array, Provenance
 Ddf: TypeAlias = Literal["kenward-roger", "satterthwaite"]
 
 
+SINGULAR_SD_RATIO = 1e-4
+"""Ratio of the intercepts' SD to the residual SD below which a fit is called singular."""
+
+
 @dataclass(frozen=True)
 class RandomIntercept:
     """A fitted model y = Xβ + one random intercept per group + noise.
@@ -42,8 +46,8 @@ class RandomIntercept:
 
     @property
     def is_singular(self) -> bool:
-        """Tell whether the intercepts have no variance left."""
-        return self.ratio == 0.0
+        """Tell whether the intercepts have no variance left (lme4's limit of the SD ratio)."""
+        return self.ratio < SINGULAR_SD_RATIO**2
 
     @cached_property
     def _sums(self) -> tuple[Array, Array]:
