@@ -94,7 +94,8 @@ def comparison_table(analysis: StareAnalysis, pair: tuple[str, str]) -> Table:
         rows,
         f"{first} against {second}: {CONDITION_NAMES[first]} and {CONDITION_NAMES[second]}",
         "Mean (SD) over participants who have both values, times and durations in ms. "
-        f"* p < {one}, ** p < {two}, *** p < {three}. t: paired t test with dz; V: Wilcoxon signed-rank test with "
+        f"* p < {one}, ** p < {two}, *** p < {three}. t: paired t test with dz; "
+        "V: Wilcoxon signed-rank test with "
         f"rank-biserial correlation; “wilc.”: the source prints no statistic. Published: {source}.",
     )
 
