@@ -11,10 +11,25 @@ from lab.schema import SampleBatch
 from protocol.row_buffer import RowBuffer
 from protocol.steps import GazeView
 from stimuli.scene import Scene
-from stimuli.visibility import SceneGeometry
+from stimuli.visibility import HIT_LOST, HIT_NOTHING, SceneGeometry, observe_rays
 
 POSES_KEPT = 32
 """Head poses remembered for looking up the pose at a sample's time: 0.3 s at 90 Hz."""
+
+
+RECORDED = (
+    "gaze_seq",
+    "frame_index",
+    "t_sample_ns",
+    "valid",
+    "direction_world",
+    "origin_world_m",
+    "angle_deg",
+    "radius_deg",
+    "pad_limit_deg",
+    "hit",
+)
+"""Columns of the stream of targets, in the order in which `_evaluate` takes them."""
 
 
 @compiled
@@ -78,6 +93,89 @@ def _gaze_in_world(
                 origin[i, 2] = rz + (1 - f) * pose_p[a, 2] + f * pose_p[b, 2]
 
 
+@compiled
+def _evaluate(
+    direction_head: npt.NDArray[np.float32],
+    origin_head_m: npt.NDArray[np.float32],
+    is_valid: npt.NDArray[np.bool_],
+    seq: npt.NDArray[np.int64],
+    t_device_ns: npt.NDArray[np.int64],
+    offset_ns: int,
+    frame_index: int,
+    pose_t_ns: npt.NDArray[np.int64],
+    pose_p: npt.NDArray[np.float64],
+    pose_q: npt.NDArray[np.float64],
+    newest: int,
+    count: int,
+    heads: npt.NDArray[np.float64],
+    capsules: npt.NDArray[np.float64],
+    is_lit: bool,
+    t_ns: npt.NDArray[np.int64],
+    valid: npt.NDArray[np.bool_],
+    rays: npt.NDArray[np.float64],
+    seen: npt.NDArray[np.float64],
+    hit: npt.NDArray[np.int16],
+    row: int,
+    gaze_seq: npt.NDArray[np.int64],
+    frame: npt.NDArray[np.int32],
+    t_sample_ns: npt.NDArray[np.int64],
+    row_valid: npt.NDArray[np.bool_],
+    direction_world: npt.NDArray[np.float32],
+    origin_world_m: npt.NDArray[np.float32],
+    angle_deg: npt.NDArray[np.float32],
+    radius_deg: npt.NDArray[np.float32],
+    pad_limit_deg: npt.NDArray[np.float32],
+    row_hit: npt.NDArray[np.int16],
+) -> int:
+    """Evaluate n samples and record them from `row` on; return how many are valid.
+
+    One call for all of it, because a frame brings one or two samples.
+    """
+    n = t_device_ns.shape[0]
+    m = heads.shape[0]
+    valid_count = 0
+    for i in range(n):
+        t_ns[i] = t_device_ns[i] + offset_ns
+        valid[i] = is_valid[i]
+        valid_count += valid[i]
+    direction, origin = rays[0], rays[1]
+    _gaze_in_world(
+        direction_head,
+        origin_head_m,
+        t_ns,
+        pose_t_ns,
+        pose_p,
+        pose_q,
+        newest,
+        count,
+        direction,
+        origin,
+    )
+    observe_rays(origin, direction, valid, heads, capsules, is_lit, seen, hit)
+    has_agents = angle_deg.shape[1] == m
+    for i in range(n):
+        j = row + i
+        gaze_seq[j] = seq[i]
+        frame[j] = frame_index
+        t_sample_ns[j] = t_ns[i]
+        row_valid[j] = valid[i]
+        for k in range(3):
+            direction_world[j, k] = direction[i, k]
+            origin_world_m[j, k] = origin[i, k]
+        if has_agents:
+            for k in range(m):
+                angle_deg[j, k] = seen[0, i, k]
+                radius_deg[j, k] = seen[1, i, k]
+                pad_limit_deg[j, k] = seen[2, i, k]
+            row_hit[j] = hit[i]
+        else:
+            angle_deg[j] = np.nan
+            radius_deg[j] = np.nan
+            pad_limit_deg[j] = np.nan
+            row_hit[j] = HIT_NOTHING if valid[i] else HIT_LOST
+    return valid_count
+
+
 class GazeObserver:
     """Collect gaze batches from the eye tracker and evaluate them once per frame.
 
@@ -88,6 +186,7 @@ class GazeObserver:
     def __init__(self, targets: RowBuffer) -> None:
         self.clock_offset_ns = 0
         self._targets = targets
+        self._columns = tuple(targets.columns[name] for name in RECORDED)
         self._inbox: deque[SampleBatch] = deque()
         self._pose_t_ns = np.zeros(POSES_KEPT, dtype=np.int64)
         self._pose_p = np.zeros((POSES_KEPT, 3))
@@ -120,32 +219,45 @@ class GazeObserver:
     def observe(self, frame_index: int, t_frame_ns: int) -> GazeView:
         """Evaluate everything that arrived, record it, and return it."""
         batch = self._gather()
-        if batch is None or self._geometry is None:
+        geometry = self._geometry
+        if batch is None or geometry is None:
             return self._nothing()
         values = batch.values
-        n = len(batch)
-        t_ns = batch.t_device_ns + self.clock_offset_ns
-        direction = np.empty((n, 3))
-        origin = np.empty((n, 3))
-        _gaze_in_world(
-            np.ascontiguousarray(values["direction_head"]),
-            np.ascontiguousarray(values["origin_m"]),
-            t_ns,
+        n = batch.seq.shape[0]
+        targets = self._targets
+        t_ns = np.empty(n, np.int64)
+        valid = np.empty(n, np.bool_)
+        rays = np.empty((2, n, 3))
+        seen = np.empty((3, n, geometry.heads.shape[0]))
+        hit = np.empty(n, np.int16)
+        valid_count = _evaluate(
+            values["direction_head"],
+            values["origin_m"],
+            values["valid"],
+            batch.seq,
+            batch.t_device_ns,
+            self.clock_offset_ns,
+            frame_index,
             self._pose_t_ns,
             self._pose_p,
             self._pose_q,
             self._newest,
             self._poses,
-            direction,
-            origin,
+            geometry.heads,
+            geometry.capsules,
+            geometry.is_lit,
+            t_ns,
+            valid,
+            rays,
+            seen,
+            hit,
+            targets.room(n),
+            *self._columns,
         )
-        valid = np.ascontiguousarray(values["valid"])
-        angle, radius, pad, hit = self._geometry.observe(origin, direction, valid)
-        view = GazeView(t_ns, valid, direction, origin, angle, radius, pad, hit)
+        targets.commit(n, t_frame_ns)
         self.received += n
-        self.valid += int(valid.sum())
-        self._record(batch, frame_index, t_frame_ns, view)
-        return view
+        self.valid += valid_count
+        return GazeView(t_ns, valid, rays[0], rays[1], seen[0], seen[1], seen[2], hit)
 
     def drain(self) -> list[SampleBatch]:
         """Return what arrived without evaluating it."""
@@ -181,28 +293,3 @@ class GazeObserver:
             empty,
             np.empty(0, dtype=np.int16),
         )
-
-    def _record(self, batch: SampleBatch, frame: int, t_frame_ns: int, view: GazeView) -> None:
-        rows = self._targets
-        n = len(batch)
-        i = rows.room(n)
-        j = i + n
-        columns = rows.columns
-        columns["gaze_seq"][i:j] = batch.seq
-        columns["frame_index"][i:j] = frame
-        columns["t_sample_ns"][i:j] = view.t_ns
-        columns["valid"][i:j] = view.valid
-        columns["direction_world"][i:j] = view.direction_world
-        columns["origin_world_m"][i:j] = view.origin_world_m
-        m = view.angle_deg.shape[1]
-        if m == columns["angle_deg"].shape[1]:
-            columns["angle_deg"][i:j] = view.angle_deg
-            columns["radius_deg"][i:j] = view.radius_deg
-            columns["pad_limit_deg"][i:j] = view.pad_limit_deg
-            columns["hit"][i:j] = view.hit
-        else:
-            columns["angle_deg"][i:j] = np.nan
-            columns["radius_deg"][i:j] = np.nan
-            columns["pad_limit_deg"][i:j] = np.nan
-            columns["hit"][i:j] = np.where(view.valid, -1, -2)
-        rows.commit(n, t_frame_ns)

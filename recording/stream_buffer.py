@@ -29,7 +29,8 @@ class Rows:
 class OpenStream:
     """A declared stream: its file, the rows being filled, and counts.
 
-    `spare` is what the writer thread writes from while `rows` fills; None without a thread.
+    `spare` is what the writer thread writes from while `rows` fills; None without a thread, and
+    then batches are `held` until they are written together.
     """
 
     schema: StreamSchema
@@ -39,6 +40,8 @@ class OpenStream:
     spare: Rows | None
     lock: threading.Lock = field(default_factory=threading.Lock)
     opaque: Any = None
+    held: list[tuple[bytes, bytes, bytes, bytes]] = field(default_factory=list)
+    held_rows: int = 0
     oldest_t_host_ns: int = 0
     first_t_host_ns: int | None = None
     last_t_host_ns: int | None = None

@@ -8,6 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import numpy as np
+
 from lab.clock import NS_PER_S, Clock
 from lab.errors import RecordingError
 from lab.schema import SampleBatch, StreamSchema
@@ -144,28 +146,29 @@ class Recorder:
         n = batch.seq.shape[0]
         if n == 0:
             return
+        latest = int(batch.t_host_ns[n - 1])
+        if self._thread is None:
+            self._hold(stream, batch, n, latest)
+            return
         with stream.lock:
             rows = stream.rows
             start = rows.count
             end = start + n
             if end > rows.capacity:
-                rows = self._make_room(stream, n)
-                start, end = rows.count, rows.count + n
+                stream.dropped += n
+                raise RecordingError(
+                    f"stream {stream.schema.name!r}: the disk is behind by {rows.count} samples, "
+                    f"{n} were dropped ({stream.dropped} in all); end the trial and check the disk"
+                )
             rows.seq[start:end] = batch.seq
             rows.t_device_ns[start:end] = batch.t_device_ns
             rows.t_host_ns[start:end] = batch.t_host_ns
             rows.opaque[start:end] = batch.values.view(stream.opaque)
             rows.count = end
             stream.rows_accepted += n
-            latest = int(batch.t_host_ns[n - 1])
             stream.last_t_host_ns = latest
-            if start == 0:
-                stream.oldest_t_host_ns = int(batch.t_host_ns[0])
-                if stream.first_t_host_ns is None:
-                    stream.first_t_host_ns = stream.oldest_t_host_ns
-            if self._thread is None and latest - stream.oldest_t_host_ns >= self._max_batch_ns:
-                self._guarded(self._write_rows, stream, rows)
-                rows.count = 0
+            if stream.first_t_host_ns is None:
+                stream.first_t_host_ns = int(batch.t_host_ns[0])
 
     def event(self, name: str, t_ns: int, /, **payload: Any) -> None:
         """Note an event; it is written with the next batch."""
@@ -273,20 +276,47 @@ class Recorder:
             "before starting it"
         )
 
-    def _make_room(self, stream: OpenStream, n: int) -> Rows:
-        rows = stream.rows
-        if self._thread is not None:
-            stream.dropped += n
-            raise RecordingError(
-                f"stream {stream.schema.name!r}: the disk is behind by {rows.count} samples, "
-                f"{n} were dropped ({stream.dropped} in all); end the trial and check the disk"
+    def _hold(self, stream: OpenStream, batch: SampleBatch, n: int, latest_ns: int) -> None:
+        """Keep a batch; write what is held once it spans long enough, or is too much."""
+        held = stream.held
+        if held and stream.held_rows + n > stream.rows.capacity:
+            self._guarded(self._write_held, stream)
+        if not held:
+            stream.oldest_t_host_ns = int(batch.t_host_ns[0])
+            if stream.first_t_host_ns is None:
+                stream.first_t_host_ns = stream.oldest_t_host_ns
+        # Bytes are the quickest copy of a row or two, and are joined once a second.
+        held.append(
+            (
+                batch.seq.tobytes(),
+                batch.t_device_ns.tobytes(),
+                batch.t_host_ns.tobytes(),
+                batch.values.tobytes(),
             )
-        if rows.count:
-            self._guarded(self._write_rows, stream, rows)
-            rows.count = 0
-        if n > rows.capacity:
-            stream.rows = rows = Rows(stream.schema, n)
-        return rows
+        )
+        stream.held_rows += n
+        stream.rows_accepted += n
+        stream.last_t_host_ns = latest_ns
+        if latest_ns - stream.oldest_t_host_ns >= self._max_batch_ns:
+            self._guarded(self._write_held, stream)
+
+    def _write_held(self, stream: OpenStream) -> None:
+        held, n = stream.held, stream.held_rows
+        if n > stream.rows.capacity:
+            stream.rows = Rows(stream.schema, n)
+        rows = stream.rows
+        seq, t_device_ns, t_host_ns, values = (
+            b"".join(column) for column in zip(*held, strict=True)
+        )
+        rows.seq[:n] = np.frombuffer(seq, np.int64)
+        rows.t_device_ns[:n] = np.frombuffer(t_device_ns, np.int64)
+        rows.t_host_ns[:n] = np.frombuffer(t_host_ns, np.int64)
+        rows.opaque[:n] = np.frombuffer(values, stream.opaque)
+        rows.count = n
+        held.clear()
+        stream.held_rows = 0
+        self._write_rows(stream, rows)
+        rows.count = 0
 
     def _add_line(self, entry: Mapping[str, Any]) -> None:
         self._raise_failure()
@@ -351,11 +381,11 @@ class Recorder:
         for stream in tuple(self._streams.values()):
             with stream.lock:
                 rows = stream.rows
-                if rows.count == 0:
-                    continue
                 if stream.spare is None:
-                    self._write_rows(stream, rows)
-                    rows.count = 0
+                    if stream.held:
+                        self._write_held(stream)
+                    continue
+                if rows.count == 0:
                     continue
                 stream.rows, stream.spare = stream.spare, rows
             self._write_rows(stream, rows)

@@ -137,7 +137,7 @@ def _see_heads(
 
 
 @compiled
-def _observe(
+def observe_rays(
     origin: npt.NDArray[np.float64],
     direction: npt.NDArray[np.float64],
     valid: npt.NDArray[np.bool_],
@@ -147,6 +147,7 @@ def _observe(
     out: npt.NDArray[np.float64],
     hit: npt.NDArray[np.int16],
 ) -> None:
+    """Do what `SceneGeometry.observe` says; `out` (3, n, m) and `hit` (n,) receive its results."""
     n, m = origin.shape[0], heads.shape[0]
     seen = np.empty((m, 5))
     for i in range(n):
@@ -229,7 +230,7 @@ class SceneGeometry:
         n = origin_m.shape[0]
         out = np.empty((3, n, self.heads.shape[0]))
         hit = np.empty(n, np.int16)
-        _observe(
+        observe_rays(
             np.ascontiguousarray(origin_m, np.float64),
             np.ascontiguousarray(direction, np.float64),
             np.ascontiguousarray(valid, np.bool_),

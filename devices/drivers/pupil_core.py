@@ -7,7 +7,7 @@ stream has no sample counter, so `seq` counts what arrived and loss shows in the
 
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NoAnswerInTime
 from dataclasses import replace
@@ -26,7 +26,8 @@ from devices.contracts import (
     Sink,
 )
 from devices.drivers import pupil_codec as codec
-from devices.drivers.pupil_faults import Findings, describe
+from devices.drivers.pupil_faults import Findings, SeenEyes, describe
+from devices.drivers.pupil_layout import GazeDecoder
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import Frames, Message, MessageTransport
@@ -57,6 +58,10 @@ COMMAND_TIMEOUT_S = 1.0
 RECENT_EXCHANGES = 60
 RECENT_BATCHES = 90
 
+ROW_BYTES = GAZE.dtype.itemsize
+_GAZE_FIELDS: Mapping[str, Any] = GAZE.dtype.fields or {}
+LEFT_VALID_AT, RIGHT_VALID_AT = (_GAZE_FIELDS[f"{eye}_valid"][1] for eye in ("left", "right"))
+
 
 class PupilCore:
     """Follow the `EyeTracker` contract over Pupil Capture.
@@ -82,7 +87,7 @@ class PupilCore:
     ) -> None:
         self._transport = transport
         self._clock = clock
-        self._threshold_01 = confidence_threshold_01
+        self._decode = GazeDecoder(confidence_threshold_01).decode
         self._interval_ns = round(exchange_interval_s * NS_PER_S)
         self._opening_exchanges = opening_exchanges
         self._lost_after_ns = round(lost_after_s * NS_PER_S)
@@ -201,7 +206,7 @@ class PupilCore:
             self.info.role,
             self._findings,
             self._meter,
-            recent=tuple(self._recent),
+            recent=self._recent,
             unanswered_s=waited_ns / NS_PER_S if self._posts_unanswered else 0.0,
         )
 
@@ -267,7 +272,7 @@ class PupilCore:
     def _reset(self, now_ns: int) -> None:
         self._meter = StreamMeter(self._schema.nominal_rate_hz)
         self._findings = Findings(calibrated=getattr(self, "_findings", Findings()).calibrated)
-        self._recent: deque[SampleBatch] = deque(maxlen=RECENT_BATCHES)
+        self._recent = SeenEyes(RECENT_BATCHES)
         self._seq = 0
         self._heard_ns = now_ns
         self._answered_ns = now_ns
@@ -277,12 +282,14 @@ class PupilCore:
         self._attempt_ends_ns = None
 
     def _take(self, messages: Sequence[Message]) -> int:
-        rows: list[bytes] = []
+        most = len(messages)
+        rows = np.empty(most * ROW_BYTES, np.uint8)
+        stamps = np.empty(most, np.int64)
         seqs: list[int] = []
-        stamps: list[int] = []
         arrivals: list[int] = []
-        threshold_01 = self._threshold_01
+        decode = self._decode
         seq = self._seq
+        n = 0
         for message in messages:
             frames = message.frames
             if message.t_sent_ns is not None:
@@ -290,14 +297,12 @@ class PupilCore:
             elif len(frames) != 2:
                 self._findings.malformed += 1
             elif frames[0].startswith(codec.GAZE_TOPIC):
-                decoded = codec.decode_gaze(frames[1], threshold_01)
-                if decoded is None:
-                    self._findings.malformed += 1
-                else:
-                    stamps.append(decoded[0])
-                    rows.append(decoded[1])
+                if decode(frames[1], rows, stamps, n):
                     seqs.append(seq)
                     arrivals.append(message.t_host_ns)
+                    n += 1
+                else:
+                    self._findings.malformed += 1
                 seq += 1
             else:
                 self._take_notification(frames[1])
@@ -305,19 +310,25 @@ class PupilCore:
         self._heard_ns = messages[-1].t_host_ns
         self._posts_unheard = 0
         sink = self._sink
-        if not rows or sink is None:
+        if not n or sink is None:
             return 0
-        self._meter.update(stamps, arrivals[-1])
-        batch = SampleBatch(
-            self._schema,
-            np.array(seqs, np.int64),
-            np.array(stamps, np.int64),
-            np.array(arrivals, np.int64),
-            codec.rows_to_values(rows),
+        if n < most:
+            rows, stamps = rows[: n * ROW_BYTES], stamps[:n]
+        data = rows.tobytes()
+        self._meter.update(stamps.tolist(), arrivals[-1])
+        self._recent.add(
+            n, sum(data[LEFT_VALID_AT::ROW_BYTES]), sum(data[RIGHT_VALID_AT::ROW_BYTES])
         )
-        self._recent.append(batch)
-        sink(batch)
-        return len(rows)
+        sink(
+            SampleBatch(
+                self._schema,
+                np.array(seqs, np.int64),
+                stamps,
+                np.array(arrivals, np.int64),
+                np.frombuffer(data, GAZE.dtype),
+            )
+        )
+        return n
 
     def _take_answer(self, message: Message) -> None:
         self._answered_ns = message.t_host_ns

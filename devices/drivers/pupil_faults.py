@@ -1,13 +1,10 @@
 """Put what a Pupil Core driver noticed into words for the operator."""
 
-from collections.abc import Sequence
+from collections import deque
 from dataclasses import dataclass, field
-
-import numpy as np
 
 from devices.contracts import Fault
 from devices.meter import StreamMeter
-from lab.schema import SampleBatch
 
 STOPPED = {
     "eye_process.stopped": "the eye camera's process stopped",
@@ -41,12 +38,33 @@ class Findings:
             self.stopped.pop(f"{STARTED_AGAIN[subject]} {eye}", None)
 
 
+class SeenEyes:
+    """Count in how many of the samples of the last polls each eye was valid."""
+
+    def __init__(self, polls: int) -> None:
+        self._polls = polls
+        self._counts: deque[tuple[int, int, int]] = deque()
+        self.samples = self.left = self.right = 0
+
+    def add(self, samples: int, left: int, right: int) -> None:
+        """Take one poll's counts and forget the oldest beyond the limit."""
+        self._counts.append((samples, left, right))
+        self.samples += samples
+        self.left += left
+        self.right += right
+        if len(self._counts) > self._polls:
+            samples, left, right = self._counts.popleft()
+            self.samples -= samples
+            self.left -= left
+            self.right -= right
+
+
 def describe(
     role: str,
     findings: Findings,
     meter: StreamMeter,
     *,
-    recent: Sequence[SampleBatch],
+    recent: SeenEyes,
     unanswered_s: float,
 ) -> tuple[Fault, ...]:
     """Return every fault that the counts and the recent batches show."""
@@ -74,15 +92,12 @@ def describe(
     return tuple(faults)
 
 
-def _lost_eyes(role: str, recent: Sequence[SampleBatch]) -> list[Fault]:
-    if sum(len(batch) for batch in recent) < FEWEST_SAMPLES:
+def _lost_eyes(role: str, recent: SeenEyes) -> list[Fault]:
+    if recent.samples < FEWEST_SAMPLES:
         return []
-    seen_01 = {
-        eye: float(np.mean(np.concatenate([batch.values[f"{eye}_valid"] for batch in recent])))
-        for eye in ("left", "right")
-    }
-    lost = [eye for eye, share_01 in seen_01.items() if share_01 < EYES_LOST_BELOW_01]
+    counts = {"left": recent.left, "right": recent.right}
+    lost = [eye for eye, n in counts.items() if n / recent.samples < EYES_LOST_BELOW_01]
     remedy = "adjust the eye cameras and the headset, then calibrate again"
-    if len(lost) == len(seen_01):
+    if len(lost) == len(counts):
         return [Fault(role, "blocking", "neither eye is seen", remedy)]
     return [Fault(role, "warning", f"the {eye} eye is not seen", remedy) for eye in lost]

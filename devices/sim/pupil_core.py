@@ -23,6 +23,7 @@ from devices.sim.pupil_wire import (
     MONOCULAR_TOPICS,
     GazeTemplate,
     pack_notification,
+    write_datums,
 )
 from devices.sim.tracker_error import (
     N_SLOW,
@@ -204,29 +205,41 @@ class PupilCoreSimulator:
             )
         n = len(t_list)
         noise = self._noise.take(n)
-        left, right = eyes["left_direction_head"], eyes["right_direction_head"]
         if self._judge is not None:
             stamps_s = [self.device_ns(t_ns) / NS_PER_S for t_ns in t_list]
+            left, right = eyes["left_direction_head"], eyes["right_direction_head"]
             self._judge.observe(stamps_s, left, right, eyes["openness_01"])
-        seen = np.empty((n, 2, 3))
-        measured_directions(
-            left, right, noise, self._systematic.offset_rad, self._systematic.gain, seen
-        )
-        values = np.empty((n, len(GAZE_VALUES)))
-        fill_values(seen, eyes["openness_01"], eyes["pupil_mm"], self._half_mm, values)
         if self._drift or self._faults.faults:
-            values[:, 0] = [self.device_ns(t_ns) for t_ns in t_list]
+            t_device = np.array([self.device_ns(t_ns) for t_ns in t_list], np.int64)
         else:
-            values[:, 0] = t + (self._epoch_ns - self._origin_ns)
-        values[:, 0] /= NS_PER_S
-        jitter_ms = (2 * noise[:, _LATENCY] - 1) * self._error.latency_jitter_ms
-        delays = ((jitter_ms + self._error.latency_ms) * NS_PER_MS).astype(np.int64).tolist()
+            t_device = t + (self._epoch_ns - self._origin_ns)
+        template = self._both
+        values = np.empty((n, len(GAZE_VALUES)))
+        packed = np.empty((n, template.bytes.size), np.uint8)
+        delay_ns = np.empty(n, np.int64)
+        _measure(
+            np.ascontiguousarray(eyes).view(np.float64).reshape(n, -1),
+            noise,
+            self._systematic.offset_rad,
+            self._systematic.gain,
+            self._half_mm,
+            t_device,
+            self._error.latency_ms,
+            self._error.latency_jitter_ms,
+            template.bytes,
+            template.columns,
+            template.places,
+            values,
+            packed,
+            delay_ns,
+        )
+        delays: list[int] = delay_ns.tolist()
         if self._faults.faults:
             self._publish_faulty(t_list, delays, values, noise)
             return
         push = self._outbox.append
-        for t_ns, delay_ns, frames in zip(t_list, delays, self._both.pack(values), strict=True):
-            push(Message(t_ns + delay_ns, frames))
+        for t_ns, delay, frames in zip(t_list, delays, template.messages(packed), strict=True):
+            push(Message(t_ns + delay, frames))
 
     def _publish_faulty(
         self, t_list: list[int], delays: list[int], values: Floats, noise: Floats
@@ -308,6 +321,38 @@ def _unpacked(payload: bytes) -> dict[str, Any] | None:
     except (ValueError, msgpack.UnpackException):
         return None
     return found if isinstance(found, dict) else None
+
+
+@compiled
+def _measure(
+    eyes: Floats,
+    noise: Floats,
+    offset_rad: Floats,
+    gain: Floats,
+    half_mm: float,
+    t_device_ns: Times,
+    latency_ms: float,
+    latency_jitter_ms: float,
+    template: npt.NDArray[np.uint8],
+    columns: Times,
+    places: Times,
+    values: Floats,
+    packed: npt.NDArray[np.uint8],
+    delay_ns: Times,
+) -> None:
+    """Measure `eyes` (n, 8), rows of `EYES_DTYPE`: values, datums as bytes, and travel times.
+
+    One call for all of it, because a frame brings one or two samples.
+    """
+    n = eyes.shape[0]
+    seen = np.empty((n, 2, 3))
+    measured_directions(eyes[:, 0:3], eyes[:, 3:6], noise, offset_rad, gain, seen)
+    fill_values(seen, eyes[:, 6], eyes[:, 7], half_mm, values)
+    for i in range(n):
+        values[i, 0] = t_device_ns[i] / 1e9
+        jitter_ms = (2.0 * noise[i, _LATENCY] - 1.0) * latency_jitter_ms
+        delay_ns[i] = np.int64((jitter_ms + latency_ms) * 1e6)
+    write_datums(values, template, columns, places, packed)
 
 
 @compiled

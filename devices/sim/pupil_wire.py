@@ -13,6 +13,8 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
+from lab.compiled import compiled
+
 Floats = npt.NDArray[np.float64]
 
 BINOCULAR_TOPIC = b"gaze.3d.01."
@@ -52,19 +54,39 @@ class GazeTemplate:
                 columns.append(COLUMN[name])
                 places.append(at)
                 at = packed.find(pattern, at + 8)
-        self._columns = np.array(columns)
-        self._bytes = (np.array(places)[:, None] + np.arange(8)).ravel()
-        self._template = np.frombuffer(packed, np.uint8)
+        self.columns = np.array(columns)
+        self.places = np.array(places)
+        self.bytes = np.frombuffer(packed, np.uint8)
 
     def pack(self, values: Floats) -> list[tuple[bytes, bytes]]:
         """Return [topic, datum] messages for a matrix (n, len(GAZE_VALUES))."""
-        n = values.shape[0]
-        packed = np.empty((n, self._template.size), np.uint8)
-        packed[:] = self._template
-        numbers = values.take(self._columns, axis=1).astype(">f8", order="C").view(np.uint8)
-        packed[:, self._bytes] = numbers
-        topic = self.topic
-        return [(topic, row.tobytes()) for row in packed]
+        packed = np.empty((values.shape[0], self.bytes.size), np.uint8)
+        write_datums(values, self.bytes, self.columns, self.places, packed)
+        return self.messages(packed)
+
+    def messages(self, packed: npt.NDArray[np.uint8]) -> list[tuple[bytes, bytes]]:
+        """Return [topic, datum] messages for the bytes that `write_datums` wrote."""
+        size = self.bytes.size
+        data = packed.tobytes()
+        return [(self.topic, data[at : at + size]) for at in range(0, len(data), size)]
+
+
+@compiled
+def write_datums(
+    values: Floats,
+    template: npt.NDArray[np.uint8],
+    columns: npt.NDArray[np.int64],
+    places: npt.NDArray[np.int64],
+    packed: npt.NDArray[np.uint8],
+) -> None:
+    """Write one datum per row of values: the template, and every number big-endian in its place."""
+    for i in range(values.shape[0]):
+        little = values[i].view(np.uint8)
+        packed[i] = template
+        for j in range(columns.shape[0]):
+            first = 8 * columns[j]
+            for k in range(8):
+                packed[i, places[j] + k] = little[first + 7 - k]
 
 
 def pack_notification(subject: str, **fields: Any) -> tuple[bytes, bytes]:

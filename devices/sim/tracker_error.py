@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
 
 from lab.compiled import compiled
 
@@ -112,11 +111,20 @@ class StretchNoise:
         block = np.empty((BLOCK_SAMPLES, N_WHITE + N_SLOW + N_UNIFORM))
         block[:, :N_WHITE] = rng.standard_normal((BLOCK_SAMPLES, N_WHITE)) * self._white_rad
         drive = rng.standard_normal((BLOCK_SAMPLES, N_SLOW)) * np.sqrt(1 - self._keep**2)
-        slow, state = lfilter([1.0], [1.0, -self._keep], drive, axis=0, zi=self._state[None, :])
-        self._state = state[0]
-        block[:, N_WHITE : N_WHITE + N_SLOW] = slow * self._slow_rad
+        slow = block[:, N_WHITE : N_WHITE + N_SLOW]
+        _first_order(drive, self._keep, self._state, slow)
+        slow *= self._slow_rad
         block[:, N_WHITE + N_SLOW :] = rng.random((BLOCK_SAMPLES, N_UNIFORM))
         return block
+
+
+@compiled
+def _first_order(drive: Floats, keep: float, state: Floats, out: Floats) -> None:
+    """Filter columns: out[i] = drive[i] + state, state = keep * out[i]."""
+    for i in range(drive.shape[0]):
+        for k in range(drive.shape[1]):
+            out[i, k] = drive[i, k] + state[k]
+            state[k] = keep * out[i, k]
 
 
 @compiled

@@ -1,0 +1,247 @@
+"""Read gaze data whose layout is known without taking each apart: the codec's short cut.
+
+Capture packs the same keys in the same order for every datum of two eyes, so two payloads of one
+length differ in nothing but their 64-bit floats. Where those lie is learnt from a datum that the
+codec has read; a later payload whose other bytes are all equal has the same layout and is read
+from these places. Anything else goes to the codec, which alone decides what is malformed.
+"""
+
+from typing import Any
+
+import msgpack
+import numpy as np
+import numpy.typing as npt
+
+from devices.contracts import GAZE
+from devices.drivers import pupil_codec as codec
+from lab.compiled import compiled
+
+Bytes = npt.NDArray[np.uint8]
+Places = npt.NDArray[np.int64]
+
+MOST_LAYOUTS = 16
+MOST_ATTEMPTS = 4
+"""Attempts to learn from data of one length; what still fails is not laid out regularly."""
+
+_FIRST_MARK = 1e300
+_TIMESTAMP, _CONFIDENCE, _NORMALS, _CENTERS, _SURE, _MM, _N_PLACES = 0, 1, 2, 8, 14, 16, 18
+_ROW_BYTES = GAZE.dtype.itemsize
+_LARGEST_F4 = float(np.finfo(np.float32).max)
+_LARGEST_STAMP = 2.0**62
+
+
+class Layout:
+    """Where the numbers of a datum lie: `fixed` masks the bytes that must equal `example`."""
+
+    def __init__(self, example: bytes, floats: list[int], places: list[int]) -> None:
+        self.example = np.frombuffer(example, np.uint8)
+        fixed = np.ones(len(example), np.bool_)
+        for at in floats:
+            fixed[at : at + 8] = False
+        self.fixed = np.flatnonzero(fixed)
+        self.places = np.array(places, np.int64)
+
+
+def learn_layout(payload: bytes) -> Layout | None:
+    """Return the layout of a well-formed datum of two eyes; None when it is laid out otherwise.
+
+    Numbers are found by packing the datum again with a mark in the place of every float, so it
+    must be packed as msgpack packs it.
+    """
+    try:
+        datum = msgpack.unpackb(payload, strict_map_key=False)
+        if msgpack.packb(datum) != payload:
+            return None
+        count = [0]
+        marked = _marked(datum, count)
+        packed: bytes = msgpack.packb(marked)
+        marks = [_FIRST_MARK * (1 + i / 65536) for i in range(count[0])]
+        at = {mark: packed.index(msgpack.packb(mark)) + 1 for mark in marks}
+        places = [at[mark] for mark in _wanted(marked)]
+    except (ValueError, TypeError, KeyError, IndexError, msgpack.UnpackException):
+        return None
+    return Layout(payload, list(at.values()), places)
+
+
+class GazeDecoder:
+    """Decode gaze data one after another, as `pupil_codec.decode_gaze` does."""
+
+    def __init__(self, threshold_01: float) -> None:
+        self._threshold_01 = threshold_01
+        self._layouts: dict[int, Layout] = {}
+        self._attempts: dict[int, int] = {}
+
+    def decode(self, payload: bytes, rows: Bytes, stamps_ns: Places, i: int) -> bool:
+        """Write row i of `rows` (bytes of `GAZE.dtype`, joined) and of `stamps_ns`.
+
+        Returns False when the payload is malformed.
+        """
+        layout = self._layouts.get(len(payload))
+        if layout is not None and _read(
+            np.frombuffer(payload, np.uint8),
+            layout.example,
+            layout.fixed,
+            layout.places,
+            self._threshold_01,
+            rows,
+            stamps_ns,
+            i,
+        ):
+            return True
+        return self._take_apart(payload, rows, stamps_ns, i)
+
+    def _take_apart(self, payload: bytes, rows: Bytes, stamps_ns: Places, i: int) -> bool:
+        decoded = codec.decode_gaze(payload, self._threshold_01)
+        if decoded is None:
+            return False
+        stamps_ns[i] = decoded[0]
+        rows[i * _ROW_BYTES : (i + 1) * _ROW_BYTES] = np.frombuffer(decoded[1], np.uint8)
+        size = len(payload)
+        attempts = self._attempts.get(size, 0)
+        if attempts < MOST_ATTEMPTS and (
+            size in self._layouts or len(self._layouts) < MOST_LAYOUTS
+        ):
+            self._attempts[size] = attempts + 1
+            layout = learn_layout(payload)
+            if layout is not None:
+                self._layouts[size] = layout
+        return True
+
+
+def _marked(value: Any, count: list[int]) -> Any:
+    """Return the value with every float replaced by a mark of its own."""
+    if isinstance(value, float):
+        count[0] += 1
+        return _FIRST_MARK * (1 + (count[0] - 1) / 65536)
+    if isinstance(value, dict):
+        return {key: _marked(item, count) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_marked(item, count) for item in value]
+    return value
+
+
+def _wanted(marked: dict[str, Any]) -> list[float]:
+    """Return the marks of the numbers that make a sample; KeyError when one is no float."""
+    normals, centers = marked["gaze_normals_3d"], marked["eye_centers_3d"]
+    pupils = {pupil["id"]: pupil for pupil in marked["base_data"]}
+    if len(marked["base_data"]) != 2 or pupils.keys() != {0, 1}:
+        raise KeyError("base_data")
+    keys = ["0", "1"] if "0" in normals else [0, 1]
+    found = [marked["timestamp"], marked["confidence"]]
+    for vectors in (normals, centers):
+        for key in keys:
+            x, y, z = vectors[key]
+            found += [x, y, z]
+    found += [pupils[eye]["confidence"] for eye in (0, 1)]
+    found += [pupils[eye]["diameter_3d"] for eye in (0, 1)]
+    return found
+
+
+@compiled
+def _read(
+    payload: Bytes,
+    example: Bytes,
+    fixed: Places,
+    places: Places,
+    threshold_01: float,
+    rows: Bytes,
+    stamps_ns: Places,
+    i: int,
+) -> bool:
+    """Write a sample as `decode_gaze` would; False for whatever that must look at itself."""
+    for at in fixed:
+        if payload[at] != example[at]:
+            return False
+    number = np.empty(_N_PLACES)
+    raw = number.view(np.uint8)
+    for j in range(_N_PLACES):
+        for k in range(8):
+            raw[8 * j + k] = payload[places[j] + 7 - k]
+    stamp = number[_TIMESTAMP] * 1e9
+    if not abs(stamp) < _LARGEST_STAMP:
+        return False
+    # Directions and positions of the right eye (0) and the left (1), NaN when there is none.
+    ray = np.empty((2, 3))
+    at_m = np.empty((2, 3))
+    seen = np.empty(2, np.bool_)
+    for eye in range(2):
+        x, y, z = (
+            number[_NORMALS + 3 * eye],
+            number[_NORMALS + 3 * eye + 1],
+            number[_NORMALS + 3 * eye + 2],
+        )
+        length = np.sqrt(x * x + y * y + z * z)
+        seen[eye] = 1e-6 < length < np.inf
+        if seen[eye]:
+            ray[eye, 0], ray[eye, 1], ray[eye, 2] = x / length, -y / length, -z / length
+        else:
+            ray[eye] = np.nan
+        at_m[eye, 0] = number[_CENTERS + 3 * eye] * 1e-3
+        at_m[eye, 1] = number[_CENTERS + 3 * eye + 1] * -1e-3
+        at_m[eye, 2] = number[_CENTERS + 3 * eye + 2] * -1e-3
+    right_valid = seen[0] and number[_SURE] >= threshold_01
+    left_valid = seen[1] and number[_SURE + 1] >= threshold_01
+    single = np.empty(15, np.float32)
+    both = np.empty(3)
+    origin = np.empty(3)
+    used = 0
+    if left_valid == right_valid and seen[0] and seen[1]:
+        x, y, z = ray[1, 0] + ray[0, 0], ray[1, 1] + ray[0, 1], ray[1, 2] + ray[0, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 1e-6:
+            both[0], both[1], both[2] = x / length, y / length, z / length
+        else:
+            both[:] = np.nan
+        for k in range(3):
+            origin[k] = (at_m[1, k] + at_m[0, k]) / 2
+        used = 3
+    elif left_valid or (seen[1] and not right_valid):
+        both[:] = ray[1]
+        origin[:] = at_m[1]
+        used = 1
+    elif seen[0]:
+        both[:] = ray[0]
+        origin[:] = at_m[0]
+        used = 2
+    else:
+        both[:] = np.nan
+        origin[:] = np.nan
+    confidence = number[_CONFIDENCE]
+    for k in range(3):
+        # Floats beyond single precision are refused by the codec.
+        if np.isfinite(origin[k]) and abs(origin[k]) > _LARGEST_F4:
+            return False
+    if np.isfinite(confidence) and abs(confidence) > _LARGEST_F4:
+        return False
+    for eye in range(2):
+        if np.isfinite(number[_MM + eye]) and number[_MM + eye] > _LARGEST_F4:
+            return False
+    valid = confidence >= threshold_01 and (left_valid or right_valid) and both[0] == both[0]
+    for k in range(3):
+        single[k] = both[k]
+        single[3 + k] = origin[k]
+        single[7 + k] = ray[1, k]
+        single[11 + k] = ray[0, k]
+    single[6] = confidence
+    single[10] = number[_MM + 1] if number[_MM + 1] > 0 else np.nan
+    single[14] = number[_MM] if number[_MM] > 0 else np.nan
+    bits = single.view(np.uint8)
+    row = i * _ROW_BYTES
+    for k in range(24):
+        rows[row + k] = bits[k]
+    rows[row + 24] = 1 if valid else 0
+    rows[row + 25] = used
+    for k in range(4):
+        rows[row + 26 + k] = bits[24 + k]
+    for k in range(12):
+        rows[row + 30 + k] = bits[28 + k]
+    rows[row + 42] = 1 if left_valid else 0
+    for k in range(4):
+        rows[row + 43 + k] = bits[40 + k]
+    for k in range(12):
+        rows[row + 47 + k] = bits[44 + k]
+    rows[row + 59] = 1 if right_valid else 0
+    for k in range(4):
+        rows[row + 60 + k] = bits[56 + k]
+    stamps_ns[i] = np.int64(np.rint(stamp))
+    return True
