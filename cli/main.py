@@ -16,6 +16,7 @@ from lab.errors import LabError
 
 COMMAND_MODULES = (session_commands, study_commands, participant_commands, data_commands)
 EXIT_INTERRUPTED = 130
+EXIT_INTERNAL = 1
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -26,6 +27,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except LabError as error:
         errors.print(f"[bold red]error[/]  {_escaped(str(error))}", highlight=False, soft_wrap=True)
         sys.exit(error.exit_code)
+    except Exception:
+        errors.print_exception(max_frames=12)
+        errors.print(
+            "[bold red]internal error[/]  this is a defect in Visavis, not of yours. Everything "
+            "finished is on disk; `visavis resume` goes on with an interrupted session."
+        )
+        sys.exit(EXIT_INTERNAL)
     except KeyboardInterrupt:
         errors.print("[yellow]interrupted[/]; everything finished is kept")
         sys.exit(EXIT_INTERRUPTED)
