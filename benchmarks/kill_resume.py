@@ -29,17 +29,23 @@ import pandas as pd
 from analysis.session_check import check_session
 from cli.perform import Request, perform_new, perform_rest, simulated_request
 from cli.studies import find_study
+from experiments.stare.design import StareParameters
+from experiments.stare.study import StareStudy
 from lab.clock import NS_PER_S, StopWatch, SystemClock
 from lab.config import DeviceConfig, LabConfig, load_config
 from protocol.gaze_setup import TargetTiming
 from protocol.operator import SessionStatus, UnattendedOperator
+from protocol.plan import SessionPlan
 from protocol.progress import DONE
 from protocol.states import SessionState
 from recording.folder import session_dir
 from recording.reader import Recording
 
-PARAMETERS = {"trial_s": 1.0, "practice_s": 1.0, "intertrial_s": 0.2, "repetitions": 1}
-TIMING = TargetTiming(100, 300, 300, 900)
+BLOCKS_KEPT = 3
+TRIALS_KEPT = 8
+"""Training and the first two blocks, eight trials of each, so that lives are short."""
+
+TIMING = TargetTiming(100, 300, 500, 700)
 RATES_HZ = {"headset": ("display_rate_hz", 30), "eye_tracker": ("rate_hz", 60)}
 STATUS_PERIOD_NS = NS_PER_S // 10
 LIVES_AT_MOST = 8
@@ -87,6 +93,16 @@ class Outcome:
         )
 
 
+class ShortStare(StareStudy):
+    """The stare study with the first trials of its first blocks alone."""
+
+    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
+        """Return the beginning of what the participant would do."""
+        whole = super().plan(participant_index, seed, group)
+        blocks = tuple(replace(b, trials=b.trials[:TRIALS_KEPT]) for b in whole.blocks)
+        return replace(whole, blocks=blocks[:BLOCKS_KEPT])
+
+
 class _StateOperator(UnattendedOperator):
     """Keep the session's state where the parent can read it after the kill."""
 
@@ -129,10 +145,9 @@ def _fast_config() -> LabConfig:
 
 
 def _request(config: LabConfig, data_root: Path) -> Request:
-    study = find_study("stare")
     request = simulated_request(
-        study,
-        study.experiment(PARAMETERS),
+        find_study("stare"),
+        ShortStare(StareParameters(trial_s=1.0, practice_s=1.0, intertrial_s=0.2, repetitions=1)),
         config.model_copy(update={"data_root": data_root}),
         label=LABEL,
         index=INDEX,
@@ -293,10 +308,12 @@ def unequal_cells(table: pd.DataFrame, reference: pd.DataFrame) -> tuple[list[st
     columns = [c for c in reference.columns if c not in INTERRUPTION_COLUMNS]
     differing = [f"{c} is missing" for c in columns if c not in table.columns]
     for column in (c for c in columns if c in table.columns):
-        for trial_id, expected in reference[column].items():
-            found = table.at[trial_id, column]
-            if not (found == expected or (pd.isna(found) and pd.isna(expected))):
-                differing.append(f"{trial_id} {column}: {found!r} for {expected!r}")
+        found, expected = table[column], reference[column]
+        unequal = ~((found == expected) | (found.isna() & expected.isna()))
+        differing += [
+            f"{trial_id} {column}: {found[trial_id]!r} for {expected[trial_id]!r}"
+            for trial_id in reference.index[unequal]
+        ]
     return differing, len(columns) * len(reference)
 
 

@@ -21,6 +21,7 @@ MAX_CALIBRATIONS = 3
 """Attempts before the session goes on with the best it got and says so (gaze.md section 5)."""
 
 STRETCH_CALIBRATION = 200_000
+STRETCH_VALIDATION = 50
 STRETCH_PRACTICE = 100_000
 
 
@@ -247,7 +248,7 @@ class Session:
             if self._desk.device_lost():
                 self._wait_for_device()
             self._states.move(SessionState.CALIBRATING)
-            self._prepare(block.index, attempt)
+            self._prepare(100 * block.index + attempt)
             try:
                 outcome = self._gaze_setup.calibrate()
             except DeviceError as error:
@@ -292,6 +293,8 @@ class Session:
 
     def _validate(self, block: int, attempt: int, *, moment: str) -> CalibrationInForce:
         self._states.move(SessionState.VALIDATING)
+        # Anew, because how long the tracker took to calibrate is never the same.
+        self._prepare(100 * block + STRETCH_VALIDATION + attempt)
         points = self._gaze_setup.validate()
         verdict = self._setup.judge_validation(points, self._gaze_rate_hz)
         self._calibrations += 1
@@ -316,13 +319,13 @@ class Session:
     def _validate_at_end(self) -> None:
         if not any(b.calibrate for b in self._setup.plan.blocks):
             return
-        self._prepare(len(self._setup.plan.blocks), 1)
         self._validate(len(self._setup.plan.blocks), 1, moment="end")
 
-    def _prepare(self, block: int, attempt: int) -> None:
+    def _prepare(self, stretch: int) -> None:
         self._runner.align()
         if self._participant is not None:
-            self._participant.prepare(STRETCH_CALIBRATION + 100 * block + attempt, self._loop.t_ns)
+            self._participant.prepare(STRETCH_CALIBRATION + stretch, self._loop.t_ns)
+            self._desk.next_frame()  # targets are placed before the head as it now is
 
     # ---- questions ---------------------------------------------------------------------------
 

@@ -336,7 +336,8 @@ class Recorder:
             if not self._lines:
                 self._oldest_line_ns = entry["t_ns"]
             self._lines.append(line)
-            due = entry["t_ns"] - self._oldest_line_ns >= self._max_batch_ns
+            is_old = entry["t_ns"] - self._oldest_line_ns >= self._max_batch_ns
+            due = is_old and entry["kind"] != "trial"  # whose samples come first
         if self._thread is None and due:
             self._guarded(self._write_pending_lines)
 
