@@ -108,9 +108,9 @@ class RunningRig:
         return faults
 
     def start(self) -> None:
-        """Start streaming; in real time every pump gets its thread."""
+        """Start streaming; in real time with a thread for every device that may have one."""
         for pump in self._in_order:
-            pump.start(threaded=not self._clock.is_virtual)
+            pump.start()
 
     def step(self) -> None:
         """Let every device deliver what its wire has brought; nothing to do for threads."""

@@ -1,0 +1,182 @@
+"""Measure what Visavis does per frame in a session in real time.
+
+    python -m benchmarks.frame_loop [--seconds 20] [--wire sockets|memory|both] [--json]
+
+A session of the stare study runs on the system clock: calibration, then scenes with eleven agents,
+the plan's step, gaze at 120 Hz and hits on the heads, every stream recorded by the writer thread
+with data synced each second. Work is the time from the end of one wait for the display to the
+beginning of the next; frames of calibration are left out. Over sockets the simulated tracker
+lives in a thread of this process and takes part in its scheduling; in memory its samples are made
+within the frame, which therefore costs more than with a real tracker. "Ratio" is limit / value.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from cli.perform import device_seed
+from cli.studies import find_study
+from devices.drivers.pupil_core import PupilCore
+from devices.sim.headset import SimulatedHeadset
+from devices.sim.pupil_core import PupilCoreSimulator
+from devices.sim.shared_body import SharedBody
+from devices.sim.zmq_host import ZmqHost
+from devices.transports import MemoryTransport, MessageTransport, ZmqTransport
+from lab.clock import StopWatch, SystemClock
+from lab.frame import FrameInfo
+from protocol.gaze_setup import TargetTiming
+from protocol.operator import UnattendedOperator
+from protocol.rig import Rig
+from protocol.session import Session
+from protocol.session_setup import SessionSetup
+from recording.writer import REAL_TIME_BATCH_NS, Recorder
+from stage.contracts import GeometryStage
+
+SEED = 1
+DISPLAY_HZ = 90
+TRACKER_HZ = 120
+MEDIAN_LIMIT_MS = 1.0
+P99_LIMIT_MS = 2.0
+QUICK = TargetTiming(100, 100, 100, 100)
+WIRES = ("sockets", "memory")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One printed figure; `limit` is None when there is none."""
+
+    name: str
+    value: float
+    unit: str
+    limit: float | None = None
+    ratio: float | None = None
+
+
+class WatchedHeadset(SimulatedHeadset):
+    """Note how long each frame took outside `wait_frame`, and when the frame began."""
+
+    def __init__(self, role: str, body: SharedBody, clock: SystemClock) -> None:
+        super().__init__(role, body, clock, display_rate_hz=DISPLAY_HZ)
+        self.work: list[tuple[int, float]] = []
+        self.dropped: list[tuple[int, int]] = []
+        self._watch: StopWatch | None = None
+        self._t_ns = 0
+
+    def wait_frame(self) -> FrameInfo:
+        """Wait as the simulated headset does."""
+        if self._watch is not None:
+            self.work.append((self._t_ns, self._watch.elapsed_s() * 1e3))
+        frame = super().wait_frame()
+        self._t_ns = frame.t_ns
+        self.dropped.append((frame.t_ns, frame.dropped))
+        self._watch = StopWatch()
+        return frame
+
+
+def work_per_frame_ms(wire: str, seconds: float, root: Path) -> tuple[list[float], int]:
+    """Run a session; return the work of every frame in trials, and how many were dropped."""
+    study = find_study("stare")
+    clock = SystemClock()
+    experiment = study.experiment({"trial_s": seconds / 2, "intertrial_s": 0.5})
+    plan = experiment.plan(0, SEED, "")
+    block = plan.blocks[1]
+    plan = replace(plan, blocks=(replace(block, trials=block.trials[:2]),), questionnaires=())
+    with ExitStack() as stack:
+        body = SharedBody(study.participant(0, SEED, effect=True))
+        simulator = PupilCoreSimulator(
+            body, clock=clock, seed=device_seed(SEED, 0), rate_hz=TRACKER_HZ
+        )
+        transport: MessageTransport
+        if wire == "sockets":
+            host = stack.enter_context(ZmqHost(simulator, clock))
+            transport = ZmqTransport("127.0.0.1", host.port, clock, is_simulated=True)
+        else:
+            transport = MemoryTransport(simulator, clock)
+        headset = WatchedHeadset("headset", body, clock)
+        tracker = PupilCore("eye_tracker", transport, clock, rate_hz=TRACKER_HZ)
+        part = root / wire
+        part.mkdir()
+        recorder = stack.enter_context(
+            Recorder(part, clock, threaded=True, max_batch_ns=REAL_TIME_BATCH_NS, is_simulated=True)
+        )
+        Session(
+            SessionSetup(
+                experiment=experiment,
+                plan=plan,
+                participant_label="B01",
+                session_number=1,
+                part=1,
+                rig=Rig(headset, tracker, {}),
+                stage=GeometryStage([body]),
+                recorder=recorder,
+                clock=clock,
+                operator=UnattendedOperator(),
+                respondent=body,
+                judge_validation=study.judge_validation,
+                participant=body,
+                timing=QUICK,
+            )
+        ).run()
+    spans = trial_spans(part)
+
+    def in_trial(t_ns: int) -> bool:
+        return any(start_ns <= t_ns < end_ns for start_ns, end_ns in spans)
+
+    work_ms = [ms for t_ns, ms in headset.work if in_trial(t_ns)]
+    return work_ms, sum(count for t_ns, count in headset.dropped if in_trial(t_ns))
+
+
+def trial_spans(part: Path) -> list[tuple[int, int]]:
+    """Return begin and end of the trials in a journal, session ns."""
+    lines = [json.loads(line) for line in (part / "events.jsonl").read_text().splitlines()]
+    rows = [line["row"] for line in lines if line.get("kind") == "trial"]
+    return [(row["t_start_ns"], row["t_end_ns"]) for row in rows]
+
+
+def within(value: float, limit: float) -> tuple[float, float]:
+    """Return the limit and how often the value fits into it."""
+    return limit, limit / value
+
+
+def rows_of(wire: str, seconds: float) -> list[Row]:
+    """Return the figures of a session over one wire."""
+    with tempfile.TemporaryDirectory() as scratch:
+        work_ms, dropped = work_per_frame_ms(wire, seconds, Path(scratch))
+    median_ms, p99_ms = np.percentile(work_ms, [50, 99]).tolist()
+    return [
+        Row(f"{wire}: frames measured", len(work_ms), ""),
+        Row(
+            f"{wire}: work per frame, median", median_ms, "ms", *within(median_ms, MEDIAN_LIMIT_MS)
+        ),
+        Row(f"{wire}: work per frame, p99", p99_ms, "ms", *within(p99_ms, P99_LIMIT_MS)),
+        Row(f"{wire}: work per frame, longest", max(work_ms), "ms"),
+        Row(f"{wire}: frames dropped", dropped, ""),
+    ]
+
+
+def main(arguments: list[str]) -> int:
+    """Print every row."""
+    parser = argparse.ArgumentParser(prog="benchmarks.frame_loop", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=20.0, help="length of the scenes")
+    parser.add_argument("--wire", choices=(*WIRES, "both"), default="both")
+    parser.add_argument("--json", action="store_true", help="print rows as JSON")
+    options = parser.parse_args(arguments)
+    wires = WIRES if options.wire == "both" else (options.wire,)
+    rows = [row for wire in wires for row in rows_of(wire, options.seconds)]
+    if options.json:
+        print(json.dumps([asdict(row) for row in rows], indent=2))
+    else:
+        for row in rows:
+            limit = "" if row.limit is None else f"limit {row.limit:g}  ratio {row.ratio:.2f}"
+            print(f"{row.name:40s} {row.value:10.3f} {row.unit:4s} {limit}")
+    return 0 if all(row.ratio is None or row.ratio >= 1 for row in rows) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
