@@ -101,6 +101,8 @@ def _prefixed(prefix: str, note: str, columns: Sequence[Column]) -> tuple[Column
 DATA_DICTIONARY: Final[tuple[Column, ...]] = (
     *_LOOK_COLUMNS,
     Column("repeated_samples", "1", "samples left out because they repeat a time stamp"),
+    Column("conflicting_samples", "1", "those of them that contradict the one kept, the first"),
+    Column("backward_samples", "1", "samples stamped before the one that came before; sorted in"),
     Column("gaze_samples", "1", "samples within the trial"),
     *_prefixed(RAW, "by the bare ray, without padding", _LOOK_COLUMNS),
     *_prefixed(BEFORE, "AD and DA, from the start to the gaze change", _LOOK_COLUMNS),
@@ -115,10 +117,16 @@ _NO_LOOKS: Final[Mapping[str, None]] = {c.name: None for c in _LOOK_COLUMNS}
 
 @dataclass(frozen=True)
 class MeasureParameters:
-    """The thresholds of the measures; they appear in the report."""
+    """The thresholds of the measures; they appear in the report.
+
+    A tracker's faulty stamps must not cost a study its session: they are mended and counted in
+    the row (`conflicting_samples`, `backward_samples`).
+    """
 
     pad_deg: float = DEFAULT_PAD_DEG
-    looks: LookParameters = field(default=DEFAULT_LOOK_PARAMETERS)
+    looks: LookParameters = field(
+        default=replace(DEFAULT_LOOK_PARAMETERS, backward="sort", conflicts="keep_first")
+    )
     ivt: IvtParameters = field(default=IVT_HEADSET)
     idt: IdtParameters = field(default=IDT_HEADSET)
 
@@ -231,9 +239,14 @@ def trial_measures(
     )
     whole = _measured(samples, aoi, span, params.looks, span.switch_ns)
     raw = _measured(samples, samples.hit, span, params.looks, None)
+    stamps = order_of(
+        samples.t_ns, aoi, backward=params.looks.backward, conflicts=params.looks.conflicts
+    )
     columns: dict[str, Scalar | None] = {
         **whole.as_row(),
         "repeated_samples": whole.repeated,
+        "conflicting_samples": stamps.conflicting,
+        "backward_samples": stamps.backward,
         "gaze_samples": int(np.count_nonzero(samples.t_ns >= span.start_ns)),
         **raw.as_row(RAW),
     }
