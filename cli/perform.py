@@ -9,13 +9,14 @@ from cli.rigs import build_rig, is_simulated
 from cli.studies import Study
 from lab.clock import Clock, SimClock
 from lab.config import LabConfig
-from lab.errors import ConfigError, LabError
+from lab.errors import ConfigError, RecordingError, SessionAborted
 from protocol.experiment import Experiment, Respondent
 from protocol.gaze_setup import TargetTiming
 from protocol.operator import Operator, UnattendedOperator
 from protocol.participants import SimulatedParticipant
 from protocol.plan import SessionPlan
 from protocol.progress import Progress, progress_of_recording
+from protocol.rig import Rig
 from protocol.session import Session
 from protocol.session_setup import LOST_DEVICE_S, SessionSetup
 from recording.folder import SessionFolder, create_session, open_session
@@ -82,8 +83,10 @@ def perform_new(request: Request) -> Path:
         created_wall_iso=request.clock.wall_iso(),
         provenance=provenance(),
     )
-    with create_session(config.data_root, manifest) as folder:
-        _perform_part(request, folder, plan, Progress())
+    with ExitStack() as stack:
+        devices = _equip(request, stack)
+        folder = stack.enter_context(create_session(config.data_root, manifest))
+        _perform_part(request, devices, folder, plan, Progress())
         return folder.path
 
 
@@ -93,8 +96,10 @@ def perform_rest(request: Request, session_path: Path) -> Path:
     Raises:
         ConfigError: the plan in the manifest is not the one this version would make.
     """
-    folder, _ = open_session(session_path)
-    with folder:
+    with ExitStack() as stack:
+        devices = _equip(request, stack)
+        folder, _ = open_session(session_path)
+        stack.enter_context(folder)
         recording = Recording(session_path)
         plan = request.experiment.plan(request.participant_index, request.seed, request.group)
         if as_json(plan) != recording.manifest.plan:
@@ -103,73 +108,107 @@ def perform_rest(request: Request, session_path: Path) -> Path:
                 "version of Visavis makes; check out the version named in manifest.json "
                 "(provenance) and resume with that"
             )
-        _perform_part(request, folder, plan, progress_of_recording(recording))
+        _perform_part(request, devices, folder, plan, progress_of_recording(recording))
         return folder.path
 
 
+@dataclass(frozen=True)
+class _Devices:
+    """What a session is performed on; made before anything is written, as it may be refused."""
+
+    rig: Rig
+    participant: SimulatedParticipant | None
+    respondent: Respondent
+
+
+def _equip(request: Request, stack: ExitStack) -> _Devices:
+    participant = _simulated_participant(request)
+    respondent = request.respondent or participant
+    if respondent is None:
+        raise ConfigError("nobody is there to answer the questionnaires; run it in a terminal")
+    seed = device_seed(request.seed, request.participant_index)
+    rig = build_rig(request.config, request.clock, participant, seed, stack)
+    return _Devices(rig, participant, respondent)
+
+
 def _perform_part(
-    request: Request, folder: SessionFolder, plan: SessionPlan, progress: Progress
+    request: Request,
+    devices: _Devices,
+    folder: SessionFolder,
+    plan: SessionPlan,
+    progress: Progress,
 ) -> None:
     clock = request.clock
+    part_dir = folder.begin_part(clock)
     recorder: Recorder | None = None
-    with ExitStack() as stack:
-        participant = _simulated_participant(request)
-        rig = build_rig(
-            request.config,
+    try:
+        recorder = Recorder(
+            part_dir,
             clock,
-            participant,
-            device_seed(request.seed, request.participant_index),
-            stack,
+            threaded=not clock.is_virtual,
+            max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
+            is_simulated=folder.manifest.is_simulated,
         )
-        part_dir = folder.begin_part(clock)
-        status: CloseStatus = "aborted"
-        reason = ""
-        try:
-            recorder = Recorder(
-                part_dir,
-                clock,
-                threaded=not clock.is_virtual,
-                max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
-                is_simulated=folder.manifest.is_simulated,
-            )
-            respondent = request.respondent or participant
-            if respondent is None:
-                raise ConfigError("nobody is there to answer the questionnaires")
-            session = Session(
-                SessionSetup(
-                    experiment=request.experiment,
-                    plan=plan,
-                    participant_label=request.participant_label,
-                    session_number=request.session,
-                    part=folder.manifest.parts[-1].number,
-                    rig=rig,
-                    stage=GeometryStage([participant] if participant else []),
-                    recorder=recorder,
-                    clock=clock,
-                    operator=request.operator,
-                    respondent=respondent,
-                    judge_validation=request.study.judge_validation,
-                    questionnaires=request.study.questionnaires(request.config),
-                    participant=participant,
-                    progress=progress,
-                    blind=request.blind,
-                    timing=request.timing,
-                    lost_device_s=request.lost_device_s,
-                    on_trial=request.on_trial,
-                    on_open=lambda infos: folder.describe(devices=infos),
-                )
-            )
-            session.run()
-            status = "complete"
-        except LabError as error:
-            reason = str(error)
+        setup = _setup(request, devices, folder, plan, progress, recorder)
+        Session(setup).run()
+    except KeyboardInterrupt as error:
+        reason = "interrupted from the keyboard or by the system"
+        _end_part(clock, folder, recorder, "aborted", reason, error)
+        raise SessionAborted(f"{reason}; every finished trial is kept") from error
+    except BaseException as error:
+        _end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
+        raise
+    _end_part(clock, folder, recorder, "complete", "", None)
+
+
+def _setup(
+    request: Request,
+    devices: _Devices,
+    folder: SessionFolder,
+    plan: SessionPlan,
+    progress: Progress,
+    recorder: Recorder,
+) -> SessionSetup:
+    return SessionSetup(
+        experiment=request.experiment,
+        plan=plan,
+        participant_label=request.participant_label,
+        session_number=request.session,
+        part=folder.manifest.parts[-1].number,
+        rig=devices.rig,
+        stage=GeometryStage([devices.participant] if devices.participant else []),
+        recorder=recorder,
+        clock=request.clock,
+        operator=request.operator,
+        respondent=devices.respondent,
+        judge_validation=request.study.judge_validation,
+        questionnaires=request.study.questionnaires(request.config),
+        participant=devices.participant,
+        progress=progress,
+        blind=request.blind,
+        timing=request.timing,
+        lost_device_s=request.lost_device_s,
+        on_trial=request.on_trial,
+        on_open=lambda infos: folder.describe(devices=infos),
+    )
+
+
+def _end_part(
+    clock: Clock,
+    folder: SessionFolder,
+    recorder: Recorder | None,
+    status: CloseStatus,
+    reason: str,
+    cause: BaseException | None,
+) -> None:
+    """Close files and manifest; what fails then never hides what went wrong before."""
+    try:
+        summary = recorder.close(status) if recorder is not None else None
+        folder.end_part(clock, summary, reason=reason)
+    except RecordingError as error:
+        if cause is None:
             raise
-        except KeyboardInterrupt:
-            reason = "interrupted from the keyboard"
-            raise
-        finally:
-            summary = recorder.close(status) if recorder is not None else None
-            folder.end_part(clock, summary, reason=reason)
+        cause.add_note(str(error))
 
 
 def _simulated_participant(request: Request) -> SimulatedParticipant | None:

@@ -67,7 +67,10 @@ def _build(
 
 
 def _faults(device: DeviceConfig) -> FaultSchedule:
-    return FaultSchedule.from_config(device.options.get("faults", ()))
+    try:
+        return FaultSchedule.from_config(device.options.get("faults", ()))
+    except ConfigError as error:
+        raise ConfigError(f"devices.{device.role}.faults in lab_config.yaml: {error}") from error
 
 
 def _headset(
@@ -107,15 +110,20 @@ def _pupil_core(
     address = str(options.pop("address", "127.0.0.1"))
     port = int(options.pop("port", 50020))
     rate_hz = float(options.pop("rate_hz", 120))
-    faults = FaultSchedule.from_config(options.pop("faults", ()))
+    options.pop("faults", None)
+    drift_ppm = float(options.pop("drift_ppm", 0.0))
     transport: MessageTransport
     if not device.simulated:
         transport = ZmqTransport(address, port, clock)
     else:
         assert body is not None  # noqa: S101 - checked by the caller
-        drift_ppm = float(options.pop("drift_ppm", 0.0))
         simulator = PupilCoreSimulator(
-            body, clock=clock, seed=seed, rate_hz=rate_hz, faults=faults, drift_ppm=drift_ppm
+            body,
+            clock=clock,
+            seed=seed,
+            rate_hz=rate_hz,
+            faults=_faults(device),
+            drift_ppm=drift_ppm,
         )
         if clock.is_virtual:
             transport = MemoryTransport(simulator, clock)

@@ -1,0 +1,53 @@
+"""The options each driver takes in `lab_config.yaml`, checked before anything runs.
+
+Options are what stands beside `driver` and `simulated`; their names carry their units.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class _Options(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class _SimulatedOptions(_Options):
+    faults: list[dict[str, Any]] = Field(default_factory=list)
+    """What goes wrong on the simulated wire; docs/devices.md lists the kinds."""
+
+
+class SimulatedHeadsetOptions(_SimulatedOptions):
+    """Options of `simulated_headset`."""
+
+    display_rate_hz: float = Field(default=90.0, ge=1, le=1000)
+
+
+class SimulatedResponsesOptions(_Options):
+    """Options of `simulated_responses`: none."""
+
+
+class PupilCoreOptions(_SimulatedOptions):
+    """Options of `pupil_core`; `faults` and `drift_ppm` count on a simulated wire only."""
+
+    address: str = Field(default="127.0.0.1", min_length=1)
+    port: int = Field(default=50020, ge=1, le=65535)
+    rate_hz: float = Field(default=120.0, ge=1, le=2000)
+    confidence_threshold_01: float = Field(default=0.6, ge=0, le=1)
+    exchange_interval_s: float = Field(default=0.5, gt=0, le=60)
+    opening_exchanges: int = Field(default=20, ge=1, le=1000)
+    lost_after_s: float = Field(default=2.0, gt=0, le=60)
+    eye_distance_mm: float = Field(default=64.0, ge=40, le=90)
+    reference_distance_m: float = Field(default=1.0, gt=0, le=20)
+    drift_ppm: float = Field(
+        default=0.0, ge=-1000, le=1000, json_schema_extra={"any_magnitude": True}
+    )
+
+
+OPTION_MODELS: Mapping[str, type[BaseModel]] = {
+    "pupil_core": PupilCoreOptions,
+    "simulated_headset": SimulatedHeadsetOptions,
+    "simulated_responses": SimulatedResponsesOptions,
+}
+"""Options by driver name, for every driver that ships with Visavis."""
