@@ -1,0 +1,268 @@
+"""Retargeting: a known motion put on foreign skeletons comes back."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lab.geometry import (
+    Vector,
+    quat_conjugate,
+    quat_from_yaw_pitch_deg,
+    quat_multiply,
+    rotate,
+    unit,
+)
+from stimuli.motion.bvh import format_bvh, parse_bvh
+from stimuli.motion.bvh_clip import bvh_of_clip, clip_of_bvh
+from stimuli.motion.clip import Clip, placed_joints, worn_by
+from stimuli.motion.errors import MotionError
+from stimuli.motion.joint_names import match_joints
+from stimuli.motion.retarget import LIMB_BONES, retarget, retargeting_error
+from stimuli.motion.rotations import quat_between, quat_exp
+from stimuli.motion.skeleton import Skeleton, canonical_skeleton, forward, local_of_world
+from tests.stimuli.motion.motions import CANONICAL, wandering
+from tests.stimuli.motion.rotation_cases import random_quats, same, seeds
+
+quick = settings(max_examples=15, deadline=None)
+IDENTITY_MAP = {name: name for name in CANONICAL.names}
+DOWN, ACROSS = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+
+AXES = {
+    "as ours": np.array([1.0, 0, 0, 0]),
+    "facing +z": np.array([0.0, 0, 1, 0]),
+    "facing +x": quat_from_yaw_pitch_deg(90.0),
+    "z up": quat_exp(np.array([-np.pi / 4, 0, 0])),
+}
+"""Turns from the source's axes to ours."""
+
+
+def on_foreign_skeleton(clip: Clip, to_ours: Vector, rests: Vector, stretch: Vector) -> Clip:
+    """Put a canonical motion on a skeleton with other axes, rest pose and bone lengths.
+
+    `rests` (n, 4) turn each joint's bones at its rest, `stretch` (n,) lengthens the bone to it.
+    """
+    skeleton = clip.skeleton
+    to_theirs = quat_conjugate(to_ours)
+    world = forward(skeleton, clip.root_m, clip.orientation_wxyz).orientation_wxyz
+    theirs = quat_multiply(
+        to_theirs, quat_multiply(world, quat_multiply(quat_conjugate(rests), to_ours))
+    )
+    offsets = np.zeros_like(skeleton.offsets_m)
+    for j in range(1, len(offsets)):
+        at_rest = rotate(rests[skeleton.parents[j]], stretch[j] * skeleton.offsets_m[j])
+        offsets[j] = rotate(to_theirs, at_rest)
+    foreign = Skeleton(skeleton.names, skeleton.parents, offsets, skeleton.tips_m)
+    root = rotate(to_theirs, clip.root_m)
+    return Clip(foreign, clip.frame_s, root, local_of_world(foreign, theirs))
+
+
+def rests_of(towards: dict[str, Vector]) -> Vector:
+    """Return rest turns that lay limb bones along directions; hands and feet follow."""
+    rests = np.tile([1.0, 0, 0, 0], (len(CANONICAL.names), 1))
+    for a, b in LIMB_BONES:
+        part = a.split("_", 1)[1]
+        if part in towards:
+            side = np.array([-1.0 if a.startswith("left") else 1.0, 1.0, 1.0])
+            ours = unit(CANONICAL.offsets_m[CANONICAL.index(b)])
+            rests[CANONICAL.index(a)] = quat_between(ours, unit(side * towards[part]))
+    for j, name in enumerate(CANONICAL.names):
+        if any(x in name for x in ("hand", "foot", "toes", "proximal", "middle", "distal")):
+            rests[j] = rests[CANONICAL.parents[j]]
+    return rests
+
+
+A_POSE = {"upper_arm": ACROSS + 0.8 * DOWN, "lower_arm": ACROSS + 0.8 * DOWN}
+STRADDLED = {"upper_leg": 0.36 * ACROSS + DOWN, "lower_leg": 0.36 * ACROSS + DOWN}
+
+
+@pytest.mark.parametrize("axes", AXES)
+@pytest.mark.parametrize("towards", [{}, A_POSE, STRADDLED, A_POSE | STRADDLED])
+def test_motion_on_a_foreign_skeleton_comes_back(axes: str, towards: dict[str, Vector]) -> None:
+    clip = wandering(np.random.default_rng(11), 12)
+    source = on_foreign_skeleton(clip, AXES[axes], rests_of(towards), np.ones(55))
+
+    result = retarget(source, CANONICAL)
+
+    assert same(clip.orientation_wxyz, result.orientation_wxyz, 1e-9)
+    assert np.abs(clip.root_m - result.root_m).max() < 1e-9
+
+
+@quick
+@given(seeds)
+def test_any_rest_pose_is_undone_by_a_frame_in_which_the_person_stands_straight(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    clip = wandering(rng, 6)
+    clip.orientation_wxyz[2] = [1.0, 0, 0, 0]
+    clip.orientation_wxyz[2, 0] = quat_from_yaw_pitch_deg(float(rng.uniform(-44, 44)))
+    source = on_foreign_skeleton(clip, AXES["facing +z"], random_quats(rng, 55), np.ones(55))
+
+    result = retarget(source, CANONICAL, joint_map=IDENTITY_MAP, reference_frame=2)
+
+    assert same(clip.orientation_wxyz, result.orientation_wxyz, 1e-9)
+    assert np.abs(clip.root_m - result.root_m).max() < 1e-9
+
+
+@quick
+@given(seeds)
+def test_other_limb_lengths_keep_every_direction(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    clip = wandering(rng, 10)
+    rests = rests_of(A_POSE | STRADDLED)
+    source = on_foreign_skeleton(clip, AXES["z up"], rests, rng.uniform(0.6, 1.5, 55))
+
+    result = retarget(source, CANONICAL)
+    error = retargeting_error(source, result)
+
+    assert same(clip.orientation_wxyz, result.orientation_wxyz, 1e-9)
+    assert error.direction_deg.max() < 1e-9
+    # Thigh and shin of another proportion: the end of the limb can differ by their difference.
+    assert error.reach_01.max() < 0.25
+
+
+def test_error_of_the_same_body_is_zero_and_of_a_bent_elbow_its_angle() -> None:
+    clip = wandering(np.random.default_rng(12), 5)
+    bent = clip.orientation_wxyz.copy()
+    elbow = CANONICAL.index("left_lower_arm")
+    bend = quat_exp(np.array([0.0, np.radians(10.0) / 2, 0.0]))
+    bent[:, elbow] = quat_multiply(bent[:, elbow], bend)
+
+    none = retargeting_error(clip, clip)
+    some = retargeting_error(clip, replace(clip, orientation_wxyz=bent))
+
+    assert none.direction_deg.max() < 1e-9
+    assert none.reach_01.max() < 1e-12
+    assert pytest.approx(10.0) == some.direction_deg[:, 1].max()
+    assert some.direction_deg[:, [0, 2, 3, 4, 5, 6, 7]].max() < 1e-9
+    assert some.reach_01[:, 0].min() > 0.01 > 1e-9 > some.reach_01[:, 1:].max()
+
+
+def test_root_is_scaled_with_the_legs() -> None:
+    clip = wandering(np.random.default_rng(13), 6)
+
+    small = retarget(clip, canonical_skeleton(0.875))
+
+    assert np.allclose(worn_by(clip, canonical_skeleton(0.875)).root_m, small.root_m, atol=1e-9)
+
+
+def test_bvh_of_centimetres_facing_the_other_way_is_carried_over() -> None:
+    clip = wandering(np.random.default_rng(14), 12)
+    source = on_foreign_skeleton(clip, AXES["facing +z"], rests_of(STRADDLED), np.ones(55))
+    text = format_bvh(bvh_of_clip(source, order="XZY"), decimals=6)
+
+    result = retarget(clip_of_bvh(parse_bvh(text), unit_m=0.01))
+
+    expected = placed_joints(clip, clip.frame_times_s).position_m
+    assert np.abs(expected - placed_joints(result, clip.frame_times_s).position_m).max() < 1e-5
+
+
+def tree(text: str) -> Skeleton:
+    """Return a skeleton of `name>child` chains separated by blanks."""
+    names: list[str] = []
+    parents: list[int] = []
+    for chain in text.split():
+        above = -1
+        for name in chain.split(">"):
+            if name not in names:
+                names.append(name)
+                parents.append(above)
+            above = names.index(name)
+    n = len(names)
+    return Skeleton(
+        tuple(names), np.array(parents), np.arange(3.0 * n).reshape(n, 3), np.zeros((n, 3))
+    )
+
+
+CONVENTIONS = {
+    "cmu": (
+        "Hips>LowerBack>Spine>Spine1>Neck>Neck1>Head Spine1>LeftShoulder>LeftArm>LeftForeArm"
+        ">LeftHand>LeftFingerBase Spine1>RightShoulder>RightArm>RightForeArm>RightHand>RThumb "
+        "Hips>LHipJoint>LeftUpLeg>LeftLeg>LeftFoot>LeftToeBase "
+        "Hips>RHipJoint>RightUpLeg>RightLeg>RightFoot>RightToeBase",
+        {"hips": "Hips", "spine": "LowerBack", "chest": "Spine", "upper_chest": "Spine1",
+         "neck": "Neck1", "left_upper_leg": "LeftUpLeg", "right_lower_leg": "RightLeg",
+         "left_toes": "LeftToeBase", "left_shoulder": "LeftShoulder", "right_hand": "RightHand"},
+    ),
+    "asf": (
+        "root>lowerback>upperback>thorax>lowerneck>upperneck>head "
+        "thorax>lclavicle>lhumerus>lradius>lwrist>lhand thorax>rclavicle>rhumerus>rradius>rwrist "
+        "root>lhipjoint>lfemur>ltibia>lfoot>ltoes root>rhipjoint>rfemur>rtibia>rfoot>rtoes",
+        {"hips": "root", "spine": "lowerback", "chest": "upperback", "upper_chest": "thorax",
+         "neck": "upperneck", "left_upper_arm": "lhumerus", "right_hand": "rwrist",
+         "left_upper_leg": "lfemur", "right_toes": "rtoes", "left_shoulder": "lclavicle"},
+    ),
+    "mixamo": (
+        "mixamorig:Hips>mixamorig:Spine>mixamorig:Spine1>mixamorig:Spine2>mixamorig:Neck"
+        ">mixamorig:Head mixamorig:Spine2>mixamorig:LeftShoulder>mixamorig:LeftArm"
+        ">mixamorig:LeftForeArm>mixamorig:LeftHand>mixamorig:LeftHandIndex1"
+        ">mixamorig:LeftHandIndex2 mixamorig:LeftHand>mixamorig:LeftHandPinky1 "
+        "mixamorig:Spine2>mixamorig:RightShoulder>mixamorig:RightArm>mixamorig:RightForeArm"
+        ">mixamorig:RightHand mixamorig:Hips>mixamorig:LeftUpLeg>mixamorig:LeftLeg"
+        ">mixamorig:LeftFoot mixamorig:Hips>mixamorig:RightUpLeg>mixamorig:RightLeg"
+        ">mixamorig:RightFoot",
+        {"upper_chest": "mixamorig:Spine2", "neck": "mixamorig:Neck",
+         "left_index_middle": "mixamorig:LeftHandIndex2",
+         "left_little_proximal": "mixamorig:LeftHandPinky1"},
+    ),
+    "bandai": (
+        "joint_Root>Hips>Spine>Chest>Neck>Head Chest>Shoulder_L>UpperArm_L>LowerArm_L>Hand_L "
+        "Chest>Shoulder_R>UpperArm_R>LowerArm_R>Hand_R Hips>UpperLeg_L>LowerLeg_L>Foot_L>Toes_L "
+        "Hips>UpperLeg_R>LowerLeg_R>Foot_R>Toes_R",
+        {"hips": "Hips", "spine": "Spine", "upper_chest": "Chest", "neck": "Neck",
+         "left_upper_arm": "UpperArm_L", "right_toes": "Toes_R", "right_shoulder": "Shoulder_R"},
+    ),
+    "biovision": (
+        "Hips>Chest>Neck>Head Chest>LeftCollar>LeftShoulder>LeftElbow>LeftWrist "
+        "Chest>RightCollar>RightShoulder>RightElbow>RightWrist "
+        "Hips>LeftHip>LeftKnee>LeftAnkle Hips>RightHip>RightKnee>RightAnkle",
+        {"upper_chest": "Chest", "left_shoulder": "LeftCollar", "left_upper_arm": "LeftShoulder",
+         "left_lower_arm": "LeftElbow", "left_hand": "LeftWrist", "right_upper_leg": "RightHip",
+         "right_lower_leg": "RightKnee", "right_foot": "RightAnkle"},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_joints_of_common_conventions_are_recognised(convention: str) -> None:
+    text, expected = CONVENTIONS[convention]
+
+    found = match_joints(tree(text))
+
+    assert expected == {name: found.get(name) for name in expected}
+
+
+def test_our_own_joints_are_recognised_all() -> None:
+    found = match_joints(CANONICAL)
+
+    assert IDENTITY_MAP == dict(found)
+
+
+def test_joints_that_cannot_be_recognised_are_named() -> None:
+    with pytest.raises(MotionError, match=r"left_upper_arm.*joint_map"):
+        match_joints(tree("Hips>Tail Hips>Head"))
+    clip = wandering(np.random.default_rng(15), 3)
+    with pytest.raises(MotionError, match="lacks"):
+        retarget(clip, joint_map={"hips": "hips"})
+    with pytest.raises(MotionError, match="no joint 'paw'"):
+        retarget(clip, joint_map=IDENTITY_MAP | {"left_hand": "paw"})
+    with pytest.raises(MotionError, match="reference frame 3"):
+        retarget(clip, reference_frame=3)
+
+
+@quick
+@given(seeds, st.sampled_from(["left_lower_arm", "right_foot", "head"]))
+def test_source_with_joints_in_one_place_is_refused(seed: int, collapsed: str) -> None:
+    clip = wandering(np.random.default_rng(seed), 3)
+    offsets = CANONICAL.offsets_m.copy()
+    j = CANONICAL.index(collapsed)
+    while j > 0 and (collapsed == "head" or CANONICAL.names[j] == collapsed):
+        offsets[j] = 0.0
+        j = int(CANONICAL.parents[j])
+    if collapsed == "head":
+        for side in ("left", "right"):
+            offsets[CANONICAL.index(f"{side}_upper_leg")] = 0.0
+
+    with pytest.raises(MotionError, match="in one place"):
+        retarget(replace(clip, skeleton=replace(CANONICAL, offsets_m=offsets)), CANONICAL)
