@@ -1,0 +1,153 @@
+"""Measure how long it takes to simulate and analyse a study of stare in the crowd.
+
+    python -m benchmarks.study_speed --participants 4 [--processes 2] [--json]
+
+Every participant performs the whole design on the virtual clock through session engine, drivers
+and recorder; then every session is measured and all are analysed together, report included. The
+extrapolation is what 30 participants take on two cores by the CPU time of sessions and measuring
+(median of those seen) and of the analysis; wall time depends on what else runs. The start of
+the processes is counted as wall time only. "Ratio" is limit / value.
+"""
+
+import argparse
+import json
+import resource
+import statistics
+import sys
+import tempfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from cli.app import load_lab
+from cli.simulation import SimulationTask, in_parallel, measure_one, simulate_one
+from cli.studies import find_study
+from lab.clock import StopWatch, cpu_time_s
+from recording.manifest import read_manifest
+from recording.reader import Recording
+
+STUDY = "stare"
+SEED = 1
+STUDY_PARTICIPANTS = 30
+STUDY_CORES = 2
+STUDY_LIMIT_S = 300.0
+MEMORY_LIMIT_MB = 1000.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """One printed figure; `limit` is None when there is none."""
+
+    name: str
+    value: float
+    unit: str
+    limit: float | None = None
+    ratio: float | None = None
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a piece of work returned, the CPU seconds it took, and its process' peak memory."""
+
+    result: Any
+    cpu_s: float
+    peak_mb: float
+
+
+def timed_session(task: SimulationTask) -> Job:
+    """Simulate one session in this process."""
+    before_s = cpu_time_s()
+    path = simulate_one(task)
+    return Job(path, cpu_time_s() - before_s, peak_mb())
+
+
+def timed_measure(session: Path) -> Job:
+    """Measure one session in this process."""
+    before_s = cpu_time_s()
+    measured = measure_one(STUDY, session)
+    return Job(measured, cpu_time_s() - before_s, peak_mb())
+
+
+def peak_mb() -> float:
+    """Return the largest resident size this process has had."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 1e6 if sys.platform == "darwin" else peak / 1e3
+
+
+def in_order(work: Any, jobs: list[tuple[Any, ...]], processes: int) -> list[Job]:
+    """Do jobs in parallel; return what they gave in the order of the jobs."""
+    done = dict(in_parallel(work, jobs, processes))
+    return [done[i] for i in range(len(jobs))]
+
+
+def rows_of(participants: int, processes: int, root: Path) -> list[Row]:
+    """Simulate and analyse; return every figure."""
+    lab = load_lab(None, "sim").model_copy(update={"data_root": root / "data"})
+    tasks = [
+        SimulationTask(STUDY, lab, f"S{i + 1:02d}A", i, "", SEED, True, {})
+        for i in range(participants)
+    ]
+    watch = StopWatch()
+    sessions = in_order(timed_session, [(task,) for task in tasks], processes)
+    simulated_s = watch.elapsed_s()
+    paths = [job.result for job in sessions]
+    watch = StopWatch()
+    measured = in_order(timed_measure, [(path,) for path in paths], processes)
+    measured_s = watch.elapsed_s()
+    out_dir = root / "derived"
+    out_dir.mkdir()
+    watch, before_s = StopWatch(), cpu_time_s()
+    find_study(STUDY).analyse(
+        [job.result for job in measured],
+        out_dir,
+        is_simulated=True,
+        commands=(),
+        example=Recording(paths[0]),
+    )
+    analysed_s, analysis_cpu_s = watch.elapsed_s(), cpu_time_s() - before_s
+    frames = sum(
+        stream.rows
+        for path in paths
+        for part in read_manifest(path).parts
+        for stream in part.streams
+        if stream.name == "frames"
+    )
+    session_cpu_s = statistics.median(job.cpu_s for job in sessions)
+    measure_cpu_s = statistics.median(job.cpu_s for job in measured)
+    study_s = STUDY_PARTICIPANTS * (session_cpu_s + measure_cpu_s) / STUDY_CORES + analysis_cpu_s
+    peak = max(peak_mb(), *(job.peak_mb for job in (*sessions, *measured)))
+    return [
+        Row("participants", participants, ""),
+        Row("processes", processes, ""),
+        Row("simulating, wall", simulated_s, "s"),
+        Row("measuring, wall", measured_s, "s"),
+        Row("analysis and report, wall", analysed_s, "s"),
+        Row("session, CPU, median", session_cpu_s, "s"),
+        Row("session, CPU per frame", sum(j.cpu_s for j in sessions) / frames * 1e6, "us"),
+        Row("measuring a session, CPU, median", measure_cpu_s, "s"),
+        Row("analysis and report, CPU", analysis_cpu_s, "s"),
+        Row("peak memory of a process", peak, "MB", MEMORY_LIMIT_MB, MEMORY_LIMIT_MB / peak),
+        Row("30 participants on two cores", study_s, "s", STUDY_LIMIT_S, STUDY_LIMIT_S / study_s),
+    ]
+
+
+def main(arguments: list[str]) -> int:
+    """Print every row."""
+    parser = argparse.ArgumentParser(prog="benchmarks.study_speed", description=__doc__)
+    parser.add_argument("--participants", type=int, default=4)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--json", action="store_true", help="print rows as JSON")
+    options = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory() as scratch:
+        rows = rows_of(options.participants, options.processes, Path(scratch))
+    if options.json:
+        print(json.dumps([asdict(row) for row in rows], indent=2))
+    else:
+        for row in rows:
+            limit = "" if row.limit is None else f"limit {row.limit:g}  ratio {row.ratio:.2f}"
+            print(f"{row.name:36s} {row.value:10.2f} {row.unit:3s} {limit}")
+    return 0 if all(row.ratio is None or row.ratio >= 1 for row in rows) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
