@@ -32,6 +32,7 @@ ContrastAdjustment: TypeAlias = Literal["tukey", "holm", "bonferroni", "bh", "no
 class Contrast(Result):
     """One contrast; `pairs` has one pair of levels, or one per factor of a double difference.
 
+    `interval` is simultaneous over the family for Tukey and Bonferroni, of one contrast otherwise.
     `estimate` is the mean of the first level minus that of the second (for double differences
     the difference of these over the second factor's pair).
     """

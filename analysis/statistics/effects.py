@@ -8,6 +8,9 @@ from scipy import special
 from analysis.statistics.errors import StatisticsError
 from analysis.statistics.results import Array, Effect, Interval
 
+HUGE_NONCENTRALITY = 1e6
+"""Noncentrality beyond which only the error's χ² still matters and SciPy's functions give up."""
+
 
 def partial_eta_squared(F: float, df1: float, df2: float, *, level: float = 0.95) -> Effect:
     """Return partial eta squared of an F test with the noncentral F interval (Steiger 2004).
@@ -29,11 +32,14 @@ def eta_interval(F: float, df1: float, df2: float, *, level: float = 0.95) -> In
     """Return the interval of partial eta squared from the noncentral F distribution."""
     if np.isinf(F):
         return Interval(1.0, 1.0, level)
-    tail = (1 - level) / 2
-    bounds = [
-        _solve_noncentrality(lambda nc: float(special.ncfdtr(df1, df2, nc, F)), target, F * df1)
-        for target in (1 - tail, tail)
-    ]
+    tails = (1 - (1 - level) / 2, (1 - level) / 2)
+    if F * df1 > HUGE_NONCENTRALITY:
+        bounds = [F * df1 * float(special.chdtri(df2, target)) / df2 for target in tails]
+    else:
+        bounds = [
+            _solve_noncentrality(lambda nc: float(special.ncfdtr(df1, df2, nc, F)), tail, F * df1)
+            for tail in tails
+        ]
     low, high = (b / (b + df1 + df2 + 1) for b in bounds)
     return Interval(float(low), float(high), level)
 
@@ -76,6 +82,9 @@ def _solve_noncentrality(cdf: Callable[[float], float], target: float, start: fl
 def noncentral_t_bounds(t: float, df: float, *, level: float = 0.95) -> tuple[float, float]:
     """Return the noncentralities of which t is the upper and the lower tail quantile."""
     tail = (1 - level) / 2
+    if t * t > HUGE_NONCENTRALITY:
+        reach = sorted(t * float(special.chdtri(df, q) / df) ** 0.5 for q in (tail, 1 - tail))
+        return reach[0], reach[1]
 
     def bound(target: float) -> float:
         step = max(1.0, abs(t) * 0.5)

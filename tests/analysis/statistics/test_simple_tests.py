@@ -23,6 +23,7 @@ from analysis.statistics import (
     stars,
     wilcoxon_signed_rank,
 )
+from analysis.statistics.effects import eta_interval, noncentral_t_bounds
 
 WHOLE = st.lists(st.integers(-4, 4), min_size=4, max_size=9).filter(any)
 
@@ -187,3 +188,20 @@ def test_results_print_as_apa_sentences() -> None:
     assert str(result).startswith("t(3) = 1.46, p = .239, dz = 0.73, 95% CI [")
     assert "paired t" == result.row()["test"]
     assert 4 == result.row()["n"]
+
+
+@pytest.mark.parametrize("t", [0.0, 1e-6, 0.3, 40.0, 999.0, 1001.0, 1e6, 1e12])
+@pytest.mark.parametrize("df", [2, 30, 3000])
+def test_intervals_exist_for_any_statistic(t: float, df: int) -> None:
+    low, high = noncentral_t_bounds(t, df)
+    assert low < t + 1e-9
+    assert t <= high + 1e-9
+    interval = eta_interval(t * t, 3, df)
+    assert 0 <= interval.low <= interval.high <= 1
+
+
+def test_intervals_of_huge_statistics_continue_the_exact_ones() -> None:
+    below, above = (np.array(noncentral_t_bounds(t, 30)) / t for t in (999.9, 1000.1))
+    assert below == pytest.approx(above, rel=1e-4)
+    exact, approximate = (eta_interval(F, 1, 5) for F in (0.999e6, 1.001e6))
+    assert exact.low == pytest.approx(approximate.low, rel=1e-5)
