@@ -180,7 +180,7 @@ class Pump:
         while queue:
             batch = queue.popleft()
             sink(batch)
-            delivered += len(batch)
+            delivered += batch.seq.shape[0]
         if self._dropped > self._dropped_told:
             lost, self._dropped_told = self._dropped - self._dropped_told, self._dropped
             self._tell("dropped", "warning", f"{lost} samples dropped: the session was too slow")
@@ -239,9 +239,13 @@ class Pump:
         self._tell("reconnected", "info", f"back after {gap_ms:.0f} ms", gap_ms=gap_ms)
 
     def _watch(self, now_ns: int) -> None:
-        if self._lost_ns is not None or self._failure is not None or self._silence_ns is None:
+        if self._silence_ns is None:
             return
         quiet_ns = now_ns - self._last_ns
+        if quiet_ns < self._silence_ns and not self._quiet:
+            return
+        if self._lost_ns is not None or self._failure is not None:
+            return
         if quiet_ns >= STALLED_NS:
             if self._quiet != "stalled":
                 self._quiet = "stalled"

@@ -133,13 +133,13 @@ class FrameLoop:
     def _take_head(self) -> None:
         while self._head_inbox:
             batch = self._head_inbox.popleft()
-            positions = batch.values["position_m"]
-            turns = batch.values["orientation_wxyz"]
-            valid = batch.values["valid"]
-            for i in range(len(batch)):
-                self.head_valid = bool(valid[i])
-                if self.head_valid:
-                    self.head = Pose(positions[i].astype(np.float64), turns[i].astype(np.float64))
+            values = batch.values
+            positions = values["position_m"].astype(np.float64)
+            turns = values["orientation_wxyz"].astype(np.float64)
+            for i, valid in enumerate(values["valid"].tolist()):
+                self.head_valid = valid
+                if valid:
+                    self.head = Pose(positions[i], turns[i])
                     self.head_seen = True
                     self.observer.add_pose(int(batch.t_host_ns[i]), self.head)
 
@@ -199,13 +199,13 @@ class FrameLoop:
         }
 
     def _log_frame(self, frame: FrameInfo, gaze_samples: int) -> None:
-        i = self._frames.room(1)
-        columns = self._frames.columns
-        columns["frame_index"][i] = frame.index
-        columns["predicted_display_ns"][i] = frame.predicted_display_ns
-        columns["state"][i] = STATE_CODES[self._states.state]
-        columns["trial_number"][i] = self.trial_number
-        columns["scene_row"][i] = self._scene_states.rows - 1
-        columns["dropped"][i] = frame.dropped
-        columns["gaze_samples"][i] = gaze_samples
-        self._frames.commit(1, frame.t_ns)
+        row = (
+            frame.index,
+            frame.predicted_display_ns,
+            STATE_CODES[self._states.state],
+            self.trial_number,
+            self._scene_states.rows - 1,
+            frame.dropped,
+            gaze_samples,
+        )
+        self._frames.add(row, frame.t_ns)

@@ -1,10 +1,13 @@
 """Turn gaze samples in the head frame into what they meant in the scene shown."""
 
 from collections import deque
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from devices.contracts import GAZE
 from lab.compiled import compiled
 from lab.geometry import Pose
 from lab.schema import SampleBatch
@@ -16,6 +19,12 @@ from stimuli.visibility import HIT_LOST, HIT_NOTHING, SceneGeometry, observe_ray
 POSES_KEPT = 32
 """Head poses remembered for looking up the pose at a sample's time: 0.3 s at 90 Hz."""
 
+
+_GAZE_BYTES = GAZE.dtype.itemsize
+_GAZE_FIELDS: Mapping[str, Any] = GAZE.dtype.fields or {}
+_DIRECTION_AT, _ORIGIN_AT, _VALID_AT = (
+    _GAZE_FIELDS[name][1] for name in ("direction_head", "origin_m", "valid")
+)
 
 RECORDED = (
     "gaze_seq",
@@ -95,9 +104,7 @@ def _gaze_in_world(
 
 @compiled
 def _evaluate(
-    direction_head: npt.NDArray[np.float32],
-    origin_head_m: npt.NDArray[np.float32],
-    is_valid: npt.NDArray[np.bool_],
+    samples: npt.NDArray[np.uint8],
     seq: npt.NDArray[np.int64],
     t_device_ns: npt.NDArray[np.int64],
     offset_ns: int,
@@ -129,14 +136,26 @@ def _evaluate(
 ) -> int:
     """Evaluate n samples and record them from `row` on; return how many are valid.
 
-    One call for all of it, because a frame brings one or two samples.
+    `samples` are n rows of `GAZE.dtype` as bytes: fields as arrays are strided or not by their
+    number, and every kind would be compiled anew. One call for all of it, because a frame brings
+    one or two samples.
     """
     n = t_device_ns.shape[0]
     m = heads.shape[0]
     valid_count = 0
+    direction_head = np.empty((n, 3), np.float32)
+    origin_head_m = np.empty((n, 3), np.float32)
+    numbers = np.empty(6, np.float32)
+    raw = numbers.view(np.uint8)
     for i in range(n):
         t_ns[i] = t_device_ns[i] + offset_ns
-        valid[i] = is_valid[i]
+        for k in range(12):
+            raw[k] = samples[i * _GAZE_BYTES + _DIRECTION_AT + k]
+            raw[12 + k] = samples[i * _GAZE_BYTES + _ORIGIN_AT + k]
+        for k in range(3):
+            direction_head[i, k] = numbers[k]
+            origin_head_m[i, k] = numbers[3 + k]
+        valid[i] = samples[i * _GAZE_BYTES + _VALID_AT] != 0
         valid_count += valid[i]
     direction, origin = rays[0], rays[1]
     _gaze_in_world(
@@ -218,11 +237,10 @@ class GazeObserver:
 
     def observe(self, frame_index: int, t_frame_ns: int) -> GazeView:
         """Evaluate everything that arrived, record it, and return it."""
-        batch = self._gather()
+        batch = self._gather() if self._inbox else None
         geometry = self._geometry
         if batch is None or geometry is None:
             return self._nothing()
-        values = batch.values
         n = batch.seq.shape[0]
         targets = self._targets
         t_ns = np.empty(n, np.int64)
@@ -231,9 +249,7 @@ class GazeObserver:
         seen = np.empty((3, n, geometry.heads.shape[0]))
         hit = np.empty(n, np.int16)
         valid_count = _evaluate(
-            values["direction_head"],
-            values["origin_m"],
-            values["valid"],
+            np.frombuffer(batch.values.tobytes(), np.uint8),
             batch.seq,
             batch.t_device_ns,
             self.clock_offset_ns,

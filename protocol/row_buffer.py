@@ -39,12 +39,21 @@ class RowBuffer:
             self.flush()
         return self._n
 
+    def add(self, row: tuple[object, ...], t_ns: int) -> None:
+        """Write and count one row of scalars, in the order of the schema's fields."""
+        self._values[self.room(1)] = row
+        self.commit(1, t_ns)
+
     def commit(self, n: int, t_ns: int) -> None:
         """Count n written rows, all stamped `t_ns`."""
-        if self._n == 0:
+        start = self._n
+        if start == 0:
             self._first_ns = t_ns
-        self._t_ns[self._n : self._n + n] = t_ns
-        self._n += n
+        if n == 1:
+            self._t_ns[start] = t_ns
+        else:
+            self._t_ns[start : start + n] = t_ns
+        self._n = start + n
         if t_ns - self._first_ns >= self._hold_ns:
             self.flush()
 

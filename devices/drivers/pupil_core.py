@@ -99,6 +99,7 @@ class PupilCore:
         self._publish_port = 0
         self._pairs: list[ClockPair] = []
         self._pairs_since_jump = 0
+        self._offset_of: tuple[int, int] | None = None
         self._references: list[dict[str, Any]] = []
         self._outcome: CalibrationOutcome | None = None
         self._polling_thread: int | None = None
@@ -128,6 +129,7 @@ class PupilCore:
         deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
         self._pairs = []
         self._pairs_since_jump = 0
+        self._offset_of = None
         self._findings = Findings()
         try:
             self._transport.open(deadline_s)
@@ -231,7 +233,7 @@ class PupilCore:
     def add_reference(self, direction_head: Vector, t_host_ns: int) -> None:
         """Keep a target; it is placed at `reference_distance_m` and sent at the end."""
         self._life.require("add_reference", DeviceState.STREAMING)
-        device_ns = t_host_ns - offset_ns(self._recent_pairs())
+        device_ns = t_host_ns - self._offset_ns()
         self._references.append(
             codec.encode_reference(direction_head, device_ns, self._reference_distance_m)
         )
@@ -263,7 +265,7 @@ class PupilCore:
     def annotate(self, text: str, t_host_ns: int) -> None:
         """Publish an annotation stamped on Capture's clock."""
         self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
-        device_ns = t_host_ns - offset_ns(self._recent_pairs())
+        device_ns = t_host_ns - self._offset_ns()
         frames = codec.encode_annotation(text, device_ns)
         self._on_wire(lambda: self._transport.send(self._publish_port, frames))
 
@@ -399,6 +401,13 @@ class PupilCore:
                 self._findings.clock_jumps_ms.append(moved_ns / NS_PER_MS)
                 self._pairs_since_jump = len(self._pairs)
         self._pairs.append(pair)
+
+    def _offset_ns(self) -> int:
+        """Return the host-minus-device offset, worked out once per time exchange."""
+        known = self._offset_of
+        if known is None or known[0] != len(self._pairs):
+            known = self._offset_of = (len(self._pairs), offset_ns(self._recent_pairs()))
+        return known[1]
 
     def _recent_pairs(self) -> list[ClockPair]:
         return self._pairs[max(self._pairs_since_jump, len(self._pairs) - RECENT_EXCHANGES) :]

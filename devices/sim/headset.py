@@ -115,7 +115,8 @@ class SimulatedHeadset:
 
     def poll(self, timeout_s: float) -> int:
         """Hand over the poses of the frames waited for since the last call."""
-        self._life.require("poll", DeviceState.STREAMING)
+        if self._life.state is not DeviceState.STREAMING:
+            self._life.require("poll", DeviceState.STREAMING)
         if not self._clock.is_virtual:
             if not self._pending and timeout_s > 0:
                 self._ready.wait(timeout_s)
@@ -125,12 +126,13 @@ class SimulatedHeadset:
             batch = self._pending.popleft()
             self._meter.update(batch.t_device_ns.tolist(), int(batch.t_host_ns[-1]))
             self._sink(batch)
-            delivered += len(batch)
+            delivered += 1
         return delivered
 
     def wait_frame(self) -> FrameInfo:
         """Sleep until the next frame that has not yet begun, and measure the head there."""
-        self._life.require("wait_frame", DeviceState.STREAMING)
+        if self._life.state is not DeviceState.STREAMING:
+            self._life.require("wait_frame", DeviceState.STREAMING)
         now_ns = self._clock.now_ns()
         due = -(-now_ns * self._rate_milli_hz // (NS_PER_S * MILLI_HZ))
         following = due if self._last is None else self._last + 1
@@ -186,7 +188,8 @@ class SimulatedHeadset:
         return index * NS_PER_S * MILLI_HZ // self._rate_milli_hz
 
     def _measure(self, seq: int, t_ns: int) -> None:
-        self._valid = self._faults.active("standby", t_ns - self._origin_ns) is None
+        faults = self._faults
+        self._valid = not faults.faults or faults.active("standby", t_ns - self._origin_ns) is None
         if self._valid:
             position_m, orientation_wxyz = self._body.head(t_ns)
             row = _ROW.pack(*position_m.tolist(), *orientation_wxyz.tolist(), True)

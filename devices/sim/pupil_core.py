@@ -218,7 +218,7 @@ class PupilCoreSimulator:
         packed = np.empty((n, template.bytes.size), np.uint8)
         delay_ns = np.empty(n, np.int64)
         _measure(
-            np.ascontiguousarray(eyes).view(np.float64).reshape(n, -1),
+            np.ndarray((n, 8), np.float64, np.ascontiguousarray(eyes)),
             noise,
             self._systematic.offset_rad,
             self._systematic.gain,

@@ -81,7 +81,8 @@ class SimulatedResponses:
 
     def poll(self, timeout_s: float) -> int:
         """Deliver what the body pressed; waits `timeout_s` on the clock when it did not."""
-        self._life.require("poll", DeviceState.STREAMING)
+        if self._life.state is not DeviceState.STREAMING:
+            self._life.require("poll", DeviceState.STREAMING)
         rows = list(self._body.presses(self._clock.now_ns()))
         if not rows and timeout_s > 0:
             self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))

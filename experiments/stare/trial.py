@@ -53,7 +53,7 @@ class _Picture:
         """Take note of the participant's head; tell whether it moved enough to matter."""
         if not view.head_valid:
             return False
-        x, y, z = view.head.position_m - self.observer_m
+        x, y, z = (view.head.position_m - self.observer_m).tolist()
         if x * x + y * y + z * z < FOLLOW_STEP_M**2:
             return False
         self.observer_m = np.array(view.head.position_m, np.float64)
