@@ -8,13 +8,20 @@ from types import FrameType
 from cli import (
     data_commands,
     participant_commands,
+    power_commands,
     session_commands,
     study_commands,
 )
 from cli.app import app, errors
 from lab.errors import LabError
 
-COMMAND_MODULES = (session_commands, study_commands, participant_commands, data_commands)
+COMMAND_MODULES = (
+    session_commands,
+    study_commands,
+    participant_commands,
+    data_commands,
+    power_commands,
+)
 EXIT_INTERRUPTED = 130
 EXIT_INTERNAL = 1
 

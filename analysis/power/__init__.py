@@ -1,0 +1,34 @@
+"""Power by simulation: whole studies run again and again through the analysis that is planned.
+
+A study takes part by offering a `PowerStudy`; nothing here knows which study it is. A replicate
+is one study of the largest number of participants; its first n participants are the study of n.
+"""
+
+from analysis.power.contract import Found, PowerStudy, Source, Verdicts
+from analysis.power.figure import draw_power
+from analysis.power.replicates import (
+    PowerRequest,
+    Replicate,
+    ReplicateJob,
+    jobs_of,
+    run_job,
+    study_seed,
+)
+from analysis.power.summary import PowerSummary, TestPower, summarise
+
+__all__ = [
+    "Found",
+    "PowerRequest",
+    "PowerStudy",
+    "PowerSummary",
+    "Replicate",
+    "ReplicateJob",
+    "Source",
+    "TestPower",
+    "Verdicts",
+    "draw_power",
+    "jobs_of",
+    "run_job",
+    "study_seed",
+    "summarise",
+]

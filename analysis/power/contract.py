@@ -1,0 +1,99 @@
+"""What a study offers so that its power can be simulated."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, Protocol, TypeAlias
+
+import pandas as pd
+
+Source: TypeAlias = Literal["studies", "simulated pool", "study folder"]
+"""Where a replicate's participants come from: simulated anew, or drawn from people at hand."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What one planned test found in one simulated study.
+
+    `is_significant` is None when the test could not be made; it then counts as not found.
+    `difference` is in the units of the measure, `standardised` in standard deviations of the
+    differences (or the correlation itself); both NaN where the test has no such number.
+    """
+
+    is_significant: bool | None
+    difference: float = float("nan")
+    standardised: float = float("nan")
+
+
+Verdicts: TypeAlias = Mapping[str, Found]
+"""By name of the planned test."""
+
+
+class PowerStudy(Protocol):
+    """A study whose power can be simulated; it travels between processes, so it must pickle.
+
+    `effect` is a multiplier everywhere: 1 the published effect, 0 none.
+    """
+
+    @property
+    def name(self) -> str:
+        """The study's name on the command line."""
+        ...
+
+    @property
+    def tests(self) -> Mapping[str, str]:
+        """Every planned test by name, with what it claims in words."""
+        ...
+
+    @property
+    def shown_tests(self) -> Sequence[str]:
+        """Tests shown when none is named; the first decides the number of participants."""
+        ...
+
+    @property
+    def smallest_n(self) -> int:
+        """Participants below which the planned tests cannot be made."""
+        ...
+
+    def rule(self, alpha: float) -> str:
+        """Return how a test of this study becomes significant, in words."""
+        ...
+
+    def effect_meaning(self, effect: float, source: Source) -> str:
+        """Return what the multiplier did to the data, in words."""
+        ...
+
+    def simulate(
+        self,
+        numbers: Sequence[int],
+        tests: Sequence[str],
+        *,
+        effect: float,
+        seed: int,
+        alpha: float,
+    ) -> Mapping[int, Verdicts]:
+        """Simulate a study of the largest number and test it at every number of participants."""
+        ...
+
+    def simulate_people(self, indices: Sequence[int], *, effect: float, seed: int) -> pd.DataFrame:
+        """Return what the analysis needs of some simulated people, for a pool to draw from."""
+        ...
+
+    def people_of(self, folder: Path, *, effect: float) -> tuple[pd.DataFrame, bool]:
+        """Return the same of the people in a study's folder, and whether they are simulated.
+
+        Raises a DataError when the folder holds no trial table of this study.
+        """
+        ...
+
+    def resample(
+        self,
+        people: pd.DataFrame,
+        numbers: Sequence[int],
+        tests: Sequence[str],
+        *,
+        seed: int,
+        alpha: float,
+    ) -> Mapping[int, Verdicts]:
+        """Draw the largest number of people with replacement and test at every number."""
+        ...

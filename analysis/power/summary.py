@@ -1,0 +1,186 @@
+"""Count what the replicates found and read the number of participants off the curve."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.power.contract import Found, PowerStudy, Source
+from analysis.power.replicates import PowerRequest, Replicate
+from analysis.statistics import PowerCurve, power_curve
+from analysis.statistics.power import AdequacyRule
+from analysis.statistics.results import Row, number, threshold_text
+from lab.errors import UsageError
+
+
+@dataclass(frozen=True)
+class TestPower:
+    """Power of one planned test.
+
+    `untested` counts replicates, by number of participants, in which the test could not be made.
+    `difference` and `standardised` are means over the replicates at the largest number.
+    """
+
+    __test__ = False  # not a test of pytest's
+
+    name: str
+    claim: str
+    curve: PowerCurve
+    untested: tuple[int, ...]
+    difference: float
+    standardised: float
+
+
+@dataclass(frozen=True)
+class PowerSummary:
+    """Power of every test shown; the first decides."""
+
+    study: str
+    source: Source
+    is_simulated: bool
+    request: PowerRequest
+    rule_of_significance: str
+    effect_meaning: str
+    tests: tuple[TestPower, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def smallest_n(self) -> int | None:
+        """The smallest adequate number of participants for the first test."""
+        return self.tests[0].curve.smallest
+
+    def rows(self) -> Iterator[Row]:
+        """Yield one flat row per test and number of participants."""
+        for test in self.tests:
+            for row, untested in zip(test.curve.rows(), test.untested, strict=True):
+                yield {
+                    "study": self.study,
+                    "test": test.name,
+                    **row,
+                    "not_testable": untested,
+                    "target": test.curve.target,
+                    "rule": test.curve.rule,
+                    "alpha": self.request.alpha,
+                    "effect": self.request.effect,
+                    "source": self.source,
+                    "seed": self.request.seed,
+                    "is_simulated": self.is_simulated,
+                }
+
+    def sentence(self) -> str:
+        """Return the answer in words."""
+        first = self.tests[0]
+        how = (
+            "whole simulated studies"
+            if self.source == "studies"
+            else f"studies resampled from a {self.source}"
+        )
+        return (
+            f"{first.claim}: {first.curve.sentence()}; {how}, "
+            f"effect × {self.request.effect:g}, {self.rule_of_significance}."
+        )
+
+
+def summarise(
+    study: PowerStudy,
+    request: PowerRequest,
+    replicates: Iterable[Replicate],
+    *,
+    source: Source,
+    is_simulated: bool,
+    target: float = 0.8,
+    rule: AdequacyRule = "lower bound",
+    notes: tuple[str, ...] = (),
+) -> PowerSummary:
+    """Make the curves; replicates may come in any order, the result does not depend on it.
+
+    `rule` "lower bound" asks the lower end of the Monte-Carlo interval to reach `target`,
+    "estimate" the share itself.
+    """
+    if not 0 < target < 1:
+        raise UsageError(f"the power to reach lies between 0 and 1, got {target:g}")
+    ordered = sorted(replicates, key=lambda r: r.number)
+    tests = tuple(_of_test(study, request, ordered, name, target, rule) for name in request.tests)
+    return PowerSummary(
+        study.name,
+        source,
+        is_simulated,
+        request,
+        study.rule(request.alpha),
+        study.effect_meaning(request.effect, source),
+        tests,
+        (*_notes(tests, request, len(ordered), rule, target), *notes),
+    )
+
+
+def _of_test(
+    study: PowerStudy,
+    request: PowerRequest,
+    replicates: list[Replicate],
+    name: str,
+    target: float,
+    rule: AdequacyRule,
+) -> TestPower:
+    found: dict[int, list[Found]] = {
+        n: [r.verdicts[n][name] for r in replicates] for n in request.numbers
+    }
+    curve = power_curve(
+        {n: (sum(f.is_significant is True for f in all_), len(all_)) for n, all_ in found.items()},
+        target=target,
+        rule=rule,
+    )
+    last = found[request.numbers[-1]]
+    return TestPower(
+        name,
+        study.tests[name],
+        curve,
+        tuple(sum(f.is_significant is None for f in found[n]) for n in request.numbers),
+        _mean([f.difference for f in last]),
+        _mean([f.standardised for f in last]),
+    )
+
+
+def _mean(values: list[float]) -> float:
+    known = np.array([v for v in values if np.isfinite(v)])
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _notes(
+    tests: tuple[TestPower, ...],
+    request: PowerRequest,
+    replicates: int,
+    rule: AdequacyRule,
+    target: float,
+) -> tuple[str, ...]:
+    notes = [
+        "the study of n is the first n participants of each replicate's largest study, so the "
+        "points of a curve share participants and go up and down together"
+    ]
+    if len(tests) > 1:
+        notes.append(f"the number of participants is read off the first test, {tests[0].name}")
+    lowest = tests[0].curve.points[0]
+    if tests[0].curve.smallest == lowest.n:
+        notes.append(f"the smallest n simulated ({lowest.n}) is adequate already; try smaller ones")
+    if rule == "lower bound":
+        most = 1 / (1 + 3.8414588 / replicates)  # Wilson's lower end when every replicate hits
+        if most < target:
+            notes.append(
+                f"with {replicates} replicates the interval cannot lie above "
+                f"{number(target)} even if all of them find it; ask for more"
+            )
+    for test in tests:
+        if any(test.untested):
+            counts = ", ".join(
+                f"{u} at n = {n}" for n, u in zip(request.numbers, test.untested, strict=True) if u
+            )
+            notes.append(f"{test.name} could not be tested in {counts} of {replicates} replicates")
+    return tuple(notes)
+
+
+def target_text(target: float, rule: AdequacyRule) -> str:
+    """Return the rule of adequacy in words."""
+    what = "the lower end of its 95% Monte-Carlo interval" if rule == "lower bound" else "power"
+    return (
+        f"smallest n from which {what} stays at or above {threshold_text(target)} "
+        "for every larger n simulated"
+    )

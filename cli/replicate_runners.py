@@ -1,0 +1,98 @@
+"""Run the jobs of a power simulation on this machine's cores or on a Dask scheduler."""
+
+import importlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from typing import Any, TypeAlias, TypeVar
+
+from cli.simulation import in_parallel
+from lab.errors import UsageError
+from recording.provenance import provenance
+
+Job = TypeVar("Job")
+Done = TypeVar("Done")
+Versions: TypeAlias = tuple[tuple[str, str], ...]
+
+CONNECT_S = 10
+LIBRARY_MISSING = (
+    "--scheduler needs Dask's distributed scheduler, which is not installed here; install it "
+    "with: pip install 'visavis[cluster]' (or leave --scheduler out to use this machine's cores)"
+)
+
+
+def on_this_machine(
+    work: Callable[[Job], Done], jobs: list[Job], processes: int
+) -> Iterator[tuple[int, Done]]:
+    """Yield (job number, result) as jobs finish, on this many processes."""
+    return in_parallel(work, [(job,) for job in jobs], processes)
+
+
+def on_scheduler(
+    work: Callable[[Job], Done], jobs: list[Job], address: str
+) -> Iterator[tuple[int, Done]]:
+    """Yield (job number, result) as a Dask scheduler's workers finish them.
+
+    Results are those of `on_this_machine`: a job holds everything it depends on. Raises a
+    UsageError when the library or the scheduler is missing, no worker is there, or a worker has
+    another version of Visavis or of what it computes with.
+    """
+    try:
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError:
+        raise UsageError(LIBRARY_MISSING) from None
+    with ExitStack() as stack:
+        try:
+            client = stack.enter_context(
+                distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+            )
+        except (TimeoutError, OSError, ValueError) as error:
+            raise UsageError(
+                f"no Dask scheduler answers at {address} ({error}); start one with "
+                "`dask scheduler` and give the address it prints, such as tcp://10.0.0.5:8786"
+            ) from error
+        refuse_other_versions(versions(), _versions_of_workers(client, address))
+        futures = {client.submit(work, job, pure=False): n for n, job in enumerate(jobs)}
+        try:
+            for future in distributed.as_completed(list(futures), loop=client.loop):
+                yield futures[future], future.result()
+        except distributed.scheduler.KilledWorker as error:
+            raise UsageError(
+                f"workers of {address} died of a job ({error}); look at their logs, give them "
+                "more memory, or run on this machine without --scheduler"
+            ) from error
+        finally:
+            client.cancel(list(futures))
+
+
+def versions() -> Versions:
+    """Return what must be equal on every worker for equal numbers."""
+    here = provenance()
+    packages = [(name, here.packages[name]) for name in ("visavis", "numpy", "scipy", "numba")]
+    return (*packages, ("code revision", here.code_revision))
+
+
+def _versions_of_workers(client: Any, address: str) -> dict[str, Versions]:
+    try:
+        found: dict[str, Versions] = client.run(versions)
+    except ImportError as error:
+        raise UsageError(
+            f"the workers of {address} cannot import Visavis ({error}); install the same version "
+            "there and start them again"
+        ) from error
+    if not found:
+        raise UsageError(
+            f"the scheduler at {address} has no workers; start some with `dask worker {address}`"
+        )
+    return found
+
+
+def refuse_other_versions(here: Versions, workers: Mapping[str, Versions]) -> None:
+    """Raise UsageError naming the first worker whose versions differ from these."""
+    for worker, theirs in sorted(workers.items()):
+        for (name, mine), (_, other) in zip(here, theirs, strict=True):
+            if mine != other:
+                raise UsageError(
+                    f"worker {worker} has {name} {other or 'unknown'}, here it is "
+                    f"{mine or 'unknown'}; install the same version, or numbers would depend on "
+                    "who computed them"
+                )

@@ -1,0 +1,365 @@
+"""The power command: same answer from any number of processes and from a scheduler."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from analysis.power import Found, PowerRequest, Replicate, jobs_of, run_job, study_seed, summarise
+from cli import replicate_runners
+from cli.main import app
+from cli.power_commands import power_study, read_effect, read_numbers, read_tests
+from cli.replicate_runners import on_scheduler, on_this_machine
+from experiments.stare.comparisons import compare_conditions, condition_means
+from experiments.stare.power import StarePower, draw_people, scaled_population
+from experiments.stare.temperament import DEFAULT_POPULATION
+from lab.errors import DataError, UsageError
+from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
+
+DWELL = "A-D:dwell_ms"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("étude analysée") / "derived"
+    place.mkdir()
+    study_rows(12).to_csv(place / "trials.csv", index=False)
+    anxiety_answers(12).to_csv(place / "participants.csv", index=False)
+    return place.parent
+
+
+@pytest.fixture(scope="module")
+def study() -> StarePower:
+    return power_study("stare")
+
+
+def request(**changes: object) -> PowerRequest:
+    wanted = {
+        "numbers": (4, 8, 12),
+        "tests": (DWELL, "A-AD:second_fixation_time_ms"),
+        "replicates": 6,
+        "effect": 1.0,
+        "alpha": 0.05,
+        "seed": 3,
+    }
+    return PowerRequest(**(wanted | changes))
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, ["power", *arguments])
+
+
+# ---- reading the command ----
+
+
+def test_both_ends_belong_to_the_numbers_of_participants() -> None:
+    assert (8, 12, 16) == read_numbers("8:16:4", at_least=3)
+    assert (12, 16, 24) == read_numbers("16,12,24,12", at_least=3)
+
+
+@pytest.mark.parametrize("text", ["", "8:4", "8:16:0", "eight", "1:2:3:4", "8:16:-4"])
+def test_other_lists_are_refused_with_an_example(text: str) -> None:
+    with pytest.raises(UsageError, match="8:48:4"):
+        read_numbers(text, at_least=3)
+
+
+def test_fewer_participants_than_the_tests_need_are_refused() -> None:
+    with pytest.raises(UsageError, match="at least 3"):
+        read_numbers("2:8:2", at_least=3)
+
+
+def test_effects_are_named_or_multipliers() -> None:
+    assert [1.0, 0.0, 0.5] == [read_effect(t) for t in ("published", "none", "0.5")]
+    for wrong in ("huge", "-1", "nan", "inf"):
+        with pytest.raises(UsageError, match="--effect takes"):
+            read_effect(wrong)
+
+
+def test_an_unknown_test_is_answered_with_the_nearest(study: StarePower) -> None:
+    with pytest.raises(UsageError, match="did you mean A-D:dwell_ms"):
+        read_tests(study, ["A-D:dwel"])
+
+
+def test_all_thirty_tests_have_a_name(study: StarePower) -> None:
+    assert 30 == sum(":" in name and not name.startswith("anxiety") for name in study.tests)
+    result = run("stare", "--test", "list")
+    assert all(name in result.output for name in study.tests)
+
+
+# ---- replicates ----
+
+
+def test_a_replicate_has_its_own_seed_whatever_came_before() -> None:
+    seeds = [study_seed(3, k) for k in range(1000)]
+    assert 1000 == len(set(seeds))
+    assert seeds[7] == study_seed(3, 7)
+    assert seeds[7] != study_seed(4, 7)
+
+
+def test_the_split_into_jobs_does_not_change_the_answer(study: StarePower, folder: Path) -> None:
+    people, _ = study.people_of(folder, effect=1.0)
+    whole = [r for j in jobs_of(study, request(), size=6, people=people) for r in run_job(j)]
+    split = [r for j in jobs_of(study, request(), size=5, people=people) for r in run_job(j)]
+    assert str(whole) == str(split)
+
+
+def test_more_replicates_keep_the_first_ones(study: StarePower, folder: Path) -> None:
+    people, _ = study.people_of(folder, effect=1.0)
+    few = run_job(jobs_of(study, request(replicates=3), size=3, people=people)[0])
+    more = run_job(jobs_of(study, request(replicates=6), size=6, people=people)[0])
+    assert str(few) == str(more[:3])
+
+
+def test_the_study_of_n_is_the_start_of_the_larger_one(study: StarePower, folder: Path) -> None:
+    people, _ = study.people_of(folder, effect=1.0)
+    alone = study.resample(people, (12, 4), (DWELL,), seed=1, alpha=0.05)
+    both = study.resample(people, (4, 8, 12), (DWELL,), seed=1, alpha=0.05)
+    assert both[4] == alone[4]
+    assert both[12] == alone[12]
+
+
+def test_drawn_people_bring_all_their_rows(study: StarePower, folder: Path) -> None:
+    people, _ = study.people_of(folder, effect=1.0)
+    drawn = draw_people(people, 40, np.random.default_rng(1))
+    assert 40 * 4 == len(drawn)
+    rows = {tuple(r) for r in people.drop(columns="participant").itertuples(index=False)}
+    assert {tuple(r) for r in drawn.drop(columns="participant").itertuples(index=False)} <= rows
+    assert drawn.groupby("participant")["anxiety_total"].nunique().max() == 1
+
+
+def test_verdicts_are_those_of_the_study_analysis(study: StarePower, folder: Path) -> None:
+    from experiments.stare.analysis_parameters import AnalysisParameters
+
+    people, _ = study.people_of(folder, effect=1.0)
+    seed = 5
+    found = study.resample(people, (12,), tuple(study.tests), seed=seed, alpha=0.05)[12]
+    drawn = draw_people(people, 12, np.random.default_rng(seed))
+    for c in compare_conditions(drawn, AnalysisParameters()):
+        name = f"{c.first}-{c.second}:{c.measure.column}"
+        assert found[name].is_significant == c.is_significant
+        assert found[name].difference == pytest.approx(c.second_mean - c.first_mean)
+
+
+def test_without_an_effect_recorded_conditions_have_equal_means(
+    study: StarePower, folder: Path
+) -> None:
+    none, _ = study.people_of(folder, effect=0.0)
+    means = none.groupby("condition")["dwell_ms"].mean()
+    np.testing.assert_allclose(means, means["A"])
+    half, _ = study.people_of(folder, effect=0.5)
+    full, _ = study.people_of(folder, effect=1.0)
+    gap = [f.groupby("condition")["dwell_ms"].mean().diff()["AD"] for f in (half, full)]
+    assert gap[0] == pytest.approx(gap[1] / 2)
+    spread = [f.groupby("condition")["dwell_ms"].std() for f in (half, full)]
+    np.testing.assert_allclose(spread[0], spread[1])
+
+
+def test_a_stricter_alpha_finds_less(study: StarePower, folder: Path) -> None:
+    people, _ = study.people_of(folder, effect=1.0)
+
+    def hits(alpha: float) -> int:
+        wanted = request(alpha=alpha, tests=(DWELL,), numbers=(6,), replicates=30)
+        job = jobs_of(study, wanted, size=30, people=people)[0]
+        return sum(r.verdicts[6][DWELL].is_significant is True for r in run_job(job))
+
+    assert hits(0.001) < hits(0.5)
+
+
+def test_scaling_the_effect_moves_only_what_contact_does() -> None:
+    assert DEFAULT_POPULATION == scaled_population(DEFAULT_POPULATION, 1.0)
+    half = scaled_population(DEFAULT_POPULATION, 0.5)
+    assert half.hold_s == pytest.approx(DEFAULT_POPULATION.hold_s / 2)
+    assert half.return_gain == pytest.approx(DEFAULT_POPULATION.return_gain**0.5)
+    assert half.head_visit_s == DEFAULT_POPULATION.head_visit_s
+    with pytest.raises(UsageError, match="from 0 to 2"):
+        scaled_population(DEFAULT_POPULATION, 2.5)
+
+
+# ---- counting ----
+
+
+class TwoTests:
+    name = "made-up"
+    tests = {"first": "the first", "second": "the second"}  # noqa: RUF012 - a study of this test
+    shown_tests = ("first",)
+    smallest_n = 3
+
+    def rule(self, alpha: float) -> str:
+        return f"p < {alpha}"
+
+    def effect_meaning(self, effect: float, source: str) -> str:
+        return "nothing"
+
+
+def made_up(hits: dict[int, int], untested: int = 0) -> list[Replicate]:
+    return [
+        Replicate(
+            k,
+            {
+                n: {"first": Found(None if k >= 100 - untested else k < h, 2.0, 0.5)}
+                for n, h in hits.items()
+            },
+        )
+        for k in range(100)
+    ]
+
+
+def summary_of(replicates: list[Replicate], **options: object):
+    wanted = request(numbers=(4, 8, 12), tests=("first",), replicates=100)
+    return summarise(TwoTests(), wanted, replicates, source="studies", is_simulated=True, **options)
+
+
+def test_the_rule_decides_which_number_is_adequate() -> None:
+    found = made_up({4: 50, 8: 84, 12: 95})
+    assert 8 == summary_of(found, rule="estimate").smallest_n
+    assert 12 == summary_of(found, rule="lower bound").smallest_n
+
+
+def test_one_lucky_number_does_not_decide() -> None:
+    found = made_up({4: 90, 8: 60, 12: 95})
+    assert 12 == summary_of(found, rule="estimate").smallest_n
+
+
+def test_the_order_in_which_replicates_come_does_not_matter() -> None:
+    found = made_up({4: 50, 8: 84, 12: 95})
+    assert list(summary_of(found).rows()) == list(summary_of(found[::-1]).rows())
+
+
+def test_a_test_that_could_not_be_made_counts_as_not_found_and_is_told() -> None:
+    summary = summary_of(made_up({4: 100, 8: 100, 12: 100}, untested=30))
+    assert [0.7, 0.7, 0.7] == [p.power for p in summary.tests[0].curve.points]
+    assert (30, 30, 30) == summary.tests[0].untested
+    assert any("could not be tested" in note for note in summary.notes)
+
+
+def test_too_few_replicates_for_the_rule_are_told() -> None:
+    wanted = request(tests=("first",), numbers=(4,), replicates=5)
+    found = [Replicate(k, {4: {"first": Found(True)}}) for k in range(5)]
+    summary = summarise(TwoTests(), wanted, found, source="studies", is_simulated=True)
+    assert summary.smallest_n is None
+    assert any("ask for more" in note for note in summary.notes)
+
+
+# ---- where jobs run ----
+
+
+def test_two_processes_and_one_give_the_same_answer(study: StarePower, folder: Path) -> None:
+    people, _ = study.people_of(folder, effect=1.0)
+    jobs = jobs_of(study, request(replicates=4), size=2, people=people)
+    one = dict(on_this_machine(run_job, jobs, 1))
+    two = dict(on_this_machine(run_job, jobs, 2))
+    assert str([one[i] for i in range(2)]) == str([two[i] for i in range(2)])
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    from distributed import LocalCluster
+
+    with LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=False,
+        dashboard_address=None,
+        host="127.0.0.1",
+        protocol="tcp://",
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def test_a_scheduler_gives_the_same_answer(study: StarePower, folder: Path, scheduler: str) -> None:
+    people, _ = study.people_of(folder, effect=1.0)
+    jobs = jobs_of(study, request(replicates=6), size=2, people=people)
+    here = dict(on_this_machine(run_job, jobs, 1))
+    there = dict(on_scheduler(run_job, jobs, scheduler))
+    assert str([here[i] for i in range(3)]) == str([there[i] for i in range(3)])
+
+
+def test_an_error_on_a_worker_is_the_error_here(scheduler: str) -> None:
+    with pytest.raises(UsageError, match="multiplier"):
+        list(on_scheduler(read_effect, ["huge"], scheduler))
+
+
+def test_workers_of_another_version_are_refused() -> None:
+    here = replicate_runners.versions()
+    other = tuple((name, "9.9" if name == "numpy" else v) for name, v in here)
+    replicate_runners.refuse_other_versions(here, {"tcp://a": here})
+    with pytest.raises(UsageError, match=r"tcp://b has numpy 9\.9"):
+        replicate_runners.refuse_other_versions(here, {"tcp://a": here, "tcp://b": other})
+
+
+def test_a_scheduler_that_is_not_there_says_how_to_start_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(replicate_runners, "CONNECT_S", 0.3)
+    with pytest.raises(UsageError, match="dask scheduler"):
+        list(on_scheduler(read_effect, ["none"], "tcp://127.0.0.1:9"))
+    with pytest.raises(UsageError, match="dask scheduler"):
+        list(on_scheduler(read_effect, ["none"], "nonsense"))
+
+
+def test_a_missing_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "distributed", None)
+    with pytest.raises(UsageError, match=r"pip install 'visavis\[cluster\]'"):
+        list(on_scheduler(run_job, [], "tcp://127.0.0.1:1"))
+
+
+# ---- the command ----
+
+
+@pytest.mark.slow
+def test_whole_studies_are_simulated_and_marked(tmp_path: Path) -> None:
+    result = run(
+        *["stare", "--participants", "3,4", "--replicates", "2", "--processes", "1"],
+        *["--test", DWELL, "-o", str(tmp_path), "--json"],
+    )
+    assert result.exception is None, result.output
+    data = json.loads(result.stdout)
+    assert data["is_simulated"] is True
+    table = pd.read_csv(tmp_path / "power.csv")
+    assert [3, 4] == table["n"].tolist()
+    assert table["is_simulated"].all()
+    assert "simulated-watermark" in (tmp_path / "power.svg").read_text()
+    assert (tmp_path / "power.png").stat().st_size > 10_000
+
+
+def test_a_study_folder_prints_curve_and_smallest_n(folder: Path, tmp_path: Path) -> None:
+    result = run(
+        *["stare", "--from", str(folder), "--participants", "4:12:4", "--replicates", "30"],
+        *["--processes", "1", "-o", str(tmp_path), "--rule", "point", "--power", "0.2"],
+    )
+    assert result.exception is None, result.output
+    assert "smallest adequate number of participants" in result.output.replace("\n", " ")
+    assert "12 people to draw from" in result.output
+    assert 3 * 5 == len(pd.read_csv(tmp_path / "power.csv"))
+
+
+def test_a_folder_without_trials_says_how_to_make_them(tmp_path: Path) -> None:
+    result = run("stare", "--from", str(tmp_path), "--replicates", "2")
+    assert isinstance(result.exception, DataError)
+    assert "visavis analyse" in str(result.exception)
+
+
+def test_simulated_and_real_people_are_not_drawn_together(
+    study: StarePower, tmp_path: Path
+) -> None:
+    rows = study_rows(4)
+    rows["is_simulated"] = rows["participant"] == "S01"
+    rows.to_csv(tmp_path / "trials.csv", index=False)
+    with pytest.raises(DataError, match="mixes simulated and real"):
+        study.people_of(tmp_path, effect=1.0)
+
+
+def test_a_pool_smaller_than_the_study_is_refused() -> None:
+    result = run("stare", "--fast", "--pool", "10", "--participants", "8,16")
+    assert isinstance(result.exception, UsageError)
+    assert "pool of 10" in str(result.exception)
+
+
+def test_means_of_a_pool_are_those_of_the_analysis(study: StarePower, folder: Path) -> None:
+    people, simulated = study.people_of(folder, effect=1.0)
+    assert simulated
+    expected = condition_means(study_rows(12))
+    np.testing.assert_allclose(people["dwell_ms"], expected["dwell_ms"])
