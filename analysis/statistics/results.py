@@ -92,13 +92,19 @@ class Result:
 
 
 def number(value: float, digits: int = 2) -> str:
-    """Format a statistic with a true minus sign; more digits where two would show zero."""
-    if not np.isfinite(value):
-        return {True: "∞", False: f"{MINUS}∞"}[value > 0] if np.isinf(value) else "undefined"
-    if value != 0 and abs(value) < 0.5 * 10**-digits:
-        text = f"{value:.1e}"
-    else:
-        text = f"{value:.{digits}f}"
+    """Format a number with a true minus sign.
+
+    Two digits suit statistics and effect sizes; with three or more, for quantities in units of
+    the data, a value too small for them is written with an exponent instead of as zero.
+    """
+    if np.isinf(value):
+        return "∞" if value > 0 else f"{MINUS}∞"
+    if np.isnan(value):
+        return "undefined"
+    is_lost = digits > 2 and value != 0 and abs(value) < 0.5 * 10**-digits
+    text = f"{value:.1e}" if is_lost else f"{value + 0.0:.{digits}f}"
+    if not is_lost and float(text) == 0:
+        text = text.removeprefix("-")
     return text.replace("-", MINUS)
 
 
