@@ -1,0 +1,344 @@
+"""Intersect two surfaces along columns: exact along the column, midpoint rule across.
+
+A triangle is scan-converted row by row of the lattice. Where an edge meets a row is computed
+from its lower end, so both triangles at an edge find the same number bit for bit, and columns
+belong half-open to what lies between two edges: every column crosses a closed surface in
+balanced signs, also through vertices and along edges.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.collisions.meshes import Faces
+from lab.compiled import compiled
+from lab.geometry import Vector
+
+Crossings = npt.NDArray[np.int32]
+
+_TILE = 2
+"""A tile is 2 ** _TILE columns wide."""
+
+
+@compiled
+def bounds(vertices_m: Vector) -> Vector:
+    """Return (2, 3): the lowest and highest coordinates."""
+    x0 = y0 = z0 = np.inf
+    x1 = y1 = z1 = -np.inf
+    for i in range(vertices_m.shape[0]):
+        x, y, z = vertices_m[i, 0], vertices_m[i, 1], vertices_m[i, 2]
+        x0, y0, z0 = min(x0, x), min(y0, y), min(z0, z)
+        x1, y1, z1 = max(x1, x), max(y1, y), max(z1, z)
+    return np.array([[x0, y0, z0], [x1, y1, z1]])
+
+
+@compiled
+def sides_of(vertices_m: Vector, low_m: Vector, high_m: Vector) -> npt.NDArray[np.uint8]:
+    """Return (n,) on which sides of a box each vertex lies: bit 2k below, bit 2k + 1 above."""
+    n = vertices_m.shape[0]
+    sides = np.empty(n, np.uint8)
+    x0, y0, z0 = low_m[0], low_m[1], low_m[2]
+    x1, y1, z1 = high_m[0], high_m[1], high_m[2]
+    for i in range(n):
+        x, y, z = vertices_m[i, 0], vertices_m[i, 1], vertices_m[i, 2]
+        code = np.int32(1) if x < x0 else np.int32(0)
+        code |= np.int32(2) if x > x1 else np.int32(0)
+        code |= np.int32(4) if y < y0 else np.int32(0)
+        code |= np.int32(8) if y > y1 else np.int32(0)
+        code |= np.int32(16) if z < z0 else np.int32(0)
+        code |= np.int32(32) if z > z1 else np.int32(0)
+        sides[i] = code
+    return sides
+
+
+@compiled
+def faces_near(faces: Faces, sides: npt.NDArray[np.uint8]) -> Crossings:
+    """Return the faces whose corners do not all lie beyond one side of the box."""
+    near = np.empty(faces.shape[0] + 1, np.int32)
+    k = 0
+    for f in range(faces.shape[0]):
+        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        near[k] = f
+        k += (sides[a] & sides[b] & sides[c]) == 0
+    return near[:k]
+
+
+@compiled
+def to_lattice(
+    vertices_m: Vector, axis: int, low_m: Vector, step_m: Vector, n_u: int, n_v: int
+) -> tuple[Vector, npt.NDArray[np.int16]]:
+    """Return (n, 3) places (u and v in columns, w in metres) and (n, 2) the first column at them.
+
+    Column (i, j) stands at the middle of cell (i, j) counted from `low_m`.
+    """
+    n = vertices_m.shape[0]
+    place = np.empty((n, 3))
+    first = np.empty((n, 2), np.int16)
+    iu, iv = (axis + 1) % 3, (axis + 2) % 3
+    low_u, low_v = low_m[iu], low_m[iv]
+    per_u, per_v = 1.0 / step_m[iu], 1.0 / step_m[iv]
+    most_u, most_v = float(n_u), float(n_v)
+    for k in range(n):
+        u = (vertices_m[k, iu] - low_u) * per_u - 0.5
+        v = (vertices_m[k, iv] - low_v) * per_v - 0.5
+        place[k, 0] = u
+        place[k, 1] = v
+        place[k, 2] = vertices_m[k, axis]
+        first[k, 0] = np.int16(np.ceil(min(max(u, 0.0), most_u)))
+        first[k, 1] = np.int16(np.ceil(min(max(v, 0.0), most_v)))
+    return place, first
+
+
+@compiled
+def depths(
+    place: Vector,
+    first: npt.NDArray[np.int16],
+    faces: Faces,
+    tiles_u: int,
+    low_w: Vector,
+    high_w: Vector,
+) -> Crossings:
+    """Return the faces that reach a column; fill how deep and how high they go in each tile.
+
+    A tile is a square of columns. Within its columns the body lies between the two heights.
+    """
+    met = np.empty(faces.shape[0] + 1, np.int32)
+    n = 0
+    for f in range(faces.shape[0]):
+        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        ra, rb, rc = first[a, 1], first[b, 1], first[c, 1]
+        ca, cb, cc = first[a, 0], first[b, 0], first[c, 0]
+        met[n] = f
+        n += ((ra != rb) | (rb != rc)) & ((ca != cb) | (cb != cc))
+    for i in range(n):
+        f = np.uint32(met[i])
+        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        ra, rb, rc = first[a, 1], first[b, 1], first[c, 1]
+        ca, cb, cc = first[a, 0], first[b, 0], first[c, 0]
+        wa, wb, wc = place[a, 2], place[b, 2], place[c, 2]
+        low, high = min(wa, wb, wc), max(wa, wb, wc)
+        end_u = ((max(ca, cb, cc) - 1) >> _TILE) + 1
+        for v in range(min(ra, rb, rc) >> _TILE, ((max(ra, rb, rc) - 1) >> _TILE) + 1):
+            for u in range(min(ca, cb, cc) >> _TILE, end_u):
+                tile = np.uint32(v * tiles_u + u)
+                low_w[tile] = min(low_w[tile], low)
+                high_w[tile] = max(high_w[tile], high)
+    return met[:n]
+
+
+@compiled
+def cast(
+    place: Vector,
+    first: npt.NDArray[np.int16],
+    faces: Faces,
+    met: Crossings,
+    n_u: int,
+    low_w: Vector,
+    high_w: Vector,
+    below: Crossings,
+    count: Crossings,
+    column: Crossings,
+    height: Vector,
+    change: npt.NDArray[np.int8],
+    n_found: int,
+    body: int,
+) -> int:
+    """Append the crossings of one surface with the columns; return their number so far.
+
+    Only crossings between the heights of their tile count, those below are summed in `below`.
+    When the number returned exceeds the buffers, what did not fit was not stored. `change` is ±1
+    for body 0, ±2 for body 1.
+    """
+    room = column.shape[0]
+    most_u = float(n_u)
+    tiles_u = ((n_u - 1) >> _TILE) + 1
+    for m in range(met.shape[0]):
+        f = np.uint32(met[m])
+        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        ra, rb, rc = first[a, 1], first[b, 1], first[c, 1]
+        ca, cb, cc = first[a, 0], first[b, 0], first[c, 0]
+        lowest = min(place[a, 2], place[b, 2], place[c, 2])
+        reaches = False
+        end_u = ((max(ca, cb, cc) - 1) >> _TILE) + 1
+        for v in range(min(ra, rb, rc) >> _TILE, ((max(ra, rb, rc) - 1) >> _TILE) + 1):
+            for u in range(min(ca, cb, cc) >> _TILE, end_u):
+                reaches |= lowest < high_w[np.uint32(v * tiles_u + u)]
+        if not reaches:
+            continue
+        # lowest, middle and highest corner; a swap turns the order of the corners round
+        turned = 0
+        if place[b, 1] < place[a, 1]:
+            a, b, turned = b, a, 1 - turned
+        if place[c, 1] < place[b, 1]:
+            b, c, turned = c, b, 1 - turned
+            if place[b, 1] < place[a, 1]:
+                a, b, turned = b, a, 1 - turned
+        ua, va, wa = place[a, 0], place[a, 1], place[a, 2]
+        ub, vb, wb = place[b, 0], place[b, 1], place[b, 2]
+        uc, vc, wc = place[c, 0], place[c, 1], place[c, 2]
+        for r in range(min(ra, rb, rc), max(ra, rb, rc)):
+            row = float(r)
+            t = (row - va) / (vc - va)
+            u_long, w_long = ua + t * (uc - ua), wa + t * (wc - wa)
+            if vb <= row:
+                t = (row - vb) / (vc - vb)
+                u_bent, w_bent = ub + t * (uc - ub), wb + t * (wc - wb)
+            else:
+                t = (row - va) / (vb - va)
+                u_bent, w_bent = ua + t * (ub - ua), wa + t * (wb - wa)
+            if u_long < u_bent:
+                left, right, w_left, w_right = u_long, u_bent, w_long, w_bent
+                sign = 2 * turned - 1
+            else:
+                left, right, w_left, w_right = u_bent, u_long, w_bent, w_long
+                sign = 1 - 2 * turned
+            begin = int(np.ceil(max(left, 0.0)))
+            end = int(np.ceil(min(right, most_u)))
+            if begin >= end:
+                continue
+            slope = (w_right - w_left) / (right - left)
+            at = r * n_u
+            tiles_at = (r >> _TILE) * tiles_u
+            for i in range(begin, end):
+                cell = np.uint32(at + i)
+                w = w_left + (i - left) * slope
+                tile = np.uint32(tiles_at + (i >> _TILE))
+                if w >= high_w[tile]:
+                    continue
+                if w < low_w[tile]:
+                    below[cell] += sign
+                    continue
+                if n_found < room:
+                    column[n_found] = cell
+                    height[n_found] = w
+                    change[n_found] = sign * (body + 1)
+                    count[cell] += 1
+                n_found += 1
+    return n_found
+
+
+@compiled
+def sweep(
+    order: npt.NDArray[np.int32],
+    start: int,
+    end: int,
+    height: Vector,
+    change: npt.NDArray[np.int8],
+    winding_a: int,
+    winding_b: int,
+    low_w: float,
+    high_w: float,
+    intervals: Vector,
+) -> int:
+    """Fill `intervals` (k, 2) with the stretches inside both bodies; return how many.
+
+    `order[start:end]` are the column's crossings in any order; they are sorted here.
+    """
+    for i in range(start + 1, end):
+        one = order[i]
+        w = height[one]
+        j = i - 1
+        while j >= start and height[order[j]] > w:
+            order[j + 1] = order[j]
+            j -= 1
+        order[j + 1] = one
+    n = 0
+    begin = low_w
+    inside = winding_a > 0 and winding_b > 0
+    for i in range(start, end):
+        w, step = height[order[i]], change[order[i]]
+        if step == 1 or step == -1:
+            winding_a += step
+        else:
+            winding_b += step // 2
+        now = winding_a > 0 and winding_b > 0
+        if now and not inside:
+            begin = w
+        elif inside and not now and w > begin:
+            intervals[n, 0], intervals[n, 1] = begin, w
+            n += 1
+        inside = now
+    if inside and high_w > begin:
+        intervals[n, 0], intervals[n, 1] = begin, high_w
+        n += 1
+    return n
+
+
+@compiled
+def columns_in_both(
+    vertices_a: Vector,
+    faces_a: Faces,
+    vertices_b: Vector,
+    faces_b: Faces,
+    axis: int,
+    low_m: Vector,
+    step_m: Vector,
+    n_u: int,
+    n_v: int,
+    low_w: float,
+    high_w: float,
+    room: int,
+) -> tuple[npt.NDArray[np.int32], Vector, int]:
+    """Return columns (k,) and stretches (k, 2) inside both bodies, and crossings met.
+
+    Column number is row * n_u + i. When the crossings met exceed `room` nothing was measured;
+    call again with that much room.
+    """
+    cells = n_u * n_v
+    tiles_u, tiles_v = ((n_u - 1) >> _TILE) + 1, ((n_v - 1) >> _TILE) + 1
+    low_a, low_b = np.full(tiles_u * tiles_v, np.inf), np.full(tiles_u * tiles_v, np.inf)
+    high_a, high_b = np.full(low_a.size, -np.inf), np.full(low_a.size, -np.inf)
+    place_a, first_a = to_lattice(vertices_a, axis, low_m, step_m, n_u, n_v)
+    met_a = depths(place_a, first_a, faces_a, tiles_u, low_a, high_a)
+    place_b, first_b = to_lattice(vertices_b, axis, low_m, step_m, n_u, n_v)
+    met_b = depths(place_b, first_b, faces_b, tiles_u, low_b, high_b)
+    live = False
+    for k in range(low_a.size):  # both bodies can only be between these heights
+        low_a[k] = max(low_a[k], low_b[k], low_w)
+        high_a[k] = min(high_a[k], high_b[k], high_w)
+        if low_a[k] < high_a[k]:
+            live = True
+        else:
+            high_a[k] = -np.inf
+    if not live:
+        return np.empty(0, np.int32), np.empty((0, 2)), 0
+    below_a = np.zeros(cells, np.int32)
+    below_b = np.zeros(cells, np.int32)
+    count = np.zeros(cells, np.int32)
+    column = np.empty(room, np.int32)
+    height = np.empty(room)
+    change = np.empty(room, np.int8)
+    n = cast(place_a, first_a, faces_a, met_a, n_u, low_a, high_a, below_a, count,
+             column, height, change, 0, 0)  # fmt: skip
+    n = cast(place_b, first_b, faces_b, met_b, n_u, low_a, high_a, below_b, count,
+             column, height, change, n, 1)  # fmt: skip
+    if n > room:
+        return np.empty(0, np.int32), np.empty((0, 2)), n
+    begin = np.empty(cells + 1, np.int32)
+    total = 0
+    longest = 0
+    for k in range(cells):
+        begin[k] = total
+        total += count[k]
+        longest = max(longest, count[k])
+    begin[cells] = total
+    order = np.empty(total, np.int32)
+    filled = begin[:cells].copy()
+    for i in range(n):
+        k = np.uint32(column[i])
+        order[filled[k]] = i
+        filled[k] += 1
+    intervals = np.empty((longest + 1, 2))
+    found_column = np.empty(total + cells, np.int32)
+    found = np.empty((total + cells, 2))
+    n_found = 0
+    for k in range(cells):
+        if count[k] == 0 and (below_a[k] <= 0 or below_b[k] <= 0):
+            continue
+        tile = (k // n_u >> _TILE) * tiles_u + (k % n_u >> _TILE)
+        m = sweep(order, begin[k], begin[k + 1], height, change, below_a[k], below_b[k],
+                  low_a[tile], high_a[tile], intervals)  # fmt: skip
+        for i in range(m):
+            found_column[n_found] = k
+            found[n_found, 0], found[n_found, 1] = intervals[i, 0], intervals[i, 1]
+            n_found += 1
+    return found_column[:n_found], found[:n_found], n

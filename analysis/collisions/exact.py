@@ -1,0 +1,218 @@
+"""Integrate the common volume of two surfaces exactly, up to rounding.
+
+Between neighbouring places along x where a vertex lies or two faces' edges pierce each other, the
+common cross-section is a polygon whose corners move on straight lines: its area is quadratic in x
+and two Gauss points integrate it exactly. Within a cross-section the common length of a column is
+linear between neighbouring corners, and its middle integrates it exactly.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.collisions.columns import bounds, faces_near, sides_of
+from analysis.collisions.contact import edges_through
+from analysis.collisions.meshes import Faces
+from lab.compiled import compiled
+from lab.geometry import Vector
+
+_GAUSS = 0.5 / np.sqrt(3.0)
+
+
+@compiled
+def exact_volume(
+    vertices_a: Vector, faces_a: Faces, vertices_b: Vector, faces_b: Faces
+) -> tuple[float, Vector]:
+    """Return the common volume and its centre (3,), NaN where nothing is common."""
+    box_a, box_b = bounds(vertices_a), bounds(vertices_b)
+    low, high = np.maximum(box_a[0], box_b[0]), np.minimum(box_a[1], box_b[1])
+    moment = np.zeros(3)
+    if low[0] >= high[0] or low[1] >= high[1] or low[2] >= high[2]:
+        return 0.0, moment * np.nan
+    low[1] = -np.inf  # columns run along y and must meet all that lies below
+    near_a = faces_near(faces_a, sides_of(vertices_a, low, high))
+    near_b = faces_near(faces_b, sides_of(vertices_b, low, high))
+    n_a, n = near_a.size, near_a.size + near_b.size
+    corners = np.empty((n, 3, 3))
+    for i in range(n_a):
+        for k in range(3):
+            corners[i, k] = vertices_a[faces_a[near_a[i], k]]
+    for i in range(n_a, n):
+        for k in range(3):
+            corners[i, k] = vertices_b[faces_b[near_b[i - n_a], k]]
+    events = _events(corners, low[0], high[0])
+    begins, ends = np.empty(n), np.empty(n)
+    for i in range(n):
+        begins[i] = min(corners[i, 0, 0], corners[i, 1, 0], corners[i, 2, 0])
+        ends[i] = max(corners[i, 0, 0], corners[i, 1, 0], corners[i, 2, 0])
+    order = np.argsort(begins)
+    active = np.empty(n, np.int64)
+    n_active, following = 0, 0
+    volume = 0.0
+    for e in range(events.size - 1):
+        width = events[e + 1] - events[e]
+        middle = (events[e] + events[e + 1]) / 2
+        if width <= 0.0:
+            continue
+        while following < n and begins[order[following]] < middle:
+            active[n_active] = order[following]
+            n_active += 1
+            following += 1
+        kept = 0
+        for i in range(n_active):
+            if ends[active[i]] > middle:
+                active[kept] = active[i]
+                kept += 1
+        n_active = kept
+        for side in (-_GAUSS, _GAUSS):
+            x = middle + side * width
+            area, area_z, area_y = _section(corners, active[:n_active], n_a, x, low[2], high[2])
+            volume += width / 2 * area
+            moment[0] += width / 2 * area * x
+            moment[1] += width / 2 * area_y
+            moment[2] += width / 2 * area_z
+    if volume <= 0.0:
+        return 0.0, moment * np.nan
+    return volume, moment / volume
+
+
+@compiled
+def _events(corners: Vector, low_x: float, high_x: float) -> Vector:
+    """Return sorted places along x where the cross-section changes its shape."""
+    n = corners.shape[0]
+    found = np.empty(3 * n + 1024)
+    found[0], found[1] = low_x, high_x
+    used = 2
+    vertices = corners.reshape((3 * n, 3))
+    faces = np.arange(3 * n).astype(np.int32).reshape((n, 3))
+    boxes = np.empty((n, 6))
+    for i in range(n):
+        for k in range(3):
+            p, q, r = corners[i, 0, k], corners[i, 1, k], corners[i, 2, k]
+            boxes[i, k], boxes[i, k + 3] = min(p, q, r), max(p, q, r)
+            if low_x < corners[i, k, 0] < high_x:
+                found[used] = corners[i, k, 0]
+                used += 1
+    order = np.argsort(boxes[:, 0])
+    span = np.empty((2, 3))
+    for one in range(n):
+        i = order[one]
+        for two in range(one + 1, n):
+            j = order[two]
+            if boxes[j, 0] > boxes[i, 3]:
+                break
+            if (
+                boxes[i, 1] > boxes[j, 4] or boxes[j, 1] > boxes[i, 4]
+                or boxes[i, 2] > boxes[j, 5] or boxes[j, 2] > boxes[i, 5]
+            ):  # fmt: skip
+                continue
+            span[0], span[1] = np.inf, -np.inf
+            met = edges_through(vertices, faces, i, vertices, faces, j, span)
+            met += edges_through(vertices, faces, j, vertices, faces, i, span)
+            if met == 0:
+                continue
+            if used + 2 > found.size:
+                found = np.append(found, np.empty(found.size))
+            found[used], found[used + 1] = span[0, 0], span[1, 0]
+            used += 2
+    events = np.sort(found[:used])
+    return events[(events >= low_x) & (events <= high_x)]
+
+
+@compiled
+def _section(
+    corners: Vector, active: npt.NDArray[np.int64], n_a: int, x: float, low_z: float, high_z: float
+) -> tuple[float, float, float]:
+    """Return the common area at x and its moments along z and y."""
+    n = active.size
+    ends = np.empty((n, 4))  # z, y of the left end and of the right end
+    step = np.empty(n, np.int8)
+    places = np.empty(2 * n + 66)
+    places[0], places[1] = low_z, high_z
+    used = 2
+    k = 0
+    for m in range(n):
+        f = active[m]
+        z_up = z_down = y_up = y_down = 0.0
+        for c in range(3):
+            p, q = corners[f, c], corners[f, (c + 1) % 3]
+            if (p[0] <= x) == (q[0] <= x):
+                continue
+            if p[0] <= x:
+                t = (x - p[0]) / (q[0] - p[0])
+                z_up, y_up = p[2] + t * (q[2] - p[2]), p[1] + t * (q[1] - p[1])
+            else:
+                t = (x - q[0]) / (p[0] - q[0])
+                z_down, y_down = q[2] + t * (p[2] - q[2]), q[1] + t * (p[1] - q[1])
+        if z_up == z_down:
+            continue
+        if z_down < z_up:
+            ends[k, 0], ends[k, 1], ends[k, 2], ends[k, 3] = z_down, y_down, z_up, y_up
+            step[k] = -1
+        else:
+            ends[k, 0], ends[k, 1], ends[k, 2], ends[k, 3] = z_up, y_up, z_down, y_down
+            step[k] = 1
+        if f >= n_a:
+            step[k] *= 2
+        places[used], places[used + 1] = ends[k, 0], ends[k, 2]
+        used += 2
+        k += 1
+    order = np.argsort(ends[:k, 0])
+    for one in range(k):
+        i = order[one]
+        for two in range(one + 1, k):
+            j = order[two]
+            if ends[j, 0] >= ends[i, 2]:
+                break
+            slope_i = (ends[i, 3] - ends[i, 1]) / (ends[i, 2] - ends[i, 0])
+            slope_j = (ends[j, 3] - ends[j, 1]) / (ends[j, 2] - ends[j, 0])
+            if slope_i == slope_j:
+                continue
+            gap = ends[j, 1] - (ends[i, 1] + (ends[j, 0] - ends[i, 0]) * slope_i)
+            z = ends[j, 0] + gap / (slope_i - slope_j)
+            if ends[j, 0] < z < min(ends[i, 2], ends[j, 2]):
+                if used == places.size:
+                    places = np.append(places, np.empty(places.size))
+                places[used] = z
+                used += 1
+    places = np.sort(places[:used])
+    area = area_z = area_y = 0.0
+    active_here = np.empty(k, np.int64)
+    heights = np.empty(k)
+    steps = np.empty(k, np.int8)
+    n_here, following = 0, 0
+    for e in range(places.size - 1):
+        width = places[e + 1] - places[e]
+        z = (places[e] + places[e + 1]) / 2
+        if width <= 0.0 or z < low_z or z > high_z:
+            continue
+        while following < k and ends[order[following], 0] < z:
+            active_here[n_here] = order[following]
+            n_here += 1
+            following += 1
+        kept = 0
+        for i in range(n_here):
+            s = active_here[i]
+            if ends[s, 2] <= z:
+                continue
+            active_here[kept] = s
+            t = (z - ends[s, 0]) / (ends[s, 2] - ends[s, 0])
+            y = ends[s, 1] + t * (ends[s, 3] - ends[s, 1])
+            j = kept - 1
+            while j >= 0 and heights[j] > y:
+                heights[j + 1], steps[j + 1] = heights[j], steps[j]
+                j -= 1
+            heights[j + 1], steps[j + 1] = y, step[s]
+            kept += 1
+        n_here = kept
+        in_a = in_b = 0
+        for i in range(n_here - 1):
+            if steps[i] == 1 or steps[i] == -1:
+                in_a += steps[i]
+            else:
+                in_b += steps[i] // 2
+            if in_a > 0 and in_b > 0:
+                length = heights[i + 1] - heights[i]
+                area += width * length
+                area_z += width * length * z
+                area_y += width * length * (heights[i + 1] + heights[i]) / 2
+    return area, area_z, area_y
