@@ -4,6 +4,7 @@ Every threshold is an argument with a default; gaze loss and calibration limits 
 section 5 (trial out above 30 % loss, validation accepted up to 1.5°).
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -139,7 +140,8 @@ def _recording_findings(recording: Recording) -> list[Finding]:
             Finding(
                 Level.RED,
                 "recording",
-                f"the session {'was ended early' if status == 'aborted' else 'crashed'}",
+                f"the session {'was ended early' if status == 'aborted' else 'crashed'}"
+                + _because(recording.manifest.parts[-1].reason if recording.manifest.parts else ""),
                 "continue with `visavis resume`",
             )
         ]
@@ -327,8 +329,7 @@ def _calibration_findings(events: pd.DataFrame, limits: CheckLimits) -> list[Fin
             Finding(
                 Level.AMBER,
                 "calibration",
-                "no validation at the end, so drift is unknown",
-                "continue with `visavis resume`; it validates once more",
+                "no validation at the end, so drift over the last block is unknown",
             )
         )
     else:
@@ -388,24 +389,53 @@ def _deviation_findings(events: pd.DataFrame, recording: Recording) -> list[Find
         Finding(
             Level.AMBER,
             "interruption",
-            f"part {part.number} ended early ({part.status})"
-            + (f": {part.reason}" if part.reason else ""),
+            f"part {part.number} ended early ({part.status}){_because(part.reason)}",
         )
         for part in recording.manifest.parts[:-1]
     ]
+    rows = recording.trials()
+    for row in rows[rows["status"] == "interrupted"].to_dict("records") if len(rows) else []:
+        message = f"{row['trial_id']}, attempt {row['attempt']}, was interrupted"
+        found.append(Finding(Level.AMBER, "trials", message + _because(row["reason"])))
+    repeated = [p["trial_id"] for p in _payloads(events, "trial_repeat")]
+    if repeated:
+        message = f"repeated on the operator's request: {_listed(repeated)}"
+        found.append(Finding(Level.AMBER, "trials", message))
+    faults: dict[tuple[str, str], int] = {}
+    for p in _payloads(events, "fault"):
+        what = (str(p["role"]), re.sub(r"[0-9]+", "…", str(p["message"])))
+        faults[what] = faults.get(what, 0) + 1
+    found += [
+        Finding(Level.AMBER, role, message + (f" ({n} times)" if n > 1 else ""))
+        for (role, message), n in faults.items()
+    ]
+    found += [
+        Finding(Level.AMBER, str(p["role"]), f"was away for {p['away_s']:.1f} s, then came back")
+        for p in _payloads(events, "device_back")
+    ]
+    failed = [p["message"] for p in _payloads(events, "calibration") if not p["succeeded"]]
+    if failed:
+        found.append(
+            Finding(
+                Level.AMBER, "calibration", f"calibrations that failed: {len(failed)}; {failed[-1]}"
+            )
+        )
     for name, text in (
-        ("trial_repeat", "trials repeated by the operator"),
-        ("fault", "device faults"),
-        ("device_lost", "devices lost and regained"),
+        ("pause_start", "pauses"),
         ("calibration_below_threshold", "blocks run on a calibration below the threshold"),
     ):
-        count = int((events["name"] == name).sum())
+        count = len(_payloads(events, name))
         if count:
-            found.append(Finding(Level.AMBER, "deviation", f"{text}: {count}"))
-    notes = [
-        p["text"]
-        for p in events.loc[events["name"] == "operator", "payload"]
-        if p["action"] == "note" and p["text"]
-    ]
-    found += [Finding(Level.AMBER, "note", str(text)) for text in notes]
+            level = Level.GREEN if name == "pause_start" else Level.AMBER
+            found.append(Finding(level, "deviation", f"{text}: {count}"))
+    notes = [p["text"] for p in _payloads(events, "operator") if p["action"] == "note"]
+    found += [Finding(Level.AMBER, "note", str(text)) for text in notes if text]
     return found
+
+
+def _payloads(events: pd.DataFrame, name: str) -> list[Mapping[str, Any]]:
+    return list(events.loc[events["name"] == name, "payload"])
+
+
+def _because(reason: object) -> str:
+    return f": {reason}" if reason else ""

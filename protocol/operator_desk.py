@@ -1,6 +1,7 @@
 """Between the operator and the frame loop: requests, prompts, faults, the status shown."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from devices.contracts import Armband, Fault
@@ -15,11 +16,14 @@ from protocol.session_setup import SessionSetup
 from protocol.states import SessionState, StateMachine
 from protocol.steps import FrameView
 
-FAULT_CHECK_FRAMES = 22
-"""Device faults are looked at four times a second at 90 Hz."""
+FAULT_CHECK_NS = 200 * NS_PER_MS
+"""How often device faults are looked at."""
 
 LOST_STREAM_NS = 3 * NS_PER_S
 """A blocking fault that lasts this long within a trial interrupts it."""
+
+EYE_SEEN_AT_LEAST_01 = 0.7
+"""A trial that saw an eye in less of its samples is flagged (gaze.md section 5)."""
 
 STALE_NS = 10 * NS_PER_S
 """A warning whose figures have not changed for this long leaves the operator's screen."""
@@ -40,6 +44,7 @@ class _Standing:
     since_ns: int
     message: str
     changed_ns: int
+    is_told: bool = False
 
 
 class OperatorDesk:
@@ -66,7 +71,7 @@ class OperatorDesk:
         self._standing: dict[tuple[str, str], _Standing] = {}
         self._repeats: list[Trial] = []
         self._last_trial: Trial | None = None
-        self._frames_since_check = 0
+        self._next_check_ns = 0
         self._next_status_ns = 0
         self._messages: list[str] = []
         self._prompt = ""
@@ -92,9 +97,8 @@ class OperatorDesk:
         view = self._loop.next()
         for command in self._operator.poll():
             self._act(command)
-        self._frames_since_check += 1
-        if self._frames_since_check >= FAULT_CHECK_FRAMES:
-            self._frames_since_check = 0
+        if view.t_ns >= self._next_check_ns:
+            self._next_check_ns = view.t_ns + FAULT_CHECK_NS
             self._look_for_faults()
         period_ns = self._operator.status_period_ns
         if period_ns and view.t_ns >= self._next_status_ns:
@@ -167,18 +171,20 @@ class OperatorDesk:
         now_ns = self._loop.t_ns
         standing = self._standing.get(key)
         if standing is None:
-            self._standing[key] = _Standing(now_ns, fault.message, now_ns)
+            standing = self._standing[key] = _Standing(now_ns, fault.message, now_ns)
+        elif standing.message != fault.message:
+            standing.message, standing.changed_ns = fault.message, now_ns
+        # before the first calibration the devices are being set up
+        if not standing.is_told and (self.calibration or fault.severity == "blocking"):
+            standing.is_told = True
             self._recorder.event(
-                # before the first calibration the devices are being set up
-                "fault" if self.calibration or fault.severity == "blocking" else "setup_fault",
+                "fault",
                 now_ns,
                 role=fault.role,
                 severity=fault.severity,
                 message=fault.message,
                 remedy=fault.remedy,
             )
-        elif standing.message != fault.message:
-            standing.message, standing.changed_ns = fault.message, now_ns
 
     def say(self, message: str) -> None:
         """Put a line on the operator's screen."""
@@ -199,6 +205,12 @@ class OperatorDesk:
         self._look_for_faults()
         return self.blocking_fault() is not None
 
+    def flag_lost_eyes(self, seen_01: Mapping[str, float]) -> None:
+        """Flag the trial for each eye ("left", "right") that was seen in too little of it."""
+        for eye, share_01 in seen_01.items():
+            if share_01 < EYE_SEEN_AT_LEAST_01:
+                self._flag(f"{eye}_eye_lost")
+
     def lost_at_end(self) -> str | None:
         """Look again at the end of a trial; return why its data are cut off, if they are."""
         if self.device_lost():
@@ -216,6 +228,8 @@ class OperatorDesk:
         holding = {_key(f) for f in self._faults}
         for key in [k for k in self._standing if k not in holding]:
             over = self._standing.pop(key)
+            if not over.is_told:
+                continue
             self._recorder.event(
                 "fault_over",
                 self._loop.t_ns,

@@ -226,10 +226,10 @@ class Session:
         while (fault := desk.blocking_fault()) is not None:
             if loop.t_ns > give_up_ns:
                 raise DeviceError(
-                    f"{fault.message}; it did not come back within {limit_s:.0f} s. Every "
-                    "finished trial is kept",
+                    f"did not come back within {limit_s:.0f} s ({fault.message}). Every finished "
+                    "trial is kept",
                     role=fault.role,
-                    remedy=f"{fault.remedy}; then continue with `visavis resume`",
+                    remedy=f"{fault.remedy.partition(';')[0]}, then continue with `visavis resume`",
                 )
             desk.next_frame()
         away_ns = loop.t_ns - since_ns

@@ -1,9 +1,11 @@
 """Perform one trial: run its plan frame by frame and write its row."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lab.clock import NS_PER_S
 from lab.clock_fit import latest_quick, offset_ns
+from lab.schema import SampleBatch
 from protocol.calibration_record import NO_CALIBRATION, CalibrationInForce
 from protocol.frame_loop import FrameLoop
 from protocol.operator_desk import OperatorDesk
@@ -91,6 +93,7 @@ class TrialRunner:
         start_ns = loop.t_ns
         before = self._counts()
         desk.begin_trial(trial, start_ns + int(setup.experiment.trial_s * NS_PER_S))
+        loop.gaze_tap = []
         if skip_reason is None:
             desk.enter(SessionState.TRIAL)
             row, interrupted = self._perform(setup.experiment.run_trial(trial), interruptible=True)
@@ -100,6 +103,8 @@ class TrialRunner:
             desk.skip_reason = skip_reason
         outcome = self._outcome(interrupted)
         loop.trial_number = -1
+        seen_01, loop.gaze_tap = _eyes_seen_01(loop.gaze_tap or ()), None
+        desk.flag_lost_eyes(seen_01)
         loop.flush()
         if outcome.status != "interrupted":
             self.finished += 1
@@ -123,6 +128,7 @@ class TrialRunner:
                 "t_start_ns": row.get("t_start_ns", start_ns),
                 "t_end_ns": row.get("t_end_ns", loop.t_ns),
                 **self._delivered(before, start_ns),
+                **{f"{eye}_eye_seen_01": share_01 for eye, share_01 in seen_01.items()},
                 **(calibration.columns(start_ns) if calibration else NO_CALIBRATION),
                 "clock_offset_ns": loop.observer.clock_offset_ns,
             }
@@ -226,3 +232,14 @@ class TrialRunner:
             "gaze_received": received,
             "gaze_valid": valid,
         }
+
+
+def _eyes_seen_01(batches: Sequence[SampleBatch]) -> dict[str, float]:
+    """Return the share of samples that saw each eye; nothing when there was no sample."""
+    received = sum(len(b) for b in batches)
+    if not received:
+        return {}
+    return {
+        eye: sum(int(b.values[f"{eye}_valid"].sum()) for b in batches) / received
+        for eye in ("left", "right")
+    }

@@ -1,0 +1,186 @@
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from analysis.session_check import Level
+from cli.studies import find_study
+from lab.errors import DeviceError
+from recording.reader import Recording
+from tests.faults.sessions import (
+    TRIALS,
+    Rows,
+    events,
+    findings,
+    lab,
+    path_of,
+    perform,
+    resume,
+    span_s,
+    trial_table,
+    verdict,
+)
+
+
+@pytest.fixture(scope="module")
+def in_t02(tmp_path_factory: pytest.TempPathFactory) -> float:
+    """Return a time one second into trial T02 of a session without faults."""
+    recording = perform(lab(tmp_path_factory.mktemp("plain")))
+    assert {""} == set(recording.trials()["flags"])
+    return span_s(recording, "T02")[0] + 1.0
+
+
+def fault(kind: str, start_s: float, duration_s: float = 1e6, **more: object) -> Rows:
+    return [{"kind": kind, "start_s": float(start_s), "duration_s": duration_s, **more}]
+
+
+def flags_of(recording: Recording) -> dict[str, str]:
+    rows = trial_table(recording)
+    return {str(t): f for t, f in zip(rows["trial_id"], rows["flags"], strict=True) if f}
+
+
+def measured(recording: Recording) -> pd.DataFrame:
+    rows: pd.DataFrame = find_study("stare").measure(recording).rows
+    return rows[rows["status"] == "complete"].set_index("trial_id")
+
+
+def is_whole(recording: Recording) -> bool:
+    done = recording.trials()
+    complete = set(done.loc[done["status"] == "complete", "trial_id"])
+    return recording.status == "complete" and complete == {"P1", *TRIALS}
+
+
+def test_a_silent_second_flags_its_trial_alone_and_is_measured_as_loss(
+    tmp_path: Path, in_t02: float
+) -> None:
+    recording = perform(lab(tmp_path, tracker=fault("silence", in_t02, 1.2)))
+
+    assert {"T02": "eye_tracker_warning;eye_tracker_lost"} == flags_of(recording)
+    assert is_whole(recording)
+    assert measured(recording).loc["T02", "lost_01"] > 0.25
+    assert "eye_tracker: no data for … ms" in findings(recording)
+    assert "flagged: T02" in findings(recording)
+
+
+def test_a_trial_without_any_gaze_is_interrupted_and_done_again_at_the_end_of_its_block(
+    tmp_path: Path, in_t02: float
+) -> None:
+    recording = perform(lab(tmp_path, tracker=fault("eyes_lost", in_t02 - 1, 4.5)))
+
+    assert ["P1", "T01", "T02", "T03", "T02", "T13", "T14", "T15"] == list(
+        recording.trials()["trial_id"]
+    )
+    rows = trial_table(recording)
+    assert "eye_tracker: neither eye is seen" == rows.loc[("T02", 1), "reason"]
+    assert "complete" == rows.loc[("T02", 2), "status"]
+    assert "T02, attempt 1, was interrupted: eye_tracker: neither eye is seen" in findings(
+        recording
+    )
+
+
+def test_a_tracker_gone_and_back_is_waited_for_and_calibrated_again(
+    tmp_path: Path, in_t02: float
+) -> None:
+    recording = perform(lab(tmp_path, tracker=fault("disconnect", in_t02, 9.0)))
+
+    rows = trial_table(recording)
+    assert "interrupted" == rows.loc[("T02", 1), "status"]
+    assert "eye_tracker_lost" in rows.loc[("T02", 1), "flags"]
+    assert "complete" == rows.loc[("T02", 2), "status"]
+    assert rows.loc[("T02", 2), "calibration_id"] != rows.loc[("T01", 1), "calibration_id"]
+    assert is_whole(recording)
+    assert 1 == len(events(recording, "device_back"))
+    assert "then came back" in findings(recording)
+    assert Level.AMBER is verdict(recording).level
+
+
+def test_a_tracker_gone_for_good_ends_the_session_which_can_be_resumed(
+    tmp_path: Path, in_t02: float
+) -> None:
+    config = lab(tmp_path, tracker=fault("disconnect", in_t02))
+    with pytest.raises(DeviceError) as ended:
+        perform(config)
+
+    said = str(ended.value)
+    assert "eye_tracker: did not come back within 20 s" in said
+    assert "check cable and program, then continue with `visavis resume`" in said
+    assert 4 == ended.value.exit_code
+    recording = Recording(path_of(config))
+    assert "aborted" == recording.status
+    assert {"P1", "T01"} <= set(recording.trials()["trial_id"])
+    assert Level.RED is verdict(recording).level
+    assert "not done: T02, T03, T13, T14, T15" in findings(recording)
+
+    assert is_whole(resume(lab(tmp_path)))
+
+
+def test_a_tracker_gone_while_it_is_calibrated_is_calibrated_again(tmp_path: Path) -> None:
+    recording = perform(lab(tmp_path, tracker=fault("disconnect", 3.0, 6.0)))
+
+    assert is_whole(recording)
+    assert {} == flags_of(recording)
+    assert list(recording.trials()["calibration_accepted"]) == [True] * 7
+
+
+def test_a_jump_of_the_trackers_clock_flags_its_trial_and_spares_the_next(
+    tmp_path: Path, in_t02: float
+) -> None:
+    recording = perform(lab(tmp_path, tracker=fault("clock_jump", in_t02, amount=100.0)))
+
+    assert {"T02": "eye_tracker_warning"} == flags_of(recording)
+    rows = measured(recording)
+    assert rows.loc["T02", "lost_01"] > 0.5
+    assert rows.loc["T03", "lost_01"] < 0.1
+    assert "the tracker's clock jumped" in findings(recording)
+
+
+def test_duplicate_stamps_are_left_out_counted_and_flagged(tmp_path: Path, in_t02: float) -> None:
+    recording = perform(lab(tmp_path, tracker=fault("duplicate", in_t02, 1.0, amount=0.5)))
+
+    assert {"T02": "eye_tracker_warning"} == flags_of(recording)
+    rows = measured(recording)
+    assert rows.loc["T02", "repeated_samples"] > 10
+    assert 0 == rows.loc["T03", "repeated_samples"]
+    assert "repeated time stamps" in findings(recording)
+
+
+def test_backward_stamps_are_sorted_counted_and_flagged(tmp_path: Path, in_t02: float) -> None:
+    recording = perform(lab(tmp_path, tracker=fault("backward", in_t02, 1.0, amount=0.05)))
+
+    assert {"T02": "eye_tracker_warning"} == flags_of(recording)
+    rows = measured(recording)
+    assert rows.loc["T02", "backward_samples"] >= 1
+    assert rows.loc["T02", "conflicting_samples"] <= rows.loc["T02", "repeated_samples"]
+    assert 0 == rows.loc["T03", "backward_samples"]
+    assert "backward time stamps" in findings(recording)
+
+
+def test_one_lost_eye_is_flagged_by_name_and_the_other_still_measures(
+    tmp_path: Path, in_t02: float
+) -> None:
+    recording = perform(lab(tmp_path, tracker=fault("eyes_lost", in_t02, 2.0, eyes="left")))
+
+    assert {"T02": "left_eye_lost"} == flags_of(recording)
+    assert measured(recording).loc["T02", "lost_01"] < 0.3
+    assert "flagged: T02 (left_eye_lost)" in findings(recording)
+
+
+def test_a_headset_in_standby_interrupts_the_trial_which_is_done_again(
+    tmp_path: Path, in_t02: float
+) -> None:
+    recording = perform(lab(tmp_path, headset=fault("standby", in_t02, 5.0)))
+
+    rows = trial_table(recording)
+    assert "headset: no head tracking: in standby" == rows.loc[("T02", 1), "reason"]
+    assert "complete" == rows.loc[("T02", 2), "status"]
+    assert is_whole(recording)
+    assert "headset: was away" in findings(recording)
+
+
+def test_a_tracker_that_never_answers_a_calibration_is_named(tmp_path: Path) -> None:
+    recording = perform(lab(tmp_path, tracker=fault("mute", 3.0)))
+
+    assert recording.status == "complete"
+    assert "calibrations that failed" in findings(recording)
+    assert "no answer to time requests for … s" in findings(recording)
+    assert not events(recording, "calibration")[-1]["succeeded"]
