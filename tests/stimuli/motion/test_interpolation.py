@@ -264,6 +264,26 @@ def test_series_and_trigonometry_agree_about_the_change_over(apart: float) -> No
     assert same(spin((1, 1, 0), apart * h), slerp(p, q, h), 2e-15)
 
 
+@pytest.mark.parametrize(
+    "apart",
+    [
+        *([x] for x in (16.1, 16.3, 28.0, 28.2, 51.6, 51.8, 91.0, 91.2, 119.9, 120.1, 179.0)),
+        [0.0, 1e-7, 10.0, 20.0, 40.0, 80.0, 110.0, 130.0, 170.0],
+    ],
+)
+def test_every_length_of_the_series_reaches_double_precision(apart: list[float]) -> None:
+    h = np.linspace(0, 1, 33)
+    ends = spin((1, -1, 2), np.array([[0.0] * len(apart), apart]))
+    expected = spin((1, -1, 2), h[:, None] * np.array(apart))
+    times = KeyTimes(np.array([0.0, 1.0]))
+
+    eased = 3 * h**2 - 2 * h**3
+    squad = Squad(KeyTimes(times.t_s, period_s=2.0), ends)
+
+    assert same(expected, Slerp(times, ends).at(h), 3e-15)
+    assert same(spin((1, -1, 2), eased[:, None] * np.array(apart)), squad.at(h), 1e-14)
+
+
 def test_opposite_signs_of_one_rotation_stay_unit_on_the_way() -> None:
     p = spin((1, 0, 0), 40.0)
 
