@@ -7,7 +7,7 @@ every message bears its own arrival time, so a driver cannot tell simulation fro
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceNotFound, DeviceTimeout
@@ -21,8 +21,7 @@ REAL_TIME_STEP_NS = NS_PER_MS
 """How often a memory wire on a real clock looks again while it waits."""
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
+class Message(NamedTuple):
     """What arrived, and when by the session clock.
 
     `t_sent_ns` is None for a subscribed message; for the reply to a `post` it is the time at
