@@ -220,6 +220,23 @@ def test_key_poses_pass_their_roots_smoothly(method: Method, closed: bool) -> No
     assert (7, 4, 4) == motion.at(np.zeros(7)).orientation_wxyz.shape
 
 
+@quick
+@given(seeds)
+def test_gait_of_two_steps_and_their_mirrors_is_its_mirror_half_a_period_later(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    steps = wandering(rng, 2, swing_deg=80.0, rate_hz=1.0)
+    other = mirrored(steps)
+    keys = np.concatenate([steps.orientation_wxyz, other.orientation_wxyz])
+    roots = np.concatenate([steps.root_m, other.root_m])
+    turns = interpolate("squad", KeyTimes(np.arange(4.0) / 4, period_s=1.0), keys)
+    gait = KeyPoses(CANONICAL, turns, roots, smooth_root=True)
+
+    walk, later = (sampled(gait, start_s, 0.05, 20) for start_s in (0.0, 0.5))
+
+    assert same(mirrored(walk).orientation_wxyz, later.orientation_wxyz, 1e-9)
+    assert np.abs(mirrored(walk).root_m - later.root_m).max() < 1e-9
+
+
 def test_straight_roots_are_those_of_a_line() -> None:
     rng = np.random.default_rng(7)
     skeleton = random_skeleton(rng, 2)
