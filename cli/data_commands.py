@@ -1,19 +1,16 @@
 """export, import, devices, init: data in and out, and what is there."""
 
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-import pandas as pd
 import typer
 from rich.table import Table
 
-from analysis.gaze.imported import FORMATS, read_gaze, report
-from analysis.gaze.mapped_csv import read_mapping
 from cli.app import CONFIG_NAME, REPOSITORY, ConfigOption, app, console, load_lab
 from devices.registry import driver_names
 from lab.errors import DataError, UsageError
-from recording.export import export_session
 
 import_app = typer.Typer(help="Read data recorded by other programs.")
 app.add_typer(import_app, name="import")
@@ -38,6 +35,9 @@ def import_gaze_files(
 
     Example: visavis import gaze session1.csv --format vive -o out/session1
     """
+    from analysis.gaze.imported import FORMATS, read_gaze, report
+    from analysis.gaze.mapped_csv import read_mapping
+
     if format_name not in FORMATS:
         raise UsageError(f"--format takes {', '.join(FORMATS)}, not {format_name!r}")
     columns = read_mapping(mapping) if mapping is not None else None
@@ -51,8 +51,8 @@ def import_gaze_files(
                 raise
             failures.append(str(error))
             continue
-        _print_frame(f"{result.name}: quality", result.quality)
-        _print_frame(f"{result.name}: fixations by detector", result.detectors)
+        _print_columns(f"{result.name}: quality", _columns(result.quality), across="eye")
+        _print_columns(f"{result.name}: fixations", _columns(result.detectors))
     for failure in failures:
         console.print(f"[yellow]left out: {failure}[/]", soft_wrap=True)
     console.print(f"tables and figures in [b]{output}[/]", soft_wrap=True)
@@ -60,13 +60,30 @@ def import_gaze_files(
         raise typer.Exit(DataError.exit_code)
 
 
-def _print_frame(title: str, frame: pd.DataFrame) -> None:
+def _print_columns(title: str, columns: Mapping[str, list[Any]], across: str = "") -> None:
+    """Print a table; with `across`, one row per column of it, so that wide tables stay readable."""
     table = Table(title=title, title_justify="left", box=None)
-    for column in frame.columns:
-        table.add_column(str(column))
-    for row in frame.itertuples(index=False):
-        table.add_row(*(f"{v:.3g}" if isinstance(v, float) else str(v) for v in row))
+    if across:
+        for name in ("", *columns[across]):
+            table.add_column(str(name), justify="right" if name else "left")
+        for name, values in columns.items():
+            if name not in (across, "recording"):
+                table.add_row(name, *(_shown(v) for v in values))
+    else:
+        kept = {k: v for k, v in columns.items() if k != "recording"}
+        for name in kept:
+            table.add_column(name)
+        for row in zip(*kept.values(), strict=True):
+            table.add_row(*(_shown(v) for v in row))
     console.print(table)
+
+
+def _columns(frame: Any) -> dict[str, list[Any]]:
+    return {str(name): frame[name].tolist() for name in frame.columns}
+
+
+def _shown(value: object) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 @app.command()
@@ -83,6 +100,8 @@ def export(
 
     Example: visavis export data/simulated/stare/sub-S07H/ses-001 --format bids -o out/bids
     """
+    from recording.export import export_session
+
     written = export_session(session_path, format_name, output)
     console.print(f"{len(written)} files in [b]{output}[/]", soft_wrap=True)
 
