@@ -75,11 +75,10 @@ def false_positives(outcomes: Sequence[StudyOutcome]) -> list[dict[str, object]]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the benchmark; exit 1 when a pooled rate is above nominal beyond Monte Carlo error.
+    """Run the benchmark; exit 1 when the family's rate is above .05 beyond Monte Carlo error.
 
     The interval of pooled rates treats tests as independent, which the tests of a study are
-    not, so it is narrower than the truth; the per-test and family intervals are exact in that
-    respect.
+    not, so it is narrower than the truth; the per-test and family intervals do not.
     """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--studies", type=int, default=200)
