@@ -101,6 +101,7 @@ class TerminalOperator:
         self._interpreter = KeyInterpreter()
         self._live: Live | None = None
         self.abort_requested = False
+        self.is_suspended = False
 
     def __enter__(self) -> "TerminalOperator":
         self._keys.__enter__()
@@ -124,6 +125,7 @@ class TerminalOperator:
 
     def suspend(self) -> None:
         """Give the terminal back for typed questions."""
+        self.is_suspended = True
         self.__exit__(None, None, None)
 
     def poll(self) -> Sequence[Command]:
@@ -181,9 +183,10 @@ def _headline(status: SessionStatus) -> Table:
         f"block  [b]{status.block or '–'}[/b]",
         f"trial  [b]{status.trial_id or '–'}[/b]",
     )
+    condition = status.condition or ("(hidden)" if status.trial_id else "–")
     left = "–" if status.trial_left_s is None else f"{status.trial_left_s:.0f} s"
     grid.add_row(
-        f"condition  {status.condition or '(hidden)'}",
+        f"condition  {condition}",
         f"trial ends in  [b]{left}[/b]",
         f"done  {status.trials_done}/{status.trials_planned}",
         f"session left  ~{status.session_left_s / 60:.0f} min",

@@ -1,6 +1,7 @@
 """plan, run, resume, check, recover: one session."""
 
 import json
+import shlex
 import signal
 from contextlib import ExitStack
 from dataclasses import asdict
@@ -11,7 +12,7 @@ import typer
 from rich.table import Table
 
 from analysis.session_check import Level, SessionCheck, check_session
-from cli.app import ConfigOption, JsonOption, StudyArgument, app, console, load_lab
+from cli.app import ConfigOption, JsonOption, StudyArgument, app, console, errors, load_lab
 from cli.operator_screen import TerminalOperator
 from cli.perform import Request, perform_new, perform_rest
 from cli.questions import TerminalRespondent
@@ -20,7 +21,7 @@ from cli.studies import Study, find_study
 from cli.study_folder import StudySettings, read_settings, settle
 from lab.clock import SimClock, SystemClock
 from lab.config import LabConfig
-from lab.errors import UsageError
+from lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from protocol.operator import Operator, UnattendedOperator
 from protocol.plan import SessionPlan
@@ -276,15 +277,43 @@ def _perform(
             blind=blind,
             consent_version=entry.consent_version,
         )
-        if resume_from is None:
-            path = perform_new(request)
-        else:
-            path = perform_rest(request, resume_from)
+        path = resume_from or session_dir(
+            lab.data_root, study.name, entry.label, session, is_simulated=simulated
+        )
+        try:
+            if resume_from is None:
+                perform_new(request)
+            else:
+                perform_rest(request, resume_from)
+        except (SessionAborted, DeviceError, RecordingError) as error:
+            stack.close()  # the operator's screen goes before anything is printed
+            _print_way_on(path)
+            if not isinstance(error, SessionAborted):
+                raise
+            errors.print(f"[yellow]{error}[/]", soft_wrap=True)
+            raise typer.Exit(error.exit_code) from error
     _print_check(check_session(Recording(path)), path)
 
 
+def _print_way_on(path: Path) -> None:
+    if not path.exists():
+        return
+    trials = check_session(Recording(path)).trials
+    done = sum(t.status in ("complete", "skipped") for t in trials)
+    errors.print(
+        f"{done} of {len(trials)} trials are done and kept. Go on with:\n"
+        f"  visavis resume {shlex.quote(str(path))}",
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
 def _let_signals_end(screen: TerminalOperator) -> None:
+    """End the session in order at the first signal, at once at the second."""
+
     def end(*_: object) -> None:
+        if screen.abort_requested or screen.is_suspended:
+            raise KeyboardInterrupt
         screen.abort_requested = True
 
     signal.signal(signal.SIGINT, end)

@@ -1,0 +1,182 @@
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from analysis.session_check import Level
+from lab.errors import SessionAborted
+from protocol.operator import Action, Command
+from protocol.states import TRANSITIONS, SessionState
+from recording.reader import Recording
+from tests.faults.sessions import (
+    TRIALS,
+    ScriptedOperator,
+    events,
+    findings,
+    lab,
+    path_of,
+    perform,
+    resume,
+    trial_table,
+    verdict,
+)
+
+TRIAL, INTERTRIAL, BREAK = SessionState.TRIAL, SessionState.INTERTRIAL, SessionState.BREAK
+IN_T02 = (TRIAL, 3, 5)  # after training and T01
+BEFORE_T02 = (INTERTRIAL, 3, 5)
+
+
+def operated(data_root: Path, operator: ScriptedOperator) -> Recording:
+    """Perform a session with this operator and check that the table of states was kept."""
+    recording = perform(lab(data_root), operator, trial_s=1.0)
+    assert_moves_allowed(operator)
+    assert "complete" == recording.status
+    return recording
+
+
+def assert_moves_allowed(operator: ScriptedOperator) -> None:
+    for before, after in zip(operator.trail, operator.trail[1:], strict=False):
+        # a status is shown once a frame, so a state may pass unseen
+        ways = TRANSITIONS[before] | {w for via in TRANSITIONS[before] for w in TRANSITIONS[via]}
+        assert after in ways, f"{before} to {after}"
+
+
+def asked(recording: Recording) -> list[Mapping[str, Any]]:
+    return [e for e in events(recording, "operator") if e["action"] != "advance"]
+
+
+def order(recording: Recording) -> list[str]:
+    return list(recording.trials()["trial_id"])
+
+
+def test_a_pause_in_a_trial_waits_for_its_end_and_costs_nothing(tmp_path: Path) -> None:
+    operator = ScriptedOperator((*IN_T02, Command(Action.PAUSE)))
+    recording = operated(tmp_path, operator)
+
+    assert ["P1", *TRIALS] == order(recording)
+    assert {"complete"} == set(recording.trials()["status"])
+    assert [{"action": "pause", "text": None}] == asked(recording)
+    assert 1 == len(events(recording, "pause_start")) == len(events(recording, "pause_end"))
+    after = operator.trail[operator.trail.index(SessionState.PAUSED) - 1]
+    assert TRIAL is after
+    assert "Paused. Press space to go on." in operator.prompts
+    assert "pauses: 1" in findings(recording)
+
+
+def test_a_pause_between_trials_comes_before_the_next_one(tmp_path: Path) -> None:
+    operator = ScriptedOperator((*BEFORE_T02, Command(Action.PAUSE)))
+    recording = operated(tmp_path, operator)
+
+    paused = operator.trail.index(SessionState.PAUSED)
+    assert INTERTRIAL is operator.trail[paused - 1]
+    assert ["P1", *TRIALS] == order(recording)
+
+
+def test_repeat_within_a_trial_ends_it_and_performs_it_again_last(tmp_path: Path) -> None:
+    recording = operated(tmp_path, ScriptedOperator((*IN_T02, Command(Action.REPEAT))))
+
+    assert ["P1", "T01", "T02", "T03", "T02", "T13", "T14", "T15"] == order(recording)
+    rows = trial_table(recording)
+    assert "interrupted" == rows.loc[("T02", 1), "status"]
+    assert "complete" == rows.loc[("T02", 2), "status"]
+    assert "T02, attempt 1, was interrupted: repeat asked for by the operator" in findings(
+        recording
+    )
+
+
+def test_repeat_between_trials_means_the_one_just_performed(tmp_path: Path) -> None:
+    recording = operated(tmp_path, ScriptedOperator((*BEFORE_T02, Command(Action.REPEAT))))
+
+    assert ["P1", "T01", "T02", "T03", "T01", "T13", "T14", "T15"] == order(recording)
+    assert {"complete"} == set(recording.trials()["status"])
+    assert [{"trial_id": "T01"}] == events(recording, "trial_repeat")
+    assert "repeated on the operator's request: T01" in findings(recording)
+
+
+@pytest.mark.parametrize("when", [IN_T02, BEFORE_T02])
+def test_a_skipped_trial_keeps_its_reason_and_is_not_done_again(
+    tmp_path: Path, when: tuple[SessionState, int, int]
+) -> None:
+    command = Command(Action.SKIP, "participant coughed")
+    recording = operated(tmp_path, ScriptedOperator((*when, command)))
+
+    row = trial_table(recording).loc[("T02", 1)]
+    assert ("skipped", "participant coughed") == (row["status"], row["reason"])
+    assert ["P1", *TRIALS] == order(recording)
+    assert "skipped with a reason: T02" in findings(recording)
+
+
+def test_recalibrate_comes_before_the_next_trial_and_is_in_its_row(tmp_path: Path) -> None:
+    recording = operated(tmp_path, ScriptedOperator((*IN_T02, Command(Action.RECALIBRATE))))
+
+    rows = trial_table(recording)
+    assert rows.loc[("T02", 1), "calibration_id"] == rows.loc[("T01", 1), "calibration_id"]
+    assert rows.loc[("T03", 1), "calibration_id"] != rows.loc[("T02", 1), "calibration_id"]
+    assert [{"action": "recalibrate", "text": None}] == asked(recording)
+
+
+def test_notes_and_flags_are_kept_with_their_trial(tmp_path: Path) -> None:
+    operator = ScriptedOperator(
+        (*IN_T02, Command(Action.NOTE, "sneezed, äöü")),
+        (*IN_T02, Command(Action.FLAG)),
+    )
+    recording = operated(tmp_path, operator)
+
+    assert "operator_flag" == trial_table(recording).loc[("T02", 1), "flags"]
+    assert "note: sneezed, äöü" in findings(recording)
+    assert "flagged: T02 (operator_flag)" in findings(recording)
+    assert "flagged in T02" in operator.messages
+
+
+def test_silence_is_answered_even_without_a_haptic_device(tmp_path: Path) -> None:
+    operator = ScriptedOperator((*IN_T02, Command(Action.SILENCE)))
+    recording = operated(tmp_path, operator)
+
+    assert "silenced: no haptic device is connected" in operator.messages
+    assert [{"action": "silence", "text": None}] == asked(recording)
+    assert {"complete"} == set(recording.trials()["status"])
+
+
+def test_requests_that_make_no_sense_now_are_answered_not_swallowed(tmp_path: Path) -> None:
+    instructing = (SessionState.INSTRUCTING, 1, 1)
+    operator = ScriptedOperator(
+        (*instructing, Command(Action.SKIP, "too early")),
+        (*instructing, Command(Action.REPEAT)),
+    )
+    recording = operated(tmp_path, operator)
+
+    assert "nothing to skip: no trial is running or about to" in operator.messages
+    assert "nothing to repeat: no trial has been performed yet" in operator.messages
+    assert ["P1", *TRIALS] == order(recording)
+
+
+@pytest.mark.parametrize(
+    ("when", "kept"),
+    [(IN_T02, ["P1", "T01"]), ((BREAK, 2, 2), ["P1", "T01", "T02", "T03"])],
+)
+def test_an_aborted_session_keeps_its_trials_and_is_completed_by_resume(
+    tmp_path: Path, when: tuple[SessionState, int, int], kept: list[str]
+) -> None:
+    config = lab(tmp_path)
+    operator = ScriptedOperator((*when, Command(Action.ABORT)))
+    with pytest.raises(SessionAborted, match="every finished trial is kept") as ended:
+        perform(config, operator)
+
+    assert 3 == ended.value.exit_code
+    assert "visavis resume" in str(ended.value)
+    assert_moves_allowed(operator)
+    recording = Recording(path_of(config))
+    rows = recording.trials()
+    assert "aborted" == recording.status
+    assert kept == list(rows.loc[rows["status"] == "complete", "trial_id"])
+    assert Level.RED is verdict(recording).level
+    assert "the session was ended early: the session was ended by the operator" in findings(
+        recording
+    )
+
+    whole = resume(config)
+    rows = whole.trials()
+    assert "complete" == whole.status
+    assert {"P1", *TRIALS} == set(rows.loc[rows["status"] == "complete", "trial_id"])
+    assert "part 1 ended early (aborted)" in findings(whole)

@@ -1,0 +1,110 @@
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cli.perform import perform_new
+from experiments.stare.bundle import StareBundle
+from experiments.stare.design import StareParameters
+from experiments.stare.study import StareStudy
+from lab.clock import NS_PER_S, SystemClock
+from protocol.gaze_setup import TargetTiming
+from protocol.plan import SessionPlan
+from recording.reader import Recording
+from tests.faults.sessions import CONFIG, events, findings, lab, request
+
+REPOSITORY = CONFIG.parent
+
+
+class Lenient(StareBundle):
+    """The study with every validation accepted: there is no time for long ones here."""
+
+    def judge_validation(self, points: Any, rate_hz: float) -> Any:
+        """Measure, then accept."""
+        return replace(super().judge_validation(points, rate_hz), accepted=True)
+
+
+class TwoTrials(StareStudy):
+    """The first two trials of the first block."""
+
+    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
+        """Return the beginning of what the participant would do."""
+        whole = super().plan(participant_index, seed, group)
+        block = whole.blocks[1]
+        return replace(whole, blocks=(replace(block, trials=block.trials[:2]),))
+
+
+def test_a_session_on_the_system_clock_over_sockets_is_complete(tmp_path: Path) -> None:
+    parameters = StareParameters(trial_s=0.6, practice_s=0.6, intertrial_s=0.2, repetitions=1)
+    recording = Recording(
+        perform_new(
+            replace(
+                request(lab(tmp_path)),
+                study=Lenient(),
+                experiment=TwoTrials(parameters),
+                clock=SystemClock(),
+                timing=TargetTiming(60, 200, 20, 60),
+            )
+        )
+    )
+
+    assert "complete" == recording.status
+    assert ["complete", "complete"] == list(recording.trials()["status"])
+    assert (
+        "zmq"
+        in next(d for d in recording.manifest.devices if d["role"] == "eye_tracker")["transport"]
+    )
+    assert recording.trials()["gaze_received"].min() > 20
+    assert len(events(recording, "clock_exchanges")[0]["send_device_receive_ns"]) >= 20
+    assert () == recording.verify().problems
+    assert "2 of 2 planned trials complete" in findings(recording)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_an_aborted_session_that_resume_completes(
+    tmp_path: Path, sent: signal.Signals
+) -> None:
+    (tmp_path / "lab_config.yaml").write_text(CONFIG.read_text("utf-8"), "utf-8")
+    command = [sys.executable, "-m", "cli.main"]
+    where = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": str(REPOSITORY)}}
+    running = subprocess.Popen(
+        [*command, "run", "stare", "--participant", "07"],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **where,
+    )
+    wait_for(tmp_path, "*/*/stare/sub-*/ses-001/part-01/frames.arrows", running)
+    running.send_signal(sent)
+    _, complaint = running.communicate(timeout=60)
+
+    session = next(tmp_path.glob("*/simulated/stare/sub-*/ses-001"))
+    assert 3 == running.returncode
+    assert "every finished trial is kept" in complaint
+    assert f"visavis resume {session}" in complaint.replace("\n", "")
+    assert "aborted" == Recording(session).status
+
+    resumed = subprocess.run(
+        [*command, "resume", str(session), "--fast"],
+        capture_output=True,
+        text=True,
+        check=False,
+        **where,
+    )
+    assert 0 == resumed.returncode, resumed.stderr
+    assert "complete" == Recording(session).status
+
+
+def wait_for(folder: Path, pattern: str, process: subprocess.Popen[str]) -> None:
+    """Return once a file that matches holds data; the test's own time limit ends it."""
+    clock = SystemClock()
+    while not any(p.stat().st_size > 20_000 for p in folder.glob(pattern)):
+        assert process.poll() is None, process.communicate()
+        clock.sleep_until_ns(clock.now_ns() + NS_PER_S // 20)
