@@ -110,8 +110,8 @@ def depths(
         met[n] = f
         n += ((ra != rb) | (rb != rc)) & ((ca != cb) | (cb != cc))
     for i in range(n):
-        f = np.uint32(met[i])
-        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        g = np.uint32(met[i])
+        a, b, c = np.uint32(faces[g, 0]), np.uint32(faces[g, 1]), np.uint32(faces[g, 2])
         ra, rb, rc = first[a, 1], first[b, 1], first[c, 1]
         ca, cb, cc = first[a, 0], first[b, 0], first[c, 0]
         wa, wb, wc = place[a, 2], place[b, 2], place[c, 2]
@@ -324,9 +324,9 @@ def columns_in_both(
     order = np.empty(total, np.int32)
     filled = begin[:cells].copy()
     for i in range(n):
-        k = np.uint32(column[i])
-        order[filled[k]] = i
-        filled[k] += 1
+        at = np.uint32(column[i])
+        order[filled[at]] = i
+        filled[at] += 1
     intervals = np.empty((longest + 1, 2))
     found_column = np.empty(total + cells, np.int32)
     found = np.empty((total + cells, 2))

@@ -48,7 +48,8 @@ def _without_collapsed(faces: Faces, name: str, done: list[str]) -> Faces:
     if not collapsed.any():
         return faces
     done.append(f"dropped {int(collapsed.sum())} collapsed faces")
-    return faces[~collapsed]
+    kept: Faces = faces[~collapsed]
+    return kept
 
 
 def _directed(faces: Faces) -> npt.NDArray[np.int64]:

@@ -38,7 +38,7 @@ def cubes_centred_in(
     cell_m: float,
 ) -> tuple[int, Vector]:
     """Return how many cube centres lie in both bodies, and the sum (3,) of their places."""
-    low = first * cell_m
+    low = first.astype(np.float64) * cell_m
     step = np.full(3, cell_m)
     top = low[1] + shape[1] * cell_m
     room = _ROOM
@@ -102,7 +102,7 @@ def _fill(
     bit: int,
 ) -> None:
     """Mark cubes whose centre lies in a body."""
-    low = first * cell_m
+    low = first.astype(np.float64) * cell_m
     step = np.full(3, cell_m)
     top = low[1] + shape[1] * cell_m
     room = _ROOM
@@ -132,8 +132,8 @@ def _touch(
     bit: int,
 ) -> None:
     """Mark open cubes that a surface passes through, by separating axes."""
-    low = first * cell_m
-    high = low + np.array(touched.shape) * cell_m
+    low = first.astype(np.float64) * cell_m
+    high = low + np.array(touched.shape).astype(np.float64) * cell_m
     near = faces_near(faces, sides_of(vertices_m, low, high))
     begin, end = np.empty(3, np.int64), np.empty(3, np.int64)
     p = np.empty((3, 3))

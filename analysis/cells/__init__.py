@@ -1,0 +1,58 @@
+"""Cells of a crowd: Delaunay triangles, walks of paths through them, and how alike walks are.
+
+Ground-plane coordinates are any right-handed pair (x, y) in metres.
+"""
+
+from analysis.cells.errors import (
+    AllInLine,
+    CellError,
+    Cocircular,
+    MalformedPositions,
+    SamePlace,
+    TooFewPeople,
+)
+from analysis.cells.similarity import (
+    BlockComparison,
+    SplitSimilarity,
+    between_blocks,
+    compare_blocks,
+    dice,
+    frequency_dice,
+    group_dice,
+    within_block,
+)
+from analysis.cells.triangulation import Cell, Triangulation, triangulate
+from analysis.cells.walk import (
+    CellPath,
+    Crossing,
+    folded_angle_deg,
+    gap_angles_deg,
+    locate,
+    walk,
+)
+
+__all__ = [
+    "AllInLine",
+    "BlockComparison",
+    "Cell",
+    "CellError",
+    "CellPath",
+    "Cocircular",
+    "Crossing",
+    "MalformedPositions",
+    "SamePlace",
+    "SplitSimilarity",
+    "TooFewPeople",
+    "Triangulation",
+    "between_blocks",
+    "compare_blocks",
+    "dice",
+    "folded_angle_deg",
+    "frequency_dice",
+    "gap_angles_deg",
+    "group_dice",
+    "locate",
+    "triangulate",
+    "walk",
+    "within_block",
+]

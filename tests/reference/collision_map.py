@@ -1,0 +1,210 @@
+"""Compare collision volumes, collisions over time, cells and Dice with files of known answers.
+
+    python -m tests.reference.collision_map FILE...
+
+Every entry is mapped to public calls; one line per failing value, a closing count, exit status 1
+when any value fails or an entry has no call. The README beside the files tells their format.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.collisions import (
+    ClosedMesh,
+    Settings,
+    box,
+    capsule,
+    common_volume,
+    find_collisions,
+    inside_out,
+    posed,
+    sphere,
+    union,
+)
+from lab.errors import LabError
+from tests.reference.cells_map import check_cells, check_dice
+from tests.reference.stats_compare import Failure, Outcome, total
+
+EXACT_REL = 1e-9
+DEFAULT_REL = 0.04
+DEFAULT_REL_SMALL = 0.10
+SMALL_M3 = 5e-6
+"""What rule `volume` promises as shipped, beside what an exact integration must reach."""
+ZERO_M3 = 1e-12
+SERIES_REL = 5e-3
+SERIES_TIME_S = 1e-9
+SEGMENTS, RINGS = 96, 24
+SERIES_SEGMENTS, SERIES_RINGS = 128, 32
+SERIES = Settings(cell_m=0.01, refine_below_m3=1.0, fine_columns=8000)
+"""Columns fine enough that a time series of thousands of pairs takes seconds."""
+
+
+def run_file(path: Path) -> Outcome:
+    """Compare all entries of one file."""
+    file = json.loads(path.read_text(encoding="utf-8"))
+    outcomes = [_run(f"{path.stem} {c.get('id', i)}", c) for i, c in enumerate(file["cases"])]
+    outcomes += [
+        check_dice(f"{path.stem} dice[{i}]", d) for i, d in enumerate(file.get("dice", []))
+    ]
+    return total(outcomes)
+
+
+def _run(where: str, case: Mapping[str, Any]) -> Outcome:
+    kinds: dict[str, Callable[[str, Mapping[str, Any]], Outcome]] = {
+        "a": check_volume, "events": check_series, "cells": check_cells
+    }  # fmt: skip
+    call = next((call for key, call in kinds.items() if key in case), None)
+    if call is None:
+        return Outcome(1, (Failure(where, "a known kind of case", sorted(case)),))
+    try:
+        return call(where, case)
+    except LabError as error:
+        return Outcome(1, (Failure(where, "a result", f"{type(error).__name__}: {error}"),))
+
+
+def check_volume(where: str, case: Mapping[str, Any]) -> Outcome:
+    """Compare a pair of bodies by every rule the case has an answer for."""
+    a, b = body_of(case["a"]), body_of(case["b"])
+    tolerance = case["tol_rel_mesh_96x48"]
+    exact = common_volume(a, b, settings=Settings(always_exact=True))
+    shipped = common_volume(a, b)
+    expected = case["volume"]
+    seen = [
+        _near(f"{where}.volume", expected, exact.volume_m3, tolerance),
+        _near(f"{where}.volume_mesh", case["volume_mesh_96x48"], exact.volume_m3, tolerance),
+        _near(
+            f"{where}.volume by default settings", exact.volume_m3, shipped.volume_m3,
+            DEFAULT_REL if exact.volume_m3 > SMALL_M3 else DEFAULT_REL_SMALL,
+        ),
+    ]  # fmt: skip
+    if all(shape["type"] == "box" for shape in (*case["a"], *case["b"])):
+        seen.append(_near(f"{where}.volume of boxes", expected, exact.volume_m3, EXACT_REL))
+    if "even_odd_wrong" in case:
+        wrong = case["even_odd_wrong"]
+        nearer = abs(exact.volume_m3 - expected) < abs(exact.volume_m3 - wrong)
+        seen.append(_same(f"{where}.nearer to winding than even-odd", True, nearer))
+    if "voxel" in case:
+        seen += _check_cubes(where, case, a, b)
+    elif "contact" in case:
+        seen.append(_same(f"{where}.contact", case["contact"], exact.contact))
+    return total(seen)
+
+
+def _check_cubes(
+    where: str, case: Mapping[str, Any], a: ClosedMesh, b: ClosedMesh
+) -> list[Outcome]:
+    side = case["voxel"]
+    published = common_volume(a, b, "published", settings=Settings(cell_m=side))
+    loose = Settings(cell_m=side, require_contact=False)
+    touching = common_volume(a, b, "published", settings=loose)
+    centres = common_volume(a, b, "centres", settings=Settings(cell_m=side))
+    cube = side**3
+    return [
+        _same(f"{where}.voxels_touching_both", case["voxels_touching_both"], touching.n_cells),
+        _same(f"{where}.voxel_centres_in_both", case["voxel_centres_in_both"], centres.n_cells),
+        _same(f"{where}.reported_voxels", case["reported_voxels"], published.n_cells),
+        _same(f"{where}.contact", case["contact"], published.contact),
+        _near(f"{where}.published volume", case["reported_voxels"] * cube, published.volume_m3,
+              EXACT_REL),
+        _near(f"{where}.centres volume", case["voxel_centres_in_both"] * cube, centres.volume_m3,
+              EXACT_REL),
+    ]  # fmt: skip
+
+
+def check_series(where: str, case: Mapping[str, Any]) -> Outcome:
+    """Move a sphere past others and compare the collisions found."""
+    mover = case["participant"]
+    participant = _round(mover["start"], mover["r"])
+    others = [_round(c["c"], c["r"]) for c in case["characters"]]
+    steps = np.arange(case["samples"])
+    places = np.asarray(mover["velocity"]) * (steps * case["dt"])[:, None]
+    volumes = np.zeros((len(steps), len(others)))
+    for j, (character, other) in enumerate(zip(case["characters"], others, strict=True)):
+        apart = np.linalg.norm(np.asarray(mover["start"]) + places - character["c"], axis=1)
+        for i in np.flatnonzero(apart < mover["r"] + character["r"] + 0.01):
+            moved = posed(participant, participant.vertices_m + places[i])
+            volumes[i, j] = common_volume(moved, other, settings=SERIES).volume_m3
+    t_ns = np.rint(steps * case["dt"] * 1e9).astype(np.int64)
+    found = find_collisions(
+        t_ns, volumes, "volume",
+        threshold_m3=case["threshold"], min_duration_ns=round(case["min_duration"] * 1e9),
+    )  # fmt: skip
+    seen = [
+        _same(f"{where}.n_counted", case["n_counted"], sum(c.counted for c in found)),
+        _same(f"{where}.events", len(case["events"]), len(found)),
+    ]
+    order = sorted(case["events"], key=lambda e: (e["start"], e["character"]))
+    for i, (event, got) in enumerate(zip(order, found, strict=False)):
+        at = f"{where}.events[{i}]"
+        seen += [
+            _same(f"{at}.character", event["character"], got.character),
+            _close(f"{at}.start", event["start"], got.start_ns / 1e9, SERIES_TIME_S),
+            _close(f"{at}.end", event["end"], got.end_ns / 1e9, SERIES_TIME_S),
+            _same(f"{at}.samples", event["samples"], got.n_steps),
+            _close(f"{at}.duration", event["duration"], got.duration_s, SERIES_TIME_S),
+            _same(f"{at}.counted", event["counted"], got.counted),
+            _near(f"{at}.max_volume", event["max_volume"], got.max_volume_m3, SERIES_REL),
+        ]
+    return total(seen)
+
+
+def body_of(shapes: Sequence[Mapping[str, Any]]) -> ClosedMesh:
+    """Tessellate a body as the files prescribe."""
+    parts = []
+    for shape in shapes:
+        if shape["type"] == "box":
+            part = box(shape["c"], shape["half"], np.asarray(shape.get("R", np.eye(3))))
+        elif shape["type"] == "sphere":
+            part = sphere(shape["c"], shape["r"], segments=SEGMENTS, rings=RINGS)
+        elif shape["type"] == "capsule":
+            part = capsule(shape["p"], shape["q"], shape["r"], segments=SEGMENTS, rings=RINGS)
+        else:
+            raise LabError(f"unknown shape {shape['type']!r}; the map needs a call for it")
+        parts.append(inside_out(part) if shape.get("inverted") else part)
+    return union(parts)
+
+
+def _round(centre: Sequence[float], radius: float) -> ClosedMesh:
+    """Return a fine sphere whose surface lies within and without the true one in equal parts."""
+    bulge = 1 - (np.pi / SERIES_SEGMENTS) ** 2 / 3
+    return sphere(
+        np.asarray(centre, float), radius / bulge, segments=SERIES_SEGMENTS, rings=SERIES_RINGS
+    )
+
+
+def _near(where: str, expected: float, got: float, relative: float) -> Outcome:
+    return _close(where, expected, got, max(relative * abs(expected), ZERO_M3))
+
+
+def _close(where: str, expected: float, got: float, allowed: float) -> Outcome:
+    return Outcome(1, () if abs(got - expected) <= allowed else (Failure(where, expected, got),))
+
+
+def _same(where: str, expected: object, got: object) -> Outcome:
+    return Outcome(1, () if expected == got else (Failure(where, expected, got),))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the comparison and return the exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("files", nargs="+", type=Path)
+    options = parser.parse_args(arguments)
+    outcomes = [run_file(path) for path in options.files]
+    summed = total(outcomes)
+    for failure in summed.failures:
+        sys.stdout.write(f"{failure}\n")
+    sys.stdout.write(
+        f"{summed.compared} values compared in {len(outcomes)} files, "
+        f"{len(summed.failures)} failed\n"
+    )
+    return 1 if summed.failures else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
