@@ -10,6 +10,7 @@ from cli import (
     participant_commands,
     power_commands,
     session_commands,
+    statistics_commands,
     study_commands,
 )
 from cli.app import app, errors
@@ -21,6 +22,7 @@ COMMAND_MODULES = (
     participant_commands,
     data_commands,
     power_commands,
+    statistics_commands,
 )
 EXIT_INTERRUPTED = 130
 EXIT_INTERNAL = 1

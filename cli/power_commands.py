@@ -33,6 +33,7 @@ from analysis.power import (
     summarise,
 )
 from analysis.power.summary import target_text
+from analysis.statistics import PowerPoint
 from analysis.statistics.power import AdequacyRule
 from analysis.statistics.results import number
 from cli.app import JsonOption, StudyArgument, app, console, errors
@@ -374,15 +375,17 @@ def print_power(summary: PowerSummary) -> None:
 
 
 def _table(summary: PowerSummary, tests: tuple[TestPower, ...]) -> Table:
-    table = Table(title=f"Power of {summary.study} (SIMULATED)", title_justify="left", box=None)
+    table = Table(
+        title=f"Power of {summary.study} in percent (SIMULATED)", title_justify="left", box=None
+    )
     table.add_column("n", justify="right")
     for t in tests:
-        table.add_column(t.claim, justify="right", width=17)
+        table.add_column(t.claim, justify="right", width=12)
     for i, n in enumerate(summary.request.numbers):
         points = [t.curve.points[i] for t in tests]
         table.add_row(
             str(n),
-            *(f"{p.power:.2f} ({p.interval.low:.2f}–{p.interval.high:.2f})" for p in points),
+            *(_percent(p) for p in points),
         )
     table.add_section()
     table.add_row("enough", *(str(t.curve.smallest or "none") for t in tests), style="bold")
@@ -392,3 +395,8 @@ def _table(summary: PowerSummary, tests: tuple[TestPower, ...]) -> Table:
     ):
         table.add_row(label, *(number(v) if np.isfinite(v) else "" for v in values))
     return table
+
+
+def _percent(point: PowerPoint) -> str:
+    low, high = (round(100 * v) for v in (point.interval.low, point.interval.high))
+    return f"{100 * point.power:.0f} ({low}–{high})"

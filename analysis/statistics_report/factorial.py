@@ -1,0 +1,362 @@
+"""Tests of designs with factors, each with its contrasts and the path that led to them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, TypeAlias, cast, get_args
+
+import pandas as pd
+
+from analysis.statistics import (
+    Anova,
+    AnovaEffect,
+    ArtAnova,
+    Contrasts,
+    Design,
+    SignedRankPair,
+    art_anova,
+    art_contrasts,
+    art_interaction_contrasts,
+    between_anova,
+    compare_conditions,
+    friedman,
+    kruskal_wallis,
+    mixed_anova,
+    pairwise_t,
+    posthoc,
+    posthoc_signed_rank,
+    rm_anova,
+    tukey_hsd,
+)
+from analysis.statistics.adjust import Adjustment
+from analysis.statistics.art import ArtError, Transform
+from analysis.statistics.contrasts import ContrastAdjustment
+from analysis.statistics.errors import StatisticsError
+from analysis.statistics.results import Row, number, p_text, threshold_text
+from analysis.statistics_report.outcome import Outcome, Question
+from analysis.statistics_report.prepare import (
+    Prepared,
+    cell_rows,
+    left_out,
+    prepare,
+    read,
+    samples_of,
+)
+from analysis.statistics_report.table_file import DataTable
+from lab.errors import UsageError
+
+TestRun: TypeAlias = Callable[[DataTable, Question], Outcome]
+CONTRAST_WAYS = ("tukey", "holm", "bonferroni", "bh")
+RANK_WAYS = ("holm", "bonferroni", "bh")
+
+
+class _Families:
+    """Contrasts gathered effect by effect, with a line of the path for each decision."""
+
+    def __init__(
+        self, question: Question, available: Callable[[AnovaEffect], bool] = lambda effect: True
+    ) -> None:
+        self._question = question
+        self.available = available
+        self.rows: list[Row] = []
+        self.sentences: list[str] = []
+        self.path: list[str] = []
+        self.notes: list[str] = []
+
+    def wanted(self, effect: AnovaEffect, adjust: str) -> bool:
+        """Tell whether an effect gets contrasts, and note why."""
+        q = self._question
+        significant = effect.p_used < q.alpha
+        shown = f"{effect.name}: {p_text(effect.p_used)}, α = {threshold_text(q.alpha)}"
+        if adjust == "none":
+            self.path.append(f"{shown} → {_verdict(significant)}, no contrasts asked for")
+            return False
+        if not self.available(effect):
+            self.path.append(f"{shown} → {_verdict(significant)}")
+            if significant or q.always_posthoc:
+                self.notes.append(
+                    f"{effect.name} has no contrasts in this test; look at the cells, or take "
+                    "--test art, whose contrasts include interactions of two factors"
+                )
+            return False
+        if significant or q.always_posthoc:
+            self.path.append(f"{shown} → {_verdict(significant)}, contrasts ({adjust})")
+            return True
+        self.path.append(f"{shown} → {_verdict(significant)}, no contrasts")
+        return False
+
+    def add(self, family: str, make: Callable[[], Contrasts]) -> None:
+        """Add a family; one that cannot be made is a note."""
+        try:
+            made = make()
+        except StatisticsError as error:
+            self.notes.append(f"contrasts of {family}: {error}")
+            return
+        self.rows += [{"family": family, **row} for row in made.rows()]
+        self.sentences.append(made.sentence())
+        self.notes += list(made.provenance.notes)
+
+
+def _is_main(effect: AnovaEffect) -> bool:
+    return len(effect.term) == 1
+
+
+def _verdict(significant: bool) -> str:
+    return "significant" if significant else "not significant"
+
+
+def _art(table: DataTable, q: Question) -> Outcome:
+    _refuse_method("--error", q.error, get_args(ArtError))
+    _refuse_method("--transform", q.transform, get_args(Transform))
+    if q.within:
+        q.need("subject")
+    prepared = prepare(table, q)
+    adjust = q.adjustment("tukey" if q.transform == "art" else "holm", CONTRAST_WAYS)
+    made = art_anova(
+        prepared.frame, q.dv, subject=q.subject or None, within=q.within, between=q.between,
+        levels=prepared.levels, error=cast(ArtError, q.error), missing=q.missing,
+        transform=cast(Transform, q.transform), alpha=q.alpha,
+    )  # fmt: skip
+    families = _Families(q, lambda effect: _art_has_contrasts(made, effect))
+    for effect in made.effects:
+        if families.wanted(effect, adjust):
+            _art_contrasts(families, made, effect, adjust)
+    return _anova_outcome(table, q, prepared, made, families, _art_path(made))
+
+
+def _art_path(made: ArtAnova) -> list[str]:
+    complete = "yes" if made.design.is_complete else "no, mixed model"
+    path = [f"Has every subject every cell: n = {made.design.n} → {complete}"]
+    check = made.check
+    if made.transform == "art" and check is not None:
+        path.append(
+            "Is alignment clean (other effects' F in aligned columns): largest "
+            f"{number(check.largest_other_f)} → {'yes' if check.is_clean else 'no, see notes'}"
+        )
+    skew = made.residual_skewness
+    path.append(
+        f"Are the residuals skewed: skewness {number(skew)} → "
+        f"{'yes, prefer --transform int' if abs(skew) > 1 else 'not much'}"
+    )
+    beside = "inverse-normal ranks" if made.transform == "art" else "the aligned rank transform"
+    for effect in made.effects:
+        other = (made.second_opinion or {}).get(effect.name)
+        if other is not None:
+            path.append(f"{effect.name}: {p_text(effect.p)} here → {p_text(other)} by {beside}")
+    return path
+
+
+def _art_has_contrasts(made: ArtAnova, effect: AnovaEffect) -> bool:
+    """Tell whether there are contrasts: aligned for two factors at most, scores for one within."""
+    if made.transform == "art":
+        return len(effect.term) <= 2
+    return _is_main(effect) and made.design.factor(effect.term[0]).is_within
+
+
+def _art_contrasts(families: _Families, made: ArtAnova, effect: AnovaEffect, adjust: str) -> None:
+    way = cast(ContrastAdjustment, adjust)
+    if made.transform == "int":
+        scores = (made.ranks or {})[effect.name]
+        on_scores = replace(made, design=replace(made.design, y=scores))
+        families.add(effect.name, lambda: posthoc(on_scores, effect.term[0], adjust=way))
+        return
+    families.add(effect.name, lambda: art_contrasts(made, effect.term, adjust=way))
+    if len(effect.term) == 2:
+        other: ContrastAdjustment = "holm" if way == "tukey" else way
+        families.add(
+            f"{effect.name}, differences of differences",
+            lambda: art_interaction_contrasts(made, effect.term, adjust=other),
+        )
+
+
+def _rm(table: DataTable, q: Question) -> Outcome:
+    q.need("subject", "within")
+    prepared = prepare(table, q)
+    adjust = q.adjustment("holm", CONTRAST_WAYS)
+    design = read(prepared, q)
+    made = rm_anova(
+        prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
+        levels=prepared.levels, missing="listwise" if q.missing == "listwise" else "error",
+    )  # fmt: skip
+    path = [f"Has every subject every cell: n = {design.n} → yes"]
+    for effect in made.effects:
+        s = effect.sphericity
+        if s is not None:
+            used = "no correction" if effect.correction == "none" else effect.correction
+            path.append(f"Is the error of {effect.name} spherical (Mauchly): {s} → {used}")
+    families = _Families(q, _is_main)
+    for effect in made.effects:
+        if families.wanted(effect, adjust):
+            _mean_contrasts(families, made, effect, adjust)
+    return _anova_outcome(table, q, prepared, made, families, path)
+
+
+def _mean_contrasts(families: _Families, made: Anova, effect: AnovaEffect, adjust: str) -> None:
+    way = cast(ContrastAdjustment, adjust)
+    factor = made.design.factor(effect.term[0])
+    if factor.is_within:
+        families.add(effect.name, lambda: posthoc(made, factor.name, adjust=way))
+        return
+    means = _subject_means(made.design, factor.name)
+    order = list(factor.levels)
+    if way == "tukey":
+        families.add(
+            effect.name, lambda: tukey_hsd(means, made.design.dv, factor=factor.name, levels=order)
+        )
+    else:
+        families.add(
+            effect.name,
+            lambda: pairwise_t(means, made.design.dv, factor=factor.name, levels=order, adjust=way),
+        )
+
+
+def _subject_means(design: Design, factor: str) -> pd.DataFrame:
+    place = [f.name for f in design.between].index(factor)
+    codes = design.group_of_subject[place]
+    labels = [design.factor(factor).levels[int(c)] for c in codes]
+    y = design.table(design.y).reshape(design.n, -1).mean(axis=1)
+    return pd.DataFrame({factor: labels, design.dv: y})
+
+
+def _mixed(table: DataTable, q: Question) -> Outcome:
+    q.need("subject", "within")
+    prepared = prepare(table, replace(q, missing="mixed"))
+    made = mixed_anova(
+        prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
+        levels=prepared.levels,
+    )  # fmt: skip
+    state = "yes" if made.design.is_complete else "no, the model uses what is there"
+    families = _Families(q)
+    families.notes.append("no contrasts for this model; --test art --error mixed has them")
+    path = [f"Has every subject every cell: n = {made.design.n} → {state}"]
+    return _anova_outcome(table, q, prepared, made, families, path, draw=made.design.is_complete)
+
+
+def _between(table: DataTable, q: Question) -> Outcome:
+    q.need("between")
+    if q.within:
+        raise UsageError("--test anova compares groups; with --within take --test rm")
+    prepared = prepare(table, q)
+    adjust = q.adjustment("tukey", CONTRAST_WAYS)
+    made = between_anova(
+        prepared.frame, q.dv, between=q.between, subject=q.subject or None, levels=prepared.levels
+    )
+    families = _Families(q, _is_main)
+    for effect in made.effects:
+        if families.wanted(effect, adjust):
+            _mean_contrasts(families, made, effect, adjust)
+    return _anova_outcome(table, q, prepared, made, families, [])
+
+
+def _anova_outcome(
+    table: DataTable,
+    q: Question,
+    prepared: Prepared,
+    made: Anova,
+    families: _Families,
+    path: list[str],
+    *,
+    draw: bool = True,
+) -> Outcome:
+    notes = [*prepared.notes, *left_out(made.design), *made.provenance.notes, *families.notes]
+    return Outcome(
+        question=q,
+        title=made.provenance.test,
+        rows=made.rows(),
+        sentences=(
+            f"{made.provenance.test}, n = {made.provenance.n} {made.provenance.unit}, "
+            f"error: {made.provenance.error_term}.",
+            *(e.sentence() + "." for e in made.effects),
+        ),
+        path=(*path, *families.path),
+        contrasts=tuple(families.rows),
+        contrast_sentences=tuple(families.sentences),
+        cells=cell_rows(prepared, q),
+        notes=tuple(dict.fromkeys(notes)),
+        samples=samples_of(made.design) if draw and made.design.is_complete else (),
+        is_simulated=table.is_simulated,
+    )
+
+
+def _kept(prepared: Prepared, design: Design) -> pd.DataFrame:
+    return prepared.frame.iloc[design.rows].reset_index(drop=True)
+
+
+def _friedman(table: DataTable, q: Question) -> Outcome:
+    within = q.one_within()
+    prepared = prepare(table, q)
+    adjust = q.adjustment("holm", RANK_WAYS)
+    design = read(prepared, q)
+    frame, levels = _kept(prepared, design), prepared.levels[within]
+    made = friedman(frame, q.dv, subject=q.subject, within=within, levels=levels)
+    significant = made.p < q.alpha
+    path = [f"{made.sentence()}, α = {threshold_text(q.alpha)} → {_verdict(significant)}"]
+    pairs: tuple[SignedRankPair, ...] = ()
+    if adjust != "none" and (significant or q.always_posthoc):
+        pairs = posthoc_signed_rank(
+            frame, q.dv, subject=q.subject, within=within, levels=levels,
+            adjust=cast(Adjustment, adjust),
+        )  # fmt: skip
+    return Outcome(
+        question=q, title="Friedman's test", rows=(made.row(),),
+        sentences=(f"Friedman's test of {within} on {q.dv}: {made.sentence()}.",),
+        path=tuple(path),
+        contrasts=tuple({"family": within, **p.row()} for p in pairs),
+        contrast_sentences=tuple(p.sentence() + "." for p in pairs),
+        cells=cell_rows(prepared, q),
+        notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
+        samples=samples_of(design), is_simulated=table.is_simulated,
+    )  # fmt: skip
+
+
+def _conditions(table: DataTable, q: Question) -> Outcome:
+    within = q.one_within()
+    prepared = prepare(table, q)
+    adjust = q.adjustment("bonferroni", RANK_WAYS)
+    design = read(prepared, q)
+    made = compare_conditions(
+        _kept(prepared, design), q.dv, subject=q.subject, within=within,
+        levels=prepared.levels[within], alpha=q.alpha, adjust=cast(Adjustment, adjust),
+        always_posthoc=q.always_posthoc,
+    )  # fmt: skip
+    pairs: Any = made.pairs.contrasts if isinstance(made.pairs, Contrasts) else made.pairs
+    return Outcome(
+        question=q, title=f"Conditions of {within}", rows=(made.row(),),
+        sentences=(made.sentence(),), path=tuple(str(s) for s in made.steps),
+        contrasts=tuple({"family": within, **p.row()} for p in pairs),
+        contrast_sentences=tuple(p.sentence() + "." for p in pairs),
+        cells=cell_rows(prepared, q),
+        notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
+        samples=samples_of(design), is_simulated=table.is_simulated,
+    )  # fmt: skip
+
+
+def _kruskal(table: DataTable, q: Question) -> Outcome:
+    factor = q.one_between()
+    prepared = prepare(table, q)
+    design = read(prepared, q)
+    made = kruskal_wallis(
+        _kept(prepared, design), q.dv, factor=factor, levels=prepared.levels[factor]
+    )
+    return Outcome(
+        question=q, title="Kruskal-Wallis test", rows=(made.row(),),
+        sentences=(f"Kruskal-Wallis test of {factor} on {q.dv}: {made.sentence()}.",),
+        cells=cell_rows(prepared, q),
+        notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
+        samples=samples_of(design), is_simulated=table.is_simulated,
+    )  # fmt: skip
+
+
+def _refuse_method(option: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise UsageError(f"{option} takes {', '.join(known)}, not {value!r}")
+
+
+FACTORIAL_TESTS: Mapping[str, TestRun] = {
+    "art": _art,
+    "rm": _rm,
+    "mixed": _mixed,
+    "anova": _between,
+    "friedman": _friedman,
+    "conditions": _conditions,
+    "kruskal": _kruskal,
+}

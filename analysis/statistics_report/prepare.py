@@ -1,0 +1,192 @@
+"""Bring a table to one row per subject and cell, and say what was done to get there."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+import pandas as pd
+
+from analysis.statistics import Design, describe, read_design
+from analysis.statistics.errors import MissingCell, MissingValue, SubjectInTwoGroups
+from analysis.statistics.results import Array, Row
+from analysis.statistics_report.outcome import Question, Samples
+from analysis.statistics_report.table_file import DataTable, natural_order
+from lab.errors import UsageError
+
+MOST_CELLS_DRAWN = 12
+MOST_CELLS_NAMED = 6
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A frame with one row per subject and cell, levels in their order."""
+
+    frame: pd.DataFrame = field(repr=False)
+    levels: dict[str, list[str]]
+    notes: tuple[str, ...]
+
+
+def prepare(table: DataTable, question: Question) -> Prepared:
+    """Read the columns a question names; average rows repeated within subject and cell.
+
+    Missing responses among repeated rows are left out of the mean only when the question says
+    what to do with missing ones. Raises a `StatisticsError` naming row, subject and cell.
+    """
+    q = question
+    q.need("dv")
+    _refuse_roles(q)
+    keys = [*([q.subject] if q.subject else []), *q.between, *q.within]
+    labels = {key: table.labels(key) for key in keys}
+    y = table.numbers(q.dv, _where(labels, q)) if keys else table.numbers(q.dv)
+    frame = pd.DataFrame({**labels, q.dv: y})
+    levels = {f: _levels(q, f, labels[f]) for f in (*q.between, *q.within)}
+    notes = list(table.notes)
+    if q.subject:
+        _refuse_two_groups(table, frame, q)
+        if frame.duplicated(keys).any():
+            frame, said = _averaged(table, frame, keys, q)
+            notes += said
+        if q.within and q.missing == "error":
+            _refuse_missing(table, frame, levels, q)
+    return Prepared(frame, levels, tuple(notes))
+
+
+def read(prepared: Prepared, question: Question) -> Design:
+    """Return the design of a question, incomplete subjects treated as it says."""
+    q = question
+    if q.missing == "mixed":
+        raise UsageError(
+            f"--test {q.test} cannot keep subjects with missing cells; use --missing listwise, "
+            "or --test mixed or art"
+        )
+    return read_design(
+        prepared.frame, q.dv, subject=q.subject or None, within=q.within, between=q.between,
+        levels=prepared.levels, missing=q.missing,
+    )  # fmt: skip
+
+
+def left_out(design: Design) -> tuple[str, ...]:
+    """Return what a design does without, as notes."""
+    return tuple(f"left out: {what}" for what in design.dropped)
+
+
+def cell_rows(prepared: Prepared, question: Question) -> tuple[Row, ...]:
+    """Describe every cell over the subjects who have it."""
+    factors = (*question.between, *question.within)
+    known = prepared.frame[prepared.frame[question.dv].notna()]
+    levels = {f: [v for v in prepared.levels[f] if (known[f] == v).any()] for f in factors}
+    if not factors:
+        return ()
+    return tuple(c.row() for c in describe(known, question.dv, factors=factors, levels=levels))
+
+
+def samples_of(design: Design) -> tuple[Samples, ...]:
+    """Return what to draw: each factor with the others averaged, and the cells of two."""
+    table = design.table(design.y)
+    within = design.within
+    drawn = []
+    for axis, factor in enumerate(within):
+        others = tuple(i + 1 for i in range(len(within)) if i != axis)
+        means: Array = table.mean(axis=others) if others else table
+        named = {str(v): means[:, i] for i, v in enumerate(factor.levels)}
+        drawn.append(Samples(factor.name, f"{design.dv} by {factor.name}", named))
+    person: Array = table.reshape(design.n, -1).mean(axis=1)
+    for factor, codes in zip(design.between, design.group_of_subject, strict=True):
+        named = {str(v): person[codes == i] for i, v in enumerate(factor.levels)}
+        drawn.append(Samples(factor.name, f"{design.dv} by {factor.name}", named, paired=False))
+    cells = int(np.prod([f.k for f in within])) if len(within) == 2 else 0
+    if 0 < cells <= MOST_CELLS_DRAWN:
+        both = list(product(*(f.levels for f in within)))
+        flat = table.reshape(design.n, -1)
+        name = "_x_".join(f.name for f in within)
+        title = f"{design.dv} by {' and '.join(f.name for f in within)}"
+        drawn.append(
+            Samples(name, title, {f"{a}\n{b}": flat[:, i] for i, (a, b) in enumerate(both)})
+        )
+    return tuple(drawn)
+
+
+def _refuse_roles(q: Question) -> None:
+    roles = [q.dv, *([q.subject] if q.subject else []), *q.between, *q.within]
+    for name in roles:
+        if roles.count(name) > 1:
+            raise UsageError(f"column {name} is named in two roles; give each column one")
+    for name in q.levels:
+        if name not in (*q.between, *q.within):
+            raise UsageError(f"--levels names {name}, which is no factor of this test")
+
+
+def _levels(q: Question, factor: str, labels: Sequence[str]) -> list[str]:
+    return list(q.levels[factor]) if factor in q.levels else natural_order(labels)
+
+
+def _where(labels: dict[str, list[str]], q: Question) -> list[str]:
+    columns = []
+    for key, values in labels.items():
+        word = "subject" if key == q.subject else key
+        columns.append([f"{word} {v}" for v in values])
+    return [", ".join(row) for row in zip(*columns, strict=True)]
+
+
+def _refuse_two_groups(table: DataTable, frame: pd.DataFrame, q: Question) -> None:
+    for factor in q.between:
+        for name, rows in frame.groupby(q.subject, sort=False)[factor]:
+            if rows.nunique() > 1:
+                other = rows.index[rows != rows.iloc[0]][0]
+                raise SubjectInTwoGroups(
+                    f"{table.name}: subject {name} is {factor} {rows.iloc[0]} in "
+                    f"{table.place(int(rows.index[0]))} and {rows[other]} in "
+                    f"{table.place(int(other))}; give {factor} with --within, or repair the rows"
+                )
+
+
+def _refuse_missing(
+    table: DataTable, frame: pd.DataFrame, levels: dict[str, list[str]], q: Question
+) -> None:
+    keys = [q.subject, *q.within]
+    there = set(frame.loc[frame[q.dv].notna(), keys].itertuples(index=False, name=None))
+    rows = set(frame[keys].itertuples(index=False, name=None))
+    people = list(dict.fromkeys(frame[q.subject]))
+    lost = [cell for cell in product(people, *(levels[f] for f in q.within)) if cell not in there]
+    if not lost:
+        return
+    named = [
+        ", ".join(
+            [f"subject {cell[0]}", *(f"{f} {v}" for f, v in zip(q.within, cell[1:], strict=True))]
+        )
+        + (f" (no {q.dv} in its row)" if cell in rows else " (no row)")
+        for cell in lost[:MOST_CELLS_NAMED]
+    ]
+    more = f" and {len(lost) - len(named)} more" if len(lost) > len(named) else ""
+    raise MissingCell(
+        f"{table.name}: {q.dv} is missing in {len(lost)} cell{'s' if len(lost) > 1 else ''}: "
+        f"{'; '.join(named)}{more}. Repair them, or drop these subjects with --missing listwise, "
+        "or keep what is there with --test art --missing mixed"
+    )
+
+
+def _averaged(
+    table: DataTable, frame: pd.DataFrame, keys: list[str], q: Question
+) -> tuple[pd.DataFrame, list[str]]:
+    gone = frame[frame[q.dv].isna()]
+    if len(gone) and q.missing == "error":
+        row = int(gone.index[0])
+        where = ", ".join(f"{'subject' if k == q.subject else k} {gone.iloc[0][k]}" for k in keys)
+        raise MissingValue(
+            f"{table.name}: {q.dv} is missing in {table.place(row)} ({where})"
+            + (f" and {len(gone) - 1} more rows" if len(gone) > 1 else "")
+            + "; repair them, or average the rows that are there with --missing listwise "
+            "(then dropping subjects without a value in some cell) or --missing mixed"
+        )
+    grouped = frame.groupby(keys, sort=True, observed=True)[q.dv]
+    sizes = grouped.size()
+    low, high = int(sizes.min()), int(sizes.max())
+    each = f"{low}" if low == high else f"{low} to {high}"
+    notes = [
+        f"{len(frame)} rows averaged to {len(sizes)}, one per {q.subject} and cell ({each} rows "
+        "each); a test of the single rows would take repetitions for people"
+    ]
+    if len(gone):
+        notes.append(f"{len(gone)} rows without {q.dv} were left out of these means")
+    return grouped.mean().reset_index(), notes

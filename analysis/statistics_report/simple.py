@@ -1,0 +1,310 @@
+"""Tests of one or two samples: pairs, groups, correlation, normality, equivalence, reliability."""
+
+from collections.abc import Callable, Mapping
+from itertools import combinations
+from typing import Any, cast
+
+import numpy as np
+
+from analysis.statistics import (
+    Design,
+    adjust_p,
+    compare_paired,
+    correct_family,
+    cronbach_alpha,
+    independent_t,
+    mann_whitney,
+    one_sample_t,
+    paired_t,
+    pearson,
+    shapiro_wilk,
+    spearman,
+    tost_independent,
+    tost_one_sample,
+    tost_paired,
+    wilcoxon_signed_rank,
+)
+from analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment
+from analysis.statistics.equivalence import BoundUnit
+from analysis.statistics.errors import MissingValue, TooFewLevels
+from analysis.statistics.results import MINUS, Array, Row, p_text
+from analysis.statistics_report.factorial import RANK_WAYS, TestRun
+from analysis.statistics_report.outcome import Outcome, Question, Samples
+from analysis.statistics_report.prepare import (
+    Prepared,
+    cell_rows,
+    left_out,
+    prepare,
+    read,
+    samples_of,
+)
+from analysis.statistics_report.table_file import DataTable
+from lab.errors import UsageError
+
+
+def _columns(design: Design) -> dict[str, Array]:
+    """Return one value per subject by level of the single within factor, or by group."""
+    factor = design.factors[0]
+    if factor.is_within:
+        table = design.table(design.y)
+        return {str(v): table[:, i] for i, v in enumerate(factor.levels)}
+    return {str(v): design.y[factor.codes == i] for i, v in enumerate(factor.levels)}
+
+
+def _outcome(
+    table: DataTable, q: Question, title: str, prepared: Prepared, design: Design | None,
+    rows: tuple[Row, ...], sentences: tuple[str, ...], **more: Any,
+) -> Outcome:  # fmt: skip
+    notes = (*prepared.notes, *(() if design is None else left_out(design)), *more.pop("notes", ()))
+    return Outcome(
+        question=q, title=title, rows=rows, sentences=sentences, cells=cell_rows(prepared, q),
+        notes=tuple(dict.fromkeys(notes)), samples=() if design is None else samples_of(design),
+        is_simulated=table.is_simulated, **more,
+    )  # fmt: skip
+
+
+def _paired(table: DataTable, q: Question) -> Outcome:
+    q.one_within()
+    prepared = prepare(table, q)
+    design = read(prepared, q)
+    columns = _columns(design)
+    made = tuple(
+        compare_paired(columns[a], columns[b], names=(a, b), alpha=q.alpha)
+        for a, b in combinations(columns, 2)
+    )
+    if len(made) > 1:
+        way = q.adjustment("holm", RANK_WAYS)
+        made = correct_family(made, cast(Adjustment, way))
+    path = [
+        f"{c.names[0]} {MINUS} {c.names[1]}: {step}" if len(made) > 1 else str(step)
+        for c in made
+        for step in c.steps
+    ]
+    notes = tuple(n for c in made for n in c.test.provenance.notes)
+    return _outcome(
+        table, q, "Paired comparison" + ("s" if len(made) > 1 else ""), prepared, design,
+        tuple(c.row() for c in made), tuple(c.sentence() for c in made),
+        path=tuple(path), notes=notes,
+    )  # fmt: skip
+
+
+def _family(
+    q: Question, columns: Mapping[str, Array], test: Callable[[str, str], Any]
+) -> tuple[tuple[Row, ...], tuple[str, ...]]:
+    """Test all pairs of columns; more than one pair is adjusted as a family."""
+    pairs = list(combinations(columns, 2))
+    made = [test(a, b) for a, b in pairs]
+    way = q.adjustment("holm", RANK_WAYS) if len(made) > 1 else "none"
+    adjusted = adjust_p([t.p for t in made], cast(Adjustment, way)).tolist()
+    rows, sentences = [], []
+    for (a, b), result, p in zip(pairs, made, adjusted, strict=True):
+        said = f"{a} {MINUS} {b}: {result.sentence()}"
+        row: dict[str, Any] = {"first": a, "second": b, **result.row()}
+        if way != "none":
+            said += f", adjusted {p_text(p)} ({ADJUSTMENT_NAME[cast(Adjustment, way)]})"
+            row |= {"p_adjusted": p, "adjustment": way}
+        rows.append(row)
+        sentences.append(said + ".")
+    return tuple(rows), tuple(sentences)
+
+
+def _t(table: DataTable, q: Question) -> Outcome:
+    if not q.within and not q.between:
+        return _one_sample_t(table, q)
+    if q.within and q.between:
+        raise UsageError("--test t takes --within or --between, not both; see --test rm")
+    _ = q.one_within() if q.within else q.one_between()
+    prepared = prepare(table, q)
+    design = read(prepared, q)
+    columns = _columns(design)
+    run = paired_t if q.within else independent_t
+    rows, said = _family(q, columns, lambda a, b: run(columns[a], columns[b], names=(a, b)))
+    title = "Paired t test" if q.within else "Welch's t test"
+    return _outcome(table, q, title, prepared, design, rows, said)
+
+
+def _known(table: DataTable, q: Question) -> tuple[Prepared, Array]:
+    """Return a column without factors; missing values as the question says."""
+    prepared = prepare(table, q)
+    y = prepared.frame[q.dv].to_numpy(float)
+    missing = np.isnan(y)
+    if missing.any() and q.missing == "error":
+        row = int(np.flatnonzero(missing)[0])
+        raise MissingValue(
+            f"{table.name}: {q.dv} is missing in {table.place(row)}; repair it, or leave such "
+            "rows out with --missing listwise"
+        )
+    if missing.any():
+        notes = (*prepared.notes, f"{int(missing.sum())} rows without {q.dv} left out")
+        prepared = Prepared(prepared.frame, prepared.levels, notes)
+    return prepared, y[~missing]
+
+
+def _one_sample_t(table: DataTable, q: Question) -> Outcome:
+    prepared, y = _known(table, q)
+    made = one_sample_t(y, mu=q.mu, name=q.dv)
+    said = f"{q.dv} against {q.mu:g}: {made.sentence()}."
+    return _outcome(table, q, "One-sample t test", prepared, None, (made.row(),), (said,))
+
+
+def _wilcoxon(table: DataTable, q: Question) -> Outcome:
+    q.one_within()
+    prepared = prepare(table, q)
+    design = read(prepared, q)
+    columns = _columns(design)
+    rows, said = _family(
+        q, columns, lambda a, b: wilcoxon_signed_rank(columns[a], columns[b], names=(a, b))
+    )
+    title = "Wilcoxon signed-rank test"
+    return _outcome(table, q, title, prepared, design, rows, said)
+
+
+def _mann_whitney(table: DataTable, q: Question) -> Outcome:
+    q.one_between()
+    prepared = prepare(table, q)
+    design = read(prepared, q)
+    columns = _columns(design)
+    rows, said = _family(
+        q, columns, lambda a, b: mann_whitney(columns[a], columns[b], names=(a, b))
+    )
+    return _outcome(table, q, "Mann-Whitney test", prepared, design, rows, said)
+
+
+def _shapiro(table: DataTable, q: Question) -> Outcome:
+    if not q.within and not q.between:
+        prepared, y = _known(table, q)
+        made = shapiro_wilk(y, name=q.dv)
+        row: Row = {"sample": q.dv, **made.row()}
+        said = f"{q.dv}: {made.sentence()}."
+        return _outcome(table, q, "Shapiro-Wilk test", prepared, None, (row,), (said,))
+    factor = q.one_within() if q.within else q.one_between()
+    prepared = prepare(table, q)
+    design = read(prepared, q)
+    columns = _columns(design)
+    tested = {f"{factor} {k}": v for k, v in columns.items()}
+    if q.within:
+        tested |= {f"{a} {MINUS} {b}": columns[a] - columns[b] for a, b in combinations(columns, 2)}
+    results = {k: shapiro_wilk(v, name=k) for k, v in tested.items()}
+    return _outcome(
+        table, q, "Shapiro-Wilk test", prepared, design,
+        tuple({"sample": k, **r.row()} for k, r in results.items()),
+        tuple(f"{k}: {r.sentence()}." for k, r in results.items()),
+        notes=("a paired t test needs normal differences, not normal conditions",)
+        if q.within else (),
+    )  # fmt: skip
+
+
+def _correlation(run: Callable[..., Any], title: str) -> TestRun:
+    def test(table: DataTable, q: Question) -> Outcome:
+        q.need("partner")
+        if q.within or q.between:
+            raise UsageError(
+                f"--test {q.test} takes two columns, --dv and --with; without --within, --between"
+            )
+        x, notes_x = _by_subject(table, q, q.partner)
+        y, notes_y = _by_subject(table, q, q.dv)
+        both = ~(np.isnan(x) | np.isnan(y))
+        notes = [*notes_x, *notes_y]
+        if not both.all():
+            row = int(np.flatnonzero(~both)[0])
+            if q.missing == "error":
+                raise MissingValue(
+                    f"{table.name}: {q.dv} or {q.partner} is missing "
+                    f"({'subject' if q.subject else 'row'} number {row + 1} and "
+                    f"{int((~both).sum()) - 1} more); use --missing listwise to leave them out"
+                )
+            notes.append(f"{int((~both).sum())} pairs without both values left out")
+        made = run(x[both], y[both], names=(q.partner, q.dv))
+        samples = Samples(
+            f"{q.partner}_{q.dv}", f"{q.dv} against {q.partner}",
+            {q.partner: x[both], q.dv: y[both]}, kind="scatter",
+        )  # fmt: skip
+        return Outcome(
+            question=q, title=title, rows=(made.row(),),
+            sentences=(f"{q.partner} and {q.dv}: {made.sentence()}.",),
+            notes=tuple(dict.fromkeys((*table.notes, *notes, *made.provenance.notes))),
+            samples=(samples,), is_simulated=table.is_simulated,
+        )  # fmt: skip
+
+    return test
+
+
+def _by_subject(table: DataTable, q: Question, column: str) -> tuple[Array, tuple[str, ...]]:
+    one = Question(q.test, dv=column, subject=q.subject, missing=q.missing)
+    prepared = prepare(table, one)
+    return prepared.frame[column].to_numpy(float), prepared.notes
+
+
+def _tost(table: DataTable, q: Question) -> Outcome:
+    if q.low is None or q.high is None:
+        raise UsageError(
+            "--test tost needs --low and --high: the smallest difference that matters, fixed "
+            "before looking at the data"
+        )
+    if q.unit not in ("raw", "sd"):
+        raise UsageError(f"--unit takes raw or sd, not {q.unit!r}")
+    unit = cast(BoundUnit, q.unit)
+    bounds: dict[str, Any] = {"low": q.low, "high": q.high, "unit": unit, "alpha": q.alpha}
+    if not q.within and not q.between:
+        prepared, y = _known(table, q)
+        made = tost_one_sample(y, name=q.dv, **bounds)
+        said = f"{q.dv}: {made.sentence()}."
+        return _outcome(table, q, "Equivalence test", prepared, None, (made.row(),), (said,))
+    _ = q.one_within() if q.within else q.one_between()
+    prepared = prepare(table, q)
+    design = read(prepared, q)
+    columns = _columns(design)
+    if len(columns) != 2:
+        raise TooFewLevels(
+            f"an equivalence test compares two conditions, {design.factors[0].name} has "
+            f"{len(columns)} ({', '.join(columns)}); keep two of them in the file"
+        )
+    (a, x), (b, y) = columns.items()
+    run = tost_paired if q.within else tost_independent
+    made = run(x, y, names=(a, b), **bounds)
+    said = f"{a} {MINUS} {b}: {made.sentence()}."
+    return _outcome(table, q, "Equivalence test", prepared, design, (made.row(),), (said,),
+                    notes=made.provenance.notes)  # fmt: skip
+
+
+def _cronbach(table: DataTable, q: Question) -> Outcome:
+    q.need("items")
+    columns = {name: table.numbers(name) for name in q.items}
+    values = np.column_stack(list(columns.values()))
+    missing = np.isnan(values).any(axis=1)
+    notes = list(table.notes)
+    if missing.any():
+        row = int(np.flatnonzero(missing)[0])
+        item = q.items[int(np.flatnonzero(np.isnan(values[row]))[0])]
+        if q.missing == "error":
+            raise MissingValue(
+                f"{table.name}: {item} is missing in {table.place(row)}; repair it, or leave such "
+                "persons out with --missing listwise"
+            )
+        notes.append(f"{int(missing.sum())} persons without all items left out")
+    made = cronbach_alpha(
+        {k: v[~missing] for k, v in columns.items()}, list(q.items), reverse=q.reverse
+    )
+    return Outcome(
+        question=q, title="Cronbach's alpha", rows=(made.row(),),
+        sentences=(made.sentence() + ".",),
+        contrasts=tuple(
+            {"family": "item left out", "item": i, "alpha_without": a}
+            for i, a in zip(made.items, made.without_item, strict=True)
+        ),
+        notes=tuple(dict.fromkeys((*notes, *made.provenance.notes))),
+        is_simulated=table.is_simulated,
+    )  # fmt: skip
+
+
+SIMPLE_TESTS: Mapping[str, TestRun] = {
+    "paired": _paired,
+    "t": _t,
+    "wilcoxon": _wilcoxon,
+    "mannwhitney": _mann_whitney,
+    "shapiro": _shapiro,
+    "spearman": _correlation(spearman, "Spearman's rank correlation"),
+    "pearson": _correlation(pearson, "Pearson's correlation"),
+    "tost": _tost,
+    "cronbach": _cronbach,
+}

@@ -1,0 +1,242 @@
+"""Read a table as labs have it: commas or semicolons, points or decimal commas, or Parquet."""
+
+import csv
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from analysis.statistics.errors import InfiniteValue, MissingValue, NotNumeric, UnknownColumn
+from lab.errors import DataError
+
+SIMULATED_COLUMN = "is_simulated"
+MISSING_WORDS = frozenset({"", "na", "nan", "n/a", "null", "none", "#n/a", "."})
+"""What stands for nothing among numbers, in any case; a label is missing only when empty."""
+_POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
+_GROUPED = re.compile(r"[+-]?\d{1,3}(,\d{3})+")
+_INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
+_TRUE, _FALSE = frozenset({"true", "1", "yes"}), frozenset({"false", "0", "no"})
+
+
+@dataclass(frozen=True)
+class DataTable:
+    """A table as text, one string per cell ('' where nothing stands).
+
+    `lines` are the line numbers of the rows in the file. `notes` say how the file was read.
+    """
+
+    name: str
+    cells: pd.DataFrame = field(repr=False)
+    lines: tuple[int, ...] = field(repr=False)
+    is_simulated: bool
+    notes: tuple[str, ...] = ()
+
+    def labels(self, column: str) -> list[str]:
+        """Return a label column; MissingValue names the first row without one."""
+        values = self._column(column)
+        for row, value in enumerate(values):
+            if value == "":
+                raise MissingValue(
+                    f"{self.name}: {column} is missing in {self.place(row)}; every row needs it"
+                )
+        return values
+
+    def numbers(self, column: str, where: Sequence[str] | None = None) -> npt.NDArray[np.float64]:
+        """Return a column of numbers, NaN where missing.
+
+        `where` names each row for messages. Raises NotNumeric or InfiniteValue for the first row
+        that holds something else.
+        """
+        values = self._column(column)
+        decimal = self._decimal(column, values)
+        out = np.empty(len(values))
+        for row, value in enumerate(values):
+            if value.lower() in MISSING_WORDS:
+                out[row] = np.nan
+                continue
+            about = f" ({where[row]})" if where is not None else ""
+            if _INFINITE.fullmatch(value):
+                raise InfiniteValue(
+                    f"{self.name}: {column} is infinite in {self.place(row)}{about}; find out how "
+                    "it was computed"
+                )
+            if not (_COMMA if decimal == "," else _POINT).fullmatch(value):
+                raise NotNumeric(
+                    f"{self.name}: {column} holds the text {value!r} in {self.place(row)}{about}; "
+                    "it must be a number (leave the cell empty where it is missing)"
+                )
+            out[row] = float(value.replace(",", "."))
+        return out
+
+    def place(self, row: int) -> str:
+        """Name a row for messages: 'row 4 (line 5)'."""
+        line = self.lines[row]
+        return f"row {row + 1}" + (f" (line {line})" if line else "")
+
+    def _column(self, column: str) -> list[str]:
+        if column not in self.cells:
+            known = [str(c) for c in self.cells.columns]
+            lower = {c.lower(): c for c in known}
+            near = get_close_matches(column.lower(), lower, 1, 0.5)
+            hint = (
+                f"; did you mean {lower[near[0]]!r}?" if near else f"; there are {', '.join(known)}"
+            )
+            raise UnknownColumn(f"{self.name} has no column {column!r}{hint}")
+        return [str(v) for v in self.cells[column]]
+
+    def _decimal(self, column: str, values: Sequence[str]) -> str:
+        """Return the decimal sign of a column; a mixture or a doubt is an error."""
+        with_comma = [r for r, v in enumerate(values) if "," in v and _COMMA.fullmatch(v)]
+        if not with_comma:
+            return "."
+        with_point = [r for r, v in enumerate(values) if "." in v and _POINT.fullmatch(v)]
+        if with_point:
+            raise NotNumeric(
+                f"{self.name}: {column} has decimal commas ({self.place(with_comma[0])}: "
+                f"{values[with_comma[0]]}) and decimal points ({self.place(with_point[0])}: "
+                f"{values[with_point[0]]}); write all numbers one way"
+            )
+        if all(_GROUPED.fullmatch(values[r]) for r in with_comma):
+            row = with_comma[0]
+            raise NotNumeric(
+                f"{self.name}: {column} holds {values[row]} in {self.place(row)}, which may be a "
+                "decimal comma or thousands; write numbers without grouping"
+            )
+        return ","
+
+
+def read_table(path: Path) -> DataTable:
+    """Read CSV (comma, semicolon or tab) or Parquet.
+
+    Raises:
+        DataError: not there, no table, rows of different length, a column named twice, or
+            simulated and real rows together.
+    """
+    if not path.is_file():
+        near = get_close_matches(path.name, [p.name for p in path.parent.glob("*")], 1)
+        hint = f"; did you mean {path.parent / near[0]}?" if near else ""
+        raise DataError(f"there is no file {path}{hint}")
+    if path.suffix.lower() in (".parquet", ".pq"):
+        return _from_parquet(path)
+    text, notes = _decoded(path)
+    sign = _separator(text)
+    rows = [
+        (number, row)
+        for number, row in _numbered(text, sign, path)
+        if any(cell.strip() for cell in row)
+    ]
+    if len(rows) < 2:
+        raise DataError(f"{path.name} holds no rows below its header; there is nothing to test")
+    names = [cell.strip() for cell in rows[0][1]]
+    _refuse_names(path, names)
+    for number, row in rows[1:]:
+        if len(row) != len(names):
+            hint = (
+                "; if its numbers have decimal commas, save it with semicolons between columns"
+                if sign == "," and len(row) > len(names)
+                else "; look at that line in a text editor"
+            )
+            raise DataError(
+                f"{path.name} has {len(row)} cells in line {number} and {len(names)} in its "
+                f"header{hint}"
+            )
+    cells = pd.DataFrame(
+        [[cell.strip() for cell in row] for _, row in rows[1:]], columns=names, dtype=object
+    )
+    return _table(path, cells, tuple(n for n, _ in rows[1:]), notes)
+
+
+def _from_parquet(path: Path) -> DataTable:
+    try:
+        frame = pd.read_parquet(path)
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path} cannot be read as Parquet ({error})") from error
+    if frame.empty:
+        raise DataError(f"{path.name} holds no rows; there is nothing to test")
+    frame.columns = [str(c) for c in frame.columns]
+    _refuse_names(path, list(frame.columns))
+    cells = pd.DataFrame(
+        {name: [_text(v) for v in frame[name].tolist()] for name in frame.columns}, dtype=object
+    )
+    return _table(path, cells, (0,) * len(cells), ())
+
+
+def _text(value: object) -> str:
+    if value is None or value is pd.NA or value is pd.NaT:
+        return ""
+    if isinstance(value, float):
+        return "" if np.isnan(value) else repr(value)
+    return str(value)
+
+
+def _table(
+    path: Path, cells: pd.DataFrame, lines: tuple[int, ...], notes: tuple[str, ...]
+) -> DataTable:
+    return DataTable(path.name, cells, lines, _is_simulated(path, cells), notes)
+
+
+def _is_simulated(path: Path, cells: pd.DataFrame) -> bool:
+    if SIMULATED_COLUMN not in cells:
+        return False
+    words = {str(v).lower() for v in cells[SIMULATED_COLUMN]}
+    unknown = sorted(words - _TRUE - _FALSE)
+    if unknown:
+        raise DataError(
+            f"{path.name}: {SIMULATED_COLUMN} holds {unknown[0]!r}; it says true or false in "
+            "every row"
+        )
+    if words & _TRUE and words & _FALSE:
+        raise DataError(
+            f"{path.name} mixes simulated and real rows ({SIMULATED_COLUMN}); take them apart "
+            "first, a test of both means nothing"
+        )
+    return bool(words & _TRUE)
+
+
+def _decoded(path: Path) -> tuple[str, tuple[str, ...]]:
+    raw = path.read_bytes()
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return raw.decode("utf-16"), ()
+    if b"\x00" in raw[:4096]:
+        raise DataError(f"{path.name} is no text table; save it as CSV or Parquet")
+    try:
+        return raw.decode("utf-8-sig"), ()
+    except UnicodeDecodeError:
+        return raw.decode("cp1252", errors="replace"), ("read as Windows-1252, it is not UTF-8",)
+
+
+def _separator(text: str) -> str:
+    header = next((line for line in text.splitlines() if line.strip()), "")
+    bare = re.sub(r'"[^"]*"', "", header)
+    return max((",", ";", "\t"), key=bare.count)
+
+
+def _numbered(text: str, sign: str, path: Path) -> list[tuple[int, list[str]]]:
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=sign, strict=True)
+    try:
+        return [(reader.line_num, row) for row in reader]
+    except csv.Error as error:
+        raise DataError(f"{path.name}, line {reader.line_num}: {error}; repair the line") from error
+
+
+def _refuse_names(path: Path, names: Sequence[str]) -> None:
+    twice = sorted({n for n in names if names.count(n) > 1})
+    if twice:
+        raise DataError(
+            f"{path.name} names the column {twice[0]!r} twice; give every column its own name"
+        )
+
+
+def natural_order(labels: Sequence[str]) -> list[str]:
+    """Return the different labels: by value when all are numbers, else alphabetically."""
+    found = sorted(set(labels))
+    if all(_POINT.fullmatch(v) for v in found):
+        return sorted(found, key=float)
+    return found

@@ -1,0 +1,114 @@
+"""Write an outcome: tables as CSV, words as text, figures as SVG and PNG."""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from analysis.plots import BLUE, Drawn, draw, new_figure, write_figure
+from analysis.statistics import StatisticsError, estimation_plot
+from analysis.statistics.results import Row
+from analysis.statistics_report.outcome import Outcome, Samples
+
+
+def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+    """Write everything; return the files and what could not be drawn, with the reason."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, rows in (
+        ("tests", outcome.rows),
+        ("contrasts", outcome.contrasts),
+        ("cells", outcome.cells),
+    ):
+        if rows:
+            path = folder / f"{name}.csv"
+            frame = pd.DataFrame([dict(r) for r in rows])
+            frame.assign(is_simulated=outcome.is_simulated).to_csv(
+                path, index=False, encoding="utf-8", lineterminator="\n"
+            )
+            written.append(path)
+    words = folder / "report.txt"
+    words.write_text(outcome_text(outcome), encoding="utf-8", newline="\n")
+    written.append(words)
+    problems = []
+    for samples in outcome.samples:
+        try:
+            drawn = draw_samples(samples, outcome)
+        except StatisticsError as error:
+            problems.append(f"no figure of {samples.name}: {error}")
+            continue
+        written += write_figure(drawn, folder)
+    return tuple(written), tuple(problems)
+
+
+def outcome_text(outcome: Outcome) -> str:
+    """Return everything that can be said in words."""
+    parts = ["SIMULATED DATA"] if outcome.is_simulated else []
+    parts += [outcome.title, "", *outcome.sentences]
+    for heading, lines in (
+        ("How it was decided", [f"{i}. {line}" for i, line in enumerate(outcome.path, 1)]),
+        ("Contrasts", outcome.contrast_sentences),
+        ("Notes", [f"- {note}" for note in outcome.notes]),
+    ):
+        if lines:
+            parts += ["", heading, *lines]
+    return "\n".join(parts) + "\n"
+
+
+def draw_samples(samples: Samples, outcome: Outcome) -> Drawn:
+    """Draw one figure; simulated data are marked."""
+    name = re.sub(r"[^\w.-]+", "_", samples.name)
+    scatter = samples.kind == "scatter"
+    caption = (
+        "One dot per participant."
+        if scatter
+        else "Every participant; below, mean differences to the first condition with 95 % "
+        "confidence interval (not corrected for the number of comparisons)."
+    )
+    return draw(
+        ("scatter_" if scatter else "estimation_") + name,
+        lambda: _scatter(samples) if scatter else _estimation(samples, outcome.question.dv),
+        title=samples.title,
+        caption=caption,
+        alternative=f"{samples.title}: {' '.join(outcome.sentences)}",
+        is_simulated=outcome.is_simulated,
+    )
+
+
+def _estimation(samples: Samples, dv: str) -> Figure:
+    return estimation_plot(samples.conditions, dv=dv, paired=samples.paired, title=samples.title)
+
+
+def _scatter(samples: Samples) -> Figure:
+    (x_name, x), (y_name, y) = samples.conditions.items()
+    figure = new_figure(5.2, 4.6)
+    axes = figure.add_subplot()
+    axes.scatter(x, y, s=26, color=BLUE, alpha=0.75, linewidths=0)
+    axes.set_xlabel(x_name)
+    axes.set_ylabel(y_name)
+    axes.set_title(samples.title)
+    return figure
+
+
+def outcome_data(outcome: Outcome, files: Sequence[Path]) -> dict[str, Any]:
+    """Return an outcome for other programs; numbers that do not exist are null."""
+    return {
+        "test": outcome.question.test,
+        "title": outcome.title,
+        "is_simulated": outcome.is_simulated,
+        "sentences": list(outcome.sentences),
+        "path": list(outcome.path),
+        "rows": [_plain(r) for r in outcome.rows],
+        "contrasts": [_plain(r) for r in outcome.contrasts],
+        "cells": [_plain(r) for r in outcome.cells],
+        "notes": list(outcome.notes),
+        "files": [str(f) for f in files],
+    }
+
+
+def _plain(row: Row | Mapping[str, object]) -> dict[str, object]:
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}

@@ -1,0 +1,260 @@
+"""stats: one test of a table in a file, with table, sentences, decision path and figures."""
+
+import difflib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, cast, get_args
+
+import typer
+from rich.table import Table
+from typer.core import TyperCommand
+
+from analysis.statistics.results import Row, degrees, number
+from analysis.statistics_report import (
+    TESTS,
+    Outcome,
+    Question,
+    outcome_data,
+    read_table,
+    write_outcome,
+)
+from analysis.statistics_report.outcome import Missing
+from cli.app import JsonOption, app, console
+from lab.errors import UsageError
+
+SEVERAL = ("--within", "--between", "--items", "--reverse", "--levels")
+EFFECT_COLUMNS = (
+    "term",
+    "F",
+    "df1",
+    "df2",
+    "p_used",
+    "effect_size",
+    "effect_ci_low",
+    "effect_ci_high",
+    "ges",
+    "gg_epsilon",
+)
+CONTRAST_COLUMNS = (
+    "contrast",
+    "level_1",
+    "level_2",
+    "item",
+    "estimate",
+    "se",
+    "df",
+    "t",
+    "V",
+    "z",
+    "p",
+    "p_adjusted",
+    "effect_size",
+    "alpha_without",
+)
+HEADINGS = {
+    "p_used": "p",
+    "effect_size": "effect size",
+    "effect_ci_low": "low",
+    "effect_ci_high": "high",
+    "gg_epsilon": "ε (GG)",
+    "p_adjusted": "p adj.",
+}
+OF_PROVENANCE = ("test", "error_term", "correction", "dropped", "notes")
+
+
+class SeveralValues(TyperCommand):
+    """A command whose list options take values one after another: `--within a b`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read arguments after repeating the option before each of its further values."""
+        return super().parse_args(ctx, repeat_options(args, SEVERAL))
+
+
+def repeat_options(arguments: Sequence[str], several: Sequence[str]) -> list[str]:
+    """Return `--within a b` as `--within a --within b`; options end at the next option."""
+    out: list[str] = []
+    option = ""
+    taken = 0
+    for i, argument in enumerate(arguments):
+        if argument == "--":
+            return [*out, *arguments[i:]]
+        if argument.startswith("--"):
+            option, taken = (argument if argument in several else ""), 0
+        elif option and not argument.startswith("-"):
+            if taken:
+                out.append(option)
+            taken += 1
+        else:
+            option = ""
+        out.append(argument)
+    return out
+
+
+@app.command(cls=SeveralValues)
+def stats(
+    file: Annotated[Path, typer.Argument(help="CSV (comma, semicolon, tab) or Parquet; first.")],
+    test: Annotated[str, typer.Option("--test", help=f"One of {', '.join(TESTS)}.")],
+    dv: Annotated[str, typer.Option("--dv", help="Column of the response.")] = "",
+    within: Annotated[
+        list[str] | None,
+        typer.Option("--within", help="Factors that vary within a subject: --within a b"),
+    ] = None,
+    between: Annotated[
+        list[str] | None, typer.Option("--between", help="Factors that tell groups apart.")
+    ] = None,
+    subject: Annotated[str, typer.Option("--subject", help="Column that names the person.")] = "",
+    transform: Annotated[
+        str, typer.Option("--transform", help="art, or int: normal scores of plain ranks.")
+    ] = "art",
+    error: Annotated[
+        str, typer.Option("--error", help="Error of ART: strata, pooled or mixed.")
+    ] = "strata",
+    missing: Annotated[
+        str, typer.Option("--missing", help="error, listwise, or mixed: a mixed model.")
+    ] = "error",
+    posthoc: Annotated[
+        str, typer.Option("--posthoc", help="tukey, holm, bonferroni, bh or none.")
+    ] = "",
+    always: Annotated[
+        bool, typer.Option("--always-posthoc", help="Contrasts of effects not significant too.")
+    ] = False,
+    alpha: Annotated[float, typer.Option("--alpha", help="Level of significance.")] = 0.05,
+    partner: Annotated[str, typer.Option("--with", help="Second column of a correlation.")] = "",
+    items: Annotated[
+        list[str] | None, typer.Option("--items", help="Items of a scale, for cronbach.")
+    ] = None,
+    reverse: Annotated[
+        list[str] | None, typer.Option("--reverse", help="Items keyed the other way.")
+    ] = None,
+    low: Annotated[float | None, typer.Option("--low", help="Lower bound, for tost.")] = None,
+    high: Annotated[float | None, typer.Option("--high", help="Upper bound, for tost.")] = None,
+    unit: Annotated[str, typer.Option("--unit", help="Unit of the bounds: raw or sd.")] = "raw",
+    mu: Annotated[float, typer.Option("--mu", help="Mean to test against, for t.")] = 0.0,
+    levels: Annotated[
+        list[str] | None,
+        typer.Option("--levels", help="Order of levels: --levels technique=ray,touch,gaze"),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder; FILE_TEST when left out.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Test a table: print table, sentences, decision path and contrasts; write them with figures.
+
+    Rows repeated within subject and cell are averaged first, and that is said.
+
+    Example: visavis stats trials.csv --dv accuracy --within technique direction
+    --subject participant --test art
+    """
+    if test not in TESTS:
+        near = difflib.get_close_matches(test, TESTS, n=1, cutoff=0.4)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise UsageError(f"there is no test {test!r}{hint} Known: {', '.join(TESTS)}")
+    if missing not in get_args(Missing):
+        raise UsageError(f"--missing takes {', '.join(get_args(Missing))}, not {missing!r}")
+    if not 0 < alpha < 1:
+        raise UsageError(f"--alpha lies between 0 and 1, not {alpha:g}")
+    question = Question(
+        test=test,
+        dv=dv,
+        within=tuple(within or ()),
+        between=tuple(between or ()),
+        subject=subject,
+        missing=cast(Missing, missing),
+        transform=transform,
+        error=error,
+        posthoc=posthoc,
+        always_posthoc=always,
+        alpha=alpha,
+        partner=partner,
+        items=tuple(items or ()),
+        reverse=tuple(reverse or ()),
+        low=low,
+        high=high,
+        unit=unit,
+        mu=mu,
+        levels=read_levels(levels or []),
+    )
+    outcome = TESTS[test](read_table(file), question)
+    folder = Path(f"{file.stem}_{test}") if output is None else output
+    files, problems = write_outcome(outcome, folder)
+    if as_json:
+        typer.echo(json.dumps(outcome_data(outcome, files), ensure_ascii=False, indent=1))
+        return
+    print_outcome(outcome)
+    for problem in problems:
+        console.print(f"[yellow]{problem}[/]", soft_wrap=True, highlight=False)
+    console.print(f"tables, text and figures in [b]{folder}[/]", soft_wrap=True)
+
+
+def read_levels(texts: Sequence[str]) -> dict[str, list[str]]:
+    """Read FACTOR=first,second,… texts.
+
+    Raises:
+        UsageError: a text has another form.
+    """
+    read: dict[str, list[str]] = {}
+    for text in texts:
+        name, sign, listed = text.partition("=")
+        found = [v.strip() for v in listed.split(",") if v.strip()]
+        if not sign or not name.strip() or len(found) < 2:
+            raise UsageError(f"--levels takes FACTOR=first,second,…, not {text!r}")
+        read[name.strip()] = found
+    return read
+
+
+def print_outcome(outcome: Outcome) -> None:
+    """Print an outcome for a person."""
+    mark = "[magenta]SIMULATED[/]  " if outcome.is_simulated else ""
+    console.print(f"{mark}[b]{outcome.title}[/] of {outcome.question.dv or 'the items'}")
+    if outcome.cells:
+        _print_rows("", outcome.cells, tuple(outcome.cells[0]))
+    if "term" in outcome.rows[0]:
+        _print_rows("", outcome.rows, EFFECT_COLUMNS)
+    elif len(outcome.rows) > 1:
+        names = [n for n in outcome.rows[0] if n not in OF_PROVENANCE]
+        _print_rows("", outcome.rows, tuple(names[:10]))
+    _print_lines("", outcome.sentences)
+    numbered = [f"{i}. {line}" for i, line in enumerate(outcome.path, 1)]
+    _print_lines("How it was decided", numbered)
+    for family in dict.fromkeys(str(row["family"]) for row in outcome.contrasts):
+        rows = [row for row in outcome.contrasts if row["family"] == family]
+        _print_rows(f"\n[b]Contrasts of {family}[/]", rows, CONTRAST_COLUMNS)
+    _print_lines("Notes", [f"- {note}" for note in outcome.notes])
+
+
+def _print_lines(heading: str, lines: Sequence[str]) -> None:
+    if lines and heading:
+        console.print(f"\n[b]{heading}[/]")
+    for line in lines:
+        console.print(line, soft_wrap=True, highlight=False, markup=False)
+
+
+def _print_rows(title: str, rows: Sequence[Row], columns: Sequence[str]) -> None:
+    shown = [c for c in columns if any(row.get(c) is not None for row in rows)]
+    table = Table(title=title or None, title_justify="left", box=None)
+    for column in shown:
+        is_text = any(isinstance(row.get(column), str) for row in rows)
+        table.add_column(
+            HEADINGS.get(column, column),
+            justify="left" if is_text else "right",
+            no_wrap=column == "contrast",
+        )
+    for row in rows:
+        table.add_row(*(_cell(column, row.get(column)) for column in shown))
+    console.print(table)
+
+
+def _cell(column: str, value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if column.startswith("p") and isinstance(value, float):
+        return "< .001" if value < 0.001 else f"{value:.3f}".removeprefix("0")
+    if column.startswith("df") and isinstance(value, float):
+        return degrees(value)
+    if isinstance(value, float):
+        return number(value, 3) if abs(value) < 10 else number(value, 2)
+    return str(value)

@@ -1,0 +1,366 @@
+"""The stats command: any table in, the right test out, bad input named by row and cell."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from analysis.statistics import art_anova, cell_means, paired_t, rm_anova
+from analysis.statistics.errors import (
+    InfiniteValue,
+    MissingCell,
+    MissingValue,
+    NotNumeric,
+    SubjectInTwoGroups,
+    UnknownColumn,
+)
+from analysis.statistics_report import TESTS, read_table
+from analysis.statistics_report.table_file import natural_order
+from cli.main import app
+from cli.statistics_commands import SEVERAL, read_levels, repeat_options
+from lab.errors import DataError, UsageError
+
+TWO = ["--dv", "accuracy", "--within", "technique", "direction", "--subject", "participant"]
+ONE = ["--dv", "accuracy", "--within", "technique", "--subject", "participant"]
+PAIR = ["--dv", "accuracy", "--within", "direction", "--subject", "participant"]
+
+
+def trials(repetitions: int = 1) -> pd.DataFrame:
+    rng = np.random.default_rng(4)
+    rows = []
+    for person in range(1, 13):
+        level = rng.normal(0.8, 0.05)
+        for technique, t in (("ray", 0.0), ("touch", 0.05), ("gaze", -0.04)):
+            for direction, d in (("left", 0.0), ("right", 0.03)):
+                for repetition in range(1, repetitions + 1):
+                    value = level + t + d + rng.normal(0, 0.02)
+                    rows.append(
+                        {
+                            "participant": person,
+                            "technique": technique,
+                            "direction": direction,
+                            "repetition": repetition,
+                            "group": "old" if person % 2 else "young",
+                            "accuracy": round(float(value), 4),
+                        }
+                    )
+    return pd.DataFrame(rows)
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    path = tmp_path / "données d'essai.csv"
+    trials().to_csv(path, index=False)
+    return path
+
+
+def stats(path: Path, *arguments: str, output: Path | None = None):
+    folder = output or path.parent / "out"
+    return CliRunner().invoke(app, ["stats", str(path), *arguments, "-o", str(folder)])
+
+
+def answer(path: Path, *arguments: str) -> dict:
+    result = stats(path, *arguments, "--json")
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+# ---- options with several values ----
+
+
+def test_several_values_may_follow_one_option() -> None:
+    both = ["f.csv", "--within", "a", "--within", "b", "--test", "art"]
+    assert both == repeat_options(["f.csv", "--within", "a", "b", "--test", "art"], SEVERAL)
+    assert both == repeat_options(both, SEVERAL)
+    assert ["--dv", "x", "y"] == repeat_options(["--dv", "x", "y"], SEVERAL)
+    assert ["--within", "a", "--", "b"] == repeat_options(["--within", "a", "--", "b"], SEVERAL)
+    assert ["--within", "a", "-o", "b"] == repeat_options(["--within", "a", "-o", "b"], SEVERAL)
+
+
+def test_both_ways_of_naming_factors_give_the_same(table: Path) -> None:
+    one = answer(table, "--test", "art", *TWO)
+    other = answer(
+        table, "--test", "art", "--within", "technique", "--within", "direction",
+        "--dv", "accuracy", "--subject", "participant",
+    )  # fmt: skip
+    assert one["rows"] == other["rows"]
+
+
+def test_levels_are_read_in_their_order() -> None:
+    assert {"t": ["b", "a"]} == read_levels(["t=b, a"])
+    for wrong in ("t", "=a,b", "t=a"):
+        with pytest.raises(UsageError, match="FACTOR=first"):
+            read_levels([wrong])
+
+
+def test_the_order_of_levels_turns_contrasts_round(table: Path) -> None:
+    by_name = answer(table, "--test", "rm", *PAIR)["contrasts"][0]
+    turned = answer(table, "--test", "rm", *PAIR, "--levels", "direction=right,left")
+    assert by_name["estimate"] == pytest.approx(-turned["contrasts"][0]["estimate"])
+
+
+# ---- the numbers are the library's ----
+
+
+def test_art_is_that_of_the_library(table: Path) -> None:
+    expected = art_anova(
+        trials(), "accuracy", subject="participant", within=["technique", "direction"]
+    )
+    found = answer(table, "--test", "art", *TWO)
+    assert [e.F for e in expected.effects] == pytest.approx([r["F"] for r in found["rows"]])
+    assert any(r["family"] == "technique" for r in found["contrasts"])
+    assert any("inverse-normal ranks" in line for line in found["path"])
+
+
+def test_repeated_rows_are_averaged_and_that_is_said(tmp_path: Path) -> None:
+    frame = trials(repetitions=5)
+    path = tmp_path / "many.csv"
+    frame.to_csv(path, index=False)
+    means = cell_means(frame, "accuracy", by=["participant", "technique", "direction"])
+    expected = rm_anova(means, "accuracy", subject="participant", within=["technique", "direction"])
+    found = answer(path, "--test", "rm", *TWO)
+    assert [e.F for e in expected.effects] == pytest.approx([r["F"] for r in found["rows"]])
+    assert any("360 rows averaged to 72" in note for note in found["notes"])
+
+
+def test_a_factor_left_out_is_averaged_over(table: Path) -> None:
+    found = answer(table, "--test", "paired", *PAIR)
+    wide = trials().pivot_table(index="participant", columns="direction", values="accuracy")
+    expected = paired_t(wide["left"], wide["right"])
+    assert expected.t == pytest.approx(found["rows"][0]["t"])
+    assert any("Shapiro-Wilk" in line for line in found["path"])
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("art", [*TWO, "--transform", "int"]),
+        ("art", [*TWO, "--between", "group", "--posthoc", "holm"]),
+        ("art", [*TWO, "--error", "pooled"]),
+        ("rm", [*TWO, "--between", "group", "--posthoc", "tukey", "--always-posthoc"]),
+        ("mixed", TWO),
+        ("anova", ["--dv", "accuracy", "--between", "group", "--subject", "participant"]),
+        ("friedman", ONE),
+        ("conditions", ONE),
+        ("kruskal", ["--dv", "accuracy", "--between", "group", "--subject", "participant"]),
+        ("paired", ONE),
+        ("t", PAIR),
+        ("t", ["--dv", "accuracy", "--between", "group", "--subject", "participant"]),
+        ("t", ["--dv", "accuracy", "--subject", "participant", "--mu", "0.5"]),
+        ("wilcoxon", ONE),
+        ("mannwhitney", ["--dv", "accuracy", "--between", "group", "--subject", "participant"]),
+        ("shapiro", PAIR),
+        ("shapiro", ["--dv", "accuracy", "--subject", "participant"]),
+        ("spearman", ["--dv", "accuracy", "--with", "participant"]),
+        ("pearson", ["--dv", "accuracy", "--with", "participant"]),
+        ("tost", [*PAIR, "--low", "-0.1", "--high", "0.1"]),
+        ("tost", ["--dv", "accuracy", "--subject", "participant", "--low", "0", "--high", "1"]),
+    ],
+)
+def test_every_test_prints_a_sentence_and_writes_its_table(
+    table: Path, name: str, arguments: list[str]
+) -> None:
+    result = stats(table, "--test", name, *arguments)
+    assert result.exception is None, result.output
+    out = table.parent / "out"
+    assert len(pd.read_csv(out / "tests.csv")) >= 1
+    words = (out / "report.txt").read_text(encoding="utf-8")
+    assert " = " in words
+    assert "undefined" not in words
+
+
+def test_all_tests_are_tried_above_or_below() -> None:
+    mark = test_every_test_prints_a_sentence_and_writes_its_table.pytestmark[0]
+    assert {p[0] for p in mark.args[1]} | {"cronbach"} == set(TESTS)
+
+
+def test_alpha_of_a_scale_reads_items_one_after_another(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    trait = rng.normal(0, 1, 30)
+    frame = pd.DataFrame({f"q{i}": np.round(trait + rng.normal(0, 0.5, 30), 2) for i in range(3)})
+    frame["q2"] *= -1
+    path = tmp_path / "scale.csv"
+    frame.to_csv(path, index=False)
+    found = answer(path, "--test", "cronbach", "--items", "q0", "q1", "q2", "--reverse", "q2")
+    assert found["rows"][0]["alpha"] > 0.7
+    assert 3 == len(found["contrasts"])
+
+
+# ---- how files are written ----
+
+
+def test_decimal_commas_and_semicolons_read_as_the_same_numbers(
+    table: Path, tmp_path: Path
+) -> None:
+    comma = tmp_path / "excel.csv"
+    text = trials().to_csv(index=False, sep=";", decimal=",")
+    comma.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
+    parquet = tmp_path / "t.parquet"
+    trials().to_parquet(parquet)
+    expected = answer(table, "--test", "rm", *TWO)["rows"]
+    assert expected == answer(comma, "--test", "rm", *TWO)["rows"]
+    assert expected == answer(parquet, "--test", "rm", *TWO)["rows"]
+
+
+def test_a_mixture_of_decimal_signs_names_both_rows(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("s;c;y\n1;a;0,5\n1;b;0.7\n", encoding="utf-8")
+    with pytest.raises(NotNumeric, match=r"row 1 \(line 2\): 0,5.*row 2 \(line 3\): 0\.7"):
+        read_table(path).numbers("y")
+
+
+def test_commas_that_may_be_thousands_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text('s,y\n1,"1,234"\n2,"2,500"\n', encoding="utf-8")
+    with pytest.raises(NotNumeric, match="thousands"):
+        read_table(path).numbers("y")
+
+
+def test_decimal_commas_between_commas_say_how_to_save(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("s,y\n1,0,5\n", encoding="utf-8")
+    with pytest.raises(DataError, match=r"3 cells in line 2.*semicolons"):
+        read_table(path)
+
+
+def test_empty_and_doubled_headers_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("s,y,y\n1,2,3\n", encoding="utf-8")
+    with pytest.raises(DataError, match="'y' twice"):
+        read_table(path)
+    path.write_text("s,y\n", encoding="utf-8")
+    with pytest.raises(DataError, match="no rows"):
+        read_table(path)
+    with pytest.raises(DataError, match=r"did you mean .*t\.csv"):
+        read_table(tmp_path / "tt.csv")
+
+
+def test_levels_that_are_numbers_stand_in_their_order() -> None:
+    assert ["2", "10", "30"] == natural_order(["10", "30", "2", "10"])
+    assert ["a", "b10", "b2"] == natural_order(["b2", "a", "b10"])
+
+
+# ---- bad input ----
+
+
+def broken(path: Path, row: int, column: str, value: object) -> Path:
+    frame = trials().astype(object)
+    frame.loc[row, column] = value
+    frame.to_csv(path, index=False)
+    return path
+
+
+def test_an_unknown_column_is_answered_with_the_nearest(table: Path) -> None:
+    with pytest.raises(UnknownColumn, match="did you mean 'accuracy'"):
+        answer(table, "--test", "art", *["acuracy" if a == "accuracy" else a for a in TWO])
+
+
+def test_text_in_the_response_names_row_line_and_cell(tmp_path: Path) -> None:
+    path = broken(tmp_path / "t.csv", 7, "accuracy", "lost")
+    with pytest.raises(NotNumeric, match=r"'lost' in row 8 \(line 9\) \(subject 2, technique ray"):
+        answer(path, "--test", "art", *TWO)
+
+
+def test_an_infinite_response_names_its_row(tmp_path: Path) -> None:
+    path = broken(tmp_path / "t.csv", 7, "accuracy", "inf")
+    with pytest.raises(InfiniteValue, match="row 8"):
+        answer(path, "--test", "rm", *TWO)
+
+
+def test_a_missing_cell_names_subject_and_cell(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    trials().drop(index=8).to_csv(path, index=False)
+    with pytest.raises(MissingCell, match="subject 2, technique touch, direction left"):
+        answer(path, "--test", "art", *TWO)
+    dropped = answer(path, "--test", "art", *TWO, "--missing", "listwise")
+    assert 11 == dropped["rows"][0]["n"]
+    assert any("left out: subject 2" in note for note in dropped["notes"])
+    kept = answer(path, "--test", "art", *TWO, "--missing", "mixed")
+    assert 12 == kept["rows"][0]["n"]
+
+
+def test_a_missing_value_among_repetitions_is_not_left_out_silently(tmp_path: Path) -> None:
+    frame = trials(repetitions=3)
+    frame.loc[4, "accuracy"] = np.nan
+    path = tmp_path / "t.csv"
+    frame.to_csv(path, index=False)
+    with pytest.raises(MissingValue, match=r"row 5 \(line 6\) \(subject 1, technique ray"):
+        answer(path, "--test", "rm", *TWO)
+    found = answer(path, "--test", "rm", *TWO, "--missing", "listwise")
+    assert 12 == found["rows"][0]["n"]
+    assert any("1 rows without accuracy" in note for note in found["notes"])
+
+
+def test_a_missing_label_names_its_row(tmp_path: Path) -> None:
+    path = broken(tmp_path / "t.csv", 3, "technique", "")
+    with pytest.raises(MissingValue, match="technique is missing in row 4"):
+        answer(path, "--test", "rm", *TWO)
+
+
+def test_a_subject_in_two_groups_names_both_rows(tmp_path: Path) -> None:
+    path = broken(tmp_path / "t.csv", 2, "group", "young")
+    with pytest.raises(SubjectInTwoGroups, match="subject 1 is group old in row 1"):
+        answer(path, "--test", "rm", *TWO, "--between", "group")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--test", "artt", *TWO], "did you mean art"),
+        (["--test", "friedman", *TWO], "one factor"),
+        (["--test", "friedman", *ONE, "--posthoc", "tukey"], "holm, bonferroni"),
+        (["--test", "friedman", *ONE, "--missing", "mixed"], "--missing listwise"),
+        (["--test", "rm", "--dv", "accuracy", "--within", "technique"], "needs --subject"),
+        (["--test", "tost", *PAIR], "--low and --high"),
+        (["--test", "spearman", "--dv", "accuracy"], "needs --with"),
+        (["--test", "art", *TWO, "--transform", "log"], "--transform takes art, int"),
+        (["--test", "art", *TWO, "--missing", "ignore"], "--missing takes error"),
+        (["--test", "art", *TWO, "--between", "technique"], "two roles"),
+        (["--test", "art", *TWO, "--levels", "hand=a,b"], "no factor"),
+    ],
+)
+def test_a_question_that_makes_no_sense_is_refused_with_the_way_out(
+    table: Path, arguments: list[str], message: str
+) -> None:
+    result = stats(table, *arguments)
+    assert isinstance(result.exception, UsageError)
+    assert message in str(result.exception)
+
+
+# ---- simulated data, figures ----
+
+
+def marked(path: Path, values: list[object]) -> Path:
+    frame = trials()
+    frame["is_simulated"] = [values[i % len(values)] for i in range(len(frame))]
+    frame.to_csv(path, index=False)
+    return path
+
+
+def test_figures_of_simulated_data_are_marked(table: Path, tmp_path: Path) -> None:
+    real = answer(table, "--test", "rm", *TWO)
+    assert real["is_simulated"] is False
+    for file in (f for f in real["files"] if f.endswith(".svg")):
+        assert "simulated-watermark" not in Path(file).read_text()
+    made_up = answer(marked(tmp_path / "sim.csv", [True]), "--test", "rm", *TWO)
+    figures = [f for f in made_up["files"] if f.endswith(".svg")]
+    assert 3 == len(figures)
+    for file in figures:
+        assert "simulated-watermark" in Path(file).read_text()
+    assert pd.read_csv(tmp_path / "out" / "tests.csv")["is_simulated"].all()
+
+
+def test_a_mixture_of_simulated_and_real_rows_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="mixes simulated and real"):
+        answer(marked(tmp_path / "mix.csv", [True, False]), "--test", "rm", *TWO)
+
+
+def test_the_printed_answer_holds_table_sentence_path_and_contrasts(table: Path) -> None:
+    result = stats(table, "--test", "art", *TWO)
+    for part in ("Contrasts of technique", "How it was decided", "η²p", "F(2, 22)"):
+        assert part in result.output
