@@ -29,9 +29,9 @@ class Triangulation:
     """Cells between people of a crowd.
 
     `positions_m` (n, 2) are as given, `points_um` in whole micrometres; `triangles` lists corners
-    counter-clockwise; `beside` gives, for a directed edge, the corner opposite in the triangle to its left, so an
-    edge that is missing has the outside to its left. `jitter_um` is the largest shift that was
-    needed to make the triangulation unique, 0 if none.
+    counter-clockwise; `beside` gives, for a directed edge, the corner opposite in the triangle to
+    its left, so an edge that is missing has the outside to its left. `jitter_um` is the largest
+    shift that was needed to make the triangulation unique, 0 if none.
     """
 
     positions_m: Vector

@@ -1,0 +1,190 @@
+"""Measure speed and accuracy of the common volume of two people, beside library methods.
+
+    python -m benchmarks.collision_volume [--pairs N] [--peer-pairs N] [--json]
+
+People are generated in new poses (`benchmarks.posed_bodies`), pairs have overlapping boxes. Truth
+is the same pair with columns 1 mm apart (a quarter of it and finer where small), checked against
+an exact integration of the first pairs. Times are CPU milliseconds on one thread, the least of
+`ROUNDS` per pair. Peers run on the first pairs when they are installed: rays down 1 cm columns by
+Open3D with triangles culled to the common box, and manifold3d's boolean. Ratio is limit / value:
+1 or more is within the limit.
+"""
+
+import argparse
+import importlib
+import json
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from analysis.collisions import ClosedMesh, Settings, common_volume
+from benchmarks.posed_bodies import posed_pair
+from lab.clock import cpu_time_s
+
+ROUNDS = 5
+BODIES = ((0.0212, 15_000, 0.5), (0.0158, 27_000, 1.0))
+"""Edge length, nominal triangles, limit in ms."""
+TRUTH = Settings(cell_m=0.001, refine_below_m3=3e-4, fine_columns=60_000)
+THRESHOLD_M3, SMALL_M3, ACCURATE_FROM_M3 = 1e-6, 5e-6, 1e-5
+CELL_M = 0.01
+Pair = tuple[ClosedMesh, ClosedMesh]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table; `limit` None where there is none."""
+
+    name: str
+    value: float
+    unit: str
+    limit: float | None = None
+    at_least: bool = False
+
+    @property
+    def ratio(self) -> float | None:
+        """How many times better than the limit."""
+        if self.limit is None:
+            return None
+        if self.at_least:
+            return self.value / self.limit
+        return self.limit / self.value if self.value else float("inf")
+
+
+def cpu_ms(call: Callable[[], object], rounds: int = ROUNDS) -> float:
+    """Return the least CPU milliseconds of some calls."""
+    least = float("inf")
+    for _ in range(rounds):
+        began_s = cpu_time_s()
+        call()
+        least = min(least, cpu_time_s() - began_s)
+    return least * 1e3
+
+
+def open3d_columns(pair: Pair, open3d: Any) -> float:
+    """Return the common volume by rays down 1 cm columns, signed crossings, culled triangles."""
+    a, b = pair
+    low = np.maximum(a.vertices_m.min(0), b.vertices_m.min(0))
+    high = np.minimum(a.vertices_m.max(0), b.vertices_m.max(0))
+    n = np.maximum(1, np.ceil((high - low)[[0, 2]] / CELL_M)).astype(int)
+    x, z = (low[k] + (np.arange(m) + 0.5) * CELL_M for k, m in zip((0, 2), n, strict=True))
+    places = np.stack(np.meshgrid(x + 4e-6, z + 4e-6, indexing="ij"), -1).reshape(-1, 2)
+    bottom = min(a.vertices_m[:, 1].min(), b.vertices_m[:, 1].min()) - 0.1
+    rays = np.zeros((len(places), 6), np.float32)
+    rays[:, 0], rays[:, 1], rays[:, 2], rays[:, 4] = places[:, 0], bottom, places[:, 1], 1
+    columns, heights, steps = [], [], []
+    for number, mesh in enumerate(pair):
+        corners = mesh.vertices_m[mesh.faces]
+        least, most = corners.min(1), corners.max(1)
+        near = ((most[:, [0, 2]] >= low[[0, 2]]) & (least[:, [0, 2]] <= high[[0, 2]])).all(1)
+        faces = mesh.faces[near]
+        scene = open3d.t.geometry.RaycastingScene(nthreads=1)
+        scene.add_triangles(mesh.vertices_m.astype(np.float32), faces.astype(np.uint32))
+        found = scene.list_intersections(rays, nthreads=1)
+        p, q, r = np.moveaxis(mesh.vertices_m[faces], 1, 0)
+        upward = np.cross(q - p, r - p)[:, 1] > 0
+        columns.append(found["ray_ids"].numpy().astype(np.int64))
+        heights.append(found["t_hit"].numpy().astype(float))
+        step = np.where(upward[found["primitive_ids"].numpy()], -1, 1)
+        steps.append(np.stack([step * (number == 0), step * (number == 1)], 1))
+    column, height = np.concatenate(columns), np.concatenate(heights)
+    order = np.lexsort((height, column))
+    column, height = column[order], height[order]
+    winding = np.cumsum(np.concatenate(steps)[order], axis=0)
+    inside = (winding > 0).all(1)[:-1] & (column[1:] == column[:-1])
+    return float(((height[1:] - height[:-1]) * inside).sum() * CELL_M**2)
+
+
+def manifold_boolean(pair: Pair, manifold3d: Any) -> float:
+    """Return the volume of manifold3d's boolean intersection."""
+    bodies = [
+        manifold3d.Manifold(
+            manifold3d.Mesh64(m.vertices_m.astype(np.float64), m.faces.astype(np.uint64))
+        )
+        for m in pair
+    ]
+    return float((bodies[0] ^ bodies[1]).volume())
+
+
+PEERS: tuple[tuple[str, str, float, Callable[[Pair, Any], float]], ...] = (
+    ("open3d", "Open3D ray columns with cull", 10.0, open3d_columns),
+    ("manifold3d", "manifold3d boolean", 40.0, manifold_boolean),
+)
+
+
+def measure(edge_m: float, limit_ms: float, n_pairs: int, n_peers: int) -> list[Row]:
+    """Return the rows of one body size."""
+    rng = np.random.default_rng(1)
+    pairs = [posed_pair(edge_m, rng) for _ in range(n_pairs)]
+    common_volume(*pairs[0])
+    size = f"{len(pairs[0][0].faces):,} triangles"
+    ms = np.array([cpu_ms(partial(common_volume, *pair)) for pair in pairs])
+    got = np.array([common_volume(*p).volume_m3 for p in pairs])
+    true = np.array([common_volume(*p, settings=TRUTH).volume_m3 for p in pairs])
+    error = np.abs(got / np.where(true > 0, true, np.nan) - 1) * 100
+    above, below = true > SMALL_M3, (true > THRESHOLD_M3) & (true <= SMALL_M3)
+    wrong = int(((got > THRESHOLD_M3) != (true > THRESHOLD_M3)).sum())
+    rows = [
+        Row(f"{size}: pair, mean", float(ms.mean()), "CPU ms", limit_ms),
+        Row(f"{size}: pair, median", float(np.median(ms)), "CPU ms", limit_ms),
+        Row(f"{size}: pair, slowest", float(ms.max()), "CPU ms"),
+        Row(f"{size}: median error", float(np.median(error[true > ACCURATE_FROM_M3])), "%", 0.5),
+        Row(f"{size}: worst error above 5e-6 m3", float(error[above].max()), "%", 4.0),
+        Row(f"{size}: pairs on the wrong side of 1e-6 m3", wrong, f"of {n_pairs}", 0.5),
+    ]
+    if below.any():
+        worst = float(error[below].max())
+        rows.append(Row(f"{size}: worst error of {below.sum()} from 1e-6", worst, "%", 10.0))
+    exact = Settings(always_exact=True)
+    deep = [k for k in range(n_pairs) if true[k] > ACCURATE_FROM_M3][:3]
+    check = [abs(true[k] / common_volume(*pairs[k], settings=exact).volume_m3 - 1) for k in deep]
+    rows.append(Row(f"{size}: truth against exact integration", max(check) * 100, "%", 0.1))
+    for module, name, times, call in PEERS:
+        try:
+            library = importlib.import_module(module)
+        except ImportError:
+            print(f"{size}: {name}: not installed", file=sys.stderr)
+            continue
+        some = pairs[:n_peers]
+        call(some[0], library)
+        peer_ms = np.array([cpu_ms(partial(call, pair, library), 2) for pair in some])
+        ours_ms = np.array([cpu_ms(partial(common_volume, *pair)) for pair in some])
+        values = np.array([call(pair, library) for pair in some])
+        known = true[: len(some)] > ACCURATE_FROM_M3
+        off = np.abs(values[known] / true[: len(some)][known] - 1)
+        rows += [
+            Row(f"{size}: {name}", float(peer_ms.mean()), "CPU ms"),
+            Row(f"{size}: {name}, median error", float(np.median(off)) * 100, "%"),
+            Row(f"{size}: times faster than it", float(peer_ms.sum() / ours_ms.sum()), "x", times,
+                at_least=True),
+        ]  # fmt: skip
+    return rows
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table; return 1 when a limit is missed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--pairs", type=int, default=120)
+    parser.add_argument("--peer-pairs", type=int, default=20)
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    options = parser.parse_args(arguments)
+    rows = [
+        row
+        for edge, _, limit in BODIES
+        for row in measure(edge, limit, options.pairs, options.peer_pairs)
+    ]
+    if options.json:
+        keys = ("name", "value", "unit", "limit", "ratio")
+        print(json.dumps([{k: getattr(row, k) for k in keys} for row in rows], indent=1))
+    else:
+        for row in rows:
+            against = "" if row.limit is None else f"limit {row.limit:>6g}  ratio {row.ratio:.2f}"
+            print(f"{row.name:<60} {row.value:>12.4f} {row.unit:<8} {against}")
+    return 1 if any(row.ratio is not None and row.ratio < 1 for row in rows) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
