@@ -16,6 +16,9 @@ import pandas as pd
 from recording.reader import Recording
 
 
+RESUME = "continue with `visavis resume`"
+
+
 class Level(IntEnum):
     """Green: they can leave. Amber: look before they leave. Red: something must be redone."""
 
@@ -92,7 +95,10 @@ class SessionCheck:
     def redo(self) -> tuple[str, ...]:
         """What to do while the participant is still there, most pressing first."""
         urgent = sorted((f for f in self.findings if f.redo), key=lambda f: -f.level)
-        return tuple(dict.fromkeys(f.redo for f in urgent))
+        steps = tuple(dict.fromkeys(f.redo for f in urgent))
+        if RESUME not in steps:
+            return steps
+        return tuple(s for s in steps if s == RESUME or not s.startswith(RESUME))
 
 
 def check_session(recording: Recording, limits: CheckLimits | None = None) -> SessionCheck:
@@ -142,7 +148,7 @@ def _recording_findings(recording: Recording) -> list[Finding]:
                 "recording",
                 f"the session {'was ended early' if status == 'aborted' else 'crashed'}"
                 + _because(recording.manifest.parts[-1].reason if recording.manifest.parts else ""),
-                "continue with `visavis resume`",
+                RESUME,
             )
         ]
     else:

@@ -203,6 +203,8 @@ def _one_session(
             continue
         outcome.kills += 1
         where = "before the first frame" if ended.state is None else ended.state.value
+        if ended.state is SessionState.VALIDATING and len(finished) == planned:
+            where = "after the last trial"  # last validation, questions, closing
         outcome.killed_in[where] = outcome.killed_in.get(where, 0) + 1
         _check_kept(session, finished, outcome)
     return session

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cli.keyboard import KeyReader
+from cli.rigs import ESSENTIAL_ROLES
 from devices.contracts import Health
 from lab.clock import NS_PER_S
 from protocol.operator import KEYS, Action, Command, SessionStatus
@@ -21,8 +22,7 @@ KEY_LINE = (
     "[b]N[/b]ote  [b]F[/b]lag  [b]X[/b] silence haptics  [b]Esc[/b] end"
 )
 NEEDS_TEXT = {Action.SKIP: "Reason for skipping", Action.NOTE: "Note"}
-RATE_AMBER_01 = 0.95
-RATE_RED_01 = 0.80
+LATE_MS = 1000.0
 
 
 class KeyInterpreter:
@@ -173,29 +173,31 @@ def render(status: SessionStatus, entry_line: str, *, is_simulated: bool) -> Pan
     )
 
 
-def _headline(status: SessionStatus) -> Table:
+def _headline(status: SessionStatus) -> Group:
     grid = Table.grid(expand=True, padding=(0, 2))
     for _ in range(4):
         grid.add_column(ratio=1)
+    left = "–" if status.trial_left_s is None else f"{status.trial_left_s:.0f} s"
     grid.add_row(
         f"participant  [b]{status.participant}[/b]",
         f"[b]{status.state.value.upper()}[/b]",
         f"block  [b]{status.block or '–'}[/b]",
         f"trial  [b]{status.trial_id or '–'}[/b]",
     )
-    condition = status.condition or ("(hidden)" if status.trial_id else "–")
-    left = "–" if status.trial_left_s is None else f"{status.trial_left_s:.0f} s"
     grid.add_row(
-        f"condition  {condition}",
-        f"trial ends in  [b]{left}[/b]",
         f"done  {status.trials_done}/{status.trials_planned}",
+        f"trial ends in  [b]{left}[/b]",
         f"session left  ~{status.session_left_s / 60:.0f} min",
     )
+    condition = status.condition or ("(hidden)" if status.trial_id else "–")
+    return Group(grid, Text(f"condition  {condition}"))
+
+
+def _progress(status: SessionStatus) -> Table:
+    grid = Table.grid(expand=True)  # a bar alone ends no line
+    grid.add_column(ratio=1)
+    grid.add_row(ProgressBar(total=max(status.trials_planned, 1), completed=status.trials_done))
     return grid
-
-
-def _progress(status: SessionStatus) -> ProgressBar:
-    return ProgressBar(total=max(status.trials_planned, 1), completed=status.trials_done)
 
 
 def _streams(health: dict[str, Health]) -> Table:
@@ -205,7 +207,12 @@ def _streams(health: dict[str, Health]) -> Table:
     for role, h in health.items():
         age = "–" if h.last_sample_age_ms is None else f"{h.last_sample_age_ms:.0f} ms"
         clock = "–" if h.clock_offset_ms is None else f"{h.clock_drift_ppm or 0:+.0f} ppm"
-        style = "red" if h.last_sample_age_ms is None or h.last_sample_age_ms > 1000 else ""
+        if not h.received:
+            style = "red" if role in ESSENTIAL_ROLES else "dim"
+            table.add_row(role, "nothing yet", style=style)
+            continue
+        is_late = h.last_sample_age_ms is not None and h.last_sample_age_ms > LATE_MS
+        style = "red" if is_late and role in ESSENTIAL_ROLES else ""
         table.add_row(
             role,
             f"{h.rate_hz:.1f} Hz",

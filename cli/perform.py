@@ -155,6 +155,10 @@ def _perform_part(
         reason = "interrupted from the keyboard or by the system"
         _end_part(clock, folder, recorder, "aborted", reason, error)
         raise SessionAborted(f"{reason}; every finished trial is kept") from error
+    except SessionAborted as error:
+        reason = str(error).partition(";")[0]
+        _end_part(clock, folder, recorder, "aborted", reason, error)
+        raise
     except BaseException as error:
         _end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
         raise

@@ -287,10 +287,11 @@ def _perform(
                 perform_rest(request, resume_from)
         except (SessionAborted, DeviceError, RecordingError) as error:
             stack.close()  # the operator's screen goes before anything is printed
-            _print_way_on(path)
             if not isinstance(error, SessionAborted):
+                _print_way_on(path)
                 raise
             errors.print(f"[yellow]{error}[/]", soft_wrap=True)
+            _print_way_on(path)
             raise typer.Exit(error.exit_code) from error
     _print_check(check_session(Recording(path)), path)
 

@@ -329,6 +329,8 @@ class OperatorDesk:
             )
 
     def _is_fresh(self, fault: Fault) -> bool:
+        if not self._standing[_key(fault)].is_told:
+            return False
         if fault.severity == "blocking" or not _FIGURES.search(fault.message):
             return True
         return self._loop.t_ns - self._standing[_key(fault)].changed_ns < STALE_NS

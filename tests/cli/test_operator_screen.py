@@ -1,0 +1,94 @@
+import io
+from dataclasses import replace
+
+from rich.console import Console
+
+from cli.operator_screen import KeyInterpreter, render
+from devices.contracts import DeviceState, Fault, Health
+from protocol.operator import Action, Command, SessionStatus
+from protocol.states import SessionState
+
+HEALTH = Health(DeviceState.STREAMING, 1200, 119.9, 2, 33.0, 4.0)
+STATUS = SessionStatus(
+    state=SessionState.TRIAL,
+    participant="07K",
+    trial_id="T05",
+    trials_done=5,
+    trials_planned=73,
+    block="Block 1",
+    condition="condition AD, place left_far",
+    trial_left_s=9.2,
+    session_left_s=1200,
+    health={"eye_tracker": HEALTH, "responses": replace(HEALTH, received=0)},
+    accuracy_deg=0.8,
+    precision_deg=0.1,
+    calibration_age_s=130,
+    faults=(Fault("eye_tracker", "blocking", "disconnected", "check the cable"),),
+    prompt="",
+    messages=("noted in T05: sneezed",),
+)
+
+
+def drawn(status: SessionStatus, entry_line: str = "") -> str:
+    console = Console(file=io.StringIO(), width=120, color_system=None)
+    console.print(render(status, entry_line, is_simulated=True))
+    text: str = console.file.getvalue()  # type: ignore[attr-defined]  # a StringIO
+    return text
+
+
+def test_everything_an_operator_needs_is_on_the_screen() -> None:
+    text = drawn(STATUS)
+
+    for expected in (
+        "T05",
+        "condition AD, place left_far",
+        "9 s",
+        "5/73",
+        "~20 min",
+        "longest gap",
+        "119.9 Hz",
+        "accuracy 0.80°",
+        "2 min old",
+        "eye_tracker: disconnected → check the cable",
+        "noted in T05: sneezed",
+        "SIMULATED",
+    ):
+        assert expected in text
+
+
+def test_a_blinded_condition_is_hidden_and_none_is_claimed_between_trials() -> None:
+    assert "(hidden)" in drawn(replace(STATUS, condition=""))
+    assert "(hidden)" not in drawn(replace(STATUS, condition="", trial_id=""))
+
+
+def test_a_device_without_samples_yet_shows_no_rate() -> None:
+    line = next(t for t in drawn(STATUS).splitlines() if "responses" in t)
+    assert "nothing yet" in line
+    assert "Hz" not in line
+
+
+def test_escape_asks_before_it_ends_the_session() -> None:
+    keys = KeyInterpreter()
+
+    assert [] == keys.feed("\x1b")
+    assert "Finished trials are kept" in keys.entry_line
+    assert [] == keys.feed("n")
+    assert [] == keys.feed("\x1b")
+    assert [Command(Action.ABORT)] == keys.feed("y")
+
+
+def test_a_note_is_typed_corrected_and_sent_with_enter() -> None:
+    keys = KeyInterpreter()
+
+    assert [] == keys.feed("nsnee\x7fz\x7f\x7fok p")
+    assert "snok p" in keys.entry_line
+    assert [Command(Action.NOTE, "snok p")] == keys.feed("\r")
+    assert [Command(Action.PAUSE)] == keys.feed("p")
+
+
+def test_a_forgotten_note_leaves_the_keys_as_they_were() -> None:
+    keys = KeyInterpreter()
+
+    assert [] == keys.feed("nabc\x1b")
+    assert "" == keys.entry_line
+    assert [Command(Action.FLAG)] == keys.feed("f")
