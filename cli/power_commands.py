@@ -136,7 +136,7 @@ def power(
     chosen.effect_meaning(request.effect, "studies")
     adequacy = read_rule(rule)
     run = _Run(chosen, request, worker_count(processes), scheduler, quiet=as_json)
-    people, kind, is_simulated, notes = run.people(source, fast=fast, pool=pool)
+    people, kind, are_simulated, notes = run.people(source, fast=fast, pool=pool)
     jobs = jobs_of(chosen, request, size=1 if people is None else FAST_JOB, people=people)
     done = [r for _, part in run.jobs(run_job, jobs, "replicates") for r in part]
     summary = summarise(
@@ -144,7 +144,7 @@ def power(
         request,
         done,
         source=kind,
-        is_simulated=is_simulated,
+        people_are_simulated=are_simulated,
         target=target,
         rule=adequacy,
         notes=notes,
@@ -336,7 +336,8 @@ def as_data(summary: PowerSummary, written: tuple[Path, ...]) -> dict[str, Any]:
         "sentence": summary.sentence(),
         "effect": summary.effect_meaning,
         "rule": summary.rule_of_significance,
-        "is_simulated": summary.is_simulated,
+        "is_simulated": True,
+        "people_are_simulated": summary.people_are_simulated,
         "rows": list(summary.rows()),
         "tests": [
             {

@@ -37,7 +37,7 @@ class PowerSummary:
 
     study: str
     source: Source
-    is_simulated: bool
+    people_are_simulated: bool
     request: PowerRequest
     rule_of_significance: str
     effect_meaning: str
@@ -64,7 +64,8 @@ class PowerSummary:
                     "effect": self.request.effect,
                     "source": self.source,
                     "seed": self.request.seed,
-                    "is_simulated": self.is_simulated,
+                    "is_simulated": True,
+                    "people_are_simulated": self.people_are_simulated,
                 }
 
     def sentence(self) -> str:
@@ -87,7 +88,7 @@ def summarise(
     replicates: Iterable[Replicate],
     *,
     source: Source,
-    is_simulated: bool,
+    people_are_simulated: bool,
     target: float = 0.8,
     rule: AdequacyRule = "lower bound",
     notes: tuple[str, ...] = (),
@@ -104,7 +105,7 @@ def summarise(
     return PowerSummary(
         study.name,
         source,
-        is_simulated,
+        people_are_simulated,
         request,
         study.rule(request.alpha),
         study.effect_meaning(request.effect, source),

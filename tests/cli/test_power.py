@@ -209,7 +209,9 @@ def made_up(hits: dict[int, int], untested: int = 0) -> list[Replicate]:
 
 def summary_of(replicates: list[Replicate], **options: object):
     wanted = request(numbers=(4, 8, 12), tests=("first",), replicates=100)
-    return summarise(TwoTests(), wanted, replicates, source="studies", is_simulated=True, **options)
+    return summarise(
+        TwoTests(), wanted, replicates, source="studies", people_are_simulated=True, **options
+    )
 
 
 def test_the_rule_decides_which_number_is_adequate() -> None:
@@ -238,7 +240,7 @@ def test_a_test_that_could_not_be_made_counts_as_not_found_and_is_told() -> None
 def test_too_few_replicates_for_the_rule_are_told() -> None:
     wanted = request(tests=("first",), numbers=(4,), replicates=5)
     found = [Replicate(k, {4: {"first": Found(True)}}) for k in range(5)]
-    summary = summarise(TwoTests(), wanted, found, source="studies", is_simulated=True)
+    summary = summarise(TwoTests(), wanted, found, source="studies", people_are_simulated=True)
     assert summary.smallest_n is None
     assert any("ask for more" in note for note in summary.notes)
 
