@@ -15,7 +15,6 @@ import pandas as pd
 
 from recording.reader import Recording
 
-
 RESUME = "continue with `visavis resume`"
 
 
