@@ -407,7 +407,7 @@ def _deviation_findings(events: pd.DataFrame, recording: Recording) -> list[Find
         message = f"repeated on the operator's request: {_listed(repeated)}"
         found.append(Finding(Level.AMBER, "trials", message))
     faults: dict[tuple[str, str], int] = {}
-    for p in _payloads(events, "fault"):
+    for p in _payloads(_once_calibrated(events), "fault"):
         what = (str(p["role"]), re.sub(r"[0-9]+", "…", str(p["message"])))
         faults[what] = faults.get(what, 0) + 1
     found += [
@@ -444,3 +444,9 @@ def _payloads(events: pd.DataFrame, name: str) -> list[Mapping[str, Any]]:
 
 def _because(reason: object) -> str:
     return f": {reason}" if reason else ""
+
+
+def _once_calibrated(events: pd.DataFrame) -> pd.DataFrame:
+    """Leave out what stands before the first calibration: a tracker that wants one is no fault."""
+    first = np.flatnonzero(events["name"].to_numpy() == "calibration")
+    return events.iloc[int(first[0]) :] if len(first) else events

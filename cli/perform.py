@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cli.rigs import build_rig, is_simulated
 from cli.studies import Study
+from devices.sim.shared_body import SharedBody
 from lab.clock import Clock, SimClock
 from lab.config import LabConfig
 from lab.errors import ConfigError, RecordingError, SessionAborted
@@ -194,6 +195,9 @@ def _setup(
         lost_device_s=request.lost_device_s,
         on_trial=request.on_trial,
         on_open=lambda infos: folder.describe(devices=infos),
+        on_validation=lambda found: folder.describe(
+            calibrations=[*folder.manifest.calibrations, found]
+        ),
     )
 
 
@@ -218,7 +222,11 @@ def _end_part(
 def _simulated_participant(request: Request) -> SimulatedParticipant | None:
     if not is_simulated(request.config):
         return None
-    return request.study.participant(request.participant_index, request.seed, effect=request.effect)
+    participant = request.study.participant(
+        request.participant_index, request.seed, effect=request.effect
+    )
+    # On a real clock the simulated tracker's thread measures while the session moves the body.
+    return participant if request.clock.is_virtual else SharedBody(participant)
 
 
 def simulated_request(

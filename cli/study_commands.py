@@ -186,11 +186,16 @@ def analyse_study(
         ordered,
         out_dir,
         is_simulated=True in kinds,
-        commands=(*_origin(folder), f"visavis analyse {folder.name}"),
+        commands=(*_origin(folder), f"visavis analyse {_from_root(folder)}"),
         example=Recording(sessions[0]),
     )
     console.print(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
     return report_path
+
+
+def _from_root(folder: Path) -> str:
+    """Name a study folder from its data root on: reports hold no path of the machine."""
+    return "/".join(folder.parts[-3:])
 
 
 def _origin(folder: Path) -> tuple[str, ...]:
@@ -198,10 +203,11 @@ def _origin(folder: Path) -> tuple[str, ...]:
     if settings is None or not settings.is_simulated:
         return ()
     count = len(list(folder.glob("sub-*")))
-    effect = "" if settings.effect else " --no-effect"
-    return (
-        f"visavis simulate {settings.study} --participants {count} --seed {settings.seed}{effect}",
-    )
+    options = [f"--participants {count}", f"--seed {settings.seed}"]
+    options += [f"--set {name}={value}" for name, value in settings.parameters.items()]
+    options += [] if settings.effect else ["--no-effect"]
+    root = folder.parent.parent.name
+    return (f"visavis simulate {settings.study} {' '.join(options)} --output {root}",)
 
 
 @app.command()

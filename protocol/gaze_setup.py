@@ -24,6 +24,7 @@ from protocol.experiment import Experiment, ValidationPoint
 from protocol.frame_loop import FrameLoop
 from protocol.participants import SimulatedParticipant
 from protocol.steps import FrameView
+from stimuli.motion.rotations import quat_between
 
 TARGET_DISTANCE_M = 2.0
 DIAGONAL_15 = 10.65
@@ -97,13 +98,14 @@ class GazeSetup:
             base = self._loop.head.orientation_wxyz
             self._frames_for(self._timing.validation_arrive_ms)
             target = rotate(quat_conjugate(base), mark_m - self._loop.head.position_m)
-            pieces: list[tuple[SampleBatch, Vector]] = []
+            pieces: list[tuple[SampleBatch, Vector, Vector]] = []
             end_ns = self._loop.t_ns + self._timing.validation_sample_ms * NS_PER_MS
             while self._loop.t_ns < end_ns:
                 self._loop.gaze_tap = []
                 self._next_frame()
-                turn = self._loop.head.orientation_wxyz
-                pieces += [(batch, turn) for batch in self._loop.gaze_tap]
+                head = self._loop.head
+                aim = rotate(quat_conjugate(base), mark_m - head.position_m)
+                pieces += [(b, head.orientation_wxyz, aim) for b in self._loop.gaze_tap]
             self._loop.gaze_tap = None
             points.append(_point(name, target / np.linalg.norm(target), base, pieces))
         self._clear_target()
@@ -132,15 +134,21 @@ class GazeSetup:
 
 
 def _point(
-    name: str, target: Vector, base: Vector, pieces: list[tuple[SampleBatch, Vector]]
+    name: str, target: Vector, base: Vector, pieces: list[tuple[SampleBatch, Vector, Vector]]
 ) -> ValidationPoint:
-    """Put samples and target into one frame: the head's when the target appeared."""
+    """Put samples and target into one frame: the head's when the target appeared.
+
+    A piece holds the head's orientation and the way from the eyes to the target in that frame;
+    the head may drift while the target stands, so every sample is turned with the target.
+    """
     if not pieces:
         empty = np.empty((0, 3))
         return ValidationPoint(name, target, np.empty(0, dtype=np.int64), empty, empty, empty)
-    values = np.concatenate([batch.values for batch, _ in pieces])
-    turns = np.concatenate([np.tile(turn, (len(batch), 1)) for batch, turn in pieces])
-    turns = quat_multiply(quat_conjugate(base), turns)
+    values = np.concatenate([batch.values for batch, _, _ in pieces])
+    turns = np.concatenate([np.tile(turn, (len(batch), 1)) for batch, turn, _ in pieces])
+    aims = np.concatenate([np.tile(aim, (len(batch), 1)) for batch, _, aim in pieces])
+    still = quat_between(aims, np.broadcast_to(target, aims.shape))
+    turns = quat_multiply(still, quat_multiply(quat_conjugate(base), turns))
 
     def turned(column: str, valid: str) -> Vector:
         direction = rotate(turns, values[column].astype(np.float64))
@@ -150,7 +158,7 @@ def _point(
     return ValidationPoint(
         name=name,
         target=target,
-        t_ns=np.concatenate([batch.t_device_ns for batch, _ in pieces]),
+        t_ns=np.concatenate([batch.t_device_ns for batch, _, _ in pieces]),
         combined=turned("direction_head", "valid"),
         left=turned("left_direction_head", "left_valid"),
         right=turned("right_direction_head", "right_valid"),

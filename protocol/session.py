@@ -4,7 +4,7 @@ from collections import deque
 
 from devices.contracts import CalibrationOutcome
 from lab.clock import NS_PER_S
-from lab.errors import DeviceError, LabError, RecordingError, SessionAborted
+from lab.errors import DeviceError, LabError, RecordingError, SessionAborted, UsageError
 from protocol.calibration_record import CalibrationInForce
 from protocol.frame_loop import FrameLoop
 from protocol.gaze_setup import GazeSetup
@@ -12,10 +12,14 @@ from protocol.operator import Action
 from protocol.operator_desk import LOST_STREAM_NS, OperatorDesk
 from protocol.plan import Block, Trial
 from protocol.progress import left_of
+from protocol.questionnaires import Question, read_answer
 from protocol.rig import RunningRig
 from protocol.session_setup import SessionSetup
 from protocol.states import SessionState, StateMachine
 from protocol.trial_runner import Outcome, TrialRunner
+
+MOST_ASKED = 3
+"""How often a question is put when the answer is none of the possible ones."""
 
 MAX_CALIBRATIONS = 3
 """Attempts before the session goes on with the best it got and says so (gaze.md section 5)."""
@@ -299,21 +303,23 @@ class Session:
         verdict = self._setup.judge_validation(points, self._gaze_rate_hz)
         self._calibrations += 1
         calibration = CalibrationInForce(f"C{self._calibrations:02d}", self._loop.t_ns, verdict)
+        found = {
+            "moment": moment,
+            "block": block,
+            "attempt": attempt,
+            "calibration_id": calibration.calibration_id,
+            "accepted": verdict.accepted,
+            "reason": verdict.reason,
+            "accuracy_deg": verdict.accuracy_deg,
+            "worst_point_deg": verdict.worst_point_deg,
+            "precision_deg": verdict.precision_deg,
+            "lost_01": verdict.lost_01,
+        }
         self._recorder.event(
-            "validation",
-            self._loop.t_ns,
-            moment=moment,
-            block=block,
-            attempt=attempt,
-            calibration_id=calibration.calibration_id,
-            accepted=verdict.accepted,
-            reason=verdict.reason,
-            accuracy_deg=verdict.accuracy_deg,
-            worst_point_deg=verdict.worst_point_deg,
-            precision_deg=verdict.precision_deg,
-            lost_01=verdict.lost_01,
-            points=[dict(row) for row in verdict.rows],
+            "validation", self._loop.t_ns, **found, points=[dict(row) for row in verdict.rows]
         )
+        if self._setup.on_validation is not None:
+            self._setup.on_validation({"part": self._setup.part, "t_ns": self._loop.t_ns, **found})
         return calibration
 
     def _validate_at_end(self) -> None:
@@ -337,9 +343,7 @@ class Session:
             for question in questionnaire.questions():
                 if (questionnaire.name, question.question_id) in self._setup.progress.answers:
                     continue
-                answer = self._setup.respondent.answer(
-                    question.question_id, question.prompt, question.options
-                )
+                answer = self._ask(question)
                 self._recorder.event(
                     "answer",
                     self._loop.t_ns,
@@ -351,6 +355,18 @@ class Session:
                 "questionnaire_complete", self._loop.t_ns, questionnaire=questionnaire.name
             )
             self._recorder.checkpoint(timeout_s=5.0)
+
+    def _ask(self, question: Question) -> str | None:
+        prompt = question.prompt
+        for _ in range(MOST_ASKED):
+            answer = self._setup.respondent.answer(question.question_id, prompt, question.options)
+            try:
+                read_answer(question, answer)
+            except UsageError as refusal:
+                prompt = f"{question.prompt}\n({refusal}; Enter leaves it out)"
+            else:
+                return answer
+        return None
 
 
 def _error(calibration: CalibrationInForce) -> float:

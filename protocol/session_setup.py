@@ -1,7 +1,8 @@
 """Everything a session needs, put together by the composition root."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from devices.contracts import DeviceInfo
 from lab.clock import Clock
@@ -43,4 +44,5 @@ class SessionSetup:
     timing: TargetTiming = field(default_factory=TargetTiming)
     lost_device_s: float = LOST_DEVICE_S
     on_trial: Callable[[str, int, int], None] | None = None
+    on_validation: Callable[[Mapping[str, Any]], None] | None = None
     on_open: Callable[[tuple[DeviceInfo, ...]], None] | None = None

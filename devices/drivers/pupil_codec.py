@@ -54,10 +54,10 @@ def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None
             diameter = pupil.get(b"diameter_3d")
             if pupil[b"id"] == 0:
                 right_sure = pupil[b"confidence"]
-                right_mm = _NAN if diameter is None or diameter <= 0 else diameter
+                right_mm = diameter if diameter is not None and diameter > 0 else _NAN
             else:
                 left_sure = pupil[b"confidence"]
-                left_mm = _NAN if diameter is None or diameter <= 0 else diameter
+                left_mm = diameter if diameter is not None and diameter > 0 else _NAN
         normals = datum.get(b"gaze_normals_3d")
         if normals is not None:
             centers = datum[b"eye_centers_3d"]

@@ -10,7 +10,7 @@ import pandas as pd
 
 from analysis.gaze.quality import validate
 from experiments.stare.design import DEFAULT_PARAMETERS, QUESTIONNAIRES, STUDY, StareParameters
-from experiments.stare.intake import SessionIntake, provenance_of, take_in
+from experiments.stare.intake import SessionIntake, measure_parameters_of, provenance_of, take_in
 from experiments.stare.participant import StareParticipant
 from experiments.stare.study import StareStudy
 from experiments.stare.study_outputs import analyse_study
@@ -59,7 +59,7 @@ class StareBundle:
 
     def measure(self, recording: Recording) -> SessionIntake:
         """Take in one session: trials measured, answers scored, sources noted."""
-        return take_in(recording)
+        return take_in(recording, measure_parameters_of(recording.manifest.plan))
 
     def analyse(
         self,
@@ -80,6 +80,7 @@ class StareBundle:
             sensitivity_rows=pd.concat([s.sensitivity for s in sessions], ignore_index=True),
             example=None if example is None else example_of(example),
             facts=sessions[0].facts,
+            measures=measure_parameters_of(sessions[0].manifest.plan),
         )
         return outputs.report
 

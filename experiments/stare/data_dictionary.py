@@ -41,7 +41,9 @@ SESSION_COLUMNS: tuple[Column, ...] = (
     Column("gaze_expected", "1", "samples expected at the nominal rate"),
     Column("gaze_received", "1", "samples that arrived"),
     Column("gaze_valid", "1", "of these, usable"),
-    Column("calibration_id", "", "validation in force: B block A attempt"),
+    Column("left_eye_seen_01", "1", "share of received samples in which the left eye was seen"),
+    Column("right_eye_seen_01", "1", "the same of the right eye"),
+    Column("calibration_id", "", "validation in force, numbered through the session"),
     Column("calibration_accepted", "", "it met the thresholds"),
     Column("calibration_accuracy_deg", "deg", "its mean error over nine points"),
     Column("calibration_worst_point_deg", "deg", "its largest error at a point"),
@@ -53,6 +55,7 @@ SESSION_COLUMNS: tuple[Column, ...] = (
 """Columns of a trial's row before it is measured."""
 
 ANALYSIS_COLUMNS: tuple[Column, ...] = (
+    Column("frozen_samples", "1", "samples that repeat one direction for 100 ms or more: lost"),
     Column("is_analysed", "", "went into the statistics (finished, not training, not excluded)"),
 )
 

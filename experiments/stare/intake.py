@@ -3,11 +3,15 @@
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
+from analysis.gaze.aoi import LOST
+from analysis.gaze.loss import frozen_samples
 from analysis.report import ReportProvenance, SessionSource
 from experiments.stare.design import QUESTIONNAIRES, STUDY
 from experiments.stare.measures import (
@@ -43,6 +47,12 @@ class SessionIntake:
     facts: Mapping[str, str] = field(default_factory=dict)
 
 
+def measure_parameters_of(plan: Mapping[str, Any]) -> MeasureParameters:
+    """Return the thresholds of a session's measures: padding as its trials decided looks online."""
+    pad_deg = plan.get("parameters", {}).get("pad_deg", DEFAULT_MEASURE_PARAMETERS.pad_deg)
+    return replace(DEFAULT_MEASURE_PARAMETERS, pad_deg=float(pad_deg))
+
+
 def take_in(
     recording: Recording, params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS
 ) -> SessionIntake:
@@ -50,17 +60,16 @@ def take_in(
     trials = recording.trials()
     rows: list[dict[str, Any]] = []
     sensitivity: list[dict[str, Any]] = []
-    targets = {
-        int(part): GazeTargets.from_columns(recording.stream_arrays("gaze_targets", part=int(part)))
-        for part in trials["recording_part"].unique()
-    }
+    targets = {int(p): _targets(recording, int(p)) for p in trials["recording_part"].unique()}
     for row in _records(trials):
         if row["status"] != "complete":
             rows.append(row)
             continue
-        samples = targets[int(row["recording_part"])]
+        samples, frozen = targets[int(row["recording_part"])]
+        within = (samples.t_ns >= int(row["t_start_ns"])) & (samples.t_ns < int(row["t_end_ns"]))
         measured = trial_measures(samples, row, params=params)
-        rows.append({**row, **measured, **second_view(samples, row, params=params)})
+        second = second_view(samples, row, params=params)
+        rows.append({**row, **measured, "frozen_samples": int(frozen[within].sum()), **second})
         if not row["is_practice"]:
             key = {k: row[k] for k in ("participant", "session", "trial_id", "attempt")}
             key["condition"] = row["condition"]
@@ -77,6 +86,24 @@ def take_in(
     )
 
 
+def _targets(recording: Recording, part: int) -> tuple[GazeTargets, npt.NDArray[np.bool_]]:
+    """Return a part's evaluated samples, frozen ones made lost, and which those are.
+
+    A tracker that repeats one direction for 100 ms or more has lost the eyes (gaze.md section 8).
+    """
+    columns = dict(recording.stream_arrays("gaze_targets", part=part))
+    gaze = recording.stream_arrays("gaze", part=part)
+    held = frozen_samples(gaze["t_device_ns"], gaze["direction_head"])
+    frozen: npt.NDArray[np.bool_] = np.zeros(len(columns["gaze_seq"]), dtype=np.bool_)
+    if held.any():
+        frozen = np.isin(columns["gaze_seq"], gaze["seq"][held])
+        columns["valid"] = columns["valid"] & ~frozen
+        columns["hit"] = np.where(frozen, LOST, columns["hit"]).astype(columns["hit"].dtype)
+        columns["angle_deg"] = np.where(frozen[:, None], np.nan, columns["angle_deg"])
+        columns["direction_world"] = np.where(frozen[:, None], np.nan, columns["direction_world"])
+    return GazeTargets.from_columns(columns), frozen
+
+
 def _records(frame: pd.DataFrame) -> Iterator[dict[str, Any]]:
     for record in frame.to_dict("records"):
         yield {str(k): v for k, v in record.items()}
@@ -87,7 +114,10 @@ def _person(recording: Recording) -> dict[str, Any]:
     given: dict[str, dict[str, Any]] = {}
     for payload in events.loc[events["name"] == "answer", "payload"]:
         given.setdefault(payload["questionnaire"], {})[payload["question"]] = payload["answer"]
-    person: dict[str, Any] = {"participant": recording.manifest.participant}
+    person: dict[str, Any] = {
+        "participant": recording.manifest.participant,
+        **_validations(events),
+    }
     for name in QUESTIONNAIRES:
         questionnaire = load_questionnaire(name)
         answers = given.get(name, {})
@@ -97,6 +127,18 @@ def _person(recording: Recording) -> dict[str, Any]:
         else:
             person |= read_answers(questionnaire, answers)
     return person
+
+
+def _validations(events: pd.DataFrame) -> dict[str, Any]:
+    found = list(events.loc[events["name"] == "validation", "payload"])
+    starts = [v for v in found if v["moment"] == "block_start" and v["accuracy_deg"] is not None]
+    ends = [v for v in found if v["moment"] == "end" and v["accuracy_deg"] is not None]
+    end_deg = ends[-1]["accuracy_deg"] if ends else None
+    return {
+        "end_accuracy_deg": end_deg,
+        "drift_deg": end_deg - starts[-1]["accuracy_deg"] if ends and starts else None,
+        "rejected_validations": sum(not v["accepted"] for v in found if v["moment"] != "end"),
+    }
 
 
 def _source(recording: Recording) -> SessionSource:
