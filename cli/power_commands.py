@@ -379,7 +379,7 @@ def _table(summary: PowerSummary, tests: tuple[TestPower, ...]) -> Table:
     table = Table(
         title=f"Power of {summary.study} in percent (SIMULATED)", title_justify="left", box=None
     )
-    table.add_column("n", justify="right")
+    table.add_column("n", justify="right", no_wrap=True, min_width=10)
     for t in tests:
         table.add_column(t.claim, justify="right", width=12)
     for i, n in enumerate(summary.request.numbers):
