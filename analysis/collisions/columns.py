@@ -17,6 +17,7 @@ Crossings = npt.NDArray[np.int32]
 
 _TILE = 2
 """A tile is 2 ** _TILE columns wide."""
+_MARGIN = 1 << _TILE
 
 
 @compiled
@@ -64,11 +65,20 @@ def faces_near(faces: Faces, sides: npt.NDArray[np.uint8]) -> Crossings:
 
 @compiled
 def to_lattice(
-    vertices_m: Vector, axis: int, low_m: Vector, step_m: Vector, n_u: int, n_v: int
+    vertices_m: Vector,
+    axis: int,
+    low_m: Vector,
+    step_m: Vector,
+    n_u: int,
+    n_v: int,
+    low_w: Vector,
+    high_w: Vector,
 ) -> tuple[Vector, npt.NDArray[np.int16]]:
     """Return (n, 3) places (u and v in columns, w in metres) and (n, 2) the first column at them.
 
-    Column (i, j) stands at the middle of cell (i, j) counted from `low_m`.
+    Column (i, j) stands at the middle of cell (i, j) counted from `low_m`. `low_w`, `high_w`
+    (tiles) are filled with how deep and how high vertices lie near each tile; a tile is a square
+    of columns, with a border of one tile round the lattice.
     """
     n = vertices_m.shape[0]
     place = np.empty((n, 3))
@@ -76,53 +86,126 @@ def to_lattice(
     iu, iv = (axis + 1) % 3, (axis + 2) % 3
     low_u, low_v = low_m[iu], low_m[iv]
     per_u, per_v = 1.0 / step_m[iu], 1.0 / step_m[iv]
-    most_u, most_v = float(n_u), float(n_v)
+    least = -float(_MARGIN)
+    most_u, most_v = float(n_u + _MARGIN), float(n_v + _MARGIN)
+    across = tiles_across(n_u)
     for k in range(n):
         u = (vertices_m[k, iu] - low_u) * per_u - 0.5
         v = (vertices_m[k, iv] - low_v) * per_v - 0.5
+        w = vertices_m[k, axis]
         place[k, 0] = u
         place[k, 1] = v
-        place[k, 2] = vertices_m[k, axis]
-        first[k, 0] = np.int16(np.ceil(min(max(u, 0.0), most_u)))
-        first[k, 1] = np.int16(np.ceil(min(max(v, 0.0), most_v)))
+        place[k, 2] = w
+        first[k, 0] = np.int16(np.ceil(min(max(u, least), most_u)))
+        first[k, 1] = np.int16(np.ceil(min(max(v, least), most_v)))
+        if least < u < most_u and least < v < most_v:
+            tile = np.uint32(tile_of(first[k, 0], first[k, 1], across))
+            low_w[tile] = min(low_w[tile], w)
+            high_w[tile] = max(high_w[tile], w)
     return place, first
 
 
 @compiled
-def depths(
+def tiles_across(n: int) -> int:
+    """Return the number of tiles that cover n columns and the borders."""
+    return ((n + 2 * _MARGIN) >> _TILE) + 1
+
+
+@compiled
+def tile_of(column: int, row: int, across: int) -> int:
+    """Return the tile of a column, counted with the border."""
+    return ((row + _MARGIN) >> _TILE) * across + ((column + _MARGIN) >> _TILE)
+
+
+@compiled
+def spread(heights: Vector, across: int, sign: float) -> Vector:
+    """Return for each tile the largest of sign * height of it and its neighbours, times sign."""
+    down = heights.size // across
+    spread_u = np.empty(heights.size)
+    for v in range(down):
+        for u in range(across):
+            best = -np.inf
+            for x in range(max(u - 1, 0), min(u + 2, across)):
+                best = max(best, sign * heights[v * across + x])
+            spread_u[v * across + u] = best
+    result = np.empty(heights.size)
+    for v in range(down):
+        for u in range(across):
+            best = -np.inf
+            for y in range(max(v - 1, 0), min(v + 2, down)):
+                best = max(best, spread_u[y * across + u])
+            result[v * across + u] = sign * best
+    return result
+
+
+@compiled
+def reach(
     place: Vector,
     first: npt.NDArray[np.int16],
     faces: Faces,
-    tiles_u: int,
+    n_u: int,
+    n_v: int,
     low_w: Vector,
     high_w: Vector,
 ) -> Crossings:
-    """Return the faces that reach a column; fill how deep and how high they go in each tile.
+    """Return the faces that may meet a column; make tiles under long faces as deep as these.
 
-    A tile is a square of columns. Within its columns the body lies between the two heights.
+    A face no longer than a tile lies within the tiles next to each of its corners; longer ones
+    are entered here, after heights were spread to neighbours.
     """
     met = np.empty(faces.shape[0] + 1, np.int32)
+    across = tiles_across(n_u)
     n = 0
     for f in range(faces.shape[0]):
         a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
         ra, rb, rc = first[a, 1], first[b, 1], first[c, 1]
         ca, cb, cc = first[a, 0], first[b, 0], first[c, 0]
+        row, past_row = min(ra, rb, rc), max(ra, rb, rc)
+        begin, end = min(ca, cb, cc), max(ca, cb, cc)
+        hit = (row < past_row) & (begin < end) & (past_row > 0) & (row < n_v)
+        hit &= (end > 0) & (begin < n_u)
         met[n] = f
-        n += ((ra != rb) | (rb != rc)) & ((ca != cb) | (cb != cc))
-    for i in range(n):
-        g = np.uint32(met[i])
-        a, b, c = np.uint32(faces[g, 0]), np.uint32(faces[g, 1]), np.uint32(faces[g, 2])
+        n += hit
+        if hit and (past_row - row >= _MARGIN or end - begin >= _MARGIN):
+            low = min(place[a, 2], place[b, 2], place[c, 2])
+            high = max(place[a, 2], place[b, 2], place[c, 2])
+            for v in range(max(row, 0), min(past_row, n_v)):
+                for u in range(max(begin, 0), min(end, n_u)):
+                    tile = tile_of(u, v, across)
+                    low_w[tile] = min(low_w[tile], low)
+                    high_w[tile] = max(high_w[tile], high)
+    return met[:n]
+
+
+@compiled
+def alive(
+    place: Vector,
+    first: npt.NDArray[np.int16],
+    faces: Faces,
+    met: Crossings,
+    n_u: int,
+    high_w: Vector,
+) -> Crossings:
+    """Return the faces of `met` that reach below the heights of their tile or its neighbours."""
+    across = tiles_across(n_u)
+    near_high = spread(high_w, across, 1.0)
+    low_enough = np.empty(place.shape[0], np.uint8)
+    for k in range(place.shape[0]):
+        tile = np.uint32(tile_of(first[k, 0], first[k, 1], across))
+        low_enough[k] = place[k, 2] < near_high[tile]
+    kept = np.empty(met.size + 1, np.int32)
+    n = 0
+    for i in range(met.size):
+        f = np.uint32(met[i])
+        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        kept[n] = f
         ra, rb, rc = first[a, 1], first[b, 1], first[c, 1]
         ca, cb, cc = first[a, 0], first[b, 0], first[c, 0]
-        wa, wb, wc = place[a, 2], place[b, 2], place[c, 2]
-        low, high = min(wa, wb, wc), max(wa, wb, wc)
-        end_u = ((max(ca, cb, cc) - 1) >> _TILE) + 1
-        for v in range(min(ra, rb, rc) >> _TILE, ((max(ra, rb, rc) - 1) >> _TILE) + 1):
-            for u in range(min(ca, cb, cc) >> _TILE, end_u):
-                tile = np.uint32(v * tiles_u + u)
-                low_w[tile] = min(low_w[tile], low)
-                high_w[tile] = max(high_w[tile], high)
-    return met[:n]
+        long = (max(ra, rb, rc) - min(ra, rb, rc) >= _MARGIN) | (
+            max(ca, cb, cc) - min(ca, cb, cc) >= _MARGIN
+        )
+        n += ((low_enough[a] | low_enough[b] | low_enough[c]) > 0) | long
+    return kept[:n]
 
 
 @compiled
@@ -132,6 +215,7 @@ def cast(
     faces: Faces,
     met: Crossings,
     n_u: int,
+    n_v: int,
     low_w: Vector,
     high_w: Vector,
     below: Crossings,
@@ -150,20 +234,11 @@ def cast(
     """
     room = column.shape[0]
     most_u = float(n_u)
-    tiles_u = ((n_u - 1) >> _TILE) + 1
+    across = tiles_across(n_u)
     for m in range(met.shape[0]):
         f = np.uint32(met[m])
         a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
         ra, rb, rc = first[a, 1], first[b, 1], first[c, 1]
-        ca, cb, cc = first[a, 0], first[b, 0], first[c, 0]
-        lowest = min(place[a, 2], place[b, 2], place[c, 2])
-        reaches = False
-        end_u = ((max(ca, cb, cc) - 1) >> _TILE) + 1
-        for v in range(min(ra, rb, rc) >> _TILE, ((max(ra, rb, rc) - 1) >> _TILE) + 1):
-            for u in range(min(ca, cb, cc) >> _TILE, end_u):
-                reaches |= lowest < high_w[np.uint32(v * tiles_u + u)]
-        if not reaches:
-            continue
         # lowest, middle and highest corner; a swap turns the order of the corners round
         turned = 0
         if place[b, 1] < place[a, 1]:
@@ -175,7 +250,7 @@ def cast(
         ua, va, wa = place[a, 0], place[a, 1], place[a, 2]
         ub, vb, wb = place[b, 0], place[b, 1], place[b, 2]
         uc, vc, wc = place[c, 0], place[c, 1], place[c, 2]
-        for r in range(min(ra, rb, rc), max(ra, rb, rc)):
+        for r in range(max(min(ra, rb, rc), 0), min(max(ra, rb, rc), n_v)):
             row = float(r)
             t = (row - va) / (vc - va)
             u_long, w_long = ua + t * (uc - ua), wa + t * (wc - wa)
@@ -197,11 +272,10 @@ def cast(
                 continue
             slope = (w_right - w_left) / (right - left)
             at = r * n_u
-            tiles_at = (r >> _TILE) * tiles_u
             for i in range(begin, end):
                 cell = np.uint32(at + i)
                 w = w_left + (i - left) * slope
-                tile = np.uint32(tiles_at + (i >> _TILE))
+                tile = np.uint32(tile_of(i, r, across))
                 if w >= high_w[tile]:
                     continue
                 if w < low_w[tile]:
@@ -284,13 +358,16 @@ def columns_in_both(
     call again with that much room.
     """
     cells = n_u * n_v
-    tiles_u, tiles_v = ((n_u - 1) >> _TILE) + 1, ((n_v - 1) >> _TILE) + 1
-    low_a, low_b = np.full(tiles_u * tiles_v, np.inf), np.full(tiles_u * tiles_v, np.inf)
-    high_a, high_b = np.full(low_a.size, -np.inf), np.full(low_a.size, -np.inf)
-    place_a, first_a = to_lattice(vertices_a, axis, low_m, step_m, n_u, n_v)
-    met_a = depths(place_a, first_a, faces_a, tiles_u, low_a, high_a)
-    place_b, first_b = to_lattice(vertices_b, axis, low_m, step_m, n_u, n_v)
-    met_b = depths(place_b, first_b, faces_b, tiles_u, low_b, high_b)
+    across = tiles_across(n_u)
+    tiles = across * tiles_across(n_v)
+    low_a, low_b = np.full(tiles, np.inf), np.full(tiles, np.inf)
+    high_a, high_b = np.full(tiles, -np.inf), np.full(tiles, -np.inf)
+    place_a, first_a = to_lattice(vertices_a, axis, low_m, step_m, n_u, n_v, low_a, high_a)
+    place_b, first_b = to_lattice(vertices_b, axis, low_m, step_m, n_u, n_v, low_b, high_b)
+    low_a, high_a = spread(low_a, across, -1.0), spread(high_a, across, 1.0)
+    low_b, high_b = spread(low_b, across, -1.0), spread(high_b, across, 1.0)
+    met_a = reach(place_a, first_a, faces_a, n_u, n_v, low_a, high_a)
+    met_b = reach(place_b, first_b, faces_b, n_u, n_v, low_b, high_b)
     live = False
     for k in range(low_a.size):  # both bodies can only be between these heights
         low_a[k] = max(low_a[k], low_b[k], low_w)
@@ -307,9 +384,11 @@ def columns_in_both(
     column = np.empty(room, np.int32)
     height = np.empty(room)
     change = np.empty(room, np.int8)
-    n = cast(place_a, first_a, faces_a, met_a, n_u, low_a, high_a, below_a, count,
+    met_a = alive(place_a, first_a, faces_a, met_a, n_u, high_a)
+    met_b = alive(place_b, first_b, faces_b, met_b, n_u, high_a)
+    n = cast(place_a, first_a, faces_a, met_a, n_u, n_v, low_a, high_a, below_a, count,
              column, height, change, 0, 0)  # fmt: skip
-    n = cast(place_b, first_b, faces_b, met_b, n_u, low_a, high_a, below_b, count,
+    n = cast(place_b, first_b, faces_b, met_b, n_u, n_v, low_a, high_a, below_b, count,
              column, height, change, n, 1)  # fmt: skip
     if n > room:
         return np.empty(0, np.int32), np.empty((0, 2)), n
@@ -334,7 +413,7 @@ def columns_in_both(
     for k in range(cells):
         if count[k] == 0 and (below_a[k] <= 0 or below_b[k] <= 0):
             continue
-        tile = (k // n_u >> _TILE) * tiles_u + (k % n_u >> _TILE)
+        tile = tile_of(k % n_u, k // n_u, across)
         m = sweep(order, begin[k], begin[k + 1], height, change, below_a[k], below_b[k],
                   low_a[tile], high_a[tile], intervals)  # fmt: skip
         for i in range(m):

@@ -24,16 +24,17 @@ def measure_pair(
 ) -> tuple[float, Vector, float, int, int]:
     """Return the common volume, its centre (3,), the cell used, columns inside both, meetings.
 
-    Columns run along the shortest side of the common box, at most `cell_m` apart. A volume below
-    `refine_below_m3`, zero included, is measured again where the surfaces cross, with cells small
-    enough for `columns_wanted` columns. The centre is NaN where nothing is common.
+    Columns run along the longest side of the common box, at most `cell_m` apart. A volume below
+    `refine_below_m3`, zero included, is measured again where the surfaces cross, along the
+    shortest side there and close enough for `columns_wanted` columns. The centre
+    is NaN where nothing is common.
     """
     nothing = np.full(3, np.nan)
     box_a, box_b = bounds(vertices_a), bounds(vertices_b)
     low, high = np.maximum(box_a[0], box_b[0]), np.minimum(box_a[1], box_b[1])
     if low[0] >= high[0] or low[1] >= high[1] or low[2] >= high[2]:
         return 0.0, nothing, cell_m, 0, 0
-    axis = shortest_side(low, high)
+    axis = longest_side(low, high)  # fewest columns, and most faces lie along them
     volume, centre, n, active = measure_box(
         vertices_a, faces_a, vertices_b, faces_b, axis, low, high, cell_m
     )
@@ -58,11 +59,21 @@ def measure_pair(
     )
     sides = fine_high - fine_low
     footprint = sides[(axis + 1) % 3] * sides[(axis + 2) % 3]
-    fine_m = min(cell_m / 4, np.sqrt(footprint / columns_wanted))
+    fine_m = min(cell_m / 2, np.sqrt(footprint / columns_wanted))
     volume, centre, n, active = measure_box(
         vertices_a, faces_a, vertices_b, faces_b, axis, fine_low, fine_high, fine_m
     )
     return volume, centre, fine_m, n, met
+
+
+@compiled
+def longest_side(low_m: Vector, high_m: Vector) -> int:
+    """Return the axis along which a box is longest."""
+    axis = 0
+    for k in range(1, 3):
+        if high_m[k] - low_m[k] > high_m[axis] - low_m[axis]:
+            axis = k
+    return axis
 
 
 @compiled
