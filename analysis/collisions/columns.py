@@ -162,15 +162,15 @@ def reach(
         ca, cb, cc = first[a, 0], first[b, 0], first[c, 0]
         row, past_row = min(ra, rb, rc), max(ra, rb, rc)
         begin, end = min(ca, cb, cc), max(ca, cb, cc)
-        hit = (row < past_row) & (begin < end) & (past_row > 0) & (row < n_v)
-        hit &= (end > 0) & (begin < n_u)
+        near = (past_row >= 0) & (row <= n_v) & (end >= 0) & (begin <= n_u)
+        hit = near & (row < past_row) & (begin < end)
         met[n] = f
         n += hit
-        if hit and (past_row - row >= _MARGIN or end - begin >= _MARGIN):
+        if near and (past_row - row >= _MARGIN or end - begin >= _MARGIN):
             low = min(place[a, 2], place[b, 2], place[c, 2])
             high = max(place[a, 2], place[b, 2], place[c, 2])
-            for v in range(max(row, 0), min(past_row, n_v)):
-                for u in range(max(begin, 0), min(end, n_u)):
+            for v in range(max(row, 0), min(past_row, n_v) + 1):
+                for u in range(max(begin, 0), min(end, n_u) + 1):
                     tile = tile_of(u, v, across)
                     low_w[tile] = min(low_w[tile], low)
                     high_w[tile] = max(high_w[tile], high)
@@ -351,9 +351,11 @@ def columns_in_both(
     low_w: float,
     high_w: float,
     room: int,
-) -> tuple[npt.NDArray[np.int32], Vector, int]:
-    """Return columns (k,) and stretches (k, 2) inside both bodies, and crossings met.
+) -> tuple[npt.NDArray[np.int32], Vector, int, Vector]:
+    """Return columns (k,) and stretches (k, 2) inside both bodies, crossings met, and a box.
 
+    The box (2, 3) as (u, v in columns, w) holds all that the bodies can share, surfaces that cross
+    between columns included; it is inverted when they can share nothing.
     Column number is row * n_u + i. When the crossings met exceed `room` nothing was measured;
     call again with that much room.
     """
@@ -368,16 +370,20 @@ def columns_in_both(
     low_b, high_b = spread(low_b, across, -1.0), spread(high_b, across, 1.0)
     met_a = reach(place_a, first_a, faces_a, n_u, n_v, low_a, high_a)
     met_b = reach(place_b, first_b, faces_b, n_u, n_v, low_b, high_b)
-    live = False
-    for k in range(low_a.size):  # both bodies can only be between these heights
+    live = np.empty((2, 3))
+    live[0], live[1] = np.inf, -np.inf
+    for k in range(tiles):  # both bodies can only be between these heights
         low_a[k] = max(low_a[k], low_b[k], low_w)
         high_a[k] = min(high_a[k], high_b[k], high_w)
-        if low_a[k] < high_a[k]:
-            live = True
-        else:
+        if not low_a[k] < high_a[k]:
             high_a[k] = -np.inf
-    if not live:
-        return np.empty(0, np.int32), np.empty((0, 2)), 0
+            continue
+        u, v = (k % across << _TILE) - _MARGIN, (k // across << _TILE) - _MARGIN
+        live[0, 0], live[1, 0] = min(live[0, 0], u - 1.0), max(live[1, 0], u + _MARGIN + 0.0)
+        live[0, 1], live[1, 1] = min(live[0, 1], v - 1.0), max(live[1, 1], v + _MARGIN + 0.0)
+        live[0, 2], live[1, 2] = min(live[0, 2], low_a[k]), max(live[1, 2], high_a[k])
+    if not live[0, 0] < live[1, 0]:
+        return np.empty(0, np.int32), np.empty((0, 2)), 0, live
     below_a = np.zeros(cells, np.int32)
     below_b = np.zeros(cells, np.int32)
     count = np.zeros(cells, np.int32)
@@ -391,7 +397,7 @@ def columns_in_both(
     n = cast(place_b, first_b, faces_b, met_b, n_u, n_v, low_a, high_a, below_b, count,
              column, height, change, n, 1)  # fmt: skip
     if n > room:
-        return np.empty(0, np.int32), np.empty((0, 2)), n
+        return np.empty(0, np.int32), np.empty((0, 2)), n, live
     begin = np.empty(cells + 1, np.int32)
     total = 0
     longest = 0
@@ -420,4 +426,4 @@ def columns_in_both(
             found_column[n_found] = k
             found[n_found, 0], found[n_found, 1] = intervals[i, 0], intervals[i, 1]
             n_found += 1
-    return found_column[:n_found], found[:n_found], n
+    return found_column[:n_found], found[:n_found], n, live

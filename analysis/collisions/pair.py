@@ -35,11 +35,14 @@ def measure_pair(
     if low[0] >= high[0] or low[1] >= high[1] or low[2] >= high[2]:
         return 0.0, nothing, cell_m, 0, 0
     axis = longest_side(low, high)  # fewest columns, and most faces lie along them
-    volume, centre, n, active = measure_box(
+    volume, centre, n, active, shared = measure_box(
         vertices_a, faces_a, vertices_b, faces_b, axis, low, high, cell_m
     )
     if volume >= refine_below_m3:
         return volume, centre, cell_m, n, -1
+    if shared[0, axis] > shared[1, axis]:
+        return 0.0, nothing, cell_m, 0, 0
+    low, high = np.maximum(low, shared[0]), np.minimum(high, shared[1])
     near_a = faces_near(faces_a, sides_of(vertices_a, low, high))
     near_b = faces_near(faces_b, sides_of(vertices_b, low, high))
     met, crossing = crossing_box(
@@ -60,7 +63,7 @@ def measure_pair(
     sides = fine_high - fine_low
     footprint = sides[(axis + 1) % 3] * sides[(axis + 2) % 3]
     fine_m = min(cell_m / 2, np.sqrt(footprint / columns_wanted))
-    volume, centre, n, active = measure_box(
+    volume, centre, n, active, shared = measure_box(
         vertices_a, faces_a, vertices_b, faces_b, axis, fine_low, fine_high, fine_m
     )
     return volume, centre, fine_m, n, met
@@ -96,8 +99,10 @@ def measure_box(
     low_m: Vector,
     high_m: Vector,
     cell_m: float,
-) -> tuple[float, Vector, int, Vector]:
-    """Return volume, centre (3,), stretches inside both, and the box (2, 3) they may fill."""
+) -> tuple[float, Vector, int, Vector, Vector]:
+    """Return volume, centre (3,), stretches inside both, and the box (2, 3) they may fill,
+    and the box that holds all the bodies can share.
+    """
     iu, iv = (axis + 1) % 3, (axis + 2) % 3
     n_u = min(_MOST, max(1, int(np.ceil((high_m[iu] - low_m[iu]) / cell_m))))
     n_v = min(_MOST, max(1, int(np.ceil((high_m[iv] - low_m[iv]) / cell_m))))
@@ -106,7 +111,7 @@ def measure_box(
     step[iv] = (high_m[iv] - low_m[iv]) / n_v
     room = _ROOM
     while True:
-        column, stretch, met = columns_in_both(
+        column, stretch, met, live = columns_in_both(
             vertices_a, faces_a, vertices_b, faces_b, axis, low_m, step, n_u, n_v,
             low_m[axis], high_m[axis], room,
         )  # fmt: skip
@@ -131,4 +136,9 @@ def measure_box(
     centre = np.full(3, np.nan)
     if length > 0.0:
         centre = moment / length
-    return length * step[iu] * step[iv], centre, column.shape[0], box
+    shared = np.empty((2, 3))
+    for k in range(2):
+        shared[k, iu] = low_m[iu] + (live[k, 0] + 0.5) * step[iu]
+        shared[k, iv] = low_m[iv] + (live[k, 1] + 0.5) * step[iv]
+        shared[k, axis] = live[k, 2]
+    return length * step[iu] * step[iv], centre, column.shape[0], box, shared

@@ -43,7 +43,7 @@ def cubes_centred_in(
     top = low[1] + shape[1] * cell_m
     room = _ROOM
     while True:
-        column, stretch, met = columns_in_both(
+        column, stretch, met, _ = columns_in_both(
             vertices_a, faces_a, vertices_b, faces_b, 1, low, step, shape[2], shape[0],
             low[1], top, room,
         )  # fmt: skip
@@ -107,7 +107,7 @@ def _fill(
     top = low[1] + shape[1] * cell_m
     room = _ROOM
     while True:
-        column, stretch, met = columns_in_both(
+        column, stretch, met, _ = columns_in_both(
             vertices_m, faces, vertices_m, faces, 1, low, step, shape[2], shape[0],
             low[1], top, room,
         )  # fmt: skip
