@@ -6,24 +6,28 @@ from dataclasses import dataclass
 from experiments.stare import published
 from experiments.stare.anxiety import AnxietyCorrelation
 from experiments.stare.comparisons import Comparison, Descriptive
+from experiments.stare.reach import can_reach, correlation_can_reach
 
 
 @dataclass(frozen=True)
 class Agreement:
     """One published verdict beside ours.
 
-    `ours` None: not tested. Verdicts agree when both are not significant, or both are and the
-    difference (or correlation) has the same sign; the sign counts only where one is printed.
+    `ours` None: not tested. `is_decidable` False: with so few participants the test could not
+    reach its threshold, so it neither agrees nor disagrees. Verdicts agree when both are not
+    significant, or both are and the difference (or correlation) has the same sign; the sign
+    counts only where one is printed.
     """
 
     published: bool
     ours: bool | None
     same_direction: bool = True
+    is_decidable: bool = True
 
     @property
     def agrees(self) -> bool | None:
         """Tell whether the verdicts agree; None when there is none to compare."""
-        if self.ours is None:
+        if self.ours is None or not self.is_decidable:
             return None
         return self.published == self.ours and (not self.published or self.same_direction)
 
@@ -39,7 +43,7 @@ class AgreementCount:
     def __str__(self) -> str:
         text = f"{self.agree} of {self.published}"
         left = self.published - self.compared
-        return f"{text} ({left} not tested)" if left else text
+        return f"{text} ({left} undecided)" if left else text
 
 
 def condition_agreement(comparison: Comparison) -> Agreement:
@@ -51,13 +55,20 @@ def condition_agreement(comparison: Comparison) -> Agreement:
     )
     direction = (second > first) - (second < first)
     return Agreement(
-        row.is_significant, comparison.is_significant, direction == comparison.direction
+        row.is_significant,
+        comparison.is_significant,
+        direction == comparison.direction,
+        can_reach(comparison) is not False,
     )
 
 
 def place_agreement(comparison: Comparison) -> Agreement:
     """Hold a test of one place or zone against its published p."""
-    return Agreement(place_p(comparison).stars > 0, comparison.is_significant)
+    return Agreement(
+        place_p(comparison).stars > 0,
+        comparison.is_significant,
+        is_decidable=can_reach(comparison) is not False,
+    )
 
 
 def place_p(comparison: Comparison) -> published.PValue:
@@ -70,10 +81,12 @@ def place_p(comparison: Comparison) -> published.PValue:
 def anxiety_agreement(correlation: AnxietyCorrelation) -> Agreement:
     """Hold a correlation against the source: what it does not print was not significant."""
     row = published_correlation(correlation)
+    decidable = correlation_can_reach(correlation) is not False
     if row is None:
-        return Agreement(False, correlation.is_significant)
+        return Agreement(False, correlation.is_significant, is_decidable=decidable)
     r = None if correlation.outcome is None else correlation.outcome.r
-    return Agreement(True, correlation.is_significant, r is not None and r * row.r_s > 0)
+    same = r is not None and r * row.r_s > 0
+    return Agreement(True, correlation.is_significant, same, decidable)
 
 
 def published_correlation(correlation: AnxietyCorrelation) -> published.RankCorrelation | None:

@@ -22,6 +22,7 @@ from experiments.stare.comparisons import (
 )
 from experiments.stare.conclusions import Conclusion, conclude
 from experiments.stare.exclusions import Selection, select_trials
+from experiments.stare.gaze_changes import GazeChanges, gaze_changes
 from experiments.stare.positions import compare_places, compare_zones
 from experiments.stare.sensitivity import SensitivityRow, second_view, sensitivity
 from lab.errors import DataError
@@ -35,7 +36,8 @@ class StareAnalysis:
 
     `means` has one row per participant and condition. `comparisons` are the thirty tests,
     `without_rules` the same on every finished trial, without exclusions. `sensitivity` and
-    `second_view` are empty when the data for them are not there.
+    `second_view` are empty when the data for them are not there; `changes` None when the table does
+    not say what changed the agents' gaze.
     """
 
     parameters: AnalysisParameters
@@ -53,6 +55,7 @@ class StareAnalysis:
     sensitivity: tuple[SensitivityRow, ...] = field(repr=False)
     second_view: tuple[Comparison, ...] = field(repr=False)
     conclusions: tuple[Conclusion, ...]
+    changes: GazeChanges | None = None
 
     @property
     def n_participants(self) -> int:
@@ -136,6 +139,7 @@ def analyse_rows(
         sensitivity=varied,
         second_view=second_view(selection.kept, parameters),
         conclusions=conclude(comparisons, anxiety),
+        changes=gaze_changes(selection.kept),
     )
 
 

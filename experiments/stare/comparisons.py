@@ -98,7 +98,8 @@ class Comparison:
         effect = str(self.outcome.effect).replace("r_rb", "rank-biserial r")
         eta = "" if self.outcome.eta is None else f", {self.outcome.eta}"
         return (
-            f"{what} {verdict} between {names} ({first} and {second}): {kind}, "
+            f"{what} {verdict} between {names} ({first} and {second}): {kind} of "
+            f"{self.first} minus {self.second}, "
             f"n = {self.n_pairs}{incomplete}, {_statistic(self.outcome)}, "
             f"{p_text(self.outcome.p)}, {effect}{eta}; threshold "
             f"{threshold(self.threshold)} ({threshold(self.alpha)} over {self.n_tests} tests)."

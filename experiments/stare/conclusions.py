@@ -7,31 +7,50 @@ from analysis.report.blocks import Status
 from analysis.report.notation import counted, fraction
 from experiments.stare.anxiety import AnxietyCorrelation
 from experiments.stare.comparisons import Comparison, find
+from experiments.stare.reach import can_reach, correlation_can_reach
 from experiments.stare.terms import DWELL, FIXATION_COUNT
 
 STARED_AT = ("D", "AD", "DA")
 """Conditions in which the active agent looks at the participant for some time."""
 
 RULE = (
-    "An effect counts as found when dwell time and fixation count both differ significantly, "
-    "after correction, in the direction the hypothesis names; as partly found when one of them "
-    "does; otherwise as not found, which is no proof of its absence."
+    "An effect of gaze counts as found when dwell time and fixation count both differ "
+    "significantly, after correction, in the direction the hypothesis names; as partly found when "
+    "one of them does and the other does not differ significantly; as reversed when what differs "
+    "significantly does so in the other direction only; as mixed when the two measures differ "
+    "significantly in opposite directions. Less looking with more social anxiety counts as found "
+    "when dwell time falls with the score (negative Spearman coefficient, p below the uncorrected "
+    "threshold, as in the source) under D, AD and DA; as partly found when it does in one or two "
+    "of them; as reversed when it rises in at least one and falls in none; as mixed when it does "
+    "both. Otherwise the answer is “not significant” with the number of participants, "
+    "which is no proof of absence, or “undecided” when a test was not made or could not "
+    "have reached its threshold with that number whatever the data (an exact Wilcoxon test of n "
+    "differences cannot give less than p = 2/2ⁿ)."
 )
 
 
 @dataclass(frozen=True)
 class Conclusion:
-    """One question with its answer and the sentences it rests on."""
+    """One question with its answer and the sentences of all the tests it rests on.
+
+    `was_tested` is False when a test it needs could not be made at all.
+    """
 
     status: Status
     question: str
     answer: str
     evidence: tuple[str, ...]
+    was_tested: bool = True
 
     @property
     def headline(self) -> str:
         """Question and answer in one line."""
         return f"{self.question}: {self.answer}"
+
+    @property
+    def is_found(self) -> bool | None:
+        """Tell whether the effect was found in full; None when it was not tested."""
+        return self.status == "found" if self.was_tested else None
 
 
 def conclude(
@@ -50,32 +69,57 @@ def _effect(question: str, pair: tuple[str, str], comparisons: Sequence[Comparis
     tests = [find(comparisons, measure, pair) for measure in (DWELL, FIXATION_COUNT)]
     evidence = tuple(t.sentence() for t in tests)
     if any(t.outcome is None for t in tests):
-        return Conclusion("undecided", question, "not tested", evidence)
-    more = [t for t in tests if t.is_significant and t.direction > 0]
-    less = [t for t in tests if t.is_significant and t.direction < 0]
+        return Conclusion("undecided", question, "not tested", evidence, was_tested=False)
+    more = [t.measure.label.lower() for t in tests if t.is_significant and t.direction > 0]
+    less = [t.measure.label.lower() for t in tests if t.is_significant and t.direction < 0]
+    out_of_reach = [t.measure.label.lower() for t in tests if not can_reach(t)]
+    n = min(t.n_pairs for t in tests)
+    if more and less:
+        answer = f"mixed (more {more[0]}, less {less[0]})"
+        return Conclusion("not_found", question, answer, evidence)
     if less:
-        return Conclusion("not_found", question, "reversed or mixed", evidence)
+        where = "" if len(less) == len(tests) else f" for {less[0]} only"
+        return Conclusion("not_found", question, f"reversed{where}", evidence)
     if len(more) == len(tests):
         return Conclusion("found", question, "found", evidence)
     if more:
-        only = f"found for {more[0].measure.label.lower()} only"
-        return Conclusion("partly", question, only, evidence)
-    return Conclusion("not_found", question, "not found", evidence)
+        return Conclusion("partly", question, f"found for {more[0]} only", evidence)
+    return _nothing_found(question, n, out_of_reach, len(tests), evidence)
+
+
+def _nothing_found(
+    question: str, n: int, out_of_reach: Sequence[str], tests: int, evidence: tuple[str, ...]
+) -> Conclusion:
+    """Conclude without any significant test; `out_of_reach` names tests that could not be."""
+    if out_of_reach:
+        where = "" if len(out_of_reach) == tests else f" for {', '.join(out_of_reach)}"
+        answer = f"undecided: n = {n} cannot reach the threshold{where}"
+        return Conclusion("undecided", question, answer, evidence)
+    return Conclusion("not_found", question, f"not significant with n = {n}", evidence)
 
 
 def _anxiety(correlations: Sequence[AnxietyCorrelation]) -> Conclusion:
     question = "Less looking with more social anxiety"
     dwell = [c for c in correlations if c.measure == DWELL and c.condition in STARED_AT]
-    tested = [c for c in dwell if c.outcome is not None]
     evidence = tuple(c.sentence() for c in dwell)
+    tested = [(c, c.outcome.r) for c in dwell if c.outcome is not None]
     if not tested:
-        return Conclusion("undecided", question, "not tested", evidence)
-    negative = [c for c in tested if c.is_significant and c.outcome is not None and c.outcome.r < 0]
-    if not negative:
-        return Conclusion("not_found", question, "not found", evidence)
-    listed = ", ".join(
-        f"{c.condition} rs = {fraction(c.outcome.r)}" for c in negative if c.outcome is not None
-    )
-    answer = f"found in {len(negative)} of {counted(len(dwell), 'condition')} ({listed})"
-    status: Status = "found" if len(negative) == len(dwell) else "partly"
-    return Conclusion(status, question, answer, evidence)
+        return Conclusion("undecided", question, "not tested", evidence, was_tested=False)
+    falling = [(c, r) for c, r in tested if c.is_significant and r < 0]
+    rising = [(c, r) for c, r in tested if c.is_significant and r > 0]
+    if rising:
+        word = "mixed" if falling else "reversed"
+        answer = f"{word} ({_listed([*falling, *rising])})"
+        return Conclusion("not_found", question, answer, evidence)
+    if falling:
+        of_all = f"{len(falling)} of {counted(len(dwell), 'condition')}"
+        answer = f"found in {of_all} ({_listed(falling)})"
+        status: Status = "found" if len(falling) == len(dwell) else "partly"
+        return Conclusion(status, question, answer, evidence)
+    out_of_reach = [c.condition for c, _ in tested if not correlation_can_reach(c)]
+    n = min(c.n for c, _ in tested)
+    return _nothing_found(question, n, out_of_reach, len(tested), evidence)
+
+
+def _listed(found: Sequence[tuple[AnxietyCorrelation, float]]) -> str:
+    return ", ".join(f"{c.condition} rs = {fraction(r)}" for c, r in found)

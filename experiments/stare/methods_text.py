@@ -1,12 +1,21 @@
 """The method section, written from the parameters in force."""
 
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, Final
+
 from analysis.gaze.looks import LookParameters
-from analysis.report.notation import decimal, threshold
+from analysis.gaze.loss import DEFAULT_LOSS
+from analysis.report.notation import counted, decimal, percentage, threshold
+from devices.option_models import PupilCoreOptions
 from experiments.stare.analysis_parameters import AnalysisParameters
 from experiments.stare.conclusions import RULE
+from experiments.stare.design import CONDITIONS, DEFAULT_PARAMETERS, StareParameters
+from experiments.stare.gaze_changes import GazeChanges
 from experiments.stare.measures import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 from experiments.stare.published import COMPARISONS
 from experiments.stare.terms import MEASURES
+from stimuli.scenes.audience import ACTIVE_PLACES
 
 REFERENCES = (
     "Raimbaud, P., Jovane, A., Zibrek, K., Pacchierotti, C., Christie, M., Hoyet, L., Pettré, J., "
@@ -22,19 +31,119 @@ REFERENCES = (
 )
 
 
+_DIFFERENCES: Final[Mapping[str, tuple[str, str]]] = {
+    "trial_s": ("trials lasted", "s"),
+    "intertrial_s": ("the dark between trials lasted", "s"),
+    "practice_s": ("the training trial lasted", "s"),
+    "repetitions": ("repetitions of every condition at every place:", ""),
+    "look_trigger_ms": ("a look had to last this long before the gaze changed:", "ms"),
+    "switch_at_01": ("share of the trial after which the gaze changed without a look:", ""),
+}
+
+
+def study_of(parameters: Mapping[str, Any] | None) -> StareParameters:
+    """Return the study's parameters of a plan; what the plan does not name is the source's."""
+    known = {f.name for f in fields(StareParameters)}
+    return StareParameters(**{k: v for k, v in (parameters or {}).items() if k in known})
+
+
+def _plain(value: float) -> str:
+    return f"{value:g}"
+
+
+def differences_from_source(
+    study: StareParameters,
+    measures: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
+    changes: GazeChanges | None = None,
+) -> tuple[str, ...]:
+    """Return, one sentence each, what was done otherwise than in the published study."""
+    found = []
+    for name, (what, unit) in _DIFFERENCES.items():
+        here, there = getattr(study, name), getattr(DEFAULT_PARAMETERS, name)
+        if here == there:
+            continue
+        given, usual = (f"{_plain(value)} {unit}".strip() for value in (here, there))
+        found.append(f"Set for this study: {what} {given} (source: {usual}).")
+    if study.pad_deg != measures.pad_deg:
+        found.append(
+            f"Looks that changed the agent's gaze were decided with a padding of "
+            f"{_plain(study.pad_deg)}°, the measures with {_plain(measures.pad_deg)}°."
+        )
+    if study.look_trigger_ms == 0:
+        trigger = (
+            "One gaze sample on the active agent's head changes its gaze at once, so a saccade "
+            "that passes over the head is enough; the source says “first looked at” without a "
+            "minimum duration."
+        )
+    else:
+        trigger = (
+            f"A look of {_plain(study.look_trigger_ms)} ms changes the agent's gaze; the source "
+            "says “first looked at” without a minimum duration."
+        )
+    found.append(trigger if changes is None else f"{trigger} {changes.sentence()}")
+    return tuple(found)
+
+
+def confidence_rule() -> str:
+    """Return which samples a tracker's confidence makes invalid, live and on import."""
+    driver = PupilCoreOptions.model_fields["confidence_threshold_01"].default
+    return (
+        f"recorded live with a Pupil Core: confidence below {_plain(driver)} (the driver's "
+        "default, device option confidence_threshold_01) is invalid; other trackers: their own "
+        "validity. Recordings imported from elsewhere: confidence below "
+        f"{_plain(DEFAULT_LOSS.confidence_01)} is lost"
+    )
+
+
+def stamp_rule(looks: LookParameters) -> str:
+    """Return what happens to samples whose time stamps repeat or go back."""
+    repeated = (
+        "the first is kept where repeats contradict each other"
+        if looks.conflicts == "keep_first"
+        else "repeats that contradict each other are refused"
+    )
+    backward = (
+        "samples stamped earlier than the one before are sorted in"
+        if looks.backward == "sort"
+        else "samples stamped earlier than the one before are refused"
+    )
+    return (
+        f"samples that repeat a stamp are left out, {repeated}; {backward}. Counted by trial "
+        "(repeated_samples, conflicting_samples, backward_samples)"
+    )
+
+
 def method_paragraphs(
-    parameters: AnalysisParameters, measures: MeasureParameters = DEFAULT_MEASURE_PARAMETERS
+    parameters: AnalysisParameters,
+    measures: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
+    study: StareParameters = DEFAULT_PARAMETERS,
+    changes: GazeChanges | None = None,
 ) -> tuple[str, ...]:
     """Return the paragraphs: design, measures, exclusions, statistics."""
     looks: LookParameters = measures.looks
+    places, conditions = len(ACTIVE_PLACES), len(CONDITIONS)
+    n_trials = conditions * places * study.repetitions
+    per_condition = places * study.repetitions
+    if study.switch_at_01 == 0.5:
+        change = "half the trial"
+    else:
+        change = f"{percentage(study.switch_at_01, 0)} of the trial"
+    looked = "first looked at"
+    if study.look_trigger_ms:
+        looked = f"first looked at for {_plain(study.look_trigger_ms)} ms"
+    changed = "" if changes is None else f" {changes.sentence()}"
     m = len(COMPARISONS) * len(MEASURES)
     percent = f"{100 * parameters.interval_level:.0f} %"
     return (
         "Participants faced eleven seated agents while one of nine of them was the active agent. "
-        "Its gaze was averted (A), directed at the participant (D), averted until first looked at "
-        "and then directed (AD), or directed until first looked at and then averted (DA); without "
-        "a look the change came after half the trial. Each participant performed 4 conditions × 9 "
-        "places × 2 repetitions = 72 trials of 16 s in three blocks (after Raimbaud et al., 2022).",
+        f"Its gaze was averted (A), directed at the participant (D), averted until {looked} "
+        f"and then directed (AD), or directed until {looked} and then averted (DA); without "
+        f"a look the change came after {change} "
+        f"({_plain(study.trial_s * study.switch_at_01)} s). Each participant performed "
+        f"{conditions} conditions × {places} places × "
+        f"{counted(study.repetitions, 'repetition')} = {counted(n_trials, 'trial')} of "
+        f"{_plain(study.trial_s)} s in three blocks (after Raimbaud et al., 2022). "
+        f"The head's padding in the session was {_plain(study.pad_deg)}°.{changed}",
         "Gaze was on the active agent's head when its ray met the head before any occluder, or "
         f"passed it within an angular padding of {decimal(measures.pad_deg, 1)}°, limited by half "
         "the gap to the nearest head. Uninterrupted gaze on the head is a look; lost gaze of at "
@@ -43,15 +152,18 @@ def method_paragraphs(
         "fixations, shorter ones glances. Dwell time is the time of valid samples on the head, "
         "glances included; fixation count, and time and duration of the first and second fixation, "
         "follow from the fixations. A trial without the fixation in question has no value for it.",
+        f"Validity of samples – {confidence_rule()}. Time stamps – {stamp_rule(looks)}.",
         f"A trial was excluded when more than {100 * parameters.max_trial_lost_01:.0f} % of its "
         "time had no usable gaze (missing samples included), a participant when that held for "
         f"more than {100 * parameters.max_bad_trials_01:.0f} % of the trials or the mean "
         f"calibration error exceeded {decimal(parameters.max_error_deg, 1)}°.",
-        f"Each participant's trials of a condition (up to {parameters.trials_per_condition}) were "
+        f"Each participant's trials of a condition (up to {per_condition}) were "
         "averaged. Differences between two conditions were tested with paired t tests when "
         "Shapiro–Wilk did not reject their normality "
         f"(α = {threshold(parameters.normality_alpha)}), otherwise with Wilcoxon's signed-rank "
-        "test (exact). Five comparisons of six measures share a Bonferroni threshold of "
+        "test (exact). Statistics and effect sizes of a comparison A – D are of A minus D, as in "
+        "the source; figures show the second minus the first (D − A) and say so. "
+        "Five comparisons of six measures share a Bonferroni threshold of "
         f"{threshold(parameters.alpha)}/{m} = {threshold(parameters.alpha / m)}; places were "
         f"tested at {threshold(parameters.alpha)}/9 and zones at {threshold(parameters.alpha)}/3. "
         f"Effect sizes are dz and partial η² (t tests, with noncentral {percent} intervals; "

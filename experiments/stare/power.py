@@ -301,8 +301,7 @@ def _verdicts(
             found[name] = _found(compared(*_COMPARED[name]), wide)
         elif name in HYPOTHESES:
             all_ = [compared(p, m) for p in HYPOTHESIS_PAIRS for m in HYPOTHESIS_MEASURES]
-            status = conclude(all_, ())[HYPOTHESES[name]].status
-            found[name] = Found(None if status == "undecided" else status == "found")
+            found[name] = Found(conclude(all_, ())[HYPOTHESES[name]].is_found)
         else:
             outcome = correlated[_CORRELATED[name]]
             r = float("nan") if outcome.outcome is None else outcome.outcome.r

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from analysis.plots import Drawn, svg_for_page
 from analysis.report import (
@@ -26,9 +27,15 @@ from analysis.report.notation import counted
 from experiments.stare import published
 from experiments.stare import report_tables as tables
 from experiments.stare.analysis import StareAnalysis
+from experiments.stare.design import DEFAULT_PARAMETERS, StareParameters
 from experiments.stare.figures import TrialExample, study_figures
 from experiments.stare.measures import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
-from experiments.stare.methods_text import REFERENCES, method_paragraphs
+from experiments.stare.methods_text import (
+    REFERENCES,
+    differences_from_source,
+    method_paragraphs,
+    study_of,
+)
 from experiments.stare.quality_table import StareQuality
 from experiments.stare.reporting_list import reporting_table
 from experiments.stare.sensitivity import same_verdicts
@@ -45,17 +52,21 @@ def build_report(
     example: TrialExample | None = None,
     measures: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
     figures: Mapping[str, Drawn] | None = None,
+    study_parameters: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write the report and return its path.
 
-    The same input gives the same bytes. `figures` takes those already drawn for this analysis.
+    The same input gives the same bytes. `figures` takes those already drawn for this analysis,
+    `study_parameters` those of the performed plan (the source's for what it does not name).
     """
     drawn = figures if figures is not None else study_figures(analysis, quality, example)
     pictures = {
         name: Picture(svg_for_page(d), d.title, d.caption, d.alternative)
         for name, d in drawn.items()
     }
-    return write_page(report_page(analysis, quality, provenance, pictures, measures), out_path)
+    study = study_of(study_parameters)
+    page = report_page(analysis, quality, provenance, pictures, measures, study)
+    return write_page(page, out_path)
 
 
 def report_page(
@@ -64,6 +75,7 @@ def report_page(
     provenance: ReportProvenance,
     pictures: Mapping[str, Picture],
     measures: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
+    study: StareParameters = DEFAULT_PARAMETERS,
 ) -> Page:
     """Return the report as a page."""
     flow = analysis.selection.flow
@@ -76,7 +88,7 @@ def report_page(
         _robustness(analysis),
         _quality(analysis, quality, provenance, pictures, measures),
         _exclusions(analysis, quality, pictures),
-        _methods(analysis, measures),
+        _methods(analysis, measures, study),
         _provenance(provenance),
     )
     return Page(
@@ -101,8 +113,7 @@ def report_page(
 def _summary(analysis: StareAnalysis, pictures: Mapping[str, Picture]) -> Section:
     agreements = analysis.agreements
     verdicts = tuple(
-        Verdict(c.status, c.headline, " ".join(c.evidence[:2]) if i == 0 else c.evidence[0])
-        for i, c in enumerate(analysis.conclusions)
+        Verdict(c.status, c.headline, " ".join(c.evidence)) for c in analysis.conclusions
     )
     rows = tuple(
         (label, str(agreements[key]), source)
@@ -117,9 +128,19 @@ def _summary(analysis: StareAnalysis, pictures: Mapping[str, Picture]) -> Sectio
         (Column("Family of tests"), Column("Verdicts that agree", "right"), Column("Published in")),
         rows,
         "Agreement with the published study",
-        "Verdicts agree when both are not significant, or both are, in the same direction.",
+        "Verdicts agree when both are not significant, or both are, in the same direction. "
+        "Undecided: not tested, or so few participants that the test cannot reach its threshold.",
     )
-    return Section("summary", "Result", (Verdicts(verdicts), pictures["effect"], agreement))
+    blocks: list[Block] = [Verdicts(verdicts), pictures["effect"]]
+    if analysis.n_participants < published.PARTICIPANTS:
+        blocks.append(
+            Paragraph(
+                f"With {counted(analysis.n_participants, 'participant')} instead of the source's "
+                f"{published.PARTICIPANTS}, verdicts that differ mainly reflect lower statistical "
+                "power; compare means and effect sizes first."
+            )
+        )
+    return Section("summary", "Result", (*blocks, agreement))
 
 
 def _gaze(analysis: StareAnalysis, pictures: Mapping[str, Picture]) -> Section:
@@ -235,14 +256,19 @@ def _fold_if_long(
     return table if len(rows) <= 15 else Fold(f"{caption}: {len(rows)} rows", (table,))
 
 
-def _methods(analysis: StareAnalysis, measures: MeasureParameters) -> Section:
-    paragraphs = method_paragraphs(analysis.parameters, measures)
+def _methods(
+    analysis: StareAnalysis, measures: MeasureParameters, study: StareParameters
+) -> Section:
+    paragraphs = method_paragraphs(analysis.parameters, measures, study, analysis.changes)
+    differences = differences_from_source(study, measures, analysis.changes)
     slips = tuple(f"{slip.where}: {slip.what}." for slip in published.INCONSISTENCIES)
     return Section(
         "methods",
         "Methods",
         (
             *(Paragraph(p) for p in paragraphs),
+            Paragraph("Differences from the source:"),
+            Bullets(differences),
             Fold("What does not fit in the published numbers", (Bullets(slips),)),
             Fold("References", (Bullets(REFERENCES),)),
         ),

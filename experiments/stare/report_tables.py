@@ -75,12 +75,12 @@ def comparison_table(analysis: StareAnalysis, pair: tuple[str, str]) -> Table:
         Column("", "centre", HERE),
         Column(second, "right", HERE),
         Column("n", "right", HERE),
-        Column("Statistic", "right", HERE),
+        Column(f"Statistic, {first} − {second}", "right", HERE),
         Column("p", "right", HERE),
         Column("", "tight", HERE),
-        Column("Effect [95 % CI]", "right", HERE),
+        Column(f"Effect, {first} − {second} [95 % CI]", "right", HERE),
         Column("η²p", "right", HERE),
-        Column("t", "right", PRINTED),
+        Column(f"t, {first} − {second}", "right", PRINTED),
         Column("p", "right", PRINTED),
         Column("", "tight", PRINTED),
         Column("η²p", "right", PRINTED),
@@ -160,6 +160,10 @@ def _effect(effect: Effect) -> str:
 
 def verdict_cell(found: Agreement) -> Cell:
     """Return how our verdict stands to the published one."""
+    if found.ours is not None and not found.is_decidable:
+        return Cell(
+            "? undecided", "weak", "with so few participants the test cannot reach its threshold"
+        )
     if found.agrees is None:
         return Cell("not tested", "weak")
     if found.agrees:
@@ -197,7 +201,7 @@ def places_table(analysis: StareAnalysis) -> Table:
         tuple(columns),
         tuple(rows),
         "Averted against directed gaze at each place of the active agent",
-        f"Mean of two trials per participant and cell; threshold {limit} (alpha over nine "
+        f"Mean over participants of their trials in the cell; threshold {limit} (alpha over nine "
         "places). Published: table A.4. Statistics and effect sizes are in statistics.csv.",
     )
 
@@ -226,7 +230,7 @@ def zones_table(analysis: StareAnalysis) -> Table:
         tuple(rows),
         "First fixation time by zone of the active agent",
         f"Threshold {limit} (alpha over three zones). Published: table A.5. ✓ same verdict, "
-        "✗ different, n not tested.",
+        "✗ different, ? undecided, n not tested.",
     )
 
 
@@ -271,14 +275,15 @@ def anxiety_table(analysis: StareAnalysis) -> Table:
                 Cell(verdict.text[:1], verdict.mark, verdict.text),
             ]
         rows.append(tuple(row))
-    n = max((c.n for c in analysis.anxiety), default=0)
+    sizes = sorted({c.n for c in analysis.anxiety})
+    n = f"n = {sizes[0]}" if len(sizes) == 1 else f"n = {sizes[0]} to {sizes[-1]}, by measure"
     return Table(
         tuple(columns),
         tuple(rows),
         "Spearman correlations with the social anxiety score",
-        f"n ≤ {n}. p uncorrected with threshold {threshold(analysis.parameters.alpha)}, as in the "
+        f"{n}. p uncorrected with threshold {threshold(analysis.parameters.alpha)}, as in the "
         "source; Holm-adjusted values are in statistics.csv. n.s.: the source states no "
-        "correlation. ✓ same verdict, ✗ different, n not tested.",
+        "correlation. ✓ same verdict, ✗ different, ? undecided, n not tested.",
     )
 
 
@@ -286,7 +291,7 @@ def sensitivity_table(analysis: StareAnalysis) -> Table:
     """Return the main results for other paddings and minimum durations."""
     columns = (
         Column("Padding (°)", "right"),
-        Column("Minimum (ms)", "right"),
+        Column("Minimum fixation (ms)", "right"),
         Column("A", "right", "Dwell time (ms)"),
         Column("D", "right", "Dwell time (ms)"),
         Column("p", "right", "Dwell time (ms)"),
@@ -294,7 +299,7 @@ def sensitivity_table(analysis: StareAnalysis) -> Table:
         Column("D", "right", "Fixation count"),
         Column("p", "right", "Fixation count"),
         Column("Significant", "right", "Thirty tests"),
-        Column("Same verdict as main", "right", "Thirty tests"),
+        Column("Verdict as in the main analysis", "right", "Thirty tests"),
     )
     rows = tuple(
         (
@@ -318,7 +323,8 @@ def sensitivity_table(analysis: StareAnalysis) -> Table:
         columns,
         rows,
         "Sensitivity to the angular padding of heads and to the minimum fixation",
-        "A averted, D directed; the same trials as in the main analysis.",
+        "A averted, D directed; p of A against D, before correction; the same trials as in the "
+        "main analysis.",
     )
 
 
@@ -353,7 +359,8 @@ def second_view_table(tests: Sequence[Comparison]) -> Table:
         columns,
         rows,
         "Second view: fixations detected by velocity and by dispersion",
-        "Fixations with most of their samples on the active agent; alpha over five comparisons.",
+        "Number of fixations per trial with most of their samples on the active agent; alpha is "
+        "shared by the five comparisons of a measure.",
     )
 
 

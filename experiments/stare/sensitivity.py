@@ -22,8 +22,10 @@ from lab.errors import DataError
 PAD_COLUMN = "pad_deg"
 MINIMUM_COLUMN = "minimum_fixation_ms"
 SECOND_VIEW_MEASURES = (
-    Measure(IVT + "on_active_count", "Fixations on the agent, by velocity (I-VT)", "", 2),
-    Measure(IDT + "on_active_count", "Fixations on the agent, by dispersion (I-DT)", "", 2),
+    Measure(IVT + "on_active_count", "Number of fixations on the agent by velocity (I-VT)", "", 2),
+    Measure(
+        IDT + "on_active_count", "Number of fixations on the agent by dispersion (I-DT)", "", 2
+    ),
 )
 
 

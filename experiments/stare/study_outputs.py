@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -42,13 +43,14 @@ def analyse_study(
     sensitivity_rows: pd.DataFrame | None = None,
     example: TrialExample | None = None,
     facts: Mapping[str, str] | None = None,
+    study_parameters: Mapping[str, Any] | None = None,
     allow_mixture: bool = False,
 ) -> StudyOutputs:
     """Analyse a study and write trials, participants, statistics, figures and the report.
 
     Tables as `analyse_rows` takes them. `facts` answers items of the eye-tracking reporting list
-    (keys of `reporting_list.SETUP_ITEMS`). Files of the same name are replaced; the same input
-    gives the same bytes.
+    (keys of `reporting_list.SETUP_ITEMS`); `study_parameters` are the performed plan's. Files of
+    the same name are replaced; the same input gives the same bytes.
     """
     analysis = analyse_rows(
         trials,
@@ -80,6 +82,7 @@ def analyse_study(
         out_dir / REPORT_NAME,
         measures=measures,
         figures=drawn,
+        study_parameters=study_parameters,
     )
     return StudyOutputs(analysis, report, tables, figures)
 

@@ -177,11 +177,13 @@ def test_effect_is_found_only_with_both_dwell_time_and_fixation_count():
     assert dwell_only[0].status == "partly"
 
 
-def test_no_effect_is_reported_as_not_found():
+def test_no_effect_is_reported_as_not_significant_with_n():
     rows = study_rows(12, effect=False, seed=5)
     found = analyse_rows(rows, anxiety_answers(12), is_simulated=True)
 
-    assert found.conclusions[0].headline == "Stare-in-the-crowd effect: not found"
+    assert found.conclusions[0].headline == (
+        "Stare-in-the-crowd effect: not significant with n = 12"
+    )
 
 
 @pytest.mark.parametrize("participants", [1, 2])

@@ -1,0 +1,124 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.stare import agreement
+from experiments.stare.analysis_parameters import DEFAULT_PARAMETERS
+from experiments.stare.anxiety import correlate_anxiety
+from experiments.stare.comparisons import compare
+from experiments.stare.conclusions import RULE, STARED_AT, conclude
+from experiments.stare.reach import can_reach, correlation_can_reach
+from experiments.stare.terms import DWELL, FIXATION_COUNT, MEASURES
+
+PAIRS = (("A", "D"), ("A", "AD"), ("A", "DA"))
+
+
+def skewed(n):
+    """Differences that Shapiro-Wilk rejects at n = 8 and above: one far from the others."""
+    return np.append(np.linspace(1.0, 2.0, n - 1), 5000.0)
+
+
+def made_tests(difference, *, sign_of_count=1.0):
+    n = len(difference)
+    rng = np.random.default_rng(4)
+    base = rng.normal(500, 50, n)
+    frames = []
+    for condition in ("A", "D", "AD", "DA"):
+        lifted = base + (0 if condition == "A" else difference)
+        count = base + (0 if condition == "A" else sign_of_count * difference)
+        frame = pd.DataFrame({"participant": [f"S{i}" for i in range(n)], "condition": condition})
+        for measure in MEASURES:
+            frame[measure.column] = count if measure == FIXATION_COUNT else lifted
+        frames.append(frame)
+    means = pd.concat(frames, ignore_index=True)
+    return [
+        compare(means, m, pair, DEFAULT_PARAMETERS, family="conditions", n_tests=30)
+        for pair in PAIRS
+        for m in (DWELL, FIXATION_COUNT)
+    ]
+
+
+def test_exact_signed_rank_of_eight_cannot_reach_the_threshold():
+    tests = made_tests(skewed(8))
+
+    assert not any(t.outcome.is_parametric for t in tests)
+    assert tests[0].outcome.p == pytest.approx(2 / 2**8)
+    assert [can_reach(t) for t in tests] == [False] * 6
+    assert conclude(tests, ())[0].headline == (
+        "Stare-in-the-crowd effect: undecided: n = 8 cannot reach the threshold"
+    )
+
+
+def test_exact_signed_rank_of_eleven_reaches_the_threshold():
+    tests = made_tests(skewed(11))
+
+    assert can_reach(tests[0]) is True
+    assert conclude(tests, ())[0].status == "found"
+
+
+def test_unreachable_test_neither_agrees_nor_disagrees():
+    found = agreement.condition_agreement(made_tests(skewed(8))[0])
+
+    assert found.agrees is None
+    assert str(agreement.count([found])) == "0 of 1 (1 undecided)"
+
+
+def test_undecided_by_number_still_counts_as_tested():
+    conclusion = conclude(made_tests(skewed(8)), ())[0]
+
+    assert conclusion.status == "undecided"
+    assert conclusion.is_found is False
+
+
+def test_measures_that_differ_in_opposite_directions_are_mixed():
+    difference = np.random.default_rng(2).normal(300, 20, 12)
+    found = conclude(made_tests(difference, sign_of_count=-1.0), ())[0]
+
+    assert found.answer == "mixed (more dwell time, less fixation count)"
+
+
+def test_less_looking_at_directed_gaze_is_reversed():
+    difference = np.random.default_rng(2).normal(-300, 20, 12)
+
+    assert conclude(made_tests(difference), ())[0].answer == "reversed"
+
+
+def test_conclusion_rests_on_dwell_time_and_fixation_count():
+    found = conclude(made_tests(np.random.default_rng(2).normal(300, 20, 12)), ())[0]
+
+    assert [e.split()[0] for e in found.evidence] == ["Dwell", "Fixation"]
+    assert all("A minus D" in e for e in found.evidence)
+
+
+def correlations(order, n):
+    scores = pd.Series(np.arange(n, dtype=float), index=[f"S{i}" for i in range(n)])
+    rows = [
+        {"participant": f"S{i}", "condition": c, **{m.column: v for m in MEASURES}}
+        for c in ("A", "D", "AD", "DA")
+        for i, v in enumerate(order(c))
+    ]
+    return correlate_anxiety(pd.DataFrame(rows), scores, DEFAULT_PARAMETERS)
+
+
+def test_rising_dwell_time_with_anxiety_is_reversed_and_both_is_mixed():
+    up, down = np.arange(8.0), np.arange(8.0)[::-1]
+    rising = conclude(made_tests(skewed(8)), correlations(lambda _: up, 8))[-1]
+    both = conclude(made_tests(skewed(8)), correlations(lambda c: up if c == "AD" else down, 8))[-1]
+
+    assert rising.answer.startswith("reversed (D rs = 1.00")
+    assert both.answer.startswith("mixed")
+    assert len(both.evidence) == len(STARED_AT)
+
+
+def test_four_participants_cannot_decide_a_correlation():
+    found = correlations(lambda _: np.array([2.0, 1.0, 4.0, 3.0]), 4)
+
+    assert correlation_can_reach(found[0]) is False
+    assert conclude(made_tests(skewed(8)), found)[-1].answer == (
+        "undecided: n = 4 cannot reach the threshold"
+    )
+
+
+@pytest.mark.parametrize("word", ["reversed", "mixed", "social anxiety", "undecided", "partly"])
+def test_rule_names_every_answer(word):
+    assert word in RULE
