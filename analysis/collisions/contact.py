@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from analysis.collisions.columns import Crossings
 from analysis.collisions.meshes import Faces
+from analysis.collisions.tiles import Crossings
 from lab.compiled import compiled
 from lab.geometry import Vector
 
