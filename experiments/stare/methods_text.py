@@ -72,13 +72,12 @@ def differences_from_source(
     if study.look_trigger_ms == 0:
         trigger = (
             "One gaze sample on the active agent's head changes its gaze at once, so a saccade "
-            "that passes over the head is enough; the source says “first looked at” without a "
-            "minimum duration."
+            "that passes over the head is enough: this platform's reading of “first looked at”."
         )
     else:
         trigger = (
-            f"A look of {_plain(study.look_trigger_ms)} ms changes the agent's gaze; the source "
-            "says “first looked at” without a minimum duration."
+            f"A look of {_plain(study.look_trigger_ms)} ms changes the agent's gaze: this "
+            "platform's reading of “first looked at”."
         )
     found.append(trigger if changes is None else f"{trigger} {changes.sentence()}")
     return tuple(found)

@@ -5,8 +5,17 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
+from analysis.report.notation import counted, decimal
 from experiments.stare.exclusions import ERROR_COLUMN, LOSS_COLUMN, Selection, mean_error_deg
+from protocol.questionnaires import load_questionnaire
 
+END_ACCURACY, DRIFT, REJECTED = "end_accuracy_deg", "drift_deg", "rejected_validations"
+SESSION_COLUMNS = (END_ACCURACY, DRIFT, REJECTED)
+"""Optional columns of the participants' answers: the validation after the last trial, how far it
+lies from the one before, validations that did not pass."""
+
+VISION_COLUMN = "vision"
+VISION_QUESTIONNAIRE = "demographics"
 QUALITY_COLUMNS = ("accuracy_deg", "precision_deg", "lost_01")
 
 
@@ -15,7 +24,8 @@ class StareQuality:
     """Quality as the report shows it.
 
     `participants` has one row each: participant, accuracy_deg, precision_deg, worst_point_deg,
-    lost_01, calibrations, trials, trials_out; NaN where unknown. `facts` adds lines of the
+    lost_01, calibrations, trials, trials_out; NaN where unknown; and those of `SESSION_COLUMNS`
+    that the answers have. `facts` adds lines of the
     reporting list that recordings answer (tracker, rates, filters). `incidents` lists
     interruptions and deviations as participant, what, reason.
     """
@@ -31,8 +41,14 @@ def quality_of_trials(
     *,
     max_trial_lost_01: float,
     facts: Mapping[str, str] | None = None,
+    people: pd.DataFrame | None = None,
+    max_error_deg: float | None = None,
 ) -> StareQuality:
-    """Take the quality from the calibration and loss columns of the trial table."""
+    """Take the quality from the calibration and loss columns of the trial table.
+
+    `people` are the participants' answers: their vision and, where known, `SESSION_COLUMNS`. An
+    error above `max_error_deg` at the end of a session is listed as an incident.
+    """
     rows = []
     for name, part in selection.complete.groupby("participant", sort=True):
         distinct = (
@@ -52,23 +68,72 @@ def quality_of_trials(
                 "trials_out": int((~(part[LOSS_COLUMN] <= max_trial_lost_01)).sum()),
             }
         )
-    return StareQuality(
-        pd.DataFrame(
-            rows,
-            columns=[
-                "participant",
-                "accuracy_deg",
-                "precision_deg",
-                "worst_point_deg",
-                "lost_01",
-                "calibrations",
-                "trials",
-                "trials_out",
-            ],
-        ),
-        dict(facts or {}),
-        _incidents(trials),
+    table = pd.DataFrame(
+        rows,
+        columns=[
+            "participant",
+            "accuracy_deg",
+            "precision_deg",
+            "worst_point_deg",
+            "lost_01",
+            "calibrations",
+            "trials",
+            "trials_out",
+        ],
     )
+    known = _people(people)
+    optional = [c for c in SESSION_COLUMNS if c in known]
+    if optional:
+        table = table.merge(known[["participant", *optional]], on="participant", how="left")
+    vision = _vision(known, set(table["participant"]))
+    return StareQuality(
+        table,
+        ({"vision": vision} if vision else {}) | dict(facts or {}),
+        (*_incidents(trials), *_calibration_incidents(table, max_error_deg)),
+    )
+
+
+def _people(people: pd.DataFrame | None) -> pd.DataFrame:
+    if people is None or "participant" not in people:
+        return pd.DataFrame(columns=["participant"])
+    return people.assign(participant=people["participant"].astype(str))
+
+
+def _vision(people: pd.DataFrame, included: set[str]) -> str:
+    """Return how many gave each answer about their eyesight, in words; empty when nobody did."""
+    if VISION_COLUMN not in people:
+        return ""
+    answers = people.loc[people["participant"].isin(included), VISION_COLUMN]
+    if not answers.notna().any():
+        return ""
+    questionnaire = load_questionnaire(VISION_QUESTIONNAIRE)
+    options = next(
+        q.scale.options for q in questionnaire.questions() if q.question_id == VISION_COLUMN
+    )
+    given = answers.dropna().astype(int).tolist()
+    parts = [
+        f"{given.count(value)} {options.get(value, f'answer {value}')}"
+        for value in sorted(set(given))
+    ]
+    silent = int(answers.isna().sum())
+    return ", ".join([*parts, *([f"{silent} without an answer"] if silent else [])])
+
+
+def _calibration_incidents(
+    table: pd.DataFrame, max_error_deg: float | None
+) -> list[tuple[str, str, str]]:
+    found = []
+    for row in table.to_dict("records"):
+        who = str(row["participant"])
+        rejected, end = row.get(REJECTED), row.get(END_ACCURACY)
+        if rejected is not None and rejected == rejected and rejected > 0:
+            what = counted(int(rejected), "validation") + " rejected"
+            found.append((who, what, "did not meet the thresholds; calibrated again"))
+        if max_error_deg is not None and end is not None and end == end and end > max_error_deg:
+            what = "large error at the end of the session"
+            why = f"{decimal(end, 2)}°, limit {decimal(max_error_deg, 1)}°"
+            found.append((who, what, why))
+    return found
 
 
 def _mean(rows: pd.DataFrame, column: str) -> float:

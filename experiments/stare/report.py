@@ -37,6 +37,7 @@ from experiments.stare.methods_text import (
     study_of,
 )
 from experiments.stare.quality_table import StareQuality
+from experiments.stare.report_quality import quality_table
 from experiments.stare.reporting_list import reporting_table
 from experiments.stare.sensitivity import same_verdicts
 
@@ -214,7 +215,7 @@ def _quality(
         (
             pictures["quality"],
             reporting_table(analysis, quality, provenance, measures),
-            Fold("Every participant", (tables.quality_table(quality),)),
+            Fold("Every participant", (quality_table(quality),)),
         ),
     )
 

@@ -21,7 +21,6 @@ from experiments.stare.analysis import StareAnalysis
 from experiments.stare.comparisons import Comparison, find
 from experiments.stare.design import CONDITIONS, ZONES
 from experiments.stare.positions import PLACE_MEASURES
-from experiments.stare.quality_table import StareQuality
 from experiments.stare.terms import CONDITION_NAMES, FIRST_TIME, MEASURES
 from stimuli.scenes.audience import ACTIVE_PLACES
 
@@ -362,34 +361,6 @@ def second_view_table(tests: Sequence[Comparison]) -> Table:
         "Number of fixations per trial with most of their samples on the active agent; alpha is "
         "shared by the five comparisons of a measure.",
     )
-
-
-def quality_table(quality: StareQuality) -> Table:
-    """Return accuracy, precision and loss by participant."""
-    columns = (
-        Column("Participant"),
-        Column("Accuracy (°)", "right"),
-        Column("Worst point (°)", "right"),
-        Column("Precision (° RMS-S2S)", "right"),
-        Column("Lost gaze", "right"),
-        Column("Validations in force", "right"),
-        Column("Trials finished", "right"),
-        Column("Trials over the limit", "right"),
-    )
-    rows = tuple(
-        (
-            str(r["participant"]),
-            decimal(r["accuracy_deg"], 2),
-            decimal(r["worst_point_deg"], 2),
-            decimal(r["precision_deg"], 2),
-            percentage(r["lost_01"]),
-            str(r["calibrations"]),
-            str(r["trials"]),
-            str(r["trials_out"]),
-        )
-        for r in quality.participants.to_dict("records")
-    )
-    return Table(columns, rows, "Data quality by participant")
 
 
 def _signed_percentage(share_01: float) -> str:

@@ -2,15 +2,25 @@
 
 from collections.abc import Mapping
 
+import numpy as np
 import pandas as pd
 
 from analysis.report import Cell, Column, ReportProvenance, Table
 from analysis.report.notation import MISSING, counted, decimal, percentage
 from experiments.stare.analysis import StareAnalysis
 from experiments.stare.measures import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
-from experiments.stare.quality_table import StareQuality
+from experiments.stare.methods_text import confidence_rule, stamp_rule
+from experiments.stare.quality_table import DRIFT, END_ACCURACY, REJECTED, StareQuality
+from stimuli.scenes.audience import PARTICIPANT_EYE_M, SEATS
 
 OPEN = "not recorded – to be filled in by the lab"
+FILL_IN = "to be filled in by the lab"
+
+PARTLY: Mapping[str, str] = {
+    "eye_tracker": "software and its version",
+    "display": "resolution and field of view",
+}
+"""What recordings cannot say of an item they answer in part."""
 
 SETUP_ITEMS = (
     ("eye_tracker", "Eye tracker: manufacturer, model, software"),
@@ -33,15 +43,14 @@ def reporting_table(
     measures: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
 ) -> Table:
     """Return the list with every answer the data give, and what is left to the lab."""
-    facts: Mapping[str, str] = {**quality.facts, **provenance.setup}
     rows: list[tuple[Cell | str, ...]] = [
-        (label, Cell(facts[key]) if facts.get(key) else Cell(OPEN, "differ"))
-        for key, label in SETUP_ITEMS
+        (label, _setup_cell(key, quality.facts, provenance.setup)) for key, label in SETUP_ITEMS
     ]
     flow, parameters = analysis.selection.flow, analysis.parameters
     table = quality.participants
     rows += [
         ("Accuracy, mean over participants (range)", _range(table, "accuracy_deg")),
+        *_at_the_end(table),
         ("Precision, RMS sample to sample (range)", _range(table, "precision_deg")),
         (
             "Data loss, of the trial time (range)",
@@ -67,6 +76,14 @@ def reporting_table(
             f"{decimal(measures.looks.bridge_ms, 0)} ms bridged",
         ),
         (
+            "Samples counted as lost",
+            confidence_rule(),
+        ),
+        (
+            "Time stamps that repeat or go back",
+            stamp_rule(measures.looks),
+        ),
+        (
             "Exclusion limits, set before analysis",
             f"{100 * parameters.max_trial_lost_01:.0f} % loss per trial; "
             f"{100 * parameters.max_bad_trials_01:.0f} % of trials; "
@@ -75,13 +92,57 @@ def reporting_table(
         ("Analysis software", ", ".join(f"{k} {v}" for k, v in provenance.versions.items())),
     ]
     left = sum(isinstance(r[1], Cell) and r[1].text == OPEN for r in rows)
-    note = f"{counted(left, 'item')} left to the lab." if left else "Every item is answered."
+    partly = sum(isinstance(r[1], Cell) and r[1].text.endswith(f": {FILL_IN}") for r in rows)
+    open_items = [
+        *([f"{counted(left, 'item')} left to the lab"] if left else []),
+        *([f"{counted(partly, 'item')} partly open"] if partly else []),
+    ]
+    note = f"{', '.join(open_items)}." if open_items else "Every item is answered."
     return Table(
         (Column("Item"), Column("This study")),
         tuple((r[0], r[1] or MISSING) for r in rows),
         "Eye tracking, minimal reporting list (Dunn et al., 2024)",
         note,
     )
+
+
+def _setup_cell(key: str, recorded: Mapping[str, str], given: Mapping[str, str]) -> Cell:
+    """Return an item's answer; the lab's counts as whole, a recording's may be a part."""
+    if given.get(key):
+        return Cell(given[key])
+    known = recorded.get(key, "")
+    if key == "viewing":
+        if known:
+            return Cell(f"{known}; {_distances()}")
+        return Cell(f"{_distances()}; posture and head restraint: {FILL_IN}", "differ")
+    if not known:
+        return Cell(OPEN, "differ")
+    if key in PARTLY:
+        return Cell(f"{known}; {PARTLY[key]}: {FILL_IN}", "differ")
+    return Cell(known)
+
+
+def _distances() -> str:
+    eye_height_m = float(PARTICIPANT_EYE_M[1])
+    far = [float(np.hypot(s.distance_m, s.head_height_m - eye_height_m)) for s in SEATS.values()]
+    return (
+        f"agents' heads {decimal(min(far), 1)} to {decimal(max(far), 1)} m from the eyes "
+        "(seating plan)"
+    )
+
+
+def _at_the_end(table: pd.DataFrame) -> list[tuple[Cell | str, ...]]:
+    rows: list[tuple[Cell | str, ...]] = []
+    if END_ACCURACY in table:
+        rows.append(("Accuracy at the end of the session (range)", _range(table, END_ACCURACY)))
+    if DRIFT in table:
+        rows.append(("Drift to the end of the session (range)", _range(table, DRIFT)))
+    if REJECTED in table:
+        known = table[REJECTED].dropna().astype(float)
+        people = counted(int((known > 0).sum()), "participant")
+        text = f"{int(known.sum())}, of {people}" if len(known) else "not recorded"
+        rows.append(("Validations rejected", text))
+    return rows
 
 
 def _range(table: pd.DataFrame, column: str, *, share: bool = False) -> str:

@@ -65,6 +65,8 @@ def analyse_study(
         analysis.selection,
         max_trial_lost_01=parameters.max_trial_lost_01,
         facts=facts,
+        people=answers,
+        max_error_deg=parameters.max_error_deg,
     )
     drawn = study_figures(analysis, quality, example)
     try:
@@ -97,7 +99,8 @@ def write_tables(
     trials["is_analysed"] = _is_analysed(analysis, trials)
     people = quality.participants
     if "participant" in answers:
-        known = answers.assign(participant=answers["participant"].astype(str))
+        twice = [c for c in answers if c in people and c != "participant"]
+        known = answers.drop(columns=twice).assign(participant=answers["participant"].astype(str))
         people = people.merge(known, on="participant", how="outer", sort=True)
     out = {e.participant: e.reason for e in analysis.selection.excluded if e.trial_id is None}
     people = people.assign(excluded=[out.get(str(p), "") for p in people["participant"]])

@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+
+from analysis.report import ReportProvenance
+from experiments.stare.analysis import analyse_rows
+from experiments.stare.quality_table import quality_of_trials
+from experiments.stare.report_quality import quality_table
+from experiments.stare.reporting_list import FILL_IN, OPEN, reporting_table
+from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
+
+
+@pytest.fixture(scope="module")
+def analysis():
+    return analyse_rows(study_rows(3), anxiety_answers(3), is_simulated=True)
+
+
+def people(**columns):
+    return anxiety_answers(3).assign(**columns)
+
+
+def quality_of(analysis, answers, **options):
+    return quality_of_trials(
+        analysis.trials, analysis.selection, max_trial_lost_01=0.3, people=answers, **options
+    )
+
+
+def listed(analysis, quality, setup=None):
+    provenance = ReportProvenance("stare", "1", "", setup=setup or {})
+    table = reporting_table(analysis, quality, provenance)
+    cells = {str(r[0]): r[1] for r in table.rows}
+    return {k: c if isinstance(c, str) else c.text for k, c in cells.items()}, table.note
+
+
+def test_end_of_session_and_rejected_validations_are_shown(analysis):
+    answers = people(
+        end_accuracy_deg=[0.8, 3.0, np.nan],
+        drift_deg=[0.25, 1.5, np.nan],
+        rejected_validations=[0, 2, 0],
+    )
+    quality = quality_of(analysis, answers, max_error_deg=2.5)
+    rows = quality_table(quality).rows
+    items, _ = listed(analysis, quality)
+
+    assert rows[1][-3:] == ("3.00", "1.50", "2")
+    assert rows[2][-3:] == ("–", "–", "0")
+    assert quality.incidents == (
+        ("S02", "2 validations rejected", "did not meet the thresholds; calibrated again"),
+        ("S02", "large error at the end of the session", "3.00°, limit 2.5°"),
+    )
+    assert items["Validations rejected"] == "2, of 1 participant"
+    assert items["Drift to the end of the session (range)"].startswith("0.88°")
+
+
+def test_without_those_columns_nothing_is_added(analysis):
+    quality = quality_of(analysis, people())
+
+    assert len(quality_table(quality).columns) == 8
+    assert "Validations rejected" not in listed(analysis, quality)[0]
+
+
+def test_vision_is_counted_in_the_words_of_the_questionnaire(analysis):
+    quality = quality_of(analysis, people(vision=[1, 2, None]))
+
+    assert quality.facts["vision"] == (
+        "1 normal without correction, 1 corrected with contact lenses, 1 without an answer"
+    )
+
+
+def test_vision_nobody_answered_stays_open(analysis):
+    quality = quality_of(analysis, people(vision=[None, None, None]))
+
+    assert listed(analysis, quality)[0]["Participants' vision and correction"] == OPEN
+
+
+def test_items_answered_in_part_are_marked_and_counted(analysis):
+    facts = {"display": "Vive Pro, 90 Hz", "viewing": "seated, head free"}
+    items, note = listed(analysis, quality_of(analysis, None, facts=facts))
+    display = items["Display: device, resolution, field of view, refresh rate"]
+    viewing = items["Viewing conditions: posture, head restraint, distance to the agents"]
+
+    assert display == f"Vive Pro, 90 Hz; resolution and field of view: {FILL_IN}"
+    assert viewing == "seated, head free; agents' heads 1.4 to 4.2 m from the eyes (seating plan)"
+    assert note == "8 items left to the lab, 1 item partly open."
+
+
+def test_what_the_lab_filled_in_is_whole(analysis):
+    setup = {"display": "Vive Pro, 1440 × 1600 per eye, 98°, 90 Hz"}
+    items, _ = listed(analysis, quality_of(analysis, None, facts={"display": "Vive Pro"}), setup)
+
+    assert setup["display"] in items.values()
+
+
+def test_confidence_and_stamps_have_a_row_each(analysis):
+    items, _ = listed(analysis, quality_of(analysis, None))
+
+    assert "0.6" in items["Samples counted as lost"]
+    assert "0.25" in items["Samples counted as lost"]
+    assert "sorted in" in items["Time stamps that repeat or go back"]
