@@ -37,7 +37,8 @@ class TrialExample:
 
     `t_ms` (n,) from the trial's start; `angle_deg` (n,) from the gaze to the head's centre, NaN
     where lost; `radius_deg` the head's angular radius with padding; `looks_ms` onset and duration
-    of each look, with whether it is a fixation; `switch_ms` when the agent's gaze changed.
+    of each look, with whether it is a fixation; `switch_ms` when the agent's gaze changed;
+    `end_ms` when the trial ended (None: with the last sample).
     """
 
     label: str
@@ -46,6 +47,7 @@ class TrialExample:
     radius_deg: float
     looks_ms: Sequence[tuple[float, float, bool]]
     switch_ms: float | None = None
+    end_ms: float | None = None
 
 
 def study_figures(
@@ -61,7 +63,8 @@ def study_figures(
             lambda: _effect(analysis),
             title="Averted against directed gaze",
             caption=f"Each line is one participant (mean over trials; {n}). Discs are means with "
-            f"{level} confidence intervals; the right-hand panels show directed minus averted. "
+            f"{level} confidence intervals; the right-hand panels show directed minus averted "
+            "(D − A; the tests in the text are of A − D). "
             "Open diamonds: published means (dashed: ± SD).",
             alternative="Dwell time and fixation count of each participant under averted and "
             "directed gaze, and their differences.",
@@ -82,7 +85,9 @@ def study_figures(
             "differences",
             lambda: _differences(analysis),
             title="Differences between conditions",
-            caption=f"Each dot is one participant's difference; discs are means with {level} "
+            caption="Each dot is one participant's difference, the second condition minus the "
+            "first (D − A; the tables' statistics are of A − D). "
+            f"Discs are means with {level} "
             "confidence intervals, open diamonds the published difference of means. Stars: "
             "significance after Bonferroni over 30 tests (.05, .01, .001).",
             alternative="Six panels, one per measure, with participants' differences for the "
@@ -320,7 +325,10 @@ def _trial(example: TrialExample) -> Figure:
         axes.text(x, 1.04 * top, " gaze changes", va="top", fontsize=9.5)
     axes.axhline(0, color=GREY, linewidth=0.6)
     axes.set_ylim(-0.13 * top, 1.08 * top)
-    axes.set_xlim(left=0)
+    end_ms = example.end_ms
+    if end_ms is None and example.t_ms.size:
+        end_ms = float(example.t_ms[-1])
+    axes.set_xlim(0, None if end_ms is None else end_ms / 1000)
     axes.set_xlabel("Time from the start of the trial (s)")
     axes.set_ylabel("Angle to the head (°)")
     return figure

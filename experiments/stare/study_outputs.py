@@ -16,6 +16,8 @@ from experiments.stare.figures import TrialExample, study_figures
 from experiments.stare.measures import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 from experiments.stare.quality_table import StareQuality, quality_of_trials
 from experiments.stare.report import build_report
+from experiments.stare.table_dictionaries import write_table_dictionary
+from experiments.stare.table_types import typed_trials
 from lab.errors import UsageError
 
 REPORT_NAME = "report.html"
@@ -92,11 +94,15 @@ def analyse_study(
 def write_tables(
     analysis: StareAnalysis, quality: StareQuality, answers: pd.DataFrame, out_dir: Path
 ) -> tuple[Path, ...]:
-    """Write trials (CSV, Parquet), participants, condition means, statistics, sensitivity."""
+    """Write trials (CSV, Parquet), participants, condition means, statistics, sensitivity.
+
+    Each has a JSON dictionary of its columns beside it.
+    """
     out_dir.mkdir(parents=True, exist_ok=True)
     simulated = analysis.is_simulated
     trials = _marked(analysis.trials, simulated)
     trials["is_analysed"] = _is_analysed(analysis, trials)
+    trials = typed_trials(trials)
     people = quality.participants
     if "participant" in answers:
         twice = [c for c in answers if c in people and c != "participant"]
@@ -115,9 +121,11 @@ def write_tables(
     parquet = out_dir / "trials.parquet"
     trials.to_parquet(parquet, index=False)
     written.append(parquet)
-    written += [
-        _csv(_marked(table, simulated), out_dir / f"{name}.csv") for name, table in tables.items()
-    ]
+    for name, table in tables.items():
+        marked = _marked(table, simulated)
+        written.append(_csv(marked, out_dir / f"{name}.csv"))
+        columns = map(str, marked.columns)
+        written.append(write_table_dictionary(name, columns, out_dir / f"{name}.json"))
     return tuple(written)
 
 

@@ -5,6 +5,7 @@ import numpy as np
 from analysis.gaze.aoi import aoi_of_samples
 from analysis.gaze.looks import looks_on
 from experiments.stare.figures import TrialExample
+from experiments.stare.gaze_changes import TOLERANCE_MS
 from experiments.stare.measures import (
     DEFAULT_MEASURE_PARAMETERS,
     GazeTargets,
@@ -21,17 +22,42 @@ SHOWN_CONDITION = "AD"
 def example_of(
     recording: Recording, params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS
 ) -> TrialExample | None:
-    """Return the first finished trial in which a look made the agent look back, or None."""
+    """Return the trial in which a look made the agent look back and then lasted longest.
+
+    Of finished main trials under averted-then-directed gaze; None without one that changed by a
+    look. The first of several equals is taken.
+    """
+    best, longest_ms = None, -1.0
+    targets: dict[int, GazeTargets] = {}
     for record in recording.trials().to_dict("records"):
         row = {str(k): v for k, v in record.items()}
         if (
             row["status"] == "complete"
+            and not row["is_practice"]
             and row["condition"] == SHOWN_CONDITION
             and row.get("switch_cause") == "look"
         ):
-            columns = recording.stream_arrays("gaze_targets", part=int(row["recording_part"]))
-            return trial_example(GazeTargets.from_columns(columns), row, params=params)
-    return None
+            part = int(row["recording_part"])
+            if part not in targets:
+                columns = recording.stream_arrays("gaze_targets", part=part)
+                targets[part] = GazeTargets.from_columns(columns)
+            example = trial_example(targets[part], row, params=params)
+            lasted_ms = causing_look_ms(example, (row["look_ns"] - row["t_start_ns"]) / NS_PER_MS)
+            if lasted_ms > longest_ms:
+                best, longest_ms = example, lasted_ms
+    return best
+
+
+def causing_look_ms(example: TrialExample, cause_ms: float) -> float:
+    """Return how long the look that holds the causing sample lasted, 0 when none does."""
+    return max(
+        (
+            duration
+            for onset, duration, _ in example.looks_ms
+            if onset - TOLERANCE_MS <= cause_ms <= onset + duration
+        ),
+        default=0.0,
+    )
 
 
 def trial_example(
@@ -73,6 +99,7 @@ def trial_example(
             )
         ),
         switch_ms=switch_ms,
+        end_ms=(end_ns - start_ns) / NS_PER_MS,
     )
 
 

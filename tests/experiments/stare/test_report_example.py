@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from experiments.stare.measures import GazeTargets
-from experiments.stare.trial_example import trial_example
+from experiments.stare.trial_example import causing_look_ms, trial_example
 from lab.errors import DataError
 
 STEP_NS = 8_000_000
@@ -42,6 +42,7 @@ def test_example_holds_the_look_the_switch_and_the_loss():
 
     assert example.looks_ms == ((800.0, 400.0, True),)
     assert example.switch_ms == 800.0
+    assert example.end_ms == 2000.0
     assert np.isnan(example.angle_deg[200:]).all()
     assert example.radius_deg == pytest.approx(3.4)
 
@@ -53,3 +54,10 @@ def test_trial_without_a_switch_has_none():
 def test_unfinished_trial_is_refused():
     with pytest.raises(DataError, match="t_end_ns is missing"):
         trial_example(gaze(), ROW | {"t_end_ns": None})
+
+
+def test_length_of_the_look_that_caused_the_change():
+    example = trial_example(gaze(), ROW)
+
+    assert causing_look_ms(example, 800.0) == 400.0
+    assert causing_look_ms(example, 100.0) == 0.0

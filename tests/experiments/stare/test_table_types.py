@@ -1,0 +1,76 @@
+import json
+
+import pandas as pd
+import pytest
+
+from analysis.report import ReportProvenance
+from experiments.stare.data_dictionary import TRIAL_TABLE
+from experiments.stare.study_outputs import analyse_study
+from experiments.stare.table_dictionaries import DICTIONARIES
+from experiments.stare.table_types import TRIAL_TYPES, typed_trials
+from lab.errors import DataError
+from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows, varied_rows
+
+
+def test_types_do_not_depend_on_the_data():
+    full = pd.DataFrame({"switch_ns": [1], "before_on_at_onset": [True], "reason": ["x"]})
+    empty = pd.DataFrame({"switch_ns": [None], "before_on_at_onset": [None], "reason": [None]})
+    floats = pd.DataFrame({"switch_ns": [float("nan")], "dwell_ms": [3]})
+
+    assert typed_trials(full).dtypes.equals(typed_trials(empty).dtypes)
+    assert typed_trials(full).dtypes.astype(str).tolist() == ["Int64", "boolean", "string"]
+    assert typed_trials(floats).dtypes.astype(str).tolist() == ["Int64", "Float64"]
+    both = pd.concat([typed_trials(full), typed_trials(empty)])
+    assert both.dtypes.equals(typed_trials(full).dtypes)
+
+
+def test_nanoseconds_keep_every_digit_beside_missing_ones():
+    exact = 2**60 + 1
+    rows = pd.DataFrame({"clock_offset_ns": pd.Series([exact, None], dtype=object)})
+
+    assert typed_trials(rows)["clock_offset_ns"].iloc[0] == exact
+
+
+def test_every_column_of_the_dictionary_has_a_type():
+    assert set(TRIAL_TYPES) == {c.name for c in TRIAL_TABLE}
+    assert TRIAL_TYPES["before_lost_01"] == "Float64"
+    assert TRIAL_TYPES["raw_fixation_count"] == "Int64"
+    assert TRIAL_TYPES["is_practice"] == "boolean"
+    assert TRIAL_TYPES["trial_id"] == "string"
+
+
+def test_words_in_a_column_of_numbers_are_refused():
+    with pytest.raises(DataError, match="dwell_ms"):
+        typed_trials(pd.DataFrame({"dwell_ms": ["long"]}))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    rows = study_rows(4)
+    people = anxiety_answers(4).assign(vision=[1, 2, 3, 1], drift_deg=[0.1, 0.2, 0.3, 0.4])
+    out = tmp_path_factory.mktemp("tables")
+    analyse_study(
+        rows,
+        people,
+        out,
+        is_simulated=True,
+        provenance=ReportProvenance("stare", "1", ""),
+        sensitivity_rows=varied_rows(rows),
+    )
+    return out
+
+
+@pytest.mark.parametrize("table", sorted(DICTIONARIES))
+def test_every_column_of_a_table_is_described(folder, table):
+    described = json.loads((folder / f"{table}.json").read_text(encoding="utf-8"))
+
+    assert list(described) == list(pd.read_csv(folder / f"{table}.csv").columns)
+    assert all(entry["Description"] for entry in described.values())
+
+
+def test_coded_answers_have_the_levels_of_the_questionnaire(folder):
+    described = json.loads((folder / "participants.json").read_text(encoding="utf-8"))
+
+    assert described["vision"]["Levels"]["2"] == "corrected with contact lenses"
+    assert described["anxiety_total"]["Description"].endswith("0 to 144")
+    assert described["age"]["Units"] == "years"
