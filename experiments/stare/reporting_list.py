@@ -17,7 +17,6 @@ OPEN = "not recorded – to be filled in by the lab"
 FILL_IN = "to be filled in by the lab"
 
 PARTLY: Mapping[str, str] = {
-    "eye_tracker": "software and its version",
     "display": "resolution and field of view",
 }
 """What recordings cannot say of an item they answer in part."""
@@ -136,7 +135,7 @@ def _at_the_end(table: pd.DataFrame) -> list[tuple[Cell | str, ...]]:
     if END_ACCURACY in table:
         rows.append(("Accuracy at the end of the session (range)", _range(table, END_ACCURACY)))
     if DRIFT in table:
-        rows.append(("Drift to the end of the session (range)", _range(table, DRIFT)))
+        rows.append(("Drift: error at the end minus error before (range)", _range(table, DRIFT)))
     if REJECTED in table:
         known = table[REJECTED].dropna().astype(float)
         people = counted(int((known > 0).sum()), "participant")

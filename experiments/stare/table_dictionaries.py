@@ -52,7 +52,9 @@ def participants_dictionary() -> dict[str, Entry]:
         "trials": _entry("trials finished, training left out", "1"),
         "trials_out": _entry("of these, trials that lost more gaze than the limit", "1"),
         END_ACCURACY: _entry("mean error of the validation after the last trial", "deg"),
-        DRIFT: _entry("how far gaze moved until the validation after the last trial", "deg"),
+        DRIFT: _entry(
+            "error after the last trial minus that of the validation before; positive: worse", "deg"
+        ),
         REJECTED: _entry("validations that did not meet the thresholds", "1"),
         "excluded": _entry("why the participant is not in the statistics; empty: is"),
         "is_simulated": _SIMULATED,

@@ -48,7 +48,7 @@ def test_end_of_session_and_rejected_validations_are_shown(analysis):
         ("S02", "large error at the end of the session", "3.00°, limit 2.5°"),
     )
     assert items["Validations rejected"] == "2, of 1 participant"
-    assert items["Drift to the end of the session (range)"].startswith("0.88°")
+    assert items["Drift: error at the end minus error before (range)"].startswith("0.88°")
 
 
 def test_without_those_columns_nothing_is_added(analysis):
