@@ -433,6 +433,9 @@ def _deviation_findings(events: pd.DataFrame, recording: Recording) -> list[Find
         if count:
             level = Level.GREEN if name == "pause_start" else Level.AMBER
             found.append(Finding(level, "deviation", f"{text}: {count}"))
+    flags = sum(p["action"] == "flag" for p in _payloads(events, "operator"))
+    if flags:
+        found.append(Finding(Level.AMBER, "flag", f"moments flagged by the operator: {flags}"))
     notes = [p["text"] for p in _payloads(events, "operator") if p["action"] == "note"]
     found += [Finding(Level.AMBER, "note", str(text)) for text in notes if text]
     return found

@@ -12,7 +12,9 @@ from cli.studies import find_study
 from cli.study_folder import StudySettings, settle
 from lab.errors import UsageError
 from protocol.key_file import KeyFile
+from protocol.ledger import Ledger
 from recording.folder import study_dir
+from recording.lock import is_held
 
 participant_app = typer.Typer(help="Issue, list and withdraw participant identifiers.")
 app.add_typer(participant_app, name="participant")
@@ -82,7 +84,7 @@ def list_them(
             e.consent_version,
             e.status,
             str(sessions),
-            e.added_at,
+            e.added_at[:16].replace("T", " "),
         )
     console.print(table)
     console.print(f"{len(entries)} in the ledger of {study}{' (simulated)' if simulated else ''}")
@@ -105,17 +107,31 @@ def withdraw(
     simulated = is_simulated(lab)
     folder = study_dir(lab.data_root, study, is_simulated=simulated)
     ledger = ledger_of(lab, study, simulated=simulated)
+    label = _label_of(ledger, participant)
+    sessions = sorted(folder.glob(f"sub-{label}/ses-*/manifest.json"))
+    running = [p.parent for p in sessions if is_held(p.parent)]
+    if running:
+        raise UsageError(f"{running[0]} is running; end it first (Esc). Nothing was changed")
     if not yes and not typer.confirm(
-        f"Remove all data of {participant} in {folder}? This cannot be undone."
+        f"Remove {label}: {len(sessions)} sessions in {folder}? This cannot be undone."
     ):
         raise UsageError("nothing was removed")
     key_file = None if simulated else KeyFile(lab.key_root, study, [lab.data_root])
     removal = ledger.withdraw(participant, [folder], reason=reason, key_file=key_file)
     console.print(
-        f"{participant} is withdrawn: {len(removal.removed)} folders removed, "
+        f"{label} is withdrawn: {len(sessions)} sessions removed, "
         f"rows cut from {len(removal.rows)} tables"
     )
     for path in removal.stale:
         console.print(f"[yellow]made with this person's data, make it again: {path}[/]")
     for path in removal.unreadable:
         console.print(f"[yellow]could not be read, look yourself: {path}[/]")
+
+
+def _label_of(ledger: Ledger, participant: str) -> str:
+    """Return the label meant, also of someone whose withdrawal was begun and not finished."""
+    begun = [e for e in ledger.list() if e.status == "withdrawing"]
+    for entry in begun:
+        if participant.upper() in (entry.label, str(entry.number)):
+            return entry.label
+    return ledger.resolve(participant).label

@@ -52,6 +52,11 @@ class Request:
     lost_device_s: float = LOST_DEVICE_S
 
 
+def behaviour_seed(request: "Request") -> int:
+    """Return the seed of what is simulated: another one in every further session of a person."""
+    return request.seed + 1_000_003 * (request.session - 1)
+
+
 def device_seed(seed: int, participant_index: int) -> int:
     """Return the seed of a participant's simulated devices."""
     return seed * 100_003 + participant_index
@@ -127,7 +132,7 @@ def _equip(request: Request, stack: ExitStack) -> _Devices:
     respondent = request.respondent or participant
     if respondent is None:
         raise ConfigError("nobody is there to answer the questionnaires; run it in a terminal")
-    seed = device_seed(request.seed, request.participant_index)
+    seed = device_seed(behaviour_seed(request), request.participant_index)
     rig = build_rig(request.config, request.clock, participant, seed, stack)
     return _Devices(rig, participant, respondent)
 
@@ -223,7 +228,7 @@ def _simulated_participant(request: Request) -> SimulatedParticipant | None:
     if not is_simulated(request.config):
         return None
     participant = request.study.participant(
-        request.participant_index, request.seed, effect=request.effect
+        request.participant_index, behaviour_seed(request), effect=request.effect
     )
     # On a real clock the simulated tracker's thread measures while the session moves the body.
     return participant if request.clock.is_virtual else SharedBody(participant)

@@ -49,11 +49,27 @@ FastOption = Annotated[
 BlindOption = Annotated[bool, typer.Option("--blind", help="Hide conditions from the operator.")]
 
 
+def require_session(path: Path) -> None:
+    """Refuse a path that is no session's folder, naming the sessions nearby.
+
+    Raises:
+        UsageError: it has no manifest.
+    """
+    if (path / "manifest.json").exists():
+        return
+    near = sorted(p.parent for p in path.parent.glob("*/manifest.json"))
+    near += sorted(p.parent for p in path.glob("*/manifest.json"))
+    hint = "\n  ".join(str(p) for p in near[:6])
+    raise UsageError(
+        f"{path} is no session" + (f"; there are\n  {hint}" if near else "; give a folder ses-…")
+    )
+
+
 def ledger_of(config: LabConfig, study: str, *, simulated: bool) -> Ledger:
     """Return a study's ledger; simulated people have one of their own."""
     folder = study_dir(config.data_root, study, is_simulated=simulated)
     prefix = SIMULATED_PREFIX if simulated else ""
-    return Ledger(folder, SimClock() if simulated else SystemClock(), prefix=prefix)
+    return Ledger(folder, SystemClock(), prefix=prefix)
 
 
 @app.command()
@@ -149,10 +165,11 @@ def run(
     path = session_dir(lab.data_root, study, entry.label, session, is_simulated=simulated)
     if path.exists():
         others = len(list(path.parent.glob("ses-*")))
+        done = Recording(path).status == "complete"
+        first = f"look at it: visavis check {path}" if done else f"continue: visavis resume {path}"
         raise UsageError(
-            f"participant {entry.label} already has session {session} ({path}); nothing was "
-            f"overwritten. Continue it: visavis resume {path}   "
-            f"Or run the next one: add --session {others + 1}"
+            f"participant {entry.label} already has session {session}; nothing was overwritten\n"
+            f"  {first}\n  or run a further one: add --session {others + 1}"
         )
     _perform(lab, chosen, settings, entry, session, fast=fast, blind=blind, resume_from=None)
 
@@ -193,6 +210,7 @@ def resume(
     lab = load_lab(config, devices)
     if session_path is None:
         session_path = _the_unfinished(lab)
+    require_session(session_path)
     recording = Recording(session_path)
     manifest = recording.manifest
     if recording.is_simulated != is_simulated(lab):
@@ -334,6 +352,7 @@ def check(
 
     Example: visavis check data/simulated/stare/sub-S07H/ses-001
     """
+    require_session(session_path)
     verdict = check_session(Recording(session_path))
     if as_json:
         content = {**asdict(verdict), "redo": verdict.redo, "verdict": verdict.level.name.lower()}
@@ -407,6 +426,7 @@ def recover(
 
     Example: visavis recover data/simulated/stare/sub-S07H/ses-001
     """
+    require_session(session_path)
     report = recover_session(session_path)
     if as_json:
         typer.echo(json.dumps(asdict(report), default=str, ensure_ascii=False, indent=1))
@@ -418,4 +438,10 @@ def recover(
             console.print(f"  {stream.name}: {stream.rows} rows")
         for problem in part.problems:
             console.print(f"  [yellow]{problem}[/]")
-    console.print(f"Continue with: visavis resume {session_path}", soft_wrap=True)
+    status = Recording(session_path).status
+    verb = (
+        "Complete; look at it with: visavis check"
+        if status == "complete"
+        else ("Continue with: visavis resume")
+    )
+    console.print(f"{verb} {session_path}", soft_wrap=True)

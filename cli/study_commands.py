@@ -19,7 +19,14 @@ from cli.app import ConfigOption, StudyArgument, app, console, load_lab
 from cli.session_commands import DEFAULT_SEED, SIMULATED_PREFIX
 from cli.simulation import SimulationTask, in_parallel, measure_one, simulate_one, worker_count
 from cli.studies import find_study
-from cli.study_folder import DERIVED, StudySettings, read_settings, sessions_of, settle
+from cli.study_folder import (
+    DERIVED,
+    StudySettings,
+    one_per_participant,
+    read_settings,
+    sessions_of,
+    settle,
+)
 from lab.clock import SimClock, StopWatch
 from lab.config import LabConfig
 from lab.errors import DataError, UsageError
@@ -159,7 +166,12 @@ def analyse_study(
 ) -> Path:
     """Measure every session of a study and analyse them together; return the report's path."""
     folder = folder.resolve()
-    sessions = sessions_of(folder)
+    sessions, left_out = one_per_participant(sessions_of(folder))
+    for path in left_out:
+        console.print(
+            f"[yellow]left out: {path.parent.name}/{path.name}; of several sessions of one person "
+            "the first complete one is analysed[/]"
+        )
     manifests = [read_manifest(s) for s in sessions]
     names = {m.study for m in manifests}
     kinds = {m.is_simulated for m in manifests}

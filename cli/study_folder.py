@@ -7,6 +7,7 @@ from typing import Any
 
 from lab.errors import DataError, UsageError
 from recording.durable import replace_file
+from recording.reader import Recording
 
 SETTINGS_NAME = "study.json"
 DERIVED = "derived"
@@ -61,6 +62,20 @@ def settle(folder: Path, wanted: StudySettings, *, seed_given: bool) -> StudySet
     if present.effect != wanted.effect or present.parameters != wanted.parameters:
         raise UsageError(f"{folder} was begun with other settings; choose another --output")
     return present
+
+
+def one_per_participant(
+    sessions: tuple[Path, ...],
+) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+    """Return each person's first complete session (their first when none is), and the others."""
+    by_person: dict[str, list[Path]] = {}
+    for path in sessions:
+        by_person.setdefault(path.parent.name, []).append(path)
+    chosen = []
+    for paths in by_person.values():
+        complete = [p for p in paths if len(paths) > 1 and Recording(p).status == "complete"]
+        chosen.append((complete or paths)[0])
+    return tuple(chosen), tuple(p for p in sessions if p not in chosen)
 
 
 def sessions_of(folder: Path) -> tuple[Path, ...]:
