@@ -81,6 +81,7 @@ class StareBundle:
             example=None if example is None else example_of(example),
             facts=sessions[0].facts,
             measures=measure_parameters_of(sessions[0].manifest.plan),
+            study_parameters=sessions[0].manifest.plan["parameters"],
         )
         return outputs.report
 
