@@ -11,7 +11,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from analysis.session_check import Level, SessionCheck, check_session
+from analysis.session_check import check_session
+from analysis.session_verdict import Level, SessionCheck
 from cli.app import ConfigOption, JsonOption, StudyArgument, app, console, errors, load_lab
 from cli.operator_screen import TerminalOperator
 from cli.perform import Request, perform_new, perform_rest

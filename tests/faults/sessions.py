@@ -7,7 +7,8 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.session_check import SessionCheck, check_session
+from analysis.session_check import check_session
+from analysis.session_verdict import SessionCheck
 from cli.perform import Request, perform_new, perform_rest, simulated_request
 from cli.studies import find_study
 from experiments.stare.design import StareParameters

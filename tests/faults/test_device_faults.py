@@ -3,7 +3,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from analysis.session_check import Level
+from analysis.session_verdict import Level
 from cli.studies import find_study
 from lab.errors import DeviceError
 from recording.reader import Recording

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from analysis.session_check import Level
+from analysis.session_verdict import Level
 from lab.errors import SessionAborted
 from protocol.operator import Action, Command
 from protocol.states import TRANSITIONS, SessionState
