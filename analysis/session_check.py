@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.session_verdict import (
+    RESUME,
     CheckLimits,
     Finding,
     Level,
@@ -20,8 +21,6 @@ from analysis.session_verdict import (
     TrialCheck,
 )
 from recording.reader import Recording
-
-RESUME = "continue with `visavis resume`"
 
 
 def check_session(recording: Recording, limits: CheckLimits | None = None) -> SessionCheck:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+RESUME = "continue with `visavis resume`"
+
 
 class Level(IntEnum):
     """Green: they can leave. Amber: look before they leave. Red: something must be redone."""
