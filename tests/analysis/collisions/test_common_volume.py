@@ -102,7 +102,7 @@ def test_columns_agree_with_exact_integration_of_people(seed: int) -> None:
     allowed = 0.04 if expected.volume_m3 > 5e-6 else 0.10
     assert expected.volume_m3 == pytest.approx(got.volume_m3, rel=allowed, abs=1e-7)
     if expected.volume_m3 > 1e-4:
-        np.testing.assert_allclose(got.centre_m, expected.centre_m, atol=0.005)
+        np.testing.assert_allclose(got.centre_m, expected.centre_m, atol=0.01)  # one column
 
 
 def test_volume_grows_with_the_body() -> None:
