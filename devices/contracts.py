@@ -267,6 +267,50 @@ class Armband(Device, Protocol):
         ...
 
 
+HAPTICS = StreamSchema(
+    name="haptics",
+    nominal_rate_hz=0.0,
+    fields=(
+        Field("command", "u4", "", description="number of the command, from 0, per connection"),
+        Field("kind", "u1", "", description="0 set, 1 pattern, 2 silence, 3 keep-alive"),
+        Field("t_commanded_ns", "i8", "ns", description="when the experiment asked"),
+        Field("t_sent_ns", "i8", "ns", description="when the last byte was handed to the link"),
+        Field("acknowledged", "?", "", description="the band confirmed; else lost or one-way"),
+        Field("amplitudes_01", "f4", "1", shape=(4,), description="per motor; NaN if not there"),
+        Field("rates_hz", "f4", "Hz", shape=(4,), description="vibration rate asked; NaN if none"),
+    ),
+)
+"""One row per command, delivered when it is acknowledged or given up; `t_host_ns` is the arrival
+of the acknowledgement (or the giving up), `t_device_ns` the band's own time of applying it."""
+
+
+# ---- the moving body ----------------------------------------------------------------------
+
+
+def body_schema(segments: Sequence[str], rate_hz: float) -> StreamSchema:
+    """Return the stream of a body tracker: every segment, every sample, in a fixed order."""
+    n, listed = len(segments), " ".join(segments)
+    return StreamSchema(
+        name="body",
+        nominal_rate_hz=rate_hz,
+        fields=(
+            Field("position_m", "f4", "m", "world", (n, 3), f"origins of: {listed}"),
+            Field("orientation_wxyz", "f4", "1", "world", (n, 4), "identity in a T-pose to −z"),
+            Field("valid", "?", "", shape=(n,), description="segment was tracked"),
+        ),
+    )
+
+
+@runtime_checkable
+class BodyTracker(Device, Protocol):
+    """A suit or a set of trackers; delivers one stream of the shape `body_schema` says."""
+
+    @property
+    def segments(self) -> tuple[str, ...]:
+        """Names of the segments, joints of the canonical skeleton ("left_lower_arm")."""
+        ...
+
+
 # ---- the simulated body -------------------------------------------------------------------
 
 EYES_DTYPE = np.dtype(
@@ -313,4 +357,19 @@ class Body(Protocol):
 
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
         """Yield (t_ns, control, value) of response-device actions since the last call."""
+        ...
+
+
+@runtime_checkable
+class MovingBody(Body, Protocol):
+    """A body whose limbs are tracked and whose skin feels an armband."""
+
+    def segments(
+        self, names: Sequence[str], t_ns: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return true positions (t, n, 3) and orientations (t, n, 4) of segments in world."""
+        ...
+
+    def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
+        """Take in what the motors of the band worn as `role` do from `t_ns` on."""
         ...
