@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.geometry import Vector
+from stimuli.picture import PosedPeople
 
 
 @dataclass(frozen=True)
@@ -60,11 +61,13 @@ class SceneFrame:
     """What stands before the participant in one frame.
 
     For n agents in the order of `scene.agents`: `gaze_direction` (n, 3) unit vectors in world,
-    `eye_openness_01` (n,) 0 closed. `scene` is the same object while nothing static changes, so
-    identity tells whether anything must be rebuilt.
+    `eye_openness_01` (n,) 0 closed. `people` is how everyone stands where a study decides that by
+    itself. `scene` is the same object while nothing static changes, so identity tells whether
+    anything must be rebuilt.
     """
 
     scene: Scene
     t_ns: int
     gaze_direction: npt.NDArray[np.float64]
     eye_openness_01: npt.NDArray[np.float64]
+    people: PosedPeople | None = None

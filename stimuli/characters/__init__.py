@@ -1,0 +1,3 @@
+"""Virtual humans as data: mesh, skin, eyes, body parts, collision capsules; and where they come
+from.
+"""
