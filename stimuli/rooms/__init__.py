@@ -1,0 +1,1 @@
+"""Places drawn around people: solids, surfaces, furniture, and the three rooms of the studies."""
