@@ -1,5 +1,6 @@
 """Surfaces of a room as small tiling textures computed from a seed: wood, tiles, plaster, cloth."""
 
+import itertools
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Final
@@ -52,7 +53,7 @@ def planks(seed: int, boards: int = 5) -> Texture:
     tint = np.ones((SIZE, SIZE, 3))
     edges = np.linspace(0, SIZE, boards + 1).astype(int)
     fine, broad = _noise(rng, 4, 128), _noise(rng, 3, 24)
-    for left, right in zip(edges[:-1], edges[1:], strict=True):
+    for left, right in itertools.pairwise(edges):
         tone = rng.uniform(0.82, 0.98)
         shift = int(rng.integers(SIZE))
         board = slice(left, right)
@@ -71,8 +72,8 @@ def tiles(seed: int, across: int = 4, *, joint: float = 0.7, mottled: float = 0.
     rng = np.random.default_rng(seed)
     brightness = 0.93 + mottled * _grain(rng) * 0.6
     edges = np.linspace(0, SIZE, across + 1).astype(int)
-    for top, bottom in zip(edges[:-1], edges[1:], strict=True):
-        for left, right in zip(edges[:-1], edges[1:], strict=True):
+    for top, bottom in itertools.pairwise(edges):
+        for left, right in itertools.pairwise(edges):
             brightness[top:bottom, left:right] *= rng.uniform(1 - mottled, 1.0)
     brightness[edges[:-1]] *= joint
     brightness[:, edges[:-1]] *= joint
