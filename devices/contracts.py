@@ -207,6 +207,27 @@ HEAD = StreamSchema(
 )
 
 
+FRAME_TIMING = StreamSchema(
+    name="frame_timing",
+    nominal_rate_hz=90.0,
+    fields=(
+        Field("frame", "i8", "", description="index of the frame, as in FrameInfo"),
+        Field("pose_seq", "i8", "", description="row of the head stream it was drawn from"),
+        Field("predicted_display_ns", "i8", "ns", description="when its light was to leave"),
+        Field("t_submitted_ns", "i8", "ns", description="both images handed over; -1 if never"),
+        Field("skipped", "u4", "", description="frames the display went on without, before it"),
+        Field("timing_known", "?", "", description="the runtime's own account follows"),
+        Field("presents", "u4", "", description="times the runtime showed it"),
+        Field("mispresented", "u4", "", description="times shown at another sync than planned"),
+        Field("runtime_dropped", "u4", "", description="times the one before was shown again"),
+        Field("reprojection_flags", "u4", "", description="the runtime's own flags"),
+        Field("render_gpu_ms", "f4", "ms", description="the runtime's own; NaN if unknown"),
+    ),
+)
+"""What became of every frame, by the headset runtime's own account, one row per frame, delivered
+with the frame after it; a headset's second stream, of those that know."""
+
+
 class Headset(Device, Protocol):
     """A device that paces the session and delivers one stream with the fields of `HEAD`."""
 
@@ -249,21 +270,75 @@ class ResponseInput(Device, Protocol):
 # ---- haptics ------------------------------------------------------------------------------
 
 
+PATTERN_NAMES = ("steady", "sine", "square", "ramp")
+"""Courses a pattern's rate can take; the index is the code on the wire and in `HAPTICS`."""
+
+
+@dataclass(frozen=True)
+class VibrationPattern:
+    """A course of the vibration rate, played on the band's own clock.
+
+    `sine` swings between `low_hz` and `high_hz`, `square` is on at `high_hz` and off by turns,
+    both `modulation_hz` times a second; `ramp` rises from low to high; `steady` stays at high.
+    """
+
+    name: Literal["steady", "sine", "square", "ramp"]
+    duration_ms: int
+    low_hz: float = 57.0
+    high_hz: float = 126.0
+    modulation_hz: float = 10.0
+
+
+CONTACT_PATTERN = VibrationPattern("sine", 2000)
+"""The published contact: a 10 Hz sine within the pilot-tested range of 57 to 126 Hz."""
+
+
 @runtime_checkable
 class Armband(Device, Protocol):
-    """Vibration motors; commands are absolute and idempotent, every exit path is silent."""
+    """Vibration motors; commands are absolute and idempotent, every exit path is silent.
+
+    Commands return the number under which `HAPTICS` tells what became of them. They never raise
+    because the band is away: such a command is recorded as not acknowledged.
+    """
 
     @property
     def motor_count(self) -> int:
         """Number of motors."""
         ...
 
-    def set_amplitudes(self, amplitudes_01: Sequence[float], ttl_ms: int) -> None:
-        """Set every motor, 0..1; all fall silent after `ttl_ms` without another command."""
+    @property
+    def rate_range_hz(self) -> tuple[float, float]:
+        """Lowest and highest vibration rate the band allows; NaN when it does not say."""
         ...
 
-    def silence(self) -> None:
-        """Stop every motor now; always allowed."""
+    def set_amplitudes(
+        self,
+        amplitudes_01: Sequence[float],
+        ttl_ms: int,
+        rates_hz: Sequence[float] | None = None,
+    ) -> int:
+        """Set every motor, 0..1, and its rate; all fall silent after `ttl_ms` without another.
+
+        Without `rates_hz` the amplitude runs through the band's range. An eccentric-mass motor
+        has one drive for both: given a rate, any amplitude above 0 only switches it on.
+        """
+        ...
+
+    def play(
+        self, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float = 1.0
+    ) -> int:
+        """Start a pattern on these motors (from 0); the other motors fall silent."""
+        ...
+
+    def keep_alive(self) -> None:
+        """Say that the experiment loop still runs; every command says it, too.
+
+        Without it for 150 ms the driver silences the band and lets it stay so.
+        """
+        ...
+
+    def silence(self) -> int:
+        """Stop every motor now; always allowed, in any state, from any thread; never raises."""
         ...
 
 
@@ -271,17 +346,50 @@ HAPTICS = StreamSchema(
     name="haptics",
     nominal_rate_hz=0.0,
     fields=(
-        Field("command", "u4", "", description="number of the command, from 0, per connection"),
+        Field("command", "u4", "", description="number of the command, from 0, per start"),
         Field("kind", "u1", "", description="0 set, 1 pattern, 2 silence, 3 keep-alive"),
         Field("t_commanded_ns", "i8", "ns", description="when the experiment asked"),
         Field("t_sent_ns", "i8", "ns", description="when the last byte was handed to the link"),
         Field("acknowledged", "?", "", description="the band confirmed; else lost or one-way"),
         Field("amplitudes_01", "f4", "1", shape=(4,), description="per motor; NaN if not there"),
         Field("rates_hz", "f4", "Hz", shape=(4,), description="vibration rate asked; NaN if none"),
+        Field("duration_ms", "f4", "ms", description="time to live, or a pattern's length"),
+        Field("pattern", "u1", "", description="index into PATTERN_NAMES; 255 none"),
+        Field("low_hz", "f4", "Hz", description="lowest rate of a pattern; NaN if none"),
+        Field("modulation_hz", "f4", "Hz", description="swings per second; NaN if none"),
     ),
 )
 """One row per command, delivered when it is acknowledged or given up; `t_host_ns` is the arrival
-of the acknowledgement (or the giving up), `t_device_ns` the band's own time of applying it."""
+of the acknowledgement (or the giving up), `t_device_ns` the band's own time of applying it, or
+`NO_DEVICE_TIME` when that is unknown."""
+
+NO_DEVICE_TIME = -(2**63)
+"""Stands in `t_device_ns` where the device told no time."""
+
+BAND = StreamSchema(
+    name="band",
+    nominal_rate_hz=0.0,
+    fields=(
+        Field("event", "u1", "", description="index into BAND_EVENTS"),
+        Field("battery_01", "f4", "1", description="charge; NaN if unknown"),
+        Field("temperature_c", "f4", "", description="degrees Celsius; NaN if unknown"),
+    ),
+)
+"""What a band tells of itself: about once a second, and whenever something happens."""
+
+BAND_EVENTS = (
+    "report",
+    "boot",
+    "dead_man",
+    "expired",
+    "battery_low",
+    "battery_good",
+    "too_hot",
+    "cool_again",
+    "pattern_ended",
+)
+"""Events of the `BAND` stream by code: a regular report, started anew, silenced for want of
+frames, silenced at the end of a time to live, and so on."""
 
 
 # ---- the moving body ----------------------------------------------------------------------

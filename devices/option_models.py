@@ -45,8 +45,34 @@ class PupilCoreOptions(_SimulatedOptions):
     )
 
 
+class SimulatedArmbandOptions(_SimulatedOptions):
+    """Options of `simulated_armband`; the link's delays, the band's clock and motors."""
+
+    seed: int = Field(default=0, ge=0)
+    latency_ms: float = Field(default=1.0, ge=0, le=1000)
+    jitter_ms: float = Field(default=0.5, ge=0, le=1000)
+    rise_ms: float = Field(default=30.0, ge=0, le=1000)
+    max_rate_hz: float = Field(default=100.0, ge=1, le=1000)
+    drift_ppm: float = Field(
+        default=0.0, ge=-1000, le=1000, json_schema_extra={"any_magnitude": True}
+    )
+
+
+class SerialArmbandOptions(_SimulatedOptions):
+    """Options of `serial_armband`: a port by name, or by what is plugged in."""
+
+    port: str = ""
+    vid: int | None = Field(default=None, ge=0, le=0xFFFF)
+    pid: int | None = Field(default=None, ge=0, le=0xFFFF)
+    serial_number: str = ""
+    baud: int = Field(default=57_600, ge=1200, le=3_000_000)
+    max_rate_hz: float = Field(default=100.0, ge=1, le=1000)
+
+
 OPTION_MODELS: Mapping[str, type[BaseModel]] = {
     "pupil_core": PupilCoreOptions,
+    "serial_armband": SerialArmbandOptions,
+    "simulated_armband": SimulatedArmbandOptions,
     "simulated_headset": SimulatedHeadsetOptions,
     "simulated_responses": SimulatedResponsesOptions,
 }

@@ -14,6 +14,8 @@ ENTRY_POINT_GROUP = "visavis.drivers"
 
 BUILT_IN: dict[str, str] = {
     "pupil_core": "devices.drivers.pupil_core:PupilCore",
+    "serial_armband": "devices.drivers.armband_serial:serial_armband",
+    "simulated_armband": "devices.sim.armband:simulated_armband",
     "simulated_headset": "devices.sim.headset:SimulatedHeadset",
     "simulated_responses": "devices.sim.responses:SimulatedResponses",
 }
@@ -22,6 +24,7 @@ BUILT_IN: dict[str, str] = {
 EXTRA_OF_LIBRARY: dict[str, str] = {
     "zmq": "pyzmq",
     "msgpack": "msgpack",
+    "serial": "visavis[serial]",
 }
 """Import name -> what `pip install` calls it."""
 

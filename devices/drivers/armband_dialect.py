@@ -1,0 +1,174 @@
+"""What an armband's language must offer to `devices.drivers.armband_driver`, and our own.
+
+A dialect turns commands into bytes and bytes into answers; it keeps no time and does no I/O.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from devices.contracts import PATTERN_NAMES, VibrationPattern
+from devices.drivers import armband_codec as codec
+from devices.drivers.armband_codec import Acknowledgement, Answer, BandEvent, Welcome
+
+FULL = 255
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What the motors shall do: amplitudes 0..1 and rates in Hz (None: amplitude decides)."""
+
+    amplitudes_01: tuple[float, ...]
+    rates_hz: tuple[float, ...] | None = None
+
+    @property
+    def is_silent(self) -> bool:
+        """Tell whether no motor runs."""
+        return not any(self.amplitudes_01)
+
+
+class Dialect(Protocol):
+    """One band's language. Sequence numbers run 0..255; a dialect without them ignores them.
+
+    `greeting` and `arming` return b"" where the band knows no such thing; `pattern` returns None
+    where it cannot play that pattern by itself. `ping` names the command that should be running
+    (None for silence) and returns b"" where the last `set` must be repeated instead.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name for the manifest: "framed 1"."""
+        ...
+
+    @property
+    def motor_count(self) -> int:
+        """Motors it can address."""
+        ...
+
+    @property
+    def acknowledges(self) -> bool:
+        """Tell whether every command gets an answer."""
+        ...
+
+    @property
+    def has_dead_man(self) -> bool:
+        """Tell whether the band silences itself when frames stop coming."""
+        ...
+
+    def greeting(self, seq: int) -> bytes:
+        """Return the bytes that start a connection."""
+        ...
+
+    def arming(self, seq: int, armed: bool) -> bytes:
+        """Return the bytes that allow motors to run, or forbid it."""
+        ...
+
+    def set(self, seq: int, drive: Drive, ttl_ms: int) -> bytes:
+        """Return the bytes that drive all motors."""
+        ...
+
+    def pattern(
+        self, seq: int, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float
+    ) -> bytes | None:
+        """Return the bytes that start a pattern."""
+        ...
+
+    def stop(self, seq: int) -> bytes:
+        """Return the bytes that silence every motor."""
+        ...
+
+    def ping(self, seq: int, running_seq: int | None) -> bytes:
+        """Return the keep-alive."""
+        ...
+
+    def feed(self, data: bytes) -> Sequence[Answer]:
+        """Return what the band said in these bytes and those before; never raises."""
+        ...
+
+    def reset(self) -> None:
+        """Forget half a message; called when a connection starts."""
+        ...
+
+    @property
+    def damaged(self) -> int:
+        """Messages that could not be read."""
+        ...
+
+
+class FramedDialect:
+    """Our own protocol."""
+
+    name = f"framed {codec.VERSION}"
+    motor_count = codec.MOTORS
+    acknowledges = True
+    has_dead_man = True
+
+    def __init__(self) -> None:
+        self._reader = codec.FrameReader()
+        self._unknown = 0
+
+    @property
+    def damaged(self) -> int:
+        """Frames that failed their check or are unknown."""
+        return self._reader.damaged + self._unknown
+
+    def greeting(self, seq: int) -> bytes:
+        """Return HELLO."""
+        return codec.encode_hello(seq)
+
+    def arming(self, seq: int, armed: bool) -> bytes:
+        """Return ARM."""
+        return codec.encode_arm(seq, armed)
+
+    def set(self, seq: int, drive: Drive, ttl_ms: int) -> bytes:
+        """Return SET; a running motor never rounds to off."""
+        amplitudes = [_byte(a) for a in drive.amplitudes_01]
+        rates = [0] * len(amplitudes)
+        if drive.rates_hz is not None:
+            rates = [max(1, min(FULL, round(rate))) for rate in drive.rates_hz]
+        return codec.encode_set(seq, ttl_ms, amplitudes, rates)
+
+    def pattern(
+        self, seq: int, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float
+    ) -> bytes | None:
+        """Return PATTERN."""
+        return codec.encode_pattern(
+            seq,
+            PATTERN_NAMES.index(pattern.name),
+            sum(1 << motor for motor in set(motors)),
+            _byte(amplitude_01),
+            round(pattern.low_hz),
+            round(pattern.high_hz),
+            modulation_dhz=round(pattern.modulation_hz * 10),
+            duration_ms=pattern.duration_ms,
+        )
+
+    def stop(self, seq: int) -> bytes:
+        """Return STOP."""
+        return codec.encode_stop(seq)
+
+    def ping(self, seq: int, running_seq: int | None) -> bytes:
+        """Return PING."""
+        return codec.encode_ping(seq, running_seq)
+
+    def feed(self, data: bytes) -> list[Answer]:
+        """Return the answers completed by these bytes."""
+        answers: list[Answer] = []
+        for frame in self._reader.feed(data):
+            answer = codec.decode_answer(frame)
+            if answer is None:
+                self._unknown += 1
+            else:
+                answers.append(answer)
+        return answers
+
+    def reset(self) -> None:
+        """Forget a begun frame."""
+        self._reader.reset()
+
+
+def _byte(amplitude_01: float) -> int:
+    return 0 if amplitude_01 <= 0 else max(1, round(min(1.0, amplitude_01) * FULL))
+
+
+__all__ = ["Acknowledgement", "Answer", "BandEvent", "Dialect", "Drive", "FramedDialect", "Welcome"]

@@ -1,0 +1,110 @@
+"""Keep account of an armband's commands: on their way, acknowledged or given up, as rows."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from devices.contracts import BAND, HAPTICS, NO_DEVICE_TIME
+from lab.schema import SampleBatch, empty_values
+
+SET, PATTERN, SILENCE, KEEP_ALIVE = range(4)
+"""Codes of `HAPTICS.kind`."""
+
+COLUMNS = 4
+NO_PATTERN = 255
+
+
+@dataclass(slots=True)
+class Command:
+    """One command of ours and what is known of it so far."""
+
+    number: int
+    kind: int
+    seq: int
+    data: bytes
+    t_commanded_ns: int
+    amplitudes_01: Sequence[float] = ()
+    rates_hz: Sequence[float] | None = None
+    duration_ms: float = math.nan
+    pattern: int = NO_PATTERN
+    low_hz: float = math.nan
+    modulation_hz: float = math.nan
+    t_write_ns: int = 0
+    t_sent_ns: int = 0
+    tries: int = 0
+    t_host_ns: int = 0
+    t_device_ns: int = NO_DEVICE_TIME
+    acknowledged: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class BandRow:
+    """One row of the `BAND` stream."""
+
+    t_host_ns: int
+    t_device_ns: int
+    event: int
+    battery_01: float
+    temperature_c: float
+
+
+class DeviceMicros:
+    """Unwrap the band's 32-bit microseconds into nanoseconds."""
+
+    def __init__(self) -> None:
+        self._last_us: int | None = None
+
+    def unwrap_ns(self, device_us: int) -> int:
+        """Return ns that go on over the wrap; late answers may lie before earlier ones."""
+        last = self._last_us
+        if last is None:
+            self._last_us = device_us
+            return device_us * 1000
+        step = (device_us - last + 2**31) % 2**32 - 2**31
+        now_us = last + step
+        if step > 0:
+            self._last_us = now_us
+        return now_us * 1000
+
+
+def command_batch(rows: Sequence[Command], first_seq: int) -> SampleBatch:
+    """Return finished commands as samples of `HAPTICS`."""
+    values = empty_values(HAPTICS, len(rows))
+    values["amplitudes_01"] = values["rates_hz"] = np.nan
+    for i, row in enumerate(rows):
+        values["command"][i] = row.number
+        values["kind"][i] = row.kind
+        values["t_commanded_ns"][i] = row.t_commanded_ns
+        values["t_sent_ns"][i] = row.t_sent_ns
+        values["acknowledged"][i] = row.acknowledged
+        n = min(COLUMNS, len(row.amplitudes_01))
+        values["amplitudes_01"][i, :n] = row.amplitudes_01[:n]
+        if row.rates_hz is not None:
+            values["rates_hz"][i, :n] = row.rates_hz[:n]
+        values["duration_ms"][i] = row.duration_ms
+        values["pattern"][i] = row.pattern
+        values["low_hz"][i] = row.low_hz
+        values["modulation_hz"][i] = row.modulation_hz
+    return SampleBatch(
+        HAPTICS,
+        np.arange(first_seq, first_seq + len(rows), dtype=np.int64),
+        np.array([row.t_device_ns for row in rows], np.int64),
+        np.array([row.t_host_ns for row in rows], np.int64),
+        values,
+    )
+
+
+def band_batch(rows: Sequence[BandRow], first_seq: int) -> SampleBatch:
+    """Return what the band told of itself as samples of `BAND`."""
+    values = empty_values(BAND, len(rows))
+    for name in ("event", "battery_01", "temperature_c"):
+        values[name] = [getattr(row, name) for row in rows]
+    return SampleBatch(
+        BAND,
+        np.arange(first_seq, first_seq + len(rows), dtype=np.int64),
+        np.array([row.t_device_ns for row in rows], np.int64),
+        np.array([row.t_host_ns for row in rows], np.int64),
+        values,
+    )

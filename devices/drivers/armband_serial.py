@@ -1,0 +1,193 @@
+"""Reach an armband over a serial port: a cable, a paired Bluetooth port, a pty or `socket://`.
+
+Ports are found by what is plugged in (vendor, product, serial number), never by a fixed number.
+"""
+
+import contextlib
+import threading
+from collections.abc import Sequence
+from typing import Any
+
+from devices.byte_links import ByteLink, Chunk
+from devices.drivers.armband_dialect import Dialect, FramedDialect
+from devices.drivers.armband_driver import ArmbandDriver
+from lab.clock import Clock
+from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
+
+BAUD = 57_600
+WRITE_TIMEOUT_S = 0.2
+MOST_BYTES = 4096
+REMEDY = "plug the band in or switch it on, then look at `visavis devices list`"
+
+
+class SerialLink:
+    """A `ByteLink` over pyserial.
+
+    `port` is a device name ("COM4", "/dev/ttyUSB0", a pty) or a URL pyserial knows
+    ("socket://host:port"); instead, `vid`, `pid` and `serial_number` find it. DTR stays off so
+    that opening does not reset the board.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        port: str = "",
+        vid: int | None = None,
+        pid: int | None = None,
+        serial_number: str = "",
+        baud: int = BAUD,
+        is_simulated: bool = False,
+    ) -> None:
+        if not port and vid is None and not serial_number:
+            raise DeviceNotFound(
+                "no serial port is named",
+                remedy="give port, or vid and pid, or serial_number in lab_config.yaml",
+            )
+        self.is_simulated = is_simulated
+        self._clock = clock
+        self._port = port
+        self._wanted = (vid, pid, serial_number)
+        self._baud = baud
+        self._opened_as = port
+        self._serial: Any = None
+        self._library: Any = None
+        self._writing = threading.RLock()
+
+    @property
+    def kind(self) -> str:
+        """Name the port and its speed."""
+        return f"serial {self._opened_as or 'port not found yet'} {self._baud}"
+
+    def open(self, deadline_s: float) -> None:
+        """Find and open the port."""
+        self.close()
+        self._library = serial = _library()
+        name = self._opened_as = self._port or find_port(*self._wanted)
+        try:
+            opened = serial.serial_for_url(
+                name,
+                baudrate=self._baud,
+                timeout=0,
+                write_timeout=WRITE_TIMEOUT_S,
+                do_not_open=True,
+            )
+            if "://" not in name:
+                opened.exclusive = True
+                opened.dtr = False
+            opened.open()
+        except (serial.SerialException, OSError, ValueError) as cause:
+            raise DeviceNotFound(f"cannot open {name}: {cause}", remedy=REMEDY) from cause
+        self._serial = opened
+
+    def write(self, data: bytes) -> int:
+        """Hand over the bytes; see `ByteLink`."""
+        port = self._serial
+        if port is None:
+            raise DeviceDisconnected("the port is closed", remedy=REMEDY)
+        try:
+            with self._writing:
+                port.write(data)
+        except self._library.SerialTimeoutException as cause:
+            raise DeviceTimeout(
+                f"{self._opened_as} takes no bytes", remedy="switch the band off and on"
+            ) from cause
+        except (self._library.SerialException, OSError, TypeError) as cause:
+            raise DeviceDisconnected(
+                f"{self._opened_as} is gone: {cause}", remedy=REMEDY
+            ) from cause
+        return self._clock.now_ns()
+
+    def read(self, timeout_s: float) -> Sequence[Chunk]:
+        """Return what came; see `ByteLink`."""
+        port = self._serial
+        if port is None:
+            raise DeviceDisconnected("the port is closed", remedy=REMEDY)
+        try:
+            if port.timeout != timeout_s:
+                port.timeout = timeout_s
+            data = port.read(1)
+            if data:
+                stamp_ns = self._clock.now_ns()
+                waiting = port.in_waiting
+                if waiting:
+                    data += port.read(min(waiting, MOST_BYTES))
+                return (Chunk(stamp_ns, data),)
+        except (self._library.SerialException, OSError, TypeError) as cause:
+            raise DeviceDisconnected(
+                f"{self._opened_as} is gone: {cause}", remedy=REMEDY
+            ) from cause
+        return ()
+
+    def close(self) -> None:
+        """Close the port; idempotent."""
+        port, self._serial = self._serial, None
+        if port is not None:
+            with contextlib.suppress(OSError, self._library.SerialException):
+                port.close()
+
+
+def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
+    """Return the name of the one port that fits; raises DeviceNotFound naming those there are."""
+    _library()
+    from serial.tools import list_ports
+
+    ports = list(list_ports.comports())
+    fitting = [
+        port.device
+        for port in ports
+        if (vid is None or port.vid == vid)
+        and (pid is None or port.pid == pid)
+        and (not serial_number or port.serial_number == serial_number)
+    ]
+    if len(fitting) == 1:
+        return str(fitting[0])
+    described = ", ".join(
+        f"{port.device} (vid {_hex(port.vid)}, pid {_hex(port.pid)}, serial {port.serial_number})"
+        for port in ports
+    )
+    wanted = f"vid {_hex(vid)}, pid {_hex(pid)}, serial {serial_number or 'any'}"
+    if fitting:
+        raise DeviceNotFound(
+            f"{len(fitting)} serial ports fit {wanted}: {', '.join(fitting)}",
+            remedy="give serial_number in lab_config.yaml",
+        )
+    raise DeviceNotFound(
+        f"no serial port fits {wanted}; there are: {described or 'none'}", remedy=REMEDY
+    )
+
+
+def serial_armband(
+    role: str,
+    clock: Clock,
+    *,
+    port: str = "",
+    vid: int | None = None,
+    pid: int | None = None,
+    serial_number: str = "",
+    baud: int = BAUD,
+    max_rate_hz: float = 100.0,
+    dialect: Dialect | None = None,
+    link: ByteLink | None = None,
+) -> ArmbandDriver:
+    """Return our armband on a serial port; `link` takes the place of the port, as for a replay."""
+    if link is None:
+        link = SerialLink(
+            clock, port=port, vid=vid, pid=pid, serial_number=serial_number, baud=baud
+        )
+    language = dialect if dialect is not None else FramedDialect()
+    return ArmbandDriver(role, link, language, clock, max_rate_hz=max_rate_hz)
+
+
+def _library() -> Any:
+    try:
+        import serial
+    except ImportError as cause:
+        raise DeviceNotFound(
+            "the library pyserial is not installed", remedy="run: pip install 'visavis[serial]'"
+        ) from cause
+    return serial
+
+
+def _hex(number: int | None) -> str:
+    return "any" if number is None else f"{number:04x}"

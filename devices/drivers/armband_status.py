@@ -1,0 +1,94 @@
+"""What an armband's driver knows of its band's condition, and the words for the operator."""
+
+from dataclasses import dataclass, field
+
+from devices.contracts import Fault
+from devices.drivers.armband_codec import (
+    BATTERY_EMPTY,
+    DISAGREED,
+    STATUS_TEXTS,
+    TOO_HOT,
+    Acknowledgement,
+    BandEvent,
+)
+
+FULL_MV = 4150
+EMPTY_MV = 3300
+LOW_01 = 0.2
+
+DEAD_MAN, EXPIRED, BATTERY_LOW, BATTERY_GOOD, HOT, COOL = 2, 3, 4, 5, 6, 7
+
+
+@dataclass
+class BandStatus:
+    """Counts and states since `open`."""
+
+    role: str
+    has_dead_man: bool = True
+    battery_01: float | None = None
+    temperature_c: float | None = None
+    battery_is_low: bool = False
+    is_hot: bool = False
+    loop_stalled: bool = False
+    unanswered: int = 0
+    dead_man_fired: int = 0
+    reconnects: int = 0
+    refusals: dict[int, int] = field(default_factory=dict)
+
+    def take_report(self, answer: Acknowledgement) -> None:
+        """Take battery and temperature from an answer to PING."""
+        if answer.battery_mv is not None:
+            self.battery_01 = charge_01(answer.battery_mv)
+        if answer.temperature_c is not None:
+            self.temperature_c = answer.temperature_c
+
+    def take_event(self, event: BandEvent) -> None:
+        """Take what the band told unasked."""
+        if event.code == DEAD_MAN:
+            self.dead_man_fired += 1
+        elif event.code in (BATTERY_LOW, BATTERY_GOOD):
+            self.battery_is_low = event.code == BATTERY_LOW
+            self.battery_01 = charge_01(event.value)
+        elif event.code in (HOT, COOL):
+            self.is_hot = event.code == HOT
+            self.temperature_c = event.value / 100
+
+    def refused(self, status: int) -> None:
+        """Count a command that the band did not carry out."""
+        self.refusals[status] = self.refusals.get(status, 0) + 1
+
+    def faults(self, damaged: int) -> tuple[Fault, ...]:
+        """Return what the operator must know."""
+        role, found = self.role, []
+        if self.is_hot:
+            found.append(Fault(role, "blocking", "too hot: it refuses to run", "take it off"))
+        if self.battery_is_low or (self.battery_01 is not None and self.battery_01 < LOW_01):
+            charge = "" if self.battery_01 is None else f" ({self.battery_01:.0%})"
+            found.append(Fault(role, "warning", f"battery low{charge}", "charge it at the break"))
+        if self.loop_stalled:
+            text = "silenced because the experiment loop stood still"
+            found.append(Fault(role, "warning", text, "close other programs on this computer"))
+        if self.dead_man_fired:
+            text = f"silenced itself {self.dead_man_fired} times because no command came"
+            found.append(Fault(role, "warning", text, "bring the band nearer, check its cable"))
+        if self.unanswered:
+            text = f"{self.unanswered} commands were not acknowledged"
+            found.append(Fault(role, "warning", text, "bring the band nearer, check its cable"))
+        for status, count in sorted(self.refusals.items()):
+            said = STATUS_TEXTS[status] if status < len(STATUS_TEXTS) else f"status {status}"
+            if status not in (TOO_HOT, BATTERY_EMPTY, DISAGREED):
+                found.append(Fault(role, "warning", f"{count} commands {said}", "report this"))
+            elif status != TOO_HOT:
+                found.append(Fault(role, "warning", f"{count} commands {said}", "charge it"))
+        if damaged:
+            text = f"{damaged} messages could not be read"
+            found.append(Fault(role, "warning", text, "keep the .wire log and report it"))
+        if not self.has_dead_man:
+            text = "this band does not silence itself when the computer fails"
+            found.append(Fault(role, "warning", text, "stay near its switch"))
+        return tuple(found)
+
+
+def charge_01(battery_mv: int) -> float:
+    """Return the charge of a Li-ion cell by its voltage, a straight line between its ends."""
+    return min(1.0, max(0.0, (battery_mv - EMPTY_MV) / (FULL_MV - EMPTY_MV)))

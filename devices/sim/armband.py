@@ -1,0 +1,207 @@
+"""Simulate an armband at its wire: link delays and faults, firmware, motors with inertia.
+
+A virtual clock drives it through `devices.byte_links.MemoryLink`; `devices.sim.armband_pty`
+hosts the same on a pseudo-terminal. Motors follow their drive with a first-order lag; not
+modelled: skin and strap, motor spread, magnetic coupling, radio collisions.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from devices.byte_links import Chunk, MemoryLink
+from devices.contracts import MovingBody
+from devices.drivers.armband_dialect import FramedDialect
+from devices.drivers.armband_driver import ArmbandDriver
+from devices.sim.armband_firmware import HIGHEST_DUTY, ArmbandFirmware, Surroundings
+from devices.sim.faults import FaultSchedule
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.errors import DeviceDisconnected, DeviceNotFound
+
+BAUD = 57_600
+BITS_PER_BYTE = 10
+STEP_NS = NS_PER_MS
+RISE_MS = 30.0
+"""Time constant of a coin motor; makers' figures for lag and rise lie at 20 to 50 ms."""
+
+FELT_STEP_01 = 0.02
+
+
+class _Way:
+    """One direction of a serial line: bytes one after the other, then a delay that keeps order."""
+
+    def __init__(
+        self, rng: np.random.Generator, baud: int, latency_ns: float, jitter_ns: float
+    ) -> None:
+        self._rng = rng
+        self._byte_ns = BITS_PER_BYTE * NS_PER_S / baud
+        self._latency_ns = latency_ns
+        self._jitter_ns = jitter_ns
+        self._free_ns = 0
+        self._arrival_ns = 0
+
+    def carry(self, pieces: Sequence[bytes], t_ns: int) -> list[tuple[int, bytes]]:
+        """Return the pieces handed over at `t_ns` with their arrival times."""
+        carried = []
+        delay_ns = self._latency_ns
+        if self._jitter_ns:
+            delay_ns += self._rng.exponential(self._jitter_ns)
+        for piece in pieces:
+            self._free_ns = max(t_ns, self._free_ns) + round(len(piece) * self._byte_ns)
+            self._arrival_ns = max(self._arrival_ns, self._free_ns + round(delay_ns))
+            carried.append((self._arrival_ns, piece))
+        return carried
+
+
+class ArmbandSimulator:
+    """The `BytePeer` of one band worn as `role`.
+
+    `latency_ms` and `jitter_ms` are added to the wire time of `baud` in each direction; `drift_ppm`
+    is how fast the band's clock runs. Faults: late_start, disconnect, loss, duplicate, garbage,
+    burst, mute, clock_jump, drift, version (text: a number).
+    """
+
+    def __init__(
+        self,
+        role: str,
+        clock: Clock,
+        *,
+        seed: int = 0,
+        body: MovingBody | None = None,
+        faults: FaultSchedule | None = None,
+        baud: int = BAUD,
+        latency_ms: float = 1.0,
+        jitter_ms: float = 0.5,
+        drift_ppm: float = 0.0,
+        rise_ms: float = RISE_MS,
+        surroundings: Surroundings | None = None,
+    ) -> None:
+        self._role = role
+        self._rng = np.random.default_rng(seed)
+        self._body = body
+        self._faults = faults if faults is not None else FaultSchedule()
+        self._towards_band, self._towards_host = (
+            _Way(self._rng, baud, latency_ms * NS_PER_MS, jitter_ms * NS_PER_MS) for _ in range(2)
+        )
+        self._rate = 1 + drift_ppm * 1e-6
+        self._rise = float(np.exp(-STEP_NS / (rise_ms * NS_PER_MS))) if rise_ms > 0 else 0.0
+        self._origin_ns = self._at_ns = clock.now_ns()
+        self.firmware = ArmbandFirmware(surroundings or Surroundings())
+        version = next(iter(self._faults.of_kind("version")), None)
+        if version is not None:
+            self.firmware.version = int(version.text)
+        self._inbound: deque[tuple[int, bytes]] = deque()
+        self._outbound: deque[Chunk] = deque()
+        self._levels_01 = np.zeros(len(self.firmware.duties))
+        self._felt_01 = np.zeros_like(self._levels_01)
+        self.duty_log: list[tuple[int, tuple[int, ...]]] = []
+
+    def connect(self, t_ns: int) -> None:
+        """Take a connection; what was under way is lost."""
+        if self._is_away(t_ns) or self._faults.active("late_start", t_ns):
+            raise DeviceNotFound("the simulated band is switched off", remedy="wait for it")
+        self.advance(t_ns)
+        self._inbound.clear()
+        self._outbound.clear()
+
+    def accept(self, data: bytes, t_ns: int) -> None:
+        """Let bytes travel to the band."""
+        if self._is_away(t_ns):
+            raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
+        for arrival_ns, piece in self._towards_band.carry(self._damaged(data, t_ns), t_ns):
+            self._inbound.append((arrival_ns, piece))
+
+    def outgoing(self, until_ns: int) -> Sequence[Chunk]:
+        """Do what is due and return what has reached the host."""
+        self.advance(until_ns)
+        if self._is_away(until_ns):
+            raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
+        if self._faults.active("burst", until_ns):
+            return ()
+        arrived = []
+        while self._outbound and self._outbound[0].t_host_ns <= until_ns:
+            arrived.append(self._outbound.popleft())
+        return arrived
+
+    def advance(self, t_ns: int) -> None:
+        """Run firmware and motors up to this session time."""
+        while self._at_ns < t_ns:
+            if not self._is_busy():
+                following = self._inbound[0][0] if self._inbound else t_ns
+                self._at_ns = max(self._at_ns, min(t_ns, following))
+                if not self._inbound or self._inbound[0][0] > t_ns:
+                    self._say(self.firmware.step(self._device_us(self._at_ns)), self._at_ns)
+                    self._at_ns = t_ns
+                    return
+            else:
+                self._at_ns = min(t_ns, self._at_ns + STEP_NS)
+            self._step()
+
+    def _step(self) -> None:
+        now_ns = self._at_ns
+        while self._inbound and self._inbound[0][0] <= now_ns:
+            arrival_ns, data = self._inbound.popleft()
+            self._say(self.firmware.feed(data, self._device_us(arrival_ns)), arrival_ns)
+        self._say(self.firmware.step(self._device_us(now_ns)), now_ns)
+        duties = self.firmware.duties
+        if not self.duty_log or self.duty_log[-1][1] != duties:
+            self.duty_log.append((now_ns, duties))
+        targets_01 = np.array(duties) / HIGHEST_DUTY
+        self._levels_01 = targets_01 + (self._levels_01 - targets_01) * self._rise
+        self._levels_01[(targets_01 == 0) & (self._levels_01 < FELT_STEP_01)] = 0.0
+        moved = np.abs(self._levels_01 - self._felt_01) >= FELT_STEP_01
+        ended = (self._levels_01 == 0) & (self._felt_01 > 0)
+        if moved.any() or ended.any():
+            self._felt_01 = self._levels_01.copy()
+            if self._body is not None:
+                self._body.feel(self._role, self._felt_01.tolist(), now_ns)
+
+    def _is_busy(self) -> bool:
+        return self.firmware.is_running or bool(self._levels_01.any())
+
+    def _say(self, data: bytes, t_ns: int) -> None:
+        if not data or self._faults.active("mute", t_ns):
+            return
+        for arrival_ns, piece in self._towards_host.carry(self._damaged(data, t_ns), t_ns):
+            self._outbound.append(Chunk(arrival_ns, piece))
+
+    def _damaged(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Return the pieces of these bytes that travel on: none, one, damaged, or twice."""
+        rng = self._rng
+        if (fault := self._faults.active("loss", t_ns)) and rng.random() < fault.amount:
+            return []
+        if (fault := self._faults.active("garbage", t_ns)) and rng.random() < fault.amount:
+            noise = bytearray(data)
+            noise[int(rng.integers(len(noise)))] ^= int(rng.integers(1, 256))
+            data = bytes(noise)
+        if (fault := self._faults.active("duplicate", t_ns)) and rng.random() < fault.amount:
+            return [data, data]
+        if len(data) > 2 and rng.random() < 0.5:  # links cut and join as they like
+            cut = int(rng.integers(1, len(data)))
+            return [data[:cut], data[cut:]]
+        return [data]
+
+    def _is_away(self, t_ns: int) -> bool:
+        return self._faults.active("disconnect", t_ns) is not None
+
+    def _device_us(self, t_ns: int) -> int:
+        elapsed_ns = (t_ns - self._origin_ns) * self._rate
+        for fault in self._faults.of_kind("drift"):
+            elapsed_ns += max(0, t_ns - fault.start_ns) * fault.amount * 1e-6
+        for fault in self._faults.of_kind("clock_jump"):
+            if t_ns >= fault.start_ns:
+                elapsed_ns += fault.amount * NS_PER_S
+        return round(elapsed_ns / 1000)
+
+
+def simulated_armband(
+    role: str, clock: Clock, *, max_rate_hz: float = 100.0, **simulator: Any
+) -> ArmbandDriver:
+    """Return our driver on a simulated band; `simulator` goes to `ArmbandSimulator`."""
+    peer = ArmbandSimulator(role, clock, **simulator)
+    link = MemoryLink(peer, clock)
+    return ArmbandDriver(
+        role, link, FramedDialect(), clock, driver="simulated_armband", max_rate_hz=max_rate_hz
+    )
