@@ -126,6 +126,7 @@ def check_headset(make: Callable[[], Headset], *, n_frames: int = 30) -> None:
     span = frames[-1].index - frames[0].index
     rate_hz = span * 1e9 / (frames[-1].t_ns - frames[0].t_ns)
     _promise(abs(rate_hz / device.display_rate_hz - 1) < 0.05, "frames keep the nominal rate")
+    batches = [batch for batch in batches if batch.schema.fields == HEAD.fields]
     _promise(sum(map(len, batches)) == n_frames, "every frame brings one pose")
     values = np.concatenate([batch.values for batch in batches])
     lengths = np.linalg.norm(values["orientation_wxyz"][values["valid"]], axis=1)

@@ -13,6 +13,7 @@ ENTRY_POINT_GROUP = "visavis.drivers"
 """Installed packages add drivers under this entry-point group."""
 
 BUILT_IN: dict[str, str] = {
+    "openvr_headset": "devices.drivers.openvr_headset:OpenVrHeadset",
     "pupil_core": "devices.drivers.pupil_core:PupilCore",
     "serial_armband": "devices.drivers.armband_serial:serial_armband",
     "simulated_armband": "devices.sim.armband:simulated_armband",

@@ -15,3 +15,20 @@ class FrameInfo:
     t_ns: int
     predicted_display_ns: int
     dropped: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class EyeView:
+    """How one eye looks through the display, left eye first where there are two.
+
+    `offset_m` leads from the midpoint between the eyes to this eye and `orientation_wxyz` turns
+    its view, both in the head frame. The tangents bound the view at distance one: left and
+    bottom are negative, right and top positive.
+    """
+
+    offset_m: tuple[float, float, float]
+    orientation_wxyz: tuple[float, float, float, float]
+    tangent_left: float
+    tangent_right: float
+    tangent_bottom: float
+    tangent_top: float

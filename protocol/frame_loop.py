@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from devices.contracts import HEAD
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.frame import FrameInfo
 from lab.geometry import Pose
@@ -80,7 +81,7 @@ class FrameLoop:
             self.observer.take(batch)
             if self.gaze_tap is not None:
                 self.gaze_tap.append(batch)
-        elif role == "headset":
+        elif role == "headset" and batch.schema.name == HEAD.name:
             self._head_inbox.append(batch)
         elif role == "responses":
             self._press_inbox.append(batch)

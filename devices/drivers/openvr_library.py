@@ -1,0 +1,304 @@
+"""Call the OpenVR runtime through the `openvr` package, as a wire that can be logged and replayed.
+
+A process has one connection to the runtime, so one `OpenVrLibrary` is shared by headset,
+controllers and trackers; each gets its own `OpenVrTransport`. Every call is a request (its name,
+its arguments) with an answer (the name of the error, empty for none, then what the runtime
+filled in); events arrive as messages. A `TeeTransport` around it thus writes a `.wire` log.
+
+Requests: `runtime`, `devices`, `display`, `eye 0`, `eye 1`, `wait_poses`, `poses`, `activity`,
+`submit 0`, `submit 1`, `haptic`.
+"""
+
+import ctypes
+import struct
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgpack
+
+from devices.drivers.openvr_codec import MAX_DEVICES, VSYNC
+from devices.transports import Exchange, Frames, Message
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.errors import DeviceError, DeviceNotFound
+
+SIMULATED_RUNTIME = "Visavis"
+"""A runtime whose version begins so is our simulator."""
+
+APPLICATIONS = {"scene": 1, "other": 0, "background": 3}
+
+_INIT_REMEDY = "install and start SteamVR, connect the headset, and look at SteamVR's own messages"
+INIT_REMEDIES = {
+    "InitError_Init_PathRegistryNotFound": "SteamVR is not installed: install and start it once",
+    "InitError_Init_InstallationNotFound": "SteamVR is not installed: install and start it once",
+    "InitError_Init_VRClientDLLNotFound": "SteamVR is damaged: verify its files in Steam",
+    "InitError_Init_InterfaceNotFound": "SteamVR is older than the openvr package: update SteamVR",
+    "OpenVRError": "SteamVR speaks another version than the openvr package: update both",
+    "InitError_Init_HmdNotFound": "connect and switch on the headset",
+    "InitError_Init_NoServerForBackgroundApp": "start SteamVR first",
+}
+
+
+class OpenVrLibrary:
+    """The connection of this process to the runtime, counted: the last to close shuts it down.
+
+    `application` is "scene" to show images, "other" for trackers without a display,
+    "background" to attach only to a SteamVR that runs already.
+    """
+
+    def __init__(self, clock: Clock, *, application: str = "scene") -> None:
+        if application not in APPLICATIONS:
+            known = ", ".join(APPLICATIONS)
+            raise DeviceError(f"OpenVR application {application!r} is unknown", remedy=known)
+        self.clock = clock
+        self.is_simulated = False
+        self.version = ""
+        self._application = application
+        self._users: list[OpenVrTransport] = []
+        self._guard = threading.RLock()
+        self._openvr: Any = None
+        self._system: Any = None
+        self._compositor: Any = None
+        self._poses: Any = None
+        self._calls: dict[str, Callable[[Frames], Frames]] = {
+            "runtime": self._runtime,
+            "devices": self._devices,
+            "display": self._display,
+            "eye": self._eye,
+            "wait_poses": self._wait_poses,
+            "poses": self._present_poses,
+            "activity": self._activity,
+            "submit": self._submit,
+            "haptic": self._haptic,
+        }
+
+    def transport(self) -> "OpenVrTransport":
+        """Return a wire for one more device."""
+        return OpenVrTransport(self)
+
+    def attach(self, user: "OpenVrTransport") -> None:
+        """Connect when it is the first; raises DeviceNotFound with what to do."""
+        with self._guard:
+            if self._openvr is None:
+                self._connect()
+            if user not in self._users:
+                self._users.append(user)
+
+    def detach(self, user: "OpenVrTransport") -> None:
+        """Disconnect when it is the last."""
+        with self._guard:
+            if user in self._users:
+                self._users.remove(user)
+                if not self._users:
+                    self._disconnect()
+
+    def call(self, frames: Frames) -> Frames:
+        """Perform one call; errors of the runtime are named in the answer."""
+        if self._openvr is None:
+            return (b"NotConnected",)
+        name = frames[0].decode("ascii").partition(" ")[0]
+        try:
+            return (b"", *self._calls[name](frames))
+        except self._openvr.error_code.OpenVRError as problem:
+            return (type(problem).__name__.encode(),)
+
+    def share_events(self) -> None:
+        """Take the runtime's events and hand each to every user."""
+        with self._guard:
+            if self._openvr is None:
+                return
+            event = self._openvr.VREvent_t()
+            while self._system.pollNextEvent(event):
+                raw = bytes(event)
+                message = Message(self.clock.now_ns(), (b"event", raw))
+                for user in self._users:
+                    user.inbox.append(message)
+                if event.eventType == self._openvr.VREvent_Quit:
+                    self._system.acknowledgeQuit_Exiting()
+                    self._disconnect()
+                    return
+
+    # ---- connection -----------------------------------------------------------------------
+
+    def _connect(self) -> None:
+        try:
+            import openvr
+        except ImportError as cause:
+            raise DeviceNotFound(
+                "the library openvr is not installed", remedy="run: pip install openvr"
+            ) from cause
+        try:
+            system = openvr.init(APPLICATIONS[self._application])
+            compositor = openvr.VRCompositor() if self._application == "scene" else None
+        except openvr.error_code.OpenVRError as cause:
+            name = type(cause).__name__
+            raise DeviceNotFound(
+                f"the OpenVR runtime refused: {name} {cause}".rstrip(),
+                remedy=INIT_REMEDIES.get(name, _INIT_REMEDY),
+            ) from cause
+        self._openvr, self._system, self._compositor = openvr, system, compositor
+        self._poses = (openvr.TrackedDevicePose_t * MAX_DEVICES)()
+        if compositor is not None:
+            compositor.setTrackingSpace(openvr.TrackingUniverseStanding)
+        self.version = _text(system.getRuntimeVersion())
+        self.is_simulated = self.version.startswith(SIMULATED_RUNTIME)
+
+    def _disconnect(self) -> None:
+        if self._openvr is not None:
+            self._openvr.shutdown()
+        self._openvr = self._system = self._compositor = self._poses = None
+
+    # ---- calls ----------------------------------------------------------------------------
+
+    def _runtime(self, _: Frames) -> Frames:
+        return (self.version.encode(),)
+
+    def _devices(self, _: Frames) -> Frames:
+        vr, system = self._openvr, self._system
+        found = []
+        for slot in range(MAX_DEVICES):
+            kind = int(system.getTrackedDeviceClass(slot))
+            if kind and system.isTrackedDeviceConnected(slot):
+                role = int(system.getControllerRoleForTrackedDeviceIndex(slot))
+                texts = (vr.Prop_SerialNumber_String, vr.Prop_ModelNumber_String)
+                maker = vr.Prop_ManufacturerName_String
+                names = [self._property(slot, prop) for prop in (*texts, maker)]
+                found.append([slot, kind, role, *names, self._battery(slot)])
+        packed: bytes = msgpack.packb(found)
+        return (packed,)
+
+    def _property(self, slot: int, prop: Any) -> str:
+        try:
+            return str(self._system.getStringTrackedDeviceProperty(slot, prop))
+        except self._openvr.error_code.OpenVRError:  # the device has no such property
+            return ""
+
+    def _battery(self, slot: int) -> float | None:
+        vr = self._openvr
+        try:
+            if not self._system.getBoolTrackedDeviceProperty(slot, vr.Prop_DeviceIsWireless_Bool):
+                return None
+            level = self._system.getFloatTrackedDeviceProperty(
+                slot, vr.Prop_DeviceBatteryPercentage_Float
+            )
+        except vr.error_code.OpenVRError:  # the device has no such property
+            return None
+        return float(level)
+
+    def _display(self, _: Frames) -> Frames:
+        vr, system = self._openvr, self._system
+        rate_hz = system.getFloatTrackedDeviceProperty(0, vr.Prop_DisplayFrequency_Float)
+        photons_s = system.getFloatTrackedDeviceProperty(0, vr.Prop_SecondsFromVsyncToPhotons_Float)
+        width, height = system.getRecommendedRenderTargetSize()
+        packed: bytes = msgpack.packb([float(rate_hz), float(photons_s), int(width), int(height)])
+        return (packed,)
+
+    def _eye(self, frames: Frames) -> Frames:
+        eye = int(frames[0][-1:])
+        tangents = [float(t) for t in self._system.getProjectionRaw(eye)]
+        matrix = self._system.getEyeToHeadTransform(eye)
+        packed: bytes = msgpack.packb([tangents, [float(x) for row in matrix.m for x in row]])
+        return (packed,)
+
+    def _wait_poses(self, _: Frames) -> Frames:
+        self._compositor.waitGetPoses(self._poses, None)
+        poses = bytes(self._poses)
+        known, since_s, count = self._system.getTimeSinceLastVsync()
+        vsync = VSYNC.pack(bool(known), float(since_s), int(count))
+        filled, timing = self._compositor.getFrameTiming(1)
+        return poses, vsync, bytes(timing) if filled else b""
+
+    def _present_poses(self, _: Frames) -> Frames:
+        self._system.getDeviceToAbsoluteTrackingPose(
+            self._openvr.TrackingUniverseStanding, 0.0, self._poses_here()
+        )
+        return (bytes(self._poses_here()),)
+
+    def _poses_here(self) -> Any:
+        """Return an array of this thread's own: trackers and headset may poll side by side."""
+        local = _LOCAL.__dict__
+        if "poses" not in local:
+            local["poses"] = (self._openvr.TrackedDevicePose_t * MAX_DEVICES)()
+        return local["poses"]
+
+    def _activity(self, _: Frames) -> Frames:
+        return (struct.pack("<i", int(self._system.getTrackedDeviceActivityLevel(0))),)
+
+    def _submit(self, frames: Frames) -> Frames:
+        vr = self._openvr
+        texture = vr.Texture_t(
+            handle=int(frames[1]), eType=vr.TextureType_OpenGL, eColorSpace=vr.ColorSpace_Gamma
+        )
+        # The package's own submit() cannot pass "the whole texture".
+        error = self._compositor.function_table.submit(
+            int(frames[0][-1:]), ctypes.byref(texture), None, vr.Submit_Default
+        )
+        vr.error_code.CompositorError.check_error_value(error)
+        return ()
+
+    def _haptic(self, frames: Frames) -> Frames:
+        slot, microseconds = (int(part) for part in frames[1].split())
+        self._system.triggerHapticPulse(slot, 0, microseconds)
+        return ()
+
+
+_LOCAL = threading.local()
+
+
+class OpenVrTransport:
+    """One device's wire to the shared library; follows `MessageTransport`."""
+
+    kind = "openvr"
+
+    def __init__(self, library: OpenVrLibrary) -> None:
+        self._library = library
+        self._clock = library.clock
+        self.inbox: deque[Message] = deque()
+
+    @property
+    def is_simulated(self) -> bool:
+        """Tell whether our simulated runtime answers; known once open."""
+        return self._library.is_simulated
+
+    def open(self, deadline_s: float) -> None:
+        """Connect to the runtime; a runtime that hangs cannot be interrupted."""
+        self.inbox.clear()
+        self._library.attach(self)
+
+    def request(self, frames: Frames, timeout_s: float) -> Exchange:
+        """Make a call and return what the runtime answered."""
+        sent_ns = self._clock.now_ns()
+        answer = self._library.call(frames)
+        return Exchange(answer, sent_ns, self._clock.now_ns())
+
+    def post(self, frames: Frames) -> None:
+        """Make a call whose answer nobody needs."""
+        self._library.call(frames)
+
+    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
+        """Do nothing: every event comes."""
+
+    def receive(self, timeout_s: float) -> Sequence[Message]:
+        """Return the events since the last call; waits in steps of 1 ms for the first."""
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        self._library.share_events()
+        while not self.inbox and (now_ns := self._clock.now_ns()) < deadline_ns:
+            self._clock.sleep_until_ns(min(now_ns + NS_PER_MS, deadline_ns))
+            self._library.share_events()
+        messages = []
+        while self.inbox:
+            messages.append(self.inbox.popleft())
+        return messages
+
+    def send(self, port: int, frames: Frames) -> None:
+        """Do nothing: there is nothing to publish to."""
+
+    def close(self) -> None:
+        """Leave the library; the last one disconnects."""
+        self.inbox.clear()
+        self._library.detach(self)
+
+
+def _text(raw: Any) -> str:
+    return raw.decode("utf-8", "replace") if isinstance(raw, bytes) else str(raw)

@@ -1,0 +1,53 @@
+"""Compile a simulator's C library when it is needed, once per source."""
+
+import hashlib
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+from lab.errors import DeviceNotFound
+
+SOURCES = Path(__file__).parent / "native"
+COMPILERS = ("cc", "gcc", "clang")
+FLAGS = ("-std=c11", "-O1", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wno-cast-function-type")
+
+
+def find_compiler() -> str | None:
+    """Return the path of a C compiler; None when there is none."""
+    return next((path for name in COMPILERS if (path := shutil.which(name))), None)
+
+
+def build_library(source: str, generated: dict[str, str], library: str) -> Path:
+    """Compile `native/<source>` with generated headers beside it; return the library's path.
+
+    The result is kept in the temporary folder under the hash of everything that went in. Raises
+    DeviceNotFound when there is no compiler or it refuses.
+    """
+    compiler = find_compiler()
+    if compiler is None:
+        raise DeviceNotFound(
+            "this simulator needs a C compiler", remedy="install one: apt-get install gcc"
+        )
+    code = (SOURCES / source).read_bytes()
+    texts = [*FLAGS, *(f"{name}={text}" for name, text in sorted(generated.items()))]
+    digest = hashlib.sha256(code + "\0".join(texts).encode()).hexdigest()[:16]
+    folder = Path(tempfile.gettempdir()) / f"visavis-native-{digest}"
+    target = folder / library
+    if target.exists():
+        return target
+    folder.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder) as work:
+        for name, text in generated.items():
+            (Path(work) / name).write_text(text)
+        built = Path(work) / "built"
+        command = [compiler, *FLAGS, f"-I{work}", str(SOURCES / source), "-o", str(built)]
+        result = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own compiler call
+        if result.returncode != 0:
+            raise DeviceNotFound(
+                f"{compiler} refused {source}: {result.stderr.strip()[:400]}",
+                remedy="install a current C compiler: apt-get install gcc",
+            )
+        target.parent.mkdir(parents=True, exist_ok=True)
+        built.replace(target)
+    return target

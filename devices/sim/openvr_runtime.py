@@ -1,0 +1,559 @@
+"""An OpenVR runtime without SteamVR: the genuine `openvr` package loads it and a body is tracked.
+
+A small C library (`native/vrclient`) is compiled when it is first needed; its function tables
+are built from the package's own definitions, and what they do is here. Not modelled: lens
+distortion, IVRInput and every interface but IVRSystem and IVRCompositor, tracking noise and
+prediction error (a predicted pose is the body's pose at the call), running start (a frame begins
+at the vertical sync), reprojection. Images are not looked at; `on_submit` gets their GL names.
+"""
+
+import ctypes
+import json
+import os
+import platform
+import struct
+import tempfile
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from devices.contracts import Body, MovingBody
+from devices.drivers.openvr_library import OpenVrLibrary
+from devices.sim.faults import FaultSchedule
+from devices.sim.native_build import build_library
+from lab.clock import NS_PER_S, Clock
+from lab.errors import DeviceNotFound
+from lab.geometry import Vector, rotate
+
+MILLI_HZ = 1000
+MAKER = "Visavis"
+HMD, CONTROLLER, TRACKER, BASE_STATION = 1, 2, 3, 4
+BUTTON_NUMBERS = {
+    "system": 0,
+    "menu": 1,
+    "grip": 2,
+    "a": 7,
+    "worn": 31,
+    "trackpad": 32,
+    "trigger": 33,
+}
+EVENT_NUMBERS = {
+    "activated": 100,
+    "deactivated": 101,
+    "standby": 106,
+    "awake": 107,
+    "press": 200,
+    "release": 201,
+    "quit": 700,
+}
+RIGHT_CONTROLLER_SLOT = 2
+IPD_M = 0.063
+PHOTONS_S = 0.011
+RENDER_SIZE_PX = (960, 1080)
+RAW_TANGENTS = ((-1.39, 1.25, -1.47, 1.46), (-1.25, 1.39, -1.47, 1.46))
+"""Left, right, top, bottom of each eye, near those of a first-generation room-scale headset."""
+
+BASE_STATIONS_M = ((-2.0, 2.3, -2.0), (2.0, 2.3, 2.0))
+HANDS = ("left_hand", "right_hand")
+CONTROLLER_OFFSETS_M = ((-0.25, -0.45, -0.3), (0.25, -0.45, -0.3))
+TRACKING_LOST = 201
+_POSE = struct.Struct("<12f 3f 3f i ? ? 2x")
+_LOST_POSE = _POSE.pack(*[0.0] * 18, TRACKING_LOST, False, True)
+_GONE_POSE = _POSE.pack(*[0.0] * 18, 1, False, False)
+_GARBAGE_POSE = _POSE.pack(*[float("nan")] * 18, 200, True, True)
+
+PoseAt = Callable[[int], tuple[Sequence[float], Sequence[float]] | None]
+
+
+@dataclass
+class SimulatedVrDevice:
+    """One slot of the runtime; `pose_at` gives position and (w, x, y, z), None when not seen."""
+
+    kind: int
+    serial: str
+    model: str
+    pose_at: PoseAt
+    role: int = 0
+    is_connected: bool = True
+    battery_01: float | None = None
+
+
+@dataclass
+class Submission:
+    """One image handed over: the frame's vertical sync, the eye (0 left) and the GL name."""
+
+    vsync: int
+    eye: int
+    texture: int
+    t_ns: int
+
+
+@dataclass
+class _Counts:
+    presents: int = 1
+    mispresented: int = 0
+    dropped: int = 0
+
+
+@dataclass
+class _Refusals:
+    submit: int = 0
+    wait: int = 0
+    init: int = 0
+    other_version: bool = False
+    haptics: list[tuple[int, int]] = field(default_factory=list)
+
+
+class SimulatedVrRuntime:
+    """Stand in for SteamVR in this process from `with` to its end.
+
+    `trackers` maps serial numbers to the segments of a moving body they are worn on. Faults:
+    standby, silence (tracking lost), disconnect (the headset is unplugged), loss and garbage
+    (shares of poses), late_start (initialising is refused), version. Only one such runtime can
+    exist in a process at a time, and no real one beside it.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        clock: Clock,
+        *,
+        seed: int = 0,
+        display_rate_hz: float = 90.0,
+        trackers: Mapping[str, str] | None = None,
+        faults: FaultSchedule | None = None,
+    ) -> None:
+        self.on_submit: Callable[[int, int], None] | None = None
+        self.submissions: list[Submission] = []
+        self.failure: Exception | None = None
+        self._body = body
+        self._clock = clock
+        self._rng = np.random.default_rng([seed, 0x0B])
+        self._rate_milli_hz = round(display_rate_hz * MILLI_HZ)
+        self._faults = faults if faults is not None else FaultSchedule()
+        self._origin_ns = clock.now_ns()
+        self._vsync = -1
+        self._vsync_ns = 0
+        self._last_vsync = -1
+        self._events: deque[tuple[int, str, int, str]] = deque()
+        self._refusals = _Refusals()
+        self._counts = _Counts()
+        self._in_standby = self._unplugged = False
+        self._submitted_eyes: set[int] = set()
+        self._base_offset_m = np.zeros((len(BASE_STATIONS_M), 3))
+        self.devices = self._make_devices(dict(trackers or {}))
+        self._environment: dict[str, str | None] = {}
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._native: Any = None
+        self._openvr: Any = None
+        self._keep: list[Any] = []
+
+    # ---- life ------------------------------------------------------------------------------
+
+    def __enter__(self) -> "SimulatedVrRuntime":
+        try:
+            import openvr
+        except ImportError as cause:
+            raise DeviceNotFound(
+                "the library openvr is not installed", remedy="run: pip install openvr"
+            ) from cause
+        self._openvr = openvr
+        built = build_library("vrclient/vrclient.c", {"tables.h": table_header()}, "vrclient.so")
+        self._folder = tempfile.TemporaryDirectory(prefix="visavis-openvr-")
+        root = Path(self._folder.name)
+        place = root / "runtime" / "bin" / _platform_folder()
+        place.mkdir(parents=True)
+        library = place / "vrclient.so"
+        library.symlink_to(built)
+        paths = {"runtime": [str(root / "runtime")], "config": [str(root)], "log": [str(root)]}
+        registry = root / "openvrpaths.vrpath"
+        registry.write_text(json.dumps({**paths, "version": 1, "jsonid": "vrpathreg"}))
+        self._set_environment("VR_PATHREG_OVERRIDE", str(registry))
+        self._native = ctypes.CDLL(str(library))
+        self._fill_tables()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        problem: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for name, value in self._environment.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
+        if problem is None and self.failure is not None:
+            raise self.failure
+
+    def library(self, application: str = "scene") -> OpenVrLibrary:
+        """Return the real library, which will find this runtime."""
+        return OpenVrLibrary(self._clock, application=application)
+
+    # ---- what a test or an operator does to it ----------------------------------------------
+
+    def refuse_submit(self, error: int) -> None:
+        """Answer every submission with this `EVRCompositorError`; 0 accepts again."""
+        self._refusals.submit = error
+
+    def refuse_wait(self, error: int) -> None:
+        """Answer every wait for poses with this `EVRCompositorError`; 0 goes on."""
+        self._refusals.wait = error
+
+    def refuse_init(self, error: int) -> None:
+        """Refuse to initialise with this `EVRInitError`; 0 accepts again."""
+        self._native.visavis_vr_set_init(error, 0)
+
+    def speak_other_version(self) -> None:
+        """Know none of the interface versions that the package asks for."""
+        self._native.visavis_vr_set_init(0, 1)
+
+    def quit(self) -> None:
+        """Tell every program that the runtime closes."""
+        self._push("quit", 0)
+
+    def press(self, slot: int, button: str, *, down: bool, t_ns: int | None = None) -> None:
+        """Press or release a button."""
+        at_ns = self._clock.now_ns() if t_ns is None else t_ns
+        self._events.append((at_ns, "press" if down else "release", slot, button))
+
+    def move_base_station(self, number: int, offset_m: Vector) -> None:
+        """Displace a base station for good."""
+        self._base_offset_m[number] += offset_m
+
+    @property
+    def haptic_pulses(self) -> tuple[tuple[int, int], ...]:
+        """Slot and microseconds of every pulse asked for."""
+        return tuple(self._refusals.haptics)
+
+    @property
+    def last_unmodelled(self) -> str:
+        """Name of the last function called that nobody models; empty for none."""
+        self._native.visavis_vr_last_unmodelled.restype = ctypes.c_char_p
+        return str(self._native.visavis_vr_last_unmodelled().decode())
+
+    # ---- the world -------------------------------------------------------------------------
+
+    def _make_devices(self, trackers: dict[str, str]) -> list[SimulatedVrDevice]:
+        devices = [SimulatedVrDevice(HMD, "LHR-HMD00001", "Simulated HMD", self._head)]
+        for i, side in enumerate(("left", "right")):
+            devices.append(
+                SimulatedVrDevice(
+                    CONTROLLER,
+                    f"LHR-CTRL000{i + 1}",
+                    f"Simulated {side} controller",
+                    self._hand(i),
+                    role=i + 1,
+                    battery_01=0.8,
+                )
+            )
+        for i, place in enumerate(BASE_STATIONS_M):
+            devices.append(
+                SimulatedVrDevice(BASE_STATION, f"LHB-BASE000{i + 1}", "Simulated base station",
+                                  self._base(i, place))
+            )  # fmt: skip
+        for serial, segment in trackers.items():
+            devices.append(
+                SimulatedVrDevice(
+                    TRACKER, serial, "Simulated tracker", self._worn(segment), battery_01=0.9
+                )
+            )
+        return devices
+
+    def _head(self, t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
+        position, orientation = self._body.head(t_ns)
+        return position.tolist(), orientation.tolist()
+
+    def _hand(self, i: int) -> PoseAt:
+        def at(t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
+            if isinstance(self._body, MovingBody):
+                return self._segment(HANDS[i], t_ns)
+            position, orientation = self._body.head(t_ns)
+            offset = rotate(orientation, np.array(CONTROLLER_OFFSETS_M[i]))
+            return (position + offset).tolist(), orientation.tolist()
+
+        return at
+
+    def _worn(self, segment: str) -> PoseAt:
+        return lambda t_ns: self._segment(segment, t_ns)
+
+    def _base(self, i: int, place: Sequence[float]) -> PoseAt:
+        return lambda _: ((np.array(place) + self._base_offset_m[i]).tolist(), (1.0, 0, 0, 0))
+
+    def _segment(self, name: str, t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
+        assert isinstance(self._body, MovingBody)  # noqa: S101 - trackers need limbs
+        positions, orientations = self._body.segments((name,), np.array((t_ns,), np.int64))
+        return positions[0, 0].tolist(), orientations[0, 0].tolist()
+
+    def _poses(self, t_ns: int) -> bytes:
+        self._follow_schedule(t_ns)
+        since_ns = t_ns - self._origin_ns
+        faults = self._faults
+        loss, garbage = faults.active("loss", since_ns), faults.active("garbage", since_ns)
+        dark = faults.active("silence", since_ns) is not None
+        parts = []
+        for device in self.devices:
+            if not device.is_connected:
+                parts.append(_GONE_POSE)
+                continue
+            asleep = device.kind == HMD and self._in_standby
+            dropped = loss is not None and self._rng.random() < loss.amount
+            spoilt = garbage is not None and self._rng.random() < garbage.amount
+            seen = None if dark or asleep or dropped else device.pose_at(t_ns)
+            if spoilt:
+                parts.append(_GARBAGE_POSE)
+            elif seen is None:
+                parts.append(_LOST_POSE)
+            else:
+                parts.append(_pack_pose(*seen))
+        return b"".join(parts) + _GONE_POSE * (64 - len(parts))
+
+    def _follow_schedule(self, t_ns: int) -> None:
+        since_ns = t_ns - self._origin_ns
+        standby = self._faults.active("standby", since_ns) is not None
+        if standby != self._in_standby:
+            self._in_standby = standby
+            self._push("standby" if standby else "awake", 0)
+        unplugged = self._faults.active("disconnect", since_ns) is not None
+        if unplugged != self._unplugged:
+            self._unplugged = unplugged
+            self.devices[0].is_connected = not unplugged
+            self._push("deactivated" if unplugged else "activated", 0)
+
+    def _push(self, kind: str, slot: int) -> None:
+        self._events.append((self._clock.now_ns(), kind, slot, ""))
+
+    # ---- the runtime's functions -------------------------------------------------------------
+
+    def _wait_get_poses(self, render: Any, n: int, game: Any, m: int) -> int:
+        if self._refusals.wait:
+            self._clock.sleep_until_ns(self._clock.now_ns() + NS_PER_S // 10)
+            return self._refusals.wait
+        scale = NS_PER_S * MILLI_HZ
+        due = -(-self._clock.now_ns() * self._rate_milli_hz // scale)
+        following = due if self._vsync < 0 else self._vsync + 1
+        vsync = max(due, following)
+        self._counts = _Counts(
+            presents=vsync - self._vsync if self._vsync >= 0 else 1,
+            mispresented=int(vsync > following),
+            dropped=vsync - following,
+        )
+        self._vsync = vsync
+        self._vsync_ns = vsync * scale // self._rate_milli_hz
+        self._clock.sleep_until_ns(self._vsync_ns)
+        self._submitted_eyes.clear()
+        self._write_poses(render, n)
+        if game:
+            self._write_poses(game, m)
+        return 0
+
+    def _write_poses(self, target: Any, n: int) -> None:
+        raw = self._poses(self._clock.now_ns())[: n * _POSE.size]
+        ctypes.memmove(target, raw, len(raw))
+
+    def _device_poses(self, universe: int, ahead_s: float, target: Any, n: int) -> None:
+        self._write_poses(target, n)
+
+    def _submit(self, eye: int, texture: Any, bounds: Any, flags: int) -> int:
+        if self._refusals.submit:
+            return self._refusals.submit
+        given = texture.contents
+        name = int(given.handle or 0)
+        if name == 0 or given.eType != int(self._openvr.TextureType_OpenGL):
+            return int(self._openvr.VRCompositorError_InvalidTexture)
+        if eye in self._submitted_eyes:
+            return int(self._openvr.VRCompositorError_AlreadySubmitted)
+        self._submitted_eyes.add(eye)
+        self.submissions.append(Submission(self._vsync, eye, name, self._clock.now_ns()))
+        if self.on_submit is not None:
+            self.on_submit(eye, name)
+        return 0
+
+    def _time_since_vsync(self, since_s: Any, count: Any) -> bool:
+        if self._vsync < 0:
+            return False
+        since_s[0] = (self._clock.now_ns() - self._vsync_ns) / NS_PER_S
+        count[0] = self._vsync
+        return True
+
+    def _frame_timing(self, timing: Any, ago: int) -> bool:
+        if self._vsync < 0:
+            return False
+        row = timing.contents
+        row.m_nFrameIndex = max(0, self._vsync - ago)
+        row.m_nNumFramePresents = self._counts.presents
+        row.m_nNumMisPresented = self._counts.mispresented
+        row.m_nNumDroppedFrames = self._counts.dropped
+        row.m_flTotalRenderGpuMs = 2.0
+        return True
+
+    def _poll_event(self, event: Any, size: int) -> bool:
+        now_ns = self._clock.now_ns()
+        for t_ns, control, value in self._body.presses(now_ns):
+            slot, button = _button_of(control)
+            self.press(slot, button, down=value > 0.5, t_ns=t_ns)
+        self._follow_schedule(now_ns)
+        if not self._events:
+            return False
+        t_ns, kind, slot, button = self._events.popleft()
+        raw = bytearray(size)
+        struct.pack_into("<IIf", raw, 0, EVENT_NUMBERS[kind], slot, (now_ns - t_ns) / NS_PER_S)
+        if button:
+            at = 12 if size % 8 == 4 else 16
+            struct.pack_into("<I", raw, at, BUTTON_NUMBERS[button])
+        ctypes.memmove(event, bytes(raw), size)
+        return True
+
+    def _float_property(self, slot: int, prop: int, error: Any) -> float:
+        device = self._device(slot)
+        error[0] = 0
+        if prop == 2002:
+            return self._rate_milli_hz / MILLI_HZ
+        if prop == 2001:
+            return PHOTONS_S
+        if prop == 1012 and device is not None and device.battery_01 is not None:
+            return device.battery_01
+        error[0] = 4
+        return 0.0
+
+    def _bool_property(self, slot: int, prop: int, error: Any) -> bool:
+        device = self._device(slot)
+        error[0] = 0 if prop == 1010 and device is not None else 4
+        return device is not None and device.battery_01 is not None
+
+    def _device(self, slot: int) -> SimulatedVrDevice | None:
+        return self.devices[slot] if slot < len(self.devices) else None
+
+    def _class_of(self, slot: int) -> int:
+        device = self._device(slot)
+        return 0 if device is None else device.kind
+
+    def _is_connected(self, slot: int) -> bool:
+        device = self._device(slot)
+        return device is not None and device.is_connected
+
+    def _role_of(self, slot: int) -> int:
+        device = self._device(slot)
+        return 0 if device is None else device.role
+
+    def _activity(self, slot: int) -> int:
+        return 3 if self._in_standby else 1
+
+    def _haptic(self, slot: int, axis: int, microseconds: int) -> None:
+        self._refusals.haptics.append((slot, microseconds))
+
+    def _projection_raw(self, eye: int, *targets: Any) -> None:
+        for target, tangent in zip(targets, RAW_TANGENTS[eye != 0], strict=True):
+            target[0] = tangent
+
+    def _target_size(self, width: Any, height: Any) -> None:
+        width[0], height[0] = RENDER_SIZE_PX
+
+    # ---- tables -----------------------------------------------------------------------------
+
+    def _fill_tables(self) -> None:
+        vr = self._openvr
+        system: dict[str, Callable[..., Any]] = {
+            "getRecommendedRenderTargetSize": self._target_size,
+            "getProjectionRaw": self._projection_raw,
+            "getTimeSinceLastVsync": self._time_since_vsync,
+            "getDeviceToAbsoluteTrackingPose": self._device_poses,
+            "getTrackedDeviceActivityLevel": self._activity,
+            "getControllerRoleForTrackedDeviceIndex": self._role_of,
+            "getTrackedDeviceClass": self._class_of,
+            "isTrackedDeviceConnected": self._is_connected,
+            "getBoolTrackedDeviceProperty": self._bool_property,
+            "getFloatTrackedDeviceProperty": self._float_property,
+            "pollNextEvent": self._poll_event,
+            "triggerHapticPulse": self._haptic,
+        }
+        compositor: dict[str, Callable[..., Any]] = {
+            "setTrackingSpace": lambda universe: None,
+            "waitGetPoses": self._wait_get_poses,
+            "submit": self._submit,
+            "getFrameTiming": self._frame_timing,
+        }
+        for number, (table, functions) in enumerate(
+            ((vr.IVRSystem_FnTable, system), (vr.IVRCompositor_FnTable, compositor))
+        ):
+            for slot, (name, prototype) in enumerate(table._fields_):
+                if name in functions:
+                    made = prototype(self._guarded(functions[name], prototype))
+                    self._keep.append(made)
+                    pointer = ctypes.cast(made, ctypes.c_void_p)
+                    self._native.visavis_vr_set_function(number, slot, pointer)
+        for eye, sign in ((0, -1.0), (1, 1.0)):
+            matrix = (ctypes.c_float * 12)(1, 0, 0, sign * IPD_M / 2, 0, 1, 0, 0, 0, 0, 1, 0)
+            tangents = (ctypes.c_float * 4)(*RAW_TANGENTS[eye])
+            self._native.visavis_vr_set_eye(eye, matrix, tangents)
+        for slot, device in enumerate(self.devices):
+            for which, text in enumerate((device.serial, device.model, MAKER)):
+                self._native.visavis_vr_set_text(slot, which, text.encode())
+        version = self._faults.active("version", 0) is not None
+        refusal = 108 if self._faults.active("late_start", 0) is not None else 0
+        self._native.visavis_vr_set_init(refusal, int(version))
+
+    def _guarded(self, function: Callable[..., Any], prototype: Any) -> Callable[..., Any]:
+        """Keep what goes wrong in a callback: C cannot pass it on; it is raised at the end."""
+
+        def call(*args: Any) -> Any:
+            try:
+                return function(*args)
+            except Exception as problem:  # the border to C code
+                self.failure = self.failure or problem
+                return None if prototype._restype_ is None else 0
+
+        return call
+
+    def _set_environment(self, name: str, value: str) -> None:
+        self._environment.setdefault(name, os.environ.get(name))
+        os.environ[name] = value
+
+
+def table_header() -> str:
+    """Return C definitions of the function tables, from the package's own."""
+    import openvr
+
+    lines = []
+    for name, table, version in (
+        ("SYSTEM", openvr.IVRSystem_FnTable, openvr.IVRSystem_Version),
+        ("COMPOSITOR", openvr.IVRCompositor_FnTable, openvr.IVRCompositor_Version),
+    ):
+        slots = [slot for slot, _ in table._fields_]
+        listed = " ".join(f"X({name}, {slot})" for slot in slots)
+        lines.append(f"#define {name}_SLOTS(X) {listed}")
+        lines.append(f'#define {name}_VERSION "{version}"')
+        numbered = ", ".join(f"SLOT_{name}_{slot}" for slot in slots)
+        lines.append(f"enum {{ {numbered} }};")
+    return "\n".join(lines) + "\n"
+
+
+def _pack_pose(position: Sequence[float], turn: Sequence[float]) -> bytes:
+    w, i, j, k = turn
+    x, y, z = position
+    return _POSE.pack(
+        1 - 2 * (j * j + k * k), 2 * (i * j - w * k), 2 * (i * k + w * j), x,
+        2 * (i * j + w * k), 1 - 2 * (i * i + k * k), 2 * (j * k - w * i), y,
+        2 * (i * k - w * j), 2 * (j * k + w * i), 1 - 2 * (i * i + j * j), z,
+        0, 0, 0, 0, 0, 0, 200, True, True,
+    )  # fmt: skip
+
+
+def _button_of(control: str) -> tuple[int, str]:
+    """Return slot and button of a body's control: "trigger", "left_grip"."""
+    side, _, button = control.rpartition("_")
+    slot = RIGHT_CONTROLLER_SLOT - 1 if side == "left" else RIGHT_CONTROLLER_SLOT
+    return slot, button
+
+
+def _platform_folder() -> str:
+    return "linuxarm64" if platform.machine() in ("aarch64", "arm64") else "linux64"

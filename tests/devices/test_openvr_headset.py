@@ -1,0 +1,291 @@
+"""The OpenVR headset on the genuine package over the simulated runtime, and on a capture."""
+
+import contextlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from devices.conformance import check_headset, check_lifecycle
+from devices.contracts import DeviceState
+from devices.drivers import openvr_codec as codec
+from devices.drivers.openvr_headset import OpenVrHeadset
+from devices.sim import openvr_runtime
+from devices.wirelog import ReplayTransport, TeeTransport
+from lab.clock import NS_PER_S, SimClock
+from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound
+from lab.geometry import quat_from_yaw_pitch_deg
+from tests.devices.bodies import FixatingBody
+from tests.devices.openvr_rigs import passer, simulated_runtime
+
+
+@contextlib.contextmanager
+def headset_on(*faults, **options):
+    with simulated_runtime(*faults, **options) as (runtime, clock):
+        headset = OpenVrHeadset("headset", runtime.library().transport(), clock)
+        headset.open(1.0)
+        batches = []
+        headset.start(batches.append)
+        try:
+            yield headset, runtime, clock, batches
+        finally:
+            headset.close()
+
+
+def run(headset, n, images=(11, 12)):
+    frames = []
+    for _ in range(n):
+        frame = headset.wait_frame()
+        headset.submit(frame, images)
+        with contextlib.suppress(DeviceDisconnected):
+            headset.poll(0.0)
+        frames.append(frame)
+    return frames
+
+
+def column(batches, stream, name):
+    return np.concatenate([b.values[name] for b in batches if b.schema.name == stream])
+
+
+def texts(headset):
+    return " | ".join(f"{f.severity}: {f.message}; {f.remedy}" for f in headset.check())
+
+
+def test_driver_keeps_the_contract_on_the_simulated_runtime():
+    with simulated_runtime() as (runtime, clock):
+
+        def make():
+            return OpenVrHeadset("headset", runtime.library().transport(), clock)
+
+        check_lifecycle(make, passer(clock))
+        check_headset(make)
+        assert runtime.failure is None
+
+
+def test_capture_replays_to_the_same_frames_and_keeps_the_contract(tmp_path):
+    path = tmp_path / "headset.wire"
+    with simulated_runtime() as (runtime, clock):
+        wire = TeeTransport(runtime.library().transport(), path, clock)
+        recorded = OpenVrHeadset("headset", wire, clock)
+        recorded.open(1.0)
+        first = []
+        recorded.start(first.append)
+        run(recorded, 40)
+        recorded.close()
+    again_clock = SimClock()
+    replayed = OpenVrHeadset("headset", ReplayTransport(path, again_clock), again_clock)
+    replayed.open(1.0)
+    second = []
+    replayed.start(second.append)
+    run(replayed, 40)
+    replayed.close()
+    assert len(first) == len(second)
+    for a, b in zip(first, second, strict=True):
+        assert a.values.tobytes() == b.values.tobytes()
+        assert a.t_host_ns.tolist() == b.t_host_ns.tolist()
+    check_headset(lambda: OpenVrHeadset("headset", ReplayTransport(path, again_clock), again_clock))
+
+
+def test_pose_of_a_frame_is_the_bodys_head():
+    with headset_on() as (headset, _, _clock, batches):
+        frames = run(headset, 5)
+        expected = np.array([quat_from_yaw_pitch_deg(f.t_ns * 1e-9) for f in frames])
+        np.testing.assert_allclose(column(batches, "head", "orientation_wxyz"), expected, atol=1e-6)
+        assert column(batches, "head", "valid").all()
+        assert headset.info.is_simulated
+
+
+def test_light_leaves_one_period_and_the_runtimes_delay_after_the_sync():
+    with headset_on() as (headset, _, _, _):
+        frame = run(headset, 3)[-1]
+    assert frame.predicted_display_ns - frame.t_ns == pytest.approx(
+        1e9 / 90 + openvr_runtime.PHOTONS_S * 1e9, abs=2
+    )
+
+
+def test_a_frame_that_took_too_long_is_a_skipped_one_and_the_runtime_says_so():
+    with headset_on() as (headset, _, clock, batches):
+        run(headset, 3)
+        clock.sleep_until_ns(clock.now_ns() + 25_000_000)
+        frame = run(headset, 1)[0]
+        run(headset, 2)
+        assert frame.dropped == 2
+        rows = {int(v["frame"]): v for b in batches if b.schema.name == "frame_timing"
+                for v in b.values}  # fmt: skip
+        assert rows[frame.index]["skipped"] == 2
+        assert rows[2]["presents"] == 3
+        assert frame.index - 1 not in rows
+
+
+def test_frame_timing_tells_pose_and_time_of_submission():
+    with headset_on() as (headset, _, _, batches):
+        frames = run(headset, 4)
+        run(headset, 1, images=())
+        run(headset, 1)
+        submitted = column(batches, "frame_timing", "t_submitted_ns")
+        assert submitted[:4].tolist() == [f.t_ns for f in frames]
+        assert submitted[4] == -1
+        assert column(batches, "frame_timing", "pose_seq").tolist() == [0, 1, 2, 3, 4]
+
+
+def test_textures_arrive_by_their_gl_name_left_eye_first():
+    with headset_on() as (headset, runtime, _, _):
+        seen = []
+        runtime.on_submit = lambda eye, texture: seen.append((eye, texture))
+        run(headset, 1, images=(41, 42))
+    assert seen == [(0, 41), (1, 42)]
+
+
+@pytest.mark.parametrize(
+    ("error", "word"),
+    [(102, "current GL context"), (104, "graphics card"), (105, "RGBA8"), (108, "next frame")],
+)
+def test_a_refused_texture_is_an_error_with_its_remedy(error, word):
+    with headset_on() as (headset, runtime, _, _):
+        frame = run(headset, 1)[0]
+        runtime.refuse_submit(error)
+        with pytest.raises(DeviceError, match="refused the left image") as refusal:
+            headset.submit(frame, (1, 2))
+        assert word in refusal.value.remedy
+        assert "images were refused" in texts(headset)
+
+
+def test_texture_name_zero_is_refused_by_the_runtime():
+    with (
+        headset_on() as (headset, _, _, _),
+        pytest.raises(DeviceError, match="CompositorError_InvalidTexture"),
+    ):
+        run(headset, 1, images=(0, 5))
+
+
+def test_standby_makes_poses_invalid_and_blocks_until_awake():
+    fault = {"kind": "standby", "start_s": 0.1, "duration_s": 0.2}
+    with headset_on(fault) as (headset, _, _, batches):
+        run(headset, 15)
+        assert "blocking: no head tracking: in standby" in texts(headset)
+        run(headset, 20)
+        assert texts(headset) == ""
+        valid = column(batches, "head", "valid")
+        assert valid[:8].all()
+        assert not valid[10:26].any()
+        assert valid[-5:].all()
+        lost = column(batches, "head", "position_m")[12]
+        assert np.isnan(lost).all()
+
+
+def test_unplugging_mid_session_gives_invalid_poses_and_goes_on_when_it_is_back():
+    fault = {"kind": "disconnect", "start_s": 0.1, "duration_s": 0.2}
+    with headset_on(fault) as (headset, _, _, batches):
+        run(headset, 15)
+        assert "not tracked" in texts(headset)
+        frames = run(headset, 25)
+        assert texts(headset) == ""
+        assert np.diff([f.index for f in frames]).tolist() == [1] * 24
+        assert column(batches, "head", "valid")[-1]
+
+
+def test_a_runtime_that_quits_is_told_and_found_again_while_frames_go_on():
+    with headset_on() as (headset, runtime, _, batches):
+        run(headset, 5)
+        runtime.refuse_init(108)
+        runtime.quit()
+        run(headset, 3)
+        assert headset.state is DeviceState.FAULT
+        headset.wait_frame()
+        with contextlib.suppress(DeviceDisconnected):
+            headset.poll(0.0)
+        with pytest.raises(DeviceDisconnected, match="SteamVR"):
+            headset.poll(0.0)
+        frames = run(headset, 60)
+        assert headset.state is DeviceState.FAULT
+        assert np.diff([f.t_ns for f in frames]) == pytest.approx(1e9 / 90, abs=2)
+        runtime.refuse_init(0)
+        run(headset, 60)
+        assert headset.state is DeviceState.STREAMING
+        assert column(batches, "head", "valid")[-1]
+        seqs = np.concatenate([b.seq for b in batches if b.schema.name == "head"])
+        assert (np.diff(seqs) == 1).all()
+
+
+def test_another_program_with_the_focus_is_told_not_raised():
+    with headset_on() as (headset, runtime, _, _):
+        run(headset, 2)
+        runtime.refuse_submit(101)
+        run(headset, 1)
+        assert "another VR program" in texts(headset)
+
+
+def test_a_base_station_that_moves_is_a_warning_with_its_serial_number():
+    with headset_on() as (headset, runtime, _, _):
+        run(headset, 3)
+        runtime.move_base_station(1, np.array([0.0, 0.004, 0.0]))
+        run(headset, 200)
+        assert texts(headset) == ""
+        runtime.move_base_station(1, np.array([0.0, 0.004, 0.0]))
+        run(headset, 200)
+        assert "warning: base station LHB-BASE0002 moved by 8 mm" in texts(headset)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ({"kind": "late_start"}, "HmdNotFound.*switch on the headset"),
+        ({"kind": "version", "text": "old"}, "another version than the openvr package"),
+    ],
+)
+def test_a_runtime_that_refuses_is_not_found_with_what_to_do(fault, words):
+    with simulated_runtime(fault) as (runtime, clock):
+        headset = OpenVrHeadset("headset", runtime.library().transport(), clock)
+        with pytest.raises(DeviceNotFound, match=words):
+            headset.open(1.0)
+        assert headset.state is DeviceState.CLOSED
+
+
+def test_views_agree_with_the_runtimes_own_projection_matrix():
+    with headset_on() as (headset, _runtime, _, _):
+        import openvr
+
+        for eye, view in enumerate(headset.eye_views()):
+            m = np.array(openvr.VRSystem().getProjectionMatrix(eye, 0.1, 100.0).m)
+            for x, y, corner in (
+                (view.tangent_left, view.tangent_bottom, (-1, -1)),
+                (view.tangent_right, view.tangent_top, (1, 1)),
+            ):
+                clip = m @ np.array([x, y, -1.0, 1.0])
+                np.testing.assert_allclose(clip[:2] / clip[3], corner, atol=1e-5)
+        left, right = headset.eye_views()
+        assert right.offset_m[0] - left.offset_m[0] == pytest.approx(0.063)
+
+
+def test_a_pose_of_nothing_but_noise_is_lost_not_zero():
+    with headset_on({"kind": "garbage", "amount": 1.0}) as (headset, _, _, batches):
+        run(headset, 4)
+        assert not column(batches, "head", "valid").any()
+        assert np.isnan(column(batches, "head", "position_m")).all()
+
+
+@given(yaw=st.floats(-180, 180), pitch=st.floats(-89, 89))
+def test_matrix_gives_back_its_rotation(yaw, pitch):
+    turn = quat_from_yaw_pitch_deg(yaw, pitch)
+    raw = openvr_runtime._pack_pose((1.0, 2.0, 3.0), turn.tolist())
+    found = codec.decode_pose(codec.decode_poses(raw)[0])
+    assert abs(float(np.dot(found[1], turn))) == pytest.approx(1.0, abs=1e-5)
+    assert found[0] == (1.0, 2.0, 3.0)
+
+
+@given(st.binary(max_size=400))
+def test_decoders_survive_any_bytes(raw):
+    codec.decode_event(raw)
+    codec.decode_frame_timing(raw)
+    for pose in codec.decode_poses(raw):
+        codec.decode_pose(pose)
+
+
+def test_body_stays_the_one_source_of_truth():
+    body = FixatingBody()
+    with headset_on(body=body) as (headset, _, clock, _):
+        run(headset, 2)
+        found = headset.poses_by_serial()
+        assert found["LHR-HMD00001"].position_m == pytest.approx(body.head(clock.now_ns())[0])
+        assert clock.now_ns() < NS_PER_S
