@@ -11,7 +11,7 @@ from lab.geometry import Vector, quat_from_yaw_pitch_deg, rotate, unit
 from stimuli.picture import StaticMesh
 
 Srgb = tuple[int, int, int]
-Point = Sequence[float]
+Point = Sequence[float] | Vector
 
 _BOX_FACES: Final = (
     # normal, first and second edge of the face (counter-clockwise seen from outside)

@@ -130,7 +130,7 @@ def _torso(head_centre_m: Vector) -> Capsule:
     )
 
 
-def _stage_front() -> tuple[Capsule, ...]:
+def stage_front_occluders() -> tuple[Capsule, ...]:
     """Return the wooden front between participant and audience, three beams high."""
     heights_m = (0.68, 0.45, 0.22)
     left, right = (_from_bearing(b, 1.5, 0.0) for b in (-75.0, 60.0))
@@ -148,7 +148,7 @@ def _occluders() -> tuple[Capsule, ...]:
         _torso(_from_bearing(s.bearing_deg, s.distance_m, s.head_height_m)) for s in SEATS.values()
     )
     feet = SPEAKER_EYE_M * np.array([1.0, 0.0, 1.0]) + np.array([0.0, 0.2, 0.0])
-    return (*torsos, *_stage_front(), Capsule(feet, SPEAKER_EYE_M, 0.2))
+    return (*torsos, *stage_front_occluders(), Capsule(feet, SPEAKER_EYE_M, 0.2))
 
 
 def audience_scene(characters: Sequence[str], *, name: str = "audience") -> Scene:

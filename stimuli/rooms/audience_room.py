@@ -1,0 +1,218 @@
+"""The seminar room of the stare study: audience on a stepped wooden stage, speaker behind.
+
+Steps and chairs follow from where the heads of `stimuli.scenes.audience` are: the people who sit
+there decide how high each chair must be.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from lab.geometry import Vector, direction_from_yaw_pitch_deg, yaw_pitch_deg_of
+from stimuli.picture import Light, Prop, Room, StaticMesh
+from stimuli.rooms import furniture, surfaces
+from stimuli.rooms.solids import box, cylinder, flat, joined, moved
+from stimuli.scenes import audience
+
+STEPS_TURN_DEG: Final = audience.PARTICIPANT_TURN_DEG - audience.AUDIENCE_TURN_DEG
+"""The steps run across this direction, left of the participant's view axis."""
+STEP_EDGES_M: Final = (1.0, 1.82, 2.79, 3.63, 5.2)
+"""Where the steps begin along that direction, from below the participant's eyes."""
+STEP_HEIGHTS_M: Final = (0.0, 0.33, 0.66, 0.92)
+HIP_BEHIND_EYES_M: Final = 0.16
+"""How far a seated person's hips are behind the midpoint of the eyes."""
+CEILING_M: Final = 3.6
+SEAT_M: Final = 0.45
+SEAT_CLOTHS: Final = ((74, 88, 112), (96, 84, 92), (82, 98, 88))
+
+
+def step_height_m(point_m: Vector) -> float:
+    """Return the height of the floor or step below a point of the world."""
+    depth = float(point_m @ direction_from_yaw_pitch_deg(STEPS_TURN_DEG, 0.0))
+    step = int(np.searchsorted(STEP_EDGES_M, depth)) - 1
+    return STEP_HEIGHTS_M[step] if 0 <= step < len(STEP_HEIGHTS_M) else 0.0
+
+
+@lru_cache(maxsize=16)
+def _room(seats_m: tuple[tuple[str, float], ...]) -> Room:
+    turn = audience.PARTICIPANT_TURN_DEG
+    props: list[Prop] = [*_shell(turn), *_steps(STEPS_TURN_DEG), *_front(), *_speaker_place()]
+    heights = dict(seats_m)
+    scene = audience.audience_scene([str(i) for i in range(len(audience.PLACES))])
+    for i, agent in enumerate(scene.agents):
+        hip = agent.eye_centre_m - HIP_BEHIND_EYES_M * agent.facing
+        floor = step_height_m(hip)
+        yaw = float(yaw_pitch_deg_of(agent.facing)[0])
+        props += furniture.chair(
+            f"chair_{agent.place}",
+            (hip[0], floor, hip[2]),
+            yaw,
+            seat_m=heights.get(agent.place, floor + SEAT_M) - floor,
+            cloth=SEAT_CLOTHS[i % len(SEAT_CLOTHS)],
+        )
+    return Room(
+        name="audience_room",
+        props=tuple(props),
+        lights=_lights(turn),
+        sky=np.array([0.36, 0.36, 0.37]),
+        ground=np.array([0.17, 0.14, 0.11]),
+        background_srgb=(24, 24, 26),
+    )
+
+
+def audience_room(seat_tops_m: Mapping[str, float] | None = None) -> Room:
+    """Return the room; `seat_tops_m` is the height of each chair's seat in world, by place.
+
+    The same object comes back for the same heights.
+    """
+    return _room(tuple(sorted((seat_tops_m or {}).items())))
+
+
+def _place(mesh: StaticMesh, turn_deg: float) -> StaticMesh:
+    return moved(mesh, yaw_deg=turn_deg)
+
+
+def _shell(turn: float) -> list[Prop]:
+    low, high = (-4.6, -6.4), (4.6, 3.6)
+    floor = furniture.level(
+        "floor", low, high, 0.0, (142, 132, 120), surfaces.carpet(2), uv_m=0.8, roughness_01=0.95
+    )
+    ceiling = furniture.level(
+        "ceiling", low, high, CEILING_M, (232, 231, 228), surfaces.tiles(5, 3, joint=0.88),
+        faces_up=False, uv_m=1.8,
+    )  # fmt: skip
+    around = furniture.walls(
+        "room", (low[0], 0, low[1]), (high[0], CEILING_M, high[1]), (206, 203, 194),
+        surfaces.plaster(4),
+    )  # fmt: skip
+    wood = joined(*(
+        box((x, 1.62, low[1] + 0.03), (0.10, 2.5, 0.04), furniture.WOOD, uv_m=0.7)
+        for x in np.arange(-3.9, 4.0, 0.2)
+    ))  # fmt: skip
+    board = flat((-1.7, 1.55, low[1] + 0.06), (3.4, 0, 0), (0, 1.5, 0), (238, 240, 238))
+    frame = joined(
+        box((0, 1.53, low[1] + 0.07), (3.5, 0.05, 0.05), furniture.STEEL),
+        box((0, 3.07, low[1] + 0.07), (3.5, 0.05, 0.05), furniture.STEEL),
+    )
+    windows = []
+    for z in (-4.6, -2.2, 0.2):
+        windows += [
+            flat((high[0] - 0.01, 1.0, z), (0, 0, 1.5), (0, 1.9, 0), (206, 222, 238)),
+        ]
+    sills = joined(*(
+        joined(
+            box((high[0] - 0.03, 0.97, z + 0.75), (0.16, 0.05, 1.66), (226, 224, 218)),
+            box((high[0] - 0.02, 1.95, z + 0.75), (0.05, 0.05, 1.5), (226, 224, 218)),
+            box((high[0] - 0.02, 1.95, z + 0.75), (0.05, 1.9, 0.05), (226, 224, 218)),
+            *(box((high[0] - 0.02, 1.95, z + s), (0.05, 1.96, 0.06), (226, 224, 218))
+              for s in (0.0, 1.5)),
+            box((high[0] - 0.02, 2.92, z + 0.75), (0.05, 0.06, 1.56), (226, 224, 218)),
+        )
+        for z in (-4.6, -2.2, 0.2)
+    ))  # fmt: skip
+    door = joined(
+        box((low[0] + 0.02, 1.03, 1.6), (0.05, 2.06, 0.95), furniture.DARK_WOOD, uv_m=0.7),
+        box((low[0] + 0.03, 2.09, 1.6), (0.07, 0.08, 1.11), (226, 224, 218)),
+        box((low[0] + 0.03, 1.03, 1.09), (0.07, 2.06, 0.08), (226, 224, 218)),
+        box((low[0] + 0.03, 1.03, 2.11), (0.07, 2.06, 0.08), (226, 224, 218)),
+        cylinder((low[0] + 0.05, 1.05, 1.98), (low[0] + 0.10, 1.05, 1.98), 0.02, furniture.STEEL),
+    )
+    own = [
+        floor,
+        ceiling,
+        *around,
+        furniture.placed("slats", wood, (0, 0, 0), 0.0, surfaces.planks(21, 3), casts_shadow=False),
+        furniture.placed("whiteboard", board, (0, 0, 0), 0.0, roughness_01=0.2),
+        furniture.placed("whiteboard_frame", frame, (0, 0, 0), 0.0),
+        furniture.placed("windows", joined(*windows), (0, 0, 0), 0.0, emission_01=0.9,
+                         casts_shadow=False),
+        furniture.placed("window_frames", sills, (0, 0, 0), 0.0, casts_shadow=False),
+        furniture.placed("door", door, (0, 0, 0), 0.0, surfaces.planks(22, 2)),
+    ]  # fmt: skip
+    for x in (-2.3, 2.3):
+        for z in (-4.8, -2.4, 0.0):
+            own += furniture.ceiling_lamp(f"lamp_{x}_{z}", (x, CEILING_M - 0.04, z), (0.6, 1.2))
+    return [
+        Prop(p.name, _place(p.mesh, turn), p.material, p.emission_01, p.casts_shadow) for p in own
+    ]
+
+
+def _steps(turn: float) -> list[Prop]:
+    props = []
+    for i, height in enumerate(STEP_HEIGHTS_M):
+        if height == 0.0:
+            continue
+        begin, end = STEP_EDGES_M[i], STEP_EDGES_M[-1]
+        tread = box(
+            (0, height - 0.02, -(begin + end) / 2), (6.6, 0.04, end - begin), (176, 138, 96),
+            chamfer_m=0.006, uv_m=1.0,
+        )  # fmt: skip
+        riser = box(
+            (0, (height - 0.04) / 2, -(begin + 0.03 + end) / 2),
+            (6.56, height - 0.04, end - begin - 0.03), (120, 90, 62), uv_m=1.0,
+        )  # fmt: skip
+        props += [
+            furniture.placed(f"step_{i}", _place(tread, turn), (0, 0, 0), 0.0,
+                             surfaces.planks(23, 7), roughness_01=0.5),
+            furniture.placed(f"riser_{i}", _place(riser, turn), (0, 0, 0), 0.0,
+                             surfaces.planks(24, 4)),
+        ]  # fmt: skip
+    return props
+
+
+def _front() -> list[Prop]:
+    """Return the wooden front before the first row, where the geometry has its beams."""
+    parts, rails = [], []
+    beams = [o for o in audience.stage_front_occluders() if o.start_m[1] > 0.6]
+    for beam in beams:
+        start, end = beam.start_m, beam.end_m
+        top = start[1] + beam.radius_m
+        middle, span = (start + end) / 2, end - start
+        length = float(np.linalg.norm(span))
+        yaw = float(np.degrees(np.arctan2(-span[2], span[0])))
+        panel = box((0, (top - 0.04) / 2, 0), (length, top - 0.04, 0.05), (150, 110, 72), uv_m=1.0)
+        rail = box((0, top - 0.02, 0), (length + 0.06, 0.04, 0.12), furniture.DARK_WOOD,
+                   chamfer_m=0.008, uv_m=0.7)  # fmt: skip
+        at = (middle[0], 0.0, middle[2])
+        parts.append(moved(panel, at, yaw_deg=yaw))
+        rails.append(moved(rail, at, yaw_deg=yaw))
+    return [
+        furniture.placed("front", joined(*parts), (0, 0, 0), 0.0, surfaces.planks(25, 6)),
+        furniture.placed("front_rail", joined(*rails), (0, 0, 0), 0.0, surfaces.planks(26, 2),
+                         roughness_01=0.4),
+    ]  # fmt: skip
+
+
+def _speaker_place() -> list[Prop]:
+    """Return the lectern between the speaker and the audience."""
+    feet = audience.SPEAKER_EYE_M * np.array([1.0, 0.0, 1.0])
+    to_audience = direction_from_yaw_pitch_deg(audience.PARTICIPANT_TURN_DEG, 0.0)
+    at = feet + 0.55 * to_audience
+    lectern = joined(
+        box((0, 0.54, 0), (0.50, 1.08, 0.36), furniture.DARK_WOOD, chamfer_m=0.01, uv_m=0.7),
+        box((0, 1.10, 0.02), (0.58, 0.04, 0.46), furniture.WOOD, chamfer_m=0.008, uv_m=0.7),
+    )
+    return [
+        furniture.placed(
+            "lectern", lectern, at, audience.PARTICIPANT_TURN_DEG, surfaces.planks(27, 3)
+        )
+    ]
+
+
+def _lights(turn: float) -> tuple[Light, ...]:
+    from_windows = direction_from_yaw_pitch_deg(turn + 62.0, -38.0)
+    key = moved(box((1.9, CEILING_M - 0.1, -0.6), (0.1, 0.1, 0.1), (0, 0, 0)), yaw_deg=turn)
+    place = key.vertices_m.mean(axis=0).astype(np.float64)
+    fill = np.array([-1.6, CEILING_M - 0.3, 0.9])
+    target = np.array([-0.4, 1.2, -2.6])
+    return (
+        Light("sun", np.array([0.62, 0.60, 0.58]), direction=from_windows, casts_shadow=True),
+        Light(
+            "spot", np.array([9.5, 9.1, 8.5]), position_m=place,
+            direction=(target - place) / np.linalg.norm(target - place), half_angle_deg=62.0,
+            casts_shadow=True,
+        ),
+        Light("point", np.array([2.6, 2.6, 2.7]), position_m=fill),
+    )  # fmt: skip
