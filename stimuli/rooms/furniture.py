@@ -2,15 +2,13 @@
 origin with its front towards −z, unless it says otherwise.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from lab.geometry import Vector
 from stimuli.characters.character import MaterialKind
 from stimuli.picture import Prop, StaticMesh
 from stimuli.rooms import surfaces
-from stimuli.rooms.solids import Srgb, box, cylinder, flat, joined, moved, turned
+from stimuli.rooms.solids import Point, Srgb, box, cylinder, flat, joined, moved, turned
 
 WOOD: Srgb = (168, 124, 82)
 DARK_WOOD: Srgb = (104, 72, 48)
@@ -19,7 +17,7 @@ BLACK: Srgb = (38, 39, 42)
 
 
 def chair(
-    name: str, at_m: Sequence[float], yaw_deg: float, *, seat_m: float = 0.45,
+    name: str, at_m: Point, yaw_deg: float, *, seat_m: float = 0.45,
     cloth: Srgb = (70, 84, 108),
 ) -> tuple[Prop, ...]:  # fmt: skip
     """Return a padded chair: its seat's top `seat_m` above `at_m`, `at_m` below its middle."""
@@ -45,7 +43,7 @@ def chair(
 
 
 def desk(
-    name: str, at_m: Sequence[float], yaw_deg: float, *, width_m: float = 1.5,
+    name: str, at_m: Point, yaw_deg: float, *, width_m: float = 1.5,
     height_m: float = 0.73, depth_m: float = 0.7, front: Srgb | None = None,
 ) -> tuple[Prop, ...]:  # fmt: skip
     """Return a desk; with `front` a panel of that colour closes the side away from the sitter."""
@@ -69,7 +67,7 @@ def desk(
     return tuple(props)
 
 
-def monitor(name: str, at_m: Sequence[float], yaw_deg: float) -> tuple[Prop, ...]:
+def monitor(name: str, at_m: Point, yaw_deg: float) -> tuple[Prop, ...]:
     """Return a screen on its foot, standing on a desk top at `at_m`, its picture towards −z."""
     case = joined(
         box((0, 0.30, 0.01), (0.52, 0.31, 0.025), BLACK, chamfer_m=0.005),
@@ -83,7 +81,7 @@ def monitor(name: str, at_m: Sequence[float], yaw_deg: float) -> tuple[Prop, ...
     )
 
 
-def keyboard(name: str, at_m: Sequence[float], yaw_deg: float) -> Prop:
+def keyboard(name: str, at_m: Point, yaw_deg: float) -> Prop:
     """Return a keyboard lying on a desk top at `at_m`."""
     keys = [
         box((0.026 * (c - 7), 0.02, 0.022 * (r - 2)), (0.02, 0.008, 0.017), (72, 74, 78))
@@ -95,7 +93,7 @@ def keyboard(name: str, at_m: Sequence[float], yaw_deg: float) -> Prop:
 
 
 def plant(
-    name: str, at_m: Sequence[float], *, seed: int, height_m: float = 1.5, leaves: int = 90
+    name: str, at_m: Point, *, seed: int, height_m: float = 1.5, leaves: int = 90
 ) -> tuple[Prop, ...]:
     """Return a leafy plant in a pot: a sparse occluder that lets glimpses through."""
     rng = np.random.default_rng(seed)
@@ -149,7 +147,7 @@ def _leaf(rng: np.random.Generator, root: Vector) -> StaticMesh:
 
 
 def shelf(
-    name: str, at_m: Sequence[float], yaw_deg: float, *, seed: int, width_m: float = 0.9,
+    name: str, at_m: Point, yaw_deg: float, *, seed: int, width_m: float = 0.9,
     height_m: float = 1.4,
 ) -> tuple[Prop, ...]:  # fmt: skip
     """Return shelves with folders of several colours; a solid occluder."""
@@ -180,7 +178,7 @@ def shelf(
     )
 
 
-def ceiling_lamp(name: str, at_m: Sequence[float], size_m: tuple[float, float]) -> tuple[Prop, ...]:
+def ceiling_lamp(name: str, at_m: Point, size_m: tuple[float, float]) -> tuple[Prop, ...]:
     """Return a luminous panel with its frame, its underside at `at_m`."""
     w, d = size_m
     glow = flat((-w / 2, -0.001, -d / 2), (w, 0, 0), (0, 0, d), (255, 250, 240))
@@ -192,7 +190,7 @@ def ceiling_lamp(name: str, at_m: Sequence[float], size_m: tuple[float, float]) 
 
 
 def walls(
-    name: str, low_m: Sequence[float], high_m: Sequence[float], colour: Srgb,
+    name: str, low_m: Point, high_m: Point, colour: Srgb,
     texture: surfaces.Texture, *, uv_m: float = 2.0,
 ) -> tuple[Prop, ...]:  # fmt: skip
     """Return the four inner walls of a box-shaped room from corner to corner."""
@@ -217,7 +215,7 @@ def walls(
 
 
 def level(
-    name: str, low_m: Sequence[float], high_m: Sequence[float], height_m: float, colour: Srgb,
+    name: str, low_m: Point, high_m: Point, height_m: float, colour: Srgb,
     texture: surfaces.Texture, *, faces_up: bool = True, uv_m: float = 2.0,
     roughness_01: float = 0.6,
 ) -> Prop:  # fmt: skip
@@ -250,7 +248,7 @@ def level(
 
 
 def placed(
-    name: str, mesh: StaticMesh, at_m: Sequence[float], yaw_deg: float,
+    name: str, mesh: StaticMesh, at_m: Point, yaw_deg: float,
     texture: surfaces.Texture | None = None, *, roughness_01: float = 0.8,
     kind: MaterialKind = "other", emission_01: float = 0.0, casts_shadow: bool = True,
     double_sided: bool = False,
