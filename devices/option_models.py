@@ -8,6 +8,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from devices.gaze_options import GAZE_OPTION_MODELS
+
 
 class _Options(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -73,6 +75,7 @@ OPTION_MODELS: Mapping[str, type[BaseModel]] = {
     "pupil_core": PupilCoreOptions,
     "serial_armband": SerialArmbandOptions,
     "simulated_armband": SimulatedArmbandOptions,
+    **GAZE_OPTION_MODELS,
     "simulated_headset": SimulatedHeadsetOptions,
     "simulated_responses": SimulatedResponsesOptions,
 }

@@ -1,0 +1,165 @@
+"""Drive a FOVE headset's eye tracker through the vendor's FoveClient library.
+
+Codec: `devices.drivers.fove_codec`. Transport: `devices.drivers.fove_library.FoveLibrary`, or its
+simulator in memory. The device's clock has an unspecified epoch and cannot be asked: the offset
+comes from the least delayed arrivals. Calibration is the runtime's own, drawn by it.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from devices.contracts import CalibrationOutcome, DeviceState, Fault
+from devices.drivers import fove_codec as codec
+from devices.drivers.fove_library import ANSWER, SERVICE_REMEDY
+from devices.drivers.gaze_device import GazeDevice, Make
+from devices.drivers.gaze_rays import Sample
+from devices.transports import Frames, Message, MessageTransport
+from lab.clock import NS_PER_S, Clock
+from lab.errors import DeviceError, DeviceNotFound, ProtocolViolation
+
+FOVE = Make(
+    driver="fove",
+    vendor="FOVE",
+    model="FOVE headset",
+    remedy=SERVICE_REMEDY,
+    capabilities=frozenset({"gaze", "per_eye", "pupil", "head_frame", "calibration"}),
+)
+STATE_EVERY_NS = NS_PER_S // 10
+PROBE_EVERY_NS = NS_PER_S
+STATE_QUESTIONS = (b"calibrated", b"hardware")
+
+
+class Fove(GazeDevice):
+    """Follow the `EyeTracker` contract over FoveClient; `seq` follows its frame numbers."""
+
+    def __init__(
+        self,
+        role: str,
+        transport: MessageTransport,
+        clock: Clock,
+        *,
+        rate_hz: float = 120.0,
+        lost_after_s: float = 2.0,
+        eye_distance_mm: float = 64.0,
+    ) -> None:
+        self._eye_distance_m = eye_distance_mm * 1e-3
+        self._flagged: dict[int, int] = {}
+        self._calibration_state = 0
+        self._calibrating = False
+        self._state_asked_ns = 0
+        super().__init__(role, transport, clock, FOVE, rate_hz=rate_hz, lost_after_s=lost_after_s)
+
+    def begin_calibration(self) -> None:
+        """Let the runtime show its own targets; `add_reference` is not needed."""
+        self._life.require("begin_calibration", DeviceState.STREAMING)
+        self._calibration = None
+        self._calibration_state = 0
+
+        def begin() -> None:
+            self._must_be_ok(b"start_calibration", "start its calibration")
+            self._calibrating = True
+
+        self._on_wire(begin)
+
+    def end_calibration(self, deadline_s: float) -> CalibrationOutcome:
+        """Wait for the runtime's verdict; its quality is kept as the message."""
+        self._life.require("end_calibration", DeviceState.STREAMING)
+        deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
+        self._wait_until(lambda: self._calibration is not None, deadline_ns, "calibration result")
+        outcome = self._calibration
+        assert outcome is not None  # noqa: S101 - awaited above
+        return outcome
+
+    def _connect(self, deadline_ns: int) -> None:
+        versions = self._ask((b"versions",), deadline_ns).frames
+        code, _ = ANSWER.unpack(versions[1])
+        text = versions[2].decode("utf-8", "replace")
+        if code in (4, 6):
+            raise ProtocolViolation(
+                f"{codec.error_text(code)}: {text}",
+                role=self.info.role,
+                remedy="install runtime and library of one version",
+            )
+        code, connected = ANSWER.unpack(self._ask((b"hardware",), deadline_ns).frames[1])
+        if code != codec.OK or not connected:
+            reason = codec.error_text(code if code != codec.OK else codec.HARDWARE_GONE)
+            raise DeviceNotFound(reason, role=self.info.role, remedy=SERVICE_REMEDY)
+        self.info = replace(self.info, model=f"FOVE headset ({text})")
+        code, calibrated = ANSWER.unpack(self._ask((b"calibrated",), deadline_ns).frames[1])
+        self._note_calibrated(code == codec.OK and bool(calibrated))
+
+    def _begin_stream(self) -> None:
+        self._flagged = {}
+        self._state_asked_ns = self._clock.now_ns()
+
+    def poll(self, timeout_s: float) -> int:
+        """Decode what came; ask for states now and then. See the contract."""
+        delivered = super().poll(timeout_s)
+        now_ns = self._clock.now_ns()
+        every_ns = STATE_EVERY_NS if self._calibrating else PROBE_EVERY_NS
+        if self._life.state is DeviceState.STREAMING and now_ns - self._state_asked_ns >= every_ns:
+            self._state_asked_ns = now_ns
+            if self._calibrating:
+                self._transport.post((b"calibration_state",))
+            else:
+                for question in STATE_QUESTIONS:
+                    self._transport.post((question,))
+        return delivered
+
+    def _decode(self, message: Message) -> Iterable[Sample]:
+        if message.t_sent_ns is not None:
+            self._take_answer(message.frames)
+            return
+        found = codec.decode_eye_frame(message.frames[0], self._eye_distance_m)
+        if found is None:
+            self._counts.malformed += 1
+            return
+        sample, codes = found
+        for code in codes:
+            self._flagged[code] = self._flagged.get(code, 0) + 1
+        yield sample
+
+    def _take_answer(self, frames: Frames) -> None:
+        if len(frames) < 2 or len(frames[1]) != ANSWER.size:
+            self._counts.malformed += 1
+            return
+        question, (code, value) = frames[0], ANSWER.unpack(frames[1])
+        if question == b"calibration_state":
+            self._take_state(code, value)
+        elif question == b"calibrated":
+            self._note_calibrated(code == codec.OK and bool(value))
+        elif question == b"hardware":
+            gone = code in codec.GONE or (code == codec.OK and not value)
+            fault = self._blocking("the headset is not connected", SERVICE_REMEDY)
+            self._note("hardware", fault if gone else None)
+
+    def _take_state(self, code: int, state: int) -> None:
+        if code != codec.OK or not self._calibrating:
+            return
+        self._calibration_state = state
+        succeeded = state in codec.SUCCEEDED
+        if succeeded or state >= codec.FIRST_FAILED:
+            self._calibrating = False
+            self._calibration = CalibrationOutcome(succeeded, codec.calibration_text(state))
+            if succeeded:
+                self._note_calibrated(True)
+
+    def _note_calibrated(self, calibrated: bool) -> None:
+        fault = self._warning("not calibrated", "calibrate")
+        self._note("calibrated", None if calibrated else fault)
+
+    def _own_faults(self) -> Iterable[Fault]:
+        for code, count in sorted(self._flagged.items()):
+            if code != codec.UNCALIBRATED and count > self._meter.received // 10:
+                text = f"{codec.error_text(code)} in {count} of {self._meter.received} samples"
+                yield self._warning(text, "adjust the headset, then calibrate again")
+
+    def _must_be_ok(self, question: bytes, what: str) -> None:
+        deadline_ns = self._clock.now_ns() + NS_PER_S
+        code, _ = ANSWER.unpack(self._ask((question,), deadline_ns).frames[1])
+        if code != codec.OK:
+            raise DeviceError(
+                f"the FOVE runtime does not {what}: {codec.error_text(code)}",
+                role=self.info.role,
+                remedy=SERVICE_REMEDY,
+            )

@@ -1,0 +1,157 @@
+"""Build rows of canonical gaze from what each eye's tracker says; pure, missing stays NaN."""
+
+import math
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.contracts import GAZE
+
+Triple = tuple[float, float, float]
+
+NAN = math.nan
+LOST: Triple = (NAN, NAN, NAN)
+LARGEST_F4 = 3.4e38
+
+_CODES = {"f4": "f", "?": "?", "u1": "B"}
+_ROW = struct.Struct("<" + "".join(_CODES[f.dtype] * math.prod(f.shape) for f in GAZE.fields))
+
+
+class Eye(NamedTuple):
+    """One eye in the head frame: a unit ray or NaN, where it starts (m), pupil diameter."""
+
+    ray: Triple = LOST
+    at: Triple = LOST
+    valid: bool = False
+    pupil_mm: float = NAN
+
+
+class Sample(NamedTuple):
+    """A decoded sample: device time, the device's own counter if any, a row of `GAZE.dtype`."""
+
+    t_device_ns: int
+    counter: int | None
+    row: bytes
+
+
+NO_EYE = Eye()
+
+
+def unit_triple(x: float, y: float, z: float) -> Triple:
+    """Scale to length one; NaN for what has no direction."""
+    length = math.sqrt(x * x + y * y + z * z) if abs(x) + abs(y) + abs(z) < 1e150 else math.inf
+    if not 1e-9 < length < math.inf:
+        return LOST
+    return x / length, y / length, z / length
+
+
+def diameter_mm(value: float) -> float:
+    """Return a diameter, or NaN when it is none (zero, negative, beyond an eye's size)."""
+    return value if 0.0 < value < 20.0 else NAN
+
+
+def gaze_row(
+    left: Eye,
+    right: Eye,
+    *,
+    confidence_01: float = NAN,
+    ray: Triple | None = None,
+    origin: Triple | None = None,
+    valid: bool | None = None,
+    used: int | None = None,
+) -> bytes:
+    """Return one packed row of `GAZE.dtype`.
+
+    Without a combined `ray` of the device's own, it is the mean of the valid eyes' lines, or of
+    both (flagged invalid) when neither is valid. `confidence_01` is NaN when the device has none.
+    """
+    if ray is None:
+        ray, mean_at, mean_used = combine(left, right)
+        origin = mean_at if origin is None else origin
+        used = mean_used if used is None else used
+    if valid is None:
+        valid = left.valid or right.valid
+    valid = valid and ray[0] == ray[0]
+    if used is None:
+        used = (1 if left.valid else 0) | (2 if right.valid else 0)
+    at = LOST if origin is None else origin
+    return _ROW.pack(
+        *map(_single, (*ray, *at)), valid, used, _single(confidence_01),
+        *left.ray, left.valid and left.ray[0] == left.ray[0], _single(left.pupil_mm),
+        *right.ray, right.valid and right.ray[0] == right.ray[0], _single(right.pupil_mm),
+    )  # fmt: skip
+
+
+def combine(left: Eye, right: Eye) -> tuple[Triple, Triple, int]:
+    """Return the mean line of the eyes that count, where it starts, and which they are."""
+    left_seen, right_seen = left.ray[0] == left.ray[0], right.ray[0] == right.ray[0]
+    if left_seen and right_seen and left.valid == right.valid:
+        (ax, ay, az), (bx, by, bz) = left.ray, right.ray
+        (px, py, pz), (qx, qy, qz) = left.at, right.at
+        at = ((px + qx) / 2, (py + qy) / 2, (pz + qz) / 2)
+        return unit_triple(ax + bx, ay + by, az + bz), at, 3
+    if left_seen and (left.valid or not right_seen):
+        return left.ray, left.at, 1
+    if right_seen:
+        return right.ray, right.at, 2
+    return LOST, LOST, 0
+
+
+def rows_to_values(rows: Iterable[bytes]) -> npt.NDArray[np.void]:
+    """Return joined rows as samples, shape (n,), read-only."""
+    values: npt.NDArray[np.void] = np.frombuffer(b"".join(rows), GAZE.dtype)
+    return values
+
+
+@dataclass(frozen=True)
+class Screen:
+    """A flat screen before the eyes, all mm; turns a point on it into a ray.
+
+    The head frame of a screen-based tracker is that of a head which faces the screen upright
+    from the viewing place: its axes are the screen's (x right, y up, −z into the screen) and its
+    origin lies `distance_mm` before the screen, `center_right_mm` and `center_up_mm` give where
+    the screen's centre stands as seen from there. Turns of the head are not in it.
+    """
+
+    width_mm: float = 531.0
+    height_mm: float = 299.0
+    distance_mm: float = 650.0
+    center_right_mm: float = 0.0
+    center_up_mm: float = 0.0
+
+    def point_m(self, x_01: float, y_01: float) -> Triple:
+        """Return a point given in shares of the screen, origin at its top left."""
+        return (
+            (self.center_right_mm + (x_01 - 0.5) * self.width_mm) * 1e-3,
+            (self.center_up_mm + (0.5 - y_01) * self.height_mm) * 1e-3,
+            -self.distance_mm * 1e-3,
+        )
+
+    def from_top_left_m(self, right_m: float, down_m: float, toward_m: float = 0.0) -> Triple:
+        """Return a place given from the screen's top left: right, down, toward the viewer."""
+        x, y, z = self.point_m(0.0, 0.0)
+        return x + right_m, y - down_m, z + toward_m
+
+    def shares_of(self, at: Triple, ray: Triple) -> tuple[float, float]:
+        """Return where a line meets the screen, in shares from its top left; NaN if nowhere."""
+        if not ray[2] < -1e-6:
+            return NAN, NAN
+        reach = (-self.distance_mm * 1e-3 - at[2]) / ray[2]
+        x, y = at[0] + reach * ray[0], at[1] + reach * ray[1]
+        return (
+            0.5 + (x * 1e3 - self.center_right_mm) / self.width_mm,
+            0.5 - (y * 1e3 - self.center_up_mm) / self.height_mm,
+        )
+
+
+def ray_between(at: Triple, point: Triple) -> Triple:
+    """Return the unit vector from an eye to a point; NaN when either is missing."""
+    return unit_triple(point[0] - at[0], point[1] - at[1], point[2] - at[2])
+
+
+def _single(value: float) -> float:
+    return value if -LARGEST_F4 < value < LARGEST_F4 else NAN

@@ -1,0 +1,170 @@
+"""FoveClient as seen by its caller: in memory, or as a C library compiled from `native/fove`.
+
+Written from FOVE SDK 1.4.0's names, types and codes. Not modelled: gaze depth, presence, attention
+shift, the compositor, the picture of the calibration, licences; the calibration follows its
+states in steps of 0.5 s and judges by the wearer's open eyes alone.
+"""
+
+import ctypes
+import shutil
+import struct
+import subprocess
+import threading
+from pathlib import Path
+
+from devices.contracts import Body
+from devices.sim.faults import FaultSchedule
+from devices.sim.gaze_source import EYE_X_M, GazePeer, GazeSource, Shot
+from devices.sim.tracker_error import TrackerErrorModel
+from devices.transports import Frames
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.errors import DeviceNotFound
+
+STUB_SOURCE = Path(__file__).parent / "native" / "fove" / "fove_stub.c"
+FRAME = struct.Struct("<QQ" + 2 * "i3fiiif" + "i3f3f")
+ANSWER = struct.Struct("<ii")
+STEP_NS = NS_PER_S // 2
+STEPS = (1, 2, 3, 4)
+FAILED = 9
+SUCCEEDED_HIGH = 5
+OPEN_SHARE = 0.5
+
+
+class FoveSimulator(GazePeer):
+    """Deliver eye frames of a body and answer the calls that the driver makes.
+
+    `low_accuracy` and `unreliable` make the runtime return 1007 or 1006 with every vector.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        *,
+        seed: int,
+        clock: Clock,
+        rate_hz: float = 120.0,
+        faults: FaultSchedule | None = None,
+        error: TrackerErrorModel | None = None,
+        drift_ppm: float = 0.0,
+        vector_code: int = 0,
+        quality: int = SUCCEEDED_HIGH,
+    ) -> None:
+        source = GazeSource(
+            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
+            drift_ppm=drift_ppm,
+        )  # fmt: skip
+        super().__init__(source, seed=seed)
+        self._vector_code = vector_code
+        self._quality = quality
+        self._started_ns: int | None = None
+        self._open = self._closed = 0
+
+    def to_message(self, shot: Shot) -> Frames:
+        """Return one eye frame."""
+        if self._started_ns is not None:
+            self._open += shot.left_seen and shot.right_seen
+            self._closed += not (shot.left_seen and shot.right_seen)
+        return (eye_frame(shot, self._vector_code) if shot.garbage is None else shot.garbage,)
+
+    def answer(self, frames: Frames, t_ns: int) -> Frames | None:
+        """Answer as the library's functions return."""
+        question = frames[0]
+        if question == b"versions":
+            version = self.source.claimed_version(t_ns, "1.4.0")
+            code = 0 if version.startswith("1.") else 4
+            text = f"client 1.4.0, runtime {version}"
+            return question, ANSWER.pack(code, 0), text.encode()
+        if question in (b"hardware", b"present"):
+            return question, ANSWER.pack(0, 1)
+        if question == b"calibrated":
+            return question, ANSWER.pack(0, int(self.source.calibrated_fit is not None))
+        if question == b"start_calibration":
+            self._started_ns, self._open, self._closed = t_ns, 0, 0
+            return question, ANSWER.pack(0, 0)
+        if question == b"calibration_state":
+            return question, ANSWER.pack(0, self._state(t_ns))
+        return question, ANSWER.pack(104, 0)
+
+    def _state(self, t_ns: int) -> int:
+        if self._started_ns is None:
+            return 0
+        step = (t_ns - self._started_ns) // STEP_NS
+        if step < len(STEPS):
+            return STEPS[step]
+        self._started_ns = None
+        if self._open * OPEN_SHARE <= self._closed:
+            return FAILED
+        self.source.calibrated_fit = self.source.body.fit()
+        return self._quality
+
+
+def eye_frame(shot: Shot, vector_code: int = 0) -> bytes:
+    """Return what the getters give for a sample: +z forward, radii in metres."""
+    values: list[float] = [shot.number, shot.t_device_ns // 1000]
+    for ray, seen in ((shot.left, shot.left_seen), (shot.right, shot.right_seen)):
+        state = 1 if seen else (2 if shot.openness_01 < OPEN_SHARE else 0)
+        values += [vector_code, ray[0], ray[1], -ray[2]]
+        values += [0, state, 0, shot.pupil_mm * 0.5e-3 if seen else 0.0]
+    mean = [(a + b) / 2 for a, b in zip(shot.left, shot.right, strict=True)]
+    if shot.left_seen != shot.right_seen:
+        mean = list(shot.left if shot.left_seen else shot.right)
+    x_m = EYE_X_M if shot.right_seen else -EYE_X_M
+    origin_m = 0.0 if shot.left_seen == shot.right_seen else x_m
+    length = sum(v * v for v in mean) ** 0.5
+    values += [vector_code, origin_m, 0.0, 0.0]
+    values += [mean[0] / length, mean[1] / length, -mean[2] / length]
+    return FRAME.pack(*values)
+
+
+def build_stub(folder: Path) -> Path:
+    """Compile the C library into a folder; raises DeviceNotFound without a C compiler."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        raise DeviceNotFound("there is no C compiler (cc)", remedy="install gcc or clang")
+    library = folder / "libFoveClient.so"
+    command = [compiler, "-shared", "-fPIC", "-O1", "-Wall", "-Werror", "-pthread"]
+    subprocess.run(  # noqa: S603 - a fixed command on our own source
+        [*command, "-o", str(library), str(STUB_SOURCE)], check=True, capture_output=True
+    )
+    return library
+
+
+class FoveStub:
+    """Feed a compiled stub from a simulator, in a thread, in real time; a context manager."""
+
+    def __init__(self, library: Path, simulator: FoveSimulator, clock: Clock) -> None:
+        self._library = ctypes.CDLL(str(library))
+        self._simulator = simulator
+        self._clock = clock
+        self._stopping = threading.Event()
+        self._library.fove_stub_reset()
+        self._thread = threading.Thread(target=self._serve, name="fove-stub", daemon=True)
+
+    def __enter__(self) -> "FoveStub":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stopping.set()
+        self._thread.join()
+
+    def fail(self, function: str, code: int) -> None:
+        """Make a function of the library return an error code; 0 mends it."""
+        self._library.fove_stub_fail(function.encode(), ctypes.c_int(code))
+
+    def set_connected(self, connected: bool) -> None:
+        """Plug the headset in or out."""
+        self._library.fove_stub_connected(int(connected))
+
+    def push(self, frame: bytes) -> None:
+        """Make an eye frame the newest one and wake whoever waits."""
+        self._library.fove_stub_push(frame)
+
+    def _serve(self) -> None:
+        while not self._stopping.is_set():
+            now_ns = self._clock.now_ns()
+            self._simulator.advance(now_ns)
+            for message in self._simulator.outgoing(now_ns):
+                if len(message.frames[0]) == FRAME.size:
+                    self.push(message.frames[0])
+            self._clock.sleep_until_ns(now_ns + NS_PER_MS)
