@@ -1,0 +1,121 @@
+"""The lengths of a person that a posture is planned with, from a skeleton or a whole character."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lab.geometry import Vector
+from stimuli.characters.body_parts import PART_INDEX
+from stimuli.characters.character import Character, SkinnedMesh
+from stimuli.motion import posture as p
+from stimuli.motion.errors import MotionError
+from stimuli.motion.skeleton import Skeleton, canonical_skeleton
+
+CANONICAL_NAMES = canonical_skeleton().names
+
+
+@dataclass(frozen=True, eq=False)
+class Build:
+    """A skeleton with canonical joints and the lengths (B_SIZE,) that follow from it."""
+
+    skeleton: Skeleton
+    lengths_m: Vector
+
+    @property
+    def ankle_m(self) -> float:
+        """Height of the ankle joints above the floor on flat feet."""
+        return float(self.lengths_m[p.B_ANKLE])
+
+    @property
+    def stature_m(self) -> float:
+        """Crown to sole."""
+        return float(self.lengths_m[p.B_STATURE])
+
+    @property
+    def seat_gap_m(self) -> float:
+        """Hips above the seat while sitting."""
+        return float(self.lengths_m[p.B_SEAT_GAP])
+
+
+def build_of_skeleton(skeleton: Skeleton) -> Build:
+    """Return the build of a bare skeleton; flesh is estimated from its stature.
+
+    Raises:
+        MotionError: the joints are not the canonical ones.
+    """
+    if skeleton.names != CANONICAL_NAMES:
+        raise MotionError(
+            "procedural motion needs the 55 canonical joints in their order; retarget the skeleton"
+        )
+    bone = np.linalg.norm(skeleton.offsets_m, axis=1)
+
+    def both(name: str) -> float:
+        return float(bone[skeleton.index(f"left_{name}")] + bone[skeleton.index(f"right_{name}")])
+
+    def at(name: str) -> Vector:
+        rest: Vector = skeleton.rest_m[skeleton.index(name)]
+        return rest
+
+    toes, tip = at("left_toes"), skeleton.tips_m[skeleton.index("left_toes")]
+    sole_y = min(toes[1] + (tip[1] if np.isfinite(tip[1]) else 0.0), toes[1])
+    head_tip = skeleton.tips_m[skeleton.index("head")]
+    crown_y = at("head")[1] + (head_tip[1] if np.isfinite(head_tip[1]) else 0.2)
+    stature = float(crown_y - sole_y)
+    size = stature / 1.75
+    b = np.zeros(p.B_SIZE)
+    b[p.B_THIGH], b[p.B_SHIN] = both("lower_leg") / 2, both("foot") / 2
+    b[p.B_LEG] = b[p.B_THIGH] + b[p.B_SHIN]
+    b[p.B_ANKLE] = at("left_foot")[1] - sole_y
+    b[p.B_HIP_X] = (at("right_upper_leg")[0] - at("left_upper_leg")[0]) / 2
+    b[p.B_HIP_Y] = -at("left_upper_leg")[1]
+    b[p.B_STAND] = b[p.B_HIP_Y] + b[p.B_LEG] + b[p.B_ANKLE]
+    b[p.B_UPPER_ARM], b[p.B_FOREARM] = both("lower_arm") / 2, both("hand") / 2
+    b[p.B_HAND] = both("middle_proximal") / 2
+    b[p.B_SHOULDER_X] = (at("right_upper_arm")[0] - at("left_upper_arm")[0]) / 2
+    b[p.B_TRUNK] = at("upper_chest")[1]
+    b[p.B_STATURE] = stature
+    b[p.B_THIGH_RADIUS] = 0.075 * size
+    b[p.B_SEAT_GAP] = b[p.B_HIP_Y] + 0.085 * size
+    b[p.B_BELLY] = 0.115 * size
+    b[p.B_HEAD_HALF] = 0.078 * size
+    b[p.B_FOOT] = float(np.hypot(toes[0] - at("left_foot")[0], toes[2] - at("left_foot")[2]))
+    return Build(skeleton, b)
+
+
+def _of_part(mesh: SkinnedMesh, *parts: str) -> Vector:
+    """Return the places (k, 3) of the vertices of some parts."""
+    kept = np.isin(mesh.triangle_part, [PART_INDEX[name] for name in parts])
+    rows = np.unique(mesh.triangles[kept])
+    places: Vector = mesh.vertices_m[rows].astype(np.float64)
+    return places
+
+
+def build_of_character(character: Character) -> Build:
+    """Return the build of a character, flesh and soles measured on its mesh at rest."""
+    build = build_of_skeleton(character.skeleton)
+    mesh, rest = character.levels[0], character.skeleton.rest_m
+    b = build.lengths_m.copy()
+
+    def at(name: str) -> Vector:
+        place: Vector = rest[character.skeleton.index(name)]
+        return place
+
+    feet = _of_part(mesh, "left_foot", "right_foot")
+    if len(feet):
+        b[p.B_ANKLE] = at("left_foot")[1] - np.quantile(feet[:, 1], 0.02)
+        b[p.B_STAND] = b[p.B_HIP_Y] + b[p.B_LEG] + b[p.B_ANKLE]
+    b[p.B_STATURE] = character.stature_m
+    thigh = _of_part(mesh, "left_thigh")
+    hip, knee = at("left_upper_leg"), at("left_lower_leg")
+    middle = thigh[np.abs(thigh[:, 1] - (0.5 * hip[1] + 0.5 * knee[1])) < 0.08]
+    if len(middle):
+        joint_z = 0.5 * (hip[2] + knee[2])
+        b[p.B_THIGH_RADIUS] = joint_z - np.quantile(middle[:, 2], 0.02)
+        upper = thigh[np.abs(thigh[:, 1] - (0.75 * hip[1] + 0.25 * knee[1])) < 0.08]
+        under = np.quantile((upper if len(upper) else middle)[:, 2], 0.98)
+        b[p.B_SEAT_GAP] = b[p.B_HIP_Y] + max(0.05, under - hip[2])
+    trunk = _of_part(mesh, "torso")
+    belly = trunk[np.abs(trunk[:, 1] - 0.35 * b[p.B_TRUNK]) < 0.08]
+    if len(belly):
+        b[p.B_BELLY] = -np.quantile(belly[:, 2], 0.02)
+    return replace(build, lengths_m=b)

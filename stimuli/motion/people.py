@@ -1,0 +1,183 @@
+"""Everybody's motion at once: who does what from when on, posed at any time in a few calls."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.geometry import Vector
+from stimuli.characters.character import MORPHS
+from stimuli.motion import posture as p
+from stimuli.motion.build import Build
+from stimuli.motion.errors import MotionError
+from stimuli.motion.kinds import NUMBERS, Kind, code_of, kernel_of
+from stimuli.motion.placing_kernels import mix_rows, placed_rows
+from stimuli.motion.posture_kernels import pose_rows
+from stimuli.picture import PosedPeople
+
+Index = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Doing:
+    """What somebody does from `start_s` on, taking over within `fade_s`; later ones follow."""
+
+    kind: Kind
+    start_s: float = -np.inf
+    fade_s: float = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """One person: build, what they do, a seed of their own, and where they are.
+
+    `place_m` (3,) is a point of the floor in world: below the hips of a sitter, between the feet
+    of somebody standing, where a walk starts. `heading_deg` is left of −z.
+    """
+
+    build: Build
+    does: Kind | tuple[Doing, ...]
+    seed: int
+    place_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    heading_deg: float = 0.0
+
+    @property
+    def plan(self) -> tuple[Doing, ...]:
+        """What is done one after the other."""
+        return self.does if isinstance(self.does, tuple) else (Doing(self.does),)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldHeads:
+    """Heads that a study keeps in place: `eyes_m` (n, 3) between the eyes, `facing` (n, 3) unit.
+
+    Rows that are NaN are not held.
+    """
+
+    eyes_m: Vector
+    facing: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class PeopleMotion:
+    """n people as a function of time; a frame can be asked for again and is the same."""
+
+    people: tuple[Person, ...]
+    held: HeldHeads | None = None
+
+    def __post_init__(self) -> None:
+        for i, person in enumerate(self.people):
+            starts = [d.start_s for d in person.plan]
+            if not starts or starts != sorted(starts):
+                raise MotionError(f"person {i} has nothing to do, or things out of order")
+            for d, later in zip(person.plan, person.plan[1:], strict=False):
+                if later.start_s - d.start_s < d.fade_s:
+                    raise MotionError(f"person {i} changes at {later.start_s} s before a fade ends")
+
+    @cached_property
+    def _builds(self) -> tuple[Vector, Vector, Index, Index]:
+        """Lengths (n, B_SIZE), skeletons (k, 55, 3), whose is whose (n,), seeds (n,)."""
+        distinct = {id(person.build.skeleton): person.build.skeleton for person in self.people}
+        order = {key: i for i, key in enumerate(distinct)}
+        return (
+            np.array([q.build.lengths_m for q in self.people]).reshape(-1, p.B_SIZE),
+            np.array([s.offsets_m for s in distinct.values()]).reshape(-1, p.JOINTS, 3),
+            np.array([order[id(q.build.skeleton)] for q in self.people], dtype=np.int64),
+            np.array([q.seed for q in self.people], dtype=np.int64),
+        )
+
+    @cached_property
+    def _plan(self) -> "_Plan":
+        return _plan_of(self.people)
+
+    @cached_property
+    def _places(self) -> tuple[Vector, Vector]:
+        return (
+            np.array([q.place_m for q in self.people], dtype=np.float64).reshape(-1, 3),
+            np.radians([q.heading_deg for q in self.people]),
+        )
+
+    def _posture(self, t_s: float, doing: Index, rows: Index) -> Vector:
+        """Return the posture (n, SIZE) of `rows` at what they do; others mean nothing."""
+        lengths, _, _, seeds = self._builds
+        plan = self._plan
+        controls = np.zeros((len(self.people), p.SIZE))
+        since = t_s - plan.zero_s[doing]
+        numbers, codes = plan.numbers[doing], plan.codes[doing]
+        for code in np.unique(codes[rows]):
+            kernel_of(int(code))(
+                rows[codes[rows] == code], since, seeds, numbers, lengths, controls
+            )
+        placed_rows(controls, *self._places)
+        return controls
+
+    def posture(self, t_s: float) -> Vector:
+        """Return the rows of posture (n, SIZE) in world that the solver turns into joints."""
+        if not self.people:
+            return np.zeros((0, p.SIZE))
+        plan = self._plan
+        begun = np.add.reduceat((plan.start_s <= t_s).astype(np.int64), plan.first)
+        doing = plan.first + np.maximum(begun, 1) - 1
+        controls = self._posture(t_s, doing, np.arange(len(self.people)))
+        share = (t_s - plan.start_s[doing]) / plan.fade_s[doing]
+        rows = np.flatnonzero((doing > plan.first) & (share < 1.0))
+        if rows.size:
+            before = doing.copy()
+            before[rows] -= 1
+            earlier = self._posture(t_s, before, rows)[rows]
+            mix_rows(controls, rows, earlier, 1.0 - share[rows])
+        return controls
+
+    def at(self, t_s: float) -> PosedPeople:
+        """Return everybody's pose at a time."""
+        n = len(self.people)
+        controls = self.posture(t_s)
+        _, offsets, skeleton_of, _ = self._builds
+        held, eyes, facing = self._held
+        root, turns = np.empty((n, 3)), np.empty((n, p.JOINTS, 4))
+        pose_rows(controls, offsets, skeleton_of, held, eyes, facing, root, turns)
+        morphs = np.zeros((n, len(MORPHS)))
+        morphs[:, MORPHS.index("jaw_open")] = controls[:, p.JAW]
+        morphs[:, MORPHS.index("smile")] = controls[:, p.SMILE]
+        return PosedPeople(root, turns, morphs)
+
+    @cached_property
+    def _held(self) -> tuple[npt.NDArray[np.bool_], Vector, Vector]:
+        n = len(self.people)
+        if self.held is None:
+            return np.zeros(n, np.bool_), np.zeros((n, 3)), np.zeros((n, 3))
+        eyes, facing = (np.asarray(x, np.float64) for x in (self.held.eyes_m, self.held.facing))
+        held = np.asarray(np.isfinite(np.hstack([eyes, facing])).all(axis=1), np.bool_)
+        return held, eyes, facing
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """What everybody does, one row a thing; `first` (n,) is the first row of each person."""
+
+    first: Index
+    start_s: Vector
+    zero_s: Vector
+    fade_s: Vector
+    codes: Index
+    numbers: Vector
+
+
+def _plan_of(people: Sequence[Person]) -> _Plan:
+    lengths = [len(q.plan) for q in people]
+    doings = [(q, d) for q in people for d in q.plan]
+    numbers = np.zeros((len(doings), NUMBERS))
+    for i, (q, d) in enumerate(doings):
+        own = d.kind.numbers(q.seed)
+        numbers[i, : len(own)] = own
+    start = np.array([d.start_s for _, d in doings], dtype=np.float64)
+    return _Plan(
+        np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int64),
+        start,
+        np.where(np.isfinite(start), start, 0.0),
+        np.array([max(d.fade_s, 1e-9) for _, d in doings], dtype=np.float64),
+        np.array([code_of(d.kind) for _, d in doings], dtype=np.int64),
+        numbers,
+    )

@@ -1,0 +1,166 @@
+"""People as functions of time: repeatable, independent of each other, planted on the floor."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from lab.geometry import Vector
+from stimuli.motion.build import Build, build_of_skeleton
+from stimuli.motion.errors import MotionError
+from stimuli.motion.kinds import Idle, Kind, Sit
+from stimuli.motion.people import Doing, HeldHeads, PeopleMotion, Person
+from stimuli.motion.seating import eyes_of, seated_under_eyes
+from stimuli.motion.skeleton import Placement, canonical_skeleton, forward
+
+KINDS: tuple[Kind, ...] = (
+    Idle("hanging"),
+    Idle("clasped"),
+    Idle("folded"),
+    Idle("behind"),
+    Sit(hands="thighs"),
+    Sit(hands="lap"),
+    Sit(hands="folded"),
+)
+
+
+@lru_cache
+def build(stature_m: float = 1.75) -> Build:
+    return build_of_skeleton(canonical_skeleton(stature_m))
+
+
+def crowd() -> PeopleMotion:
+    return PeopleMotion(
+        tuple(
+            Person(build(1.5 + 0.05 * i), kind, 40 + i, (0.7 * i, 0.0, -2.0), 35.0 * i)
+            for i, kind in enumerate(KINDS)
+        )
+    )
+
+
+def placed(motion: PeopleMotion, i: int, t_s: float) -> Placement:
+    pose = motion.at(t_s)
+    return forward(motion.people[i].build.skeleton, pose.root_m[i], pose.orientation_wxyz[i])
+
+
+def joints(motion: PeopleMotion, i: int, times_s: Vector, *names: str) -> Vector:
+    """Places (times, names, 3) of joints in world."""
+    rows = [motion.people[i].build.skeleton.index(name) for name in names]
+    return np.stack([placed(motion, i, float(t)).position_m[rows] for t in times_s])
+
+
+def test_a_frame_asked_for_again_is_the_same() -> None:
+    motion = crowd()
+    first = motion.at(7.3)
+    motion.at(100.0)
+    again = crowd().at(7.3)
+    assert np.array_equal(first.root_m, again.root_m)
+    assert np.array_equal(first.orientation_wxyz, again.orientation_wxyz)
+
+
+def test_everybody_at_once_equals_one_at_a_time() -> None:
+    motion = crowd()
+    pose = motion.at(3.21)
+    for i, person in enumerate(motion.people):
+        alone = PeopleMotion((person,)).at(3.21)
+        assert np.array_equal(pose.root_m[i], alone.root_m[0])
+        assert np.array_equal(pose.orientation_wxyz[i], alone.orientation_wxyz[0])
+
+
+def test_another_seed_is_another_person() -> None:
+    poses = PeopleMotion(tuple(Person(build(), Idle(), seed) for seed in (1, 2))).at(4.0)
+    assert not np.allclose(poses.orientation_wxyz[0], poses.orientation_wxyz[1], atol=1e-3)
+
+
+def test_turns_are_unit_quaternions() -> None:
+    lengths = np.linalg.norm(crowd().at(2.0).orientation_wxyz, axis=-1)
+    assert lengths == pytest.approx(1.0, abs=1e-12)
+
+
+def test_feet_of_those_who_stay_do_not_move() -> None:
+    motion, times = crowd(), np.arange(0.0, 60.0, 1.7)
+    for i in range(len(KINDS)):
+        ankles = joints(motion, i, times, "left_foot", "right_foot")
+        assert np.ptp(ankles, axis=0).max() < 1e-3
+        expected = motion.people[i].build.ankle_m
+        assert ankles[..., 1] == pytest.approx(expected, abs=2e-3)
+
+
+def test_place_and_heading_carry_the_whole_person() -> None:
+    here = PeopleMotion((Person(build(), Idle(), 5),)).at(9.0)
+    there = PeopleMotion((Person(build(), Idle(), 5, (2.0, 0.4, -3.0), 90.0),)).at(9.0)
+    x, y, z = here.root_m[0]
+    # Facing −x, what was to the right is now towards −z.
+    assert there.root_m[0] == pytest.approx([2.0 + z, 0.4 + y, -3.0 - x], abs=1e-9)
+    assert there.orientation_wxyz[0, 1:] == pytest.approx(here.orientation_wxyz[0, 1:], abs=1e-9)
+
+
+def test_quiet_standing_sways_and_breathes_like_a_person() -> None:
+    motion = PeopleMotion((Person(build(), Idle("hanging"), 8),))
+    times = np.arange(0.0, 8.0, 0.1)
+    shoulder = joints(motion, 0, times, "left_upper_arm", "hips")
+    breath = shoulder[:, 0, 1] - shoulder[:, 1, 1]
+    assert 0.001 < np.ptp(breath) < 0.015
+    assert 0.001 < np.ptp(shoulder[:, 1, 0]) < 0.12
+
+
+def test_a_still_person_only_breathes() -> None:
+    motion = PeopleMotion((Person(build(), Idle("hanging", lively=0.0), 8),))
+    hips = joints(motion, 0, np.arange(0.0, 30.0, 1.3), "hips")
+    assert np.ptp(hips, axis=0).max() == 0.0
+
+
+def test_held_heads_stay_where_the_study_put_them() -> None:
+    eyes = np.array([[0.2, 1.12, -1.4], [np.nan] * 3])
+    facing = np.array([[np.sin(0.3), 0.0, -np.cos(0.3)], [np.nan] * 3])
+    people = (Person(build(), Sit(), 3, heading_deg=-17.0), Person(build(), Sit(), 4))
+    motion = PeopleMotion(people, HeldHeads(eyes, facing))
+    for t in (0.0, 5.5, 31.0):
+        pose = motion.at(t)
+        body = forward(people[0].build.skeleton, pose.root_m[0], pose.orientation_wxyz[0])
+        index = people[0].build.skeleton.index
+        middle = body.position_m[[index("left_eye"), index("right_eye")]].mean(axis=0)
+        assert middle == pytest.approx(eyes[0], abs=1e-9)
+        w, x, y, z = body.orientation_wxyz[index("head")]
+        front = -np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+        assert front == pytest.approx(facing[0], abs=1e-9)
+
+
+def test_changing_from_one_thing_to_the_next_does_not_pop() -> None:
+    plan = (Doing(Idle("hanging")), Doing(Idle("folded"), 2.0), Doing(Idle("clasped"), 4.0, 1.0))
+    motion = PeopleMotion((Person(build(), plan, 9),))
+    step_s = 1 / 240
+    path = joints(motion, 0, np.arange(1.8, 5.2, step_s), "left_hand", "right_hand", "hips")
+    acceleration = np.diff(path, 2, axis=0) / step_s**2
+    assert np.linalg.norm(acceleration, axis=-1).max() < 40.0
+    after = PeopleMotion((Person(build(), Idle("folded"), 9),))
+    assert motion.posture(3.5)[0, 0:12] == pytest.approx(after.posture(1.5)[0, 0:12], abs=1e-12)
+
+
+def test_a_change_before_the_last_one_has_ended_is_refused() -> None:
+    plan = (Doing(Idle()), Doing(Sit(), 2.0, 1.0), Doing(Idle(), 2.5))
+    with pytest.raises(MotionError, match="before a fade ends"):
+        PeopleMotion((Person(build(), plan, 1),))
+
+
+def test_nobody_is_nobody() -> None:
+    assert PeopleMotion(()).at(1.0).orientation_wxyz.shape == (0, 55, 4)
+
+
+def test_somebody_is_seated_under_given_eyes() -> None:
+    eyes, facing = np.array([0.4, 1.5, -2.2]), np.array([-0.5, 0.0, np.sqrt(0.75)])
+    person = seated_under_eyes(build(1.6), eyes, facing=facing, seed=3, sit=Sit(lively=0.0))
+    pair = joints(PeopleMotion((person,)), 0, np.array([0.0]), "left_eye", "right_eye")[0]
+    assert pair.mean(axis=0) == pytest.approx(eyes, abs=1e-9)
+    # The left eye is to the left of somebody who looks along `facing`.
+    assert np.cross(facing, pair[0] - pair[1])[1] > 0.05
+
+
+def test_a_given_floor_decides_the_height_of_the_seat() -> None:
+    eyes, facing = np.array([0.0, 1.3, 0.0]), np.array([0.0, 0.0, -1.0])
+    person = seated_under_eyes(build(), eyes, facing=facing, seed=3, floor_m=0.1)
+    assert isinstance(person.does, Sit)
+    assert person.place_m[1] == 0.1
+    assert eyes_of(person.build, person.does, 3)[1] == pytest.approx(1.2, abs=1e-6)
+    with pytest.raises(MotionError, match="another size"):
+        seated_under_eyes(build(), eyes, facing=facing, seed=3, floor_m=0.9)
