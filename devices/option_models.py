@@ -67,7 +67,7 @@ class SerialArmbandOptions(_SimulatedOptions):
     vid: int | None = Field(default=None, ge=0, le=0xFFFF)
     pid: int | None = Field(default=None, ge=0, le=0xFFFF)
     serial_number: str = ""
-    baud: int = Field(default=57_600, ge=1200, le=3_000_000)
+    baud: int = Field(default=38_400, ge=1200, le=3_000_000)
     max_rate_hz: float = Field(default=100.0, ge=1, le=1000)
 
 

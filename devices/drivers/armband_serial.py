@@ -14,7 +14,7 @@ from devices.drivers.armband_driver import ArmbandDriver
 from lab.clock import Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
-BAUD = 57_600
+BAUD = 38_400
 WRITE_TIMEOUT_S = 0.2
 MOST_BYTES = 4096
 REMEDY = "plug the band in or switch it on, then look at `visavis devices list`"

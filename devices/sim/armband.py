@@ -20,7 +20,7 @@ from devices.sim.faults import FaultSchedule
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound
 
-BAUD = 57_600
+BAUD = 38_400
 BITS_PER_BYTE = 10
 STEP_NS = NS_PER_MS
 RISE_MS = 30.0

@@ -1,0 +1,264 @@
+"""Run the armband's firmware itself as a driver's peer: the AVR image in simavr, or the same C.
+
+`firmware/armband/lockstep.c` has the lines of text that are exchanged. The machine's time is the
+session's: nothing here depends on how fast this computer is, except `TerminalMachine`.
+"""
+
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from devices.byte_links import Chunk
+from devices.sim.armband_firmware import ArmbandFirmware
+from lab.errors import DeviceNotFound
+
+SOURCES = Path(__file__).resolve().parents[2] / "firmware" / "armband"
+BYTE_US = 260
+"""One byte at the firmware's 38400 baud; simavr tells a byte when its sending starts."""
+
+MachineKind = Literal["simavr", "host"]
+
+
+class DutyChange(NamedTuple):
+    """What the four PWM outputs do from a machine time on; `host_ns` is the system's clock."""
+
+    t_us: int
+    host_ns: int
+    duties: tuple[int, ...]
+
+
+def build(kind: MachineKind, folder: Path, limits: str = "") -> list[str]:
+    """Compile into `folder` and return the command that runs the machine.
+
+    Raises DeviceNotFound naming the packages that are missing.
+    """
+    needs = {"make": "make", "cc": "gcc"}
+    if kind == "simavr":
+        needs |= {"avr-gcc": "gcc-avr avr-libc", "simavr": "simavr libsimavr-dev"}
+    missing = [package for program, package in needs.items() if shutil.which(program) is None]
+    if missing:
+        raise DeviceNotFound(
+            f"the armband's firmware cannot be built for {kind}",
+            remedy=f"run: apt-get install {' '.join(missing)}",
+        )
+    if kind == "simavr":
+        make("avr", folder, limits)
+        make("simulator", folder)
+        return [str(folder / "armband_simavr"), str(folder / "armband.elf")]
+    make("host", folder, limits)
+    return [str(folder / "armband_host")]
+
+
+def make(target: str, folder: Path, limits: str = "") -> None:
+    """Run make in the firmware's folder; raises DeviceNotFound with the compiler's words."""
+    command = ["make", "-C", str(SOURCES), target, f"OUT={folder}", f"LIMITS={limits}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - own sources
+    if done.returncode:
+        raise DeviceNotFound(
+            f"make {target} failed: {done.stderr.strip()[-800:]}",
+            remedy="run: apt-get install gcc gcc-avr avr-libc simavr libsimavr-dev",
+        )
+
+
+class LockstepMachine:
+    """A machine that runs exactly as far as it is told; a `BytePeer` and a context manager."""
+
+    def __init__(self, command: Sequence[str], origin_ns: int = 0) -> None:
+        self._origin_ns = origin_ns
+        self._process = subprocess.Popen(  # noqa: S603 - the program that `build` made
+            list(command),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        self._unread: list[Chunk] = []
+        self.sent: list[tuple[int, int]] = []
+        """(time in us, byte) of everything the machine said."""
+        self.changes: list[DutyChange] = []
+
+    def __enter__(self) -> "LockstepMachine":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def give(self, t_us: int, data: bytes) -> None:
+        """Let bytes reach the machine from `t_us` on."""
+        self._write(f"B {t_us} {data.hex()}\n")
+
+    def run_to(self, t_us: int) -> None:
+        """Run up to this machine time and take what it said."""
+        self._write(f"T {t_us}\n")
+        stream = self._process.stdout
+        while stream is not None:
+            word, *fields = stream.readline().split() or ["end"]
+            if word == "K":
+                return
+            if word == "X":
+                at_us, byte = int(fields[0]) + BYTE_US, int(fields[1], 16)
+                self.sent.append((at_us, byte))
+                self._unread.append(Chunk(self._origin_ns + at_us * 1000, bytes((byte,))))
+            elif word == "D":
+                at_us, host_ns, *duties = (int(field) for field in fields)
+                self.changes.append(DutyChange(at_us, host_ns, tuple(duties)))
+            elif word == "end":
+                raise DeviceNotFound(
+                    "the simulated processor stopped", remedy="run it by hand to see why"
+                )
+
+    def surround(self, battery_mv: int, temperature_c: float) -> None:
+        """Set what the analogue inputs see."""
+        self._write(f"A {battery_mv} {round(temperature_c * 100)}\n")
+
+    def hang(self) -> None:
+        """Let the program run wild; only its watchdog can help."""
+        self._write("H\n")
+
+    @property
+    def duties(self) -> tuple[int, ...]:
+        """What the motors' outputs do now."""
+        return self.changes[-1].duties if self.changes else ()
+
+    def connect(self, t_ns: int) -> None:
+        """Forget what was said before."""
+        self._unread.clear()
+
+    def accept(self, data: bytes, t_ns: int) -> None:
+        """Take bytes from the host."""
+        self.give((t_ns - self._origin_ns) // 1000, data)
+
+    def outgoing(self, until_ns: int) -> Sequence[Chunk]:
+        """Run, and return the bytes that have arrived by then."""
+        self.run_to((until_ns - self._origin_ns) // 1000)
+        arrived = [chunk for chunk in self._unread if chunk.t_host_ns <= until_ns]
+        self._unread = self._unread[len(arrived) :]
+        return arrived
+
+    def close(self) -> None:
+        """End the program."""
+        for stream in (self._process.stdin, self._process.stdout):
+            if stream is not None:
+                stream.close()
+        self._process.wait()
+
+    def _write(self, line: str) -> None:
+        if self._process.stdin is not None:
+            self._process.stdin.write(line)
+            self._process.stdin.flush()
+
+
+class TerminalMachine:
+    """A machine in real time on a pseudo-terminal; a context manager. pyserial opens `port`."""
+
+    def __init__(self, command: Sequence[str]) -> None:
+        program, *image = command
+        self._process = subprocess.Popen(  # noqa: S603 - the program that `build` made
+            [program, "--pty", *image],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        self.changes: list[DutyChange] = []
+        self.received_us: list[tuple[int, int]] = []
+        """(machine time in us, system clock in ns) at which bytes came from the host."""
+        self.port = self._read_until("P")
+
+    def __enter__(self) -> "TerminalMachine":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def wait_for(self, *, running: bool) -> DutyChange:
+        """Read on until the motors run, or are silent; return the change that made it so."""
+        while True:
+            self._read_until("D")
+            if any(self.changes[-1].duties) == running:
+                return self.changes[-1]
+
+    def close(self) -> None:
+        """End the program; what it said last is read first."""
+        for stream in (self._process.stdin, self._process.stdout):
+            if stream is not None:
+                stream.close()
+        self._process.wait()
+
+    def _read_until(self, wanted: str) -> str:
+        stream = self._process.stdout
+        while stream is not None:
+            word, *fields = stream.readline().split() or ["end"]
+            if word == "D":
+                at_us, host_ns, *duties = (int(field) for field in fields)
+                self.changes.append(DutyChange(at_us, host_ns, tuple(duties)))
+            elif word == "R":
+                self.received_us.append((int(fields[0]), int(fields[1])))
+            elif word == "end":
+                break
+            if word == wanted:
+                return fields[0]
+        raise DeviceNotFound("the simulated processor stopped", remedy="run it by hand to see why")
+
+
+class PythonMachine:
+    """The firmware's model in Python behind the same methods, where nothing can be compiled."""
+
+    def __init__(self) -> None:
+        self.firmware = ArmbandFirmware()
+        self._at_us = 0
+        self._hangs_until_us: int | None = None
+        self.sent: list[tuple[int, int]] = []
+        self.changes = [DutyChange(0, 0, self.firmware.duties)]
+        self._said(self.firmware.boot(0))
+
+    def __enter__(self) -> "PythonMachine":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def give(self, t_us: int, data: bytes) -> None:
+        """Let bytes reach the machine at `t_us`."""
+        self.run_to(t_us)
+        if self._hangs_until_us is None:
+            self._said(self.firmware.feed(data, t_us))
+            self._note()
+
+    def run_to(self, t_us: int) -> None:
+        """Run up to this machine time."""
+        while self._at_us < t_us:
+            self._at_us = min(t_us, self._at_us + 500)
+            if self._hangs_until_us is not None:
+                if self._at_us < self._hangs_until_us:
+                    continue
+                self._hangs_until_us = None
+                self._said(self.firmware.boot(self._at_us))
+            self._said(self.firmware.step(self._at_us))
+            self._note()
+
+    def surround(self, battery_mv: int, temperature_c: float) -> None:
+        """Set what the analogue inputs see."""
+        self.firmware.surroundings.battery_mv = battery_mv
+        self.firmware.surroundings.temperature_c = temperature_c
+
+    def hang(self) -> None:
+        """Stand still until the watchdog bites."""
+        self._hangs_until_us = self._at_us + 120_000
+
+    @property
+    def duties(self) -> tuple[int, ...]:
+        """What the motors' outputs do now."""
+        return self.changes[-1].duties
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def _said(self, data: bytes) -> None:
+        self.sent += [(self._at_us, byte) for byte in data]
+
+    def _note(self) -> None:
+        if self.firmware.duties != self.changes[-1].duties:
+            self.changes.append(DutyChange(self._at_us, 0, self.firmware.duties))

@@ -1,0 +1,22 @@
+/* Let another program drive a simulated armband: in lockstep by lines of text, or on a
+ * pseudo-terminal in real time. A machine is the AVR image in simavr, or the behaviour compiled
+ * for this computer.
+ */
+#ifndef ARMBAND_LOCKSTEP_H
+#define ARMBAND_LOCKSTEP_H
+
+#include <stdint.h>
+
+/* What a machine offers. */
+void machine_start(const char *image);
+void machine_run_to(uint64_t t_us);
+int machine_takes(void); /* may one more byte be given now? */
+void machine_give(uint8_t byte);
+void machine_duties(uint8_t duty[4]);
+void machine_surroundings(unsigned battery_mv, int centi_c);
+void machine_hang(void); /* the program runs wild: an endless loop without interrupts */
+
+/* What a machine calls for every byte that it sends. */
+void host_takes(uint8_t byte, uint64_t t_us);
+
+#endif
