@@ -15,6 +15,7 @@ ENTRY_POINT_GROUP = "visavis.drivers"
 BUILT_IN: dict[str, str] = {
     "openvr_headset": "devices.drivers.openvr_headset:OpenVrHeadset",
     "fove": "devices.drivers.fove:Fove",
+    "gazepoint": "devices.drivers.gazepoint:Gazepoint",
     "pupil_core": "devices.drivers.pupil_core:PupilCore",
     "serial_armband": "devices.drivers.armband_serial:serial_armband",
     "simulated_armband": "devices.sim.armband:simulated_armband",

@@ -5,7 +5,9 @@ import pytest
 
 from devices.contracts import DeviceState
 from devices.drivers.fove import Fove
+from devices.drivers.gazepoint import Gazepoint
 from devices.sim.fove import FoveSimulator
+from devices.sim.gazepoint import GazepointSimulator
 from lab.errors import DeviceTimeout
 from lab.geometry import angle_deg
 from tests.devices import gaze_rigs
@@ -13,6 +15,7 @@ from tests.devices.gaze_rigs import PERFECT, GazeRig
 
 TRACKERS = {
     "fove": (Fove, FoveSimulator),
+    "gazepoint": (Gazepoint, GazepointSimulator),
 }
 TIGHT_DEG = 0.01
 

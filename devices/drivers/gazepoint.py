@@ -1,0 +1,150 @@
+"""Drive a Gazepoint eye tracker through its Open Gaze server.
+
+Codec: `devices.drivers.gazepoint_codec`. Transport: a TCP stream. A screen-based tracker: rays are
+in the head frame of `devices.drivers.gaze_rays.Screen`. The server's clock cannot be asked; on
+one computer its ticks are the host's own performance counter.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from devices.contracts import CalibrationOutcome, DeviceState
+from devices.drivers import gazepoint_codec as codec
+from devices.drivers.gaze_device import GazeDevice, Make
+from devices.drivers.gaze_rays import Sample, Screen
+from devices.transports import Message, MessageTransport
+from lab.clock import NS_PER_S, Clock
+from lab.errors import ProtocolViolation
+
+REMEDY = "start Gazepoint Control, connect the tracker, and check address, port 4242 and firewall"
+GAZEPOINT = Make(
+    driver="gazepoint",
+    vendor="Gazepoint",
+    model="Gazepoint",
+    remedy=REMEDY,
+    capabilities=frozenset(
+        {"gaze", "per_eye", "pupil", "screen_frame", "calibration", "annotation"}
+    ),
+)
+OLDEST_API = 2.0
+USUAL_TICKS_PER_S = 10_000_000
+LEAST_POINTS_SHARE = 0.5
+
+
+class Gazepoint(GazeDevice):
+    """Follow the `EyeTracker` contract over Open Gaze; `seq` follows the server's CNT.
+
+    Lengths are millimetres: the screen as seen from the viewing place, the camera from the
+    screen's centre.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        transport: MessageTransport,
+        clock: Clock,
+        *,
+        rate_hz: float = 60.0,
+        lost_after_s: float = 2.0,
+        screen: Screen | None = None,
+        camera_right_mm: float = 0.0,
+        camera_up_mm: float = -180.0,
+        camera_toward_mm: float = 0.0,
+        eye_distance_mm: float = 64.0,
+    ) -> None:
+        self._place = codec.Place(
+            screen or Screen(), camera_right_mm, camera_up_mm, camera_toward_mm, eye_distance_mm
+        )
+        self._reader = codec.LineReader()
+        self._answers: dict[str, codec.Line] = {}
+        self._ticks_per_s = USUAL_TICKS_PER_S
+        super().__init__(
+            role, transport, clock, GAZEPOINT, rate_hz=rate_hz, lost_after_s=lost_after_s
+        )
+
+    def begin_calibration(self) -> None:
+        """Let the server show its own targets; `add_reference` is not needed."""
+        self._life.require("begin_calibration", DeviceState.STREAMING)
+        self._calibration = None
+        self._post(codec.set_line("CALIBRATE_SHOW", STATE="1"))
+        self._post(codec.set_line("CALIBRATE_START", STATE="1"))
+
+    def end_calibration(self, deadline_s: float) -> CalibrationOutcome:
+        """Wait for the server's result; its mean error is the vendor's accuracy."""
+        self._life.require("end_calibration", DeviceState.STREAMING)
+        deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
+        self._wait_until(lambda: self._calibration is not None, deadline_ns, "calibration result")
+        self._post(codec.set_line("CALIBRATE_SHOW", STATE="0"))
+        outcome = self._calibration
+        assert outcome is not None  # noqa: S101 - awaited above
+        return outcome
+
+    def annotate(self, text: str, t_host_ns: int) -> None:
+        """Write USER_DATA for one record; it stands at the record that follows, not at the time."""
+        self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
+        self._post(codec.set_line("USER_DATA", VALUE=text, DUR="1"))
+
+    def _connect(self, deadline_ns: int) -> None:
+        self._reader = codec.LineReader()
+        self._answers = {}
+        for name in ("API_ID", "PRODUCT_ID", "SERIAL_ID", "TIME_TICK_FREQUENCY"):
+            self._transport.post((codec.get_line(name),))
+        self._resume()
+        self._wait_until(
+            lambda: "ENABLE_SEND_DATA" in self._answers, deadline_ns, "answer from the server"
+        )
+        self._take_identity()
+
+    def _resume(self) -> None:
+        self._reader = codec.LineReader()
+        for name in codec.STREAMS:
+            line = codec.set_line(f"ENABLE_SEND_{name}", STATE="1")
+            self._transport.post((line,))
+
+    def _decode(self, message: Message) -> Iterable[Sample]:
+        reader = self._reader
+        before = reader.malformed
+        lines = reader.feed(b"".join(message.frames))
+        self._counts.malformed += reader.malformed - before
+        for tag, values in lines:
+            if tag == "REC":
+                sample = codec.decode_record(values, self._place, self._ticks_per_s)
+                if sample is None:
+                    self._counts.malformed += 1
+                else:
+                    yield sample
+            elif tag == "CAL":
+                self._take_calibration(values)
+            else:
+                self._answers[values.get("ID", "")] = codec.Line(tag, values)
+
+    def _take_identity(self) -> None:
+        api = self._answer("API_ID", "VER_ID")
+        version = codec.number({"v": api}, "v")
+        if version < OLDEST_API:
+            raise ProtocolViolation(
+                f"the server speaks Open Gaze {api!r}; this driver needs {OLDEST_API} or newer",
+                role=self.info.role,
+                remedy="install a current Gazepoint Control",
+            )
+        ticks = self._answer("TIME_TICK_FREQUENCY", "FREQ")
+        if ticks.isascii() and ticks.isdigit() and 0 < int(ticks[:15]):
+            self._ticks_per_s = int(ticks[:15])
+        model = self._answer("PRODUCT_ID", "VALUE") or "Gazepoint"
+        self.info = replace(self.info, model=model, serial=self._answer("SERIAL_ID", "VALUE"))
+
+    def _answer(self, name: str, key: str) -> str:
+        line = self._answers.get(name)
+        return line.values.get(key, "") if line is not None and line.tag == "ACK" else ""
+
+    def _take_calibration(self, values: codec.Attributes) -> None:
+        if values.get("ID") != "CALIB_RESULT":
+            return
+        errors, points = codec.calibration_errors_deg(values, self._place.screen)
+        enough = points > 0 and len(errors) >= 2 * points * LEAST_POINTS_SHARE
+        mean_deg = sum(errors) / len(errors) if errors else None
+        text = f"{len(errors)} of {2 * points} targets counted (two eyes)"
+        self._calibration = CalibrationOutcome(enough, text, mean_deg)
+
+    def _post(self, line: bytes) -> None:
+        self._on_wire(lambda: self._transport.post((line,)))

@@ -1,0 +1,290 @@
+"""Gazepoint's Open Gaze server as seen from its TCP port, in memory or on a real socket.
+
+Written from public clients of the API. Not modelled: the camera picture, the fixation filter,
+custom calibration points, the server's own recording. The stream is cut and joined at places
+drawn from the seed; a stream cannot lose or reorder bytes, so those faults befall whole records.
+"""
+
+import selectors
+import socket
+import threading
+
+import numpy as np
+
+from devices.contracts import Body
+from devices.drivers.gaze_rays import Screen, Triple
+from devices.sim.faults import FaultSchedule
+from devices.sim.gaze_source import EYE_X_M, GazePeer, GazeSource, Shot
+from devices.sim.tracker_error import TrackerErrorModel
+from devices.transports import Frames, Message
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+
+TICKS_PER_S = 10_000_000
+SPLIT_SHARE = 0.3
+CALIBRATION_POINTS = ((0.5, 0.5), (0.85, 0.15), (0.85, 0.85), (0.15, 0.85), (0.15, 0.15))
+POINT_NS = NS_PER_S // 2
+
+_SPLIT_STREAM = 0x59
+
+
+class GazepointSimulator(GazePeer):
+    """Answer commands and stream records of a body that looks at a screen.
+
+    The eyes are at the viewing place; `camera_m` is the camera's place in the head frame.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        *,
+        seed: int,
+        clock: Clock,
+        rate_hz: float = 60.0,
+        faults: FaultSchedule | None = None,
+        error: TrackerErrorModel | None = None,
+        drift_ppm: float = 0.0,
+        screen: Screen | None = None,
+        camera_m: Triple = (0.0, -0.18, -0.65),
+        split_share: float = SPLIT_SHARE,
+    ) -> None:
+        source = GazeSource(
+            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
+            drift_ppm=drift_ppm,
+        )  # fmt: skip
+        super().__init__(source, seed=seed)
+        self.annotations: list[str] = []
+        self._screen = screen or Screen()
+        self._camera = camera_m
+        self._split_share = split_share
+        self._splits = np.random.default_rng([seed, _SPLIT_STREAM])
+        self._enabled: set[str] = set()
+        self._user = ""
+        self._calibration_ns: int | None = None
+        self._open: list[tuple[bool, bool]] = []
+
+    def advance(self, t_ns: int) -> None:
+        """Take samples; a server that was gone starts with everything off."""
+        if self.source.gone(t_ns):
+            self._enabled.clear()
+        super().advance(t_ns)
+        if self._calibration_ns is not None:
+            end_ns = self._calibration_ns + POINT_NS * len(CALIBRATION_POINTS)
+            if t_ns >= end_ns:
+                self._finish_calibration(end_ns)
+
+    def to_message(self, shot: Shot) -> Frames | None:
+        """Return one record, with the fields that were enabled."""
+        if self._calibration_ns is not None:
+            self._open.append((shot.left_seen, shot.right_seen))
+        if "DATA" not in self._enabled:
+            return None
+        if shot.garbage is not None:
+            return (shot.garbage.replace(b"\n", b"?") + b"\r\n",)
+        return (self._record(shot).encode(),)
+
+    def outgoing(self, until_ns: int) -> list[Message]:
+        """Give up what has arrived: lines of one time joined, some chunks cut in two."""
+        joined: list[tuple[int, bytes]] = []
+        for message in super().outgoing(until_ns):
+            if joined and joined[-1][0] == message.t_host_ns:
+                joined[-1] = (message.t_host_ns, joined[-1][1] + message.frames[0])
+            else:
+                joined.append((message.t_host_ns, message.frames[0]))
+        chunks: list[Message] = []
+        for at_ns, data in joined:
+            cut = 0
+            if len(data) > 2 and self._splits.random() < self._split_share:
+                cut = int(self._splits.integers(1, len(data) - 1))
+                chunks.append(Message(at_ns, (data[:cut],)))
+            chunks.append(Message(at_ns, (data[cut:],)))
+        return chunks
+
+    def answer(self, frames: Frames, t_ns: int) -> Frames | None:
+        """Take commands; answers go into the stream."""
+        for line in b"".join(frames).decode("utf-8", "replace").splitlines():
+            reply = self._reply(line.strip(), t_ns)
+            if reply:
+                self.push(t_ns + self.leg_ns(), (f"{reply}\r\n".encode(),))
+        return None
+
+    def _reply(self, line: str, t_ns: int) -> str:
+        parts = dict(piece.split('="', 1) for piece in line.split('" ')[:-1] if '="' in piece)
+        values = {key.split()[-1]: value for key, value in parts.items()}
+        name = values.get("ID", "")
+        if line.startswith("<GET"):
+            return self._get(name, t_ns)
+        if name.startswith("ENABLE_SEND_"):
+            stream = name.removeprefix("ENABLE_SEND_")
+            on = values.get("STATE") == "1"
+            (self._enabled.add if on else self._enabled.discard)(stream)
+            return f'<ACK ID="{name}" STATE="{int(on)}" />'
+        if name == "USER_DATA":
+            self._user = values.get("VALUE", "")
+            self.annotations.append(self._user)
+            return f'<ACK ID="USER_DATA" VALUE="{self._user}" DUR="{values.get("DUR", "")}" />'
+        if name == "CALIBRATE_START":
+            self._calibration_ns = t_ns if values.get("STATE") == "1" else None
+            self._open = []
+        if name in ("CALIBRATE_START", "CALIBRATE_SHOW"):
+            return f'<ACK ID="{name}" STATE="{values.get("STATE", "0")}" />'
+        return f'<NACK ID="{name}" />'
+
+    def _get(self, name: str, t_ns: int) -> str:
+        if name == "API_ID":
+            version = self.source.claimed_version(t_ns, "2.0")
+            return f'<ACK ID="API_ID" MFG_ID="Gazepoint" VER_ID="{version}" />'
+        if name == "PRODUCT_ID":
+            return '<ACK ID="PRODUCT_ID" VALUE="GP3" />'
+        if name == "SERIAL_ID":
+            return '<ACK ID="SERIAL_ID" VALUE="SIM0001" />'
+        if name == "TIME_TICK_FREQUENCY":
+            return f'<ACK ID="TIME_TICK_FREQUENCY" FREQ="{TICKS_PER_S}" />'
+        return f'<NACK ID="{name}" />'
+
+    def _record(self, shot: Shot) -> str:
+        ticks = shot.t_device_ns * (TICKS_PER_S // 10**6) // 1000
+        fields = [f'CNT="{shot.number}"', f'TIME="{shot.t_device_ns / NS_PER_S:.5f}"']
+        fields.append(f'TIME_TICK="{ticks}"')
+        points = []
+        eyes = (
+            ("L", -EYE_X_M, shot.left, shot.left_seen),
+            ("R", EYE_X_M, shot.right, shot.right_seen),
+        )
+        for eye, x_m, ray, seen in eyes:
+            x, y = self._screen.shares_of((x_m, 0.0, 0.0), ray)
+            seen = seen and x == x
+            points.append((x, y) if seen else None)
+            px, py = (x, y) if seen else (0.0, 0.0)
+            fields.append(f'{eye}POGX="{px:.6f}" {eye}POGY="{py:.6f}" {eye}POGV="{int(seen)}"')
+        known = [p for p in points if p is not None]
+        bx, by = np.mean(known, axis=0) if known else (0.0, 0.0)
+        fields.append(f'BPOGX="{bx:.6f}" BPOGY="{by:.6f}" BPOGV="{int(bool(known))}"')
+        cx, cy, cz = self._camera
+        for eye, x_m, _, seen in eyes:
+            at = f'{eye}EYEX="{x_m - cx:.6f}" {eye}EYEY="{-cy:.6f}" {eye}EYEZ="{-cz:.6f}"'
+            pupil_m = shot.pupil_mm * 1e-3 if seen else 0.0
+            fields.append(f'{at} {eye}PUPILD="{pupil_m:.8f}" {eye}PUPILV="{int(seen)}"')
+        fields.append(f'USER="{self._user}"')
+        self._user = ""
+        return f"<REC {' '.join(fields)} />\r\n"
+
+    def _finish_calibration(self, end_ns: int) -> None:
+        self._calibration_ns = None
+        per_point = max(1, len(self._open) // len(CALIBRATION_POINTS))
+        fields = []
+        any_seen = False
+        for i, (x, y) in enumerate(CALIBRATION_POINTS):
+            seen = self._open[i * per_point : (i + 1) * per_point] or [(False, False)]
+            fields.append(f'CALX{i + 1}="{x:.5f}" CALY{i + 1}="{y:.5f}"')
+            for k, eye in enumerate("LR"):
+                valid = sum(s[k] for s in seen) * 2 > len(seen)
+                any_seen = any_seen or valid
+                dx, dy = self._splits.normal(0.0, 0.005, 2)
+                fields.append(f'{eye}X{i + 1}="{x + dx:.5f}" {eye}Y{i + 1}="{y + dy:.5f}"')
+                fields.append(f'{eye}V{i + 1}="{int(valid)}"')
+        if any_seen:
+            self.source.calibrated_fit = self.source.body.fit()
+        line = f'<CAL ID="CALIB_RESULT" {" ".join(fields)} />\r\n'
+        self.push(end_ns, (line.encode(),))
+
+
+class GazepointHost:
+    """Serve a simulator on a TCP port of this computer, in a thread; a context manager.
+
+    `reads` False accepts clients and never reads what they write. A "disconnect" closes the
+    connection and refuses the next ones until it is over.
+    """
+
+    def __init__(self, simulator: GazepointSimulator, clock: Clock, *, reads: bool = True) -> None:
+        self._simulator = simulator
+        self._clock = clock
+        self._reads = reads
+        self._listener: socket.socket | None = self._listen(0)
+        self.port = self._port_of(self._listener)
+        self._client: socket.socket | None = None
+        self._stopping = threading.Event()
+        self._failure: Exception | None = None
+        self._thread = threading.Thread(target=self._serve, name="gazepoint-host", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "GazepointHost":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stopping.set()
+        self._thread.join()
+        if self._failure is not None:
+            raise self._failure
+
+    @staticmethod
+    def _port_of(listener: socket.socket) -> int:
+        port: int = listener.getsockname()[1]
+        return port
+
+    def _listen(self, port: int) -> socket.socket:
+        listener = socket.create_server(("127.0.0.1", port))
+        if not self._reads:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+        listener.setblocking(False)
+        return listener
+
+    def _serve(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                self._turn()
+        except Exception as failure:  # a thread top: leaving the context hands it on
+            self._failure = failure
+        for one in (self._client, self._listener):
+            if one is not None:
+                one.close()
+
+    def _turn(self) -> None:
+        now_ns = self._clock.now_ns()
+        if self._simulator.source.gone(now_ns):
+            for one in (self._client, self._listener):
+                if one is not None:
+                    one.close()
+            self._client = self._listener = None
+            self._simulator.advance(now_ns)
+            self._simulator.outgoing(now_ns)
+            self._clock.sleep_until_ns(now_ns + NS_PER_MS)
+            return
+        if self._listener is None:
+            self._listener = self._listen(self.port)
+        with selectors.DefaultSelector() as ready:
+            ready.register(self._listener, selectors.EVENT_READ)
+            if self._client is not None and self._reads:
+                ready.register(self._client, selectors.EVENT_READ)
+            for key, _ in ready.select(0.001):
+                if key.fileobj is self._listener:
+                    if self._client is not None:
+                        self._client.close()
+                    self._client, _ = self._listener.accept()
+                    self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                elif key.fileobj is self._client:
+                    self._read()
+        now_ns = self._clock.now_ns()
+        self._simulator.advance(now_ns)
+        for message in self._simulator.outgoing(now_ns):
+            self._write(message.frames[0])
+
+    def _read(self) -> None:
+        assert self._client is not None  # noqa: S101 - registered only while connected
+        try:
+            data = self._client.recv(65_536)
+        except OSError:
+            data = b""  # the client's reset is its end
+        if data:
+            self._simulator.handle_request((data,), self._clock.now_ns())
+        else:
+            self._client.close()
+            self._client = None
+
+    def _write(self, data: bytes) -> None:
+        if self._client is None:
+            return
+        try:
+            self._client.sendall(data)
+        except OSError:
+            self._client.close()
+            self._client = None
