@@ -9,12 +9,15 @@ import numpy.typing as npt
 
 from lab.geometry import Vector
 from stimuli.characters.character import MORPHS
+from stimuli.gaze.eye_kernels import aim_rows, look_rows
+from stimuli.gaze.gaze_plan import GazePlan
+from stimuli.gaze.turning import Gaze, Look
 from stimuli.motion import posture as p
 from stimuli.motion.build import Build
 from stimuli.motion.errors import MotionError
 from stimuli.motion.kinds import NUMBERS, Kind, code_of, kernel_of
 from stimuli.motion.placing_kernels import mix_rows, placed_rows
-from stimuli.motion.posture_kernels import pose_rows
+from stimuli.motion.posture_kernels import look_from, pose_rows
 from stimuli.picture import PosedPeople
 
 Index = npt.NDArray[np.int64]
@@ -130,18 +133,36 @@ class PeopleMotion:
             mix_rows(controls, rows, earlier, 1.0 - share[rows])
         return controls
 
-    def at(self, t_s: float) -> PosedPeople:
-        """Return everybody's pose at a time."""
+    def at(self, t_s: float, gaze: Gaze | None = None) -> PosedPeople:
+        """Return everybody's pose at a time; without `gaze` people look around and blink."""
         n = len(self.people)
+        gaze = gaze or self._around
         controls = self.posture(t_s)
-        _, offsets, skeleton_of, _ = self._builds
-        held, eyes, facing = self._held
-        root, turns = np.empty((n, 3)), np.empty((n, p.JOINTS, 4))
-        pose_rows(controls, offsets, skeleton_of, held, eyes, facing, root, turns)
+        _, offsets, skeleton_of, seeds = self._builds
+        held, held_eyes, facing = self._held
+        eyes, head, chest = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 4))
+        look_from(controls, offsets, skeleton_of, eyes, head, chest)
+        front = controls[:, p.FRONT].copy()
+        turns = gaze.turns_rad(t_s, Look(eyes, head, front, seeds))
+        controls[:, p.TRUNK_YAW] += turns[:, 0]
+        controls[:, p.HEAD_YAW] += turns[:, 1]
+        controls[:, p.HEAD_PITCH] += turns[:, 2]
+        root, joints = np.empty((n, 3)), np.empty((n, p.JOINTS, 4))
+        pose_rows(controls, offsets, skeleton_of, held, held_eyes, facing, root, joints)
         morphs = np.zeros((n, len(MORPHS)))
         morphs[:, MORPHS.index("jaw_open")] = controls[:, p.JAW]
         morphs[:, MORPHS.index("smile")] = controls[:, p.SMILE]
-        return PosedPeople(root, turns, morphs)
+        look_rows(root, joints, offsets, skeleton_of, eyes, head)
+        aim = gaze.aim(t_s, Look(eyes, head, front, seeds))
+        aim_rows(
+            root, offsets, skeleton_of, aim.direction, aim.distance_m, aim.openness_01,
+            joints, morphs,
+        )  # fmt: skip
+        return PosedPeople(root, joints, morphs)
+
+    @cached_property
+    def _around(self) -> Gaze:
+        return GazePlan.of(len(self.people))
 
     @cached_property
     def _held(self) -> tuple[npt.NDArray[np.bool_], Vector, Vector]:

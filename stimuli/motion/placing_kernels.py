@@ -25,6 +25,7 @@ def placed_rows(controls: Vector, place_m: Vector, heading_rad: Vector) -> None:
         cosine, sine = np.cos(heading), np.sin(heading)
         _moved(c, p.HIPS, place_m[r], cosine, sine)
         c[p.HIPS_YAW] += heading
+        c[p.FRONT] += heading
         for side in range(2):
             start = p.LEG + side * p.LEG_SIZE
             _moved(c, start + p.ANKLE, place_m[r], cosine, sine)

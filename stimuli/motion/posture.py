@@ -74,7 +74,9 @@ HOLDS: Final = 4
 
 SMILE: Final = ARM + 2 * ARM_SIZE
 JAW: Final = SMILE + 1
-SIZE: Final = SMILE + 2
+FRONT: Final = JAW + 1
+"""Where the body belongs to, left of −z; gaze that wanders stays about it."""
+SIZE: Final = SMILE + 3
 
 # Rows of the canonical skeleton: nine joints of the trunk, then 23 of each side.
 JOINTS: Final = 55
