@@ -6,18 +6,23 @@ promise. `let_pass(seconds)` lets session time go by: it moves a virtual clock, 
 
 import itertools
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from devices.contracts import (
     GAZE,
+    HAPTICS,
     HEAD,
     RESPONSES,
+    Armband,
+    BodyTracker,
     Device,
     DeviceState,
     EyeTracker,
     Headset,
     ResponseInput,
+    body_schema,
 )
 from lab.errors import DeviceError
 from lab.schema import SampleBatch, StreamSchema
@@ -134,6 +139,25 @@ def check_headset(make: Callable[[], Headset], *, n_frames: int = 30) -> None:
     device.close()
 
 
+def check_body_tracker(make: Callable[[], BodyTracker], let_pass: LetPass) -> None:
+    """Check the body stream: its shape, unit quaternions, NaN where a segment is not valid."""
+    device = make()
+    batches = collect(device, let_pass)
+    schema = device.describe()[0]
+    expected = body_schema(device.segments, schema.nominal_rate_hz)
+    _promise(schema.fields == expected.fields, "the first stream has the body's fields")
+    _promise(len(set(device.segments)) == len(device.segments), "segments have their own names")
+    values = np.concatenate([batch.values for batch in batches])
+    valid = values["valid"]
+    lengths = np.linalg.norm(values["orientation_wxyz"].astype(np.float64), axis=-1)
+    near_one = np.abs(lengths[valid] - 1) < UNIT_LENGTH_TOLERANCE
+    _promise(bool(near_one.all()), "a valid segment has a unit quaternion")
+    for name in ("position_m", "orientation_wxyz"):
+        known = np.isfinite(values[name]).all(axis=-1)
+        _promise(bool((known == valid).all()), f"{name} is NaN where, and only where, not valid")
+    device.close()
+
+
 def check_response_input(make: Callable[[], ResponseInput], let_pass: LetPass) -> None:
     """Check that every response names a control."""
     device = make()
@@ -144,6 +168,57 @@ def check_response_input(make: Callable[[], ResponseInput], let_pass: LetPass) -
         known = batch.values["control"] < len(device.controls)
         _promise(bool(known.all()), "every response names a known control")
     device.close()
+
+
+def check_armband(make: Callable[[], Armband], let_pass: LetPass) -> None:
+    """Check that every command gives one row, that misuse is refused, and that silence is free.
+
+    The device is used as an experiment does: settings, keep-alive once per step, silence.
+    """
+    device = make()
+    _promise(isinstance(device, Armband), "the device has every method of an armband")
+    _promise(device.silence() is not None, "silence() is allowed while closed")
+    device.open(OPEN_DEADLINE_S)
+    _promise(device.describe()[0].fields == HAPTICS.fields, "the first stream has HAPTICS' fields")
+    device.silence()
+    batches: list[SampleBatch] = []
+    device.start(batches.append)
+    n = device.motor_count
+    _promise(n > 0, "there is a motor")
+    on, off = [1.0] * n, [0.0] * n
+
+    def go_on(seconds: float) -> None:
+        for _ in range(round(seconds / STEP_S)):
+            let_pass(STEP_S)
+            device.keep_alive()
+            device.poll(0.0)
+
+    for amplitudes in ([*on, 0.0], [1.5] * n, [-0.1] * n, [float("nan")] * n):
+        _refuses_value(partial(device.set_amplitudes, amplitudes, 100), "amplitudes")
+    _refuses_value(partial(device.set_amplitudes, on, 0), "times to live")
+    numbers = [device.set_amplitudes(on, 400)]
+    go_on(0.3)
+    numbers.append(device.set_amplitudes(off, 400))
+    go_on(0.1)
+    numbers.append(device.silence())
+    go_on(0.6)
+    rows = np.concatenate([b.values for b in batches if b.schema.name == HAPTICS.name])
+    for number in numbers:
+        own = rows[rows["command"] == number]
+        _promise(own.size == 1, "every command gives one row")
+        _promise(
+            bool(own["t_commanded_ns"][0] <= own["t_sent_ns"][0]), "it is sent after it was asked"
+        )
+    _promise(len(set(rows["command"].tolist())) == rows.size, "no number comes twice")
+    columns = min(n, HAPTICS.dtype["amplitudes_01"].shape[0])
+    first = rows[rows["command"] == numbers[0]]["amplitudes_01"][0]
+    _promise(bool((first[:columns] == 1).all()), "the row holds what was asked")
+    _promise(bool(np.isnan(first[n:]).all()), "motors that are not there are NaN")
+    _promise(
+        rows[rows["command"] == numbers[2]]["kind"][0] == 2, "silence() gives a row of its kind"
+    )
+    device.close()
+    device.silence()
 
 
 def collect(device: Device, let_pass: LetPass, *, seconds: float = 1.0) -> list[SampleBatch]:
@@ -189,6 +264,14 @@ def _refuses(device: Device, method: str, call: Callable[[], object]) -> None:
         _promise(named, f"the refusal of {method}() names method and state")
         return
     raise AssertionError(f"{method}() must be refused while {device.state.value}")
+
+
+def _refuses_value(call: Callable[[], object], what: str) -> None:
+    try:
+        call()
+    except DeviceError:
+        return
+    raise AssertionError(f"broken promise: wrong {what} are refused with a DeviceError")
 
 
 def _promise(kept: bool, promise: str) -> None:
