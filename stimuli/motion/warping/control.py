@@ -1,0 +1,218 @@
+"""The control loop: how much to turn each unit so that what is perceived comes to the target.
+
+After Chaumette & Hutchinson 2006 (visual servoing): central differences over the units, an error
+capped in length, damped least squares, a cap per unit. Features are steered in shares of their
+value in the original motion, so that a small face counts as much as a wide gesture. Defaults are
+measured ones: smaller probes than 4° drown in the pixel noise of 128 × 128.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from lab.geometry import Vector
+from stimuli.motion.errors import MotionError
+from stimuli.motion.skeleton import Skeleton
+from stimuli.motion.warping.features import FeatureTarget, pixel_of, values_of
+from stimuli.motion.warping.outlook import Outlook
+from stimuli.motion.warping.perceived import SeenBody, perceived
+from stimuli.motion.warping.raster_kernels import Bytes
+from stimuli.motion.warping.units import WarpingUnit, turned_by
+
+FEWEST_PX: Final = 24
+
+
+@dataclass(frozen=True)
+class ControlSettings:
+    """Parameters of the loop.
+
+    `probe_deg` is the step of the differences, `damping` the λ of least squares, `error_cap` the
+    most a step asks of the features together, as a share of their original values,
+    `step_cap_deg` the most a unit turns in a step.
+    `most_steps` a pose, `smooth_s` the time constant of the filter over time, `rate_hz` how often
+    the loop runs. `threads` share the renders without changing them.
+    """
+
+    probe_deg: float = 4.0
+    damping: float = 0.2
+    error_cap: float = 0.2
+    step_cap_deg: float = 5.0
+    most_steps: int = 8
+    smooth_s: float = 0.25
+    rate_hz: float = 10.0
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        positive = (
+            self.probe_deg, self.damping, self.error_cap, self.step_cap_deg, self.most_steps,
+            self.smooth_s, self.rate_hz, self.threads,
+        )  # fmt: skip
+        if not all(np.isfinite(v) and v > 0 for v in positive):
+            raise MotionError(f"every parameter of the control loop is above 0; got {self}")
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """What one pose is judged by: the body, the view, what is wanted and what may move.
+
+    `root_m` (3,), `local_wxyz` (55, 4); `before` (h, w) is what was perceived earlier.
+    """
+
+    body: SeenBody
+    view: Outlook
+    targets: tuple[FeatureTarget, ...]
+    units: tuple[WarpingUnit, ...]
+    root_m: Vector
+    local_wxyz: Vector
+    before: Bytes | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ControlStep:
+    """One step: offsets (w,) before and after, features (f,) seen before it, and the change asked
+    for as shares (f,) of the original features.
+    """
+
+    omega_rad: Vector
+    next_rad: Vector
+    seen: Vector
+    asked: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Offsets (w,) found for a pose, features of the original, wanted and reached (f,)."""
+
+    omega_rad: Vector
+    original: Vector
+    wanted: Vector
+    reached: Vector
+    steps: int
+    is_reached: bool
+
+
+def warped_turns(
+    skeleton: Skeleton, units: tuple[WarpingUnit, ...], local_wxyz: Vector, omega_rad: Vector
+) -> Vector:
+    """Return turns (..., 55, 4) of a pose for offsets (..., w), held within joint limits."""
+    return turned_by(skeleton, units, local_wxyz, omega_rad)
+
+
+def see(
+    situation: Situation, omega_rad: Vector, pool: ThreadPoolExecutor | None = None,
+    threads: int = 1,
+) -> Vector:  # fmt: skip
+    """Return the features (n, f) of the pose warped by offsets (n, w)."""
+    skeleton = situation.body.skeleton
+    turns = warped_turns(skeleton, situation.units, situation.local_wxyz, omega_rad)
+    roots = np.broadcast_to(situation.root_m, (len(turns), 3))
+    ids = perceived(situation.body, situation.view, roots, turns, pool=pool, threads=threads)
+    return values_of(situation.targets, ids, situation.before)
+
+
+def capped(error: Vector, cap: float) -> Vector:
+    """Shorten a vector to at most `cap`."""
+    length = float(np.linalg.norm(error))
+    return error if length <= cap else error * (cap / length)
+
+
+def damped_solution(jacobian: Vector, change: Vector, damping: float) -> Vector:
+    """Return Jᵀ (J Jᵀ + λ² I)⁻¹ Δs for a Jacobian (f, w)."""
+    square = jacobian @ jacobian.T + damping**2 * np.eye(len(change))
+    solution: Vector = jacobian.T @ np.linalg.solve(square, change)
+    return solution
+
+
+def control_step(
+    situation: Situation, omega_rad: Vector, wanted: Vector, scale: Vector,
+    settings: ControlSettings, pool: ThreadPoolExecutor | None = None,
+) -> ControlStep:  # fmt: skip
+    """Take one step from offsets (w,) towards wanted features (f,): 2 w + 1 renders.
+
+    `scale` (f,) turns features into what the loop steers, see `scale_of`.
+    """
+    n, probe = len(situation.units), np.radians(settings.probe_deg)
+    probes = np.concatenate([np.zeros((1, n)), probe * np.eye(n), -probe * np.eye(n)]) + omega_rad
+    seen = see(situation, probes, pool, settings.threads)
+    jacobian = scale[:, None] * ((seen[1 : n + 1] - seen[n + 1 :]) / (2 * probe)).T
+    asked = capped(scale * (wanted - seen[0]), settings.error_cap)
+    cap = np.radians(settings.step_cap_deg)
+    turn = np.clip(damped_solution(jacobian, asked, settings.damping), -cap, cap)
+    reach = np.radians([unit.range_deg for unit in situation.units])
+    return ControlStep(omega_rad, np.clip(omega_rad + turn, -reach, reach), seen[0], asked)
+
+
+def wanted_features(targets: tuple[FeatureTarget, ...], original: Vector) -> Vector:
+    """Return the features (f,) to come to, from those of the original motion."""
+    return np.clip(original * (1.0 + np.array([t.change for t in targets])), 0.0, 1.0)
+
+
+def scale_of(situation: Situation, original: Vector) -> Vector:
+    """Return factors (f,) that make features shares of their original value, times weights.
+
+    A feature of fewer than `FEWEST_PX` pixels is a share of so many.
+    """
+    pixel = np.array([pixel_of(t, situation.view.size_px) for t in situation.targets])
+    weight = np.sqrt([t.weight for t in situation.targets])
+    factors: Vector = weight / np.maximum(original, FEWEST_PX * pixel)
+    return factors
+
+
+def is_close(
+    targets: tuple[FeatureTarget, ...], view: Outlook, wanted: Vector, seen: Vector
+) -> bool:
+    """Tell whether every feature is within a pixel of what is wanted."""
+    pixel = np.array([pixel_of(t, view.size_px) for t in targets])
+    return bool((np.abs(wanted - seen) < pixel).all())
+
+
+def steer(
+    situation: Situation, settings: ControlSettings, *, start_rad: Vector | None = None,
+    pool: ThreadPoolExecutor | None = None,
+) -> Outcome:  # fmt: skip
+    """Run the loop on one pose and return the best offsets met.
+
+    A body of which nothing is perceived is left as it is: there is nothing to steer by.
+    """
+    zero = np.zeros(len(situation.units))
+    original = see(situation, zero[None])[0]
+    wanted = wanted_features(situation.targets, original)
+    if is_close(situation.targets, situation.view, wanted, original):
+        return Outcome(zero, original, wanted, original, 0, True)
+    scale = scale_of(situation, original)
+    omega = zero if start_rad is None else start_rad
+    best, best_seen, least = zero, original, _length(scale * (wanted - original))
+    taken = 0
+    while True:
+        # The last look only judges where the last step has led.
+        if taken == settings.most_steps:
+            seen, ahead = see(situation, omega[None])[0], omega
+        else:
+            step = control_step(situation, omega, wanted, scale, settings, pool)
+            seen, ahead, taken = step.seen, step.next_rad, taken + 1
+        error = _length(scale * (wanted - seen))
+        if error < least:
+            best, best_seen, least = omega, seen, error
+        close = is_close(situation.targets, situation.view, wanted, seen)
+        if close or np.array_equal(ahead, omega):
+            break
+        omega = ahead
+    return Outcome(
+        best, original, wanted, best_seen, taken,
+        is_within(wanted, original, best_seen, situation),
+    )  # fmt: skip
+
+
+def _length(error: Vector) -> float:
+    return float(np.linalg.norm(error))
+
+
+def is_within(
+    wanted: Vector, original: Vector, seen: Vector, situation: Situation, share: float = 0.1
+) -> bool:
+    """Tell whether what is left is a tenth of the wanted change, or a pixel."""
+    pixel = np.array([pixel_of(t, situation.view.size_px) for t in situation.targets])
+    left = np.abs(wanted - seen)
+    return bool((left <= np.maximum(share * np.abs(wanted - original), pixel)).all())

@@ -1,0 +1,167 @@
+"""Which parts of a body an observer perceives, for many poses at once."""
+
+import itertools
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.geometry import Pose, Vector, rotate
+from stimuli.characters.body_parts import GROUPS, PART_INDEX, PARTS
+from stimuli.characters.character import Character, SkinnedMesh
+from stimuli.motion.errors import MotionError
+from stimuli.motion.skeleton import Skeleton
+from stimuli.motion.warping.outlook import Outlook
+from stimuli.motion.warping.raster_kernels import (
+    Bytes,
+    Floats,
+    joint_matrices,
+    perceive,
+    skin_points,
+)
+from stimuli.picture import StaticMesh
+
+INSIDE_TURNS: Final = 0.5
+"""Winding number above which a point counts as inside a body."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenBody:
+    """A skinned body as the buffer's kernels read it."""
+
+    skeleton: Skeleton
+    rest: Floats
+    joints: Bytes
+    weights: Floats
+    triangles: npt.NDArray[np.int32]
+    labels: Bytes
+
+
+def seen_body(mesh: SkinnedMesh, skeleton: Skeleton) -> SeenBody:
+    """Pack one level of detail of a character."""
+    return SeenBody(
+        skeleton=skeleton,
+        rest=np.ascontiguousarray(mesh.vertices_m, dtype=np.float64),
+        joints=np.ascontiguousarray(mesh.joints, dtype=np.uint8),
+        weights=np.ascontiguousarray(mesh.weights, dtype=np.float64),
+        triangles=np.ascontiguousarray(mesh.triangles, dtype=np.int32),
+        labels=np.ascontiguousarray(mesh.triangle_part, dtype=np.uint8),
+    )
+
+
+def body_of(character: Character, *, most_triangles: int = 8000) -> SeenBody:
+    """Pack the most detailed level of a character with at most so many triangles."""
+    fitting = [m for m in character.levels if len(m.triangles) <= most_triangles]
+    return seen_body((fitting or character.levels[-1:])[0], character.skeleton)
+
+
+def holding(body: SeenBody, thing: StaticMesh, joint: str, grip: Pose) -> SeenBody:
+    """Put a rigid thing into a hand: `grip` leads from the thing's frame to the joint's at rest.
+
+    Its triangles bear the part "held_object". Raises MotionError for an unknown joint.
+    """
+    index = body.skeleton.index(joint)
+    at_rest = body.skeleton.rest_m[index] + grip.position_m
+    points = rotate(grip.orientation_wxyz, thing.vertices_m.astype(np.float64)) + at_rest
+    n, t = len(points), len(thing.triangles)
+    joints: Bytes = np.zeros((n, 4), dtype=np.uint8)
+    joints[:, 0] = index
+    weights = np.zeros((n, 4))
+    weights[:, 0] = 1.0
+    label: Bytes = np.full(t, PART_INDEX["held_object"], dtype=np.uint8)
+    return replace(
+        body,
+        rest=np.concatenate([body.rest, points]),
+        joints=np.concatenate([body.joints, joints]),
+        weights=np.concatenate([body.weights, weights]),
+        triangles=np.concatenate([body.triangles, thing.triangles + np.int32(len(body.rest))]),
+        labels=np.concatenate([body.labels, label]),
+    )
+
+
+def mask_of(parts: tuple[str, ...]) -> npt.NDArray[np.bool_]:
+    """Return which part numbers (256,) belong to named parts or groups of parts.
+
+    Raises:
+        MotionError: there is no such part or group.
+    """
+    mask = np.zeros(256, dtype=np.bool_)
+    for name in parts:
+        if name not in GROUPS and name not in PARTS[1:]:
+            known = ", ".join((*PARTS[1:], *GROUPS))
+            raise MotionError(f"there is no body part {name!r}; choose from {known}")
+        for part in GROUPS.get(name, (name,)):
+            mask[PART_INDEX[part]] = True
+    return mask
+
+
+def matrices_of(skeleton: Skeleton, root_m: Vector, local_wxyz: Vector) -> Floats:
+    """Return matrices (n, 55, 3, 4) that lead rest points to n poses."""
+    roots = np.ascontiguousarray(root_m, dtype=np.float64).reshape(-1, 3)
+    turns = np.ascontiguousarray(local_wxyz, dtype=np.float64).reshape(len(roots), -1, 4)
+    out = np.empty((len(roots), turns.shape[1], 3, 4))
+    joint_matrices(skeleton.parents, skeleton.offsets_m, skeleton.rest_m, roots, turns, out)
+    return out
+
+
+def perceived(
+    body: SeenBody, view: Outlook, root_m: Vector, local_wxyz: Vector,
+    *, pool: ThreadPoolExecutor | None = None, threads: int = 1,
+) -> Bytes:  # fmt: skip
+    """Return the perceived part (n, h, w) at every pixel for poses root (n, 3), turns (n, 55, 4).
+
+    0 is nothing, an occluder, or a part in the dark. With a pool the poses are shared among
+    `threads`; the result is the same.
+    """
+    matrices = matrices_of(body.skeleton, root_m, local_wxyz)
+    height, width = view.size_px
+    ids: Bytes = np.empty((len(matrices), height, width), dtype=np.uint8)
+
+    def work(share: slice) -> None:
+        space = np.empty((2, len(body.rest), 3))
+        perceive(
+            body.rest, body.joints, body.weights, body.triangles, body.labels, matrices[share],
+            view.eye, view.behind, view.ambient, view.lamps, view.maps, view.map_eyes,
+            view.least_light, space[0], space[1], np.empty((height, width)), ids[share],
+        )  # fmt: skip
+
+    if pool is None or threads < 2 or len(matrices) < threads:
+        work(slice(None))
+    else:
+        edges = np.linspace(0, len(matrices), threads + 1).astype(int)
+        shares = [slice(int(a), int(b)) for a, b in itertools.pairwise(edges)]
+        for done in [pool.submit(work, share) for share in shares]:
+            done.result()
+    return ids
+
+
+def posed_points(body: SeenBody, root_m: Vector, local_wxyz: Vector) -> Floats:
+    """Return the vertices (v, 3) of a body in one pose."""
+    out = np.empty_like(body.rest)
+    matrix = matrices_of(body.skeleton, root_m[None], local_wxyz[None])[0]
+    skin_points(body.rest, body.joints, body.weights, matrix, out)
+    return out
+
+
+def refuse_observer_inside(
+    body: SeenBody, eye_m: Vector, root_m: Vector, local_wxyz: Vector
+) -> None:
+    """Raise MotionError when the observer's eye is inside the posed body."""
+    corners = posed_points(body, root_m, local_wxyz)[body.triangles] - eye_m
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+    solid = np.sum(a * np.cross(b, c), axis=1)
+    flat = (
+        la * lb * lc
+        + np.sum(a * b, axis=1) * lc
+        + np.sum(b * c, axis=1) * la
+        + np.sum(c * a, axis=1) * lb
+    )
+    turns = float(np.sum(2 * np.arctan2(solid, flat)) / (4 * np.pi))
+    if abs(turns) > INSIDE_TURNS or min(la.min(), lb.min(), lc.min()) < 1e-3:
+        raise MotionError(
+            f"the observer's eye at {np.round(eye_m, 2).tolist()} is inside the body it observes; "
+            "move the observer"
+        )
