@@ -1,0 +1,146 @@
+"""The cast on the graphics card: one mesh per character and level, one row of matrices each."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from stage.joint_rows import JointRows
+from stage.programs import UNITS
+from stage.textures import Textures
+from stage.vertices import PERSON_LAYOUT, PersonVertices, Run, person_vertices
+from stimuli.characters.character import Character
+
+
+@dataclass(eq=False)
+class _LevelOnCard:
+    """One level of one character, ready to be drawn n times."""
+
+    vertices: moderngl.Buffer
+    indices: moderngl.Buffer
+    members: moderngl.Buffer
+    deltas: moderngl.Texture
+    runs: tuple[Run, ...]
+    arrays: dict[int, moderngl.VertexArray]
+    drawn: tuple[int, ...] = ()
+
+
+class CharacterMeshes:
+    """Vertices of characters, built once per character and kept while the renderer lives."""
+
+    def __init__(self) -> None:
+        self._built: dict[int, tuple[Character, tuple[PersonVertices, ...]]] = {}
+
+    def of(self, character: Character) -> tuple[PersonVertices, ...]:
+        """Return the levels of a character as vertices."""
+        found = self._built.get(id(character))
+        if found is None:
+            levels = tuple(person_vertices(character, mesh) for mesh in character.levels)
+            found = self._built[id(character)] = (character, levels)
+        return found[1]
+
+
+class CrowdBuffers:
+    """Everyone of one cast. `pose` writes the frame's matrices, `choose` who is drawn how."""
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        cast: tuple[Character, ...],
+        meshes: CharacterMeshes,
+        textures: Textures,
+    ) -> None:
+        self._context = context
+        self._textures = textures
+        self.cast = cast
+        self.joints = JointRows(cast)
+        self.level_count = np.array([len(c.levels) for c in cast], np.int64)
+        n, width = self.joints.rows.shape[:2]
+        self._matrices = context.texture((width, max(n, 1)), 4, dtype="f4")
+        self._matrices.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._people_of: list[npt.NDArray[np.int64]] = []
+        self._levels: list[tuple[_LevelOnCard, ...]] = []
+        of_character: dict[int, list[int]] = {}
+        for i, character in enumerate(cast):
+            of_character.setdefault(id(character), []).append(i)
+        for members in of_character.values():
+            self._people_of.append(np.array(members, np.int64))
+            levels = meshes.of(cast[members[0]])
+            self._levels.append(tuple(self._upload(level, len(members)) for level in levels))
+
+    def _upload(self, level: PersonVertices, capacity: int) -> _LevelOnCard:
+        context, rows = self._context, len(level.deltas)
+        deltas = context.texture((8, rows), 4, level.deltas.tobytes(), dtype="f4")
+        deltas.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        return _LevelOnCard(
+            context.buffer(level.vertices.tobytes()),
+            context.buffer(level.indices.tobytes()),
+            context.buffer(reserve=4 * capacity, dynamic=True),
+            deltas,
+            level.runs,
+            {},
+        )
+
+    def upload(self) -> None:
+        """Send the matrices of this frame."""
+        if self.cast:
+            self._matrices.write(self.joints.rows)
+
+    def choose(self, level: npt.NDArray[np.int64], drawn: npt.NDArray[np.bool_]) -> None:
+        """Say at which level each person stands and who is drawn at all."""
+        level = np.minimum(level, self.level_count - 1)
+        for people, levels in zip(self._people_of, self._levels, strict=True):
+            seen = people[drawn[people]]
+            at = level[seen]
+            for k, on_card in enumerate(levels):
+                members = tuple(seen[at == k].tolist())
+                if members != on_card.drawn:
+                    on_card.drawn = members
+                    if members:
+                        on_card.members.write(np.array(members, np.int32))
+
+    def draw(self, program: moderngl.Program, *, lit: bool) -> None:
+        """Draw everyone chosen; without light only their outlines, for a shadow map."""
+        context = self._context
+        self._matrices.use(UNITS["joint_rows"])
+        cull: bool | None = None
+        for levels in self._levels:
+            for on_card in levels:
+                if not on_card.drawn:
+                    continue
+                array = on_card.arrays.get(id(program))
+                if array is None:
+                    array = on_card.arrays[id(program)] = self._array(program, on_card)
+                on_card.deltas.use(UNITS["morph_deltas"])
+                n = len(on_card.drawn)
+                if not lit:
+                    array.render(vertices=on_card.indices.size // 4, instances=n)
+                    continue
+                for run in on_card.runs:
+                    if cull is not (not run.double_sided):
+                        cull = not run.double_sided
+                        (context.enable if cull else context.disable)(moderngl.CULL_FACE)
+                    self._textures.use(run.texture, UNITS["picture"], program)
+                    array.render(vertices=run.count, first=run.first, instances=n)
+
+    def _array(self, program: moderngl.Program, on_card: _LevelOnCard) -> moderngl.VertexArray:
+        content: list[tuple[Any, ...]] = [
+            (on_card.vertices, *PERSON_LAYOUT),
+            (on_card.members, "1i4/i", "in_person"),
+        ]
+        return self._context.vertex_array(
+            program, content, on_card.indices, index_element_size=4, skip_errors=True
+        )
+
+    def release(self) -> None:
+        """Free the card's memory."""
+        self._matrices.release()
+        for levels in self._levels:
+            for on_card in levels:
+                for array in on_card.arrays.values():
+                    array.release()
+                for thing in (on_card.vertices, on_card.indices, on_card.members, on_card.deltas):
+                    thing.release()
+        self._levels = []

@@ -1,0 +1,137 @@
+"""Light, shadow and tone, in GLSL: shared by everything that is lit."""
+
+MOST_LIGHTS = 8
+MOST_SHADOWS = 2
+
+FRAME_BLOCK = """
+layout(std140) uniform Frame {
+    mat4 view_projection;
+    vec4 eye_m;          // xyz: the eye in world
+    vec4 tone;           // x: brightness, y: catch-light strength, z: alpha threshold
+};
+"""
+
+LIGHTING = (
+    FRAME_BLOCK
+    + f"""
+#define MOST_LIGHTS {MOST_LIGHTS}
+#define MOST_SHADOWS {MOST_SHADOWS}
+"""
+    + """
+layout(std140) uniform Lighting {
+    vec4 sky;                         // rgb ambient from above, w: number of lights
+    vec4 ground;                      // rgb ambient from below, w: number of shadow maps
+    vec4 lamp_place[MOST_LIGHTS];     // xyz, w: 0 sun, 1 spot, 2 point
+    vec4 lamp_axis[MOST_LIGHTS];      // xyz direction of travel, w: cosine of the half angle
+    vec4 lamp_colour[MOST_LIGHTS];    // rgb at one metre, w: shadow map or -1
+    mat4 shadow_from_world[MOST_SHADOWS];
+    vec4 shadow_shape[MOST_SHADOWS];  // x: metres a texel spans at one metre (sun: everywhere)
+};
+
+#ifdef SHADOWS
+uniform sampler2DShadow shadow_map_0;
+uniform sampler2DShadow shadow_map_1;
+
+float shadow_taps(sampler2DShadow map, vec3 at, float spread) {
+    vec2 texel = spread / vec2(textureSize(map, 0));
+    float lit = 0.0;
+    for (int y = -1; y <= 1; ++y)
+        for (int x = -1; x <= 1; ++x)
+            lit += texture(map, vec3(at.xy + (vec2(x, y) * 1.15) * texel, at.z));
+    return lit / 9.0;
+}
+
+float shadow_of(int map, vec3 place, vec3 normal) {
+    vec4 at = shadow_from_world[map] * vec4(place + normal * 0.018, 1.0);
+    if (at.w <= 0.0) return 1.0;
+    vec3 uvz = at.xyz / at.w * 0.5 + 0.5;
+    if (uvz.x <= 0.0 || uvz.x >= 1.0 || uvz.y <= 0.0 || uvz.y >= 1.0 || uvz.z >= 1.0) return 1.0;
+    float spread = shadow_shape[map].x;
+    return map == 0 ? shadow_taps(shadow_map_0, uvz, spread)
+                    : shadow_taps(shadow_map_1, uvz, spread);
+}
+#else
+float shadow_of(int map, vec3 place, vec3 normal) { return 1.0; }
+#endif
+
+vec3 ambient_at(vec3 normal) {
+    return mix(ground.rgb, sky.rgb, 0.5 + 0.5 * normal.y);
+}
+
+// Direction towards lamp i and the light that arrives, before the surface's angle.
+vec3 lamp_at(int i, vec3 place, vec3 normal, out vec3 towards) {
+    vec4 where = lamp_place[i];
+    vec4 axis = lamp_axis[i];
+    vec3 arriving = lamp_colour[i].rgb;
+    if (where.w < 0.5) {
+        towards = -axis.xyz;
+    } else {
+        vec3 path = where.xyz - place;
+        float squared = max(dot(path, path), 0.04);
+        towards = path * inversesqrt(squared);
+        arriving /= squared;
+        if (where.w < 1.5) {
+            float cosine = -dot(towards, axis.xyz);
+            arriving *= smoothstep(axis.w, mix(axis.w, 1.0, 0.3), cosine);
+        }
+    }
+    return arriving;
+}
+
+// Lambert's law with the light bleeding round the edge by `wrap` per colour, and one highlight.
+vec3 lit(vec3 albedo, vec3 wrap, vec3 place, vec3 normal, vec3 view, float gloss, float shine) {
+    vec3 arrived = ambient_at(normal);
+    vec3 highlight = vec3(0.0);
+    int count = int(sky.w);
+    for (int i = 0; i < count; ++i) {
+        vec3 towards;
+        vec3 arriving = lamp_at(i, place, normal, towards);
+        float cosine = dot(normal, towards);
+        if (cosine <= -0.5) continue;
+        int map = int(lamp_colour[i].w);
+        float seen = map < 0 ? 1.0 : shadow_of(map, place, normal);
+        arriving *= seen;
+        arrived += arriving * max((cosine + wrap) / ((1.0 + wrap) * (1.0 + wrap)), 0.0);
+        if (shine > 0.0 && cosine > 0.0) {
+            float half_cosine = max(dot(normal, normalize(towards + view)), 0.0);
+            highlight += arriving * (cosine * shine * pow(half_cosine, gloss));
+        }
+    }
+    return albedo * arrived + highlight;
+}
+
+// Colours up to 0.6 stay as they are, brighter ones approach 1 without ever being cut.
+vec3 shown(vec3 linear) {
+    vec3 x = max(linear, 0.0);
+    vec3 over = max(x - 0.6, 0.0);
+    return (min(x, 0.6) + 0.4 * (1.0 - exp(-over / 0.4))) * tone.x;
+}
+
+vec3 encoded(vec3 linear) {
+    vec3 x = clamp(linear, 0.0, 1.0);
+    return mix(12.92 * x, 1.055 * pow(max(x, 1e-5), vec3(1.0 / 2.4)) - 0.055,
+               step(0.0031308, x));
+}
+
+vec3 decoded(vec3 srgb) {
+    return mix(srgb / 12.92, pow((srgb + 0.055) / 1.055, vec3(2.4)), step(0.04045, srgb));
+}
+"""
+)
+
+OUTPUT_COLOUR = """
+layout(location = 0) out vec4 pixel;
+void deliver(vec3 linear, float alpha, uint person, uint part, float distance_m) {
+    pixel = vec4(encoded(shown(linear)), alpha);
+}
+"""
+
+OUTPUT_IDENTITY = """
+layout(location = 0) out uvec2 identity;
+layout(location = 1) out vec2 measured;
+void deliver(vec3 linear, float alpha, uint person, uint part, float distance_m) {
+    if (alpha < 0.5) discard;
+    identity = uvec2(person, part);
+    measured = vec2(dot(shown(linear), vec3(0.2126, 0.7152, 0.0722)), distance_m);
+}
+"""

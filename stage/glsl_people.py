@@ -1,0 +1,210 @@
+"""Skin, eyes, hair and cloth, in GLSL: skinning from a texture of joint matrices, and shading."""
+
+from stage.glsl_lighting import FRAME_BLOCK, LIGHTING
+
+KINDS = ("skin", "eye", "hair", "lash", "teeth", "cloth", "leather", "other")
+"""Surface kinds by the number the shader knows them by."""
+
+SKINNING = """
+uniform sampler2D joint_rows;   // per person: 3 texels a joint, then 2 of face weights
+uniform sampler2D morph_deltas; // per vertex that moves: 6 displacements
+uniform int joint_count;
+
+in vec3 in_rest_m;
+in vec4 in_normal;
+in uvec4 in_joints;
+in vec4 in_weights;
+in int in_morph;
+in int in_person;
+
+void skinned(out vec3 place, out vec3 normal) {
+    vec3 rest = in_rest_m;
+    if (in_morph >= 0) {
+        vec4 a = texelFetch(joint_rows, ivec2(joint_count * 3, in_person), 0);
+        vec4 b = texelFetch(joint_rows, ivec2(joint_count * 3 + 1, in_person), 0);
+        rest += a.x * texelFetch(morph_deltas, ivec2(0, in_morph), 0).xyz
+              + a.y * texelFetch(morph_deltas, ivec2(1, in_morph), 0).xyz
+              + a.z * texelFetch(morph_deltas, ivec2(2, in_morph), 0).xyz
+              + a.w * texelFetch(morph_deltas, ivec2(3, in_morph), 0).xyz
+              + b.x * texelFetch(morph_deltas, ivec2(4, in_morph), 0).xyz
+              + b.y * texelFetch(morph_deltas, ivec2(5, in_morph), 0).xyz;
+    }
+    vec4 x = vec4(0.0), y = vec4(0.0), z = vec4(0.0);
+    for (int i = 0; i < 4; ++i) {
+        float weight = in_weights[i];
+        if (weight > 0.0) {
+            int column = int(in_joints[i]) * 3;
+            x += weight * texelFetch(joint_rows, ivec2(column, in_person), 0);
+            y += weight * texelFetch(joint_rows, ivec2(column + 1, in_person), 0);
+            z += weight * texelFetch(joint_rows, ivec2(column + 2, in_person), 0);
+        }
+    }
+    vec4 p = vec4(rest, 1.0);
+    place = vec3(dot(x, p), dot(y, p), dot(z, p));
+    vec3 n = in_normal.xyz;
+    normal = vec3(dot(x.xyz, n), dot(y.xyz, n), dot(z.xyz, n));
+}
+"""
+
+VERTEX = (
+    FRAME_BLOCK
+    + SKINNING
+    + """
+in vec4 in_colour;
+in uvec4 in_surface;
+in vec3 in_detail;
+out vec3 place;
+out vec3 normal;
+out vec3 detail;
+out vec3 colour;
+flat out uvec4 surface;
+flat out uint person;
+void main() {
+    skinned(place, normal);
+    detail = in_detail;
+    colour = in_colour.rgb;
+    surface = in_surface;
+    person = uint(in_person) + 1u;
+    gl_Position = view_projection * vec4(place, 1.0);
+}
+"""
+)
+
+SHADOW_VERTEX = (
+    """
+uniform mat4 shadow_projection;
+"""
+    + SKINNING
+    + """
+void main() {
+    vec3 place, normal;
+    skinned(place, normal);
+    gl_Position = shadow_projection * vec4(place, 1.0);
+}
+"""
+)
+
+FRAGMENT = (
+    LIGHTING
+    + """
+uniform sampler2D picture;
+uniform bool textured;
+in vec3 place;
+in vec3 normal;
+in vec3 detail;
+in vec3 colour;
+flat in uvec4 surface;
+flat in uint person;
+"""
+    + "//OUTPUT//"
+    + """
+float grain(vec2 at) { return fract(sin(dot(at, vec2(12.9898, 78.233))) * 43758.5453); }
+
+float smooth_grain(float at) {
+    float whole = floor(at);
+    float share = smoothstep(0.0, 1.0, at - whole);
+    return mix(grain(vec2(whole, 3.0)), grain(vec2(whole + 1.0, 3.0)), share);
+}
+
+vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
+    vec3 at = normalize(detail);
+    float iris = float(surface.y) / 255.0, pupil = float(surface.w) / 255.0;
+    float radius = at.z < 0.0 ? length(at.xy) : 2.0;
+    float blur = max(fwidth(length(at.xy)), 0.004);
+    float share = radius / iris;
+    float angle = atan(at.y, at.x);
+
+    float outward = smoothstep(0.25, 1.0, length(at.xy));
+    vec3 white = mix(vec3(0.74, 0.715, 0.69), vec3(0.60, 0.45, 0.41), outward * outward);
+    float fibres = mix(1.0, 0.72 + 0.5 * smooth_grain(angle * 22.0 + 80.0 + 3.0 * share),
+                       1.0 - smoothstep(0.006, 0.03, blur));
+    vec3 ring = iris_colour * mix(1.30, 0.95, smoothstep(pupil / iris, 0.85, share)) * fibres;
+    ring = mix(ring, iris_colour * 0.22, smoothstep(0.80, 1.0, share));
+    float soft = max(blur, 0.02);
+    vec3 albedo = mix(ring, white, smoothstep(iris - 0.5 * soft, iris + 0.5 * soft, radius));
+    albedo = mix(vec3(0.006), albedo, smoothstep(pupil - 0.6 * blur, pupil + 0.6 * blur, radius));
+    float lid = 1.0 - 0.42 * smoothstep(0.12, 0.62, at.y) - 0.12 * smoothstep(0.3, 0.7, -at.y);
+
+    vec3 result = lit(albedo, vec3(0.25), place, n, view, 1.0, 0.0) * lid;
+    vec3 mirrored = reflect(-view, n);
+    vec3 side = normalize(cross(vec3(0.0, 1.0, 0.0), view) + vec3(1e-5));
+    vec3 box = normalize(view + 0.62 * vec3(0.0, 1.0, 0.0) - 0.34 * side);
+    float catch_light = smoothstep(0.972, 0.986, dot(mirrored, box));
+    float cornea = 1.0 - smoothstep(iris * 0.9, iris * 1.25, radius);
+    vec3 sky_light = sky.rgb + 0.25;
+    result += sky_light * (catch_light * mix(0.12, 0.95, cornea) * tone.y);
+    result += sky_light * 0.035 * pow(1.0 - max(dot(n, view), 0.0), 3.0);
+    return result;
+}
+
+vec3 hair_surface(vec3 albedo, vec3 n, vec3 view, float roughness) {
+    vec3 along = vec3(0.0, 1.0, 0.0) - n * n.y;
+    along = normalize(along + vec3(1e-4, 0.0, 1e-4));
+    float strand = textured ? 0.5 : smooth_grain(atan(detail.x, detail.z + 0.02) * 60.0 + 200.0);
+    vec3 result = albedo * (0.80 + 0.4 * strand) * ambient_at(n);
+    int count = int(sky.w);
+    for (int i = 0; i < count; ++i) {
+        vec3 towards;
+        vec3 arriving = lamp_at(i, place, n, towards);
+        int map = int(lamp_colour[i].w);
+        if (map >= 0) arriving *= shadow_of(map, place, n);
+        float cosine = dot(n, towards);
+        vec3 middle = normalize(towards + view);
+        float lean = dot(along, middle) + 0.18 * (strand - 0.5);
+        float sheen = pow(max(1.0 - lean * lean, 0.0), 38.0) * smoothstep(-0.2, 0.3, cosine);
+        result += arriving * (albedo * (0.80 + 0.4 * strand) * max((cosine + 0.3) / 1.69, 0.0)
+                              + (0.02 + 0.35 * albedo) * sheen * (1.0 - 0.6 * roughness));
+    }
+    return result;
+}
+
+void main() {
+    vec3 n = normalize(gl_FrontFacing ? normal : -normal);
+    vec3 path = eye_m.xyz - place;
+    float distance_m = length(path);
+    vec3 view = path / distance_m;
+    float roughness = float(surface.y) / 255.0;
+    vec3 albedo = decoded(colour);
+    float alpha = 1.0;
+    if (textured) {
+        vec4 texel = texture(picture, detail.xy);
+        albedo *= decoded(texel.rgb);
+        alpha = texel.a;
+        if (alpha < tone.z) discard;
+    }
+    uint kind = surface.x;
+    vec3 result;
+    if (kind == 0u) {
+        float rim = pow(1.0 - max(dot(n, view), 0.0), 4.0);
+        float smoothness = 1.0 - roughness;
+        result = lit(albedo, vec3(0.34, 0.17, 0.11), place, n, view, 14.0 + 40.0 * smoothness,
+                     0.05 + 0.08 * smoothness);
+        result += (sky.rgb * albedo) * (0.22 * rim);
+    } else if (kind == 1u) {
+        result = eye_surface(n, view, albedo);
+    } else if (kind == 2u) {
+        result = hair_surface(albedo, n, view, roughness);
+    } else if (kind == 3u) {
+        result = albedo * ambient_at(n);
+    } else if (kind == 4u) {
+        result = lit(albedo, vec3(0.25), place, n, view, 60.0, 0.15) * 0.8;
+    } else if (kind == 5u) {
+        float weave = 1.0;
+        if (!textured) {
+            vec2 at = vec2(detail.x + detail.z, detail.y) * 900.0;
+            float fine = max(fwidth(at.x), fwidth(at.y));
+            weave = 1.0 + 0.10 * (sin(at.x) * sin(at.y)) * (1.0 - smoothstep(0.6, 2.2, fine));
+        }
+        result = lit(albedo * weave, vec3(0.12), place, n, view, 4.0, 0.0);
+        result += albedo * sky.rgb * (0.35 * pow(1.0 - max(dot(n, view), 0.0), 3.0));
+    } else {
+        float smoothness = 1.0 - roughness;
+        result = lit(albedo, vec3(0.0), place, n, view, mix(6.0, 90.0, smoothness * smoothness),
+                     0.02 + 0.22 * smoothness * smoothness);
+    }
+    deliver(result, alpha, person, surface.z, distance_m);
+}
+"""
+)
+
+SHADOW_FRAGMENT = "void main() {}\n"

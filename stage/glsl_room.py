@@ -1,0 +1,127 @@
+"""Rooms, things and flat boards, in GLSL."""
+
+from stage.glsl_lighting import FRAME_BLOCK, LIGHTING
+
+VERTEX = (
+    FRAME_BLOCK
+    + """
+uniform mat4 world_from_prop;
+in vec3 in_place_m;
+in vec4 in_normal;
+in vec4 in_colour;
+in vec4 in_look;
+in vec2 in_uv;
+out vec3 place;
+out vec3 normal;
+out vec3 colour;
+out vec2 uv;
+flat out vec2 look;
+void main() {
+    vec4 world = world_from_prop * vec4(in_place_m, 1.0);
+    place = world.xyz;
+    normal = mat3(world_from_prop) * in_normal.xyz;
+    colour = in_colour.rgb;
+    look = in_look.xy;
+    uv = in_uv;
+    gl_Position = view_projection * world;
+}
+"""
+)
+
+SHADOW_VERTEX = """
+uniform mat4 shadow_projection;
+uniform mat4 world_from_prop;
+in vec3 in_place_m;
+void main() { gl_Position = shadow_projection * world_from_prop * vec4(in_place_m, 1.0); }
+"""
+
+FRAGMENT = (
+    LIGHTING
+    + """
+uniform sampler2D picture;
+uniform bool textured;
+in vec3 place;
+in vec3 normal;
+in vec3 colour;
+in vec2 uv;
+flat in vec2 look;
+"""
+    + "//OUTPUT//"
+    + """
+void main() {
+    vec3 n = normalize(gl_FrontFacing ? normal : -normal);
+    vec3 path = eye_m.xyz - place;
+    float distance_m = length(path);
+    vec3 albedo = decoded(colour);
+    float alpha = 1.0;
+    if (textured) {
+        vec4 texel = texture(picture, uv);
+        albedo *= decoded(texel.rgb);
+        alpha = texel.a;
+        if (alpha < tone.z) discard;
+    }
+    float smoothness = 1.0 - look.x;
+    vec3 result = lit(albedo, vec3(0.0), place, n, path / distance_m,
+                      mix(6.0, 120.0, smoothness * smoothness), 0.25 * smoothness * smoothness);
+    deliver(mix(result, albedo, look.y), alpha, 0u, 0u, distance_m);
+}
+"""
+)
+
+BLOB_VERTEX = (
+    FRAME_BLOCK
+    + """
+in vec2 in_corner;
+in vec4 in_blob;   // xyz centre on the ground, w: radius in metres
+out vec2 corner;
+void main() {
+    corner = in_corner;
+    gl_Position = view_projection
+        * vec4(in_blob.xyz + vec3(in_corner.x, 0.0, in_corner.y) * in_blob.w, 1.0);
+}
+"""
+)
+
+BLOB_FRAGMENT = """
+in vec2 corner;
+layout(location = 0) out vec4 pixel;
+void main() {
+    float near = max(1.0 - dot(corner, corner), 0.0);
+    pixel = vec4(0.0, 0.0, 0.0, 0.5 * near * near);
+}
+"""
+
+BOARD_VERTEX = (
+    FRAME_BLOCK
+    + """
+uniform mat4 world_from_board;
+in vec2 in_corner;
+out vec2 uv;
+void main() {
+    uv = vec2(in_corner.x + 0.5, 0.5 - in_corner.y);
+    gl_Position = view_projection * world_from_board * vec4(in_corner, 0.0, 1.0);
+}
+"""
+)
+
+BOARD_FRAGMENT = """
+uniform sampler2D picture;
+in vec2 uv;
+layout(location = 0) out vec4 pixel;
+void main() { pixel = texture(picture, uv); }
+"""
+
+MARK_FRAGMENT = """
+in vec2 uv;
+layout(location = 0) out vec4 pixel;
+void main() {
+    // A disc with a dark cross and a bright centre, the target that keeps eyes stillest.
+    vec2 at = (uv - 0.5) * 2.0;
+    float radius = length(at), soft = max(fwidth(radius), 1e-4);
+    float disc = 1.0 - smoothstep(1.0 - min(2.0 * soft, 0.5), 1.0, radius);
+    float cross_at = min(abs(at.x), abs(at.y));
+    float arms = 1.0 - smoothstep(0.20 - soft, 0.20 + soft, cross_at);
+    float centre = 1.0 - smoothstep(0.20 - soft, 0.20 + soft, radius);
+    pixel = vec4(vec3(mix(mix(0.85, 0.05, arms), 0.95, centre)), disc);
+}
+"""

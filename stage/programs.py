@@ -1,0 +1,45 @@
+"""Compile shaders, and set what they read by name."""
+
+from collections.abc import Mapping
+
+import moderngl
+
+HEAD = "#version 330 core\n"
+UNITS: Mapping[str, int] = {
+    "joint_rows": 0,
+    "morph_deltas": 1,
+    "picture": 2,
+    "shadow_map_0": 3,
+    "shadow_map_1": 4,
+}
+"""Texture unit of every sampler, the same in all shaders."""
+BLOCKS: Mapping[str, int] = {"Frame": 0, "Lighting": 1}
+
+
+def compile_program(
+    context: moderngl.Context, vertex: str, fragment: str, *defines: str
+) -> moderngl.Program:
+    """Compile, and point samplers and blocks to their fixed places."""
+    head = HEAD + "".join(f"#define {name}\n" for name in defines)
+    program = context.program(vertex_shader=head + vertex, fragment_shader=head + fragment)
+    for name in program:
+        member = program[name]
+        if isinstance(member, moderngl.Uniform) and name in UNITS:
+            member.value = UNITS[name]
+        elif isinstance(member, moderngl.UniformBlock):
+            member.binding = BLOCKS[name]
+    return program
+
+
+def set_value(program: moderngl.Program, name: str, value: bool | int | float) -> None:
+    """Set a scalar; one the compiler found unused is left alone."""
+    member = program.get(name, None)
+    if isinstance(member, moderngl.Uniform):
+        member.value = value
+
+
+def set_bytes(program: moderngl.Program, name: str, value: bytes) -> None:
+    """Set a matrix; one the compiler found unused is left alone."""
+    member = program.get(name, None)
+    if isinstance(member, moderngl.Uniform):
+        member.write(value)

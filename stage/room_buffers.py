@@ -1,0 +1,69 @@
+"""Rooms and things that move, on the graphics card."""
+
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from lab.geometry import Vector
+from stage.programs import UNITS, set_bytes
+from stage.projection import for_gl
+from stage.textures import Textures
+from stage.vertices import ROOM_LAYOUT, room_vertices
+from stimuli.picture import Prop
+
+STILL = np.eye(4)
+
+
+class PropBuffers:
+    """Props that keep their places against each other."""
+
+    def __init__(
+        self, context: moderngl.Context, props: tuple[Prop, ...], textures: Textures
+    ) -> None:
+        self._context, self._textures = context, textures
+        laid_out = room_vertices(props)
+        self._runs, self._casting = laid_out.runs, laid_out.casting
+        self._empty = not len(laid_out.indices)
+        self._arrays: dict[int, moderngl.VertexArray] = {}
+        places = laid_out.vertices["place_m"]
+        self.low_m: Vector = places.min(axis=0) if len(places) else np.zeros(3)
+        self.high_m: Vector = places.max(axis=0) if len(places) else np.zeros(3)
+        if not self._empty:
+            self._vertices = context.buffer(laid_out.vertices.tobytes())
+            self._indices = context.buffer(laid_out.indices.tobytes())
+
+    def draw(
+        self, program: moderngl.Program, world_from_prop: Vector = STILL, *, lit: bool
+    ) -> None:
+        """Draw all of it, or without light only what casts a shadow."""
+        if self._empty:
+            return
+        array = self._arrays.get(id(program))
+        if array is None:
+            content: list[tuple[Any, ...]] = [(self._vertices, *ROOM_LAYOUT)]
+            array = self._context.vertex_array(
+                program, content, self._indices, index_element_size=4, skip_errors=True
+            )
+            self._arrays[id(program)] = array
+        set_bytes(program, "world_from_prop", for_gl(world_from_prop))
+        if not lit:
+            for first, count in self._casting:
+                array.render(vertices=count, first=first)
+            return
+        for run in self._runs:
+            (self._context.disable if run.double_sided else self._context.enable)(
+                moderngl.CULL_FACE
+            )
+            self._textures.use(run.texture, UNITS["picture"], program)
+            array.render(vertices=run.count, first=run.first)
+
+    def release(self) -> None:
+        """Free the card's memory."""
+        for array in self._arrays.values():
+            array.release()
+        self._arrays.clear()
+        if not self._empty:
+            self._vertices.release()
+            self._indices.release()
+            self._empty = True

@@ -1,0 +1,41 @@
+"""Pictures drawn off-screen."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stage.errors import StageError
+from stage.renderer import Renderer
+from tests.stage import figures
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Iterator[Renderer]:
+    try:
+        made = Renderer()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    with made:
+        yield made
+
+
+def test_people_stand_out_from_the_empty_room(renderer: Renderer) -> None:
+    camera = figures.camera()
+    without = renderer.image(figures.picture(0), camera, (160, 120))
+    with_people = renderer.image(figures.picture(3), camera, (160, 120))
+    changed = np.abs(with_people.astype(int) - without.astype(int)).max(axis=2) > 12
+    assert 0.06 < changed.mean() < 0.4
+
+
+def test_black_scene_shows_only_the_mark(renderer: Renderer) -> None:
+    camera = figures.camera()
+    black = replace(figures.picture(3), brightness_01=0.0)
+    assert not renderer.image(black, camera, (160, 120)).any()
+    marked = renderer.image(
+        replace(black, mark_m=np.array([0.0, 1.5, -2.0])), figures.camera(half_deg=5), (320, 240)
+    )
+    lit = np.argwhere(marked.max(axis=2) > 60)
+    assert 100 < len(lit) < 400
+    assert lit.mean(axis=0) == pytest.approx((119.5, 159.5), abs=1.0)
