@@ -94,7 +94,8 @@ class Character:
     """One person: canonical joint names, own lengths; rest is a T-pose facing −z.
 
     `levels` go from the most detailed to the lightest. `stature_m` is crown to sole with shoes
-    as worn. `source` and `licence` say where the figure comes from.
+    as worn. `source` and `licence` say where the figure comes from. `closed` is the bare body as
+    one closed surface, for measuring volumes; None where it has to be built.
     """
 
     name: str
@@ -108,3 +109,4 @@ class Character:
     eyeball: Eyeball
     source: str
     licence: str
+    closed: SkinnedMesh | None = None
