@@ -13,12 +13,14 @@ ENTRY_POINT_GROUP = "visavis.drivers"
 """Installed packages add drivers under this entry-point group."""
 
 BUILT_IN: dict[str, str] = {
+    "natnet": "devices.drivers.natnet:NatNet",
     "openvr_headset": "devices.drivers.openvr_headset:OpenVrHeadset",
     "fove": "devices.drivers.fove:Fove",
     "gazepoint": "devices.drivers.gazepoint:Gazepoint",
     "pupil_core": "devices.drivers.pupil_core:PupilCore",
     "serial_armband": "devices.drivers.armband_serial:serial_armband",
     "simulated_armband": "devices.sim.armband:simulated_armband",
+    "xsens": "devices.drivers.xsens:XsensMvn",
     "simulated_headset": "devices.sim.headset:SimulatedHeadset",
     "simulated_responses": "devices.sim.responses:SimulatedResponses",
 }

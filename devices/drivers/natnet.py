@@ -1,0 +1,202 @@
+"""Receive a moving body from OptiTrack Motive over NatNet (UDP 1510 and 1511).
+
+Codec: `devices.drivers.natnet_codec`. Device time is the middle of the cameras' exposure on
+Motive's clock; it goes one way, so `health` fits it by the lower envelope of the arrivals. Motive
+must stream with y up; a T-pose faces +z there and −z here, so its world is turned by 180° about y,
+or by what `yaw_deg` says.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from devices.drivers import natnet_codec as codec
+from devices.drivers.body_device import BodyDevice, BodySample, Make
+from devices.transports import Message, MessageTransport
+from lab.clock import NS_PER_S, Clock
+from lab.errors import ConfigError, DataError, DeviceTimeout, ProtocolViolation
+from lab.geometry import quat_conjugate, quat_from_yaw_pitch_deg, quat_multiply, rotate
+
+COMMAND_PORT, DATA_PORT, GROUP = 1510, 1511, "239.255.42.99"
+KEEP_ALIVE_EVERY_NS = NS_PER_S
+ASK_AGAIN_NS = NS_PER_S // 4
+MAKE = Make(
+    driver="natnet",
+    vendor="OptiTrack",
+    model="Motive",
+    remedy="in Motive's streaming settings switch streaming on, with rigid bodies or skeletons "
+    "and y up, choose this network, and let UDP 1510 and 1511 through the firewall",
+)
+
+MOTIVE_BONES: Mapping[str, str] = {
+    "Hip": "hips",
+    "Ab": "spine",
+    "Chest": "upper_chest",
+    "Neck": "neck",
+    "Head": "head",
+    **{
+        f"{letter}{bone}": f"{side}_{part}"
+        for letter, side in (("L", "left"), ("R", "right"))
+        for bone, part in {
+            "Shoulder": "shoulder",
+            "UArm": "upper_arm",
+            "FArm": "lower_arm",
+            "Hand": "hand",
+            "Thigh": "upper_leg",
+            "Shin": "lower_leg",
+            "Foot": "foot",
+            "Toe": "toes",
+        }.items()
+    },
+}
+"""Motive's names of a skeleton's bones -> ours."""
+
+
+class NatNet(BodyDevice):
+    """Follow the `BodyTracker` contract over Motive's stream.
+
+    `bodies` maps names of rigid bodies in Motive to segments; without it the bones of `skeleton`
+    (or of the only one) are taken by `MOTIVE_BONES`. A name Motive does not know is told by
+    `check`, and its segment is not valid.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        transport: MessageTransport,
+        clock: Clock,
+        *,
+        bodies: Mapping[str, str] | None = None,
+        skeleton: str = "",
+        rate_hz: float = 120.0,
+        yaw_deg: float = 180.0,
+        lost_after_s: float = 2.0,
+    ) -> None:
+        self._names = dict(bodies) if bodies else dict(MOTIVE_BONES)
+        if len(set(self._names.values())) != len(self._names):
+            raise ConfigError(f"{role}: two bodies are mapped to one segment; give each its own")
+        self._by_bones = not bodies
+        self._skeleton = skeleton
+        self._turn = quat_from_yaw_pitch_deg(yaw_deg)
+        self._server: codec.Server | None = None
+        self._models: codec.Models | None = None
+        self._row_of: dict[int | tuple[int, int], int] = {}
+        self._sent_ns = 0
+        super().__init__(
+            role,
+            transport,
+            clock,
+            MAKE,
+            segments=tuple(self._names.values()),
+            rate_hz=rate_hz,
+            lost_after_s=lost_after_s,
+        )
+
+    def _connect(self, deadline_ns: int) -> None:
+        self._server, self._models = None, None
+        self._ask(deadline_ns, codec.CONNECT, b"Ping\0", lambda: self._server is not None)
+        server = self._known_server()
+        if not codec.OLDEST <= server.version:
+            raise ProtocolViolation(
+                f"{server.program} speaks NatNet {server.version[0]}.{server.version[1]}; this "
+                "driver needs 3.0 or newer",
+                remedy="install a current Motive",
+            )
+        if server.version > codec.NEWEST_KNOWN:
+            text = f"NatNet {server.version[0]}.{server.version[1]} is newer than this driver"
+            self._note("version", text, "compare a short capture with Motive before you rely on it")
+        self.info = replace(self.info, model=f"{server.program} {server.program_version}".strip())
+        self._ask(deadline_ns, codec.REQUEST_MODEL, b"", lambda: self._models is not None)
+
+    def _known_server(self) -> codec.Server:
+        if self._server is None:
+            raise DeviceTimeout("Motive did not say who it is", remedy=MAKE.remedy)
+        return self._server
+
+    def _ask(
+        self, deadline_ns: int, message: int, payload: bytes, is_there: Callable[[], bool]
+    ) -> None:
+        while not is_there():
+            now_ns = self._clock.now_ns()
+            if now_ns >= deadline_ns:
+                raise DeviceTimeout("Motive did not answer in time", remedy=MAKE.remedy)
+            self._transport.post((codec.encode(message, payload),))
+            until_ns = min(now_ns + ASK_AGAIN_NS, deadline_ns)
+            while not is_there() and (left_ns := until_ns - self._clock.now_ns()) > 0:
+                for found in self._transport.receive(left_ns / NS_PER_S):
+                    tuple(self._decode(found))
+
+    def _resume(self) -> None:
+        self._transport.post((codec.encode(codec.CONNECT, b"Ping\0"),))
+        self._transport.post((codec.encode(codec.REQUEST_MODEL),))
+
+    def _tick(self, now_ns: int) -> None:
+        if now_ns - self._sent_ns >= KEEP_ALIVE_EVERY_NS:
+            self._sent_ns = now_ns
+            self._transport.post((codec.encode(codec.KEEP_ALIVE),))
+
+    def _decode(self, message: Message) -> Iterable[BodySample]:
+        try:
+            kind, payload = codec.split(message.frames[0])
+            if kind == codec.SERVER_INFO:
+                self._server = codec.decode_server(payload)
+            elif self._server is None or self._server.version < codec.OLDEST:
+                return ()
+            elif kind == codec.MODEL:
+                self._models = codec.decode_models(payload, self._server.version)
+                self._map_names(self._models)
+            elif kind == codec.FRAME and self._models is not None:
+                return (self._sample(codec.decode_frame(payload, self._server.version)),)
+        except DataError:
+            self._malformed += 1
+        return ()
+
+    def _map_names(self, models: codec.Models) -> None:
+        rows = {segment: row for row, segment in enumerate(self.segments)}
+        self._row_of = {}
+        found: set[str] = set()
+        if self._by_bones:
+            skeletons = sorted({skeleton for skeleton, _ in models.bones})
+            chosen = self._skeleton or (skeletons[0] if skeletons else "")
+            for (skeleton, bone), at in models.bones.items():
+                if skeleton == chosen and bone in self._names:
+                    self._row_of[at] = rows[self._names[bone]]
+                    found.add(bone)
+        else:
+            for name, number in models.bodies.items():
+                if name in self._names:
+                    self._row_of[number] = rows[self._names[name]]
+                    found.add(name)
+        missing = [name for name in self._names if name not in found]
+        self._notes.pop("names", None)
+        if missing:
+            text = f"Motive does not know {', '.join(missing)}"
+            self._note("names", text, "create it in Motive, or name the bodies as they are there")
+
+    def _sample(self, frame: codec.Frame) -> BodySample:
+        if frame.models_changed:
+            self._transport.post((codec.encode(codec.REQUEST_MODEL),))
+        n = len(self.segments)
+        position = np.full((n, 3), np.nan)
+        turn = np.full((n, 4), np.nan)
+        valid = np.zeros(n, np.bool_)
+        found: Mapping[int, codec.RigidBody] | Mapping[tuple[int, int], codec.RigidBody]
+        found = frame.bones if self._by_bones else frame.bodies
+        for key, body in found.items():
+            row = self._row_of.get(key)
+            if row is None or not body.is_tracked:
+                continue
+            i, j, k, w = body.turn_xyzw
+            length = w * w + i * i + j * j + k * k
+            if abs(length - 1) < 0.02 and np.isfinite(body.position).all():
+                position[row] = body.position
+                turn[row] = np.array((w, i, j, k)) / np.sqrt(length)
+                valid[row] = True
+        turn[valid] = quat_multiply(
+            quat_multiply(self._turn, turn[valid]), quat_conjugate(self._turn)
+        )
+        position[valid] = rotate(self._turn, position[valid])
+        clock_hz = self._server.clock_hz if self._server is not None else 0
+        device_ns = frame.exposure_ticks * NS_PER_S // clock_hz if clock_hz else 0
+        return BodySample(frame.number, device_ns, position, turn, valid)

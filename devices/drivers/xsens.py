@@ -1,0 +1,83 @@
+"""Receive a moving body from Xsens MVN's network streamer (UDP 9763, type 02).
+
+Codec: `devices.drivers.xsens_codec`. The stream goes one way: MVN's time code (ms since its
+session began) is `t_device_ns`, and `health` fits it to the host's clock by the lower envelope of
+the arrivals. MVN's z-up world becomes ours; where its x axis points is where −z points.
+"""
+
+from collections.abc import Iterable
+
+from devices.drivers import xsens_codec as codec
+from devices.drivers.body_device import BodyDevice, BodySample, Make
+from devices.transports import Message, MessageTransport
+from lab.clock import NS_PER_MS, Clock
+from lab.errors import DeviceTimeout
+
+DEFAULT_PORT = 9763
+MAKE = Make(
+    driver="xsens",
+    vendor="Movella",
+    model="Xsens MVN",
+    remedy="in MVN's network streamer add this computer and port, choose Position + Orientation "
+    "(Quaternion), and let UDP through the firewall",
+)
+
+
+class XsensMvn(BodyDevice):
+    """Follow the `BodyTracker` contract over MVN's stream; `character` counts from 0."""
+
+    def __init__(
+        self,
+        role: str,
+        transport: MessageTransport,
+        clock: Clock,
+        *,
+        rate_hz: float = 240.0,
+        character: int = 0,
+        lost_after_s: float = 2.0,
+    ) -> None:
+        self._character = character
+        self._assembler = codec.Assembler()
+        super().__init__(
+            role,
+            transport,
+            clock,
+            MAKE,
+            segments=codec.SEGMENTS,
+            rate_hz=rate_hz,
+            lost_after_s=lost_after_s,
+        )
+
+    def _connect(self, deadline_ns: int) -> None:
+        """Wait for the first readable datagram: MVN streams whether or not we ask."""
+        others: set[str] = set()
+        while (now_ns := self._clock.now_ns()) < deadline_ns:
+            left_s = (deadline_ns - now_ns) / 1e9
+            for message in self._transport.receive(min(0.05, left_s)):
+                found = codec.decode_datagram(message.frames[0])
+                if isinstance(found, codec.Datagram):
+                    return
+                if found is not None:
+                    others.add(found)
+        heard = f"only types {', '.join(sorted(others))}" if others else "nothing"
+        raise DeviceTimeout(f"heard {heard} from MVN in time", remedy=MAKE.remedy)
+
+    def _decode(self, message: Message) -> Iterable[BodySample]:
+        datagram = codec.decode_datagram(message.frames[0])
+        if datagram is None:
+            self._malformed += 1
+            return ()
+        if isinstance(datagram, str) or datagram.character != self._character:
+            return ()
+        pose = self._assembler.add(datagram)
+        if pose is None:
+            return ()
+        return (
+            BodySample(
+                pose.sample,
+                pose.time_code_ms * NS_PER_MS,
+                pose.position_m,
+                pose.orientation_wxyz,
+                pose.valid,
+            ),
+        )

@@ -1,0 +1,158 @@
+"""What the wires of body trackers have in common: sampling a body, its clock, and what goes wrong.
+
+Not modelled: the tracker's noise and lag of its filter, soft tissue, magnetic disturbance,
+swapped markers. A sample taken at t arrives after a least delay and a random one.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.contracts import MovingBody
+from devices.sim.faults import FaultSchedule
+from devices.transports import Frames, Message
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.geometry import Vector
+
+MILLI_HZ = 1000
+_DELAY_STREAM, _GARBAGE_STREAM = 0xD1, 0x6B
+_LOSS, _DUPLICATE, _REORDER, _GARBAGE = range(4)
+
+
+class BodyWire(ABC):
+    """Follow `devices.transports.Peer`: sample a body's segments and stream them.
+
+    Sample k is taken at `k * 10**9 // rate_hz` ns of the session clock, counted from the first
+    after the simulator is made. Its clock starts at `epoch_ns` and runs `drift_ppm` fast.
+    """
+
+    def __init__(
+        self,
+        body: MovingBody,
+        clock: Clock,
+        *,
+        seed: int,
+        segments: Sequence[str],
+        rate_hz: float,
+        faults: FaultSchedule | None = None,
+        drift_ppm: float = 0.0,
+        delay_ms: float = 2.0,
+        jitter_ms: float = 0.5,
+        epoch_ns: int = 0,
+    ) -> None:
+        self.segments = tuple(segments)
+        self._body = body
+        self._rate_milli_hz = round(rate_hz * MILLI_HZ)
+        self._faults = faults if faults is not None else FaultSchedule()
+        self._drift = drift_ppm * 1e-6
+        self._delay_ms, self._jitter_ms = delay_ms, jitter_ms
+        self._epoch_ns = epoch_ns
+        self._origin_ns = clock.now_ns()
+        self._rng = np.random.default_rng([seed, _DELAY_STREAM])
+        self._noise = np.random.default_rng([seed, _GARBAGE_STREAM])
+        self._next = -(-self._origin_ns * self._rate_milli_hz // (NS_PER_S * MILLI_HZ))
+        self._first = self._next
+        self._outbox: list[Message] = []
+
+    @abstractmethod
+    def encode(
+        self, number: int, device_ns: int, position_m: Vector, turn: Vector, *, tracked: bool
+    ) -> Sequence[bytes]:
+        """Return the datagrams of one sample: positions (n, 3), turns (n, 4), our frame."""
+
+    def answer(self, request: bytes, t_ns: int) -> bytes | None:
+        """Answer a request; a device that only streams has nothing to say."""
+        return None
+
+    def is_streaming(self, t_ns: int) -> bool:
+        """Tell whether it sends samples now."""
+        return True
+
+    def advance(self, t_ns: int) -> None:
+        """Take every sample due up to this session time."""
+        scale = NS_PER_S * MILLI_HZ
+        last = ((t_ns + 1) * self._rate_milli_hz - 1) // scale
+        if last < self._next:
+            return
+        times = np.array(
+            [k * scale // self._rate_milli_hz for k in range(self._next, last + 1)], np.int64
+        )
+        positions, turns = self._body.segments(self.segments, times)
+        for i, t in enumerate(times.tolist()):
+            self._sample(self._next + i - self._first, t, positions[i], turns[i])
+        self._next = last + 1
+
+    def outgoing(self, until_ns: int) -> Sequence[Message]:
+        """Give up what has arrived at the host by this time, in arrival order."""
+        due = [m for m in self._outbox if m.t_host_ns <= until_ns]
+        if due:
+            self._outbox = [m for m in self._outbox if m.t_host_ns > until_ns]
+            due.sort(key=lambda message: message.t_host_ns)
+        return due
+
+    def leg_ns(self) -> int:
+        """Draw how long a request or an answer travels."""
+        return round(self._delay_ms * NS_PER_MS / 2) + 1
+
+    def handle_request(self, frames: Frames, t_ns: int) -> Frames | None:
+        """Answer, unless a fault keeps it silent."""
+        since_ns = t_ns - self._origin_ns
+        for kind in ("late_start", "disconnect", "mute"):
+            if self._faults.active(kind, since_ns) is not None:
+                return None
+        reply = self.answer(frames[0], t_ns)
+        return None if reply is None else (reply,)
+
+    def accept(self, frames: Frames, t_ns: int) -> None:
+        """Take a message nobody answers."""
+        self.handle_request(frames, t_ns)
+
+    def device_ns(self, t_ns: int) -> int:
+        """Return what the device's clock shows at a session time."""
+        since_ns = t_ns - self._origin_ns
+        shown = self._epoch_ns + since_ns + round(self._drift * since_ns)
+        for fault in self._faults.of_kind("drift"):
+            shown += round(max(0, since_ns - fault.start_ns) * fault.amount * 1e-6)
+        for fault in self._faults.of_kind("clock_jump"):
+            if since_ns >= fault.start_ns:
+                shown += round(fault.amount * NS_PER_S)
+        return shown
+
+    def _sample(
+        self,
+        number: int,
+        t_ns: int,
+        position_m: npt.NDArray[np.float64],
+        turn: npt.NDArray[np.float64],
+    ) -> None:
+        faults, since_ns = self._faults, t_ns - self._origin_ns
+        drawn = self._rng.random(4)
+        delay_ms = self._delay_ms + float(self._rng.exponential(self._jitter_ms))
+        active = {f.kind: f for f in faults.faults if f.start_ns <= since_ns < f.end_ns}
+        if active.keys() & {"late_start", "silence", "disconnect"}:
+            return
+        if not self.is_streaming(t_ns):
+            return
+        device_ns = self.device_ns(t_ns)
+        if "backward" in active:
+            device_ns -= round(active["backward"].amount * NS_PER_S)
+        parts = self.encode(number, device_ns, position_m, turn, tracked="standby" not in active)
+        arrival_ns = t_ns + round(delay_ms * NS_PER_MS)
+        if "burst" in active:
+            arrival_ns = max(arrival_ns, self._origin_ns + active["burst"].end_ns)
+
+        def happens(kind: str, which: int) -> bool:
+            return kind in active and bool(drawn[which] < active[kind].amount)
+
+        if happens("loss", _LOSS):
+            return
+        if happens("reorder", _REORDER):
+            arrival_ns += 2 * NS_PER_S * MILLI_HZ // self._rate_milli_hz
+        copies = 2 if happens("duplicate", _DUPLICATE) else 1
+        for part in parts:
+            data = part
+            if happens("garbage", _GARBAGE):
+                data = self._noise.bytes(int(self._noise.integers(1, 900)))
+            self._outbox += [Message(arrival_ns, (data,))] * copies
