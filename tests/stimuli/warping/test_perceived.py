@@ -1,0 +1,216 @@
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lab.geometry import Pose
+from stimuli.characters.body_parts import PART_INDEX
+from stimuli.motion.errors import MotionError
+from stimuli.motion.warping.features import FeatureTarget, parse_feature, values_of
+from stimuli.motion.warping.outlook import looking_at, outlook, packed_eye
+from stimuli.motion.warping.perceived import (
+    SeenBody,
+    holding,
+    mask_of,
+    perceived,
+    posed_points,
+    refuse_observer_inside,
+)
+from stimuli.picture import Light
+from stimuli.rooms.solids import box
+from tests.stimuli.warping.bodies import arm_raised, box_person
+
+CENTRE = np.array([0.0, 1.1, 0.0])
+WHOLE = ("head", "trunk", "arms", "legs", "neck")
+
+
+def view_from(yaw_deg=0.0, distance_m=3.0, size=96, **more):
+    yaw = np.radians(yaw_deg)
+    eye = CENTRE + distance_m * np.array([-np.sin(yaw), 0.1, -np.cos(yaw)])
+    return outlook(looking_at(eye, CENTRE, 1.15), size, **more)
+
+
+def seen(view, body=None, root_turns=None):
+    root, turns = root_turns or arm_raised()
+    return perceived(body or box_person(), view, root[None], turns[None])
+
+
+def brute_force(body, view, root, turns):
+    """Cast a ray through every pixel centre and keep the nearest front face."""
+    eye = packed_eye(view.camera)
+    axes = eye[3:12].reshape(3, 3)
+    height, width = view.size_px
+    corners = posed_points(body, root, turns)[body.triangles]
+    a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(u, v)
+    ids = np.zeros((height, width), dtype=np.uint8)
+    for r in range(height):
+        for c in range(width):
+            x = eye[12] + (c + 0.5) / width * (eye[13] - eye[12])
+            y = eye[15] - (r + 0.5) / height * (eye[15] - eye[14])
+            ray = x * axes[0] + y * axes[1] - axes[2]
+            front = normal @ ray
+            with np.errstate(divide="ignore", invalid="ignore"):
+                t = np.sum((a - eye[:3]) * normal, axis=1) / front
+                p = eye[:3] + t[:, None] * ray - a
+                uu, vv, uv = (np.sum(m * n, axis=1) for m, n in ((u, u), (v, v), (u, v)))
+                pu, pv = np.sum(p * u, axis=1), np.sum(p * v, axis=1)
+                area = uu * vv - uv * uv
+                s1, s2 = (pu * vv - pv * uv) / area, (pv * uu - pu * uv) / area
+            hit = (front < 0) & (t > 0) & (s1 >= 0) & (s2 >= 0) & (s1 + s2 <= 1)
+            if hit.any():
+                nearest = np.flatnonzero(hit)[np.argmin(t[hit])]
+                ids[r, c] = body.labels[nearest]
+    return ids
+
+
+def test_buffer_equals_ray_casting_within_half_a_percent_of_pixels():
+    view = view_from(25.0, size=48)
+    root, turns = arm_raised()
+    expected = brute_force(box_person(), view, root, turns)
+    got = perceived(box_person(), view, root[None], turns[None])[0]
+    assert (expected > 0).sum() > 140
+    assert (expected != got).mean() <= 0.005
+
+
+def test_order_of_triangles_does_not_matter():
+    body = box_person()
+    order = np.random.default_rng(3).permutation(len(body.triangles))
+    shuffled = SeenBody(
+        body.skeleton, body.rest, body.joints, body.weights, body.triangles[order],
+        body.labels[order],
+    )  # fmt: skip
+    np.testing.assert_array_equal(seen(view_from(40)), seen(view_from(40), shuffled))
+
+
+def test_two_threads_see_what_one_sees():
+    root, turns = arm_raised()
+    rows = np.repeat(turns[None], 9, axis=0)
+    rows[:, box_person().skeleton.index("head"), 0] = np.linspace(0.9, 1.0, 9)
+    roots = np.repeat(root[None], 9, axis=0)
+    one = perceived(box_person(), view_from(), roots, rows)
+    with ThreadPoolExecutor(2) as pool:
+        two = perceived(box_person(), view_from(), roots, rows, pool=pool, threads=2)
+    np.testing.assert_array_equal(one, two)
+
+
+def test_body_half_as_large_at_half_the_distance_looks_the_same():
+    far, (root, turns) = view_from(20.0), arm_raised()
+    body = box_person()
+    skeleton = type(body.skeleton)(
+        body.skeleton.names, body.skeleton.parents, body.skeleton.offsets_m / 2,
+        body.skeleton.tips_m / 2,
+    )  # fmt: skip
+    half = SeenBody(skeleton, body.rest / 2, body.joints, body.weights, body.triangles, body.labels)
+    eye = far.camera.pose.position_m / 2
+    near = outlook(
+        type(far.camera)(
+            Pose(eye, far.camera.pose.orientation_wxyz), far.camera.left, far.camera.right,
+            far.camera.bottom, far.camera.top,
+        ),
+        96,
+    )  # fmt: skip
+    expected = seen(far)
+    got = perceived(half, near, root[None] / 2, turns[None])
+    assert (expected != got).mean() <= 0.001
+
+
+@settings(max_examples=25, deadline=None)
+@given(width=st.floats(0.05, 1.0), more=st.floats(0.0, 1.0), x=st.floats(-0.5, 0.5))
+def test_larger_occluder_never_raises_coverage(width, more, x):
+    target = (FeatureTarget("coverage", WHOLE, 0.0),)
+    small, large = (
+        view_from(occluders=[box((x, 1.2, -0.9), (w, 0.6, 0.02), (0, 0, 0))])
+        for w in (width, width + more)
+    )
+    values = [values_of(target, seen(view))[0, 0] for view in (small, large)]
+    assert values[1] <= values[0]
+
+
+def test_occluder_over_everything_leaves_nothing():
+    wall = box((0, 1.2, -1.2), (6, 6, 0.05), (0, 0, 0))
+    ids = seen(view_from(occluders=[wall]))
+    assert not ids.any()
+    targets = tuple(
+        FeatureTarget(k, WHOLE, 0.1)
+        for k in ("coverage", "horizontal_extension", "vertical_extension", "motion_coverage")
+    )
+    np.testing.assert_array_equal(np.zeros((1, 4)), values_of(targets, ids, ids[0]))
+
+
+def test_part_in_the_dark_is_not_perceived_but_still_hides():
+    lamp = Light("point", np.array([3.0, 3.0, 3.0]), position_m=np.array([0.0, 1.2, -2.0]))
+    lit = view_from(lights=[lamp], lit_centre_m=CENTRE)
+    # A board between lamp and head, beside the observer's line of sight.
+    board = box((0.0, 1.42, -1.55), (0.25, 0.25, 0.02), (0, 0, 0))
+    high = CENTRE + 3.0 * np.array([0.0, 0.9, -1.0])
+    shaded = outlook(
+        looking_at(high, CENTRE, 1.15), 96, lights=[lamp], lit_centre_m=CENTRE, occluders=[board]
+    )
+    open_view = outlook(looking_at(high, CENTRE, 1.15), 96, lights=[lamp], lit_centre_m=CENTRE)
+    face = (FeatureTarget("coverage", ("face",), 0.0),)
+    assert values_of(face, seen(lit))[0, 0] > 0
+    before = values_of(face, seen(open_view))[0, 0]
+    after = values_of(face, seen(shaded))[0, 0]
+    assert after < 0.6 * before
+
+
+def test_light_of_a_white_surface_follows_distance_and_angle():
+    def coverage(intensity):
+        lamp = Light("point", np.full(3, intensity), position_m=np.array([0.0, 1.6, -2.1]))
+        view = view_from(lights=[lamp], lit_centre_m=CENTRE)
+        return values_of((FeatureTarget("coverage", ("face",), 0.0),), seen(view))[0, 0]
+
+    # The face is 2 m before the lamp: illumination is intensity / 4, the threshold 0.15.
+    assert coverage(0.55) == 0
+    assert coverage(0.70) > 0
+
+
+def test_held_object_is_seen_in_the_hand_and_moves_with_it():
+    tablet = box((0, 0, 0), (0.16, 0.24, 0.01), (20, 20, 20))
+    at_hand = Pose(np.array([0.1, 0.0, 0.0]), np.array([1.0, 0, 0, 0]))
+    body = holding(box_person(), tablet, "right_hand", at_hand)
+    ids = seen(view_from(), body)
+    assert (ids == PART_INDEX["held_object"]).sum() > 20
+    assert mask_of(("held_object",))[PART_INDEX["held_object"]]
+
+
+@pytest.mark.parametrize("text", ["coverage", "coverage:face", "coverage:face:much"])
+def test_malformed_feature_is_refused_with_an_example(text):
+    with pytest.raises(MotionError, match="write"):
+        parse_feature(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("glow:face:+0.1", "no visual feature 'glow'"),
+        ("coverage:tail:+0.1", "no body part 'tail'"),
+        ("coverage:face:-2", "at least -1"),
+        ("coverage::+0.1", "names no body part"),
+    ],
+)
+def test_unknown_feature_or_part_is_named(text, message):
+    with pytest.raises(MotionError, match=message):
+        parse_feature(text)
+
+
+def test_feature_reads_as_it_is_written():
+    assert FeatureTarget("coverage", ("face", "right_hand"), 0.25) == parse_feature(
+        "coverage:face,right_hand:+0.25"
+    )
+
+
+def test_observer_inside_the_body_is_refused():
+    root, turns = arm_raised()
+    body = box_person()
+    with pytest.raises(MotionError, match="inside the body"):
+        refuse_observer_inside(body, root + np.array([0, 0.2, 0]), root, turns)
+    refuse_observer_inside(body, root + np.array([0, 0.2, -2.0]), root, turns)
+
+
+def test_observer_nearer_than_the_view_is_refused():
+    with pytest.raises(MotionError, match="move the observer back"):
+        looking_at(CENTRE + np.array([0, 0, 0.5]), CENTRE, 1.0)
