@@ -1,0 +1,171 @@
+"""What a band that cannot acknowledge must offer to `devices.drivers.host_timed_band`.
+
+A language turns commands into messages and bytes into notices; it keeps no time and does no I/O.
+A message is what one `ByteLink.write` carries: a datagram, a notification, a report or a line.
+"""
+
+import codecs
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+LONGEST_JSON = 16_384
+
+
+@dataclass(frozen=True)
+class Ready:
+    """The band has taken the opening; empty texts where it does not say."""
+
+    model: str = ""
+    serial: str = ""
+
+
+@dataclass(frozen=True)
+class Refused:
+    """The band will not do what it was asked."""
+
+    message: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What the band told of itself; None where it did not."""
+
+    battery_01: float | None = None
+    temperature_c: float | None = None
+    is_worn: bool | None = None
+
+
+Notice = Ready | Refused | Condition
+
+
+class BandLanguage(Protocol):
+    """One band's language; `feed` never raises and accepts any chunking."""
+
+    @property
+    def motor_count(self) -> int:
+        """Motors it drives."""
+        ...
+
+    def lasts_ms(self, ttl_ms: int) -> int | None:
+        """How long `drive` with this time to live runs by itself; None when it runs for ever."""
+        ...
+
+    @property
+    def answers(self) -> bool:
+        """Tell whether `Ready` follows the opening."""
+        ...
+
+    def opening(self) -> Sequence[bytes]:
+        """Return the messages that start a connection."""
+        ...
+
+    @property
+    def rate_range_hz(self) -> tuple[float, float]:
+        """Lowest and highest vibration rate that can be asked for; NaN when none can."""
+        ...
+
+    def drive(
+        self, amplitudes_01: Sequence[float], ttl_ms: int, rates_hz: Sequence[float] | None = None
+    ) -> Sequence[bytes]:
+        """Return the messages that set every motor, 0..1."""
+        ...
+
+    def silence(self) -> Sequence[bytes]:
+        """Return the messages that stop every motor."""
+        ...
+
+    def closing(self) -> Sequence[bytes]:
+        """Return the messages that give the band back to its wearer, after `silence`."""
+        ...
+
+    def inquiry(self) -> Sequence[bytes]:
+        """Return the messages that ask for its condition; empty when it tells by itself."""
+        ...
+
+    def feed(self, data: bytes) -> Sequence[Notice]:
+        """Return what the band said in these bytes and those before."""
+        ...
+
+    def reset(self) -> None:
+        """Forget half a message; called when a connection starts."""
+        ...
+
+    @property
+    def damaged(self) -> int:
+        """Messages that could not be read."""
+        ...
+
+
+def level(amplitude_01: float, full: int) -> int:
+    """Return an amplitude as 0..full; a running motor never rounds to off."""
+    return 0 if amplitude_01 <= 0 else max(1, round(min(1.0, amplitude_01) * full))
+
+
+class JsonReader:
+    """Cut JSON objects out of a text stream, however chunked, with the text before each.
+
+    A `fence` is text that never stands inside an object: what is unfinished there is given up.
+    `damaged` counts what looked like an object and was none.
+    """
+
+    def __init__(self, fence: str = "") -> None:
+        self._fence = fence
+        self._buffer = ""
+        self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
+        self.damaged = 0
+
+    def feed(self, data: bytes) -> list[tuple[str, dict[str, Any]]]:
+        """Return (text before it, object) for every object completed by these bytes."""
+        self._buffer += self._decoder.decode(data)
+        found: list[tuple[str, dict[str, Any]]] = []
+        while self._fence and self._fence in self._buffer:
+            piece, _, self._buffer = self._buffer.partition(self._fence)
+            rest = self._cut(piece, found)
+            self.damaged += "{" in rest
+        self._buffer = self._cut(self._buffer, found)
+        if len(self._buffer) > LONGEST_JSON:
+            self.damaged += "{" in self._buffer
+            self._buffer = self._buffer[-len(self._fence) :] if self._fence else ""
+        return found
+
+    def reset(self) -> None:
+        """Forget a begun object."""
+        self._buffer = ""
+        self._decoder.reset()
+
+    def _cut(self, text: str, found: list[tuple[str, dict[str, Any]]]) -> str:
+        while (start := text.find("{")) >= 0:
+            end = _closing_brace(text, start)
+            if end is None:
+                return text
+            before, piece, text = text[:start], text[start : end + 1], text[end + 1 :]
+            try:
+                found.append((before, json.loads(piece)))
+            except (ValueError, RecursionError):
+                self.damaged += 1
+        return text
+
+
+def _closing_brace(text: str, start: int) -> int | None:
+    depth, in_string, escaped = 0, False, False
+    for at in range(start, len(text)):
+        letter = text[at]
+        if in_string:
+            if escaped:
+                escaped = False
+            elif letter == "\\":
+                escaped = True
+            elif letter == '"':
+                in_string = False
+        elif letter == '"':
+            in_string = True
+        elif letter == "{":
+            depth += 1
+        elif letter == "}":
+            depth -= 1
+            if depth == 0:
+                return at
+    return None

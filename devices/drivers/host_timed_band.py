@@ -1,0 +1,599 @@
+"""Drive a band that neither acknowledges nor falls silent by itself, in any `BandLanguage`.
+
+Everything our own firmware would do is done on this side: the end of a time to live, courses of
+a pattern, silence when the experiment loop stands still. Rows of `HAPTICS` say `acknowledged`
+False and bear no device time. While a motor runs, a thread of its own watches besides `poll`, so
+that a pump that died leaves no motor on; when the computer itself dies, only the band can help.
+"""
+
+import atexit
+import contextlib
+import math
+import threading
+import weakref
+from collections.abc import Sequence
+from dataclasses import replace
+
+from devices.byte_links import ByteLink
+from devices.contracts import (
+    BAND,
+    BAND_EVENTS,
+    HAPTICS,
+    NO_DEVICE_TIME,
+    PATTERN_NAMES,
+    ClockPair,
+    DeviceInfo,
+    DeviceState,
+    Fault,
+    Health,
+    Sink,
+    VibrationPattern,
+)
+from devices.drivers.armband_ledger import (
+    KEEP_ALIVE,
+    NO_PATTERN,
+    PATTERN,
+    SET,
+    SILENCE,
+    BandRow,
+    Command,
+    band_batch,
+    command_batch,
+)
+from devices.drivers.band_course import LONGEST_TTL_MS, Course, Limits, share_01
+from devices.drivers.band_language import BandLanguage, Condition, Notice, Ready, Refused
+from devices.lifecycle import Lifecycle
+from devices.meter import StreamMeter
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolViolation
+from lab.schema import StreamSchema
+
+STALL_NS = 150 * NS_PER_MS
+REFRESH_NS = 100 * NS_PER_MS
+SILENCE_AGAIN_NS = 50 * NS_PER_MS
+SILENCE_TIMES = 3
+OPENING_AGAIN_NS = NS_PER_S
+RETRY_NS = 250 * NS_PER_MS
+INQUIRY_NS = 10 * NS_PER_S
+WATCH_S = 0.05
+WATCH_GRACE_NS = 50 * NS_PER_MS
+LOW_BATTERY_01 = 0.2
+REPORT, EXPIRED = BAND_EVENTS.index("report"), BAND_EVENTS.index("expired")
+REMEDY = "check that the band is switched on, charged and plugged in or paired"
+
+HOST_SIDE_ONLY = "host_side_safety_only"
+"""Capability of a band that goes on vibrating when this computer fails; see `check`."""
+
+_open_bands: "weakref.WeakSet[HostTimedBand]" = weakref.WeakSet()
+
+
+class HostTimedBand:
+    """Follow the `Armband` contract; see the module.
+
+    At most `max_rate_hz` settings leave per second: a sooner one waits, and a newer one takes
+    its place. A silence never waits, and is said three times because nobody confirms it.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        link: ByteLink,
+        language: BandLanguage,
+        clock: Clock,
+        *,
+        driver: str,
+        vendor: str,
+        model: str,
+        max_rate_hz: float = 50.0,
+    ) -> None:
+        self._role = role
+        self._link = link
+        self._language = language
+        self._clock = clock
+        self._spacing_ns = round(NS_PER_S / max_rate_hz)
+        self._life = Lifecycle(role)
+        self._wire = threading.RLock()  # a signal handler may silence in the midst of a command
+        self._sink: Sink | None = None
+        self._running: Course | None = None
+        self._waiting: tuple[Command, Course] | None = None
+        self._watcher: threading.Thread | None = None
+        self._watch_ends = threading.Event()
+        self.rate_range_hz = language.rate_range_hz
+        self._asked = Limits(role, language.motor_count, language.rate_range_hz)
+        abilities = {"haptics", "patterns_on_host"}
+        if language.lasts_ms(LONGEST_TTL_MS) is None:
+            abilities.add(HOST_SIDE_ONLY)
+        if not math.isnan(self.rate_range_hz[0]):
+            abilities.add("rate")
+        self.info = DeviceInfo(
+            role=role,
+            driver=driver,
+            driver_version="1",
+            vendor=vendor,
+            model=model,
+            serial="",
+            transport=link.kind,
+            is_simulated=link.is_simulated,
+            capabilities=frozenset(abilities),
+        )
+        self._condition = Condition()
+        self._refusals: dict[str, str] = {}
+        self._reset()
+
+    @property
+    def state(self) -> DeviceState:
+        """Where it is in its life; FAULT while the band is gone."""
+        return self._life.state
+
+    @property
+    def motor_count(self) -> int:
+        """Number of motors."""
+        return self._language.motor_count
+
+    # ---- life -------------------------------------------------------------------------------
+
+    def open(self, deadline_s: float) -> None:
+        """Connect, say the opening, wait for its answer where there is one, and silence."""
+        self._life.require("open", DeviceState.CLOSED)
+        deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
+        self._condition = Condition()
+        self._refusals = {}
+        self._reset()
+        try:
+            self._link.open(deadline_s)
+            self._greet()
+            while not self._ready:
+                self._await_ready(deadline_ns)
+            self._write(self._language.silence())
+        except DeviceError as problem:
+            self._link.close()
+            if problem.role:
+                raise
+            raise type(problem)(str(problem), role=self._role) from problem
+        self.info = replace(self.info, transport=self._link.kind)
+        self._life.state = DeviceState.OPEN
+        _open_bands.add(self)
+
+    def describe(self) -> tuple[StreamSchema, ...]:
+        """Return the commands' stream and the band's own."""
+        return (HAPTICS, BAND)
+
+    def start(self, sink: Sink) -> None:
+        """Begin to deliver rows; commands are taken from now on."""
+        self._life.require("start", DeviceState.OPEN)
+        self._reset()
+        self._ready = True
+        self._sink = sink
+        self._life.state = DeviceState.STREAMING
+        if not self._clock.is_virtual:
+            self._watch_ends = threading.Event()
+            self._watcher = threading.Thread(
+                target=self._watch, args=(self._watch_ends,), name=f"band-{self._role}", daemon=True
+            )
+            self._watcher.start()
+
+    def poll(self, timeout_s: float) -> int:
+        """Take what the band says, send what is due, deliver rows."""
+        if self._life.state is DeviceState.FAULT:
+            return self._reconnect(timeout_s)
+        self._life.require("poll", DeviceState.STREAMING)
+        try:
+            if self._write_failure is not None:
+                raise DeviceDisconnected(str(self._write_failure))
+            for chunk in self._link.read(self._patience_s(timeout_s)):
+                self._take(chunk.data, chunk.t_host_ns)
+            self._keep_up(self._clock.now_ns())
+        except DeviceDisconnected as gone:
+            self._lose()
+            self._deliver()
+            raise DeviceDisconnected(str(gone), role=self._role, remedy=REMEDY) from gone
+        return self._deliver()
+
+    def stop(self) -> None:
+        """Silence; the connection stays."""
+        self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
+        self._end_watch()
+        self.silence()
+        self._deliver()
+        self._sink = None
+        gone = self._write_failure is not None or self._life.state is DeviceState.FAULT
+        self._life.state = DeviceState.OPEN
+        if gone:
+            self._link.close()
+
+    def close(self) -> None:
+        """Silence, give the band back to its wearer and release the link; idempotent."""
+        self._end_watch()
+        if self._life.state in (DeviceState.STREAMING, DeviceState.OPEN):
+            self.silence()
+            with contextlib.suppress(DeviceError):  # gone already: nothing is left to say
+                self._write(self._language.closing())
+        self._sink = None
+        self._link.close()
+        self._life.state = DeviceState.CLOSED
+        _open_bands.discard(self)
+
+    def health(self) -> Health:
+        """Report rows delivered and the battery where the band tells it."""
+        health = self._meter.health(self.state, self._clock.now_ns())
+        return replace(health, battery_01=self._condition.battery_01)
+
+    def check(self) -> tuple[Fault, ...]:
+        """Name what is wrong with the band, and what it cannot promise."""
+        role, found = self._role, []
+        if HOST_SIDE_ONLY in self.info.capabilities:
+            text = "this band goes on vibrating when the computer or the link fails"
+            found.append(Fault(role, "warning", text, "stay near its switch"))
+        battery = self._condition.battery_01
+        if battery is not None and battery < LOW_BATTERY_01:
+            text = f"battery low ({battery:.0%})"
+            found.append(Fault(role, "warning", text, "charge it at the break"))
+        if self._condition.is_worn is False:
+            found.append(
+                Fault(role, "blocking", "its program does not see the band", "switch it on, pair")
+            )
+        if self._loop_stalled:
+            text = "silenced because the experiment loop stood still"
+            found.append(Fault(role, "warning", text, "close other programs on this computer"))
+        for text, remedy in self._refusals.items():
+            found.append(Fault(role, "warning", text, remedy))
+        if self._language.damaged:
+            text = f"{self._language.damaged} messages could not be read"
+            found.append(Fault(role, "warning", text, "keep the .wire log and report it"))
+        return tuple(found)
+
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return nothing: these bands tell no time."""
+        return ()
+
+    # ---- commands ---------------------------------------------------------------------------
+
+    def set_amplitudes(
+        self,
+        amplitudes_01: Sequence[float],
+        ttl_ms: int,
+        rates_hz: Sequence[float] | None = None,
+    ) -> int:
+        """Drive every motor; see the contract."""
+        self._life.require("set_amplitudes", DeviceState.STREAMING, DeviceState.FAULT)
+        self._asked.check_set(amplitudes_01, ttl_ms, rates_hz)
+        rates = None if rates_hz is None else tuple(rates_hz)
+        now_ns, amplitudes = self._clock.now_ns(), tuple(amplitudes_01)
+        command = self._new(SET, now_ns, amplitudes, rates, duration_ms=float(ttl_ms))
+        until_ns = now_ns + ttl_ms * NS_PER_MS
+        return self._begin(
+            command, Course(now_ns, until_ns, lambda _: amplitudes, rates, changes=False)
+        )
+
+    def play(
+        self, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float = 1.0
+    ) -> int:
+        """Play a pattern from this side: the course of its rate becomes one of amplitude.
+
+        A band driven so has no rate to follow; the amplitude is the share of `high_hz`. Every
+        step is a row of its own (`kind` 3).
+        """
+        self._life.require("play", DeviceState.STREAMING, DeviceState.FAULT)
+        self._asked.check_pattern(pattern, motors, amplitude_01)
+        now_ns = self._clock.now_ns()
+        chosen = tuple(amplitude_01 if m in motors else 0.0 for m in range(self.motor_count))
+
+        def amplitudes_at(since_ns: int) -> tuple[float, ...]:
+            share = share_01(pattern, since_ns / NS_PER_S)
+            return tuple(share * amplitude for amplitude in chosen)
+
+        until_ns = now_ns + pattern.duration_ms * NS_PER_MS
+        command = self._new(PATTERN, now_ns, chosen, None, duration_ms=float(pattern.duration_ms))
+        command.pattern = PATTERN_NAMES.index(pattern.name)
+        command.low_hz, command.modulation_hz = pattern.low_hz, pattern.modulation_hz
+        changes = pattern.name != "steady"
+        return self._begin(command, Course(now_ns, until_ns, amplitudes_at, None, changes))
+
+    def keep_alive(self) -> None:
+        """Take the experiment loop's word that it runs."""
+        self._alive_ns = self._clock.now_ns()
+        self._loop_stalled = False
+
+    def silence(self) -> int:
+        """Stop every motor now, whatever state this is in; see the contract."""
+        if self._life.state is DeviceState.CLOSED:
+            return -1
+        with self._wire:
+            now_ns = self._clock.now_ns()
+            self._drop_waiting(now_ns)
+            self._running = None
+            self._silences_left = SILENCE_TIMES - 1
+            zeros = (0.0,) * self.motor_count
+            command = self._new(SILENCE, now_ns, zeros, None, duration_ms=math.nan)
+            self._send(command, self._language.silence())
+        return command.number
+
+    # ---- sending ----------------------------------------------------------------------------
+
+    def _reset(self) -> None:
+        now_ns = self._clock.now_ns()
+        self._meter = StreamMeter(0.0)
+        self._finished: list[Command] = []
+        self._band_rows: list[BandRow] = []
+        self._row_seq = self._band_seq = self._number = 0
+        self._running = self._waiting = None
+        self._silences_left = 0
+        self._set_ns = now_ns - NS_PER_S
+        self._spoke_ns = self._latest_ns = self._alive_ns = now_ns
+        self._next_inquiry_ns = now_ns
+        self._write_failure: DeviceError | None = None
+        self._loop_stalled = False
+        self._ready = False
+        self._greeted_ns: int | None = None
+        self._retry_ns = now_ns
+
+    def _new(
+        self,
+        kind: int,
+        t_ns: int,
+        amplitudes_01: tuple[float, ...],
+        rates_hz: tuple[float, ...] | None,
+        *,
+        duration_ms: float,
+    ) -> Command:
+        with self._wire:
+            number = self._number
+            self._number += 1
+        return Command(number, kind, 0, b"", t_ns, amplitudes_01, rates_hz, duration_ms, NO_PATTERN)
+
+    def _begin(self, command: Command, course: Course) -> int:
+        with self._wire:
+            now_ns = self._clock.now_ns()
+            self._alive_ns = now_ns
+            self._loop_stalled = False
+            self._drop_waiting(now_ns)
+            self._waiting = (command, course)
+            self._send_waiting(now_ns)
+        return command.number
+
+    def _send_waiting(self, now_ns: int) -> None:
+        if self._waiting is None or now_ns - self._set_ns < self._spacing_ns:
+            return
+        command, course = self._waiting
+        self._waiting = None
+        if now_ns >= course.until_ns:
+            self._finish(command, now_ns)
+            return
+        self._silences_left = 0
+        self._running = course
+        if command.kind == PATTERN:
+            course.until_ns += now_ns - course.start_ns
+            course.start_ns = now_ns
+        self._set_ns = now_ns
+        self._send(command, self._messages(course, now_ns))
+
+    def _messages(self, course: Course, now_ns: int) -> Sequence[bytes]:
+        amplitudes = course.amplitudes_at(now_ns - course.start_ns)
+        if not any(amplitudes):
+            return self._language.silence()
+        ttl_ms = max(1, math.ceil((course.until_ns - now_ns) / NS_PER_MS))
+        return self._language.drive(amplitudes, ttl_ms, course.rates_hz)
+
+    def _drop_waiting(self, now_ns: int) -> None:
+        if self._waiting is not None:
+            self._finish(self._waiting[0], now_ns)
+            self._waiting = None
+
+    def _send(self, command: Command, messages: Sequence[bytes]) -> None:
+        """Write a command; what cannot be written is given up, and `poll` finds the band gone."""
+        with self._wire:
+            now_ns = self._clock.now_ns()
+            if self._life.state is not DeviceState.FAULT and self._write_failure is None:
+                try:
+                    command.t_sent_ns = self._write(messages)
+                except DeviceError as problem:
+                    self._write_failure = problem
+                else:
+                    self._spoke_ns = now_ns = command.t_sent_ns
+            self._finish(command, now_ns)
+
+    def _write(self, messages: Sequence[bytes]) -> int:
+        with self._wire:
+            sent_ns = self._clock.now_ns()
+            for message in messages:
+                sent_ns = self._link.write(message)
+            return sent_ns
+
+    def _finish(self, command: Command, t_host_ns: int) -> None:
+        with self._wire:
+            self._latest_ns = max(self._latest_ns, t_host_ns)
+            command.t_host_ns = self._latest_ns
+            self._finished.append(command)
+
+    def _keep_up(self, now_ns: int) -> None:
+        """Send what is due: silence at an end, a waiting setting, a step, a repetition."""
+        with self._wire:
+            self._end_if_due(now_ns, 0)
+            self._send_waiting(now_ns)
+            course = self._running
+            if course is not None and self._is_refresh_due(course, now_ns):
+                amplitudes = course.amplitudes_at(now_ns - course.start_ns)
+                left_ms = float(math.ceil((course.until_ns - now_ns) / NS_PER_MS))
+                command = self._new(
+                    KEEP_ALIVE, now_ns, amplitudes, course.rates_hz, duration_ms=left_ms
+                )
+                self._set_ns = now_ns
+                self._send(command, self._messages(course, now_ns))
+            if self._silences_left and now_ns - self._spoke_ns >= SILENCE_AGAIN_NS:
+                self._silences_left -= 1
+                self._spoke_ns = self._write(self._language.silence())
+            if now_ns >= self._next_inquiry_ns:
+                self._next_inquiry_ns = now_ns + INQUIRY_NS
+                self._write(self._language.inquiry())
+            if self._write_failure is not None:
+                raise DeviceDisconnected(str(self._write_failure))
+
+    def _is_refresh_due(self, course: Course, now_ns: int) -> bool:
+        waited_ns = now_ns - self._spoke_ns
+        if waited_ns < self._spacing_ns:
+            return False
+        if course.changes:
+            return True
+        left_ms = math.ceil((course.until_ns - self._spoke_ns) / NS_PER_MS)
+        lasts_ms = self._language.lasts_ms(left_ms)
+        if lasts_ms is None:
+            return waited_ns >= REFRESH_NS
+        return lasts_ms < left_ms and waited_ns >= lasts_ms * NS_PER_MS // 2
+
+    def _end_if_due(self, now_ns: int, grace_ns: int) -> None:
+        with self._wire:
+            course = self._running
+            if course is None:
+                return
+            if now_ns - self._alive_ns > STALL_NS + grace_ns:
+                self._loop_stalled = True
+                self.silence()
+            elif now_ns >= course.until_ns + grace_ns:
+                waiting, self._waiting = self._waiting, None
+                self.silence()
+                self._waiting = waiting
+                self._tell_band(EXPIRED, now_ns)
+
+    def _patience_s(self, timeout_s: float) -> float:
+        """Return how long `read` may wait so that what is due is not late."""
+        if timeout_s <= 0 or (self._running is None and self._waiting is None):
+            return timeout_s
+        now_ns = self._clock.now_ns()
+        due_ns = [now_ns + round(timeout_s * NS_PER_S)]
+        if self._waiting is not None:
+            due_ns.append(self._set_ns + self._spacing_ns)
+        if self._running is not None:
+            due_ns.append(self._running.until_ns)
+            if self._running.changes:
+                due_ns.append(self._spoke_ns + self._spacing_ns)
+        return max(0.0, (min(due_ns) - now_ns) / NS_PER_S)
+
+    def _watch(self, ends: threading.Event) -> None:
+        while not ends.wait(WATCH_S):
+            self._end_if_due(self._clock.now_ns(), WATCH_GRACE_NS)
+
+    def _end_watch(self) -> None:
+        watcher, self._watcher = self._watcher, None
+        self._watch_ends.set()
+        if watcher is not None and watcher is not threading.current_thread():
+            watcher.join()
+
+    # ---- receiving --------------------------------------------------------------------------
+
+    def _take(self, data: bytes, t_host_ns: int) -> None:
+        for notice in self._language.feed(data):
+            self._take_notice(notice, t_host_ns)
+
+    def _take_notice(self, notice: Notice, t_host_ns: int) -> None:
+        if isinstance(notice, Ready):
+            self._ready = True
+            self.info = replace(
+                self.info,
+                model=notice.model or self.info.model,
+                serial=notice.serial or self.info.serial,
+            )
+        elif isinstance(notice, Refused):
+            if not self._ready:
+                raise ProtocolViolation(notice.message, role=self._role, remedy=notice.remedy)
+            self._refusals[notice.message] = notice.remedy
+        else:
+            known = self._condition
+            self._condition = Condition(
+                known.battery_01 if notice.battery_01 is None else notice.battery_01,
+                known.temperature_c if notice.temperature_c is None else notice.temperature_c,
+                known.is_worn if notice.is_worn is None else notice.is_worn,
+            )
+            if notice.battery_01 is not None or notice.temperature_c is not None:
+                self._tell_band(REPORT, t_host_ns)
+
+    def _tell_band(self, event: int, t_host_ns: int) -> None:
+        told = self._condition
+        battery = math.nan if told.battery_01 is None else told.battery_01
+        heat = math.nan if told.temperature_c is None else told.temperature_c
+        with self._wire:
+            if self._band_rows:
+                t_host_ns = max(t_host_ns, self._band_rows[-1].t_host_ns)
+            self._band_rows.append(BandRow(t_host_ns, NO_DEVICE_TIME, event, battery, heat))
+
+    def _deliver(self) -> int:
+        with self._wire:
+            rows, self._finished = self._finished, []
+            told, self._band_rows = self._band_rows, []
+        sink = self._sink
+        if sink is None:
+            return 0
+        if rows:
+            self._meter.update([], rows[-1].t_host_ns)
+            sink(command_batch(rows, self._row_seq))
+            self._row_seq += len(rows)
+        if told:
+            sink(band_batch(told, self._band_seq))
+            self._band_seq += len(told)
+        self._meter.received += len(rows) + len(told)
+        return len(rows) + len(told)
+
+    # ---- connection -------------------------------------------------------------------------
+
+    def _greet(self) -> None:
+        self._language.reset()
+        self._write_failure = None
+        self._ready = not self._language.answers
+        self._greeted_ns = self._write(self._language.opening())
+
+    def _await_ready(self, deadline_ns: int) -> None:
+        now_ns = self._clock.now_ns()
+        if now_ns >= deadline_ns:
+            raise DeviceTimeout("the band does not answer", role=self._role, remedy=REMEDY)
+        again_ns = (self._greeted_ns or now_ns) + OPENING_AGAIN_NS
+        if now_ns >= again_ns:
+            self._greet()
+            again_ns = now_ns + OPENING_AGAIN_NS
+        wait_ns = min(again_ns, deadline_ns) - now_ns
+        for chunk in self._link.read(wait_ns / NS_PER_S):
+            self._take(chunk.data, chunk.t_host_ns)
+
+    def _lose(self) -> None:
+        with self._wire:
+            now_ns = self._clock.now_ns()
+            self._drop_waiting(now_ns)
+            self._running = None
+            self._silences_left = 0
+            self._greeted_ns = None
+            self._retry_ns = now_ns
+            self._life.state = DeviceState.FAULT
+        self._link.close()
+
+    def _reconnect(self, timeout_s: float) -> int:
+        """Go on with an attempt to come back; that the band is gone was told once."""
+        now_ns = self._clock.now_ns()
+        if now_ns < self._retry_ns:
+            if timeout_s > 0:
+                wait_ns = min(round(timeout_s * NS_PER_S), self._retry_ns - now_ns)
+                self._clock.sleep_until_ns(now_ns + wait_ns)
+            return self._deliver()
+        try:
+            if self._greeted_ns is None:
+                self._link.open(timeout_s)
+                self._greet()
+            elif now_ns - self._greeted_ns > OPENING_AGAIN_NS:
+                raise DeviceTimeout("no answer to the opening", role=self._role)
+            for chunk in self._link.read(timeout_s if not self._ready else 0.0):
+                self._take(chunk.data, chunk.t_host_ns)
+            if self._ready:
+                self._write(self._language.silence())
+                self._alive_ns = self._clock.now_ns()
+                self._life.state = DeviceState.STREAMING
+        except DeviceError:
+            self._greeted_ns = None
+            self._retry_ns = self._clock.now_ns() + RETRY_NS
+            self._link.close()
+        return self._deliver()
+
+
+def silence_every_open_band() -> None:
+    """Silence whatever band is open; registered to run when the interpreter ends."""
+    for band in list(_open_bands):
+        band.silence()
+
+
+atexit.register(silence_every_open_band)

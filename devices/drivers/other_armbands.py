@@ -1,0 +1,189 @@
+"""Build the armbands that are not our own, from what stands in `lab_config.yaml`.
+
+Every function takes role and clock; `link` takes the place of the real wire, for simulators and
+replays. The libraries of the wires are imported when the device is opened.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+from urllib.parse import urlencode
+
+from devices.byte_links import ByteLink
+from devices.drivers import bhaptics_codec
+from devices.drivers.armband_serial import SerialLink
+from devices.drivers.ascii_band_codec import AsciiLanguage, AsciiTemplates
+from devices.drivers.bhaptics_codec import BhapticsLanguage
+from devices.drivers.host_timed_band import HostTimedBand
+from devices.drivers.report_band_codec import ReportLanguage, ReportLayout
+from devices.drivers.usb_links import HidLink, UsbLink
+from devices.drivers.vhp_codec import SLEEVE, SLIM_BOARD, VhpSleeveLanguage
+from devices.drivers.websocket_link import WebSocketLink
+from lab.clock import Clock
+from lab.errors import ConfigError
+
+VHP_BAUD = 1_000_000
+PLAYER_REMEDY = "start the bHaptics Player on this computer, switch the unit on and pair it there"
+RECIPIENTS = {"sleeve": SLEEVE, "slim": SLIM_BOARD}
+
+
+def vhp_sleeve(
+    role: str,
+    clock: Clock,
+    *,
+    port: str = "",
+    vid: int | None = None,
+    pid: int | None = None,
+    serial_number: str = "",
+    channels: Sequence[int] = (5, 7, 8, 6),
+    board: str = "sleeve",
+    max_rate_hz: float = 100.0,
+    link: ByteLink | None = None,
+) -> HostTimedBand:
+    """Return Google's sleeve on its serial port; `channels` are PWM channels from 0."""
+    if link is None:
+        link = SerialLink(
+            clock, port=port, vid=vid, pid=pid, serial_number=serial_number, baud=VHP_BAUD
+        )
+    return HostTimedBand(
+        role,
+        link,
+        VhpSleeveLanguage(channels, RECIPIENTS[board]),
+        clock,
+        driver="vhp_sleeve",
+        vendor="Google (open hardware)",
+        model=f"VHP {board}",
+        max_rate_hz=max_rate_hz,
+    )
+
+
+def bhaptics(
+    role: str,
+    clock: Clock,
+    *,
+    address: str = "127.0.0.1",
+    port: int = bhaptics_codec.PORT,
+    position: str = "ForearmL",
+    points: Sequence[int] = (0, 2, 3, 5),
+    app_id: str = "visavis",
+    max_rate_hz: float = 50.0,
+    link: ByteLink | None = None,
+) -> HostTimedBand:
+    """Return a bHaptics forearm unit behind the Player; `points` are its motors from 0."""
+    if link is None:
+        query = urlencode({"app_id": app_id, "app_name": "Visavis"})
+        url = f"ws://{address}:{port}{bhaptics_codec.PATH}?{query}"
+        link = WebSocketLink(url, clock, remedy=PLAYER_REMEDY)
+    return HostTimedBand(
+        role,
+        link,
+        BhapticsLanguage(position, points),
+        clock,
+        driver="bhaptics",
+        vendor="bHaptics",
+        model=f"Tactosy {position}",
+        max_rate_hz=max_rate_hz,
+    )
+
+
+def ascii_armband(
+    role: str,
+    clock: Clock,
+    *,
+    commands: Mapping[str, Any],
+    port: str = "",
+    vid: int | None = None,
+    pid: int | None = None,
+    serial_number: str = "",
+    baud: int = 115_200,
+    max_rate_hz: float = 50.0,
+    link: ByteLink | None = None,
+) -> HostTimedBand:
+    """Return a laboratory's own firmware on a serial port.
+
+    `commands` has the fields of `AsciiTemplates`.
+    """
+    try:
+        listed: dict[str, Any] = {
+            k: tuple(v) if isinstance(v, list) else v for k, v in commands.items()
+        }
+        language = AsciiLanguage(AsciiTemplates(**listed))
+    except (TypeError, ValueError) as cause:
+        raise ConfigError(f"{role}: {cause}; correct `commands` in lab_config.yaml") from cause
+    if link is None:
+        link = SerialLink(
+            clock, port=port, vid=vid, pid=pid, serial_number=serial_number, baud=baud
+        )
+    return HostTimedBand(
+        role,
+        link,
+        language,
+        clock,
+        driver="ascii_armband",
+        vendor="own firmware",
+        model="text commands",
+        max_rate_hz=max_rate_hz,
+    )
+
+
+def hid_armband(
+    role: str,
+    clock: Clock,
+    *,
+    vid: int,
+    pid: int,
+    layout: Mapping[str, Any],
+    serial_number: str = "",
+    max_rate_hz: float = 100.0,
+    link: ByteLink | None = None,
+) -> HostTimedBand:
+    """Return a USB HID whose output reports set its motors."""
+    if link is None:
+        link = HidLink(clock, vid=vid, pid=pid, serial_number=serial_number)
+    return _report_band(role, clock, link, layout, "hid_armband", max_rate_hz)
+
+
+def usb_armband(
+    role: str,
+    clock: Clock,
+    *,
+    vid: int,
+    pid: int,
+    layout: Mapping[str, Any],
+    serial_number: str = "",
+    max_rate_hz: float = 100.0,
+    link: ByteLink | None = None,
+) -> HostTimedBand:
+    """Return a vendor-class USB device whose packets set its motors."""
+    if link is None:
+        link = UsbLink(clock, vid=vid, pid=pid, serial_number=serial_number)
+    return _report_band(role, clock, link, layout, "usb_armband", max_rate_hz)
+
+
+def _report_band(
+    role: str,
+    clock: Clock,
+    link: ByteLink,
+    layout: Mapping[str, Any],
+    driver: str,
+    max_rate_hz: float,
+) -> HostTimedBand:
+    """`layout` has the fields of `ReportLayout`, `prefix` as hexadecimal digits."""
+    start = layout.get("prefix", "")
+    number = layout.get("report_id")
+    if number is None and driver == "hid_armband":
+        number = 0
+    try:
+        fields = {**layout, "report_id": number, "prefix": bytes.fromhex(start)}
+        language = ReportLanguage(ReportLayout(**fields))
+    except (TypeError, ValueError) as cause:
+        raise ConfigError(f"{role}: {cause}; correct `layout` in lab_config.yaml") from cause
+    return HostTimedBand(
+        role,
+        link,
+        language,
+        clock,
+        driver=driver,
+        vendor="own firmware",
+        model="report band",
+        max_rate_hz=max_rate_hz,
+    )

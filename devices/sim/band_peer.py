@@ -1,0 +1,145 @@
+"""What the simulators of armbands that cannot acknowledge share: faults, travel, motors.
+
+Travel takes `latency_ms` in each direction and keeps its order. Motors follow their drive at
+once. Not modelled: skin and strap, motor spread and inertia, radio collisions, flow control.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from devices.byte_links import Chunk
+from devices.contracts import MovingBody
+from devices.sim.faults import FaultSchedule, WireFault
+from lab.clock import NS_PER_MS, Clock
+from lab.errors import DeviceDisconnected, DeviceNotFound
+
+
+class BandPeer:
+    """The `BytePeer` of one band; a subclass says what its bytes mean.
+
+    Faults: late_start, disconnect, loss, duplicate, garbage (of what the host sends), burst,
+    mute (of what it hears). With `splits`, messages to the band arrive cut in two at random.
+    `levels_01` is what the motors do now, `log` every change with its session time.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        clock: Clock,
+        *,
+        seed: int = 0,
+        body: MovingBody | None = None,
+        faults: FaultSchedule | None = None,
+        latency_ms: float = 1.0,
+        splits: bool = False,
+        motor_count: int = 4,
+    ) -> None:
+        self._role = role
+        self._rng = np.random.default_rng(seed)
+        self._body = body
+        self._faults = faults if faults is not None else FaultSchedule()
+        self._latency_ns = round(latency_ms * NS_PER_MS)
+        self._splits = splits
+        self._origin_ns = clock.now_ns()
+        self._inbound: deque[tuple[int, bytes]] = deque()
+        self._outbound: deque[Chunk] = deque()
+        self.levels_01: tuple[float, ...] = (0.0,) * motor_count
+        self.log: list[tuple[int, tuple[float, ...]]] = []
+
+    def received(self, data: bytes, t_ns: int) -> None:
+        """Take bytes that reached the band; for the subclass."""
+        raise NotImplementedError
+
+    def due_ns(self) -> int | None:
+        """Return when the band does something of its own accord next; for the subclass."""
+        return None
+
+    def act(self, t_ns: int) -> None:
+        """Do what is due of its own accord; for the subclass."""
+
+    def restart(self, t_ns: int) -> None:
+        """Forget what belongs to a connection; for the subclass."""
+
+    def connect(self, t_ns: int) -> None:
+        """Take a connection; what was under way is lost, the motors are not."""
+        if self._is_away(t_ns) or self._active("late_start", t_ns):
+            raise DeviceNotFound("the simulated band is switched off", remedy="wait for it")
+        self.advance(t_ns)
+        self._inbound.clear()
+        self._outbound.clear()
+        self.restart(t_ns)
+
+    def accept(self, data: bytes, t_ns: int) -> None:
+        """Let bytes travel to the band."""
+        if self._is_away(t_ns):
+            raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
+        for piece in self._damaged(data, t_ns):
+            self._inbound.append((t_ns + self._latency_ns, piece))
+
+    def outgoing(self, until_ns: int) -> Sequence[Chunk]:
+        """Do what is due and return what has reached the host."""
+        self.advance(until_ns)
+        if self._is_away(until_ns):
+            raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
+        if self._active("burst", until_ns):
+            return ()
+        arrived = []
+        while self._outbound and self._outbound[0].t_host_ns <= until_ns:
+            arrived.append(self._outbound.popleft())
+        return arrived
+
+    def advance(self, t_ns: int) -> None:
+        """Do everything due up to this session time, in order."""
+        while True:
+            arrives_ns = self._inbound[0][0] if self._inbound else None
+            acts_ns = self.due_ns()
+            if arrives_ns is not None and arrives_ns <= t_ns and arrives_ns <= (acts_ns or t_ns):
+                self.received(self._inbound.popleft()[1], arrives_ns)
+            elif acts_ns is not None and acts_ns <= t_ns:
+                self.act(acts_ns)
+            else:
+                return
+
+    def say(self, data: bytes, t_ns: int) -> None:
+        """Let bytes travel to the host."""
+        if not data or self._active("mute", t_ns):
+            return
+        for piece in self._pieces(data):
+            self._outbound.append(Chunk(t_ns + self._latency_ns, piece))
+
+    def set_levels(self, levels_01: Sequence[float], t_ns: int) -> None:
+        """Let the motors do this from now on."""
+        levels = tuple(levels_01)
+        if levels == self.levels_01:
+            return
+        self.levels_01 = levels
+        self.log.append((t_ns, levels))
+        if self._body is not None:
+            self._body.feel(self._role, levels, t_ns)
+
+    def _damaged(self, data: bytes, t_ns: int) -> list[bytes]:
+        rng = self._rng
+        if (fault := self._active("loss", t_ns)) and rng.random() < fault.amount:
+            return []
+        if (fault := self._active("garbage", t_ns)) and rng.random() < fault.amount:
+            noise = bytearray(data)
+            noise[int(rng.integers(len(noise)))] ^= int(rng.integers(1, 256))
+            data = bytes(noise)
+        pieces = self._pieces(data)
+        if (fault := self._active("duplicate", t_ns)) and rng.random() < fault.amount:
+            return [*pieces, *pieces]
+        return pieces
+
+    def _pieces(self, data: bytes) -> list[bytes]:
+        if not self._splits or len(data) < 2:
+            return [data]
+        cut = int(self._rng.integers(1, len(data)))
+        return [data[:cut], data[cut:]]
+
+    def _active(self, kind: str, t_ns: int) -> WireFault | None:
+        return self._faults.active(kind, t_ns - self._origin_ns)
+
+    def _is_away(self, t_ns: int) -> bool:
+        return self._active("disconnect", t_ns) is not None
