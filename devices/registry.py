@@ -14,7 +14,9 @@ ENTRY_POINT_GROUP = "visavis.drivers"
 
 BUILT_IN: dict[str, str] = {
     "natnet": "devices.drivers.natnet:NatNet",
+    "openvr_controllers": "devices.drivers.openvr_controllers:OpenVrControllers",
     "openvr_headset": "devices.drivers.openvr_headset:OpenVrHeadset",
+    "openvr_trackers": "devices.drivers.openvr_trackers:OpenVrTrackers",
     "fove": "devices.drivers.fove:Fove",
     "gazepoint": "devices.drivers.gazepoint:Gazepoint",
     "pupil_core": "devices.drivers.pupil_core:PupilCore",

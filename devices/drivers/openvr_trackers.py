@@ -1,0 +1,180 @@
+"""Track a body with OpenVR trackers worn on its segments, told apart by serial number.
+
+Poses are asked for as they are now (prediction 0) at `rate_hz`; they carry no time of capture, so
+`t_device_ns` is the host's time just before the call. A tracker sits on a strap, not in a joint:
+`mounts` say how its segment stands in the tracker's frame, see `mount_of`.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import msgpack
+import numpy as np
+
+from devices.drivers import openvr_codec as codec
+from devices.drivers.body_device import BodyDevice, BodySample, Make
+from devices.transports import Exchange, Frames, Message, MessageTransport
+from lab.clock import NS_PER_S, Clock
+from lab.errors import ConfigError, DeviceError, ProtocolViolation
+from lab.geometry import Pose, quat_conjugate, quat_multiply, rotate
+
+MAKE = Make(
+    driver="openvr_trackers",
+    vendor="",
+    model="OpenVR trackers",
+    remedy="switch the trackers on, let the base stations see them, and look at SteamVR",
+)
+LEARN_EVERY_NS = 5 * NS_PER_S
+NOWHERE = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+def mount_of(tracker: Pose, segment: Pose) -> Pose:
+    """Return how a segment stands in its tracker's frame, from both in world (in a T-pose)."""
+    back = quat_conjugate(tracker.orientation_wxyz)
+    return Pose(
+        rotate(back, segment.position_m - tracker.position_m),
+        quat_multiply(back, segment.orientation_wxyz),
+    )
+
+
+class OpenVrTrackers(BodyDevice):
+    """Follow the `BodyTracker` contract over trackers; `worn` maps serial numbers to segments."""
+
+    def __init__(
+        self,
+        role: str,
+        transport: MessageTransport,
+        clock: Clock,
+        *,
+        worn: Mapping[str, str],
+        mounts: Mapping[str, Pose] | None = None,
+        rate_hz: float = 120.0,
+        lost_after_s: float = 2.0,
+    ) -> None:
+        if not worn or len(set(worn.values())) != len(worn):
+            raise ConfigError(f"{role}: map each tracker's serial number to a segment of its own")
+        self._worn = dict(worn)
+        self._mounts = dict(mounts or {})
+        self._slot_of: dict[str, int] = {}
+        self._learn_ns = 0
+        super().__init__(
+            role,
+            PolledPoses(transport, clock, rate_hz),
+            clock,
+            MAKE,
+            segments=tuple(self._worn.values()),
+            rate_hz=rate_hz,
+            lost_after_s=lost_after_s,
+        )
+
+    def _connect(self, deadline_ns: int) -> None:
+        self._learn()
+
+    def _resume(self) -> None:
+        self._learn()
+
+    def _tick(self, now_ns: int) -> None:
+        if now_ns >= self._learn_ns and len(self._slot_of) < len(self._worn):
+            self._learn()
+
+    def _learn(self) -> None:
+        self._learn_ns = self._clock.now_ns() + LEARN_EVERY_NS
+        frames = self._transport.request((b"devices",), 1.0).frames
+        if frames[0] or len(frames) < 2:
+            raise ProtocolViolation("the runtime lists no devices", remedy=MAKE.remedy)
+        slots = {row[3]: row[0] for row in msgpack.unpackb(frames[1])}
+        self._slot_of = {serial: slots[serial] for serial in self._worn if serial in slots}
+        self._notes.pop("missing", None)
+        missing = [s for s in self._worn if s not in slots]
+        if missing:
+            others = ", ".join(sorted(set(slots) - set(self._worn))) or "nothing else"
+            text = f"trackers not there: {', '.join(missing)}; the runtime has {others}"
+            self._note("missing", text, MAKE.remedy)
+
+    def _decode(self, message: Message) -> Iterable[BodySample]:
+        kind, error, *rest = message.frames
+        if kind != b"poses" or error or not rest:
+            self._malformed += 1
+            return ()
+        poses = codec.decode_poses(rest[0])
+        n = len(self._worn)
+        position, turn = np.full((n, 3), np.nan), np.full((n, 4), np.nan)
+        valid = np.zeros(n, np.bool_)
+        for row, serial in enumerate(self._worn):
+            slot = self._slot_of.get(serial)
+            found = (
+                codec.decode_pose(poses[slot]) if slot is not None and slot < len(poses) else None
+            )
+            if found is None:
+                continue
+            at, q = np.array(found[0]), np.array(found[1])
+            mount = self._mounts.get(serial, NOWHERE)
+            position[row] = at + rotate(q, mount.position_m)
+            turn[row] = quat_multiply(q, mount.orientation_wxyz)
+            valid[row] = True
+        sent_ns = message.t_sent_ns if message.t_sent_ns is not None else message.t_host_ns
+        return (BodySample(None, sent_ns, position, turn, valid),)
+
+
+class PolledPoses:
+    """Make a stream of a runtime that only answers: one request of poses per period."""
+
+    def __init__(self, inner: MessageTransport, clock: Clock, rate_hz: float) -> None:
+        self._inner = inner
+        self._clock = clock
+        self._period_ns = round(NS_PER_S / rate_hz)
+        self._due_ns = clock.now_ns()
+
+    @property
+    def kind(self) -> str:
+        """Name the wire itself."""
+        return self._inner.kind
+
+    @property
+    def is_simulated(self) -> bool:
+        """Tell what the wire tells."""
+        return self._inner.is_simulated
+
+    def open(self, deadline_s: float) -> None:
+        """Open the wire."""
+        self._inner.open(deadline_s)
+        self._due_ns = self._clock.now_ns()
+
+    def request(self, frames: Frames, timeout_s: float) -> Exchange:
+        """Pass on."""
+        return self._inner.request(frames, timeout_s)
+
+    def post(self, frames: Frames) -> None:
+        """Pass on."""
+        self._inner.post(frames)
+
+    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
+        """Do nothing: poses are asked for."""
+
+    def receive(self, timeout_s: float) -> Sequence[Message]:
+        """Wait for the next due time if the timeout allows, and ask for the poses."""
+        now_ns = self._clock.now_ns()
+        if now_ns < self._due_ns:
+            until_ns = min(self._due_ns, now_ns + round(timeout_s * NS_PER_S))
+            self._clock.sleep_until_ns(until_ns)
+            now_ns = self._clock.now_ns()
+            if now_ns < self._due_ns:
+                return []
+        behind = (now_ns - self._due_ns) // self._period_ns
+        self._due_ns += (behind + 1) * self._period_ns
+        self._inner.receive(0.0)
+        try:
+            exchange = self._inner.request((b"poses",), 1.0)
+        except DeviceError:
+            return []  # silence is told in time
+        if exchange.frames[0]:
+            return []
+        frames = (b"poses", *exchange.frames)
+        return [Message(exchange.t_receive_ns, frames, exchange.t_send_ns)]
+
+    def send(self, port: int, frames: Frames) -> None:
+        """Pass on."""
+        self._inner.send(port, frames)
+
+    def close(self) -> None:
+        """Close the wire; idempotent."""
+        self._inner.close()
