@@ -249,7 +249,7 @@ class GazeDevice(ABC):
             warn(text, "keep the .wire log and report it")
         if counts.lost:
             warn(f"{counts.lost} samples were lost on the way", "check cable, network and load")
-        jumps_ms = counts.clock_jumps_ms + self._one_way.jumps_ms
+        jumps_ms = counts.clock_jumps_ms if self._pairs else self._one_way.jumps_ms
         if jumps_ms:
             text = (
                 f"the tracker's clock jumped {len(jumps_ms)} times, last by {jumps_ms[-1]:.0f} ms"
@@ -402,9 +402,10 @@ class GazeDevice(ABC):
         self._meter.update(stamps, arrivals[-1])
         self._one_way.add(stamps, arrivals)
         values = rows_to_values(rows)
-        self._recent.add(
-            len(rows), int(values["left_valid"].sum()), int(values["right_valid"].sum())
-        )
+        left, right = values["left_valid"], values["right_valid"]
+        if not left.any() and not right.any():  # a tracker of combined gaze alone
+            left = right = values["valid"]
+        self._recent.add(len(rows), int(left.sum()), int(right.sum()))
         sink(
             SampleBatch(
                 self._schema,

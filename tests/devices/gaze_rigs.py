@@ -6,7 +6,7 @@ import numpy as np
 
 from devices import conformance
 from devices.pump import Pump
-from devices.sim.faults import FaultSchedule
+from devices.sim.faults import FaultSchedule, WireFault
 from devices.sim.tracker_error import TrackerErrorModel
 from devices.transports import MemoryTransport
 from devices.wirelog import ReplayTransport, TeeTransport
@@ -110,3 +110,10 @@ def pumped(device, clock):
     finally:
         pump.stop()
         device.close()
+
+
+def lose_for(simulator, clock, seconds):
+    """Let the peer be gone from now on for a while; return when it is back."""
+    since_s = (clock.now_ns() - simulator.source.origin_ns) / NS_PER_S
+    simulator.source.faults = FaultSchedule((WireFault("disconnect", since_s, seconds),))
+    return simulator.source.origin_ns + round((since_s + seconds) * NS_PER_S)

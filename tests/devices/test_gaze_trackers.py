@@ -6,8 +6,10 @@ import pytest
 from devices.contracts import DeviceState
 from devices.drivers.fove import Fove
 from devices.drivers.gazepoint import Gazepoint
+from devices.drivers.neon import Neon
 from devices.sim.fove import FoveSimulator
 from devices.sim.gazepoint import GazepointSimulator
+from devices.sim.neon import NeonSimulator
 from lab.errors import DeviceTimeout
 from lab.geometry import angle_deg
 from tests.devices import gaze_rigs
@@ -15,6 +17,7 @@ from tests.devices.gaze_rigs import PERFECT, GazeRig
 
 TRACKERS = {
     "fove": (Fove, FoveSimulator),
+    "neon": (Neon, NeonSimulator),
     "gazepoint": (Gazepoint, GazepointSimulator),
 }
 TIGHT_DEG = 0.01

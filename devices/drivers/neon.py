@@ -1,0 +1,186 @@
+"""Drive a Pupil Labs Neon through the Companion app's network API.
+
+Codec: `devices.drivers.neon_codec`. Transport: `devices.drivers.neon_network.NeonNetwork` (HTTP,
+WebSocket, RTSP and time echo by pupil-labs-realtime-api), or its simulator in memory. The phone's
+clock counts whole milliseconds when asked, so single exchanges are good to half of one.
+"""
+
+import json
+import struct
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from devices.contracts import ClockPair, DeviceState, Fault, Health
+from devices.drivers import neon_codec as codec
+from devices.drivers.gaze_device import GazeDevice, Make
+from devices.drivers.gaze_rays import Sample
+from devices.transports import Frames, Message, MessageTransport
+from lab.clock import NS_PER_MS, Clock
+from lab.errors import DeviceError, DeviceNotFound
+
+REMEDY = (
+    "start the Neon Companion app, put phone and computer into one network, and check the "
+    "address and the ports 8080 and 8086"
+)
+NEON = Make(
+    driver="neon",
+    vendor="Pupil Labs",
+    model="Neon",
+    remedy=REMEDY,
+    capabilities=frozenset({"gaze", "per_eye", "pupil", "head_frame", "annotation"}),
+)
+ECHO = struct.Struct("!Q")
+HALF_MS_NS = NS_PER_MS // 2
+NEWER_APP = "update Visavis; until then choose fewer gaze data in the Companion app"
+
+
+class Neon(GazeDevice):
+    """Follow the `EyeTracker` contract over the Companion app; it needs no calibration.
+
+    Directions use the module's own camera calibration when the app gives it, else the pinhole
+    of the options. Per-eye rays and pupils are there when the app computes them.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        transport: MessageTransport,
+        clock: Clock,
+        *,
+        rate_hz: float = 200.0,
+        lost_after_s: float = 2.0,
+        exchange_interval_s: float = 1.0,
+        opening_exchanges: int = 20,
+        focal_length_px: float = 891.0,
+        center_x_px: float = 800.0,
+        center_y_px: float = 600.0,
+        camera_pitch_deg: float = 0.0,
+    ) -> None:
+        self._camera = codec.SceneCamera(
+            focal_length_px, focal_length_px, center_x_px, center_y_px, pitch_deg=camera_pitch_deg
+        )
+        self._pitch_deg = camera_pitch_deg
+        self._opening_exchanges = opening_exchanges
+        self._packet: int | None = None
+        self._unknown: dict[int, int] = {}
+        self._battery_01: float | None = None
+        super().__init__(
+            role,
+            transport,
+            clock,
+            NEON,
+            rate_hz=rate_hz,
+            lost_after_s=lost_after_s,
+            exchange_interval_s=exchange_interval_s,
+        )
+
+    def health(self) -> Health:
+        """Report deliveries, the clock fit and the phone's battery."""
+        return replace(super().health(), battery_01=self._battery_01)
+
+    def annotate(self, text: str, t_host_ns: int) -> None:
+        """Send an event stamped on the phone's clock; it stands in the phone's recording."""
+        self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
+        frames: Frames = (b"event", text.encode(), str(self._to_device_ns(t_host_ns)).encode())
+        self._on_wire(lambda: self._transport.send(0, frames))
+
+    def _connect(self, deadline_ns: int) -> None:
+        self._packet = None
+        status = self._ask((b"status",), deadline_ns).frames
+        self._take_status(status)
+        raw = self._ask((b"calibration",), deadline_ns).frames[1]
+        found = codec.decode_calibration(raw, self._pitch_deg)
+        if found is None:
+            fault = self._warning(
+                "the module's camera calibration is not known; rays are a pinhole's",
+                "update the Companion app, or set focal_length_px and the centre",
+            )
+            self._note("camera", fault)
+        else:
+            self._camera, serial = found
+            self.info = replace(self.info, serial=serial)
+        for _ in range(self._opening_exchanges):
+            exchange = self._ask((b"time",), deadline_ns)
+            self._take_echo(exchange.frames, exchange.t_send_ns, exchange.t_receive_ns)
+        if not self._pairs and self._opening_exchanges:
+            raise DeviceError(
+                "the phone did not answer a time echo", role=self.info.role, remedy=REMEDY
+            )
+
+    def _resume(self) -> None:
+        self._packet = None
+
+    def _begin_stream(self) -> None:
+        self._unknown = {}
+
+    def _ask_time(self, now_ns: int) -> None:
+        self._transport.post((b"time",))
+
+    def _decode(self, message: Message) -> Iterable[Sample]:
+        frames = message.frames
+        kind = frames[0]
+        if kind == b"gaze" and len(frames) == 3 and len(frames[1]) == codec.STAMP.size:
+            stamp_ns, number = codec.STAMP.unpack(frames[1])
+            self._packet = codec.unwrapped(number, self._packet)
+            sample = codec.decode_gaze(stamp_ns, self._packet, frames[2], self._camera)
+            if sample is None:
+                self._counts.malformed += 1
+                size = len(frames[2])
+                self._unknown[size] = self._unknown.get(size, 0) + 1
+            else:
+                yield sample
+        elif kind == b"time" and message.t_sent_ns is not None:
+            self._take_echo(frames, message.t_sent_ns, message.t_host_ns)
+        elif kind == b"status":
+            self._take_status(frames)
+        else:
+            self._counts.malformed += 1
+
+    def _take_echo(self, frames: Frames, sent_ns: int, received_ns: int) -> None:
+        if len(frames) != 2 or len(frames[1]) != ECHO.size:
+            self._counts.malformed += 1
+            return
+        (phone_ms,) = ECHO.unpack(frames[1])
+        if phone_ms < 2**43:  # the middle of the millisecond it counts
+            device_ns = phone_ms * NS_PER_MS + HALF_MS_NS
+            self._add_pair(ClockPair(sent_ns, device_ns, received_ns))
+
+    def _take_status(self, frames: Frames) -> None:
+        try:
+            parts = json.loads(frames[1])
+            rows = [(str(part["model"]), dict(part["data"])) for part in parts]
+        except (ValueError, TypeError, KeyError, IndexError):
+            self._counts.malformed += 1
+            return
+        for model, data in rows:
+            if model == "Phone":
+                self._take_phone(data)
+            elif model == "Hardware" and data.get("module_serial", "unknown") != "unknown":
+                self.info = replace(self.info, serial=str(data["module_serial"]))
+            elif model == "Sensor" and data.get("sensor") == "gaze":
+                gone = not data.get("connected") and data.get("conn_type") == "DIRECT"
+                if gone and self._life.state is DeviceState.CLOSED:
+                    raise DeviceNotFound(
+                        "the phone sees no gaze sensor",
+                        role=self.info.role,
+                        remedy="connect the glasses to the phone and wait for the gaze circle",
+                    )
+                fault = self._blocking("the glasses are not connected", "check their cable")
+                self._note("sensor", fault if gone else None)
+
+    def _take_phone(self, data: Mapping[str, Any]) -> None:
+        level = data.get("battery_level")
+        if isinstance(level, int | float) and 0 <= level <= 100:
+            self._battery_01 = level / 100
+        low = data.get("battery_state") in ("LOW", "CRITICAL")
+        fault = self._warning("the phone's battery is low", "charge the phone")
+        self._note("battery", fault if low else None)
+        full = data.get("memory_state") in ("LOW", "CRITICAL")
+        fault = self._warning("the phone's memory is nearly full", "delete old recordings")
+        self._note("memory", fault if full else None)
+
+    def _own_faults(self) -> Iterable[Fault]:
+        for size, count in sorted(self._unknown.items()):
+            text = f"{count} gaze payloads of unknown length {size}"
+            yield self._warning(text, NEWER_APP)

@@ -1,0 +1,249 @@
+"""Carry Neon's network messages: HTTP, WebSocket, RTSP and time echo, by the vendor's client.
+
+An asyncio loop lives in one thread of this module and nowhere else. Everything that arrives gets
+its host stamp in that thread, as soon as the loop hands it over.
+"""
+
+import asyncio
+import json
+import logging
+import struct
+import threading
+from collections import deque
+from collections.abc import Coroutine, Sequence
+from concurrent.futures import TimeoutError as NotInTime
+from typing import Any
+
+from devices.drivers.neon_codec import STAMP
+from devices.transports import Exchange, Frames, Message
+from lab.clock import NS_PER_MS, Clock
+from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
+
+ECHO = struct.Struct("!Q")
+ECHO_TIMEOUT_S = 1.0
+GOODBYE_S = 0.5
+CLOSING_S = 0.02
+"""The loop closes sockets in the turns after they were given up."""
+
+WIRE_LOGGERS = ("aiortsp", "rtp.session", "rtsp_client", "pupil_labs.realtime_api", "websockets")
+
+
+class NeonNetwork:
+    """Speak to one Companion app at an explicit address; no multicast is needed.
+
+    Requests: (status,) (calibration,) (time,). Messages: (gaze, stamp, payload), (status, json).
+    """
+
+    def __init__(
+        self, address: str, port: int, clock: Clock, *, remedy: str = "", is_simulated: bool = False
+    ) -> None:
+        self.is_simulated = is_simulated
+        self._address = address
+        self._port = port
+        self._clock = clock
+        self._remedy = remedy
+        self._arrived = threading.Condition()
+        self._messages: deque[Message] = deque()
+        self._gone: str | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread: threading.Thread | None = None
+        self._tasks: list[asyncio.Task[None]] = []
+        self._device: Any = None
+        self._echo: tuple[asyncio.StreamReader, asyncio.StreamWriter] | None = None
+        self._echo_at: tuple[str, int] = (address, 0)
+        self._echo_alone: asyncio.Lock | None = None
+
+    @property
+    def kind(self) -> str:
+        """Name the address."""
+        return f"neon http://{self._address}:{self._port}"
+
+    def open(self, deadline_s: float) -> None:
+        """Start the loop, read the status, begin the gaze stream and the status updates."""
+        self.close()
+        try:
+            from pupil_labs.realtime_api.device import Device
+        except ImportError as cause:
+            raise DeviceNotFound(
+                "the library pupil-labs-realtime-api is not installed",
+                remedy="run: pip install visavis[neon]",
+            ) from cause
+        for name in WIRE_LOGGERS:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        self._gone = None
+        self._messages.clear()
+        loop = self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=loop.run_forever, name="neon-network", daemon=True)
+        self._thread.start()
+        try:
+            self._run(self._begin(Device), deadline_s)
+        except DeviceError:
+            self.close()
+            raise
+
+    def request(self, frames: Frames, timeout_s: float) -> Exchange:
+        """Ask and wait."""
+        sent_ns = self._clock.now_ns()
+        if frames[0] == b"time":
+            message = self._run(self._exchange_time(), timeout_s)
+            return Exchange(message.frames, message.t_sent_ns or sent_ns, message.t_host_ns)
+        answer = self._run(self._answer(frames), timeout_s)
+        return Exchange(answer, sent_ns, self._clock.now_ns())
+
+    def post(self, frames: Frames) -> None:
+        """Ask for the time without waiting; an answer that never comes is none."""
+        if frames[0] == b"time" and self._loop is not None:
+            asyncio.run_coroutine_threadsafe(self._post_time(), self._loop)
+
+    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
+        """Do nothing: the stream runs since open."""
+
+    def receive(self, timeout_s: float) -> Sequence[Message]:
+        """Return what came; raises DeviceDisconnected once the stream has ended."""
+        with self._arrived:
+            if not self._messages and self._gone is None and timeout_s > 0:
+                self._arrived.wait(timeout_s)
+            messages = list(self._messages)
+            self._messages.clear()
+            gone = self._gone
+        if gone is not None and not messages:
+            raise DeviceDisconnected(gone, remedy=self._remedy)
+        return messages
+
+    def send(self, port: int, frames: Frames) -> None:
+        """Send an event: name and the phone's time in ns."""
+        self._run(self._device.send_event(frames[1].decode(), int(frames[2])), 2.0)
+
+    def close(self) -> None:
+        """Stop the tasks, the loop and its thread; idempotent."""
+        loop, self._loop = self._loop, None
+        if loop is None or self._thread is None:
+            return
+        asyncio.run_coroutine_threadsafe(self._end(), loop).result(timeout=5.0)
+        loop.call_soon_threadsafe(loop.stop)
+        self._thread.join(5.0)
+        loop.close()
+        self._thread = None
+
+    # ---- in the loop's thread ---------------------------------------------------------------
+
+    async def _begin(self, device_class: Any) -> None:
+        self._device = device_class(self._address, self._port)
+        self._echo_alone = asyncio.Lock()
+        status = await self._device.get_status()
+        self._echo_at = (self._address, int(status.phone.time_echo_port or 0))
+        sensor = status.direct_gaze_sensor()
+        url = None if sensor is None else sensor.url
+        if url is not None:
+            self._tasks.append(asyncio.create_task(self._stream(url)))
+        self._tasks.append(asyncio.create_task(self._updates()))
+
+    async def _stream(self, url: str) -> None:
+        from pupil_labs.realtime_api.streaming import base
+
+        try:
+            async with base.RTSPRawStreamer(url) as streamer:
+                reader = streamer.reader
+                async for packet in reader.iter_packets():
+                    now_ns = self._clock.now_ns()
+                    try:
+                        seconds = reader.absolute_timestamp_from_packet(packet)
+                    except base._UnknownClockoffsetError:  # noqa: SLF001 - raised by a public call
+                        continue  # before the first sender report no packet has a time
+                    stamp = STAMP.pack(round(seconds * 1e9), packet.seq)
+                    self._hand_over(Message(now_ns, (b"gaze", stamp, bytes(packet.data))))
+        except (OSError, ValueError, RuntimeError, KeyError) as problem:
+            self._lose(f"the gaze stream broke: {problem}")
+            return
+        self._lose("the gaze stream ended")
+
+    async def _updates(self) -> None:
+        async for component in self._device.status_updates():
+            part = {"model": type(component).__name__, "data": component._asdict()}
+            frame = json.dumps([part], default=str).encode()
+            self._hand_over(Message(self._clock.now_ns(), (b"status", frame)))
+
+    async def _answer(self, frames: Frames) -> Frames:
+        path = {b"status": "/api/status", b"calibration": "/calibration.bin"}[frames[0]]
+        session = self._device.active_session
+        async with session.get(f"http://{self._address}:{self._port}{path}") as response:
+            raw: bytes = await response.read() if response.status == 200 else b""
+        if frames[0] == b"status" and raw:
+            raw = json.dumps(json.loads(raw)["result"]).encode()
+        return frames[0], raw
+
+    async def _exchange_time(self) -> Message:
+        assert self._echo_alone is not None  # noqa: S101 - made with the loop
+        async with self._echo_alone:
+            try:
+                if self._echo is None:
+                    self._echo = await asyncio.open_connection(*self._echo_at)
+                reader, writer = self._echo
+                sent_ns = self._clock.now_ns()
+                token = ECHO.pack(sent_ns // NS_PER_MS)
+                writer.write(token)
+                answer = await asyncio.wait_for(reader.readexactly(16), ECHO_TIMEOUT_S)
+            except BaseException:
+                self._drop_echo()
+                raise
+            now_ns = self._clock.now_ns()
+        if answer[:8] != token:
+            self._drop_echo()
+            raise ConnectionError("the time echo answered another question")
+        return Message(now_ns, (b"time", answer[8:]), sent_ns)
+
+    async def _post_time(self) -> None:
+        try:
+            self._hand_over(await self._exchange_time())
+        except (OSError, EOFError, TimeoutError):
+            return  # the driver counts unanswered requests
+
+    async def _end(self) -> None:
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        self._tasks = []
+        self._drop_echo()
+        if self._device is not None:
+            await self._device.close()
+        others = [t for t in asyncio.all_tasks() if t is not asyncio.current_task()]
+        if others:  # sessions say goodbye when their stream is cancelled
+            await asyncio.wait(others, timeout=GOODBYE_S)
+        for task in others:
+            task.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
+        await asyncio.sleep(CLOSING_S)
+
+    def _drop_echo(self) -> None:
+        if self._echo is not None:
+            self._echo[1].close()
+            self._echo = None
+
+    def _hand_over(self, message: Message) -> None:
+        with self._arrived:
+            self._messages.append(message)
+            self._arrived.notify_all()
+
+    def _lose(self, reason: str) -> None:
+        with self._arrived:
+            self._gone = reason
+            self._arrived.notify_all()
+
+    # ---- across threads ---------------------------------------------------------------------
+
+    def _run(self, work: Coroutine[Any, Any, Any], timeout_s: float) -> Any:
+        if self._loop is None:
+            work.close()
+            raise DeviceDisconnected(f"{self.kind} is not open", remedy=self._remedy)
+        waiting = asyncio.run_coroutine_threadsafe(work, self._loop)
+        try:
+            return waiting.result(timeout_s)
+        except (NotInTime, TimeoutError) as cause:
+            waiting.cancel()
+            raise DeviceTimeout(
+                f"{self.kind} did not answer within {timeout_s:g} s", remedy=self._remedy
+            ) from cause
+        except Exception as cause:  # the vendor's client raises errors of many libraries
+            raise DeviceNotFound(
+                f"{self.kind}: {type(cause).__name__}: {cause}", remedy=self._remedy
+            ) from cause

@@ -1,0 +1,257 @@
+"""Neon: payloads by length, the camera, and the genuine client against servers of our own."""
+
+import logging
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from devices.contracts import DeviceState
+from devices.drivers import neon_codec as codec
+from devices.drivers.gaze_rays import rows_to_values
+from devices.drivers.neon import REMEDY, Neon
+from devices.drivers.neon_network import NeonNetwork
+from devices.sim.faults import FaultSchedule
+from devices.sim.neon import PAYLOAD_SIZES, NeonSimulator
+from devices.sim.neon_host import NeonHost
+from lab.clock import NS_PER_MS, SystemClock
+from lab.clock_fit import offset_ns
+from lab.errors import DeviceNotFound, DeviceTimeout
+from lab.geometry import angle_deg
+from tests.devices import gaze_rigs
+from tests.devices.bodies import FixatingBody
+from tests.devices.gaze_rigs import PERFECT, GazeRig
+
+CAMERA = codec.SceneCamera(1000.0, 1000.0, 800.0, 600.0)
+RIGHT_UP = (1800.0, -400.0)  # 45° to the right and as far up, for this camera
+
+
+def row_of(payload, camera=CAMERA):
+    sample = codec.decode_gaze(5, 7, payload, camera)
+    return rows_to_values([sample.row])[0]
+
+
+def test_nine_bytes_are_a_pixel_and_worn():
+    row = row_of(bytes.fromhex("44484000 44160000 ff"))  # 801, 600, 255
+
+    np.testing.assert_allclose(row["direction_head"], (0.001, 0, -1), atol=1e-6)
+    assert row["valid"]
+    assert np.isnan(row["left_direction_head"]).all()
+    assert np.isnan(row["left_pupil_mm"])
+
+
+def test_pixel_axes_become_right_up_and_forward():
+    row = row_of(struct.pack("!ffB", *RIGHT_UP, 255))
+
+    np.testing.assert_allclose(row["direction_head"], np.array([1, 1, -1]) / 3**0.5, atol=1e-6)
+
+
+def test_camera_that_looks_up_raises_the_ray():
+    up = codec.SceneCamera(pitch_deg=10.0).ray(800.0, 600.0)
+
+    np.testing.assert_allclose(up, (0, np.sin(np.radians(10)), -np.cos(np.radians(10))), atol=1e-9)
+
+
+def test_not_worn_is_invalid_but_keeps_the_value():
+    row = row_of(struct.pack("!ffB", 800, 600, 0))
+
+    assert not row["valid"]
+    assert np.isfinite(row["direction_head"]).all()
+
+
+def test_dual_payload_puts_left_first():
+    row = row_of(struct.pack("!ffBff", 700, 600, 255, 900, 600))
+
+    assert row["left_direction_head"][0] < 0 < row["right_direction_head"][0]
+    assert (row["eyes_used"], row["left_valid"], row["right_valid"]) == (3, True, True)
+
+
+def test_eye_state_gives_diameters_and_lids_tell_a_closed_eye():
+    eye = (3.25, -32.0, 1.0, -20.0, 0.0, 0.0, 1.0)
+    other = (4.5, 32.0, 1.0, -20.0, 0.0, 0.0, 1.0)
+    lids = (0.3, -0.3, 9.0, 0.1, -0.1, 0.2)
+    row = row_of(struct.pack("!ffB24f", 800, 600, 255, *eye, *other, *lids, 790, 600, 810, 600))
+
+    assert (row["left_pupil_mm"], row["right_pupil_mm"]) == (3.25, 4.5)
+    assert (row["left_valid"], row["right_valid"]) == (True, False)
+    assert row["eyes_used"] == 1
+    assert np.isfinite(row["right_direction_head"]).all()
+
+
+@pytest.mark.parametrize("size", PAYLOAD_SIZES)
+def test_every_length_gives_the_body_direction(size):
+    rig = GazeRig(Neon, NeonSimulator, error=PERFECT, payload_size=size).start().run(0.5)
+
+    errors_deg = angle_deg(rig.column("direction_head").astype("f8"), rig.body.direction)
+    assert errors_deg.max() < 0.02
+    assert rig.column("valid").all()
+
+
+def test_unknown_length_is_counted_and_told():
+    rig = GazeRig(Neon, NeonSimulator, {"kind": "version", "start_s": 1.0, "text": "16"})
+    rig.start().run(3.0)
+
+    assert "gaze payloads of unknown length 121" in rig.messages()
+    assert "could not be read" in rig.messages()
+
+
+def test_lens_distortion_of_the_module_is_undone():
+    bent = (0.1, -0.2, 0.001, -0.0005, 0.05, 0.2, -0.1, 0.02)
+    rig = GazeRig(Neon, NeonSimulator, error=PERFECT, distortion=bent, body=FixatingBody(20, 12))
+    rig.start().run(0.5)
+
+    errors_deg = angle_deg(rig.column("direction_head").astype("f8"), rig.body.direction)
+    assert errors_deg.max() < 0.05
+    assert rig.driver.info.serial == "123456"
+
+
+@given(st.integers(0, 200).flatmap(lambda n: st.binary(min_size=n, max_size=n)))
+def test_any_payload_gives_unit_vectors_or_nothing(payload):
+    sample = codec.decode_gaze(0, 0, payload, CAMERA)
+    assert (sample is None) == (len(payload) not in PAYLOAD_SIZES)
+    if sample is not None:
+        row = rows_to_values([sample.row])[0]
+        for name in ("direction_head", "left_direction_head", "right_direction_head"):
+            length = np.linalg.norm(row[name].astype("f8"))
+            assert np.isnan(length) or abs(length - 1) < 1e-4
+
+
+@given(st.binary(max_size=300))
+def test_any_calibration_file_is_read_or_refused(raw):
+    codec.decode_calibration(raw, 0.0)
+
+
+def test_packet_numbers_go_on_past_65535():
+    assert codec.unwrapped(2, 65_534) == 65_538
+    assert codec.unwrapped(65_535, 65_536) == 65_535
+
+
+def test_low_battery_is_told_and_reported():
+    rig = GazeRig(Neon, NeonSimulator, battery_level=12).start().run(0.2)
+
+    assert rig.driver.health().battery_01 == 0.12
+    assert "the phone's battery is low" in rig.messages()
+
+
+def test_phone_without_glasses_is_not_opened():
+    rig = GazeRig(Neon, NeonSimulator)
+    rig.simulator.has_glasses = False
+
+    with pytest.raises(DeviceNotFound, match="no gaze sensor; connect the glasses"):
+        rig.driver.open(2.0)
+
+
+def test_calibration_is_refused_by_name():
+    rig = GazeRig(Neon, NeonSimulator).start()
+
+    with pytest.raises(Exception, match="a neon tracker cannot be calibrated from here"):
+        rig.driver.begin_calibration()
+
+
+def test_event_bears_the_phones_time():
+    rig = GazeRig(Neon, NeonSimulator).start().run(2.0)
+    t_ns = rig.clock.now_ns()
+
+    rig.driver.annotate("trial 1", t_ns)
+
+    ((name, stamp_ns),) = rig.simulator.events
+    assert name == "trial 1"
+    assert abs(stamp_ns - rig.simulator.source.device_ns(t_ns)) < NS_PER_MS
+
+
+class Lab:
+    def __init__(self, *faults, **options):
+        self.clock = SystemClock()
+        self.simulator = NeonSimulator(
+            FixatingBody(5.0, 3.0),
+            clock=self.clock,
+            seed=1,
+            error=PERFECT,
+            faults=FaultSchedule.from_config(faults),
+        )
+        self.host = NeonHost(self.simulator, self.clock)
+        self.options = options
+
+    def driver(self, **options):
+        wire = NeonNetwork(
+            "127.0.0.1", self.host.port, self.clock, remedy=REMEDY, is_simulated=True
+        )
+        return Neon("eyes", wire, self.clock, **{"lost_after_s": 0.6, **self.options, **options})
+
+
+@pytest.fixture(autouse=True)
+def quiet_client():
+    yield
+    logging.getLogger("asyncio").setLevel(logging.WARNING)
+
+
+def test_genuine_client_delivers_gaze_clock_events_and_status():
+    lab = Lab(exchange_interval_s=0.05)
+    with lab.host:
+        driver = lab.driver()
+        driver.open(10.0)
+        opening = len(driver.clock_pairs())
+        with gaze_rigs.pumped(driver, lab.clock) as (pump, batches):
+            gaze_rigs.step_until(lab.clock, pump, lambda: sum(map(len, batches)) > 60)
+            values = np.concatenate([b.values for b in batches])
+            errors_deg = angle_deg(
+                values["direction_head"].astype("f8"), FixatingBody(5.0, 3.0).direction
+            )
+            assert errors_deg.max() < 0.02
+            gaze_rigs.step_until(lab.clock, pump, lambda: len(driver.clock_pairs()) > opening + 3)
+            driver.annotate("mark", lab.clock.now_ns())
+            lab.simulator.battery_level = 11
+            lab.host.tell()
+            gaze_rigs.step_until(lab.clock, pump, lambda: driver.health().battery_01 == 0.11)
+    assert lab.simulator.events[0][0] == "mark"
+    true_ns = -lab.simulator.source.device_ns(0)
+    assert abs(offset_ns(driver.clock_pairs()) - true_ns) < 5 * NS_PER_MS
+
+
+def test_genuine_client_keeps_the_contract():
+    lab = Lab(opening_exchanges=2)
+    made = []
+    with lab.host:
+
+        def make():
+            made.append(lab.driver())
+            return made[-1]
+
+        wait = gaze_rigs.let_pass_on(lab.clock)
+        gaze_rigs.conformance.check_batches(make, wait)
+        gaze_rigs.conformance.check_eye_tracker(make, wait)
+        gaze_rigs.conformance.check_lifecycle(make, wait)
+        for device in made:
+            device.close()
+
+
+def test_phone_that_goes_away_comes_back_within_two_seconds():
+    lab = Lab(opening_exchanges=2)
+    with lab.host:
+        driver = lab.driver()
+        driver.open(10.0)
+        with gaze_rigs.pumped(driver, lab.clock) as (pump, batches):
+            gaze_rigs.step_until(lab.clock, pump, lambda: bool(batches))
+            back_ns = gaze_rigs.lose_for(lab.simulator, lab.clock, 0.8)
+            gaze_rigs.step_until(lab.clock, pump, lambda: driver.state is DeviceState.FAULT)
+            gaze_rigs.step_until(lab.clock, pump, lambda: driver.state is DeviceState.STREAMING)
+            pump.step()
+            events = pump.take_events()
+    assert events[-1].kind == "reconnected"
+    assert events[-1].t_ns - back_ns < 2 * 10**9
+
+
+def test_phone_that_never_answers_times_out():
+    lab = Lab({"kind": "mute"})
+    with lab.host, pytest.raises(DeviceTimeout, match="start the Neon Companion app"):
+        lab.driver().open(0.5)
+
+
+def test_nobody_there_says_what_to_start():
+    clock = SystemClock()
+    wire = NeonNetwork("127.0.0.1", 1, clock, remedy=REMEDY)
+
+    with pytest.raises(DeviceNotFound, match="put phone and computer into one network"):
+        Neon("eyes", wire, clock).open(2.0)
