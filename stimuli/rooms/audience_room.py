@@ -57,7 +57,7 @@ def _room(seats_m: tuple[tuple[str, float], ...]) -> Room:
         props=tuple(props),
         lights=_lights(turn),
         sky=np.array([0.36, 0.36, 0.37]),
-        ground=np.array([0.17, 0.14, 0.11]),
+        ground=np.array([0.32, 0.29, 0.26]),
         background_srgb=(24, 24, 26),
     )
 

@@ -29,7 +29,7 @@ def office() -> Room:
             Light("point", np.array([2.2, 2.2, 2.2]), position_m=np.array([0.0, 2.7, -5.8])),
         ),
         sky=np.array([0.40, 0.40, 0.41]),
-        ground=np.array([0.20, 0.19, 0.17]),
+        ground=np.array([0.36, 0.34, 0.31]),
         background_srgb=(24, 24, 26),
     )  # fmt: skip
 

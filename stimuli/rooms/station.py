@@ -48,7 +48,7 @@ def station() -> Room:
             Light("point", np.array([7.0, 6.6, 6.0]), position_m=np.array([0.0, 4.6, 9.5])),
         ),
         sky=np.array([0.42, 0.41, 0.38]),
-        ground=np.array([0.22, 0.20, 0.18]),
+        ground=np.array([0.36, 0.335, 0.30]),
         background_srgb=(16, 16, 18),
     )  # fmt: skip
 
@@ -90,12 +90,12 @@ def _floors() -> list[Prop]:
     (z0, z1), edge = ENDS_M, HALF_WIDTH_M + PLATFORM_M
     hall = furniture.level(
         "hall_floor", (-HALF_WIDTH_M, z0), (HALF_WIDTH_M, z1), 0.0, STONE,
-        surfaces.tiles(31, 4, joint=0.8, mottled=0.09), uv_m=2.0, roughness_01=0.35,
+        surfaces.tiles(31, 4, joint=0.8, mottled=0.045), uv_m=2.0, roughness_01=0.35,
     )  # fmt: skip
     sides = [
         furniture.level(
             f"platform_{name}", (x0, z0), (x1, z1), 0.0, (176, 170, 162),
-            surfaces.tiles(32, 4, joint=0.8, mottled=0.09), uv_m=1.6, roughness_01=0.4,
+            surfaces.tiles(32, 4, joint=0.8, mottled=0.045), uv_m=1.6, roughness_01=0.4,
         )
         for name, x0, x1 in (("left", -edge, -HALF_WIDTH_M), ("right", HALF_WIDTH_M, edge))
     ]  # fmt: skip
@@ -315,7 +315,7 @@ def _tracks() -> list[Prop]:
                   for r in (-0.76, 0.76)]  # fmt: skip
         wall = flat((s * (edge + 3.4), -1.2, z0 if s > 0 else z1), (0, 0, s * length),
                     (0, 6.2, 0), (206, 206, 200), uv_m=1.6)  # fmt: skip
-        far_walls.append(wall if s < 0 else _faced(wall))
+        far_walls.append(wall)
         names += [box((s * (edge + 3.36), 1.7, z), (0.04, 0.42, 3.0), (44, 66, 110))
                   for z in (-12.0, -2.0, 8.0)]  # fmt: skip
     return [
@@ -327,14 +327,6 @@ def _tracks() -> list[Prop]:
                          roughness_01=0.3),
         furniture.placed("signs", joined(*names), (0, 0, 0), 0.0, casts_shadow=False),
     ]  # fmt: skip
-
-
-def _faced(mesh: StaticMesh) -> StaticMesh:
-    """Return a flat piece that looks the other way."""
-    return StaticMesh(
-        mesh.vertices_m, -mesh.normals, mesh.colour_srgb,
-        np.ascontiguousarray(mesh.triangles[:, ::-1]), mesh.uv,
-    )  # fmt: skip
 
 
 def _board_case() -> list[Prop]:
