@@ -33,12 +33,12 @@ uniform sampler2DShadow shadow_map_0;
 uniform sampler2DShadow shadow_map_1;
 
 float shadow_taps(sampler2DShadow map, vec3 at, float spread) {
-    vec2 texel = spread / vec2(textureSize(map, 0));
+    vec2 texel = clamp(spread / 2.5, 0.6, 1.7) / vec2(textureSize(map, 0));
     float lit = 0.0;
-    for (int y = -1; y <= 1; ++y)
-        for (int x = -1; x <= 1; ++x)
-            lit += texture(map, vec3(at.xy + (vec2(x, y) * 1.15) * texel, at.z));
-    return lit / 9.0;
+    for (int y = -2; y <= 2; ++y)
+        for (int x = -2; x <= 2; ++x)
+            lit += texture(map, vec3(at.xy + vec2(x, y) * texel, at.z));
+    return lit / 25.0;
 }
 
 float shadow_of(int map, vec3 place, vec3 normal) {
@@ -100,11 +100,14 @@ vec3 lit(vec3 albedo, vec3 wrap, vec3 place, vec3 normal, vec3 view, float gloss
     return albedo * arrived + highlight;
 }
 
-// Colours up to 0.6 stay as they are, brighter ones approach 1 without ever being cut.
+// Colours up to 0.5 stay as they are; brighter ones approach 1 without ever being cut, and keep
+// most of their hue.
 vec3 shown(vec3 linear) {
     vec3 x = max(linear, 0.0);
-    vec3 over = max(x - 0.6, 0.0);
-    return (min(x, 0.6) + 0.4 * (1.0 - exp(-over / 0.4))) * tone.x;
+    float most = max(x.r, max(x.g, x.b));
+    float mapped = min(most, 0.5) + 0.5 * (1.0 - exp(-max(most - 0.5, 0.0) / 0.5));
+    vec3 apart = min(x, 0.5) + 0.5 * (1.0 - exp(-max(x - 0.5, 0.0) / 0.5));
+    return mix(apart, x * (mapped / max(most, 1e-4)), 0.7) * tone.x;
 }
 
 vec3 encoded(vec3 linear) {

@@ -43,7 +43,7 @@ class Quality:
 
     samples: int = 4
     shadows: Literal["maps", "blobs", "none"] = "maps"
-    shadow_map_px: int = 1536
+    shadow_map_px: int = 1024
     shadow_softness_m: float = 0.03
     detail: DetailRule = field(default_factory=DetailRule)
 

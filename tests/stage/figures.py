@@ -52,22 +52,25 @@ def sphere(radius_m: float, rings: int) -> tuple[npt.NDArray[np.float64], npt.ND
 def _figure_mesh(skeleton: Skeleton, rings: int) -> SkinnedMesh:
     rest, index = skeleton.rest_m, skeleton.index
     blobs = [
-        (rest[index(a)], rest[index(b)], r, part, kind, colour, index(a))
+        (rest[index(a)], rest[index(b)], r, part, kind, colour, index(a), index(b))
         for a, b, r, part, kind, colour in LIMBS
     ]
     head = rest[index("head")]
     skin, at = (222, 178, 152), index("head")
     low, high = head + np.array([0, 0.04, 0]), head + np.array([0, 0.10, 0])
-    blobs.append((low, high, 0.075, "face", "skin", skin, at))
+    blobs.append((low, high, 0.075, "face", "skin", skin, at, at))
     low, high = head + np.array([0, 0.09, 0.02]), head + np.array([0, 0.12, 0.02])
-    blobs.append((low, high, 0.078, "scalp", "hair", (70, 46, 30), at))
+    blobs.append((low, high, 0.078, "scalp", "hair", (70, 46, 30), at, at))
     for side in ("left", "right"):
         at = index(f"{side}_eye")
-        blobs.append((rest[at], rest[at], EYE_RADIUS_M, f"{side}_eye", "eye", (90, 120, 150), at))
+        blobs.append(
+            (rest[at], rest[at], EYE_RADIUS_M, f"{side}_eye", "eye", (90, 120, 150), at, at)
+        )
     vertices, normals, colours, joints, triangles, tags, materials = [], [], [], [], [], [], []
+    shared = []
     base = 0
     kinds = [m.kind for m in MATERIALS]
-    for start, end, radius, part, kind, colour, joint in blobs:
+    for start, end, radius, part, kind, colour, joint, next_joint in blobs:
         ball, faces = sphere(1.0, rings)
         along = end - start
         length = np.linalg.norm(along)
@@ -76,17 +79,20 @@ def _figure_mesh(skeleton: Skeleton, rings: int) -> SkinnedMesh:
         vertices.append(radius * ball + np.where(far[:, None], end, start))
         normals.append(ball)
         colours.append(np.tile(np.array(colour, np.uint8), (len(ball), 1)))
-        joints.append(np.full(len(ball), joint))
+        row = np.zeros((len(ball), 4), np.uint8)
+        row[:, 0], row[:, 1] = joint, next_joint
+        joints.append(row)
+        shared.append(far & (joint != next_joint))
         triangles.append(faces + base)
         tags.append(np.full(len(faces), PART_INDEX[part]))
         materials.append(np.full(len(faces), kinds.index(kind)))
         base += len(ball)
     n = base
     weights = np.zeros((n, 4), np.float32)
-    weights[:, 0] = 1
-    joint_rows = np.zeros((n, 4), np.uint8)
-    joint_rows[:, 0] = np.concatenate(joints)
-    face = np.flatnonzero(np.concatenate(joints) == index("head")).astype(np.int32)
+    half = np.concatenate(shared)
+    weights[:, 0], weights[:, 1] = np.where(half, 0.5, 1.0), np.where(half, 0.5, 0.0)
+    joint_rows = np.concatenate(joints)
+    face = np.flatnonzero(joint_rows[:, 0] == index("head")).astype(np.int32)
     smile = Morph(face, np.tile(np.array([0, 0.02, 0], np.float32), (len(face), 1)))
     return SkinnedMesh(
         np.concatenate(vertices).astype(np.float32),
@@ -102,7 +108,7 @@ def _figure_mesh(skeleton: Skeleton, rings: int) -> SkinnedMesh:
     )
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def figure(height_m: float = 1.75) -> Character:
     """Return a person of capsules with three levels of detail."""
     skeleton = canonical_skeleton(height_m)
