@@ -349,7 +349,9 @@ HAPTICS = StreamSchema(
         Field("command", "u4", "", description="number of the command, from 0, per start"),
         Field("kind", "u1", "", description="0 set, 1 pattern, 2 silence, 3 keep-alive"),
         Field("t_commanded_ns", "i8", "ns", description="when the experiment asked"),
-        Field("t_sent_ns", "i8", "ns", description="when the last byte was handed to the link"),
+        Field(
+            "t_sent_ns", "i8", "ns", description="when the last byte left; NO_DEVICE_TIME: never"
+        ),
         Field("acknowledged", "?", "", description="the band confirmed; else lost or one-way"),
         Field("amplitudes_01", "f4", "1", shape=(4,), description="per motor; NaN if not there"),
         Field("rates_hz", "f4", "Hz", shape=(4,), description="vibration rate asked; NaN if none"),
@@ -364,7 +366,7 @@ of the acknowledgement (or the giving up), `t_device_ns` the band's own time of 
 `NO_DEVICE_TIME` when that is unknown."""
 
 NO_DEVICE_TIME = -(2**63)
-"""Stands in `t_device_ns` where the device told no time."""
+"""Stands in `t_device_ns` where the device told no time, in `t_sent_ns` of what was never sent."""
 
 BAND = StreamSchema(
     name="band",

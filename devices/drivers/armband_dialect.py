@@ -1,15 +1,14 @@
-"""What an armband's language must offer to `devices.drivers.armband_driver`, and our own.
+"""Turn an armband's commands, in the contract's units, into frames, and bytes into answers.
 
-A dialect turns commands into bytes and bytes into answers; it keeps no time and does no I/O.
+Keeps no time and does no I/O.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from devices.contracts import PATTERN_NAMES, VibrationPattern
 from devices.drivers import armband_codec as codec
-from devices.drivers.armband_codec import Acknowledgement, Answer, BandEvent, Welcome
+from devices.drivers.armband_codec import Answer
 
 FULL = 255
 
@@ -27,81 +26,10 @@ class Drive:
         return not any(self.amplitudes_01)
 
 
-class Dialect(Protocol):
-    """One band's language. Sequence numbers run 0..255; a dialect without them ignores them.
-
-    `greeting` and `arming` return b"" where the band knows no such thing; `pattern` returns None
-    where it cannot play that pattern by itself. `ping` names the command that should be running
-    (None for silence) and returns b"" where the last `set` must be repeated instead.
-    """
-
-    @property
-    def name(self) -> str:
-        """Name for the manifest: "framed 1"."""
-        ...
-
-    @property
-    def motor_count(self) -> int:
-        """Motors it can address."""
-        ...
-
-    @property
-    def acknowledges(self) -> bool:
-        """Tell whether every command gets an answer."""
-        ...
-
-    @property
-    def has_dead_man(self) -> bool:
-        """Tell whether the band silences itself when frames stop coming."""
-        ...
-
-    def greeting(self, seq: int) -> bytes:
-        """Return the bytes that start a connection."""
-        ...
-
-    def arming(self, seq: int, armed: bool) -> bytes:
-        """Return the bytes that allow motors to run, or forbid it."""
-        ...
-
-    def set(self, seq: int, drive: Drive, ttl_ms: int) -> bytes:
-        """Return the bytes that drive all motors."""
-        ...
-
-    def pattern(
-        self, seq: int, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float
-    ) -> bytes | None:
-        """Return the bytes that start a pattern."""
-        ...
-
-    def stop(self, seq: int) -> bytes:
-        """Return the bytes that silence every motor."""
-        ...
-
-    def ping(self, seq: int, running_seq: int | None) -> bytes:
-        """Return the keep-alive."""
-        ...
-
-    def feed(self, data: bytes) -> Sequence[Answer]:
-        """Return what the band said in these bytes and those before; never raises."""
-        ...
-
-    def reset(self) -> None:
-        """Forget half a message; called when a connection starts."""
-        ...
-
-    @property
-    def damaged(self) -> int:
-        """Messages that could not be read."""
-        ...
-
-
 class FramedDialect:
-    """Our own protocol."""
+    """Our own protocol with four motors; sequence numbers run 0..255."""
 
-    name = f"framed {codec.VERSION}"
     motor_count = codec.MOTORS
-    acknowledges = True
-    has_dead_man = True
 
     def __init__(self) -> None:
         self._reader = codec.FrameReader()
@@ -130,7 +58,7 @@ class FramedDialect:
 
     def pattern(
         self, seq: int, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float
-    ) -> bytes | None:
+    ) -> bytes:
         """Return PATTERN."""
         return codec.encode_pattern(
             seq,
@@ -169,6 +97,3 @@ class FramedDialect:
 
 def _byte(amplitude_01: float) -> int:
     return 0 if amplitude_01 <= 0 else max(1, round(min(1.0, amplitude_01) * FULL))
-
-
-__all__ = ["Acknowledgement", "Answer", "BandEvent", "Dialect", "Drive", "FramedDialect", "Welcome"]

@@ -32,7 +32,7 @@ class Command:
     low_hz: float = math.nan
     modulation_hz: float = math.nan
     t_write_ns: int = 0
-    t_sent_ns: int = 0
+    t_sent_ns: int = NO_DEVICE_TIME
     tries: int = 0
     t_host_ns: int = 0
     t_device_ns: int = NO_DEVICE_TIME

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from devices.byte_links import ByteLink, Chunk
-from devices.drivers.armband_dialect import Dialect, FramedDialect
+from devices.drivers.armband_dialect import FramedDialect
 from devices.drivers.armband_driver import ArmbandDriver
 from lab.clock import Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
@@ -167,7 +167,6 @@ def serial_armband(
     serial_number: str = "",
     baud: int = BAUD,
     max_rate_hz: float = 100.0,
-    dialect: Dialect | None = None,
     link: ByteLink | None = None,
 ) -> ArmbandDriver:
     """Return our armband on a serial port; `link` takes the place of the port, as for a replay."""
@@ -175,8 +174,7 @@ def serial_armband(
         link = SerialLink(
             clock, port=port, vid=vid, pid=pid, serial_number=serial_number, baud=baud
         )
-    language = dialect if dialect is not None else FramedDialect()
-    return ArmbandDriver(role, link, language, clock, max_rate_hz=max_rate_hz)
+    return ArmbandDriver(role, link, FramedDialect(), clock, max_rate_hz=max_rate_hz)
 
 
 def _library() -> Any:

@@ -24,7 +24,6 @@ class BandStatus:
     """Counts and states since `open`."""
 
     role: str
-    has_dead_man: bool = True
     battery_01: float | None = None
     temperature_c: float | None = None
     battery_is_low: bool = False
@@ -32,7 +31,6 @@ class BandStatus:
     loop_stalled: bool = False
     unanswered: int = 0
     dead_man_fired: int = 0
-    reconnects: int = 0
     refusals: dict[int, int] = field(default_factory=dict)
 
     def take_report(self, answer: Acknowledgement) -> None:
@@ -83,9 +81,6 @@ class BandStatus:
         if damaged:
             text = f"{damaged} messages could not be read"
             found.append(Fault(role, "warning", text, "keep the .wire log and report it"))
-        if not self.has_dead_man:
-            text = "this band does not silence itself when the computer fails"
-            found.append(Fault(role, "warning", text, "stay near its switch"))
         return tuple(found)
 
 

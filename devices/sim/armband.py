@@ -5,6 +5,7 @@ hosts the same on a pseudo-terminal. Motors follow their drive with a first-orde
 modelled: skin and strap, motor spread, magnetic coupling, radio collisions.
 """
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from typing import Any
@@ -86,7 +87,7 @@ class ArmbandSimulator:
             _Way(self._rng, baud, latency_ms * NS_PER_MS, jitter_ms * NS_PER_MS) for _ in range(2)
         )
         self._rate = 1 + drift_ppm * 1e-6
-        self._rise = float(np.exp(-STEP_NS / (rise_ms * NS_PER_MS))) if rise_ms > 0 else 0.0
+        self._rise_ns = max(1.0, rise_ms * NS_PER_MS)
         self._origin_ns = self._at_ns = clock.now_ns()
         self.firmware = ArmbandFirmware(surroundings or Surroundings())
         version = next(iter(self._faults.of_kind("version")), None)
@@ -128,6 +129,7 @@ class ArmbandSimulator:
     def advance(self, t_ns: int) -> None:
         """Run firmware and motors up to this session time."""
         while self._at_ns < t_ns:
+            since_ns = self._at_ns
             if not self._is_busy():
                 following = self._inbound[0][0] if self._inbound else t_ns
                 self._at_ns = max(self._at_ns, min(t_ns, following))
@@ -137,10 +139,13 @@ class ArmbandSimulator:
                     return
             else:
                 self._at_ns = min(t_ns, self._at_ns + STEP_NS)
-            self._step()
+            self._step(self._at_ns - since_ns)
 
-    def _step(self) -> None:
+    def _step(self, elapsed_ns: int) -> None:
         now_ns = self._at_ns
+        targets_01 = np.array(self.firmware.duties) / HIGHEST_DUTY
+        left = math.exp(-elapsed_ns / self._rise_ns)
+        self._levels_01 = targets_01 + (self._levels_01 - targets_01) * left
         while self._inbound and self._inbound[0][0] <= now_ns:
             arrival_ns, data = self._inbound.popleft()
             self._say(self.firmware.feed(data, self._device_us(arrival_ns)), arrival_ns)
@@ -148,8 +153,6 @@ class ArmbandSimulator:
         duties = self.firmware.duties
         if not self.duty_log or self.duty_log[-1][1] != duties:
             self.duty_log.append((now_ns, duties))
-        targets_01 = np.array(duties) / HIGHEST_DUTY
-        self._levels_01 = targets_01 + (self._levels_01 - targets_01) * self._rise
         self._levels_01[(targets_01 == 0) & (self._levels_01 < FELT_STEP_01)] = 0.0
         moved = np.abs(self._levels_01 - self._felt_01) >= FELT_STEP_01
         ended = (self._levels_01 == 0) & (self._felt_01 > 0)

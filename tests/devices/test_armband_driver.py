@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from devices.byte_links import MemoryLink
-from devices.contracts import BAND, CONTACT_PATTERN, HAPTICS, DeviceState, VibrationPattern
+from devices.contracts import (
+    BAND,
+    CONTACT_PATTERN,
+    HAPTICS,
+    NO_DEVICE_TIME,
+    DeviceState,
+    VibrationPattern,
+)
+from devices.drivers.armband_ledger import DeviceMicros
 from devices.drivers.armband_serial import serial_armband
 from devices.sim.armband import ArmbandSimulator
 from devices.sim.faults import FaultSchedule
@@ -190,10 +198,67 @@ def test_newer_setting_takes_the_place_of_one_that_waits():
     for amplitude in (0.1, 0.2, 0.3):
         band.driver.set_amplitudes((amplitude,) * 4, 500)
     band.run(0.1)
-    assert band.rows(0)["acknowledged"].tolist() == [True, False, True] or band.rows(0)[
-        "command"
-    ].tolist() == [1, 0, 2]
+
+    rows = {int(row["command"]): row for row in band.rows(0)}
+    assert [True, False, True] == [bool(rows[number]["acknowledged"]) for number in range(3)]
+    assert rows[1]["t_sent_ns"] == NO_DEVICE_TIME
     assert band.duties == (157,) * 4
+
+
+def test_band_that_stops_answering_counts_as_gone_and_comes_back():
+    band = Band({"kind": "mute", "start_s": 1.0, "duration_s": 2.0}).start()
+    with pytest.raises(DeviceDisconnected, match="no answer"):
+        band.run(2.9)
+    band.run(1.5)
+    assert band.driver.state is DeviceState.STREAMING
+
+
+def test_pause_without_polling_is_no_loss():
+    band = Band().start()
+    band.run(0.5)
+    band.clock.sleep_until_ns(band.clock.now_ns() + 30 * NS_PER_S)
+    band.run(0.5)
+    assert band.driver.state is DeviceState.STREAMING
+    assert band.driver.check() == ()
+
+
+def test_device_time_goes_on_over_the_wrap_of_its_counter():
+    micros = DeviceMicros()
+    stamps = [micros.unwrap_ns(us) for us in (2**32 - 10, 2**32 - 5, 3, 1, 10)]
+    assert [-10, -5, 3, 1, 10] == [stamp // 1000 - 2**32 for stamp in stamps]
+
+
+def test_wearer_feels_the_motors_with_their_inertia():
+    felt = []
+
+    class Skin:
+        def feel(self, role, amplitudes_01, t_ns):
+            felt.append((role, t_ns, amplitudes_01[0]))
+
+    band = Band(body=Skin(), latency_ms=0.0, jitter_ms=0.0).start()
+    band.run(0.05)
+    asked_ns = band.clock.now_ns()
+    band.driver.set_amplitudes((1, 0, 0, 0), 300)
+    band.run(0.6)
+
+    levels = {t_ns: level for _, t_ns, level in felt}
+    half_ms = (min(t for t, level in levels.items() if level >= 0.5) - asked_ns) / NS_PER_MS
+    wire_ms = 19 * 10 / 38.4
+    assert half_ms == pytest.approx(wire_ms + 30 * np.log(2), abs=2.5)
+    assert max(levels.values()) > 0.97
+    assert ("arm", 0.0) == (felt[-1][0], felt[-1][2])
+    assert (felt[-1][1] - asked_ns) / NS_PER_MS < 300 + wire_ms + 30 * np.log(50) + 15
+
+
+def test_simulation_repeats_bit_for_bit():
+    def rows():
+        band = Band({"kind": "loss", "amount": 0.2, "start_s": 0.5}).start()
+        for _ in range(5):
+            band.driver.set_amplitudes(ON, 400)
+            band.run(0.3)
+        return band.rows().tobytes()
+
+    assert rows() == rows()
 
 
 def test_clock_is_found_within_a_fifth_of_a_millisecond_with_drift_and_jitter():

@@ -1,0 +1,390 @@
+"""Measure the armband: driver overhead, contact to command, dead man, fuzz, reconnect.
+
+    python -m benchmarks.armband_round_trip [--commands 2000] [--frames 1000000] [--json]
+
+"Ratio" is limit / value: 1 or more is within the limit. The round trip runs over a
+pseudo-terminal to a separate process that answers at once; its wire time is the same exchange
+done with bare system calls, and the overhead is the difference of the two. The
+firmware runs in simavr where its packages are installed, otherwise as C on this computer.
+"""
+
+import argparse
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import termios
+import tty
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from devices.byte_links import MemoryLink
+from devices.contracts import HAPTICS
+from devices.drivers import armband_codec as codec
+from devices.drivers.armband_serial import serial_armband
+from devices.pump import Pump
+from devices.sim.armband import ArmbandSimulator
+from devices.sim.armband_firmware import HIGHEST_DUTY, LOWEST_DUTY, ArmbandFirmware
+from devices.sim.armband_machine import TerminalMachine, build, make
+from devices.sim.faults import FaultSchedule
+from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock, cpu_time_s
+from lab.errors import DeviceNotFound
+from lab.schema import SampleBatch
+
+KILLS = 10
+CONTACTS = 500
+MOTORS_ON = (1.0, 1.0, 1.0, 1.0)
+ROOT = Path(__file__).resolve().parents[1]
+
+ECHO = """
+import os, sys
+from devices.sim.armband_firmware import ArmbandFirmware
+firmware = ArmbandFirmware()
+own = int(sys.argv[1])
+while True:
+    said = firmware.feed(os.read(own, 4096), 0)
+    if said:
+        os.write(own, said)
+"""
+
+HOST = """
+import sys
+from devices.drivers.armband_serial import serial_armband
+from lab.clock import SystemClock
+driver = serial_armband("arm", SystemClock(), port=sys.argv[1])
+driver.open(30.0)
+driver.start(lambda batch: None)
+driver.set_amplitudes((1, 1, 1, 1), 10_000)
+while True:
+    driver.keep_alive()
+    driver.poll(0.02)
+"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One printed figure; `limit` is None when there is none."""
+
+    name: str
+    value: float
+    unit: str
+    limit: float | None = None
+    ratio: float | None = None
+
+
+def row(name: str, value: float, unit: str, limit: float | None = None) -> Row:
+    """Return a figure with its ratio."""
+    ratio = None if limit is None else (float("inf") if value <= 0 else limit / value)
+    return Row(name, value, unit, limit, ratio)
+
+
+class EchoBand:
+    """A process that answers commands as the band does, on a pseudo-terminal; no wire delay."""
+
+    def __enter__(self) -> "EchoBand":
+        self._own, self._other = os.openpty()
+        tty.setraw(self._other)
+        self.port = os.ttyname(self._other)
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", ECHO, str(self._own)], cwd=ROOT, pass_fds=(self._own,)
+        )
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._process.kill()
+        self._process.wait()
+        os.close(self._own)
+        os.close(self._other)
+
+
+def bare_round_trips_ms(port: str, count: int) -> list[float]:
+    """Send SET and read its answer with system calls alone: what the wire itself takes."""
+    clock = SystemClock()
+    line = os.open(port, os.O_RDWR | os.O_NOCTTY)
+    termios.tcflush(line, termios.TCIOFLUSH)
+    times = []
+    for i in range(count):
+        data = codec.encode_set(i % 256, 500, (255,) * 4)
+        start_ns = clock.now_ns()
+        os.write(line, data)
+        answer = b""
+        while len(answer) < len(data):  # an answer is as long as its question
+            select.select([line], [], [], 1.0)
+            answer += os.read(line, 4096)
+        times.append((clock.now_ns() - start_ns) / NS_PER_MS)
+    os.close(line)
+    return times
+
+
+def driver_round_trips_ms(port: str, count: int) -> list[float]:
+    """Command through the driver, and wait until its row is delivered as acknowledged."""
+    clock = SystemClock()
+    driver = serial_armband("arm", clock, port=port, max_rate_hz=100_000)
+    done: dict[int, bool] = {}
+
+    def take(batch: SampleBatch) -> None:
+        if batch.schema is HAPTICS:
+            for number, acknowledged in zip(
+                batch.values["command"], batch.values["acknowledged"], strict=True
+            ):
+                done[int(number)] = bool(acknowledged)
+
+    driver.open(10.0)
+    driver.start(take)
+    times = []
+    for _ in range(count):
+        start_ns = clock.now_ns()
+        number = driver.set_amplitudes(MOTORS_ON, 500)
+        while number not in done:
+            driver.poll(0.5)
+        if done[number]:
+            times.append((clock.now_ns() - start_ns) / NS_PER_MS)
+    driver.close()
+    return times
+
+
+def contact_to_command_ms(port: str) -> list[float]:
+    """Touch at a frame's start: the time until the command's last byte has left the driver.
+
+    The contact is a sphere that enters a forearm, found by distance, at 90 frames a second of
+    work without the waiting between them.
+    """
+    clock = SystemClock()
+    driver = serial_armband("arm", clock, port=port, max_rate_hz=100_000)
+    batches: list[SampleBatch] = []
+    pump = Pump(driver, batches.append, clock)
+    driver.open(10.0)
+    pump.start()
+    rng = np.random.default_rng(1)
+    arm_m = np.array([[0.2, 1.0, -0.3], [0.25, 1.0, -0.05]])
+    contacts: dict[int, int] = {}
+    while len(contacts) < CONTACTS:
+        passer_m = rng.normal((0.22, 1.0, -0.2), 0.02, 3)
+        contact_ns = clock.now_ns()
+        along = np.clip(
+            (passer_m - arm_m[0]) @ (arm_m[1] - arm_m[0]) / np.sum((arm_m[1] - arm_m[0]) ** 2), 0, 1
+        )
+        distance_m = float(np.linalg.norm(arm_m[0] + along * (arm_m[1] - arm_m[0]) - passer_m))
+        if distance_m < 0.1:
+            strength_01 = 1 - distance_m / 0.1
+            contacts[driver.set_amplitudes((strength_01,) * 4, 300)] = contact_ns
+        pump.step()
+    pump.stop()
+    driver.close()
+    found = []
+    for batch in batches:
+        if batch.schema is HAPTICS:
+            for number, sent_ns in zip(
+                batch.values["command"], batch.values["t_sent_ns"], strict=True
+            ):
+                if int(number) in contacts and sent_ns > 0:
+                    found.append((int(sent_ns) - contacts[int(number)]) / NS_PER_MS)
+    return found
+
+
+def silence_after_kill_ms(command: list[str]) -> list[float]:
+    """Kill the host while motors run: time from the kill to the PWM's end, on the machine's clock.
+
+    The kill is placed on the machine's time axis by the system clock that both read.
+    """
+    clock = SystemClock()
+    found = []
+    for _ in range(KILLS):
+        with TerminalMachine(command) as machine:
+            host = subprocess.Popen([sys.executable, "-c", HOST, machine.port], cwd=ROOT)
+            on = machine.wait_for(running=True)
+            clock.sleep_until_ns(clock.now_ns() + 100 * NS_PER_MS)
+            os.kill(host.pid, signal.SIGKILL)
+            killed_ns = clock.now_ns()
+            host.wait()
+            off = machine.wait_for(running=False)
+        killed_us = on.t_us + (killed_ns - on.host_ns) / 1000
+        found.append((off.t_us - killed_us) / 1000)
+    return found
+
+
+def damage(data: bytes, rng: np.random.Generator) -> bytes:
+    """Flip, drop, insert, cut or overwrite within a frame; its leading zero stays."""
+    at = int(rng.integers(1, len(data)))
+    kind = int(rng.integers(5))
+    if kind == 0:
+        return data[:at] + bytes((data[at] ^ 1 << int(rng.integers(8)),)) + data[at + 1 :]
+    if kind == 1:
+        return data[:at] + data[at + 1 :]
+    if kind == 2:
+        return data[:at] + bytes((int(rng.integers(256)),)) + data[at:]
+    if kind == 3:
+        return data[:at]
+    noise = rng.integers(0, 256, int(rng.integers(1, 6))).astype(np.uint8).tobytes()
+    return data[:at] + noise + data[at + len(noise) :]
+
+
+def fuzz_python(count: int) -> tuple[int, int]:
+    """Send damaged commands to the Python band and damaged answers to the driver's reader.
+
+    Each is followed by the host's refresh; return (wrong until the refresh, surviving it).
+    """
+    rng = np.random.default_rng(7)
+    firmware = ArmbandFirmware()
+    firmware.feed(codec.encode_arm(1, True), 0)
+    reader = codec.FrameReader()
+    ack = codec.encode_acknowledgement(
+        codec.Acknowledgement(codec.SET, 9, 123_456, codec.OK, (1, 2, 3, 4), 3900, 25.0)
+    )
+    wrong = survived = now_us = 0
+    for i in range(count // 2):
+        seq = 2 * i % 256
+        amplitudes = tuple(int(v) for v in rng.integers(0, 256, 4))
+        intact = codec.encode_set(seq, int(rng.integers(1, 10_000)), amplitudes)
+        broken = damage(intact, rng)
+        if broken in (intact, intact[:-1]):
+            continue
+        before = firmware.duties
+        firmware.feed(broken, now_us)
+        wrong += firmware.duties != before and any(firmware.duties)
+        wanted = int(rng.integers(256)) * int(rng.integers(2))
+        refresh = (
+            codec.encode_set((seq + 1) % 256, 500, (wanted,) * 4)
+            if wanted
+            else codec.encode_ping((seq + 1) % 256, None)
+        )
+        firmware.feed(codec.encode_arm(seq, True) + refresh, now_us)
+        if any(bool(duty) != bool(wanted) for duty in firmware.duties):
+            survived += 1
+        if any(duty and not LOWEST_DUTY <= duty <= HIGHEST_DUTY for duty in firmware.duties):
+            survived += 1
+        for frame in reader.feed(damage(ack, rng) + b"\0" + ack):
+            codec.decode_answer(frame)
+        now_us += 50_000
+        firmware.step(now_us)
+    return wrong, survived
+
+
+def fuzz_firmware(count: int, folder: Path) -> tuple[int, int]:
+    """Run the C fuzzer, compiled with address and undefined-behaviour checks."""
+    make("host", folder)
+    done = subprocess.run(
+        [str(folder / "armband_fuzz"), str(count), "7"], capture_output=True, text=True, check=True
+    )
+    found = json.loads(done.stdout)
+    return found["wrong_until_refresh"], found["survived"]
+
+
+def reconnect_after_return_s() -> float:
+    """Take the band away for 3 s on the virtual clock: how long after its return it obeys."""
+    clock = SimClock()
+    faults = FaultSchedule.from_config([{"kind": "disconnect", "start_s": 1, "duration_s": 3}])
+    peer = ArmbandSimulator("arm", clock, faults=faults)
+    driver = serial_armband("arm", clock, link=MemoryLink(peer, clock))
+    pump = Pump(driver, lambda batch: None, clock)
+    driver.open(1.0)
+    pump.start()
+    while clock.now_ns() < 10 * NS_PER_S:
+        clock.sleep_until_ns(clock.now_ns() + NS_PER_S // 90)
+        driver.keep_alive()
+        pump.step()
+        for event in pump.take_events():
+            if event.kind == "reconnected":
+                return event.t_ns / NS_PER_S - 4.0
+    raise RuntimeError("the driver did not come back")
+
+
+def machine_command(folder: Path) -> tuple[str, list[str]]:
+    """Return where the firmware runs and the command for it."""
+    try:
+        return "simavr", build("simavr", folder)
+    except DeviceNotFound as missing:
+        print(f"{missing}; the same C runs on this computer instead", file=sys.stderr)
+        return "host", build("host", folder)
+
+
+def measure(commands: int, frames: int) -> list[Row]:
+    """Run every measurement."""
+    rows: list[Row] = []
+    with EchoBand() as band:
+        through = driver_round_trips_ms(band.port, commands)
+        bare = bare_round_trips_ms(band.port, commands)
+        contact = contact_to_command_ms(band.port)
+    extra = np.array(through)
+    rows += [
+        row("wire alone, median", float(np.median(bare)), "ms"),
+        row("driver round trip, median", float(np.median(through)), "ms"),
+        row("driver overhead, median", float(np.median(extra) - np.median(bare)), "ms", 0.3),
+        row(
+            "driver overhead, p99",
+            float(np.percentile(extra, 99) - np.percentile(bare, 99)),
+            "ms",
+            2.0,
+        ),
+        row("answered of commands", 100 * len(through) / commands, "%"),
+        row("contact to command, median", float(np.median(contact)), "ms", 1.0),
+        row("contact to command, p99", float(np.percentile(contact, 99)), "ms"),
+        row("driver CPU per command", driver_cpu_ms(), "ms"),
+    ]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        kind, command = machine_command(folder)
+        off = silence_after_kill_ms(command)
+        rows.append(row(f"motors off after SIGKILL, median ({kind})", float(np.median(off)), "ms"))
+        rows.append(row(f"motors off after SIGKILL, worst ({kind})", max(off), "ms", 300.0))
+        wrong, survived = fuzz_firmware(frames, folder)
+    rows.append(row(f"C: wrong of {frames} damaged, until refresh", wrong, "frames"))
+    rows.append(row("C: wrong that survived the refresh", survived, "frames", 0.0))
+    wrong, survived = fuzz_python(frames)
+    rows.append(row(f"Python: wrong of {frames} damaged, until refresh", wrong, "frames"))
+    rows.append(row("Python: wrong that survived the refresh", survived, "frames", 0.0))
+    rows.append(row("obeys again after the peer's return", reconnect_after_return_s(), "s", 2.0))
+    return rows
+
+
+def driver_cpu_ms(count: int = 3000) -> float:
+    """Return CPU time of one command, its answer and its row, simulator included."""
+    clock = SimClock()
+    peer = ArmbandSimulator("arm", clock, latency_ms=0, jitter_ms=0)
+    driver = serial_armband("arm", clock, link=MemoryLink(peer, clock), max_rate_hz=1e6)
+    driver.open(1.0)
+    driver.start(lambda batch: None)
+
+    def once() -> None:
+        driver.set_amplitudes(MOTORS_ON, 500)
+        clock.sleep_until_ns(clock.now_ns() + 11 * NS_PER_MS)
+        driver.poll(0.0)
+
+    return repeated_cpu_ms(once, count)
+
+
+def repeated_cpu_ms(work: Callable[[], None], count: int) -> float:
+    """Return CPU milliseconds per call."""
+    work()
+    start_s = cpu_time_s()
+    for _ in range(count):
+        work()
+    return (cpu_time_s() - start_s) / count * 1e3
+
+
+def main() -> None:
+    """Print the table, or JSON; exit 1 when a limit is missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--commands", type=int, default=2000)
+    parser.add_argument("--frames", type=int, default=1_000_000)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    rows = measure(arguments.commands, arguments.frames)
+    if arguments.json:
+        print(json.dumps([asdict(found) for found in rows]))
+    else:
+        for found in rows:
+            limit = "" if found.limit is None else f"limit {found.limit:g}"
+            print(f"{found.name:50} {found.value:10.3f} {found.unit:7} {limit}")
+    missed = [found for found in rows if found.limit is not None and found.value > found.limit]
+    sys.exit(1 if missed else 0)
+
+
+if __name__ == "__main__":
+    main()
