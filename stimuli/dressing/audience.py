@@ -1,0 +1,76 @@
+"""The audience of the stare study as a picture: seated people whose eyes are the study's."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from stimuli.characters.character import Character
+from stimuli.dressing.casting import Casting, build_of, default_casting
+from stimuli.gaze.turning import Aimed
+from stimuli.motion.kinds import Idle, Sit
+from stimuli.motion.people import HeldHeads, PeopleMotion, Person
+from stimuli.motion.seating import seated_under_eyes
+from stimuli.picture import Picture, Room
+from stimuli.rooms.audience_room import audience_room, step_height_m
+from stimuli.scene import SceneFrame
+from stimuli.scenes import audience
+
+FACING_OF_SPEAKER = np.array([0.0, 1.2, -2.5]) - audience.SPEAKER_EYE_M * np.array([1.0, 0.74, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Set:
+    room: Room
+    cast: tuple[Character, ...]
+    motion: PeopleMotion
+
+
+@lru_cache(maxsize=256)
+def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
+    agents = audience.audience_scene(characters).agents
+    cast = tuple(casting(agent.character) for agent in agents)
+    people: list[Person] = []
+    seats: dict[str, float] = {}
+    for i, (agent, character) in enumerate(zip(agents, cast, strict=True)):
+        hip = agent.eye_centre_m - 0.16 * agent.facing
+        floor = step_height_m(hip)
+        person = seated_under_eyes(
+            build_of(character), agent.eye_centre_m, facing=agent.facing, seed=i, floor_m=floor
+        )
+        people.append(person)
+        if isinstance(person.does, Sit):
+            seats[agent.place] = floor + person.does.seat_m
+    speaker = casting("male_02")
+    feet = audience.SPEAKER_EYE_M * np.array([1.0, 0.0, 1.0])
+    heading = float(np.degrees(np.arctan2(-FACING_OF_SPEAKER[0], -FACING_OF_SPEAKER[2])))
+    people.append(
+        Person(build_of(speaker), Idle(), 99, (float(feet[0]), 0.0, float(feet[2])), heading)
+    )
+    eyes = np.array([*(a.eye_centre_m for a in agents), np.full(3, np.nan)])
+    facing = np.array([*(a.facing for a in agents), np.full(3, np.nan)])
+    return _Set(
+        audience_room(seats), (*cast, speaker),
+        PeopleMotion(tuple(people), HeldHeads(eyes, facing)),
+    )  # fmt: skip
+
+
+def audience_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> Picture:
+    """Return what a frame of the stare study looks like.
+
+    Eyes point along `frame.gaze_direction` exactly; heads stay where the study has them.
+    """
+    dressed = _set_of(tuple(a.character for a in frame.scene.agents), casting)
+    to_audience = np.array([-0.4, 1.3, -2.6]) - audience.SPEAKER_EYE_M
+    gaze = Aimed(
+        np.concatenate([frame.gaze_direction, [to_audience / np.linalg.norm(to_audience)]]),
+        np.concatenate([frame.eye_openness_01, [1.0]]),
+    )
+    return Picture(
+        t_ns=frame.t_ns,
+        room=dressed.room,
+        cast=dressed.cast,
+        people=dressed.motion.at(frame.t_ns * 1e-9, gaze),
+        brightness_01=frame.scene.brightness_01,
+        mark_m=frame.scene.mark_m,
+    )
