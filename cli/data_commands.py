@@ -90,7 +90,7 @@ def _shown(value: object) -> str:
 def export(
     session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
     format_name: Annotated[
-        str, typer.Option("--format", help="parquet (streams, with trials as CSV) or bids.")
+        str, typer.Option("--format", help="parquet (streams, with trials as CSV), bids or xdf.")
     ] = "parquet",
     output: Annotated[Path, typer.Option("--output", "-o", help="Where to write.")] = Path(
         "exported"

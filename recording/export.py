@@ -1,4 +1,4 @@
-"""Write copies of a recording that other tools read: Parquet and CSV."""
+"""Write copies of a recording that other tools read: Parquet and CSV, BIDS, XDF."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +11,7 @@ from recording.bids import export_bids
 from recording.columns import STAMPS
 from recording.durable import make_folder, write_failure
 from recording.reader import Recording, component_names
+from recording.xdf import export_xdf
 
 
 def export_tables(recording: Recording, target: Path) -> tuple[Path, ...]:
@@ -73,7 +74,7 @@ def _stream_parquet(recording: Recording, name: str, target: Path) -> Path:
 
 
 def export_session(session_dir: Path, format_name: str, target: Path) -> tuple[Path, ...]:
-    """Export one session as "parquet" (tables) or "bids" and return the files written."""
+    """Export one session as "parquet" (tables), "bids" or "xdf" and return the files written."""
     recording = Recording(session_dir)
     if format_name == "parquet":
         return export_tables(recording, target)
@@ -81,4 +82,6 @@ def export_session(session_dir: Path, format_name: str, target: Path) -> tuple[P
         study = recording.manifest.study
         task = "".join(c for c in study if c.isascii() and c.isalnum())
         return export_bids([recording], target, task=task, dataset_name=study)
-    raise UsageError(f"export format {format_name!r} is unknown; choose parquet or bids")
+    if format_name == "xdf":
+        return export_xdf(recording, target)
+    raise UsageError(f"export format {format_name!r} is unknown; choose parquet, bids or xdf")

@@ -108,11 +108,11 @@ def test_parquet_keeps_values_units_and_the_mark_of_simulation(tmp_path: Path) -
 
 def test_export_overwrites_nothing(tmp_path: Path) -> None:
     path = record_session(tmp_path)
-    for name in ("parquet", "bids"):
+    for name in ("parquet", "bids", "xdf"):
         export_session(path, name, tmp_path / name)
         with pytest.raises(RecordingError, match="export into a"):
             export_session(path, name, tmp_path / name)
-    with pytest.raises(UsageError, match="choose parquet or bids"):
+    with pytest.raises(UsageError, match="choose parquet, bids or xdf"):
         export_session(path, "xls", tmp_path / "xls")
 
 
