@@ -19,6 +19,7 @@ BUILT_IN: dict[str, str] = {
     "openvr_trackers": "devices.drivers.openvr_trackers:OpenVrTrackers",
     "fove": "devices.drivers.fove:Fove",
     "gazepoint": "devices.drivers.gazepoint:Gazepoint",
+    "hid_gaze": "devices.drivers.hid_gaze:HidGaze",
     "neon": "devices.drivers.neon:Neon",
     "pupil_core": "devices.drivers.pupil_core:PupilCore",
     "serial_armband": "devices.drivers.armband_serial:serial_armband",

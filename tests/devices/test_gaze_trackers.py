@@ -6,9 +6,11 @@ import pytest
 from devices.contracts import DeviceState
 from devices.drivers.fove import Fove
 from devices.drivers.gazepoint import Gazepoint
+from devices.drivers.hid_gaze import HidGaze
 from devices.drivers.neon import Neon
 from devices.sim.fove import FoveSimulator
 from devices.sim.gazepoint import GazepointSimulator
+from devices.sim.hid_gaze import HidGazeSimulator
 from devices.sim.neon import NeonSimulator
 from lab.errors import DeviceTimeout
 from lab.geometry import angle_deg
@@ -18,6 +20,7 @@ from tests.devices.gaze_rigs import PERFECT, GazeRig
 TRACKERS = {
     "fove": (Fove, FoveSimulator),
     "neon": (Neon, NeonSimulator),
+    "hid_gaze": (HidGaze, HidGazeSimulator),
     "gazepoint": (Gazepoint, GazepointSimulator),
 }
 TIGHT_DEG = 0.01

@@ -1,0 +1,210 @@
+"""A HID eye tracker of usage page 0x12: descriptor, reports, features; also as a fake of hidapi.
+
+Written from the HID usage tables and Microsoft's public driver. Not modelled: head position,
+capabilities, changes of mode. Linux' own hidraw is tried apart, with umockdev.
+"""
+
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+from devices.contracts import Body
+from devices.drivers.gaze_rays import Screen, Triple
+from devices.sim.faults import FaultSchedule
+from devices.sim.gaze_source import EYE_X_M, GazePeer, GazeSource, Shot
+from devices.sim.tracker_error import TrackerErrorModel
+from devices.transports import Frames
+from lab.clock import NS_PER_S, Clock
+
+UNAVAILABLE = 2**31 - 1
+REPORT = struct.Struct("<B3xQii3i3i")
+SERIAL = "SIM12"
+VENDOR_ID, PRODUCT_ID = 0x2104, 0x0124
+
+
+def _collection(usage: int, kind: int, *items: bytes) -> bytes:
+    return bytes((0x09, usage, 0xA1, kind)) + b"".join(items) + b"\xc0"
+
+
+def _values(*usages: int, size: int = 32, count: int | None = None, item: int = 0x81) -> bytes:
+    listed = b"".join(struct.pack("<BH", 0x0A, usage) for usage in usages)
+    n = len(usages) if count is None else count
+    return listed + bytes((0x75, size, 0x95, n, item, 0x02))
+
+
+_PADDING = bytes((0x75, 8, 0x95, 3, 0x81, 0x03))
+
+DESCRIPTOR = b"\x05\x12" + _collection(
+    0x01, 0x01,
+    _collection(
+        0x10, 0x02, b"\x85\x10", _PADDING, _values(0x20, size=8, count=8),
+        _collection(0x24, 0x00, _values(0x21, 0x22)),
+        _collection(0x25, 0x00, _values(0x21, 0x22, 0x23)),
+        _collection(0x26, 0x00, _values(0x21, 0x22, 0x23)),
+    ),
+    _collection(0x12, 0x02, b"\x85\x12", _values(0x204, 0x205, item=0xB1)),
+    _collection(
+        0x13, 0x02, b"\x85\x13", _values(0x300, size=16, item=0xB1),
+        _values(0x301, size=8, item=0xB1),
+    ),
+    _collection(0x14, 0x02, b"\x85\x14", _values(0x400, size=8, item=0xB1)),
+)  # fmt: skip
+"""The report descriptor this tracker gives."""
+
+
+class HidGazeSimulator(GazePeer):
+    """Send tracking reports of a body that looks at a screen; `ticks_per_s` is its clock's unit.
+
+    `status` is the configuration status: 1 ready, 4 calibration needed.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        *,
+        seed: int,
+        clock: Clock,
+        rate_hz: float = 120.0,
+        faults: FaultSchedule | None = None,
+        error: TrackerErrorModel | None = None,
+        drift_ppm: float = 0.0,
+        screen: Screen | None = None,
+        ticks_per_s: int = 1_000_000,
+        status: int = 1,
+        descriptor: bytes = DESCRIPTOR,
+    ) -> None:
+        source = GazeSource(
+            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
+            drift_ppm=drift_ppm,
+        )  # fmt: skip
+        super().__init__(source, seed=seed)
+        self.modes: list[int] = []
+        self.descriptor = descriptor
+        self._screen = screen or Screen()
+        self._ticks_per_s = ticks_per_s
+        self._status = status
+
+    def to_message(self, shot: Shot) -> Frames:
+        """Return one tracking report."""
+        return (self.report(shot) if shot.garbage is None else shot.garbage,)
+
+    def report(self, shot: Shot) -> bytes:
+        """Return the 44 bytes of a report."""
+        ticks = shot.t_device_ns * self._ticks_per_s // NS_PER_S
+        if not (shot.left_seen or shot.right_seen):
+            return REPORT.pack(0x10, ticks, *[UNAVAILABLE] * 8)
+        eyes: list[int] = []
+        for x_m, seen in ((-EYE_X_M, shot.left_seen), (EYE_X_M, shot.right_seen)):
+            eyes += self._from_top_left_um((x_m, 0.0, 0.0)) if seen else [UNAVAILABLE] * 3
+        rays = [(-EYE_X_M, shot.left, shot.left_seen), (EYE_X_M, shot.right, shot.right_seen)]
+        points = [self._screen.shares_of((x, 0.0, 0.0), ray) for x, ray, seen in rays if seen]
+        x = sum(p[0] for p in points) / len(points)
+        y = sum(p[1] for p in points) / len(points)
+        if x != x or abs(x) > 100 or abs(y) > 100:
+            return REPORT.pack(0x10, ticks, UNAVAILABLE, UNAVAILABLE, *eyes)
+        gx, gy = x * self._screen.width_mm * 1e3, y * self._screen.height_mm * 1e3
+        return REPORT.pack(0x10, ticks, round(gx), round(gy), *eyes)
+
+    def answer(self, frames: Frames, t_ns: int) -> Frames | None:
+        """Answer as the host's HID driver does."""
+        kind = frames[0]
+        if kind == b"descriptor":
+            return kind, self.descriptor
+        if kind == b"identity":
+            return kind, f"Simulated eye tracker\n{SERIAL}".encode()
+        if kind.startswith(b"feature:"):
+            return kind, self.feature(int(kind.removeprefix(b"feature:"), 16))
+        if kind == b"set" and len(frames[1]) > 1:
+            self.modes.append(frames[1][1])
+        return None
+
+    def feature(self, number: int) -> bytes:
+        """Return a feature report; empty for one it has not."""
+        if number == 0x12:
+            width_um, height_um = self._screen.width_mm * 1e3, self._screen.height_mm * 1e3
+            return struct.pack("<BII", 0x12, round(width_um), round(height_um))
+        if number == 0x13:
+            return struct.pack("<BHB", 0x13, round(self.source.rate_hz), self._status)
+        return b""
+
+    def _from_top_left_um(self, at: Triple) -> list[int]:
+        x, y, z = self._screen.from_top_left_m(0.0, 0.0)
+        return [round((at[0] - x) * 1e6), round((y - at[1]) * 1e6), round((at[2] - z) * 1e6)]
+
+
+class FakeHidapi:
+    """Stand in for hidapi's module with one simulated tracker plugged in."""
+
+    def __init__(self, simulator: HidGazeSimulator, clock: Clock) -> None:
+        self.simulator = simulator
+        self.clock = clock
+
+    def enumerate(self) -> list[Mapping[str, Any]]:
+        """List a keyboard, and the tracker while it is there."""
+        tracker = {
+            "path": b"/dev/hidraw-sim", "vendor_id": VENDOR_ID, "product_id": PRODUCT_ID,
+            "usage_page": 0x12, "usage": 0x01, "serial_number": SERIAL,
+            "product_string": "Simulated eye tracker",
+        }  # fmt: skip
+        gone = self.simulator.source.gone(self.clock.now_ns())
+        return [
+            {"usage_page": 1, "usage": 6, "path": b"/dev/keyboard"},
+            *([] if gone else [tracker]),
+        ]
+
+    def device(self) -> "FakeHidDevice":
+        """Return a closed device."""
+        return FakeHidDevice(self)
+
+
+class FakeHidDevice:
+    """Offer the methods of hidapi's device that the transport uses; reads never merge reports."""
+
+    def __init__(self, library: FakeHidapi) -> None:
+        self._library = library
+        self._waiting: list[bytes] = []
+
+    def open_path(self, path: bytes) -> None:
+        """Open; OSError when it is gone."""
+        self._check()
+        self._library.simulator.outgoing(self._library.clock.now_ns())
+
+    def close(self) -> None:
+        """Close."""
+
+    def set_nonblocking(self, on: int) -> None:
+        """Accept: a virtual clock never waits here."""
+
+    def get_report_descriptor(self, size: int) -> list[int]:
+        """Return the descriptor."""
+        self._check()
+        return list(self._library.simulator.descriptor[:size])
+
+    def get_feature_report(self, number: int, size: int) -> list[int]:
+        """Return a feature report."""
+        self._check()
+        return list(self._library.simulator.feature(number)[:size])
+
+    def send_feature_report(self, report: bytes) -> int:
+        """Take a feature report."""
+        self._library.simulator.answer((b"set", bytes(report)), self._library.clock.now_ns())
+        return len(report)
+
+    def read(self, size: int, timeout_ms: int = 0) -> list[int]:
+        """Return the next report, cut to `size`; [] when none comes in time."""
+        self._check()
+        clock, simulator = self._library.clock, self._library.simulator
+        until_ns = clock.now_ns() + timeout_ms * 1_000_000
+        while True:
+            now_ns = clock.now_ns()
+            simulator.advance(now_ns)
+            self._waiting += [message.frames[0] for message in simulator.outgoing(now_ns)]
+            if self._waiting:
+                return list(self._waiting.pop(0)[:size])
+            if now_ns >= until_ns:
+                return []
+            clock.sleep_until_ns(min(until_ns, now_ns + 1_000_000))
+
+    def _check(self) -> None:
+        if self._library.simulator.source.gone(self._library.clock.now_ns()):
+            raise OSError("read error")
