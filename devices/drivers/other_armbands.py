@@ -13,10 +13,12 @@ from devices.drivers import bhaptics_codec
 from devices.drivers.armband_serial import SerialLink
 from devices.drivers.ascii_band_codec import AsciiLanguage, AsciiTemplates
 from devices.drivers.bhaptics_codec import BhapticsLanguage
+from devices.drivers.ble_link import BleLink
+from devices.drivers.buzz_codec import BuzzLanguage
 from devices.drivers.host_timed_band import HostTimedBand
 from devices.drivers.report_band_codec import ReportLanguage, ReportLayout
 from devices.drivers.usb_links import HidLink, UsbLink
-from devices.drivers.vhp_codec import SLEEVE, SLIM_BOARD, VhpSleeveLanguage
+from devices.drivers.vhp_codec import SLEEVE, SLIM_BOARD, VhpSleeveLanguage, VhpSlimLanguage
 from devices.drivers.websocket_link import WebSocketLink
 from lab.clock import Clock
 from lab.errors import ConfigError
@@ -24,6 +26,55 @@ from lab.errors import ConfigError
 VHP_BAUD = 1_000_000
 PLAYER_REMEDY = "start the bHaptics Player on this computer, switch the unit on and pair it there"
 RECIPIENTS = {"sleeve": SLEEVE, "slim": SLIM_BOARD}
+
+
+def neosensory_buzz(
+    role: str,
+    clock: Clock,
+    *,
+    address: str = "",
+    name: str = "Buzz",
+    max_rate_hz: float = 50.0,
+    link: ByteLink | None = None,
+) -> HostTimedBand:
+    """Return a Neosensory Buzz, found by address or by the beginning of its name."""
+    if link is None:
+        link = BleLink(clock, address=address, name=name)
+    return HostTimedBand(
+        role,
+        link,
+        BuzzLanguage(),
+        clock,
+        driver="neosensory_buzz",
+        vendor="Neosensory",
+        model="Buzz",
+        max_rate_hz=max_rate_hz,
+    )
+
+
+def vhp_slim(
+    role: str,
+    clock: Clock,
+    *,
+    address: str = "",
+    name: str = "Slim",
+    channels: Sequence[int] = (0, 2, 4, 8),
+    max_rate_hz: float = 20.0,
+    link: ByteLink | None = None,
+) -> HostTimedBand:
+    """Return Google's slim board over Bluetooth LE; `channels` are logical channels from 0."""
+    if link is None:
+        link = BleLink(clock, address=address, name=name, splits=False)
+    return HostTimedBand(
+        role,
+        link,
+        VhpSlimLanguage(channels),
+        clock,
+        driver="vhp_slim",
+        vendor="Google (open hardware)",
+        model="VHP slim board",
+        max_rate_hz=max_rate_hz,
+    )
 
 
 def vhp_sleeve(

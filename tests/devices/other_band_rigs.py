@@ -4,16 +4,15 @@ import numpy as np
 
 from devices.byte_links import MemoryLink
 from devices.contracts import BAND, HAPTICS
-from devices.drivers.buzz_codec import BuzzLanguage
-from devices.drivers.host_timed_band import HostTimedBand
 from devices.drivers.other_armbands import (
     ascii_armband,
     bhaptics,
     hid_armband,
+    neosensory_buzz,
     usb_armband,
     vhp_sleeve,
+    vhp_slim,
 )
-from devices.drivers.vhp_codec import VhpSlimLanguage
 from devices.sim.bhaptics import BhapticsPlayerSimulator
 from devices.sim.buzz import BuzzSimulator
 from devices.sim.faults import FaultSchedule
@@ -32,15 +31,11 @@ LAYOUT = {"report_bytes": 8, "prefix": "a501", "first_motor_byte": 2, "battery_b
 
 
 def buzz_on(role, clock, link):
-    return HostTimedBand(
-        role, link, BuzzLanguage(), clock, driver="buzz", vendor="Neosensory", model="Buzz"
-    )
+    return neosensory_buzz(role, clock, link=link)
 
 
 def slim_on(role, clock, link):
-    return HostTimedBand(
-        role, link, VhpSlimLanguage(), clock, driver="vhp_slim", vendor="Google", model="VHP slim"
-    )
+    return vhp_slim(role, clock, link=link, max_rate_hz=50.0)
 
 
 def ascii_on(role, clock, link):

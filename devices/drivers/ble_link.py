@@ -1,0 +1,265 @@
+"""Reach a band over Bluetooth LE's Nordic UART service, through bleak.
+
+asyncio lives here and nowhere else: one thread with one loop serves every link. An attempt to
+connect goes on after `open` ran out of time, and the next `open` takes it over, because finding
+and connecting takes longer than one poll.
+"""
+
+import asyncio
+import contextlib
+import threading
+from collections import deque
+from collections.abc import Coroutine, Sequence
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as TooLate
+from typing import Any, TypeVar
+
+from devices.byte_links import Chunk
+from lab.clock import Clock
+from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
+
+T = TypeVar("T")
+
+UART_SERVICE = "6e400001-b5a3-f393-e0a9-e50e24dcca9e"
+UART_WRITE = "6e400002-b5a3-f393-e0a9-e50e24dcca9e"
+UART_NOTIFY = "6e400003-b5a3-f393-e0a9-e50e24dcca9e"
+
+ATTEMPT_S = 10.0
+ORPHAN_S = 10.0
+WRITE_S = 0.5
+CLOSE_S = 2.0
+LINGER_S = 0.1
+"""Longer than two of the slowest connection intervals."""
+REMEDY = "switch the band on and bring it near; disconnect it from phones; switch Bluetooth on"
+
+
+class BleThread:
+    """A thread with an event loop; links share `SHARED` unless given one of their own."""
+
+    def __init__(self) -> None:
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread: threading.Thread | None = None
+        self._lock = threading.Lock()
+
+    def loop(self) -> asyncio.AbstractEventLoop:
+        """Return the loop, started when first asked for."""
+        with self._lock:
+            if self._loop is None:
+                loop = self._loop = asyncio.new_event_loop()
+                self._thread = threading.Thread(target=loop.run_forever, name="ble", daemon=True)
+                self._thread.start()
+            return self._loop
+
+    def begin(self, work: Coroutine[Any, Any, T]) -> "Future[T]":
+        """Run a coroutine there."""
+        return asyncio.run_coroutine_threadsafe(work, self.loop())
+
+    def close(self) -> None:
+        """End the thread; what still runs is cancelled."""
+        with self._lock:
+            loop, thread = self._loop, self._thread
+            self._loop = self._thread = None
+        if loop is None or thread is None:
+            return
+        asyncio.run_coroutine_threadsafe(_cancel_all(), loop).result(CLOSE_S)
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        loop.close()
+
+
+SHARED = BleThread()
+
+
+class BleLink:
+    """A `ByteLink` over notifications and writes without response.
+
+    `address` or the advertised `name` (its beginning is enough) finds the band. Where `splits`,
+    what is longer than a packet goes in several; otherwise it is refused, because the band takes
+    one message per packet.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        address: str = "",
+        name: str = "",
+        splits: bool = True,
+        write_uuid: str = UART_WRITE,
+        notify_uuid: str = UART_NOTIFY,
+        is_simulated: bool = False,
+        thread: BleThread | None = None,
+    ) -> None:
+        if not address and not name:
+            raise DeviceNotFound(
+                "no band is named", remedy="give address or name in lab_config.yaml"
+            )
+        self.is_simulated = is_simulated
+        self._clock = clock
+        self._address = address
+        self._name = name
+        self._splits = splits
+        self._uuids = (write_uuid, notify_uuid)
+        self._thread = thread if thread is not None else SHARED
+        self._bleak: Any = None
+        self._client: Any = None
+        self._characteristic: Any = None
+        self._attempt: Future[Any] | None = None
+        self._is_open = False
+        self._chunks: deque[Chunk] = deque()
+        self._something = threading.Condition()
+        self._is_gone = True
+
+    @property
+    def kind(self) -> str:
+        """Name the band as it is looked for."""
+        return f"ble {self._address or self._name}"
+
+    def open(self, deadline_s: float) -> None:
+        """Find the band, connect and listen; see the module about deadlines."""
+        self._bleak = _library()
+        self._is_open = False
+        if self._attempt is None:
+            self._release()
+            self._attempt = self._thread.begin(self._connect())
+        attempt = self._attempt
+        try:
+            attempt.result(max(0.0, deadline_s))
+        except TooLate as cause:
+            if not attempt.done():
+                text = f"{self.kind}: not connected within {deadline_s:g} s"
+                raise DeviceTimeout(text, remedy=REMEDY) from cause
+            self._attempt = None
+            raise self._not_found(cause) from cause
+        except (self._bleak.exc.BleakError, OSError, EOFError) as cause:
+            self._attempt = None
+            raise self._not_found(cause) from cause
+        self._attempt = None
+        with self._something:
+            self._chunks.clear()
+            if self._is_gone:
+                raise self._not_found(ConnectionError("lost at once"))
+            self._is_open = True
+
+    def write(self, data: bytes) -> int:
+        """Hand over the bytes in one packet or, where allowed, several; see `ByteLink`."""
+        client = self._client
+        if not self._is_open or self._is_gone or client is None:
+            raise DeviceDisconnected(f"{self.kind} is not connected", remedy=REMEDY)
+        longest = self._characteristic.max_write_without_response_size
+        if len(data) > longest and not self._splits:
+            raise DeviceError(
+                f"a message of {len(data)} bytes does not fit a packet of {longest}",
+                remedy="use a shorter time to live, or a Bluetooth adapter with longer packets",
+            )
+        pieces = [data[i : i + longest] for i in range(0, len(data), longest)]
+        work = self._thread.begin(self._write(client, pieces))
+        try:
+            work.result(WRITE_S)
+        except TooLate as cause:
+            work.cancel()
+            raise DeviceTimeout(f"{self.kind} takes no bytes", remedy=REMEDY) from cause
+        except (self._bleak.exc.BleakError, OSError, EOFError) as cause:
+            raise DeviceDisconnected(f"{self.kind} is gone: {cause}", remedy=REMEDY) from cause
+        return self._clock.now_ns()
+
+    def read(self, timeout_s: float) -> Sequence[Chunk]:
+        """Return the notifications that came; see `ByteLink`."""
+        with self._something:
+            if not self._chunks and not self._is_gone and timeout_s > 0:
+                self._something.wait(timeout_s)
+            chunks = tuple(self._chunks)
+            self._chunks.clear()
+            if not chunks and (self._is_gone or not self._is_open):
+                raise DeviceDisconnected(f"{self.kind} is gone", remedy=REMEDY)
+        return chunks
+
+    def close(self) -> None:
+        """Disconnect; an attempt under way goes on for the next `open`. Idempotent."""
+        self._is_open = False
+        if self._attempt is None:
+            self._release()
+
+    def _release(self) -> None:
+        client, self._client = self._client, None
+        self._is_gone = True
+        if client is not None:
+            with contextlib.suppress(TooLate, OSError, EOFError, self._bleak.exc.BleakError):
+                self._thread.begin(_say_goodbye(client)).result(CLOSE_S)
+
+    # ---- in the thread of the loop ------------------------------------------------------------
+
+    async def _connect(self) -> None:
+        bleak = self._bleak
+        if self._address:
+            device = await bleak.BleakScanner.find_device_by_address(
+                self._address, timeout=ATTEMPT_S
+            )
+        else:
+            device = await bleak.BleakScanner.find_device_by_filter(self._is_it, timeout=ATTEMPT_S)
+        if device is None:
+            raise bleak.exc.BleakError(f"{self.kind} does not advertise")
+        client = bleak.BleakClient(device, self._on_gone, timeout=ATTEMPT_S)
+        await client.connect()
+        write_uuid, notify_uuid = self._uuids
+        characteristic = client.services.get_characteristic(write_uuid)
+        if characteristic is None or client.services.get_characteristic(notify_uuid) is None:
+            await client.disconnect()
+            raise bleak.exc.BleakError(f"{self.kind} has no UART service")
+        self._client, self._characteristic = client, characteristic
+        self._is_gone = False
+        await client.start_notify(notify_uuid, self._on_data)
+        asyncio.get_running_loop().call_later(ORPHAN_S, self._drop_orphan, client)
+
+    async def _write(self, client: Any, pieces: Sequence[bytes]) -> None:
+        for piece in pieces:
+            await client.write_gatt_char(self._characteristic, piece, response=False)
+
+    def _is_it(self, device: Any, advertisement: Any) -> bool:
+        told = advertisement.local_name or device.name or ""
+        return bool(told.startswith(self._name))
+
+    def _on_data(self, _: Any, data: bytearray) -> None:
+        with self._something:
+            self._chunks.append(Chunk(self._clock.now_ns(), bytes(data)))
+            self._something.notify_all()
+
+    def _on_gone(self, client: Any) -> None:
+        with self._something:
+            if client is self._client or self._client is None:
+                self._is_gone = True
+                self._something.notify_all()
+
+    def _drop_orphan(self, client: Any) -> None:
+        if client is self._client and not self._is_open:
+            self._orphan = asyncio.ensure_future(client.disconnect())
+
+    def _not_found(self, cause: BaseException) -> DeviceNotFound:
+        said = str(cause) or type(cause).__name__
+        return DeviceNotFound(f"cannot reach {self.kind}: {said}", remedy=REMEDY)
+
+
+async def _say_goodbye(client: Any) -> None:
+    """Let packets without receipt, such as a silence, leave before the link goes."""
+    with contextlib.suppress(TimeoutError):
+        await asyncio.wait_for(asyncio.Event().wait(), LINGER_S)
+    await client.disconnect()
+
+
+async def _cancel_all() -> None:
+    here = asyncio.current_task()
+    tasks = [task for task in asyncio.all_tasks() if task is not here]
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def _library() -> Any:
+    try:
+        import bleak
+        import bleak.exc
+    except ImportError as cause:
+        raise DeviceNotFound(
+            "the library bleak is not installed", remedy="run: pip install 'visavis[ble]'"
+        ) from cause
+    return bleak
