@@ -8,7 +8,6 @@ KINDS = ("skin", "eye", "hair", "lash", "teeth", "cloth", "leather", "other")
 SKINNING = """
 uniform sampler2D joint_rows;   // per person: 3 texels a joint, then 2 of face weights
 uniform sampler2D morph_deltas; // per vertex that moves: 6 displacements
-uniform int joint_count;
 
 in vec3 in_rest_m;
 in vec4 in_normal;
@@ -20,8 +19,9 @@ in int in_person;
 void skinned(out vec3 place, out vec3 normal) {
     vec3 rest = in_rest_m;
     if (in_morph >= 0) {
-        vec4 a = texelFetch(joint_rows, ivec2(joint_count * 3, in_person), 0);
-        vec4 b = texelFetch(joint_rows, ivec2(joint_count * 3 + 1, in_person), 0);
+        int face = textureSize(joint_rows, 0).x - 2;
+        vec4 a = texelFetch(joint_rows, ivec2(face, in_person), 0);
+        vec4 b = texelFetch(joint_rows, ivec2(face + 1, in_person), 0);
         rest += a.x * texelFetch(morph_deltas, ivec2(0, in_morph), 0).xyz
               + a.y * texelFetch(morph_deltas, ivec2(1, in_morph), 0).xyz
               + a.z * texelFetch(morph_deltas, ivec2(2, in_morph), 0).xyz
