@@ -297,7 +297,10 @@ def _questionnaire_findings(plan: Mapping[str, Any], events: pd.DataFrame) -> li
             f"{name} is missing",
             "continue with `visavis resume`; it asks what is missing",
         )
-        for name in plan["questionnaires"]
+        for name in (
+            *(f"{n}@{b['index']}" for b in plan["blocks"] for n in b.get("questionnaires", ())),
+            *plan["questionnaires"],
+        )
         if name not in complete
     ]
     left_out: dict[str, int] = {}

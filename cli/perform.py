@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from cli.rigs import build_rig, is_simulated
+from cli.rigs import build_rig, devices_for, is_simulated
 from cli.studies import Study
 from devices.sim.shared_body import SharedBody
 from lab.clock import Clock, SimClock
@@ -70,6 +70,7 @@ def perform_new(request: Request) -> Path:
         SessionAborted, DeviceError: it ended early; what is finished is kept.
     """
     plan = request.experiment.plan(request.participant_index, request.seed, request.group)
+    request = replace(request, config=devices_for(request.config, request.experiment))
     config = request.config
     manifest = Manifest(
         study=request.study.name,
@@ -102,6 +103,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
     Raises:
         ConfigError: the plan in the manifest is not the one this version would make.
     """
+    request = replace(request, config=devices_for(request.config, request.experiment))
     with ExitStack() as stack:
         devices = _equip(request, stack)
         folder, _ = open_session(session_path)

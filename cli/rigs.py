@@ -1,10 +1,14 @@
 """Put a session's devices together from the lab's configuration."""
 
+import zlib
 from collections.abc import Callable
 from contextlib import ExitStack
+from typing import cast
 
-from devices.contracts import Body, Device, EyeTracker, Headset
+from devices.contracts import Body, Device, EyeTracker, Headset, MovingBody
 from devices.drivers.pupil_core import PupilCore
+from devices.sim.armband import simulated_armband
+from devices.sim.body import SimulatedBodyTracker
 from devices.sim.faults import FaultSchedule
 from devices.sim.headset import SimulatedHeadset
 from devices.sim.pupil_core import PupilCoreSimulator
@@ -14,6 +18,7 @@ from devices.transports import MemoryTransport, MessageTransport, ZmqTransport
 from lab.clock import Clock
 from lab.config import DeviceConfig, LabConfig
 from lab.errors import ConfigError, DeviceNotFound
+from protocol.experiment import Experiment
 from protocol.rig import Rig
 
 ESSENTIAL_ROLES = ("headset", "eye_tracker")
@@ -39,6 +44,24 @@ def build_rig(
         made[role] = _build(role, device, clock, body, seed, stack)
     headset, eye_tracker = made.pop("headset"), made.pop("eye_tracker")
     return Rig(_as_headset(headset), _as_eye_tracker(eye_tracker), made)
+
+
+def devices_for(config: LabConfig, experiment: Experiment) -> LabConfig:
+    """Leave out devices that a study does not use; the others of a lab may stay configured.
+
+    Raises:
+        ConfigError: a device that the study cannot do without is not configured.
+    """
+    needed, useful = experiment.needed_roles, experiment.useful_roles
+    missing = [r for r in needed if r not in config.devices]
+    if missing:
+        raise ConfigError(
+            f"{config.path}: {experiment.name} needs {', '.join(missing)} under devices; add the "
+            "role with its driver (see docs/configuration.md)"
+        )
+    kept = {*ESSENTIAL_ROLES, "responses", *needed, *useful}
+    devices = {role: d for role, d in config.devices.items() if role in kept}
+    return config.model_copy(update={"devices": devices})
 
 
 def is_simulated(config: LabConfig) -> bool:
@@ -133,6 +156,47 @@ def _pupil_core(
     return PupilCore(role, transport, clock, rate_hz=rate_hz, **options)
 
 
+def _body(
+    role: str, device: DeviceConfig, clock: Clock, body: Body | None, _: int, __: ExitStack
+) -> Device:
+    if body is None or not device.simulated:
+        raise DeviceNotFound(
+            "simulated_body has no real counterpart",
+            role=role,
+            remedy="set `simulated: true`, or name a real body tracker's driver",
+        )
+    rate_hz = float(device.options.get("rate_hz", 100))
+    return SimulatedBodyTracker(
+        role, _as_moving(role, body), clock, rate_hz=rate_hz, faults=_faults(device)
+    )
+
+
+def _simulated_armband(
+    role: str, device: DeviceConfig, clock: Clock, body: Body | None, seed: int, _: ExitStack
+) -> Device:
+    if body is None or not device.simulated:
+        raise DeviceNotFound(
+            "simulated_armband has no real counterpart",
+            role=role,
+            remedy="set `simulated: true`, or name the driver of a real band",
+        )
+    options = {k: v for k, v in device.options.items() if k not in ("faults", "seed")}
+    own_seed = int(device.options.get("seed", 0)) + zlib.crc32(role.encode()) + seed
+    moving = _as_moving(role, body)
+    return simulated_armband(
+        role, clock, seed=own_seed, body=moving, faults=_faults(device), **options
+    )
+
+
+def _as_moving(role: str, body: Body) -> MovingBody:
+    if not hasattr(body, "feel"):
+        raise ConfigError(
+            f"{role}: the simulated participant of this study has no limbs and feels nothing; "
+            "leave the role out"
+        )
+    return cast(MovingBody, body)
+
+
 def _as_headset(device: Device) -> Headset:
     if not hasattr(device, "wait_frame"):
         raise ConfigError(f"{device.info.driver} is no headset; give the headset role another")
@@ -151,4 +215,6 @@ _BUILDERS: dict[str, Builder] = {
     "simulated_headset": _headset,
     "simulated_responses": _responses,
     "pupil_core": _pupil_core,
+    "simulated_armband": _simulated_armband,
+    "simulated_body": _body,
 }

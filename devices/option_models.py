@@ -26,6 +26,12 @@ class SimulatedHeadsetOptions(_SimulatedOptions):
     display_rate_hz: float = Field(default=90.0, ge=1, le=1000)
 
 
+class SimulatedBodyOptions(_SimulatedOptions):
+    """Options of `simulated_body`."""
+
+    rate_hz: float = Field(default=100.0, ge=1, le=1000)
+
+
 class SimulatedResponsesOptions(_Options):
     """Options of `simulated_responses`: none."""
 
@@ -76,6 +82,7 @@ OPTION_MODELS: Mapping[str, type[BaseModel]] = {
     "serial_armband": SerialArmbandOptions,
     "simulated_armband": SimulatedArmbandOptions,
     **GAZE_OPTION_MODELS,
+    "simulated_body": SimulatedBodyOptions,
     "simulated_headset": SimulatedHeadsetOptions,
     "simulated_responses": SimulatedResponsesOptions,
 }

@@ -36,6 +36,16 @@ class Experiment(Protocol):
         """Nominal duration between trials."""
         ...
 
+    @property
+    def needed_roles(self) -> tuple[str, ...]:
+        """Devices the study cannot do without, beside headset and eye tracker."""
+        ...
+
+    @property
+    def useful_roles(self) -> tuple[str, ...]:
+        """Devices it uses where the lab has them."""
+        ...
+
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return everything one participant will do; pure."""
         ...

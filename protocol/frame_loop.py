@@ -15,7 +15,7 @@ from protocol.observation import GazeObserver
 from protocol.rig import RunningRig
 from protocol.row_buffer import RowBuffer
 from protocol.states import SessionState, StateMachine
-from protocol.steps import FrameView
+from protocol.steps import BodyView, FrameView
 from protocol.streams import FRAMES, gaze_targets_schema, scene_states_schema
 from recording.writer import Recorder
 from stage.contracts import Stage
@@ -62,6 +62,7 @@ class FrameLoop:
         self._controls = controls
         self._head_inbox: deque[SampleBatch] = deque()
         self._press_inbox: deque[SampleBatch] = deque()
+        self._body_inbox: deque[SampleBatch] = deque()
         self._view: SceneFrame | None = None
         self._logged_view: SceneFrame | None = None
         self._scene_number = 0
@@ -85,6 +86,8 @@ class FrameLoop:
             self._head_inbox.append(batch)
         elif role == "responses":
             self._press_inbox.append(batch)
+        elif role == "body_tracker":
+            self._body_inbox.append(batch)
 
     @property
     def t_ns(self) -> int:
@@ -115,7 +118,13 @@ class FrameLoop:
         gaze = self.observer.observe(frame.index, frame.t_ns)
         self._log_frame(frame, gaze.t_ns.shape[0])
         return FrameView(
-            frame.index, frame.t_ns, self.head, self.head_valid, gaze, self._take_presses()
+            frame.index,
+            frame.t_ns,
+            self.head,
+            self.head_valid,
+            gaze,
+            self._take_presses(),
+            self._take_body() if self._body_inbox else None,
         )
 
     def flush(self) -> None:
@@ -152,6 +161,19 @@ class FrameLoop:
             values = self._press_inbox.popleft().values
             pressed += [self._controls[v["control"]] for v in values if v["value_01"] > 0.5]
         return tuple(pressed)
+
+    def _take_body(self) -> BodyView:
+        batches = []
+        while self._body_inbox:
+            batches.append(self._body_inbox.popleft())
+        values = np.concatenate([batch.values for batch in batches])
+        return BodyView(
+            self._rig.segments,
+            np.concatenate([batch.t_host_ns for batch in batches]),
+            values["position_m"].astype(np.float64),
+            values["orientation_wxyz"].astype(np.float64),
+            values["valid"],
+        )
 
     def _log_view(self, view: SceneFrame) -> None:
         before = self._logged_view

@@ -29,7 +29,7 @@ class Block:
     """Trials between two breaks; every block begins at a checkpoint.
 
     `instruction` is read to the participant at its start and again after an interruption;
-    `calibrate` asks for calibration and validation first.
+    `calibrate` asks for calibration and validation first; `questionnaires` are asked at its end.
     """
 
     index: int
@@ -37,6 +37,7 @@ class Block:
     instruction: str
     trials: tuple[Trial, ...]
     calibrate: bool = True
+    questionnaires: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -56,3 +57,8 @@ class SessionPlan:
     def trials(self) -> tuple[Trial, ...]:
         """Every trial, practice included, in planned order."""
         return tuple(t for b in self.blocks for t in b.trials)
+
+
+def asked_after(questionnaire: str, block: Block) -> str:
+    """Return the name under which a questionnaire asked after a block is recorded."""
+    return f"{questionnaire}@{block.index}"

@@ -1,10 +1,11 @@
 """The devices of a session together: open, stream, watch, close."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from devices.contracts import (
     Armband,
+    BodyTracker,
     Device,
     DeviceInfo,
     EyeTracker,
@@ -17,7 +18,7 @@ from devices.pump import Pump
 from lab.clock import Clock
 from lab.errors import DeviceError
 from lab.schema import SampleBatch, StreamSchema
-from protocol.steps import Vibrate
+from protocol.steps import Play, Vibrate
 
 OPEN_DEADLINE_S = 10.0
 
@@ -45,6 +46,9 @@ class RunningRig:
         self._rig = rig
         self._clock = clock
         self._devices = rig.by_role()
+        self._bands = {r: d for r, d in self._devices.items() if isinstance(d, Armband)}
+        tracker = self._devices.get("body_tracker")
+        self._segments = tracker.segments if isinstance(tracker, BodyTracker) else ()
         self._pumps = {
             role: Pump(device, self._sink_of(role, sink), clock)
             for role, device in self._devices.items()
@@ -61,11 +65,20 @@ class RunningRig:
         """The device that delivers gaze."""
         return self._rig.eye_tracker
 
-    @staticmethod
     def _sink_of(
-        role: str, sink: Callable[[str, SampleBatch], None]
+        self, role: str, sink: Callable[[str, SampleBatch], None]
     ) -> Callable[[SampleBatch], None]:
-        return lambda batch: sink(role, batch)
+        if role not in self._bands:
+            return lambda batch: sink(role, batch)
+        own: dict[str, StreamSchema] = {}
+
+        def renamed(batch: SampleBatch) -> None:
+            name = batch.schema.name
+            if name not in own:
+                own[name] = _of_band(role, batch.schema)
+            sink(role, replace(batch, schema=own[name]))
+
+        return renamed
 
     def __enter__(self) -> "RunningRig":
         try:
@@ -87,7 +100,16 @@ class RunningRig:
 
     def schemas(self) -> tuple[StreamSchema, ...]:
         """Return every stream the devices will deliver."""
-        return tuple(s for d in self._devices.values() for s in d.describe())
+        return tuple(
+            _of_band(role, schema) if role in self._bands else schema
+            for role, device in self._devices.items()
+            for schema in device.describe()
+        )
+
+    @property
+    def segments(self) -> tuple[str, ...]:
+        """Names of the body tracker's segments; empty without one."""
+        return self._segments
 
     def infos(self) -> tuple[DeviceInfo, ...]:
         """Return who every device is; complete once open."""
@@ -116,6 +138,8 @@ class RunningRig:
         """Let every device deliver what its wire has brought; nothing to do for threads."""
         for pump in self._in_order:
             pump.step()
+        for band in self._bands.values():
+            band.keep_alive()
 
     def controls(self) -> tuple[str, ...]:
         """Return the names of the response device's controls; empty without one."""
@@ -128,14 +152,31 @@ class RunningRig:
         Raises:
             DeviceError: no such device in this session.
         """
-        device = self._devices.get(step.role)
-        if not isinstance(device, Armband):
+        self._band(step.role).set_amplitudes(step.amplitudes_01, step.ttl_ms)
+
+    def play(self, step: Play) -> None:
+        """Start a pattern on a haptic role.
+
+        Raises:
+            DeviceError: no such device in this session.
+        """
+        self._band(step.role).play(step.pattern, step.motors, step.amplitude_01)
+
+    def silence(self, role: str = "") -> None:
+        """Stop every motor of a haptic role, or of all bands."""
+        for name, band in self._bands.items():
+            if role in ("", name):
+                band.silence()
+
+    def _band(self, role: str) -> Armband:
+        band = self._bands.get(role)
+        if band is None:
             raise DeviceError(
                 "the trial wants to vibrate it, but no such device is configured",
-                role=step.role,
+                role=role,
                 remedy="name it under devices in lab_config.yaml",
             )
-        device.set_amplitudes(step.amplitudes_01, step.ttl_ms)
+        return band
 
     def faults(self) -> tuple[Fault, ...]:
         """Return the faults that hold now."""
@@ -144,3 +185,8 @@ class RunningRig:
     def health(self) -> dict[str, Health]:
         """Return what every device has delivered."""
         return {role: device.health() for role, device in self._devices.items()}
+
+
+def _of_band(role: str, schema: StreamSchema) -> StreamSchema:
+    """Name a stream after its band: several bands of one kind are worn at once."""
+    return replace(schema, name=f"{schema.name}_{role}")

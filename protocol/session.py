@@ -10,9 +10,9 @@ from protocol.frame_loop import FrameLoop
 from protocol.gaze_setup import GazeSetup
 from protocol.operator import Action
 from protocol.operator_desk import LOST_STREAM_NS, OperatorDesk
-from protocol.plan import Block, Trial
+from protocol.plan import Block, Trial, asked_after
 from protocol.progress import left_of
-from protocol.questionnaires import Question, read_answer
+from protocol.questionnaires import Question, Questionnaire, read_answer
 from protocol.rig import RunningRig
 from protocol.session_setup import SessionSetup
 from protocol.states import SessionState, StateMachine
@@ -126,12 +126,12 @@ class Session:
         begun = False
         for block in setup.plan.blocks:
             trials = left_of(block, setup.progress)
-            if not trials:
-                continue
-            if begun:
-                self._take_break(block)
-            begun = True
-            self._perform_block(block, trials)
+            if trials:
+                if begun:
+                    self._take_break(block)
+                begun = True
+                self._perform_block(block, trials)
+            self._ask_after(block)
         if begun:
             self._validate_at_end()
         elif not setup.progress.validated_at_end:
@@ -335,26 +335,38 @@ class Session:
 
     # ---- questions ---------------------------------------------------------------------------
 
+    def _ask_after(self, block: Block) -> None:
+        """Ask what belongs to the end of a block, under names such as "presence@2"."""
+        asked = [q for q in self._setup.questionnaires if q.name in block.questionnaires]
+        left = [q for q in asked if asked_after(q.name, block) not in self._setup.progress.answered]
+        if not left:
+            return
+        self._states.move(SessionState.QUESTIONNAIRE)
+        self._loop.show_scene(self._setup.experiment.blank(None))
+        for questionnaire in left:
+            self._ask_questionnaire(questionnaire, asked_after(questionnaire.name, block))
+
     def _ask_questionnaires(self) -> None:
         self._loop.show_scene(self._setup.experiment.blank(None))
+        of_blocks = {name for block in self._setup.plan.blocks for name in block.questionnaires}
         for questionnaire in self._setup.questionnaires:
-            if questionnaire.name in self._setup.progress.answered:
+            if questionnaire.name not in {*self._setup.progress.answered, *of_blocks}:
+                self._ask_questionnaire(questionnaire, questionnaire.name)
+
+    def _ask_questionnaire(self, questionnaire: Questionnaire, name: str) -> None:
+        for question in questionnaire.questions():
+            if (name, question.question_id) in self._setup.progress.answers:
                 continue
-            for question in questionnaire.questions():
-                if (questionnaire.name, question.question_id) in self._setup.progress.answers:
-                    continue
-                answer = self._ask(question)
-                self._recorder.event(
-                    "answer",
-                    self._loop.t_ns,
-                    questionnaire=questionnaire.name,
-                    question=question.question_id,
-                    answer=answer,
-                )
+            answer = self._ask(question)
             self._recorder.event(
-                "questionnaire_complete", self._loop.t_ns, questionnaire=questionnaire.name
+                "answer",
+                self._loop.t_ns,
+                questionnaire=name,
+                question=question.question_id,
+                answer=answer,
             )
-            self._recorder.checkpoint(timeout_s=5.0)
+        self._recorder.event("questionnaire_complete", self._loop.t_ns, questionnaire=name)
+        self._recorder.checkpoint(timeout_s=5.0)
 
     def _ask(self, question: Question) -> str | None:
         prompt = question.prompt

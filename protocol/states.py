@@ -57,7 +57,10 @@ TRANSITIONS: Mapping[SessionState, frozenset[SessionState]] = {
     )
     | _ENDS,
     S.BREAK: frozenset({S.INSTRUCTING, S.PAUSED}) | _ENDS,
-    S.QUESTIONNAIRE: frozenset({S.QUESTIONNAIRE, S.FINISHED, S.PAUSED}) | _ENDS,
+    S.QUESTIONNAIRE: frozenset(
+        {S.QUESTIONNAIRE, S.FINISHED, S.PAUSED, S.BREAK, S.INSTRUCTING, S.VALIDATING}
+    )
+    | _ENDS,
     S.FINISHED: frozenset(),
     S.ABORTED: frozenset(),
     S.FAILED: frozenset(),

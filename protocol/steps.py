@@ -3,7 +3,7 @@
 A plan is a generator: it yields steps and receives a `FrameView` whenever it asked for the next
 frame, so gaze-contingent logic is a plain loop. It returns the trial's result row. The session
 aborts a plan by throwing `TrialInterrupted` into it, so `finally` blocks still run and may yield
-`Mark` and `Vibrate`, never `NextFrame`.
+`Mark`, `Vibrate` and `Silence`, never `NextFrame`.
 """
 
 from collections.abc import Generator, Mapping
@@ -13,6 +13,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from devices.contracts import VibrationPattern
 from lab.geometry import Pose
 from stimuli.scene import SceneFrame
 
@@ -42,6 +43,23 @@ class Vibrate:
     role: str
     amplitudes_01: tuple[float, ...]
     ttl_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Play:
+    """Start a pattern on these motors of a haptic role; its other motors fall silent."""
+
+    role: str
+    pattern: VibrationPattern
+    motors: tuple[int, ...]
+    amplitude_01: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """Stop every motor of a haptic role now; of every band there is when `role` is empty."""
+
+    role: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +99,23 @@ class GazeView:
 
 
 @dataclass(frozen=True, slots=True)
+class BodyView:
+    """The samples of the body tracker that arrived since the frame before.
+
+    n samples of s segments in the order of `segments`: `t_ns` (n,) arrival in session time,
+    `position_m` (n, s, 3) and `orientation_wxyz` (n, s, 4) in world, NaN where not `valid` (n, s).
+    """
+
+    segments: tuple[str, ...]
+    t_ns: npt.NDArray[np.int64]
+    position_m: npt.NDArray[np.float64]
+    orientation_wxyz: npt.NDArray[np.float64]
+    valid: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
 class FrameView:
-    """What one frame brought: its time, the head, the gaze samples, buttons pressed."""
+    """What one frame brought: time, head, gaze, buttons pressed, the body (None: no sample)."""
 
     index: int
     t_ns: int
@@ -90,6 +123,7 @@ class FrameView:
     head_valid: bool
     gaze: GazeView
     pressed: tuple[str, ...] = ()
+    body: BodyView | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +134,7 @@ class Answered:
     t_ns: int
 
 
-Step: TypeAlias = Show | Mark | Vibrate | Ask | NextFrame
+Step: TypeAlias = Show | Mark | Vibrate | Play | Silence | Ask | NextFrame
 Plan: TypeAlias = Generator[Step, FrameView | Answered | None, Row]
 
 

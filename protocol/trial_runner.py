@@ -20,8 +20,10 @@ from protocol.steps import (
     Mark,
     NextFrame,
     Plan,
+    Play,
     Row,
     Show,
+    Silence,
     TrialInterrupted,
     Vibrate,
 )
@@ -187,6 +189,10 @@ class TrialRunner:
                 return Answered(answer, loop.t_ns)
             case Vibrate():
                 self._rig.vibrate(step)
+            case Play():
+                self._rig.play(step)
+            case Silence(role):
+                self._rig.silence(role)
             case _:
                 raise TypeError(f"a plan yielded {step!r}, which is no step")
         return None

@@ -26,13 +26,15 @@ FAULT_KINDS: Mapping[str, str] = {
     "mute": "the peer accepts requests and never answers; samples go on",
     "garbage": "amount = share of messages whose bytes are noise",
     "notify": "text = subject of a notification sent at the start",
-    "standby": "headset: poses are invalid within the window",
+    "standby": "headset, body tracker: poses are invalid within the window",
+    "frozen": "body tracker: poses stand still within the window",
+    "part_lost": "body tracker: text = segment that is not tracked within the window",
 }
 """Kind of fault -> what it does."""
 
 EYES = ("both", "left", "right")
 SHARES = frozenset({"loss", "duplicate", "reorder", "garbage"})
-TEXTS = frozenset({"version", "notify"})
+TEXTS = frozenset({"version", "notify", "part_lost"})
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,16 @@ class StareStudy:
         """Nominal duration of the dark between trials."""
         return self.params.intertrial_s
 
+    @property
+    def needed_roles(self) -> tuple[str, ...]:
+        """Nothing beside headset and eye tracker."""
+        return ()
+
+    @property
+    def useful_roles(self) -> tuple[str, ...]:
+        """Nothing more."""
+        return ()
+
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return everything one participant will do; the study has no groups."""
         return plan_session(participant_index, seed, group=group, params=self.params)

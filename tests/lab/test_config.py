@@ -67,7 +67,8 @@ def the_problem(old, new, models=MODELS):
 
 def test_the_shipped_configuration_is_valid_and_simulated_throughout():
     config = load_config(ROOT / "lab_config.yaml")
-    assert ["headset", "eye_tracker", "responses"] == list(config.devices)
+    assert ["headset", "eye_tracker", "responses", "body_tracker"] == list(config.devices)[:4]
+    assert 4 == sum(role.startswith("armband_") for role in config.devices)
     assert all(device.simulated for device in config.devices.values())
     tracker = config.devices["eye_tracker"]
     assert ("pupil_core", 50020, 120) == (

@@ -54,7 +54,13 @@ def small(tmp_path):
 
 
 def test_shipped_questionnaires_load_with_licence_and_distinct_questions():
-    assert ("demographics", "free_comment", "social_anxiety") == available()
+    assert (
+        "demographics",
+        "embodiment",
+        "free_comment",
+        "presence",
+        "social_anxiety",
+    ) == available()
     for name in available():
         questionnaire = load_questionnaire(name)
         ids = [q.question_id for q in questionnaire.questions()]

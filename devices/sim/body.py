@@ -1,0 +1,200 @@
+"""A body tracker without a wire: measures the segments of a simulated body on the session clock.
+
+Not modelled: drift, soft tissue, magnetic disturbance, latency. For the wire of a real suit use
+its driver on its simulator. Faults: silence (no samples), frozen (poses stand still), part_lost
+(a segment is NaN and not valid), standby (all are), disconnect.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.contracts import (
+    ClockPair,
+    DeviceInfo,
+    DeviceState,
+    Fault,
+    Health,
+    MovingBody,
+    Sink,
+    body_schema,
+)
+from devices.lifecycle import Lifecycle
+from devices.meter import StreamMeter
+from devices.sim.faults import FaultSchedule
+from lab.clock import NS_PER_S, Clock
+from lab.errors import DeviceDisconnected
+from lab.schema import SampleBatch, StreamSchema, empty_values
+
+SEGMENTS = (
+    "hips",
+    "spine",
+    "chest",
+    "upper_chest",
+    "neck",
+    "head",
+    *(
+        f"{side}_{part}"
+        for side in ("left", "right")
+        for part in (
+            "shoulder",
+            "upper_arm",
+            "lower_arm",
+            "hand",
+            "upper_leg",
+            "lower_leg",
+            "foot",
+            "toes",
+        )
+    ),
+)
+MOST_BACKLOG_NS = NS_PER_S
+
+
+class SimulatedBodyTracker:
+    """Follow the `BodyTracker` contract over a simulated body."""
+
+    segments = SEGMENTS
+
+    def __init__(
+        self,
+        role: str,
+        body: MovingBody,
+        clock: Clock,
+        *,
+        rate_hz: float = 100.0,
+        faults: FaultSchedule | None = None,
+    ) -> None:
+        self._body = body
+        self._clock = clock
+        self._faults = faults if faults is not None else FaultSchedule()
+        self._origin_ns = clock.now_ns()
+        self._life = Lifecycle(role)
+        self._schema = body_schema(self.segments, rate_hz)
+        self._period_ns = round(NS_PER_S / rate_hz)
+        self._meter = StreamMeter(rate_hz)
+        self._sink: Sink | None = None
+        self._next = 0
+        self._lost: tuple[str, ...] = ()
+        self._frozen = False
+        self._last = empty_values(self._schema, 1)
+        self.info = DeviceInfo(
+            role=role,
+            driver="simulated_body",
+            driver_version="1",
+            vendor="Visavis",
+            model="simulated body tracker",
+            serial="simulated",
+            transport="none",
+            is_simulated=True,
+            capabilities=frozenset({"body"}),
+        )
+
+    @property
+    def state(self) -> DeviceState:
+        """Where it is in its life."""
+        return self._life.state
+
+    def open(self, deadline_s: float) -> None:
+        """Become ready; there is nothing to connect to."""
+        self._life.require("open", DeviceState.CLOSED)
+        self._life.state = DeviceState.OPEN
+
+    def describe(self) -> tuple[StreamSchema, ...]:
+        """Return the body stream."""
+        return (self._schema,)
+
+    def start(self, sink: Sink) -> None:
+        """Begin to measure at the next multiple of the period."""
+        self._life.require("start", DeviceState.OPEN)
+        self._sink = sink
+        self._next = self._clock.now_ns() // self._period_ns + 1
+        self._first = self._next
+        self._life.state = DeviceState.STREAMING
+
+    def poll(self, timeout_s: float) -> int:
+        """Measure every instant that has passed since the last call."""
+        self._life.require("poll", DeviceState.STREAMING)
+        now_ns = self._clock.now_ns()
+        since_ns = now_ns - self._origin_ns
+        faults = self._faults
+        if faults.faults and faults.active("disconnect", since_ns):
+            self._next = now_ns // self._period_ns + 1
+            raise DeviceDisconnected("the simulated body tracker is away", role=self.info.role)
+        last = now_ns // self._period_ns
+        first = max(self._next, last - MOST_BACKLOG_NS // self._period_ns)
+        n = last - first + 1
+        if n <= 0 or self._sink is None:
+            return 0
+        self._next = last + 1
+        stamps = np.arange(first, last + 1, dtype=np.int64) * self._period_ns
+        values = empty_values(self._schema, int(n))
+        position, orientation = self._body.segments(self.segments, stamps)
+        values["position_m"], values["orientation_wxyz"] = position, orientation
+        values["valid"] = True
+        keep = np.ones(int(n), bool)
+        if faults.faults:
+            keep = self._spoil(values, stamps - self._origin_ns)
+        if not keep.any():
+            return 0
+        self._last = values[keep][-1:].copy()
+        seq = (np.arange(first, last + 1) - self._first)[keep]
+        self._meter.update(stamps[keep].tolist(), int(stamps[-1]))
+        self._sink(SampleBatch(self._schema, seq, stamps[keep], stamps[keep], values[keep]))
+        return int(keep.sum())
+
+    def stop(self) -> None:
+        """Stop measuring."""
+        self._life.require("stop", DeviceState.STREAMING)
+        self._sink = None
+        self._life.state = DeviceState.OPEN
+
+    def close(self) -> None:
+        """Forget everything; idempotent."""
+        self._sink = None
+        self._life.state = DeviceState.CLOSED
+
+    def health(self) -> Health:
+        """Report samples delivered."""
+        return replace(self._meter.health(self.state, self._clock.now_ns()))
+
+    def check(self) -> tuple[Fault, ...]:
+        """Tell segments that are not tracked and poses that stand still."""
+        role = self.info.role
+        faults = []
+        if self._lost:
+            text = f"not tracked now: {', '.join(self._lost)}"
+            remedy = "check markers, sensors and line of sight"
+            everything = len(self._lost) == len(self.segments)
+            faults.append(Fault(role, "blocking" if everything else "warning", text, remedy))
+        if self._frozen:
+            remedy = "look at the tracker's program; restart its stream"
+            faults.append(Fault(role, "warning", "the poses stand perfectly still", remedy))
+        return tuple(faults)
+
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return nothing: it runs on the session clock."""
+        return ()
+
+    def _spoil(
+        self, values: npt.NDArray[np.void], since_ns: npt.NDArray[np.int64]
+    ) -> npt.NDArray[np.bool_]:
+        keep = np.ones(len(values), bool)
+        self._lost, self._frozen = (), False
+        for i, t_ns in enumerate(since_ns.tolist()):
+            if self._faults.active("silence", t_ns):
+                keep[i] = False
+            if self._faults.active("frozen", t_ns):
+                values[i] = self._last[0] if i == 0 else values[i - 1]
+                self._frozen = True
+            part = self._faults.active("part_lost", t_ns)
+            standby = self._faults.active("standby", t_ns)
+            if part or standby:
+                self._lost = self.segments if part is None else (part.text,)
+                gone = [self.segments.index(name) for name in self._lost]
+                for name in ("position_m", "orientation_wxyz"):
+                    values[name][i, gone] = np.nan
+                values["valid"][i, gone] = False
+        return keep
