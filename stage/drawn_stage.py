@@ -1,0 +1,207 @@
+"""Show a study's scenes as pictures: both eyes of a headset, a window, or nobody's screen."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from lab.clock import NS_PER_S, Clock
+from lab.frame import EyeView, FrameInfo
+from lab.geometry import Pose, Vector, quat_multiply, rotate
+from lab.schema import SampleBatch, StreamSchema
+from stage.contracts import Viewer
+from stage.errors import StageError
+from stage.frame_truth import DrawnFrame, drawn_schema, picture_crc32, read_row, truth_row
+from stage.mirror import Mirror
+from stage.renderer import Image, Renderer
+from stage.targets import EyeTarget
+from stimuli.picture import Camera, Picture
+from stimuli.scene import SceneFrame
+
+Dresser = Callable[[SceneFrame], Picture]
+RETRY_NS = NS_PER_S
+HALF_EYE_DISTANCE_M = 0.0315
+DEFAULT_TANGENT = 1.0
+
+
+def default_views(aspect: float = 0.9) -> tuple[EyeView, EyeView]:
+    """Return two eyes 63 mm apart that see 90° up and down."""
+    wide = DEFAULT_TANGENT * aspect
+    return (
+        EyeView((-HALF_EYE_DISTANCE_M, 0, 0), (1, 0, 0, 0), -wide, wide, -1.0, 1.0),
+        EyeView((HALF_EYE_DISTANCE_M, 0, 0), (1, 0, 0, 0), -wide, wide, -1.0, 1.0),
+    )
+
+
+def eye_camera(head: Pose, eye: EyeView) -> Camera:
+    """Return the camera of one eye of a head."""
+    offset = np.asarray(eye.offset_m, np.float64)
+    turn = np.asarray(eye.orientation_wxyz, np.float64)
+    place: Vector = head.position_m + rotate(head.orientation_wxyz, offset)
+    pose = Pose(place, quat_multiply(head.orientation_wxyz, turn))
+    return Camera(pose, eye.tangent_left, eye.tangent_right, eye.tangent_bottom, eye.tangent_top)
+
+
+@dataclass(frozen=True, eq=False)
+class Display:
+    """What is drawn for: how each eye looks (asked at the first frame, when the headset is
+    open), pixels per eye, and at most how many people a picture holds.
+    """
+
+    views: Callable[[], Sequence[EyeView]]
+    size_px: tuple[int, int]
+    people_count: int
+    rate_hz: float = 90.0
+
+
+class DrawnStage:
+    """Draw every frame, log what was drawn, tell the viewers; a `Stage`.
+
+    `open_renderer` is called in the thread that draws, at the first frame, and again a second
+    after the graphics driver has failed: nothing but pictures is lost then. `mirror` shows the
+    operator the left eye.
+    """
+
+    def __init__(
+        self,
+        dresser: Dresser,
+        open_renderer: Callable[[], Renderer],
+        display: Display,
+        clock: Clock,
+        *,
+        viewers: Sequence[Viewer] = (),
+        mirror: Mirror | None = None,
+    ) -> None:
+        self._dresser = dresser
+        self._open_renderer = open_renderer
+        self._display = display
+        self._clock = clock
+        self._viewers = tuple(viewers)
+        self._mirror = mirror
+        self._renderer: Renderer | None = None
+        self._targets: list[EyeTarget] = []
+        self._views: Sequence[EyeView] = ()
+        self._schema = drawn_schema(display.people_count, display.rate_hz)
+        self._sink: Callable[[SampleBatch], None] | None = None
+        self._seq = 0
+        self._retry_ns = 0
+        self._trouble: StageError | None = None
+
+    @property
+    def schemas(self) -> tuple[StreamSchema, ...]:
+        """The stream of drawn frames."""
+        return (self._schema,)
+
+    def start(self, sink: Callable[[SampleBatch], None]) -> None:
+        """Log what is drawn from now on."""
+        self._sink = sink
+
+    def trouble(self) -> StageError | None:
+        """Return what keeps frames from being drawn, None while all is well."""
+        return self._trouble
+
+    def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[moderngl.Texture]:
+        """Draw both eyes and return their textures, left first; none while the driver fails."""
+        for viewer in self._viewers:
+            viewer.see(view, frame.predicted_display_ns)
+        now_ns = self._clock.now_ns()
+        if self._trouble is not None and now_ns < self._retry_ns:
+            return ()
+        picture = self._dresser(view)
+        try:
+            renderer = self._ready()
+            cameras = [eye_camera(head, eye) for eye in self._views]
+            drawn = renderer.draw(picture, cameras, self._targets)
+            if self._mirror is not None:
+                self._mirror.show(renderer.context, self._targets[0].texture)
+        except StageError as problem:
+            self._fail(problem, now_ns)
+            self._log(view, frame, head, picture, np.zeros(0, np.int64), failed=True)
+            return ()
+        self._trouble = None
+        self._log(view, frame, head, picture, drawn.level)
+        return [target.texture for target in self._targets]
+
+    def redraw(self, view: SceneFrame, row: np.void) -> list[Image]:
+        """Draw a recorded frame again from its scene and its row; return the images, left first.
+
+        Raises:
+            StageError: the scene is not the one that was drawn, or the driver fails.
+        """
+        picture = self._dresser(view)
+        if picture_crc32(picture) != int(row["picture_crc32"]):
+            raise StageError(
+                f"frame {int(row['frame'])} was drawn from another picture than this scene gives",
+                remedy="draw it with the version, cast and configuration of its recording",
+            )
+        head, levels = read_row(row)
+        renderer = self._ready()
+        cameras = [eye_camera(head, eye) for eye in self._views]
+        renderer.draw(picture, cameras, self._targets, levels=levels)
+        return self.images()
+
+    def images(self) -> list[Image]:
+        """Return what the eyes were shown last, left first, (height, width, 3) sRGB bytes."""
+        return [target.read() for target in self._targets]
+
+    def close(self) -> None:
+        """Release textures, renderer and mirror; idempotent."""
+        self._drop()
+        if self._mirror is not None:
+            self._mirror.close()
+
+    # ---- private --------------------------------------------------------------------------
+
+    def _ready(self) -> Renderer:
+        if self._renderer is None:
+            self._renderer = self._open_renderer()
+            self._views = tuple(self._display.views())
+            quality, context = self._renderer.quality, self._renderer.context
+            self._targets = [
+                EyeTarget(context, self._display.size_px, quality.samples) for _ in self._views
+            ]
+        return self._renderer
+
+    def _fail(self, problem: StageError, now_ns: int) -> None:
+        self._trouble = problem
+        self._retry_ns = now_ns + RETRY_NS
+        try:
+            self._drop()
+        except moderngl.Error as second:
+            # The context is gone with everything in it; the first failure is what matters.
+            problem.add_note(str(second))
+            self._renderer, self._targets = None, []
+
+    def _drop(self) -> None:
+        for target in self._targets:
+            target.release()
+        self._targets = []
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _log(
+        self,
+        view: SceneFrame,
+        frame: FrameInfo,
+        head: Pose,
+        picture: Picture,
+        level: npt.NDArray[np.int64],
+        *,
+        failed: bool = False,
+    ) -> None:
+        if self._sink is None:
+            return
+        row = DrawnFrame(
+            frame,
+            head,
+            level,
+            picture_crc32(picture),
+            picture.brightness_01,
+            view.t_ns,
+            self._clock.now_ns(),
+        )
+        self._sink(truth_row(self._schema, self._seq, row, failed=failed))
+        self._seq += 1

@@ -1,0 +1,113 @@
+"""What was drawn in a frame, as rows of a recording's stream."""
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.frame import FrameInfo
+from lab.geometry import Pose, Vector
+from lab.schema import Field, SampleBatch, StreamSchema
+from stimuli.picture import Picture
+
+OUT_OF_VIEW, ABSENT = -1, -2
+
+
+def drawn_schema(people_count: int, rate_hz: float) -> StreamSchema:
+    """Return the stream of drawn frames for pictures of at most so many people."""
+    n = max(people_count, 1)
+    return StreamSchema(
+        name="drawn",
+        nominal_rate_hz=rate_hz,
+        fields=(
+            Field("frame", "i8", "", description="index of the frame, as in FrameInfo"),
+            Field("t_scene_ns", "i8", "ns", description="session time of the scene drawn"),
+            Field("predicted_display_ns", "i8", "ns", description="when its light was to leave"),
+            Field("t_drawn_ns", "i8", "ns", description="images ready to be handed over"),
+            Field("skipped", "u4", "", description="frames the display went on without, before"),
+            Field("head_position_m", "f8", "m", "world", (3,), "pose it was drawn from"),
+            Field("head_orientation_wxyz", "f8", "1", "world", (4,), "pose it was drawn from"),
+            Field("picture_crc32", "u4", "", description="of every pose, place, fade and panel"),
+            Field("brightness_01", "f4", "1", description="fade: 0 black"),
+            Field("level", "i1", "", "", (n,), "detail per person; -1 out of view, -2 not there"),
+            Field("drawn", "?", "", description="false: the graphics driver failed"),
+        ),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnFrame:
+    """One row: what a re-draw needs beside the scene itself."""
+
+    frame: FrameInfo
+    head: Pose
+    level: npt.NDArray[np.int64]
+    picture_crc32: int
+    brightness_01: float
+    t_scene_ns: int
+    t_drawn_ns: int
+
+
+def picture_crc32(picture: Picture) -> int:
+    """Return a checksum of everything in a picture that can change while it is shown."""
+    people = picture.people
+    crc = 0
+    for array in (people.root_m, people.orientation_wxyz, people.morphs_01):
+        crc = zlib.crc32(_bytes(array), crc)
+    for placed in picture.moving:
+        crc = zlib.crc32(placed.prop.name.encode(), crc)
+        crc = zlib.crc32(_bytes(placed.pose.position_m), crc)
+        crc = zlib.crc32(_bytes(placed.pose.orientation_wxyz), crc)
+    for panel in picture.panels:
+        said = (panel.text, panel.choices, panel.size_m, panel.highlighted, panel.chosen)
+        crc = zlib.crc32(repr(said).encode(), crc)
+        crc = zlib.crc32(_bytes(panel.pose.position_m), crc)
+    if picture.mark_m is not None:
+        crc = zlib.crc32(_bytes(np.asarray(picture.mark_m)), crc)
+    names = ",".join(person.name for person in picture.cast)
+    crc = zlib.crc32(f"{picture.room.name};{names};{picture.brightness_01!r}".encode(), crc)
+    return crc
+
+
+def truth_row(
+    schema: StreamSchema, seq: int, drawn: DrawnFrame, *, failed: bool = False
+) -> SampleBatch:
+    """Return the row of a frame."""
+    values = np.zeros(1, schema.dtype)
+    row = values[0]
+    row["frame"] = drawn.frame.index
+    row["t_scene_ns"] = drawn.t_scene_ns
+    row["predicted_display_ns"] = drawn.frame.predicted_display_ns
+    row["t_drawn_ns"] = drawn.t_drawn_ns
+    row["skipped"] = drawn.frame.dropped
+    row["head_position_m"] = drawn.head.position_m
+    row["head_orientation_wxyz"] = drawn.head.orientation_wxyz
+    row["picture_crc32"] = drawn.picture_crc32
+    row["brightness_01"] = drawn.brightness_01
+    levels = row["level"]
+    levels[:] = ABSENT
+    n = min(len(levels), len(drawn.level))
+    levels[:n] = drawn.level[:n]
+    row["drawn"] = not failed
+    return SampleBatch(
+        schema,
+        np.array([seq], np.int64),
+        np.array([drawn.frame.predicted_display_ns], np.int64),
+        np.array([drawn.t_drawn_ns], np.int64),
+        values,
+    )
+
+
+def read_row(row: np.void) -> tuple[Pose, npt.NDArray[np.int64]]:
+    """Return the head's pose and the levels (n,) of everyone who was there."""
+    level = np.asarray(row["level"], np.int64)
+    head = Pose(
+        np.asarray(row["head_position_m"], np.float64),
+        np.asarray(row["head_orientation_wxyz"], np.float64),
+    )
+    return head, level[level != ABSENT]
+
+
+def _bytes(vector: Vector) -> bytes:
+    return np.ascontiguousarray(vector, np.float64).tobytes()

@@ -1,0 +1,137 @@
+"""A stage that draws: what it hands over, what it logs, what it does when the driver fails."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lab.clock import NS_PER_S, SimClock
+from lab.frame import FrameInfo
+from lab.geometry import Pose, quat_from_yaw_pitch_deg
+from lab.schema import SampleBatch
+from stage.drawn_stage import Display, DrawnStage, default_views, eye_camera
+from stage.errors import StageError
+from stage.renderer import Renderer
+from stimuli.picture import Picture
+from stimuli.scene import Scene, SceneFrame
+from tests.stage import figures
+
+SIZE = (60, 72)
+HEAD = Pose(np.array([0.05, 1.55, 0.4]), quat_from_yaw_pitch_deg(4.0, -3.0))
+
+
+class _Watcher:
+    def __init__(self) -> None:
+        self.seen: list[int] = []
+
+    def see(self, view: SceneFrame, t_display_ns: int) -> None:
+        self.seen.append(t_display_ns)
+
+
+def _scene(t_ns: int = 0) -> SceneFrame:
+    return SceneFrame(Scene("people", ()), t_ns, np.zeros((0, 3)), np.zeros(0))
+
+
+def _dressed(view: SceneFrame) -> Picture:
+    """People who drift to the right as time goes by."""
+    picture = figures.picture(3)
+    root_m = picture.people.root_m + np.array([0.1 * view.t_ns / NS_PER_S, 0, 0])
+    return replace(picture, t_ns=view.t_ns, people=replace(picture.people, root_m=root_m))
+
+
+def _renderer() -> Renderer:
+    try:
+        return Renderer()
+    except StageError as problem:
+        pytest.skip(str(problem))
+
+
+def _stage(rows: list[SampleBatch], watcher: _Watcher, clock: SimClock) -> DrawnStage:
+    display = Display(default_views, SIZE, people_count=4)
+    stage = DrawnStage(_dressed, _renderer, display, clock, viewers=[watcher])
+    stage.start(rows.append)
+    return stage
+
+
+def test_frame_is_logged_shown_and_handed_over() -> None:
+    rows: list[SampleBatch] = []
+    watcher, clock = _Watcher(), SimClock()
+    stage = _stage(rows, watcher, clock)
+    textures = stage.draw(_scene(), FrameInfo(5, 100, 900, dropped=2), HEAD)
+    left, right = stage.images()
+    stage.close()
+    assert [t.size for t in textures] == [SIZE, SIZE]
+    assert (left != right).any()
+    assert watcher.seen == [900]
+    (batch,) = rows
+    row = batch.values[0]
+    assert (row["frame"], row["predicted_display_ns"], row["skipped"]) == (5, 900, 2)
+    assert row["head_position_m"].tolist() == HEAD.position_m.tolist()
+    assert row["level"].tolist() == [1, 0, 1, -2]
+    assert row["drawn"]
+
+
+def test_redrawn_frame_equals_the_original() -> None:
+    rows: list[SampleBatch] = []
+    clock = SimClock()
+    stage = _stage(rows, _Watcher(), clock)
+    originals = []
+    for i in range(3):
+        view = _scene(i * NS_PER_S)
+        stage.draw(view, FrameInfo(i, i, i), HEAD)
+        originals.append((view, stage.images()))
+    stage.close()
+    again = _stage([], _Watcher(), clock)
+    for (view, images), batch in reversed(list(zip(originals, rows, strict=True))):
+        redrawn = again.redraw(view, batch.values[0])
+        for before, after in zip(images, redrawn, strict=True):
+            assert np.abs(before.astype(int) - after.astype(int)).max() <= 1
+    again.close()
+
+
+def test_redraw_refuses_another_scene() -> None:
+    rows: list[SampleBatch] = []
+    stage = _stage(rows, _Watcher(), SimClock())
+    stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
+    with pytest.raises(StageError, match="another picture"):
+        stage.redraw(_scene(NS_PER_S), rows[0].values[0])
+    stage.close()
+
+
+def test_lost_driver_shows_nothing_and_comes_back() -> None:
+    rows: list[SampleBatch] = []
+    watcher, clock = _Watcher(), SimClock()
+    working = [_renderer()]
+
+    def reopened() -> Renderer:
+        if not working:
+            raise StageError("nothing here can draw", remedy="restart")
+        return working.pop()
+
+    display = Display(default_views, SIZE, people_count=3)
+    stage = DrawnStage(_dressed, reopened, display, clock, viewers=[watcher])
+    stage.start(rows.append)
+    assert len(stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)) == 2
+    stage._renderer.draw = _failing
+    assert stage.draw(_scene(), FrameInfo(1, 0, 0), HEAD) == ()
+    assert "refused" in str(stage.trouble())
+    assert stage.draw(_scene(), FrameInfo(2, 0, 0), HEAD) == ()
+    clock.sleep_until_ns(clock.now_ns() + 2 * NS_PER_S)
+    working.append(_renderer())
+    assert len(stage.draw(_scene(), FrameInfo(3, 0, 0), HEAD)) == 2
+    assert stage.trouble() is None
+    assert len(watcher.seen) == 4
+    assert [bool(b.values[0]["drawn"]) for b in rows] == [True, False, True]
+    stage.close()
+
+
+def _failing(*_: object, **__: object) -> None:
+    raise StageError("the graphics driver refused to draw", remedy="resume")
+
+
+def test_eyes_stand_either_side_of_the_head() -> None:
+    left, right = (eye_camera(HEAD, eye) for eye in default_views())
+    middle = (left.pose.position_m + right.pose.position_m) / 2
+    assert middle == pytest.approx(HEAD.position_m)
+    apart = right.pose.position_m - left.pose.position_m
+    assert np.linalg.norm(apart) == pytest.approx(0.063)
