@@ -49,12 +49,21 @@ def _along(yaw: float, pitch: float) -> Triple:
 
 
 @compiled
-def _around(person: int, slot: int, front: float) -> Triple:
-    """Return what somebody without a target looks at: mostly ahead, now and then to a side."""
+def _around(person: int, slot: int, front: float, attend: Vector) -> Triple:
+    """Return what somebody without a target looks at: mostly ahead, now and then to a side.
+
+    Who is busy with something (`attend`: 1, yaw, pitch) looks there most of the time.
+    """
     u, v = chance(person, 201, slot), chance(person, 202, slot)
-    wide = chance(person, 203, slot) < 0.22
-    yaw = np.radians(84.0 if wide else 22.0) * (u - 0.5)
-    pitch = np.radians(-4.0 + (10.0 if wide else 12.0) * (v - 0.6))
+    wide = chance(person, 203, slot)
+    yaw = np.radians(84.0 if wide < 0.22 else 22.0) * (u - 0.5)
+    pitch = np.radians(-4.0 + (10.0 if wide < 0.22 else 12.0) * (v - 0.6))
+    # The weight is between 0 and 1 only while one activity passes into another.
+    busy = attend[0] if wide > 0.15 else 0.0
+    if busy > 0.0:
+        spread = np.radians(5.0)
+        yaw = (1.0 - busy) * yaw + attend[1] + busy * spread * (u - 0.5)
+        pitch = (1.0 - busy) * pitch + attend[2] + busy * spread * (v - 0.5)
     return _along(front + yaw, pitch)
 
 
@@ -66,12 +75,12 @@ def around_start_s(person: int, slot: int) -> float:
 
 @compiled
 def _target(
-    kind: int, vector: Vector, person: int, slot: int, front: float, eyes: Vector, r: int,
-    observer: Vector,
+    kind: int, vector: Vector, person: int, slot: int, front: float, attend: Vector, eyes: Vector,
+    r: int, observer: Vector,
 ) -> tuple[Triple, float]:  # fmt: skip
     """Return the direction from the eyes to a target and its distance, infinite if it has none."""
     if kind == AROUND:
-        return _around(person, slot, front), np.inf
+        return _around(person, slot, front, attend), np.inf
     if kind == ASIDE:
         return _along(front + vector[0], vector[1]), np.inf
     goal = vector[0], vector[1], vector[2]
@@ -120,7 +129,7 @@ def _slot_at(t_s: float, person: int) -> int:
 @compiled
 def recent_looks(
     t_s: float, r: int, first: npt.NDArray[np.int64], kinds: npt.NDArray[np.int64],
-    start_s: Vector, vectors: Vector, eyes_m: Vector, front: float, person: int,
+    start_s: Vector, vectors: Vector, eyes_m: Vector, front: Vector, person: int,
     observer: Vector, looks: Vector,
 ) -> int:  # fmt: skip
     """Write the looks that still matter, in order, and return how many.
@@ -147,8 +156,8 @@ def recent_looks(
             if kind == AROUND:
                 begins = max(since, around_start_s(person, slot - k))
             to, far = _target(
-                kind, vectors[min(row, len(vectors) - 1)], person, slot - k, front, eyes_m, r,
-                observer,
+                kind, vectors[min(row, len(vectors) - 1)], person, slot - k, front[0], front[1:],
+                eyes_m, r, observer,
             )  # fmt: skip
             looks[count, 0], looks[count, 4] = begins, far
             looks[count, 1], looks[count, 2], looks[count, 3] = to[0], to[1], to[2]
@@ -159,7 +168,7 @@ def recent_looks(
 @compiled
 def turn_rows(
     t_s: float, first: npt.NDArray[np.int64], kinds: npt.NDArray[np.int64], start_s: Vector,
-    vectors: Vector, eyes_m: Vector, head_wxyz: Vector, front_rad: Vector,
+    vectors: Vector, eyes_m: Vector, head_wxyz: Vector, fronts: Vector,
     seeds: npt.NDArray[np.int64], observer: Vector, out: Vector,
 ) -> None:  # fmt: skip
     """Write what trunk and head add (n, 3), for rows `first[r]:first[r + 1]` of a schedule."""
@@ -168,7 +177,7 @@ def turn_rows(
         person = seeds[r]
         to_head = inverse((head_wxyz[r, 0], head_wxyz[r, 1], head_wxyz[r, 2], head_wxyz[r, 3]))
         count = recent_looks(
-            t_s, r, first, kinds, start_s, vectors, eyes_m, front_rad[r], person, observer, looks
+            t_s, r, first, kinds, start_s, vectors, eyes_m, fronts[r], person, observer, looks
         )
         lag = 0.03 + 0.05 * chance(person, 213, 0)
         slow = 0.85 + 0.4 * chance(person, 214, 0)
@@ -227,7 +236,7 @@ def openness_01(t_s: float, person: int) -> float:
 @compiled
 def gaze_rows(
     t_s: float, first: npt.NDArray[np.int64], kinds: npt.NDArray[np.int64], start_s: Vector,
-    vectors: Vector, eyes_m: Vector, front_rad: Vector, seeds: npt.NDArray[np.int64],
+    vectors: Vector, eyes_m: Vector, fronts: Vector, seeds: npt.NDArray[np.int64],
     observer: Vector, direction: Vector, distance_m: Vector, openness: Vector,
 ) -> None:  # fmt: skip
     """Write where the eyes point (n, 3), at what distance (n,), and how open they are (n,)."""
@@ -235,7 +244,7 @@ def gaze_rows(
     for r in range(eyes_m.shape[0]):
         person = seeds[r]
         count = recent_looks(
-            t_s, r, first, kinds, start_s, vectors, eyes_m, front_rad[r], person, observer, looks
+            t_s, r, first, kinds, start_s, vectors, eyes_m, fronts[r], person, observer, looks
         )
         now, nearness = (looks[0, 1], looks[0, 2], looks[0, 3]), 1.0 / max(0.1, looks[0, 4])
         lids = openness_01(t_s, person)

@@ -12,12 +12,13 @@ from lab.geometry import Vector
 @dataclass(frozen=True, eq=False)
 class Look:
     """How n people stand at a moment: `eyes_m` (n, 3) between the eyes and `head_wxyz` (n, 4), in
-    world; `front_rad` (n,) is where their body belongs to, left of −z; `seed` (n,) who they are.
+    world; `front` (n, 4) is where their body belongs to (radians left of −z), whether they are busy
+    with something (1 or 0) and its yaw and pitch from there; `seed` (n,) who they are.
     """
 
     eyes_m: Vector
     head_wxyz: Vector
-    front_rad: Vector
+    front: Vector
     seed: npt.NDArray[np.int64]
 
 

@@ -79,6 +79,11 @@ def build_of_skeleton(skeleton: Skeleton) -> Build:
     b[p.B_BELLY] = 0.115 * size
     b[p.B_HEAD_HALF] = 0.078 * size
     b[p.B_FOOT] = float(np.hypot(toes[0] - at("left_foot")[0], toes[2] - at("left_foot")[2]))
+    shoulder = at("left_upper_arm") - at("upper_chest")
+    b[p.B_SHOULDER_Y], b[p.B_SHOULDER_Z] = shoulder[1], shoulder[2]
+    b[p.B_EAR_Y] = at("left_eye")[1] - at("head")[1] - 0.008 * stature
+    b[p.B_HEEL] = 0.028 * stature
+    b[p.B_BALL_Y] = b[p.B_ANKLE] + toes[1] - at("left_foot")[1]
     return Build(skeleton, b)
 
 
@@ -104,6 +109,8 @@ def build_of_character(character: Character) -> Build:
     if len(feet):
         b[p.B_ANKLE] = at("left_foot")[1] - np.quantile(feet[:, 1], 0.02)
         b[p.B_STAND] = b[p.B_HIP_Y] + b[p.B_LEG] + b[p.B_ANKLE]
+        b[p.B_BALL_Y] = b[p.B_ANKLE] + at("left_toes")[1] - at("left_foot")[1]
+        b[p.B_HEEL] = max(0.02, np.quantile(feet[:, 2], 0.99) - at("left_foot")[2])
     b[p.B_STATURE] = character.stature_m
     thigh = _of_part(mesh, "left_thigh")
     hip, knee = at("left_upper_leg"), at("left_lower_leg")

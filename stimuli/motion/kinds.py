@@ -9,6 +9,15 @@ import numpy.typing as npt
 
 from lab.geometry import Vector
 from stimuli.motion.errors import MotionError
+from stimuli.motion.gait_kernels import gait_rows, step_m
+from stimuli.motion.gesture_kernels import (
+    board_rows,
+    crouch_rows,
+    phone_rows,
+    talk_rows,
+    text_rows,
+    wave_rows,
+)
 from stimuli.motion.seated_kernels import seated_rows
 from stimuli.motion.standing_kernels import idle_rows
 
@@ -74,10 +83,184 @@ class Sit:
         return self.lively, hands, self.seat_m, float(np.radians(self.lean_back_deg)), self.nods
 
 
-Kind = Idle | Sit
+Hand = Literal["left", "right", "both", "any"]
+_HANDS: Final = {"left": 0, "right": 1, "both": 2}
+
+
+def _hand(choice: str, seed: int) -> float:
+    """Return the number of a hand; nine of ten people prefer the right one."""
+    if choice == "any":
+        return float(np.random.default_rng((seed, 8)).random() < 0.9)
+    return float(_HANDS[choice])
+
+
+@dataclass(frozen=True)
+class Wave:
+    """Wave with one or both hands: `rate_hz` to and fro, `swing_deg` of the forearm from end to
+    end, `elbow_01` 0 at the side, 1 at the height of the shoulder.
+    """
+
+    hand: Hand = "any"
+    rate_hz: float = 1.8
+    swing_deg: float = 46.0
+    elbow_01: float = 0.45
+    lively: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check("rate_hz", self.rate_hz, 0.2, 4.0)
+        _check("swing_deg", self.swing_deg, 0.0, 90.0)
+        _check("elbow_01", self.elbow_01, 0.0, 1.0)
+        _check("lively", self.lively, 0.0, 2.0)
+
+    def numbers(self, seed: int) -> tuple[float, ...]:
+        """Return what the kernel is given."""
+        swing = float(np.radians(self.swing_deg))
+        return self.lively, _hand(self.hand, seed), self.rate_hz, swing, self.elbow_01
+
+
+@dataclass(frozen=True)
+class Phone:
+    """Stand with a phone at the ear; `talk_01` is how much of the call one speaks oneself."""
+
+    hand: Literal["left", "right", "any"] = "any"
+    talk_01: float = 0.5
+    lively: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check("talk_01", self.talk_01, 0.0, 1.0)
+        _check("lively", self.lively, 0.0, 2.0)
+
+    def numbers(self, seed: int) -> tuple[float, ...]:
+        """Return what the kernel is given."""
+        return self.lively, _hand(self.hand, seed), self.talk_01
+
+
+@dataclass(frozen=True)
+class Text:
+    """Stand reading and typing on a phone, with one hand or both by seed."""
+
+    hand: Literal["left", "right", "any"] = "any"
+    lively: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check("lively", self.lively, 0.0, 2.0)
+
+    def numbers(self, seed: int) -> tuple[float, ...]:
+        """Return what the kernel is given."""
+        return self.lively, _hand(self.hand, seed)
+
+
+@dataclass(frozen=True)
+class WatchBoard:
+    """Stand watching a board that lies `yaw_deg` (left) and `pitch_deg` (up) from the front."""
+
+    yaw_deg: float = 0.0
+    pitch_deg: float = 16.0
+    arms: StandingArms = "any"
+    lively: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check("yaw_deg", self.yaw_deg, -110.0, 110.0)
+        _check("pitch_deg", self.pitch_deg, -60.0, 60.0)
+        _check("lively", self.lively, 0.0, 2.0)
+
+    def numbers(self, seed: int) -> tuple[float, ...]:
+        """Return what the kernel is given."""
+        arms = _one_of(self.arms, _STANDING, (0.6, 0.12, 0.2, 0.08), seed)
+        return self.lively, arms, float(np.radians(self.yaw_deg)), float(np.radians(self.pitch_deg))
+
+
+@dataclass(frozen=True)
+class Talk:
+    """Talk with gestures, standing or on a seat; `size` scales gestures, `voice_01` the jaw."""
+
+    size: float = 1.0
+    voice_01: float = 1.0
+    seat_m: float | None = None
+    lively: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check("size", self.size, 0.0, 1.4)
+        _check("voice_01", self.voice_01, 0.0, 1.0)
+        _check("lively", self.lively, 0.0, 2.0)
+        if self.seat_m is not None:
+            _check("seat_m", self.seat_m, 0.25, 1.0)
+
+    def numbers(self, seed: int) -> tuple[float, ...]:
+        """Return what the kernel is given."""
+        return self.lively, self.size, self.voice_01, self.seat_m or 0.0
+
+
+@dataclass(frozen=True)
+class Crouch:
+    """Crouch on the balls of the feet; `depth_01` 0 stands, 1 is as low as it goes."""
+
+    depth_01: float = 0.8
+    lively: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check("depth_01", self.depth_01, 0.0, 1.0)
+        _check("lively", self.lively, 0.0, 2.0)
+
+    def numbers(self, seed: int) -> tuple[float, ...]:
+        """Return what the kernel is given."""
+        return self.lively, self.depth_01
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Walk straight ahead from one's place, for `distance_m` or without end."""
+
+    speed_mps: float = 1.3
+    distance_m: float = np.inf
+    lively: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check("speed_mps", self.speed_mps, 0.4, 2.2)
+        _check("distance_m", self.distance_m, 0.5, np.inf)
+        _check("lively", self.lively, 0.0, 2.0)
+
+    def numbers(self, seed: int) -> tuple[float, ...]:
+        """Return what the kernel is given."""
+        return self.lively, self.speed_mps, self.distance_m, 0.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """Run straight ahead from one's place, for `distance_m` or without end."""
+
+    speed_mps: float = 3.0
+    distance_m: float = np.inf
+    lively: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check("speed_mps", self.speed_mps, 1.6, 5.0)
+        _check("distance_m", self.distance_m, 2.0, np.inf)
+        _check("lively", self.lively, 0.0, 2.0)
+
+    def numbers(self, seed: int) -> tuple[float, ...]:
+        """Return what the kernel is given."""
+        return self.lively, self.speed_mps, self.distance_m, 1.0
+
+
+def gait_duration_s(gait: Walk | Run, leg_m: float) -> float:
+    """Return how long somebody with legs of a length (thigh and shin) is under way."""
+    step = step_m(gait.speed_mps, leg_m, gait.distance_m, isinstance(gait, Run))
+    return (gait.distance_m + 2.0 * step) / gait.speed_mps
+
+
+Kind = Idle | Sit | Wave | Phone | Text | WatchBoard | Talk | Crouch | Walk | Run
 _KERNELS: Final[dict[type, tuple[int, Kernel]]] = {
     Idle: (0, idle_rows),
     Sit: (1, seated_rows),
+    Wave: (2, wave_rows),
+    Phone: (3, phone_rows),
+    Text: (4, text_rows),
+    WatchBoard: (5, board_rows),
+    Talk: (6, talk_rows),
+    Crouch: (7, crouch_rows),
+    Walk: (8, gait_rows),
+    Run: (8, gait_rows),
 }
 
 

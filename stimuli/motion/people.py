@@ -15,7 +15,7 @@ from stimuli.gaze.turning import Gaze, Look
 from stimuli.motion import posture as p
 from stimuli.motion.build import Build
 from stimuli.motion.errors import MotionError
-from stimuli.motion.kinds import NUMBERS, Kind, code_of, kernel_of
+from stimuli.motion.kinds import NUMBERS, Kind, Run, Walk, code_of, kernel_of
 from stimuli.motion.placing_kernels import mix_rows, placed_rows
 from stimuli.motion.posture_kernels import look_from, pose_rows
 from stimuli.picture import PosedPeople
@@ -25,11 +25,16 @@ Index = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Doing:
-    """What somebody does from `start_s` on, taking over within `fade_s`; later ones follow."""
+    """What somebody does from `start_s` on, taking over within `fade_s`.
+
+    Without a place of its own it happens where the thing before has led to.
+    """
 
     kind: Kind
     start_s: float = -np.inf
     fade_s: float = 0.8
+    place_m: tuple[float, float, float] | None = None
+    heading_deg: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +100,6 @@ class PeopleMotion:
     def _plan(self) -> "_Plan":
         return _plan_of(self.people)
 
-    @cached_property
-    def _places(self) -> tuple[Vector, Vector]:
-        return (
-            np.array([q.place_m for q in self.people], dtype=np.float64).reshape(-1, 3),
-            np.radians([q.heading_deg for q in self.people]),
-        )
-
     def _posture(self, t_s: float, doing: Index, rows: Index) -> Vector:
         """Return the posture (n, SIZE) of `rows` at what they do; others mean nothing."""
         lengths, _, _, seeds = self._builds
@@ -113,7 +111,7 @@ class PeopleMotion:
             kernel_of(int(code))(
                 rows[codes[rows] == code], since, seeds, numbers, lengths, controls
             )
-        placed_rows(controls, *self._places)
+        placed_rows(controls, plan.place_m[doing], plan.heading_rad[doing])
         return controls
 
     def posture(self, t_s: float) -> Vector:
@@ -130,7 +128,7 @@ class PeopleMotion:
             before = doing.copy()
             before[rows] -= 1
             earlier = self._posture(t_s, before, rows)[rows]
-            mix_rows(controls, rows, earlier, 1.0 - share[rows])
+            mix_rows(controls, rows, earlier, share[rows])
         return controls
 
     def at(self, t_s: float, gaze: Gaze | None = None) -> PosedPeople:
@@ -142,7 +140,7 @@ class PeopleMotion:
         held, held_eyes, facing = self._held
         eyes, head, chest = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 4))
         look_from(controls, offsets, skeleton_of, eyes, head, chest)
-        front = controls[:, p.FRONT].copy()
+        front = controls[:, p.FRONT : p.ATTEND + 3].copy()
         turns = gaze.turns_rad(t_s, Look(eyes, head, front, seeds))
         controls[:, p.TRUNK_YAW] += turns[:, 0]
         controls[:, p.HEAD_YAW] += turns[:, 1]
@@ -184,11 +182,32 @@ class _Plan:
     fade_s: Vector
     codes: Index
     numbers: Vector
+    place_m: Vector
+    heading_rad: Vector
+
+
+def _places_of(person: Person) -> list[tuple[Vector, float]]:
+    """Return place and heading of everything somebody does; a way leads on to its end."""
+    at, heading = np.array(person.place_m, np.float64), float(np.radians(person.heading_deg))
+    places = []
+    for doing in person.plan:
+        if doing.place_m is not None:
+            at = np.array(doing.place_m, np.float64)
+        if doing.heading_deg is not None:
+            # The shorter way round from the heading before.
+            turn = np.radians(doing.heading_deg) - heading
+            heading += float((turn + np.pi) % (2 * np.pi) - np.pi)
+        places.append((at, heading))
+        if isinstance(doing.kind, Walk | Run) and np.isfinite(doing.kind.distance_m):
+            ahead = np.array([-np.sin(heading), 0.0, -np.cos(heading)])
+            at = at + doing.kind.distance_m * ahead
+    return places
 
 
 def _plan_of(people: Sequence[Person]) -> _Plan:
     lengths = [len(q.plan) for q in people]
     doings = [(q, d) for q in people for d in q.plan]
+    places = [place for q in people for place in _places_of(q)]
     numbers = np.zeros((len(doings), NUMBERS))
     for i, (q, d) in enumerate(doings):
         own = d.kind.numbers(q.seed)
@@ -201,4 +220,6 @@ def _plan_of(people: Sequence[Person]) -> _Plan:
         np.array([max(d.fade_s, 1e-9) for _, d in doings], dtype=np.float64),
         np.array([code_of(d.kind) for _, d in doings], dtype=np.int64),
         numbers,
+        np.array([at for at, _ in places]).reshape(-1, 3),
+        np.array([heading for _, heading in places]),
     )

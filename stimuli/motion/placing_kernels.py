@@ -34,8 +34,28 @@ def placed_rows(controls: Vector, place_m: Vector, heading_rad: Vector) -> None:
 
 @compiled
 def mix_rows(controls: Vector, rows: npt.NDArray[np.int64], other: Vector, share: Vector) -> None:
-    """Mix `other` (k, SIZE) into the rows (k,) of `controls` by an eased share 0..1."""
+    """Lead `other` (k, SIZE) over into the rows (k,) of `controls`, `share` (k,) from 0 to 1.
+
+    Feet that have to go elsewhere step there, the left one first.
+    """
     for i in range(rows.shape[0]):
-        s = ease(share[i])
-        for j in range(controls.shape[1]):
-            controls[rows[i], j] = (1.0 - s) * controls[rows[i], j] + s * other[i, j]
+        c, before, s = controls[rows[i]], other[i], ease(share[i])
+        lifts, shares = np.zeros(2), np.full(2, s)
+        for side in range(2):
+            foot = p.LEG + side * p.LEG_SIZE
+            way = 0.0
+            for k in range(3):
+                way += (c[foot + k] - before[foot + k]) ** 2
+            way = np.sqrt(way) + 0.1 * abs(c[foot + p.FOOT_YAW] - before[foot + p.FOOT_YAW])
+            # Steps of less than a centimetre are none; the rule sets in smoothly.
+            steps = ease(way / 0.03)
+            own = ease(1.9 * share[i] - 0.9 * side)
+            shares[side] = (1.0 - steps) * s + steps * own
+            lifts[side] = steps * 16.0 * (own * (1.0 - own)) ** 2 * min(0.10, 0.02 + 0.15 * way)
+        for j in range(c.shape[0]):
+            h = s
+            if p.LEG <= j < p.LEG + 2 * p.LEG_SIZE:
+                h = shares[(j - p.LEG) // p.LEG_SIZE]
+            c[j] = (1.0 - h) * before[j] + h * c[j]
+        for side in range(2):
+            c[p.LEG + side * p.LEG_SIZE + p.ANKLE + 1] += lifts[side]

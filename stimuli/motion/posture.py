@@ -76,7 +76,9 @@ SMILE: Final = ARM + 2 * ARM_SIZE
 JAW: Final = SMILE + 1
 FRONT: Final = JAW + 1
 """Where the body belongs to, left of −z; gaze that wanders stays about it."""
-SIZE: Final = SMILE + 3
+ATTEND: Final = FRONT + 1
+"""1 where the activity has an object of its own to look at, then its yaw and pitch from `FRONT`."""
+SIZE: Final = ATTEND + 3
 
 # Rows of the canonical skeleton: nine joints of the trunk, then 23 of each side.
 JOINTS: Final = 55
@@ -134,4 +136,13 @@ B_HEAD_HALF: Final = 16
 """Half the width of the head at the ears."""
 B_FOOT: Final = 17
 """Ankle to ball of the foot, along the floor."""
-B_SIZE: Final = 18
+B_SHOULDER_Y: Final = 18
+"""Shoulder joints above the upper chest."""
+B_SHOULDER_Z: Final = 19
+B_EAR_Y: Final = 20
+"""Ears above the head joint."""
+B_HEEL: Final = 21
+"""Back of the heel behind the ankle."""
+B_BALL_Y: Final = 22
+"""Joint of the toes above the floor on flat feet."""
+B_SIZE: Final = 23
