@@ -243,8 +243,8 @@ def fuzz_python(count: int) -> tuple[int, int]:
         amplitudes = tuple(int(v) for v in rng.integers(0, 256, 4))
         intact = codec.encode_set(seq, int(rng.integers(1, 10_000)), amplitudes)
         broken = damage(intact, rng)
-        if broken in (intact, intact[:-1]):
-            continue
+        if intact.strip(b"\0") in broken.split(b"\0"):
+            continue  # what was changed lies outside the frame
         before = firmware.duties
         firmware.feed(broken, now_us)
         wrong += firmware.duties != before and any(firmware.duties)

@@ -107,17 +107,18 @@ class SerialLink:
             if port.timeout != timeout_s:
                 port.timeout = timeout_s
             data = port.read(1)
-            if data:
-                stamp_ns = self._clock.now_ns()
-                waiting = port.in_waiting
-                if waiting:
-                    data += port.read(min(waiting, MOST_BYTES))
-                return (Chunk(stamp_ns, data),)
         except (self._library.SerialException, OSError, TypeError) as cause:
             raise DeviceDisconnected(
                 f"{self._opened_as} is gone: {cause}", remedy=REMEDY
             ) from cause
-        return ()
+        if not data:
+            return ()
+        stamp_ns = self._clock.now_ns()
+        with contextlib.suppress(self._library.SerialException, OSError, TypeError):
+            # what came before the end counts; the next call tells that it was the end
+            if waiting := port.in_waiting:
+                data += port.read(min(waiting, MOST_BYTES))
+        return (Chunk(stamp_ns, data),)
 
     def close(self) -> None:
         """Close the port; idempotent."""

@@ -64,7 +64,7 @@ static size_t damage(uint8_t *bytes, size_t size) {
         return size - 1;
     case 2:
         memmove(bytes + at + 1, bytes + at, size - at);
-        bytes[at] = (uint8_t)draw(256);
+        bytes[at] = (uint8_t)(1 + draw(255)); /* a zero beside the ends would harm nothing */
         return size + 1;
     case 3:
         for (size_t i = at; i < size && i < at + run; i++) bytes[i] = (uint8_t)draw(256);

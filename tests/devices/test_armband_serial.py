@@ -1,0 +1,143 @@
+"""The serial link: found by what is plugged in, bounded writes, unplugging, URLs."""
+
+import os
+import socket
+import sys
+import threading
+from types import SimpleNamespace
+
+import pytest
+
+from devices.drivers import armband_serial
+from devices.drivers.armband_serial import SerialLink, find_port, serial_armband
+from devices.sim.armband_firmware import ArmbandFirmware
+from lab.clock import SystemClock
+from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
+
+pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
+needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminals here")
+
+
+@pytest.fixture
+def terminal():
+    import tty
+
+    own, other = os.openpty()
+    tty.setraw(other)
+    ends = SimpleNamespace(own=own, port=os.ttyname(other), open={own, other})
+    ends.unplug = lambda: [os.close(ends.open.pop()) for _ in tuple(ends.open)]
+    yield ends
+    ends.unplug()
+
+
+@needs_pty
+def test_write_that_nobody_takes_ends_in_a_timeout(terminal):
+    link = SerialLink(SystemClock(), port=terminal.port)
+    link.open(1.0)
+    with pytest.raises(DeviceTimeout, match="takes no bytes"):
+        link.write(bytes(200_000))
+    link.close()
+
+
+@needs_pty
+def test_unplugging_is_a_disconnection_on_both_ways(terminal):
+    link = SerialLink(SystemClock(), port=terminal.port)
+    link.open(1.0)
+    terminal.unplug()
+    with pytest.raises(DeviceDisconnected, match="plug the band in"):
+        link.read(0.5)
+    with pytest.raises(DeviceDisconnected):
+        link.write(b"x")
+    link.close()
+    link.close()
+    with pytest.raises(DeviceDisconnected, match="closed"):
+        link.read(0.0)
+
+
+@needs_pty
+def test_port_is_held_for_one_program(terminal):
+    first, second = (SerialLink(SystemClock(), port=terminal.port) for _ in range(2))
+    first.open(1.0)
+    with pytest.raises(DeviceNotFound, match="cannot open"):
+        second.open(1.0)
+    first.close()
+
+
+def test_port_that_is_not_there_says_what_to_do():
+    with pytest.raises(DeviceNotFound, match="visavis devices list"):
+        SerialLink(SystemClock(), port="/dev/no-such-port").open(1.0)
+
+
+def test_link_without_port_or_description_is_refused():
+    with pytest.raises(DeviceNotFound, match="give port, or vid and pid"):
+        SerialLink(SystemClock())
+
+
+def port(device, vid, pid, serial_number):
+    return SimpleNamespace(device=device, vid=vid, pid=pid, serial_number=serial_number)
+
+
+@pytest.fixture
+def plugged(monkeypatch):
+    from serial.tools import list_ports
+
+    ports = [
+        port("COM3", 0x0403, 0x6001, "A1"),
+        port("COM9", 0x0403, 0x6001, "B2"),
+        port("COM1", None, None, None),
+    ]
+    monkeypatch.setattr(list_ports, "comports", lambda: ports)
+
+
+def test_port_is_found_by_vendor_product_and_serial(plugged):
+    assert find_port(0x0403, 0x6001, "B2") == "COM9"
+
+
+def test_two_bands_that_fit_ask_for_the_serial_number(plugged):
+    with pytest.raises(DeviceNotFound, match=r"2 serial ports fit.*COM3, COM9.*serial_number"):
+        find_port(0x0403, 0x6001, "")
+
+
+def test_no_band_that_fits_lists_what_there_is(plugged):
+    with pytest.raises(DeviceNotFound, match=r"COM1 \(vid any"):
+        find_port(0x2341, None, "")
+
+
+def test_missing_library_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(DeviceNotFound, match=r"pip install 'visavis\[serial\]'"):
+        SerialLink(SystemClock(), port="COM4").open(1.0)
+
+
+def poll_for_ever(driver):
+    while True:
+        driver.poll(0.1)
+
+
+def test_band_behind_a_socket_url_is_driven_and_its_end_is_noticed():
+    firmware = ArmbandFirmware()
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def serve():
+        connection, _ = server.accept()
+        with connection:
+            while firmware.duties != (255,) * 4:
+                connection.sendall(firmware.feed(connection.recv(4096), 0))
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+    driver = serial_armband("arm", SystemClock(), port=url)
+    rows = []
+    driver.open(5.0)
+    driver.start(rows.append)
+    driver.set_amplitudes((1,) * 4, 1000)
+    with pytest.raises(DeviceDisconnected):
+        poll_for_ever(driver)
+    thread.join(5.0)
+    driver.close()
+    server.close()
+
+    commands = [batch for batch in rows if batch.schema.name == "haptics"]
+    assert commands[0].values["acknowledged"][0]
+    assert armband_serial.BAUD == 38_400
