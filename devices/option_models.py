@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from devices.band_options import BAND_OPTION_MODELS
 from devices.gaze_options import GAZE_OPTION_MODELS
 
 
@@ -81,6 +82,7 @@ OPTION_MODELS: Mapping[str, type[BaseModel]] = {
     "pupil_core": PupilCoreOptions,
     "serial_armband": SerialArmbandOptions,
     "simulated_armband": SimulatedArmbandOptions,
+    **BAND_OPTION_MODELS,
     **GAZE_OPTION_MODELS,
     "simulated_body": SimulatedBodyOptions,
     "simulated_headset": SimulatedHeadsetOptions,

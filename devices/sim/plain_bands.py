@@ -52,6 +52,7 @@ class ReportBandSimulator(BandPeer):
     def __init__(self, *args: Any, number: int | None = 0, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._number = number
+        self._reports: list[bytes] = []
         self.refused = 0
 
     def received(self, data: bytes, t_ns: int) -> None:
@@ -65,6 +66,11 @@ class ReportBandSimulator(BandPeer):
             self.refused += 1
             return
         self.set_levels([value / 255 for value in data[2:6]], t_ns)
+
+    def next_report(self, until_ns: int) -> bytes | None:
+        """Give up one input report, as USB does; None when none has come."""
+        self._reports += [chunk.data for chunk in self.outgoing(until_ns)]
+        return self._reports.pop(0) if self._reports else None
 
     def tell_battery(self, percent: int, t_ns: int) -> None:
         """Send an input report."""

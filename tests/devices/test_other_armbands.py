@@ -6,6 +6,7 @@ from itertools import pairwise
 import pytest
 
 from devices import conformance
+from devices.byte_wirelog import ReplayLink, TeeLink
 from devices.contracts import BAND_EVENTS, NO_DEVICE_TIME, DeviceState, VibrationPattern
 from devices.drivers.host_timed_band import HOST_SIDE_ONLY, silence_every_open_band
 from devices.drivers.other_armbands import ascii_armband, hid_armband
@@ -34,6 +35,34 @@ def test_band_keeps_the_life_of_a_device_and_the_rules_of_batches(name):
 
     conformance.check_lifecycle(lambda: next(devices), let_pass)
     conformance.check_batches(lambda: next(devices), let_pass)
+
+
+@every_band
+@pytest.mark.parametrize("wire", ["memory", "replay"])
+def test_band_keeps_the_rules_of_armbands(name, wire, tmp_path):
+    rig = BandRig(name)
+    path = tmp_path / "séance 1.wire"
+
+    def let_pass(seconds):
+        rig.clock.sleep_until_ns(rig.clock.now_ns() + round(seconds * 1e9))
+
+    if wire == "memory":
+        conformance.check_armband(lambda: rig.driver, let_pass)
+        return
+    tees = []
+
+    def wrap(link, clock):
+        tees.append(TeeLink(link, path, clock))
+        return tees[0]
+
+    rig = BandRig(name, wrap=wrap)
+    conformance.check_armband(lambda: rig.driver, let_pass)
+    tees[0].end()
+    make = BANDS[name][0]
+    conformance.check_armband(lambda: make("arm", rig.clock, ReplayLink(path, rig.clock)), let_pass)
+    conformance.check_lifecycle(
+        lambda: make("arm", rig.clock, ReplayLink(path, rig.clock)), let_pass
+    )
 
 
 @every_band
