@@ -14,14 +14,16 @@ from stimuli.motion import posture as p
 from stimuli.motion.rhythm_kernels import chance, drift, ease
 from stimuli.motion.standing_kernels import breathe, hang_arms, stir
 
-WALK_STANCE = 0.62
+WALK_STANCE = 0.60
 RUN_STANCE = 0.36
 WALK_RATIO_M_PER_STEP_MIN = 0.0065
 """Step length over steps a minute of adults (Sekiya & Nagasaki 1998, Gait & Posture 7:225)."""
 RUN_STEPS_HZ = 2.75
-SHIFT_M = 0.115
-"""How much farther back than the hips' middle of stance a footprint's ankle lies: the foot lands
-on the heel and leaves from the ball."""
+WALK_SHIFT_M, RUN_SHIFT_M = 0.095, 0.06
+"""How much farther back than the hips' middle of stance a footprint's ankle lies, for legs of
+0.86 m: the foot lands on the heel and leaves from the ball."""
+REACH = 0.984
+"""No leg is stretched farther than to this share of its length."""
 
 
 @compiled
@@ -83,6 +85,24 @@ def _foot_pitch(phase: float, stance: float, strike: float, push: float) -> floa
 
 
 @compiled
+def _about_ball(b: Vector, pitch: float) -> tuple[float, float]:
+    """Return how far forward and up the ankle goes when a flat foot turns about its ball."""
+    over, ahead = b[p.B_ANKLE] - b[p.B_BALL_Y], b[p.B_FOOT]
+    s, c = np.sin(pitch), np.cos(pitch)
+    return ahead * (1.0 - c) + over * s, over * (c - 1.0) + ahead * s
+
+
+@compiled
+def _about_heel(b: Vector, pitch: float) -> tuple[float, float]:
+    """Return how far forward and up the ankle goes when a flat foot turns about its heel."""
+    s, c = np.sin(pitch), np.cos(pitch)
+    return (
+        b[p.B_HEEL] * (c - 1.0) + b[p.B_ANKLE] * s,
+        b[p.B_ANKLE] * (c - 1.0) - b[p.B_HEEL] * s,
+    )
+
+
+@compiled
 def _print_m(index: int, first_m: float, step: float, distance_m: float) -> float:
     """Return the place along the way of a foot's print number `index`."""
     return min(distance_m, max(0.0, first_m + 2.0 * step * index))
@@ -91,13 +111,13 @@ def _print_m(index: int, first_m: float, step: float, distance_m: float) -> floa
 @compiled
 def _foot(
     leg: Vector, b: Vector, clock_m: float, offset_m: float, step: float, distance_m: float,
-    stance: float, strike: float, push: float, lift: float,
+    stance: float, shift: float, strike: float, push: float, lift: float,
 ) -> None:  # fmt: skip
     """Place one foot along the way; its contacts come at clock = offset + whole strides."""
     stride = 2.0 * step
     k = np.floor((clock_m - offset_m) / stride)
     phase = (clock_m - offset_m) / stride - k
-    middle = 0.5 * stance * stride - SHIFT_M * b[p.B_LEG] / 0.86
+    middle = 0.5 * stance * stride - shift
     first = offset_m + middle
     before = _print_m(int(k) - 1, first, step, distance_m)
     here = _print_m(int(k), first, step, distance_m)
@@ -106,31 +126,39 @@ def _foot(
     came, goes = (here - before) / stride, (after - here) / stride
     landing = strike * (came if phase < 0.5 * stance else goes)
     pitch = _foot_pitch(phase, stance, landing, push * goes)
-    over, ahead, heel = b[p.B_ANKLE] - b[p.B_BALL_Y], b[p.B_FOOT], b[p.B_HEEL]
-    s, c = np.sin(pitch), np.cos(pitch)
-    # Where the ankle is against its place above a flat foot when the foot turns about ball or heel.
-    ball_forward, ball_up = ahead * (1.0 - c) + over * s, over * (c - 1.0) + ahead * s
-    sole = b[p.B_ANKLE]
-    heel_forward, heel_up = heel * (c - 1.0) + sole * s, sole * (c - 1.0) - heel * s
+    ball_forward, ball_up = _about_ball(b, pitch)
+    heel_forward, heel_up = _about_heel(b, pitch)
     if phase < stance:
         forward, up = (ball_forward, ball_up) if pitch >= 0.0 else (heel_forward, heel_up)
         along = here
     else:
         u = (phase - stance) / (1.0 - stance)
-        e = ease(u)
+        e = u * u * (3.0 - 2.0 * u)
         forward = (1.0 - e) * ball_forward + e * heel_forward
         up = (1.0 - e) * ball_up + e * heel_up
         along = here + (after - here) * e
         hump = 4.0 * u * (1.0 - u)
-        up += lift * goes * hump * hump * (1.35 - 0.7 * u)
+        up += lift * goes * hump * hump
+    leg[p.ANKLE] -= forward * np.sin(leg[p.FOOT_YAW])
     leg[p.ANKLE + 1] = b[p.B_ANKLE] + up
-    leg[p.ANKLE + 2] = -(along + forward)
+    leg[p.ANKLE + 2] = -along - forward * np.cos(leg[p.FOOT_YAW])
     leg[p.FOOT_PITCH] = pitch
     leg[p.TOE_BEND] = max(0.0, pitch) * (
         1.0 if phase < stance else 1.0 - ease((phase - stance) * 4)
     )
     if pitch < 0.0:
         leg[p.TOE_BEND] = -0.35 * pitch
+
+
+@compiled
+def _reach_height_m(b: Vector, half: float, shift: float, strike: float, push: float) -> float:
+    """Return how high above a standing ankle both legs let the hip joints be, ahead and behind."""
+    forward, up = _about_heel(b, -strike)
+    ahead = half - shift + forward
+    height = np.sqrt((REACH * b[p.B_LEG]) ** 2 - ahead * ahead) + up
+    forward, up = _about_ball(b, push)
+    behind = half + shift - forward
+    return float(min(height, np.sqrt((REACH * b[p.B_LEG]) ** 2 - behind * behind) + up))
 
 
 @compiled
@@ -158,8 +186,10 @@ def gait_rows(
         stance = RUN_STANCE if runs else WALK_STANCE
         relative = step / (0.83 * leg)
         strike = np.radians(4.0 if runs else 19.0 * min(1.2, relative))
-        push = np.radians(58.0 if runs else 46.0 * min(1.2, relative))
-        lift = scale * (0.20 if runs else 0.035)
+        push = np.radians(58.0 if runs else 50.0 * min(1.15, relative))
+        lift = scale * (0.20 if runs else 0.055)
+        shift = scale * (RUN_SHIFT_M if runs else WALK_SHIFT_M)
+        reach = _reach_height_m(b, stance * step, shift, strike, push)
         contact = -0.94 * step
         phase = (clock - contact) / (2.0 * step)
         cycle = 2.0 * np.pi * phase
@@ -169,10 +199,10 @@ def gait_rows(
             wide = b[p.B_HIP_X] * (0.5 if runs else 0.62)
             foot[p.ANKLE] = sign * wide
             offset = contact + (0.0 if side == 0 else step)
-            _foot(foot, b, clock, offset, step, distance, stance, strike, push, lift)
             foot[p.FOOT_YAW] = -sign * np.radians(3.0 + 5.0 * chance(person, 401, side))
+            _foot(foot, b, clock, offset, step, distance, stance, shift, strike, push, lift)
             foot[p.KNEE_OUT] = np.radians(1.0)
-        _carry(c, b, person, cycle, full, stance, step, runs)
+        _carry(c, b, person, cycle, full, stance, step, reach, runs)
         c[p.HIPS + 2] = -body + (0.01 * scale if runs else 0.0)
         c[p.ATTEND], c[p.ATTEND + 1] = full, 0.0
         c[p.ATTEND + 2] = -np.radians(7.0) * full
@@ -184,20 +214,16 @@ def gait_rows(
 @compiled
 def _carry(
     c: Vector, b: Vector, person: int, cycle: float, full: float, stance: float, step: float,
-    runs: bool,
+    reach: float, runs: bool,
 ) -> None:  # fmt: skip
     """Move hips, trunk and arms with the legs; the left foot lands at cycle 0, the right at π."""
     leg, scale = b[p.B_LEG], b[p.B_LEG] / 0.86
     relative = min(1.3, step / (0.83 * leg))
     middle = np.pi * stance
-    if runs:
-        # Lowest in the middle of stance, highest in flight.
-        bob, height = -0.038 * scale, 0.925 * leg
-    else:
-        bob = 0.019 * scale * relative
-        reach = stance * step - SHIFT_M * scale - 0.012
-        height = np.sqrt((0.992 * leg) ** 2 - reach * reach) + 0.78 * bob + 0.012 * scale * relative
-        height = min(0.982 * leg, height)
+    # A runner is lowest in the middle of stance, a walker highest.
+    bob = scale * (-0.038 if runs else 0.019 * relative)
+    height = reach - abs(bob * np.cos(2.0 * middle)) if runs else reach - bob * np.cos(2.0 * middle)
+    height = min(0.93 * leg, height - 0.022 * leg) if runs else min(0.975 * leg, height)
     top = b[p.B_STAND] - leg
     height = full * height + (1.0 - full) * 0.985 * leg
     c[p.HIPS + 1] = top + height + full * bob * np.cos(2.0 * (cycle - middle))
@@ -208,8 +234,8 @@ def _carry(
     # With the left leg ahead the pelvis is turned to the right.
     c[p.HIPS_YAW] = -yaw * swing
     c[p.HIPS_ROLL] = -full * np.radians(2.4) * np.cos(cycle - middle + 0.5)
-    c[p.HIPS_LEAN] = np.radians(2.0) + full * np.radians(5.0 if runs else 1.0)
-    c[p.TRUNK_LEAN] = full * np.radians(6.0 if runs else 2.0)
+    c[p.HIPS_LEAN] = np.radians(2.0) + full * np.radians(5.0 if runs else 0.5)
+    c[p.TRUNK_LEAN] = full * np.radians(5.0 if runs else 0.5) - np.radians(1.5)
     c[p.TRUNK_LEAN] += full * np.radians(1.0) * np.cos(2.0 * cycle)
     c[p.TRUNK_YAW] = yaw * swing * 1.9
     c[p.TRUNK_ROLL] = -0.9 * c[p.HIPS_ROLL]
