@@ -34,6 +34,7 @@ from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolV
 from lab.schema import StreamSchema
 
 GREETING_NS = 250 * NS_PER_MS
+RECONNECT_S = 2.0
 OPENING_PINGS = 8
 RECENT_EXCHANGES = 200
 UNKNOWN_RANGE_HZ = (math.nan, math.nan)
@@ -276,13 +277,15 @@ class ArmbandDriver:
     def _reconnect(self, timeout_s: float) -> int:
         """Go on with an attempt to come back; that the band is gone was told once.
 
-        Blocks at most `timeout_s` and the few exchanges that arm a band which answers.
+        Blocks at most `timeout_s`, except that a link may take `RECONNECT_S` to connect and a
+        band which answers a few exchanges to be armed.
         """
         traffic = self._traffic
         try:
             if self._attempt_ends_ns is None:
                 self._attempt_ends_ns = self._clock.now_ns() + GREETING_NS
-                self._link.open(timeout_s)
+                self._link.open(RECONNECT_S)
+                self._attempt_ends_ns = self._clock.now_ns() + GREETING_NS
                 traffic.reconnected()
                 traffic.greet()
             traffic.read(timeout_s)

@@ -28,6 +28,9 @@ from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout
 
 REFRESH_NS = 50 * NS_PER_MS
+IDLE_REFRESH_NS = 200 * NS_PER_MS
+"""While nothing runs; below the band's dead man, which ends a falsely accepted command sooner."""
+
 STALL_NS = 150 * NS_PER_MS
 TRY_NS = 50 * NS_PER_MS
 STOP_TRIES = 3
@@ -173,7 +176,8 @@ class Traffic:
                 self.band.loop_stalled = True
                 self.silence()
             self._send_waiting(now_ns)
-            if now_ns - self._spoke_ns >= REFRESH_NS:
+            every_ns = IDLE_REFRESH_NS if self._running_seq is None else REFRESH_NS
+            if now_ns - self._spoke_ns >= every_ns:
                 self._refresh(now_ns)
             for command in list(self._under_way.values()):
                 waited_ns = now_ns - command.t_sent_ns

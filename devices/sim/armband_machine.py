@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 from devices.byte_links import Chunk
 from devices.sim.armband_firmware import ArmbandFirmware
-from lab.errors import DeviceNotFound
+from lab.errors import DeviceError, DeviceNotFound
 
 SOURCES = Path(__file__).resolve().parents[2] / "firmware" / "armband"
 BYTE_US = 260
@@ -32,12 +32,23 @@ class DutyChange(NamedTuple):
 def build(kind: MachineKind, folder: Path, limits: str = "") -> list[str]:
     """Compile into `folder` and return the command that runs the machine.
 
-    Raises DeviceNotFound naming the packages that are missing.
+    Raises DeviceNotFound naming the packages that are missing, DeviceError when the firmware
+    itself does not compile.
     """
     needs = {"make": "make", "cc": "gcc"}
+    headers: dict[str, tuple[str, str]] = {}
     if kind == "simavr":
-        needs |= {"avr-gcc": "gcc-avr avr-libc", "simavr": "simavr libsimavr-dev"}
+        needs |= {"avr-gcc": "gcc-avr"}
+        headers = {
+            "simavr/sim_avr.h": ("cc", "simavr libsimavr-dev"),
+            "avr/io.h": ("avr-gcc", "avr-libc"),
+        }
     missing = [package for program, package in needs.items() if shutil.which(program) is None]
+    missing += [
+        package
+        for header, (compiler, package) in headers.items()
+        if shutil.which(compiler) is not None and not _has_header(compiler, header)
+    ]
     if missing:
         raise DeviceNotFound(
             f"the armband's firmware cannot be built for {kind}",
@@ -52,14 +63,26 @@ def build(kind: MachineKind, folder: Path, limits: str = "") -> list[str]:
 
 
 def make(target: str, folder: Path, limits: str = "") -> None:
-    """Run make in the firmware's folder; raises DeviceNotFound with the compiler's words."""
+    """Run make in the firmware's folder; raises DeviceError with the compiler's words."""
     command = ["make", "-C", str(SOURCES), target, f"OUT={folder}", f"LIMITS={limits}"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - own sources
     if done.returncode:
-        raise DeviceNotFound(
+        raise DeviceError(
             f"make {target} failed: {done.stderr.strip()[-800:]}",
-            remedy="run: apt-get install gcc gcc-avr avr-libc simavr libsimavr-dev",
+            remedy=f"correct {SOURCES}",
         )
+
+
+def _has_header(compiler: str, header: str) -> bool:
+    probe = subprocess.run(  # noqa: S603 - names of compilers and headers are written above
+        [compiler, "-E", "-x", "c", "-"],
+        input=f"#include <{header}>\n",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    errors_other_than_missing = "No such file" not in probe.stderr
+    return probe.returncode == 0 or errors_other_than_missing
 
 
 class LockstepMachine:

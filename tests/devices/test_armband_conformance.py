@@ -13,7 +13,6 @@ from devices.drivers.armband_driver import ArmbandDriver
 from devices.drivers.armband_serial import serial_armband
 from devices.sim.armband import ArmbandSimulator, simulated_armband
 from devices.sim.armband_machine import LockstepMachine, build
-from devices.sim.armband_pty import PtyArmband
 from lab.clock import NS_PER_S, SimClock, SystemClock
 from lab.errors import DeviceNotFound
 
@@ -38,6 +37,8 @@ def pseudo_terminal(stack, check, tmp_path):
     pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
     if not hasattr(os, "openpty"):
         pytest.skip("this system has no pseudo-terminals; the memory link covers the driver")
+    from devices.sim.armband_pty import PtyArmband
+
     clock = SystemClock()
     peer = stack.enter_context(PtyArmband(clock))
 

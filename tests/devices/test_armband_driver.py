@@ -261,9 +261,9 @@ def test_simulation_repeats_bit_for_bit():
     assert rows() == rows()
 
 
-def test_clock_is_found_within_a_fifth_of_a_millisecond_with_drift_and_jitter():
+def test_clock_is_found_within_a_fifth_of_a_millisecond_after_two_minutes_of_drift_and_jitter():
     band = Band({"kind": "drift", "amount": 50.0}, jitter_ms=5.0).start()
-    band.run(20.0)
+    band.run(120.0)
     fit = fit_clock(band.driver.clock_pairs())
 
     device_ns = round(band.clock.now_ns() * (1 + 50e-6))
