@@ -7,10 +7,12 @@ from devices.contracts import DeviceState
 from devices.drivers.fove import Fove
 from devices.drivers.gazepoint import Gazepoint
 from devices.drivers.hid_gaze import HidGaze
+from devices.drivers.lsl_gaze import LslGaze
 from devices.drivers.neon import Neon
 from devices.sim.fove import FoveSimulator
 from devices.sim.gazepoint import GazepointSimulator
 from devices.sim.hid_gaze import HidGazeSimulator
+from devices.sim.lsl_gaze import LslGazeSimulator
 from devices.sim.neon import NeonSimulator
 from lab.errors import DeviceTimeout
 from lab.geometry import angle_deg
@@ -21,6 +23,7 @@ TRACKERS = {
     "fove": (Fove, FoveSimulator),
     "neon": (Neon, NeonSimulator),
     "hid_gaze": (HidGaze, HidGazeSimulator),
+    "lsl_gaze": (LslGaze, LslGazeSimulator),
     "gazepoint": (Gazepoint, GazepointSimulator),
 }
 TIGHT_DEG = 0.01

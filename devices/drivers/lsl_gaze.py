@@ -1,0 +1,132 @@
+"""Drive any eye tracker that is offered as an LSL gaze stream; Tobii trackers by TittaLSL's too.
+
+Codec: `devices.drivers.lsl_gaze_codec`. Transport: `devices.drivers.lsl_gaze_inlet.LslInlet`. The
+device's time is the sender's raw stamp; offsets are LSL's own measurements, all kept. LSL numbers
+no samples, so lost ones show in the spacing of stamps alone.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from devices.contracts import ClockPair
+from devices.drivers import lsl_gaze_codec as codec
+from devices.drivers.gaze_device import GazeDevice, Make
+from devices.drivers.gaze_rays import Sample, Screen
+from devices.drivers.lsl_gaze_inlet import OFFSET
+from devices.transports import Frames, Message, MessageTransport
+from lab.clock import NS_PER_S, Clock
+from lab.errors import ProtocolViolation
+from lab.schema import StreamSchema
+
+REMEDY = (
+    "start the program that sends the gaze stream, on this network and in the same LSL session, "
+    "and check the firewall"
+)
+LSL_GAZE = Make("lsl_gaze", "LSL", "LSL gaze stream", REMEDY, frozenset({"gaze", "pupil"}))
+TOBII_LSL = Make("tobii_lsl", "Tobii", "Tobii by LSL", REMEDY, frozenset({"gaze", "pupil"}))
+MOST_OFFSET_S = 4e9
+
+
+class LslGaze(GazeDevice):
+    """Follow the `EyeTracker` contract over an LSL stream with XDF gaze meta-data.
+
+    Streams of points on a screen use `screen`; directions must be in the head frame. The rate is
+    the stream's own where it states one.
+    """
+
+    make = LSL_GAZE
+
+    def __init__(
+        self,
+        role: str,
+        transport: MessageTransport,
+        clock: Clock,
+        *,
+        rate_hz: float = 120.0,
+        lost_after_s: float = 2.0,
+        exchange_interval_s: float = 5.0,
+        screen: Screen | None = None,
+        eye_distance_mm: float = 64.0,
+        screen_px: tuple[int, int] = (1920, 1080),
+    ) -> None:
+        self._screen = screen or Screen()
+        self._screen_px = screen_px
+        self._half_m = eye_distance_mm * 5e-4
+        self._layout: codec.GazeLayout | None = None
+        super().__init__(
+            role,
+            transport,
+            clock,
+            self.make,
+            rate_hz=rate_hz,
+            lost_after_s=lost_after_s,
+            exchange_interval_s=exchange_interval_s,
+        )
+
+    def _connect(self, deadline_ns: int) -> None:
+        self._layout = None
+        info = codec.parse_info(self._ask((b"info",), deadline_ns).frames[1])
+        layout = None if info is None else codec.layout_of(info, self._screen_px)
+        if info is None or layout is None:
+            raise ProtocolViolation(
+                "the stream names no gaze channels",
+                role=self.info.role,
+                remedy="let its sender follow the XDF gaze meta-data: type, eye and unit of each",
+            )
+        self._layout = layout
+        capabilities = {"gaze", "screen_frame" if layout.on_screen else "head_frame"}
+        if layout.per_eye:
+            capabilities.add("per_eye")
+        if any(kind == codec.PUPIL for _, kind in layout.places):
+            capabilities.add("pupil")
+        self.info = replace(
+            self.info,
+            model=info.name or self.info.model,
+            serial=info.source_id,
+            capabilities=frozenset(capabilities),
+        )
+        if info.rate_hz > 0:
+            schema = self._schema
+            self._schema = StreamSchema(schema.name, schema.fields, info.rate_hz, schema.version)
+        frame = self._warning(
+            "the stream does not say that its directions are in the head frame; taken as such",
+            "let its sender state coordinate_system head-space",
+        )
+        self._note("frame", None if layout.states_frame else frame)
+        exchange = self._ask((b"time",), deadline_ns)
+        self._take_offset(exchange.frames, exchange.t_receive_ns)
+
+    def _ask_time(self, now_ns: int) -> None:
+        self._transport.post((b"time",))
+
+    def _decode(self, message: Message) -> Iterable[Sample]:
+        frames, layout = message.frames, self._layout
+        if message.t_sent_ns is not None:
+            self._take_offset(frames, message.t_host_ns)
+            return
+        sample = None
+        if len(frames) == 2 and layout is not None:
+            sample = codec.decode_sample(frames[1], layout, self._screen, self._half_m)
+        if sample is None:
+            self._counts.malformed += 1
+        else:
+            yield sample
+
+    def _take_offset(self, frames: Frames, t_host_ns: int) -> None:
+        if len(frames) != 2 or len(frames[1]) != OFFSET.size:
+            self._counts.malformed += 1
+            return
+        offset_s, round_trip_s = OFFSET.unpack(frames[1])
+        if not (abs(offset_s) < MOST_OFFSET_S and 0 <= round_trip_s < MOST_OFFSET_S):
+            self._counts.malformed += 1
+            return
+        round_trip_ns = round(round_trip_s * NS_PER_S)
+        middle_ns = t_host_ns - round_trip_ns // 2
+        device_ns = middle_ns - round(offset_s * NS_PER_S)
+        self._add_pair(ClockPair(t_host_ns - round_trip_ns, device_ns, t_host_ns))
+
+
+class TobiiLsl(LslGaze):
+    """A Tobii tracker sent by TittaLSL: the same driver, named for what it is."""
+
+    make = TOBII_LSL

@@ -1,0 +1,227 @@
+"""Find gaze among the channels of an LSL stream and turn its numbers into samples; pure.
+
+Sources: the XDF wiki's gaze meta-data (type, eye, unit, coordinate_system of each channel), which
+our own outlets follow, and the channel labels of TittaLSL for Tobii trackers (from its public
+source, not tried against it). Missing stays NaN; nothing is interpolated or dejittered.
+"""
+
+import math
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+from devices.drivers.gaze_rays import (
+    LOST,
+    NAN,
+    NO_EYE,
+    Eye,
+    Sample,
+    Screen,
+    Triple,
+    diameter_mm,
+    gaze_row,
+    ray_between,
+    unit_triple,
+)
+
+METRES = {"meters": 1.0, "m": 1.0, "metres": 1.0, "millimeters": 1e-3, "mm": 1e-3}
+MILLIMETRES = {"millimeters": 1.0, "mm": 1.0, "meters": 1e3, "m": 1e3}
+HEAD = ("head-space", "head")
+EYES = ("left", "right", "both")
+TITTA_TOKEN = "gaze_point_on_display_area_x"  # noqa: S105 - the label of a channel
+
+DIRECTION, PLACE, SCREEN, POINT = "direction", "place", "screen", "point"
+PUPIL, VALID, CONFIDENCE = "pupil", "valid", "confidence"
+AXES = {DIRECTION: 3, PLACE: 3, POINT: 3, SCREEN: 2, PUPIL: 1, VALID: 1, CONFIDENCE: 1}
+
+
+class StreamInfo(NamedTuple):
+    """What a stream says of itself."""
+
+    name: str
+    source_id: str
+    rate_hz: float
+    n_channels: int
+    channels: tuple[Mapping[str, str], ...]
+
+
+@dataclass(frozen=True)
+class GazeLayout:
+    """Indices of channels by (eye, what) and a factor to metres, millimetres or shares each."""
+
+    count: int
+    places: Mapping[tuple[str, str], tuple[int, ...]]
+    factors: Mapping[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
+    states_frame: bool = True
+
+    @property
+    def per_eye(self) -> bool:
+        """Tell whether there is a ray for either eye."""
+        kinds = (DIRECTION, SCREEN, POINT)
+        return any((eye, kind) in self.places for eye in ("left", "right") for kind in kinds)
+
+    @property
+    def on_screen(self) -> bool:
+        """Tell whether gaze is given by points on a screen."""
+        return not any(kind == DIRECTION for _, kind in self.places)
+
+
+def parse_info(xml: bytes) -> StreamInfo | None:
+    """Return what a stream's XML says; None when it is no such document."""
+    try:
+        root = ET.fromstring(xml)  # noqa: S314 - liblsl's own document, no entities of others
+        rate_hz = float(root.findtext("nominal_srate") or 0.0)
+        count = int(root.findtext("channel_count") or 0)
+    except (ET.ParseError, ValueError):
+        return None
+    rows = tuple(
+        {part.tag: (part.text or "").strip() for part in channel}
+        for channel in root.findall("./desc/channels/channel")
+    )
+    texts = (root.findtext("name") or "", root.findtext("source_id") or "")
+    return StreamInfo(*texts, rate_hz if math.isfinite(rate_hz) else 0.0, count, rows)
+
+
+def layout_of(info: StreamInfo, screen_px: tuple[int, int] = (1920, 1080)) -> GazeLayout | None:
+    """Return where gaze lies among the channels; None when they name none."""
+    if len(info.channels) != info.n_channels:
+        return None
+    labels = [row.get("label", "") for row in info.channels]
+    if any(label.endswith(TITTA_TOKEN) for label in labels):
+        return _titta(labels)
+    return _xdf(info.channels, screen_px)
+
+
+def decode_sample(raw: bytes, layout: GazeLayout, screen: Screen, half_m: float) -> Sample | None:
+    """Return the sample in a stamp (s) and numbers, all doubles; None when malformed."""
+    if len(raw) != 8 * (layout.count + 1):
+        return None
+    stamp_s, *values = struct.unpack(f"<{layout.count + 1}d", raw)
+    if not abs(stamp_s) < 4e9:
+        return None
+    reading = _Reading(values, layout, screen)
+    left, right = reading.eye("left", -half_m), reading.eye("right", half_m)
+    ray, origin = reading.ray("both", 0.0)
+    confidence = reading.one("both", CONFIDENCE)
+    given = reading.one("both", VALID)
+    stamp_ns = round(stamp_s * 1e9)
+    if ray[0] == ray[0]:
+        valid = given > 0 if given == given else (left.valid or right.valid or not layout.per_eye)
+        used = None if left.valid or right.valid else 3 if valid else 0
+        row = gaze_row(
+            left, right, ray=ray, origin=origin, valid=valid, used=used, confidence_01=confidence
+        )
+    else:
+        row = gaze_row(left, right, confidence_01=confidence)
+    return Sample(stamp_ns, None, row)
+
+
+class _Reading:
+    """One sample's numbers, by eye and kind."""
+
+    def __init__(self, values: Sequence[float], layout: GazeLayout, screen: Screen) -> None:
+        self._values = values
+        self._layout = layout
+        self._screen = screen
+
+    def many(self, eye: str, kind: str) -> tuple[float, ...] | None:
+        at = self._layout.places.get((eye, kind))
+        if at is None:
+            return None
+        factors = self._layout.factors.get((eye, kind), (1.0,) * len(at))
+        found = tuple(self._values[i] * f for i, f in zip(at, factors, strict=True))
+        return found if all(abs(v) < 1e9 for v in found) else None
+
+    def one(self, eye: str, kind: str) -> float:
+        found = self.many(eye, kind)
+        return NAN if found is None else found[0]
+
+    def ray(self, eye: str, x_m: float) -> tuple[Triple, Triple]:
+        place = self.many(eye, PLACE)
+        screen = self._screen
+        at: Triple = (x_m, 0.0, 0.0)
+        if place is not None and any(place):
+            at = (place[0], place[1], place[2])
+            if self._layout.on_screen:  # from the screen's centre, as Tobii gives it
+                cx, cy, cz = screen.point_m(0.5, 0.5)
+                at = (at[0] + cx, at[1] + cy, at[2] + cz)
+        direction, point = self.many(eye, DIRECTION), self.many(eye, POINT)
+        shares = self.many(eye, SCREEN)
+        if direction is not None:
+            return unit_triple(*direction), at
+        if point is not None and place is not None:
+            return ray_between((place[0], place[1], place[2]), (point[0], point[1], point[2])), at
+        if shares is not None:
+            return ray_between(at, screen.point_m(*shares)), at
+        return LOST, at
+
+    def eye(self, eye: str, x_m: float) -> Eye:
+        ray, at = self.ray(eye, x_m)
+        given = self.one(eye, VALID)
+        known = ray[0] == ray[0]
+        pupil = diameter_mm(self.one(eye, PUPIL))
+        if not known and pupil != pupil:
+            return NO_EYE
+        valid = known and (given > 0 if (eye, VALID) in self._layout.places else True)
+        return Eye(ray, at, valid, pupil)
+
+
+def _xdf(rows: Sequence[Mapping[str, str]], screen_px: tuple[int, int]) -> GazeLayout | None:
+    kinds = {
+        "Direction": DIRECTION, "Position": PLACE, "Screen": SCREEN, "Intersection": POINT,
+    }  # fmt: skip
+    singles = {
+        "PupilDiameter": PUPIL, "Diameter": PUPIL, "PupilRadius": PUPIL, "Radius": PUPIL,
+        "Valid": VALID, "Confidence": CONFIDENCE,
+    }  # fmt: skip
+    places: dict[tuple[str, str], list[int]] = {}
+    factors: dict[tuple[str, str], list[float]] = {}
+    states_frame = True
+    for i, row in enumerate(rows):
+        text, unit = row.get("type", ""), row.get("unit", "").lower()
+        eye = row.get("eye", "both") or "both"
+        kind = kinds.get(text[:-1]) if text[-1:] in ("X", "Y", "Z") else singles.get(text)
+        if kind is None or eye not in EYES:
+            continue
+        if kind == SCREEN:
+            size = screen_px[0] if text.endswith("X") else screen_px[1]
+            factor = 1.0 / size if unit.startswith("pixel") else 1.0
+        elif kind in (PLACE, POINT):
+            factor = METRES.get(unit, 1.0)
+        elif kind == PUPIL:
+            factor = MILLIMETRES.get(unit, NAN) * (2.0 if "Radius" in text else 1.0)
+        else:
+            factor = 1.0
+        if kind == DIRECTION and row.get("coordinate_system", "") not in HEAD:
+            states_frame = False
+        places.setdefault((eye, kind), []).append(i)
+        factors.setdefault((eye, kind), []).append(factor)
+    whole = {key: tuple(at) for key, at in places.items() if len(at) == AXES[key[1]]}
+    if not any(kind in (DIRECTION, SCREEN, POINT) for _, kind in whole):
+        return None
+    kept = {key: tuple(factors[key]) for key in whole}
+    return GazeLayout(len(rows), whole, kept, states_frame)
+
+
+def _titta(labels: Sequence[str]) -> GazeLayout | None:
+    places: dict[tuple[str, str], tuple[int, ...]] = {}
+    factors: dict[tuple[str, str], tuple[float, ...]] = {}
+    names = {
+        SCREEN: [f"gaze_point_on_display_area_{axis}" for axis in "xy"],
+        POINT: [f"gaze_point_in_user_coordinates_{axis}" for axis in "xyz"],
+        PLACE: [f"gaze_origin_in_user_coordinates_{axis}" for axis in "xyz"],
+        PUPIL: ["pupil_diameter"],
+        VALID: ["gaze_point_valid"],
+    }
+    for eye in ("left", "right"):
+        for kind, endings in names.items():
+            wanted = [f"{eye}_{ending}" for ending in endings]
+            if all(label in labels for label in wanted):
+                places[eye, kind] = tuple(labels.index(label) for label in wanted)
+                if kind in (PLACE, POINT):
+                    factors[eye, kind] = (1e-3,) * 3
+    if not any(kind in (SCREEN, POINT) for _, kind in places):
+        return None
+    return GazeLayout(len(labels), places, factors)

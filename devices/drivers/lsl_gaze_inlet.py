@@ -1,0 +1,170 @@
+"""Carry one LSL stream: samples with their raw stamps, clock offsets from a thread of its own.
+
+`time_correction` can block for a second, so it never runs in the thread that polls. No
+post-processing flag is set: stamps stay the sender's.
+"""
+
+import ctypes
+import struct
+import threading
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+from devices.transports import Exchange, Frames, Message
+from lab.clock import Clock
+from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
+
+OFFSET = struct.Struct("<dd")
+"""Seconds: local minus remote clock, and the round trip it was measured with."""
+
+MOST_SAMPLES = 1024
+
+
+class LslInlet:
+    """Find a stream by name, type and source (empty: any) and read it.
+
+    `configuration` is liblsl's, taken only by the first user of LSL in this process: it sets
+    the session and who may meet. Give the one that the outlets of the study have.
+    """
+
+    is_simulated = False
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        name: str = "",
+        content_type: str = "Gaze",
+        source_id: str = "",
+        configuration: str = "",
+    ) -> None:
+        self._clock = clock
+        self._configuration = configuration
+        wanted = {"name": name, "type": content_type, "source_id": source_id}
+        self._wanted = " and ".join(f"{k}='{_plain(v)}'" for k, v in wanted.items() if v)
+        self._lsl: Any = None
+        self._inlet: Any = None
+        self._info = b""
+        self._answers: deque[Message] = deque()
+        self._asked = threading.Event()
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def kind(self) -> str:
+        """Name what was looked for."""
+        return f"lsl {self._wanted}"
+
+    def open(self, deadline_s: float) -> None:
+        """Resolve the stream and subscribe to it."""
+        self.close()
+        try:
+            import pylsl
+        except (ImportError, RuntimeError) as cause:
+            raise DeviceNotFound(
+                "the library pylsl cannot be loaded", remedy="run: pip install pylsl"
+            ) from cause
+        self._lsl = pylsl
+        if self._configuration:
+            pylsl.set_config_content(self._configuration)
+            self._configuration = ""
+        found = pylsl.resolve_bypred(self._wanted or "true()", 1, max(0.1, deadline_s * 0.5))
+        if not found:
+            raise DeviceTimeout(f"no stream with {self._wanted} was found on the network")
+        inlet = pylsl.StreamInlet(found[0], max_buflen=60, recover=True)
+        try:
+            inlet.open_stream(timeout=max(0.1, deadline_s * 0.5))
+            self._info = inlet.info(timeout=1.0).as_xml().encode()
+        except (pylsl.TimeoutError, pylsl.LostError) as cause:
+            inlet.close_stream()
+            raise DeviceTimeout(f"the stream {found[0].name()!r} does not open") from cause
+        self._inlet = inlet
+        self._answers.clear()
+        self._stopping.clear()
+        self._asked.clear()
+        self._thread = threading.Thread(target=self._measure, name="lsl-offset", daemon=True)
+        self._thread.start()
+
+    def request(self, frames: Frames, timeout_s: float) -> Exchange:
+        """Give the stream's XML, or measure the clock offset now."""
+        sent_ns = self._clock.now_ns()
+        if frames[0] == b"info":
+            return Exchange((b"info", self._info), sent_ns, self._clock.now_ns())
+        found = self._offset(timeout_s)
+        if found is None:
+            raise DeviceTimeout(f"no clock offset within {timeout_s:g} s")
+        return Exchange((b"time", OFFSET.pack(*found)), sent_ns, self._clock.now_ns())
+
+    def post(self, frames: Frames) -> None:
+        """Ask the measuring thread for an offset."""
+        self._asked.set()
+
+    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
+        """Do nothing: the stream is subscribed since open."""
+
+    def receive(self, timeout_s: float) -> Sequence[Message]:
+        """Return waiting samples, each stamped when it is pulled."""
+        if self._inlet is None:
+            raise DeviceDisconnected("the stream is not open")
+        messages: list[Message] = []
+        wait_s = max(0.0, timeout_s)
+        try:
+            while len(messages) < MOST_SAMPLES:
+                values, stamp_s = self._inlet.pull_sample(timeout=wait_s)
+                if stamp_s is None:
+                    break
+                now_ns = self._clock.now_ns()
+                raw = struct.pack(f"<{len(values) + 1}d", stamp_s, *map(float, values))
+                messages.append(Message(now_ns, (b"sample", raw)))
+                wait_s = 0.0
+        except self._lsl.LostError as cause:
+            raise DeviceDisconnected("the stream's sender is gone") from cause
+        while self._answers:
+            messages.append(self._answers.popleft())
+        messages.sort(key=lambda message: message.t_host_ns)
+        return messages
+
+    def send(self, port: int, frames: Frames) -> None:
+        """Do nothing: LSL streams take no messages."""
+
+    def close(self) -> None:
+        """Close the stream and end the thread; idempotent."""
+        self._stopping.set()
+        self._asked.set()
+        if self._thread is not None:
+            self._thread.join(3.0)
+            self._thread = None
+        if self._inlet is not None:
+            self._inlet.close_stream()
+            self._inlet = None
+
+    def _measure(self) -> None:
+        while True:
+            self._asked.wait()
+            if self._stopping.is_set():
+                return
+            self._asked.clear()
+            sent_ns = self._clock.now_ns()
+            found = self._offset(2.0)
+            if found is not None:
+                frames = (b"time", OFFSET.pack(*found))
+                self._answers.append(Message(self._clock.now_ns(), frames, sent_ns))
+
+    def _offset(self, timeout_s: float) -> tuple[float, float] | None:
+        """Return local − remote clock and the round trip, seconds."""
+        measure = self._lsl.util.lib.lsl_time_correction_ex
+        measure.restype = ctypes.c_double
+        remote, spread, code = ctypes.c_double(), ctypes.c_double(), ctypes.c_int()
+        offset_s = measure(
+            self._inlet.obj,
+            ctypes.byref(remote),
+            ctypes.byref(spread),
+            ctypes.c_double(timeout_s),
+            ctypes.byref(code),
+        )
+        return None if code.value else (float(offset_s), float(spread.value))
+
+
+def _plain(text: str) -> str:
+    return text.replace("'", "")

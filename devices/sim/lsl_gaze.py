@@ -1,0 +1,196 @@
+"""An LSL gaze stream of a body: in memory, or as a real outlet pushed from a thread.
+
+Written from the XDF wiki's gaze meta-data and TittaLSL's labels. Not modelled: LSL's discovery and
+recovery (the real outlet has them), other streams of a session.
+"""
+
+import struct
+import threading
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+from devices.contracts import GAZE, Body
+from devices.drivers.gaze_rays import Screen
+from devices.sim.faults import FaultSchedule
+from devices.sim.gaze_source import EYE_X_M, GazePeer, GazeSource, Shot
+from devices.sim.tracker_error import TrackerErrorModel
+from devices.transports import Frames
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.xdf_channels import describe
+
+NAN = float("nan")
+OFFSET = struct.Struct("<dd")
+ROUND_TRIP_NS = 200_000
+TITTA_LABELS = tuple(
+    f"{eye}_{name}"
+    for eye in ("left", "right")
+    for name in (
+        "gaze_point_on_display_area_x", "gaze_point_on_display_area_y",
+        "gaze_point_in_user_coordinates_x", "gaze_point_in_user_coordinates_y",
+        "gaze_point_in_user_coordinates_z", "gaze_point_valid", "gaze_point_available",
+        "pupil_diameter", "pupil_valid", "gaze_origin_in_user_coordinates_x",
+        "gaze_origin_in_user_coordinates_y", "gaze_origin_in_user_coordinates_z",
+        "gaze_origin_valid",
+    )
+)  # fmt: skip
+LAYOUTS = ("xdf", "screen", "titta")
+
+
+class LslGazeSimulator(GazePeer):
+    """Send samples of one layout: our own outlets' names, points on a screen, or TittaLSL's."""
+
+    def __init__(
+        self,
+        body: Body,
+        *,
+        seed: int,
+        clock: Clock,
+        rate_hz: float = 120.0,
+        faults: FaultSchedule | None = None,
+        error: TrackerErrorModel | None = None,
+        drift_ppm: float = 0.0,
+        layout: str = "xdf",
+        screen: Screen | None = None,
+        epoch_ns: int | None = None,
+    ) -> None:
+        self.source = GazeSource(
+            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
+            drift_ppm=drift_ppm, epoch_ns=epoch_ns,
+        )  # fmt: skip
+        super().__init__(self.source, seed=seed)
+        self.layout = layout
+        self._screen = screen or Screen()
+
+    def to_message(self, shot: Shot) -> Frames:
+        """Return a sample: stamp and numbers as doubles."""
+        if shot.garbage is not None:
+            return b"sample", shot.garbage
+        values = self.values(shot)
+        stamp_s = shot.t_device_ns / NS_PER_S
+        return b"sample", struct.pack(f"<{len(values) + 1}d", stamp_s, *values)
+
+    def answer(self, frames: Frames, t_ns: int) -> Frames | None:
+        """Answer as liblsl does: the XML, or a clock offset."""
+        if frames[0] == b"info":
+            return b"info", self.xml()
+        if frames[0] == b"time":
+            offset_s = (t_ns - self.source.device_ns(t_ns)) / NS_PER_S
+            return b"time", OFFSET.pack(offset_s, ROUND_TRIP_NS / NS_PER_S)
+        return None
+
+    def values(self, shot: Shot) -> list[float]:
+        """Return a sample's numbers in this layout's order."""
+        if self.layout == "xdf":
+            return self._xdf(shot)
+        values: list[float] = []
+        eyes = ((-EYE_X_M, shot.left, shot.left_seen), (EYE_X_M, shot.right, shot.right_seen))
+        for x_m, ray, seen in eyes:
+            at = (x_m, 0.0, 0.0)
+            x, y = self._screen.shares_of(at, ray) if seen else (NAN, NAN)
+            if self.layout == "screen":
+                values += [x, y, shot.pupil_mm if seen else NAN]
+                continue
+            cx, cy, cz = self._screen.point_m(0.5, 0.5)
+            px, py, pz = self._screen.point_m(x, y)
+            point = [(px - cx) * 1e3, (py - cy) * 1e3, (pz - cz) * 1e3]
+            origin = [(x_m - cx) * 1e3, -cy * 1e3, -cz * 1e3] if seen else [NAN] * 3
+            valid = float(seen)
+            pupil = [shot.pupil_mm if seen else NAN, valid]
+            values += [x, y, *point, valid, 1.0, *pupil, *origin, valid]
+        return values
+
+    def desc(self) -> Element:
+        """Return the channels' meta-data."""
+        desc = Element("desc")
+        if self.layout == "xdf":
+            describe(desc, GAZE)
+            return desc
+        listed = SubElement(desc, "channels")
+        rows: list[dict[str, str]] = [{"label": label} for label in TITTA_LABELS]
+        if self.layout == "screen":
+            rows = []
+            for eye in ("left", "right"):
+                for kind, unit in (
+                    ("ScreenX", "normalized"),
+                    ("ScreenY", "normalized"),
+                    ("PupilDiameter", "millimeters"),
+                ):
+                    rows.append({"label": f"{eye}{kind}", "eye": eye, "type": kind, "unit": unit})
+        for row in rows:
+            channel = SubElement(listed, "channel")
+            for tag, text in row.items():
+                SubElement(channel, tag).text = text
+        return desc
+
+    def channel_count(self) -> int:
+        """Return how many numbers a sample has."""
+        return len(self.desc().findall("./channels/channel"))
+
+    def xml(self) -> bytes:
+        """Return the stream's description as liblsl writes it."""
+        root = Element("info")
+        rows = {
+            "name": f"simulated {self.layout}", "type": "Gaze", "source_id": "sim-gaze",
+            "channel_count": str(self.channel_count()), "nominal_srate": str(self.source.rate_hz),
+        }  # fmt: skip
+        for tag, text in rows.items():
+            SubElement(root, tag).text = text
+        root.append(self.desc())
+        return tostring(root)
+
+    def _xdf(self, shot: Shot) -> list[float]:
+        rays = [shot.left if shot.left_seen else (NAN,) * 3]
+        rays += [shot.right if shot.right_seen else (NAN,) * 3]
+        known = [ray for ray in rays if ray[0] == ray[0]]
+        mean = [sum(axis) / len(known) for axis in zip(*known, strict=True)] if known else [NAN] * 3
+        length = sum(v * v for v in mean) ** 0.5
+        combined = [v / length for v in mean]
+        origin = [0.0, 0.0, 0.0] if known else [NAN] * 3
+        used = shot.left_seen + 2 * shot.right_seen
+        values = [*combined, *origin, float(bool(known)), float(used), 0.9 if known else 0.0]
+        for ray, seen in zip(rays, (shot.left_seen, shot.right_seen), strict=True):
+            values += [*ray, float(seen), shot.pupil_mm if seen else NAN]
+        return values
+
+
+class LslOutletHost:
+    """Push a simulator's samples through a real outlet, in a thread; a context manager."""
+
+    def __init__(self, simulator: LslGazeSimulator, clock: Clock, name: str) -> None:
+        import pylsl
+
+        self._simulator = simulator
+        self._clock = clock
+        count, rate_hz = simulator.channel_count(), simulator.source.rate_hz
+        info = pylsl.StreamInfo(name, "Gaze", count, rate_hz, pylsl.cf_double64, name)
+        _copy(simulator.desc(), info.desc())
+        self._outlet: Any = pylsl.StreamOutlet(info, chunk_size=1)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="lsl-host", daemon=True)
+
+    def __enter__(self) -> "LslOutletHost":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stopping.set()
+        self._thread.join()
+        self._outlet = None
+
+    def _serve(self) -> None:
+        while not self._stopping.is_set():
+            now_ns = self._clock.now_ns()
+            self._simulator.advance(now_ns)
+            for message in self._simulator.outgoing(now_ns):
+                raw = message.frames[1]
+                stamp_s, *values = struct.unpack(f"<{len(raw) // 8}d", raw)
+                self._outlet.push_sample(values, stamp_s)
+            self._clock.sleep_until_ns(now_ns + NS_PER_MS)
+
+
+def _copy(source: Element, target: Any) -> None:
+    for child in source:
+        if len(child):
+            _copy(child, target.append_child(child.tag))
+        else:
+            target.append_child_value(child.tag, child.text or "")
