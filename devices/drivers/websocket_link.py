@@ -23,6 +23,7 @@ class WebSocketLink:
         self._clock = clock
         self._remedy = remedy
         self._socket: Any = None
+        self._held = contextlib.ExitStack()
         self._library: Any = None
         self._writing = threading.RLock()
 
@@ -36,8 +37,13 @@ class WebSocketLink:
         self.close()
         self._library = library = _websockets()
         try:
-            self._socket = library.sync.client.connect(
-                self._url, open_timeout=max(0.05, deadline_s), close_timeout=0.2, compression=None
+            self._socket = self._held.enter_context(
+                library.sync.client.connect(
+                    self._url,
+                    open_timeout=max(0.05, deadline_s),
+                    close_timeout=0.2,
+                    compression=None,
+                )
             )
         except (OSError, TimeoutError, library.exceptions.WebSocketException) as cause:
             raise DeviceNotFound(
@@ -82,7 +88,7 @@ class WebSocketLink:
         opened, self._socket = self._socket, None
         if opened is not None:
             with contextlib.suppress(OSError, self._library.exceptions.WebSocketException):
-                opened.close()
+                self._held.close()
 
 
 def _websockets() -> Any:
