@@ -61,7 +61,7 @@ class SimulatedArmbandOptions(_SimulatedOptions):
     latency_ms: float = Field(default=1.0, ge=0, le=1000)
     jitter_ms: float = Field(default=0.5, ge=0, le=1000)
     rise_ms: float = Field(default=30.0, ge=0, le=1000)
-    max_rate_hz: float = Field(default=100.0, ge=1, le=1000)
+    max_rate_hz: float = Field(default=150.0, ge=1, le=1000)
     drift_ppm: float = Field(
         default=0.0, ge=-1000, le=1000, json_schema_extra={"any_magnitude": True}
     )
@@ -75,7 +75,7 @@ class SerialArmbandOptions(_SimulatedOptions):
     pid: int | None = Field(default=None, ge=0, le=0xFFFF)
     serial_number: str = ""
     baud: int = Field(default=38_400, ge=1200, le=3_000_000)
-    max_rate_hz: float = Field(default=100.0, ge=1, le=1000)
+    max_rate_hz: float = Field(default=150.0, ge=1, le=1000)
 
 
 OPTION_MODELS: Mapping[str, type[BaseModel]] = {

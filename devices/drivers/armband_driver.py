@@ -57,7 +57,7 @@ class ArmbandDriver:
         clock: Clock,
         *,
         driver: str = "serial_armband",
-        max_rate_hz: float = 100.0,
+        max_rate_hz: float = 150.0,
     ) -> None:
         self._role = role
         self._link = link

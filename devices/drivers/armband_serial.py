@@ -167,7 +167,7 @@ def serial_armband(
     pid: int | None = None,
     serial_number: str = "",
     baud: int = BAUD,
-    max_rate_hz: float = 100.0,
+    max_rate_hz: float = 150.0,
     link: ByteLink | None = None,
 ) -> ArmbandDriver:
     """Return our armband on a serial port; `link` takes the place of the port, as for a replay."""

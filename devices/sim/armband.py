@@ -200,7 +200,7 @@ class ArmbandSimulator:
 
 
 def simulated_armband(
-    role: str, clock: Clock, *, max_rate_hz: float = 100.0, **simulator: Any
+    role: str, clock: Clock, *, max_rate_hz: float = 150.0, **simulator: Any
 ) -> ArmbandDriver:
     """Return our driver on a simulated band; `simulator` goes to `ArmbandSimulator`."""
     peer = ArmbandSimulator(role, clock, **simulator)

@@ -1,11 +1,15 @@
 """What the armband's firmware promises, the same on the AVR image, on its C, and in Python."""
 
 import itertools
+import json
+import subprocess
 
 import numpy as np
 import pytest
 
 from devices.drivers import armband_codec as codec
+from devices.sim.armband_machine import LockstepMachine, build
+from lab.errors import DeviceNotFound
 
 MS = 1000
 FULL = (255, 255, 255, 255)
@@ -302,3 +306,31 @@ def test_noise_and_cut_frames_never_hide_the_next_command(host):
         host.machine.give(host.now_us, rng.integers(0, 256, 40).astype(np.uint8).tobytes())
         host.run(NOISE_MS)
         assert host.ask(codec.encode_set(seq, 1000, (seq,) * 4)).duties[0] > 0
+
+
+def test_limits_are_chosen_when_it_is_built(tmp_path):
+    try:
+        command = build("host", tmp_path, "-DDUTY_MIN=100 -DDUTY_MAX=200 -DRATE_MAX_HZ=107")
+    except DeviceNotFound as missing:
+        pytest.skip(str(missing))
+    with LockstepMachine(command) as machine:
+        host = Host(machine)
+        welcome = host.ask(codec.encode_hello(0))
+        host.arm()
+        ack = host.ask(codec.encode_set(2, 500, (1, 255, 255, 255), (0, 0, 82, 126)))
+
+    assert ((100, 200), (57.0, 107.0)) == (welcome.duty_range, welcome.rate_range_hz)
+    assert (100, 200, 150, 200) == ack.duties
+
+
+def test_c_core_survives_damaged_frames_under_address_and_overflow_checks(tmp_path):
+    try:
+        build("host", tmp_path)
+    except DeviceNotFound as missing:
+        pytest.skip(str(missing))
+    done = subprocess.run(
+        [str(tmp_path / "armband_fuzz"), "50000", "11"], capture_output=True, text=True
+    )
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert 0 == json.loads(done.stdout)["survived"]
