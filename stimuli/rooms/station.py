@@ -252,7 +252,7 @@ def _platform_ceilings(spring_m: float) -> list[Prop]:
     edge = HALF_WIDTH_M + PLATFORM_M + 3.4
     return [
         furniture.level(
-            f"platform_ceiling_{name}", (x0, ENDS_M[0]), (x1, ENDS_M[1]), spring_m - 0.6,
+            f"platform_ceiling_{name}", (x0, ENDS_M[0]), (x1, ENDS_M[1]), spring_m - 0.05,
             (214, 210, 202), surfaces.plaster(37), faces_up=False,
         )
         for name, x0, x1 in (("left", -edge, -HALF_WIDTH_M), ("right", HALF_WIDTH_M, edge))
@@ -268,7 +268,7 @@ def _ceiling_lamps() -> list[Prop]:
             cylinder((0, -0.06, 0), (0, -0.03, 0), 0.78, (255, 246, 226), sides=32),
             (0, CROWN_M - 0.03, float(z))))  # fmt: skip
     glows += [
-        box((side * (HALF_WIDTH_M + 2.1), 4.86, z), (0.16, 0.06, 1.5), (255, 250, 240))
+        box((side * (HALF_WIDTH_M + 2.1), 5.42, z), (0.16, 0.06, 1.5), (255, 250, 240))
         for side in (-1, 1)
         for z in np.arange(ENDS_M[0] + 2.5, ENDS_M[1], 5.0)
     ]
