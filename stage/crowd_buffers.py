@@ -1,5 +1,6 @@
 """The cast on the graphics card: one mesh per character and level, one row of matrices each."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -101,8 +102,8 @@ class CrowdBuffers:
                     if members:
                         on_card.members.write(np.array(members, np.int32))
 
-    def draw(self, program: moderngl.Program, *, lit: bool) -> None:
-        """Draw everyone chosen; without light only their outlines, for a shadow map."""
+    def draw(self, program_of: Callable[[Run], moderngl.Program]) -> None:
+        """Draw everyone chosen."""
         context = self._context
         self._matrices.use(UNITS["joint_rows"])
         cull: bool | None = None
@@ -110,29 +111,38 @@ class CrowdBuffers:
             for on_card in levels:
                 if not on_card.drawn:
                     continue
-                array = on_card.arrays.get(id(program))
-                if array is None:
-                    array = on_card.arrays[id(program)] = self._array(program, on_card)
                 on_card.deltas.use(UNITS["morph_deltas"])
                 n = len(on_card.drawn)
-                if not lit:
-                    array.render(vertices=on_card.indices.size // 4, instances=n)
-                    continue
                 for run in on_card.runs:
                     if cull is not (not run.double_sided):
                         cull = not run.double_sided
                         (context.enable if cull else context.disable)(moderngl.CULL_FACE)
-                    self._textures.use(run.texture, UNITS["picture"], program)
+                    self._textures.use(run.texture, UNITS["picture"])
+                    array = self._array(program_of(run), on_card)
                     array.render(vertices=run.count, first=run.first, instances=n)
 
+    def draw_outlines(self, program: moderngl.Program) -> None:
+        """Draw everyone chosen into a shadow map."""
+        self._matrices.use(UNITS["joint_rows"])
+        for levels in self._levels:
+            for on_card in levels:
+                if on_card.drawn:
+                    on_card.deltas.use(UNITS["morph_deltas"])
+                    array = self._array(program, on_card)
+                    n = len(on_card.drawn)
+                    array.render(vertices=on_card.indices.size // 4, instances=n)
+
     def _array(self, program: moderngl.Program, on_card: _LevelOnCard) -> moderngl.VertexArray:
-        content: list[tuple[Any, ...]] = [
-            (on_card.vertices, *PERSON_LAYOUT),
-            (on_card.members, "1i4/i", "in_person"),
-        ]
-        return self._context.vertex_array(
-            program, content, on_card.indices, index_element_size=4, skip_errors=True
-        )
+        array = on_card.arrays.get(id(program))
+        if array is None:
+            content: list[tuple[Any, ...]] = [
+                (on_card.vertices, *PERSON_LAYOUT),
+                (on_card.members, "1i4/i", "in_person"),
+            ]
+            array = on_card.arrays[id(program)] = self._context.vertex_array(
+                program, content, on_card.indices, index_element_size=4, skip_errors=True
+            )
+        return array
 
     def release(self) -> None:
         """Free the card's memory."""

@@ -1,5 +1,7 @@
 """Light, shadow and tone, in GLSL: shared by everything that is lit."""
 
+from collections.abc import Sequence
+
 MOST_LIGHTS = 8
 MOST_SHADOWS = 2
 
@@ -59,18 +61,18 @@ vec3 ambient_at(vec3 normal) {
 }
 
 // Direction towards lamp i and the light that arrives, before the surface's angle.
-vec3 lamp_at(int i, vec3 place, vec3 normal, out vec3 towards) {
+vec3 lamp_at(int i, vec3 place, out vec3 towards) {
     vec4 where = lamp_place[i];
     vec4 axis = lamp_axis[i];
     vec3 arriving = lamp_colour[i].rgb;
-    if (where.w < 0.5) {
+    if (LAMP_KIND[i] == 0) {
         towards = -axis.xyz;
     } else {
         vec3 path = where.xyz - place;
         float squared = max(dot(path, path), 0.04);
         towards = path * inversesqrt(squared);
         arriving /= squared;
-        if (where.w < 1.5) {
+        if (LAMP_KIND[i] == 1) {
             float cosine = -dot(towards, axis.xyz);
             arriving *= smoothstep(axis.w, mix(axis.w, 1.0, 0.3), cosine);
         }
@@ -82,20 +84,17 @@ vec3 lamp_at(int i, vec3 place, vec3 normal, out vec3 towards) {
 vec3 lit(vec3 albedo, vec3 wrap, vec3 place, vec3 normal, vec3 view, float gloss, float shine) {
     vec3 arrived = ambient_at(normal);
     vec3 highlight = vec3(0.0);
-    int count = int(sky.w);
-    for (int i = 0; i < count; ++i) {
+    vec3 spread = 1.0 / ((1.0 + wrap) * (1.0 + wrap));
+    for (int i = 0; i < LAMPS; ++i) {
         vec3 towards;
-        vec3 arriving = lamp_at(i, place, normal, towards);
+        vec3 arriving = lamp_at(i, place, towards);
         float cosine = dot(normal, towards);
-        if (cosine <= -0.5) continue;
-        int map = int(lamp_colour[i].w);
-        float seen = map < 0 ? 1.0 : shadow_of(map, place, normal);
-        arriving *= seen;
-        arrived += arriving * max((cosine + wrap) / ((1.0 + wrap) * (1.0 + wrap)), 0.0);
-        if (shine > 0.0 && cosine > 0.0) {
-            float half_cosine = max(dot(normal, normalize(towards + view)), 0.0);
-            highlight += arriving * (cosine * shine * pow(half_cosine, gloss));
-        }
+        if (SHADOW_OF[i] >= 0) arriving *= shadow_of(SHADOW_OF[i], place, normal);
+        arrived += arriving * max((cosine + wrap) * spread, 0.0);
+#ifndef NO_SHINE
+        float half_cosine = max(dot(normal, normalize(towards + view)), 0.0);
+        highlight += arriving * (max(cosine, 0.0) * shine * pow(half_cosine, gloss));
+#endif
     }
     return albedo * arrived + highlight;
 }
@@ -112,15 +111,23 @@ vec3 shown(vec3 linear) {
 
 vec3 encoded(vec3 linear) {
     vec3 x = clamp(linear, 0.0, 1.0);
+#ifdef FAST_TONE
+    // Square roots instead of powers: within 0.5 of 255 of the exact curve.
+    vec3 half_root = sqrt(x), fourth = sqrt(half_root), eighth = sqrt(fourth);
+    return max(0.662002687 * half_root + 0.684122060 * fourth - 0.323583601 * eighth
+               - 0.0225411470 * x, 0.0);
+#endif
     return mix(12.92 * x, 1.055 * pow(max(x, 1e-5), vec3(1.0 / 2.4)) - 0.055,
                step(0.0031308, x));
 }
+"""
+)
 
+DECODED = """
 vec3 decoded(vec3 srgb) {
     return mix(srgb / 12.92, pow((srgb + 0.055) / 1.055, vec3(2.4)), step(0.04045, srgb));
 }
 """
-)
 
 OUTPUT_COLOUR = """
 layout(location = 0) out vec4 pixel;
@@ -138,3 +145,17 @@ void deliver(vec3 linear, float alpha, uint person, uint part, float distance_m)
     measured = vec2(dot(shown(linear), vec3(0.2126, 0.7152, 0.0722)), distance_m);
 }
 """
+
+
+def lamp_constants(kinds: Sequence[int], shadow_of: Sequence[int]) -> str:
+    """Return how many lamps there are, of which kind (0 sun, 1 spot, 2 point) and with which
+    shadow map (−1 none), as constants: compilers then leave out what a room does not need.
+    """
+    n = max(len(kinds), 1)
+    listed = ", ".join(str(k) for k in (*kinds, 0)[:n])
+    maps = ", ".join(str(k) for k in (*shadow_of, -1)[:n])
+    return (
+        f"#define LAMPS {len(kinds)}\n"
+        f"const int LAMP_KIND[{n}] = int[{n}]({listed});\n"
+        f"const int SHADOW_OF[{n}] = int[{n}]({maps});\n"
+    )

@@ -1,7 +1,14 @@
 """Skin, eyes, hair and cloth, in GLSL: skinning from a texture of joint matrices, and shading."""
 
-from stage.glsl_lighting import FRAME_BLOCK, LIGHTING
+from stage.glsl_lighting import DECODED, FRAME_BLOCK, LIGHTING
 
+SHADERS = {
+    "skin": "KIND_SKIN",
+    "eye": "KIND_EYE",
+    "hair": "KIND_HAIR",
+    "cloth": "KIND_CLOTH",
+}
+"""What a kind of surface is called in the shader; the others share one way of shining."""
 KINDS = ("skin", "eye", "hair", "lash", "teeth", "cloth", "leather", "other")
 """Surface kinds by the number the shader knows them by."""
 
@@ -18,6 +25,7 @@ in int in_person;
 
 void skinned(out vec3 place, out vec3 normal) {
     vec3 rest = in_rest_m;
+#ifdef MORPHS
     if (in_morph >= 0) {
         int face = textureSize(joint_rows, 0).x - 2;
         vec4 a = texelFetch(joint_rows, ivec2(face, in_person), 0);
@@ -29,15 +37,14 @@ void skinned(out vec3 place, out vec3 normal) {
               + b.x * texelFetch(morph_deltas, ivec2(4, in_morph), 0).xyz
               + b.y * texelFetch(morph_deltas, ivec2(5, in_morph), 0).xyz;
     }
+#endif
     vec4 x = vec4(0.0), y = vec4(0.0), z = vec4(0.0);
     for (int i = 0; i < 4; ++i) {
         float weight = in_weights[i];
-        if (weight > 0.0) {
-            int column = int(in_joints[i]) * 3;
-            x += weight * texelFetch(joint_rows, ivec2(column, in_person), 0);
-            y += weight * texelFetch(joint_rows, ivec2(column + 1, in_person), 0);
-            z += weight * texelFetch(joint_rows, ivec2(column + 2, in_person), 0);
-        }
+        int column = int(in_joints[i]) * 3;
+        x += weight * texelFetch(joint_rows, ivec2(column, in_person), 0);
+        y += weight * texelFetch(joint_rows, ivec2(column + 1, in_person), 0);
+        z += weight * texelFetch(joint_rows, ivec2(column + 2, in_person), 0);
     }
     vec4 p = vec4(rest, 1.0);
     place = vec3(dot(x, p), dot(y, p), dot(z, p));
@@ -48,6 +55,7 @@ void skinned(out vec3 place, out vec3 normal) {
 
 VERTEX = (
     FRAME_BLOCK
+    + DECODED
     + SKINNING
     + """
 in vec4 in_colour;
@@ -56,13 +64,13 @@ in vec3 in_detail;
 out vec3 place;
 out vec3 normal;
 out vec3 detail;
-out vec3 colour;
+out vec3 albedo_here;
 flat out uvec4 surface;
 flat out uint person;
 void main() {
     skinned(place, normal);
     detail = in_detail;
-    colour = in_colour.rgb;
+    albedo_here = decoded(in_colour.rgb);
     surface = in_surface;
     person = uint(in_person) + 1u;
     gl_Position = view_projection * vec4(place, 1.0);
@@ -88,11 +96,10 @@ FRAGMENT = (
     LIGHTING
     + """
 uniform sampler2D picture;
-uniform bool textured;
 in vec3 place;
 in vec3 normal;
 in vec3 detail;
-in vec3 colour;
+in vec3 albedo_here;
 flat in uvec4 surface;
 flat in uint person;
 """
@@ -106,6 +113,7 @@ float smooth_grain(float at) {
     return mix(grain(vec2(whole, 3.0)), grain(vec2(whole + 1.0, 3.0)), share);
 }
 
+#ifdef KIND_EYE
 vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
     vec3 at = normalize(detail);
     float iris = float(surface.y) / 255.0, pupil = float(surface.w) / 255.0;
@@ -137,17 +145,22 @@ vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
     return result;
 }
 
+#endif
+
+#ifdef KIND_HAIR
 vec3 hair_surface(vec3 albedo, vec3 n, vec3 view, float roughness) {
     vec3 along = vec3(0.0, 1.0, 0.0) - n * n.y;
     along = normalize(along + vec3(1e-4, 0.0, 1e-4));
-    float strand = textured ? 0.5 : smooth_grain(atan(detail.x, detail.z + 0.02) * 60.0 + 200.0);
+#ifdef TEXTURED
+    float strand = 0.5;
+#else
+    float strand = smooth_grain(atan(detail.x, detail.z + 0.02) * 60.0 + 200.0);
+#endif
     vec3 result = albedo * (0.80 + 0.4 * strand) * ambient_at(n);
-    int count = int(sky.w);
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < LAMPS; ++i) {
         vec3 towards;
-        vec3 arriving = lamp_at(i, place, n, towards);
-        int map = int(lamp_colour[i].w);
-        if (map >= 0) arriving *= shadow_of(map, place, n);
+        vec3 arriving = lamp_at(i, place, towards);
+        if (SHADOW_OF[i] >= 0) arriving *= shadow_of(SHADOW_OF[i], place, n);
         float cosine = dot(n, towards);
         vec3 middle = normalize(towards + view);
         float lean = dot(along, middle) + 0.18 * (strand - 0.5);
@@ -158,50 +171,45 @@ vec3 hair_surface(vec3 albedo, vec3 n, vec3 view, float roughness) {
     return result;
 }
 
+#endif
+
 void main() {
     vec3 n = normalize(gl_FrontFacing ? normal : -normal);
     vec3 path = eye_m.xyz - place;
     float distance_m = length(path);
     vec3 view = path / distance_m;
     float roughness = float(surface.y) / 255.0;
-    vec3 albedo = decoded(colour);
+    float smoothness = 1.0 - roughness;
+    vec3 albedo = albedo_here;
     float alpha = 1.0;
-    if (textured) {
-        vec4 texel = texture(picture, detail.xy);
-        albedo *= decoded(texel.rgb);
-        alpha = texel.a;
-        if (alpha < tone.z) discard;
-    }
-    uint kind = surface.x;
-    vec3 result;
-    if (kind == 0u) {
-        float rim = pow(1.0 - max(dot(n, view), 0.0), 4.0);
-        float smoothness = 1.0 - roughness;
-        result = lit(albedo, vec3(0.34, 0.17, 0.11), place, n, view, 14.0 + 40.0 * smoothness,
-                     0.05 + 0.08 * smoothness);
-        result += (sky.rgb * albedo) * (0.22 * rim);
-    } else if (kind == 1u) {
-        result = eye_surface(n, view, albedo);
-    } else if (kind == 2u) {
-        result = hair_surface(albedo, n, view, roughness);
-    } else if (kind == 3u) {
-        result = albedo * ambient_at(n);
-    } else if (kind == 4u) {
-        result = lit(albedo, vec3(0.25), place, n, view, 60.0, 0.15) * 0.8;
-    } else if (kind == 5u) {
-        float weave = 1.0;
-        if (!textured) {
-            vec2 at = vec2(detail.x + detail.z, detail.y) * 900.0;
-            float fine = max(fwidth(at.x), fwidth(at.y));
-            weave = 1.0 + 0.10 * (sin(at.x) * sin(at.y)) * (1.0 - smoothstep(0.6, 2.2, fine));
-        }
-        result = lit(albedo * weave, vec3(0.12), place, n, view, 4.0, 0.0);
-        result += albedo * sky.rgb * (0.35 * pow(1.0 - max(dot(n, view), 0.0), 3.0));
-    } else {
-        float smoothness = 1.0 - roughness;
-        result = lit(albedo, vec3(0.0), place, n, view, mix(6.0, 90.0, smoothness * smoothness),
-                     0.02 + 0.22 * smoothness * smoothness);
-    }
+#ifdef TEXTURED
+    vec4 texel = texture(picture, detail.xy);
+    albedo *= texel.rgb;
+    alpha = texel.a;
+    if (alpha < tone.z) discard;
+#endif
+#if defined(KIND_SKIN)
+    float grazing = 1.0 - max(dot(n, view), 0.0);
+    vec3 result = lit(albedo, vec3(0.34, 0.17, 0.11), place, n, view, 14.0 + 40.0 * smoothness,
+                      0.05 + 0.08 * smoothness);
+    result += (sky.rgb * albedo) * (0.22 * grazing * grazing * grazing * grazing);
+#elif defined(KIND_EYE)
+    vec3 result = eye_surface(n, view, albedo);
+#elif defined(KIND_HAIR)
+    vec3 result = hair_surface(albedo, n, view, roughness);
+#elif defined(KIND_CLOTH)
+#ifndef TEXTURED
+    vec2 at = vec2(detail.x + detail.z, detail.y) * 900.0;
+    float fine = max(fwidth(at.x), fwidth(at.y));
+    albedo *= 1.0 + 0.10 * (sin(at.x) * sin(at.y)) * (1.0 - smoothstep(0.6, 2.2, fine));
+#endif
+    float grazing = 1.0 - max(dot(n, view), 0.0);
+    vec3 result = lit(albedo, vec3(0.12), place, n, view, 4.0, 0.0);
+    result += albedo * sky.rgb * (0.35 * grazing * grazing * grazing);
+#else
+    vec3 result = lit(albedo, vec3(0.0), place, n, view, mix(6.0, 90.0, smoothness * smoothness),
+                      0.02 + 0.22 * smoothness * smoothness);
+#endif
     deliver(result, alpha, person, surface.z, distance_m);
 }
 """

@@ -1,9 +1,10 @@
 """Rooms, things and flat boards, in GLSL."""
 
-from stage.glsl_lighting import FRAME_BLOCK, LIGHTING
+from stage.glsl_lighting import DECODED, FRAME_BLOCK, LIGHTING
 
 VERTEX = (
     FRAME_BLOCK
+    + DECODED
     + """
 uniform mat4 world_from_prop;
 in vec3 in_place_m;
@@ -13,14 +14,14 @@ in vec4 in_look;
 in vec2 in_uv;
 out vec3 place;
 out vec3 normal;
-out vec3 colour;
+out vec3 albedo_here;
 out vec2 uv;
 flat out vec2 look;
 void main() {
     vec4 world = world_from_prop * vec4(in_place_m, 1.0);
     place = world.xyz;
     normal = mat3(world_from_prop) * in_normal.xyz;
-    colour = in_colour.rgb;
+    albedo_here = decoded(in_colour.rgb);
     look = in_look.xy;
     uv = in_uv;
     gl_Position = view_projection * world;
@@ -39,10 +40,9 @@ FRAGMENT = (
     LIGHTING
     + """
 uniform sampler2D picture;
-uniform bool textured;
 in vec3 place;
 in vec3 normal;
-in vec3 colour;
+in vec3 albedo_here;
 in vec2 uv;
 flat in vec2 look;
 """
@@ -52,14 +52,14 @@ void main() {
     vec3 n = normalize(gl_FrontFacing ? normal : -normal);
     vec3 path = eye_m.xyz - place;
     float distance_m = length(path);
-    vec3 albedo = decoded(colour);
+    vec3 albedo = albedo_here;
     float alpha = 1.0;
-    if (textured) {
-        vec4 texel = texture(picture, uv);
-        albedo *= decoded(texel.rgb);
-        alpha = texel.a;
-        if (alpha < tone.z) discard;
-    }
+#ifdef TEXTURED
+    vec4 texel = texture(picture, uv);
+    albedo *= texel.rgb;
+    alpha = texel.a;
+    if (alpha < tone.z) discard;
+#endif
     float smoothness = 1.0 - look.x;
     vec3 result = lit(albedo, vec3(0.0), place, n, path / distance_m,
                       mix(6.0, 120.0, smoothness * smoothness), 0.25 * smoothness * smoothness);

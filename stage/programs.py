@@ -17,10 +17,10 @@ BLOCKS: Mapping[str, int] = {"Frame": 0, "Lighting": 1}
 
 
 def compile_program(
-    context: moderngl.Context, vertex: str, fragment: str, *defines: str
+    context: moderngl.Context, vertex: str, fragment: str, *defines: str, constants: str = ""
 ) -> moderngl.Program:
     """Compile, and point samplers and blocks to their fixed places."""
-    head = HEAD + "".join(f"#define {name}\n" for name in defines)
+    head = HEAD + "".join(f"#define {name}\n" for name in defines) + constants
     program = context.program(vertex_shader=head + vertex, fragment_shader=head + fragment)
     for name in program:
         member = program[name]
@@ -29,13 +29,6 @@ def compile_program(
         elif isinstance(member, moderngl.UniformBlock):
             member.binding = BLOCKS[name]
     return program
-
-
-def set_value(program: moderngl.Program, name: str, value: bool | int | float) -> None:
-    """Set a scalar; one the compiler found unused is left alone."""
-    member = program.get(name, None)
-    if isinstance(member, moderngl.Uniform):
-        member.value = value
 
 
 def set_bytes(program: moderngl.Program, name: str, value: bytes) -> None:

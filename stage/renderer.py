@@ -1,7 +1,7 @@
 """Draw pictures: people, room, lamps and shadows, fade, mark and panels."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import moderngl
@@ -9,19 +9,20 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.geometry import Vector
-from stage import glsl_lighting, glsl_people, glsl_room
 from stage.context import GL_FRAMEBUFFER_SRGB, offscreen_context
 from stage.crowd_buffers import CharacterMeshes, CrowdBuffers
 from stage.errors import StageError
-from stage.glsl_lighting import MOST_SHADOWS
-from stage.lamps import LIGHTING_BYTES, ShadowView, lighting_block, shadow_views
+from stage.glsl_lighting import MOST_SHADOWS, lamp_constants
+from stage.lamps import KIND_NUMBERS, LIGHTING_BYTES, ShadowView, lighting_block, shadow_views
 from stage.levels import BODY_RADIUS_M, DetailRule, choose_levels, in_view
+from stage.lit_programs import LitPrograms
 from stage.overlays import Overlays
-from stage.programs import UNITS, compile_program, set_bytes
+from stage.programs import UNITS, set_bytes
 from stage.projection import for_gl, projection, view, world_from
 from stage.room_buffers import PropBuffers
 from stage.targets import EyeTarget
 from stage.textures import Textures
+from stage.vertices import Run
 from stimuli.characters.character import Character
 from stimuli.picture import Camera, Picture, Prop, Room
 
@@ -38,17 +39,19 @@ class Quality:
     """How much work a picture is worth.
 
     `samples` per pixel smooth edges (0: none); `shadows` are drawn as maps of `shadow_map_px`,
-    as soft blobs under the feet, or not at all; `detail` says how fine people are drawn where.
+    as soft blobs under the feet, or not at all; `fast` leaves out highlights on rooms and sharp
+    textures; `detail` says how fine people are drawn where.
     """
 
     samples: int = 4
     shadows: Literal["maps", "blobs", "none"] = "maps"
     shadow_map_px: int = 1024
     shadow_softness_m: float = 0.03
+    fast: bool = False
     detail: DetailRule = field(default_factory=DetailRule)
 
 
-LIGHTEST = Quality(samples=0, shadows="blobs", detail=DetailRule(finest=2))
+LIGHTEST = Quality(samples=0, shadows="blobs", fast=True, detail=DetailRule(finest=2))
 """For computers without a graphics card: people at their lightest, soft blobs for shadows."""
 
 
@@ -71,11 +74,11 @@ class Renderer:
         self.quality = Quality() if quality is None else quality
         self.drawn = Drawn(np.zeros(0, np.int64), np.zeros(0))
         ctx = self.context
-        self._textures = Textures(ctx)
+        self._textures = Textures(ctx, 1.0 if self.quality.fast else 8.0)
         self._meshes = CharacterMeshes()
         self._frame = ctx.buffer(reserve=FRAME_BYTES, dynamic=True)
         self._lighting = ctx.buffer(reserve=LIGHTING_BYTES, dynamic=True)
-        self._programs: dict[str, moderngl.Program] = {}
+        self._programs = LitPrograms(ctx, fast=self.quality.fast, shadows=self._with_maps())
         self._crowds: dict[tuple[int, ...], CrowdBuffers] = {}
         self._rooms: dict[int, tuple[Room, PropBuffers]] = {}
         self._things: dict[int, tuple[Prop, PropBuffers]] = {}
@@ -127,8 +130,6 @@ class Renderer:
         """Send a cast and a room to the card now, so that the first frame is not late."""
         self._crowd(cast)
         self._room(room)
-        self._program("people")
-        self._program("room")
 
     def close(self) -> None:
         """Free everything; idempotent."""
@@ -146,8 +147,7 @@ class Renderer:
             texture.release()
         self._overlays.release()
         self._textures.release()
-        for program in self._programs.values():
-            program.release()
+        self._programs.release()
         self._frame.release()
         self._lighting.release()
         if self._owns_context:
@@ -250,15 +250,21 @@ class Renderer:
 
     def paint(self, picture: Picture, crowd: CrowdBuffers, *, identity: bool) -> None:
         """Draw room, things and people from the camera sent, with the light sent."""
-        suffix = "_identity" if identity else ""
         for k, (texture, _) in enumerate(self._shadow_maps):
             texture.use(UNITS[f"shadow_map_{k}"])
-        program = self._program("room" + suffix)
-        self._room(picture.room).draw(program, lit=True)
+        light = self._light_constants(picture.room)
+
+        def room_program(run: Run) -> moderngl.Program:
+            return self._programs.lit("room", run, light, identity=identity)
+
+        def people_program(run: Run) -> moderngl.Program:
+            return self._programs.lit("people", run, light, identity=identity)
+
+        self._room(picture.room).draw(room_program)
         for placed in picture.moving:
-            self._thing(placed.prop).draw(program, world_from(placed.pose), lit=True)
+            self._thing(placed.prop).draw(room_program, world_from(placed.pose))
         if crowd.cast:
-            crowd.draw(self._program("people" + suffix), lit=True)
+            crowd.draw(people_program)
 
     def crowd_of(self, picture: Picture) -> CrowdBuffers:
         """Return the cast's buffers."""
@@ -266,8 +272,21 @@ class Renderer:
 
     # ---- parts -----------------------------------------------------------------------------
 
+    def _with_maps(self) -> bool:
+        return self.quality.shadows == "maps"
+
+    def _light_constants(self, room: Room) -> str:
+        """Return the lamps of a room as the shaders are compiled for them."""
+        kinds, maps, used = [], [], 0
+        for lamp in room.lights:
+            kinds.append(int(KIND_NUMBERS[lamp.kind]))
+            casts = self._with_maps() and lamp.casts_shadow and used < MOST_SHADOWS
+            maps.append(used if casts else -1)
+            used += casts
+        return lamp_constants(kinds, maps)
+
     def _casts(self, room: Room) -> bool:
-        return self.quality.shadows == "maps" and any(lamp.casts_shadow for lamp in room.lights)
+        return self._with_maps() and any(lamp.casts_shadow for lamp in room.lights)
 
     def _lit_box(self, picture: Picture, crowd: CrowdBuffers) -> tuple[Vector, Vector]:
         """Return the box around everyone, within the room; shadows are finest where people are."""
@@ -292,16 +311,16 @@ class Renderer:
             frame.use()
             frame.clear(depth=1.0)
             matrix = for_gl(shadow_view.from_world)
-            program = self._program("room_shadow")
+            program = self._programs.outline("room")
             set_bytes(program, "shadow_projection", matrix)
-            self._room(picture.room).draw(program, lit=False)
+            self._room(picture.room).draw_outlines(program)
             for placed in picture.moving:
                 if placed.prop.casts_shadow:
-                    self._thing(placed.prop).draw(program, world_from(placed.pose), lit=False)
+                    self._thing(placed.prop).draw_outlines(program, world_from(placed.pose))
             if crowd.cast:
-                program = self._program("people_shadow")
+                program = self._programs.outline("people")
                 set_bytes(program, "shadow_projection", matrix)
-                crowd.draw(program, lit=False)
+                crowd.draw_outlines(program)
         ctx.polygon_offset = 0.0, 0.0
         ctx.enable(moderngl.CULL_FACE)
 
@@ -339,16 +358,6 @@ class Renderer:
             self._things[id(prop)] = found
         return found[1]
 
-    def _program(self, name: str) -> moderngl.Program:
-        if name not in self._programs:
-            self._programs[name] = _compile(self.context, name, self.quality.shadows == "maps")
-        return self._programs[name]
-
-
-def with_detail(quality: Quality, finest: int) -> Quality:
-    """Return a quality in which nobody is drawn finer than this level."""
-    return replace(quality, detail=replace(quality.detail, finest=finest))
-
 
 def _background(picture: Picture) -> tuple[float, float, float]:
     share = max(0.0, min(1.0, picture.brightness_01))
@@ -364,16 +373,3 @@ def _shadow_map(
     texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
     texture.repeat_x = texture.repeat_y = False
     return texture, context.framebuffer(depth_attachment=texture)
-
-
-def _compile(context: moderngl.Context, name: str, with_shadow_maps: bool) -> moderngl.Program:
-    output = (
-        glsl_lighting.OUTPUT_IDENTITY if name.endswith("identity") else glsl_lighting.OUTPUT_COLOUR
-    )
-    source = glsl_people if name.startswith("people") else glsl_room
-    if name.endswith("shadow"):
-        vertex, fragment = source.SHADOW_VERTEX, glsl_people.SHADOW_FRAGMENT
-    else:
-        vertex, fragment = source.VERTEX, source.FRAGMENT.replace("//OUTPUT//", output)
-    defines = ("SHADOWS",) if with_shadow_maps else ()
-    return compile_program(context, vertex, fragment, *defines)

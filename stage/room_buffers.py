@@ -1,5 +1,6 @@
 """Rooms and things that move, on the graphics card."""
 
+from collections.abc import Callable
 from typing import Any
 
 import moderngl
@@ -9,7 +10,7 @@ from lab.geometry import Vector
 from stage.programs import UNITS, set_bytes
 from stage.projection import for_gl
 from stage.textures import Textures
-from stage.vertices import ROOM_LAYOUT, room_vertices
+from stage.vertices import ROOM_LAYOUT, Run, room_vertices
 from stimuli.picture import Prop
 
 STILL = np.eye(4)
@@ -23,7 +24,8 @@ class PropBuffers:
     ) -> None:
         self._context, self._textures = context, textures
         laid_out = room_vertices(props)
-        self._runs, self._casting = laid_out.runs, laid_out.casting
+        self._runs = tuple(run for run in laid_out.runs if run.count)
+        self._casting = laid_out.casting
         self._empty = not len(laid_out.indices)
         self._arrays: dict[int, moderngl.VertexArray] = {}
         places = laid_out.vertices["place_m"]
@@ -34,29 +36,38 @@ class PropBuffers:
             self._indices = context.buffer(laid_out.indices.tobytes())
 
     def draw(
-        self, program: moderngl.Program, world_from_prop: Vector = STILL, *, lit: bool
+        self,
+        program_of: Callable[[Run], moderngl.Program],
+        world_from_prop: Vector = STILL,
     ) -> None:
-        """Draw all of it, or without light only what casts a shadow."""
-        if self._empty:
-            return
-        array = self._arrays.get(id(program))
-        if array is None:
-            content: list[tuple[Any, ...]] = [(self._vertices, *ROOM_LAYOUT)]
-            array = self._context.vertex_array(
-                program, content, self._indices, index_element_size=4, skip_errors=True
-            )
-            self._arrays[id(program)] = array
-        set_bytes(program, "world_from_prop", for_gl(world_from_prop))
-        if not lit:
-            for first, count in self._casting:
-                array.render(vertices=count, first=first)
-            return
+        """Draw all of it."""
         for run in self._runs:
+            program = program_of(run)
+            array = self._array(program)
             (self._context.disable if run.double_sided else self._context.enable)(
                 moderngl.CULL_FACE
             )
-            self._textures.use(run.texture, UNITS["picture"], program)
+            set_bytes(program, "world_from_prop", for_gl(world_from_prop))
+            self._textures.use(run.texture, UNITS["picture"])
             array.render(vertices=run.count, first=run.first)
+
+    def draw_outlines(self, program: moderngl.Program, world_from_prop: Vector = STILL) -> None:
+        """Draw what casts a shadow into a shadow map."""
+        if not self._casting:
+            return
+        array = self._array(program)
+        set_bytes(program, "world_from_prop", for_gl(world_from_prop))
+        for first, count in self._casting:
+            array.render(vertices=count, first=first)
+
+    def _array(self, program: moderngl.Program) -> moderngl.VertexArray:
+        array = self._arrays.get(id(program))
+        if array is None:
+            content: list[tuple[Any, ...]] = [(self._vertices, *ROOM_LAYOUT)]
+            array = self._arrays[id(program)] = self._context.vertex_array(
+                program, content, self._indices, index_element_size=4, skip_errors=True
+            )
+        return array
 
     def release(self) -> None:
         """Free the card's memory."""

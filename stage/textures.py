@@ -3,35 +3,38 @@
 import moderngl
 import numpy as np
 
-from stage.programs import set_value
 from stage.vertices import TextureArray
 
-SHARPEST = 8.0
+GL_SRGB8, GL_SRGB8_ALPHA8 = 0x8C41, 0x8C43
 
 
 class Textures:
     """Textures by the array they come from; kept while the renderer lives."""
 
-    def __init__(self, context: moderngl.Context) -> None:
+    def __init__(self, context: moderngl.Context, sharpness: float) -> None:
         self._context = context
+        self._sharpness = sharpness
         self._made: dict[int, tuple[TextureArray, moderngl.Texture]] = {}
-        self._plain = context.texture((1, 1), 4, b"\xff\xff\xff\xff")
 
-    def use(self, picture: TextureArray | None, unit: int, program: moderngl.Program) -> None:
-        """Bind a picture, or none, for the coming draw call of `program`."""
-        set_value(program, "textured", picture is not None)
-        (self._plain if picture is None else self._of(picture)).use(unit)
+    def use(self, picture: TextureArray | None, unit: int) -> None:
+        """Bind a picture, if there is one, for the coming draw call."""
+        if picture is not None:
+            self._of(picture).use(unit)
 
     def _of(self, picture: TextureArray) -> moderngl.Texture:
         found = self._made.get(id(picture))
         if found is None:
             height, width, channels = picture.shape
             texture = self._context.texture(
-                (width, height), channels, np.ascontiguousarray(picture).tobytes(), alignment=1
+                (width, height),
+                channels,
+                np.ascontiguousarray(picture).tobytes(),
+                alignment=1,
+                internal_format=GL_SRGB8 if channels == 3 else GL_SRGB8_ALPHA8,
             )
             texture.build_mipmaps()
             texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-            texture.anisotropy = SHARPEST
+            texture.anisotropy = self._sharpness
             found = self._made[id(picture)] = (picture, texture)
         return found[1]
 
@@ -40,4 +43,3 @@ class Textures:
         for _, texture in self._made.values():
             texture.release()
         self._made.clear()
-        self._plain.release()

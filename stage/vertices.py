@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from stage.glsl_people import KINDS
+from stage.glsl_people import KINDS, SHADERS
 from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.character import MORPHS, Character, SkinnedMesh
+from stimuli.characters.character import MORPHS, Character, Material, SkinnedMesh
 from stimuli.picture import Prop
 
 PERSON_VERTEX = np.dtype(
@@ -41,12 +41,14 @@ TextureArray = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Triangles drawn with one texture: `first` and `count` are counted in indices."""
+    """Triangles drawn alike: `first` and `count` are counted in indices, `kind` is a shader's."""
 
     first: int
     count: int
     texture: TextureArray | None
     double_sided: bool
+    kind: str = "other"
+    has_morphs: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,21 +82,26 @@ def person_vertices(character: Character, mesh: SkinnedMesh) -> PersonVertices:
     materials = character.materials
     material_of, part_of = mesh.triangle_material, mesh.triangle_part
     eyes = _eye_sides(character, mesh)
-    looks: dict[tuple[int, bool], list[int]] = {}
+    moving = np.zeros(len(mesh.vertices_m), np.bool_)
+    for morph in mesh.morphs.values():
+        moving[morph.vertices] = True
+    looks: dict[tuple[str, int, bool], list[int]] = {}
     for i in np.unique(material_of).tolist():
         texture = materials[i].texture_srgb if materials[i].kind != "eye" else None
-        key = (id(texture) if texture is not None else 0, materials[i].double_sided)
+        shader = materials[i].kind if materials[i].kind in SHADERS else "other"
+        key = (shader, id(texture) if texture is not None else 0, materials[i].double_sided)
         looks.setdefault(key, []).append(i)
     order, runs, first = [], [], 0
     # Whatever has a hole or a soft edge comes last, so that it is blended over the rest.
-    for _, members in sorted(looks.items(), key=lambda item: _opacity_rank(materials, item[1])):
+    for (shader, _, double_sided), members in sorted(
+        looks.items(), key=lambda item: _opacity_rank(materials, item[1])
+    ):
         chosen = np.flatnonzero(np.isin(material_of, members))
         order.append(chosen)
-        texture = materials[members[0]].texture_srgb
-        if materials[members[0]].kind == "eye":
-            texture = None
+        texture = materials[members[0]].texture_srgb if shader != "eye" else None
         count = 3 * len(chosen)
-        runs.append(Run(first, count, texture, materials[members[0]].double_sided))
+        moves = bool(moving[mesh.triangles[chosen]].any())
+        runs.append(Run(first, count, texture, double_sided, shader, moves))
         first += count
     rows = np.concatenate(order) if order else np.zeros(0, np.int64)
     corners = mesh.triangles[rows].astype(np.int64)
@@ -124,10 +131,10 @@ def person_vertices(character: Character, mesh: SkinnedMesh) -> PersonVertices:
     return PersonVertices(out, indices.ravel().astype(np.int32), tuple(runs), deltas)
 
 
-def _opacity_rank(materials: tuple[object, ...], members: list[int]) -> int:
+def _opacity_rank(materials: tuple[Material, ...], members: list[int]) -> int:
     ranks = {"lash": 3, "hair": 2}
     return max(
-        ranks.get(m.kind, 1 if m.texture_srgb is not None else 0)  # type: ignore[attr-defined]
+        ranks.get(m.kind, 1 if m.texture_srgb is not None else 0)
         for m in (materials[i] for i in members)
     )
 

@@ -1,0 +1,60 @@
+"""The shaders of people and rooms, compiled for what is drawn: kind of surface, lamps, pass."""
+
+from typing import Literal
+
+import moderngl
+
+from stage import glsl_lighting, glsl_people, glsl_room
+from stage.programs import compile_program
+from stage.vertices import Run
+
+Family = Literal["people", "room"]
+
+
+class LitPrograms:
+    """Programs by what they draw, compiled at first use."""
+
+    def __init__(self, context: moderngl.Context, *, fast: bool, shadows: bool) -> None:
+        self._context = context
+        self._common = (("FAST_TONE",) if fast else ()) + (("SHADOWS",) if shadows else ())
+        self._fast = fast
+        self._made: dict[tuple[object, ...], moderngl.Program] = {}
+
+    def lit(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
+        """Return the program for triangles that look like `run` under these lamps."""
+        key = (family, run.kind, run.texture is None, run.has_morphs, lamps, identity)
+        found = self._made.get(key)
+        if found is None:
+            found = self._made[key] = self._compile(family, run, lamps, identity=identity)
+        return found
+
+    def outline(self, family: Family) -> moderngl.Program:
+        """Return the program that draws into a shadow map."""
+        key = (family,)
+        if key not in self._made:
+            vertex = glsl_people.SHADOW_VERTEX if family == "people" else glsl_room.SHADOW_VERTEX
+            self._made[key] = compile_program(
+                self._context, vertex, glsl_people.SHADOW_FRAGMENT, "MORPHS"
+            )
+        return self._made[key]
+
+    def release(self) -> None:
+        """Free the card's memory."""
+        for program in self._made.values():
+            program.release()
+        self._made.clear()
+
+    def _compile(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
+        source = glsl_people if family == "people" else glsl_room
+        defines = [*self._common]
+        if run.texture is not None:
+            defines.append("TEXTURED")
+        if run.has_morphs:
+            defines.append("MORPHS")
+        if run.kind in glsl_people.SHADERS:
+            defines.append(glsl_people.SHADERS[run.kind])
+        if run.kind == "cloth" or (family == "room" and self._fast):
+            defines.append("NO_SHINE")
+        output = glsl_lighting.OUTPUT_IDENTITY if identity else glsl_lighting.OUTPUT_COLOUR
+        fragment = source.FRAGMENT.replace("//OUTPUT//", output)
+        return compile_program(self._context, source.VERTEX, fragment, *defines, constants=lamps)
