@@ -17,6 +17,7 @@ BUILT_IN: dict[str, str] = {
     "openvr_controllers": "devices.drivers.openvr_controllers:OpenVrControllers",
     "openvr_headset": "devices.drivers.openvr_headset:OpenVrHeadset",
     "openvr_trackers": "devices.drivers.openvr_trackers:OpenVrTrackers",
+    "eyelink": "devices.drivers.eyelink:EyeLink",
     "fove": "devices.drivers.fove:Fove",
     "gazepoint": "devices.drivers.gazepoint:Gazepoint",
     "hid_gaze": "devices.drivers.hid_gaze:HidGaze",

@@ -95,6 +95,7 @@ class GazeSource:
         self.garbage_rng = np.random.default_rng([seed, _GARBAGE_STREAM])
         self._next = -(-self.origin_ns * self._rate_milli_hz // (NS_PER_S * MILLI_HZ))
         self._first = self._next
+        self._arrived_ns = -(2**62)
         self._stretch: int | None = None
         self._noise: StretchNoise | None = None
         self._worn: tuple[int, int | None] | None = None
@@ -141,11 +142,13 @@ class GazeSource:
         shots: list[Shot] = []
         for i, at_ns in enumerate(times):
             jitter_ms = (2.0 * noise[i, _LATENCY] - 1.0) * self._error.latency_jitter_ms
+            travel_ns = round((self._error.latency_ms + jitter_ms) * NS_PER_MS)
+            self._arrived_ns = max(self._arrived_ns, at_ns + travel_ns)  # one behind the other
             shot = Shot(
                 first + i - self._first,
                 at_ns,
                 self.device_ns(at_ns),
-                at_ns + round((self._error.latency_ms + jitter_ms) * NS_PER_MS),
+                self._arrived_ns,
                 tuple(seen[i, 0].tolist()),
                 tuple(seen[i, 1].tolist()),
                 bool(eyes["openness_01"][i] >= OPEN_EYE_01),

@@ -1,0 +1,118 @@
+"""Drive an SR Research EyeLink through the vendor's pylink.
+
+Codec: `devices.drivers.eyelink_codec`. Transport: `devices.drivers.eyelink_library`. A screen-based
+tracker: rays are in the head frame of `devices.drivers.gaze_rays.Screen`, from eyes at the viewing
+place. Proven on a stand-in of pylink's surface only; never yet on a real tracker.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from devices.contracts import CalibrationOutcome, ClockPair, DeviceState
+from devices.drivers import eyelink_codec as codec
+from devices.drivers.eyelink_library import TIME, VERDICT
+from devices.drivers.gaze_device import GazeDevice, Make
+from devices.drivers.gaze_rays import Sample, Screen
+from devices.transports import Exchange, Frames, Message, MessageTransport
+from lab.clock import NS_PER_S, Clock
+from lab.errors import DeviceTimeout
+
+REMEDY = (
+    "switch the EyeLink's host computer on, connect its cable, set this computer's address to "
+    "100.1.1.2, and check `address`"
+)
+EYELINK = Make(
+    driver="eyelink",
+    vendor="SR Research",
+    model="EyeLink",
+    remedy=REMEDY,
+    capabilities=frozenset({"gaze", "per_eye", "screen_frame", "annotation"}),
+)
+ASK_WITHIN_NS = NS_PER_S // 5
+
+
+class EyeLink(GazeDevice):
+    """Follow the `EyeTracker` contract over pylink; it is calibrated on its host computer.
+
+    `pupil_mm_per_unit` comes from an artificial pupil measured in the lab; 0 leaves pupils
+    unknown, because the tracker's unit depends on camera and distance.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        transport: MessageTransport,
+        clock: Clock,
+        *,
+        rate_hz: float = 1000.0,
+        lost_after_s: float = 2.0,
+        exchange_interval_s: float = 1.0,
+        screen: Screen | None = None,
+        screen_px: tuple[int, int] = (1920, 1080),
+        pupil_mm_per_unit: float = 0.0,
+        eye_distance_mm: float = 64.0,
+    ) -> None:
+        self._screen = screen or Screen()
+        self._screen_px = screen_px
+        self._pupil = pupil_mm_per_unit
+        self._half_m = eye_distance_mm * 5e-4
+        extra = {"pupil"} if pupil_mm_per_unit else set()
+        super().__init__(
+            role,
+            transport,
+            clock,
+            replace(EYELINK, capabilities=EYELINK.capabilities | extra),
+            rate_hz=rate_hz,
+            lost_after_s=lost_after_s,
+            exchange_interval_s=exchange_interval_s,
+        )
+
+    def annotate(self, text: str, t_host_ns: int) -> None:
+        """Send a message into the tracker's file; what was late is said in it, in ms."""
+        self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
+
+        def send() -> None:
+            late_ms = (self._clock.now_ns() - t_host_ns) / 1e6
+            self._transport.send(0, (f"{-late_ms:.1f} {text}".encode(),))
+
+        self._on_wire(send)
+
+    def _connect(self, deadline_ns: int) -> None:
+        version = self._ask((b"version",), deadline_ns).frames[1].decode("utf-8", "replace")
+        self.info = replace(self.info, model=version or "EyeLink")
+        verdict = self._ask((b"verdict",), deadline_ns).frames[1]
+        self._take_verdict(verdict)
+        self._take_time(self._ask((b"time",), deadline_ns))
+
+    def _ask_time(self, now_ns: int) -> None:
+        try:
+            self._take_time(self._ask((b"time",), now_ns + ASK_WITHIN_NS))
+        except DeviceTimeout:
+            return  # told by `check` once it lasts
+
+    def _decode(self, message: Message) -> Iterable[Sample]:
+        sample = codec.decode_sample(
+            message.frames[0], self._screen, self._screen_px, self._half_m, self._pupil
+        )
+        if sample is None:
+            self._counts.malformed += 1
+        else:
+            yield sample
+
+    def _take_time(self, exchange: Exchange) -> None:
+        frames: Frames = exchange.frames
+        if len(frames) != 2 or len(frames[1]) != TIME.size:
+            self._counts.malformed += 1
+            return
+        (device_ns,) = TIME.unpack(frames[1])
+        self._add_pair(ClockPair(exchange.t_send_ns, device_ns, exchange.t_receive_ns))
+
+    def _take_verdict(self, raw: bytes) -> None:
+        if len(raw) < VERDICT.size:
+            self._counts.malformed += 1
+            return
+        (code,) = VERDICT.unpack_from(raw)
+        text = raw[VERDICT.size :].decode("utf-8", "replace").strip()
+        self._calibration = CalibrationOutcome(code == 0, text or f"code {code}")
+        fault = self._warning("not calibrated", "calibrate on the EyeLink's host computer")
+        self._note("calibrated", None if code == 0 else fault)

@@ -1,0 +1,61 @@
+"""Turn EyeLink link samples into canonical gaze; pure.
+
+Sources: SR Research's public pylink interface and its users. Gaze is in display pixels from the
+top left, times in milliseconds of the tracker, pupils in its own units. -32768 (also 32767) marks
+missing numbers, and 4294967295 a time that is not known.
+"""
+
+import math
+import struct
+
+from devices.drivers.gaze_rays import (
+    LOST,
+    NAN,
+    Eye,
+    Sample,
+    Screen,
+    diameter_mm,
+    gaze_row,
+    ray_between,
+)
+
+SAMPLE = struct.Struct("<dB6d")
+"""Time (ms), eyes present (1 left, 2 right), then x, y (px) and pupil of left and right."""
+
+LEFT, RIGHT = 1, 2
+MISSING_BEYOND = 32_767.0
+NO_TIME = 4_294_967_295
+LONGEST_MESSAGE = 130
+
+
+def decode_sample(
+    raw: bytes,
+    screen: Screen,
+    screen_px: tuple[int, int],
+    half_m: float,
+    pupil_mm_per_unit: float,
+) -> Sample | None:
+    """Return the sample; None when it is malformed or its time is not known."""
+    if len(raw) != SAMPLE.size:
+        return None
+    time_ms, eyes, *numbers = SAMPLE.unpack(raw)
+    if not 0 <= time_ms < NO_TIME:
+        return None
+    rows = []
+    for bit, x_m, (x, y, pupil) in (
+        (LEFT, -half_m, numbers[:3]),
+        (RIGHT, half_m, numbers[3:]),
+    ):
+        at = (x_m, 0.0, 0.0)
+        seen = bool(eyes & bit) and abs(x) < MISSING_BEYOND and abs(y) < MISSING_BEYOND
+        point = screen.point_m(x / screen_px[0], y / screen_px[1]) if seen else LOST
+        ray = ray_between(at, point)
+        size = diameter_mm(pupil * pupil_mm_per_unit) if seen and math.isfinite(pupil) else NAN
+        rows.append(Eye(ray, at, ray[0] == ray[0], size))
+    return Sample(round(time_ms * 1e6), None, gaze_row(rows[0], rows[1]))
+
+
+def message_text(text: str) -> str:
+    """Return a marker as the tracker takes it: one short line of ASCII."""
+    line = " ".join(text.split()).encode("ascii", "replace").decode()
+    return line[:LONGEST_MESSAGE]

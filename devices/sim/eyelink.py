@@ -1,0 +1,234 @@
+"""An EyeLink in memory, and a stand-in of the part of pylink that the driver calls.
+
+The link's protocol is private and the library's core needs a tracker, so nothing below pylink's
+surface is modelled; nor are events, camera setup, drift checks and the content of EDF files.
+"""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+from devices.contracts import Body
+from devices.drivers.gaze_rays import Screen
+from devices.sim.faults import FaultSchedule
+from devices.sim.gaze_source import EYE_X_M, GazePeer, GazeSource, Shot
+from devices.sim.tracker_error import TrackerErrorModel
+from devices.transports import Frames
+from lab.clock import NS_PER_MS, Clock
+
+SAMPLE = struct.Struct("<dB6d")
+MISSING = -32768.0
+NO_REPLY = 1000
+PUPIL_UNITS_PER_MM = 1000.0
+VERSION = "EYELINK CL 5.15"
+
+
+class EyeLinkSimulator(GazePeer):
+    """Send link samples of a body that looks at a screen; `calibrated` is the host's verdict."""
+
+    def __init__(
+        self,
+        body: Body,
+        *,
+        seed: int,
+        clock: Clock,
+        rate_hz: float = 1000.0,
+        faults: FaultSchedule | None = None,
+        error: TrackerErrorModel | None = None,
+        drift_ppm: float = 0.0,
+        screen: Screen | None = None,
+        screen_px: tuple[int, int] = (1920, 1080),
+        calibrated: bool = True,
+    ) -> None:
+        source = GazeSource(
+            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
+            drift_ppm=drift_ppm, epoch_ns=3_600_000 * NS_PER_MS,
+        )  # fmt: skip
+        super().__init__(source, seed=seed)
+        self.messages: list[str] = []
+        self.calibrated = calibrated
+        self._screen = screen or Screen()
+        self._px = screen_px
+
+    def to_message(self, shot: Shot) -> Frames:
+        """Return one link sample."""
+        return (self.packed(shot) if shot.garbage is None else shot.garbage,)
+
+    def packed(self, shot: Shot) -> bytes:
+        """Return a sample: time in whole (at 2000 Hz half) milliseconds, pixels, pupil units."""
+        step_ns = NS_PER_MS if self.source.rate_hz <= 1000 else NS_PER_MS // 2
+        time_ms = shot.t_device_ns // step_ns * step_ns / NS_PER_MS
+        numbers: list[float] = []
+        for x_m, ray, seen in (
+            (-EYE_X_M, shot.left, shot.left_seen),
+            (EYE_X_M, shot.right, shot.right_seen),
+        ):
+            x, y = self._screen.shares_of((x_m, 0.0, 0.0), ray)
+            if seen and x == x:
+                pupil = shot.pupil_mm * PUPIL_UNITS_PER_MM
+                numbers += [x * self._px[0], y * self._px[1], pupil]
+            else:
+                numbers += [MISSING, MISSING, 0.0]
+        return SAMPLE.pack(time_ms, 3, *numbers)
+
+    def answer(self, frames: Frames, t_ns: int) -> Frames | None:
+        """Answer as the library's functions return."""
+        kind = frames[0]
+        if kind == b"time":
+            return kind, struct.pack("<q", self.source.device_ns(t_ns) // 1000 * 1000)
+        if kind == b"version":
+            return kind, self.source.claimed_version(t_ns, VERSION).encode()
+        if kind == b"verdict":
+            text = b"calibration result: GOOD" if self.calibrated else b""
+            return kind, struct.pack("<i", 0 if self.calibrated else NO_REPLY) + text
+        self.messages.append(kind.decode())
+        return None
+
+
+class FakePylink:
+    """Stand in for the module `pylink`: only its `EyeLink` class, over a simulator."""
+
+    def __init__(self, simulator: EyeLinkSimulator, clock: Clock) -> None:
+        self.simulator = simulator
+        self.clock = clock
+
+    def EyeLink(self, address: str) -> "FakeTracker":  # noqa: N802 - the library's own name
+        """Connect, or raise as the library does when nobody answers."""
+        if self.simulator.source.gone(self.clock.now_ns()):
+            raise RuntimeError("link terminated")
+        return FakeTracker(self)
+
+
+class FakeTracker:
+    """The methods of pylink's EyeLink that the transport calls, with its conventions."""
+
+    def __init__(self, library: FakePylink) -> None:
+        self._library = library
+        self._waiting: list[bytes] = []
+        self._next: bytes | None = None
+        self.recording = False
+        self.commands: list[str] = []
+
+    def isConnected(self) -> int:  # noqa: N802
+        """Return 1 while the link stands."""
+        return 0 if self._library.simulator.source.gone(self._library.clock.now_ns()) else 1
+
+    def sendCommand(self, command: str) -> int:  # noqa: N802
+        """Take a command."""
+        self.commands.append(command)
+        return 0
+
+    def startRecording(self, *flags: int) -> int:  # noqa: N802
+        """Start; older samples are gone."""
+        self.recording = True
+        self._library.simulator.advance(self._library.clock.now_ns())
+        self._library.simulator.outgoing(self._library.clock.now_ns())
+        return 0
+
+    def stopRecording(self) -> None:  # noqa: N802
+        """Stop."""
+        self.recording = False
+
+    def openDataFile(self, name: str) -> int:  # noqa: N802
+        """Open a file on the tracker's computer."""
+        return 0
+
+    def closeDataFile(self) -> int:  # noqa: N802
+        """Close it."""
+        return 0
+
+    def receiveDataFile(self, name: str, path: str) -> int:  # noqa: N802
+        """Copy it to this computer."""
+        Path(path).write_bytes(b"SR_RESEARCH_SIMULATED")
+        return 21
+
+    def getNextData(self) -> int:  # noqa: N802
+        """Return 200 when a sample is next, 0 when nothing is."""
+        simulator, now_ns = self._library.simulator, self._library.clock.now_ns()
+        simulator.advance(now_ns)
+        self._waiting += [message.frames[0] for message in simulator.outgoing(now_ns)]
+        while self._waiting:
+            self._next = self._waiting.pop(0)
+            if len(self._next) == SAMPLE.size:
+                return 200
+        return 0
+
+    def getFloatData(self) -> "FakeSample | None":  # noqa: N802
+        """Return the sample that was announced."""
+        return None if self._next is None else FakeSample(self._next)
+
+    def trackerTimeUsec(self) -> int:  # noqa: N802
+        """Return the tracker's time; the known trap when it is not known."""
+        simulator, now_ns = self._library.simulator, self._library.clock.now_ns()
+        return (
+            4_294_967_295
+            if simulator.source.deaf(now_ns)
+            else simulator.source.device_ns(now_ns) // 1000
+        )
+
+    def getTrackerVersionString(self) -> str:  # noqa: N802
+        """Return name and version."""
+        return VERSION
+
+    def getCalibrationResult(self) -> int:  # noqa: N802
+        """Return 0 when the last calibration was good."""
+        return 0 if self._library.simulator.calibrated else NO_REPLY
+
+    def getCalibrationMessage(self) -> str:  # noqa: N802
+        """Return the host's words on it."""
+        return "calibration result: GOOD" if self._library.simulator.calibrated else ""
+
+    def sendMessage(self, text: str) -> int:  # noqa: N802
+        """Take a message for the tracker's file."""
+        self._library.simulator.messages.append(text)
+        return 0
+
+    def close(self) -> None:
+        """Disconnect."""
+        self.recording = False
+
+
+class FakeSample:
+    """One sample with pylink's accessors."""
+
+    def __init__(self, raw: bytes) -> None:
+        self._time_ms, self._eyes, *self._numbers = SAMPLE.unpack(raw)
+
+    def getTime(self) -> float:  # noqa: N802
+        """Return the tracker's milliseconds."""
+        return float(self._time_ms)
+
+    def isLeftSample(self) -> bool:  # noqa: N802
+        """Tell whether only the left eye is tracked."""
+        return bool(self._eyes == 1)
+
+    def isRightSample(self) -> bool:  # noqa: N802
+        """Tell whether only the right eye is tracked."""
+        return bool(self._eyes == 2)
+
+    def isBinocular(self) -> bool:  # noqa: N802
+        """Tell whether both are."""
+        return bool(self._eyes == 3)
+
+    def getLeftEye(self) -> "FakeEye":  # noqa: N802
+        """Return the left eye."""
+        return FakeEye(self._numbers[:3])
+
+    def getRightEye(self) -> "FakeEye":  # noqa: N802
+        """Return the right eye."""
+        return FakeEye(self._numbers[3:])
+
+
+class FakeEye:
+    """One eye of a sample."""
+
+    def __init__(self, numbers: list[Any]) -> None:
+        self._numbers = numbers
+
+    def getGaze(self) -> tuple[float, float]:  # noqa: N802
+        """Return pixels."""
+        return self._numbers[0], self._numbers[1]
+
+    def getPupilSize(self) -> float:  # noqa: N802
+        """Return the tracker's units."""
+        return float(self._numbers[2])
