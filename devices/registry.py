@@ -17,6 +17,8 @@ BUILT_IN: dict[str, str] = {
     "openvr_controllers": "devices.drivers.openvr_controllers:OpenVrControllers",
     "openvr_headset": "devices.drivers.openvr_headset:OpenVrHeadset",
     "openvr_trackers": "devices.drivers.openvr_trackers:OpenVrTrackers",
+    "openxr_gaze": "devices.drivers.openxr_gaze:OpenXrGaze",
+    "openxr_headset": "devices.drivers.openxr_headset:OpenXrHeadset",
     "eyelink": "devices.drivers.eyelink:EyeLink",
     "fove": "devices.drivers.fove:Fove",
     "gazepoint": "devices.drivers.gazepoint:Gazepoint",

@@ -116,9 +116,12 @@ class OpenVrTrackers(BodyDevice):
 
 
 class PolledPoses:
-    """Make a stream of a runtime that only answers: one request of poses per period."""
+    """Make a stream of a runtime that only answers: one request (`ask`) per period."""
 
-    def __init__(self, inner: MessageTransport, clock: Clock, rate_hz: float) -> None:
+    def __init__(
+        self, inner: MessageTransport, clock: Clock, rate_hz: float, *, ask: bytes = b"poses"
+    ) -> None:
+        self._ask = ask
         self._inner = inner
         self._clock = clock
         self._period_ns = round(NS_PER_S / rate_hz)
@@ -151,7 +154,7 @@ class PolledPoses:
         """Do nothing: poses are asked for."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
-        """Wait for the next due time if the timeout allows, and ask for the poses."""
+        """Wait for the next due time if the timeout allows, and ask."""
         now_ns = self._clock.now_ns()
         if now_ns < self._due_ns:
             until_ns = min(self._due_ns, now_ns + round(timeout_s * NS_PER_S))
@@ -163,12 +166,12 @@ class PolledPoses:
         self._due_ns += (behind + 1) * self._period_ns
         self._inner.receive(0.0)
         try:
-            exchange = self._inner.request((b"poses",), 1.0)
+            exchange = self._inner.request((self._ask,), 1.0)
         except DeviceError:
             return []  # silence is told in time
         if exchange.frames[0]:
             return []
-        frames = (b"poses", *exchange.frames)
+        frames = (self._ask, *exchange.frames)
         return [Message(exchange.t_receive_ns, frames, exchange.t_send_ns)]
 
     def send(self, port: int, frames: Frames) -> None:

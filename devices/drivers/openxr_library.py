@@ -1,0 +1,402 @@
+"""Call an OpenXR runtime through pyopenxr, as a wire that can be logged and replayed.
+
+The session is headless (XR_MND_headless): it tracks and shows nothing. A call is a request (its
+name) with an answer (the name of the error, empty for none, then packed numbers), so that a
+`TeeTransport` around the transport writes a `.wire` log. One session serves every device of the
+process. Times are XrTime (ns) as the runtime gives them, next to the same instant on the
+session's clock by XR_KHR_convert_timespec_time, which reads CLOCK_MONOTONIC.
+
+Requests: `runtime`, `gaze`, `frame`, `views`, `trigger`.
+"""
+
+import ctypes
+import struct
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgpack
+
+from devices.transports import Exchange, Frames, Message
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.errors import DeviceError, DeviceNotFound
+
+HEADLESS = "XR_MND_headless"
+EYE_GAZE = "XR_EXT_eye_gaze_interaction"
+TIMESPEC = "XR_KHR_convert_timespec_time"
+GAZE_PROFILE = "/interaction_profiles/ext/eye_gaze_interaction"
+GAZE_PATH = "/user/eyes_ext/input/gaze_ext/pose"
+SIMULATED_RUNTIME = "Visavis"
+
+LOCATED = struct.Struct("<qqqQ7f")
+"""Host ns and XrTime of one instant, XrTime of the sample (0: unknown), location flags, position,
+quaternion (x, y, z, w)."""
+
+FRAME = struct.Struct("<qqqqQ7f")
+"""Host ns and XrTime of one instant, predicted display XrTime, period ns, flags, head pose."""
+
+_NO_RUNTIME = (
+    "install the headset's OpenXR runtime, start it once and make it the active one (for eye "
+    "trackers the vendor's own runtime rather than SteamVR)"
+)
+
+
+class OpenXrLibrary:
+    """The session of this process with the runtime, counted: the last to close ends it."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.clock = clock
+        self.is_simulated = False
+        self.version = ""
+        self.offers_gaze = False
+        self.states: list[int] = []
+        self._users: list[OpenXrTransport] = []
+        self._xr: Any = None
+        self._instance: Any = None
+        self._session: Any = None
+        self._spaces: dict[str, Any] = {}
+        self._actions: Any = None
+        self._gaze_action: Any = None
+        self._running = False
+        self._calls: dict[str, Callable[[], Frames]] = {
+            "runtime": self._runtime,
+            "gaze": self._gaze,
+            "frame": self._frame,
+            "views": self._views,
+        }
+
+    def transport(self) -> "OpenXrTransport":
+        """Return a wire for one more device."""
+        return OpenXrTransport(self)
+
+    def attach(self, user: "OpenXrTransport", deadline_s: float) -> None:
+        """Begin the session when it is the first; raises DeviceNotFound with what to do."""
+        if self._instance is None:
+            try:
+                self._connect(deadline_s)
+            except DeviceError:
+                self._disconnect()
+                raise
+        if user not in self._users:
+            self._users.append(user)
+
+    def detach(self, user: "OpenXrTransport") -> None:
+        """End the session when it is the last."""
+        if user in self._users:
+            self._users.remove(user)
+            if not self._users:
+                self._disconnect()
+
+    def call(self, frames: Frames) -> Frames:
+        """Perform one call; errors of the runtime are named in the answer."""
+        if self._instance is None:
+            return (b"NotConnected",)
+        try:
+            self._pump_events()
+            if not self._running:
+                return (b"SessionNotRunning",)
+            return (b"", *self._calls[frames[0].decode("ascii")]())
+        except self._xr.exception.XrException as problem:
+            return (type(problem).__name__.encode(),)
+
+    # ---- connection -----------------------------------------------------------------------
+
+    def _connect(self, deadline_s: float) -> None:
+        try:
+            import xr
+        except ImportError as cause:
+            raise DeviceNotFound(
+                "the library pyopenxr is not installed", remedy="run: pip install pyopenxr"
+            ) from cause
+        self._xr = xr
+        try:
+            self._begin(deadline_s)
+        except xr.exception.RuntimeUnavailableError as cause:
+            raise DeviceNotFound("there is no OpenXR runtime", remedy=_NO_RUNTIME) from cause
+        except xr.exception.FormFactorUnavailableError as cause:
+            raise DeviceNotFound(
+                "the OpenXR runtime finds no headset", remedy="connect and switch on the headset"
+            ) from cause
+        except xr.exception.ApiVersionUnsupportedError as cause:
+            raise DeviceNotFound(
+                "the OpenXR runtime is older than OpenXR 1.0", remedy="update the runtime"
+            ) from cause
+        except xr.exception.XrException as cause:
+            raise DeviceNotFound(
+                f"the OpenXR runtime refused: {type(cause).__name__}", remedy=_NO_RUNTIME
+            ) from cause
+
+    def _begin(self, deadline_s: float) -> None:
+        xr = self._xr
+        offered = {p.extension_name for p in xr.enumerate_instance_extension_properties()}
+        offered = {n.decode() if isinstance(n, bytes) else n for n in offered}
+        for needed in (HEADLESS, TIMESPEC):
+            if needed not in offered:
+                raise DeviceNotFound(
+                    f"the OpenXR runtime does not offer {needed}",
+                    remedy="use SteamVR or Monado as the OpenXR runtime, or another driver",
+                )
+        enabled = [HEADLESS, TIMESPEC, *([EYE_GAZE] if EYE_GAZE in offered else [])]
+        application = xr.ApplicationInfo(
+            application_name="Visavis", api_version=xr.Version(1, 0, 0)
+        )
+        self._instance = xr.create_instance(
+            xr.InstanceCreateInfo(application_info=application, enabled_extension_names=enabled)
+        )
+        properties = xr.get_instance_properties(self._instance)
+        name = properties.runtime_name
+        self.version = name.decode() if isinstance(name, bytes) else str(name)
+        self.is_simulated = self.version.startswith(SIMULATED_RUNTIME)
+        system = xr.get_system(
+            self._instance, xr.SystemGetInfo(form_factor=xr.FormFactor.HEAD_MOUNTED_DISPLAY)
+        )
+        self.offers_gaze = EYE_GAZE in enabled and self._supports_gaze(system)
+        self._session = xr.create_session(
+            self._instance, xr.SessionCreateInfo(system_id=system, next=None)
+        )
+        for space, kind in (
+            ("stage", xr.ReferenceSpaceType.STAGE),
+            ("view", xr.ReferenceSpaceType.VIEW),
+        ):
+            self._spaces[space] = xr.create_reference_space(
+                self._session, xr.ReferenceSpaceCreateInfo(reference_space_type=kind)
+            )
+        if self.offers_gaze:
+            self._make_gaze()
+        self._await_running(deadline_s)
+
+    def _supports_gaze(self, system: Any) -> bool:
+        xr = self._xr
+        gaze = xr.SystemEyeGazeInteractionPropertiesEXT()
+        properties = xr.SystemProperties(next=ctypes.cast(ctypes.pointer(gaze), ctypes.c_void_p))
+        result = xr.raw_functions.xrGetSystemProperties(
+            self._instance, system, ctypes.byref(properties)
+        )
+        xr.check_result(xr.Result(result))
+        return bool(gaze.supports_eye_gaze_interaction)
+
+    def _make_gaze(self) -> None:
+        """Suggest bindings, attach, and only then make the space: a runtime insists on it."""
+        xr = self._xr
+        self._actions = xr.create_action_set(
+            self._instance,
+            xr.ActionSetCreateInfo(action_set_name="gaze", localized_action_set_name="Gaze"),
+        )
+        self._gaze_action = xr.create_action(
+            self._actions,
+            xr.ActionCreateInfo(
+                action_type=xr.ActionType.POSE_INPUT,
+                action_name="gaze",
+                localized_action_name="Gaze",
+            ),
+        )
+        binding = xr.ActionSuggestedBinding(
+            self._gaze_action, xr.string_to_path(self._instance, GAZE_PATH)
+        )
+        xr.suggest_interaction_profile_bindings(
+            self._instance,
+            xr.InteractionProfileSuggestedBinding(
+                interaction_profile=xr.string_to_path(self._instance, GAZE_PROFILE),
+                suggested_bindings=[binding],
+            ),
+        )
+        xr.attach_session_action_sets(
+            self._session, xr.SessionActionSetsAttachInfo(action_sets=[self._actions])
+        )
+        self._spaces["gaze"] = xr.create_action_space(
+            self._session, xr.ActionSpaceCreateInfo(action=self._gaze_action)
+        )
+
+    def _await_running(self, deadline_s: float) -> None:
+        deadline_ns = self.clock.now_ns() + round(deadline_s * NS_PER_S)
+        focused = int(self._xr.SessionState.FOCUSED.value)
+        while focused not in self.states:
+            self._pump_events()
+            now_ns = self.clock.now_ns()
+            if focused not in self.states and now_ns >= deadline_ns:
+                raise DeviceNotFound(
+                    "the OpenXR session did not get the focus in time",
+                    remedy="close other VR programs and put the headset on",
+                )
+            if focused not in self.states:
+                self.clock.sleep_until_ns(now_ns + 5 * NS_PER_MS)
+
+    def _pump_events(self) -> None:
+        xr = self._xr
+        while self._instance is not None:
+            try:
+                event = xr.poll_event(self._instance)
+            except xr.exception.EventUnavailable:
+                return
+            raw = ctypes.string_at(ctypes.byref(event), 16)
+            kind = struct.unpack_from("<i", raw)[0]
+            if kind != int(xr.StructureType.EVENT_DATA_SESSION_STATE_CHANGED.value):
+                continue
+            changed = ctypes.cast(
+                ctypes.byref(event), ctypes.POINTER(xr.EventDataSessionStateChanged)
+            ).contents
+            self._follow(int(changed.state.value))
+
+    def _follow(self, state: int) -> None:
+        xr = self._xr
+        self.states.append(state)
+        if state == int(xr.SessionState.READY.value):
+            xr.begin_session(
+                self._session,
+                xr.SessionBeginInfo(
+                    primary_view_configuration_type=xr.ViewConfigurationType.PRIMARY_STEREO
+                ),
+            )
+            self._running = True
+        elif state == int(xr.SessionState.STOPPING.value):
+            self._running = False
+            xr.end_session(self._session)
+        elif state in (
+            int(xr.SessionState.LOSS_PENDING.value),
+            int(xr.SessionState.EXITING.value),
+        ):
+            self._running = False
+            self._disconnect()
+
+    def _disconnect(self) -> None:
+        """Let go of everything; the instance takes its children with it."""
+        instance, self._instance = self._instance, None
+        self._session, self._actions, self._gaze_action = None, None, None
+        self._spaces, self.states, self._running = {}, [], False
+        if instance is not None:
+            self._xr.destroy_instance(instance)
+
+    # ---- calls ----------------------------------------------------------------------------
+
+    def _now(self) -> tuple[int, int]:
+        xr = self._xr
+        now_ns = self.clock.now_ns()
+        stamp = xr.timespec(now_ns // NS_PER_S, now_ns % NS_PER_S)
+        return now_ns, int(xr.convert_timespec_time_to_time_khr(self._instance, stamp).value)
+
+    def _runtime(self) -> Frames:
+        packed: bytes = msgpack.packb([self.version, self.offers_gaze])
+        return (packed,)
+
+    def _locate(self, space: str, base: str, at: int, chained: Any = None) -> tuple[int, Any]:
+        xr = self._xr
+        link = None if chained is None else ctypes.cast(ctypes.pointer(chained), ctypes.c_void_p)
+        location = xr.SpaceLocation(next=link)
+        result = xr.raw_functions.xrLocateSpace(
+            self._spaces[space], self._spaces[base], xr.Time(at), ctypes.byref(location)
+        )
+        problem = xr.check_result(xr.Result(result))
+        if problem.is_exception():
+            raise problem
+        flags = ctypes.cast(
+            ctypes.byref(location, xr.SpaceLocation._location_flags.offset),  # noqa: SLF001 - the package's field
+            ctypes.POINTER(ctypes.c_uint64),
+        )[0]
+        return int(flags), location.pose
+
+    def _gaze(self) -> Frames:
+        if not self.offers_gaze:
+            return ()
+        xr = self._xr
+        xr.sync_actions(
+            self._session,
+            xr.ActionsSyncInfo(active_action_sets=[xr.ActiveActionSet(self._actions, 0)]),
+        )
+        host_ns, now = self._now()
+        sampled = xr.EyeGazeSampleTimeEXT()
+        flags, pose = self._locate("gaze", "view", now, sampled)
+        packed = LOCATED.pack(host_ns, now, int(_number(sampled.time)), flags, *_numbers(pose))
+        return (packed,)
+
+    def _frame(self) -> Frames:
+        xr = self._xr
+        state = xr.wait_frame(self._session)
+        xr.begin_frame(self._session)
+        predicted = int(_number(state.predicted_display_time))
+        period = int(_number(state.predicted_display_period))
+        flags, pose = self._locate("view", "stage", predicted)
+        xr.end_frame(
+            self._session,
+            xr.FrameEndInfo(
+                display_time=state.predicted_display_time,
+                environment_blend_mode=xr.EnvironmentBlendMode.OPAQUE,
+                layers=[],
+            ),
+        )
+        host_ns, now = self._now()
+        return (FRAME.pack(host_ns, now, predicted, period, flags, *_numbers(pose)),)
+
+    def _views(self) -> Frames:
+        xr = self._xr
+        _, now = self._now()
+        _, views = xr.locate_views(
+            self._session,
+            xr.ViewLocateInfo(
+                view_configuration_type=xr.ViewConfigurationType.PRIMARY_STEREO,
+                display_time=xr.Time(now),
+                space=self._spaces["view"],
+            ),
+        )
+        rows = [
+            [
+                *_numbers(v.pose),
+                v.fov.angle_left,
+                v.fov.angle_right,
+                v.fov.angle_down,
+                v.fov.angle_up,
+            ]
+            for v in views
+        ]
+        packed: bytes = msgpack.packb([[float(x) for x in row] for row in rows])
+        return (packed,)
+
+
+class OpenXrTransport:
+    """One device's wire to the shared session; follows `MessageTransport`."""
+
+    kind = "openxr"
+
+    def __init__(self, library: OpenXrLibrary) -> None:
+        self._library = library
+        self._clock = library.clock
+
+    @property
+    def is_simulated(self) -> bool:
+        """Tell whether our simulated runtime answers; known once open."""
+        return self._library.is_simulated
+
+    def open(self, deadline_s: float) -> None:
+        """Begin the session."""
+        self._library.attach(self, deadline_s)
+
+    def request(self, frames: Frames, timeout_s: float) -> Exchange:
+        """Make a call and return what the runtime answered."""
+        sent_ns = self._clock.now_ns()
+        answer = self._library.call(frames)
+        return Exchange(answer, sent_ns, self._clock.now_ns())
+
+    def post(self, frames: Frames) -> None:
+        """Make a call whose answer nobody needs."""
+        self._library.call(frames)
+
+    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
+        """Do nothing: everything is asked for."""
+
+    def receive(self, timeout_s: float) -> Sequence[Message]:
+        """Return nothing: the session's events are dealt with here."""
+        return []
+
+    def send(self, port: int, frames: Frames) -> None:
+        """Do nothing: there is nothing to publish to."""
+
+    def close(self) -> None:
+        """Leave the session; the last one ends it."""
+        self._library.detach(self)
+
+
+def _numbers(pose: Any) -> tuple[float, ...]:
+    p, q = pose.position, pose.orientation
+    return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+
+
+def _number(value: Any) -> Any:
+    return value.value if hasattr(value, "value") else value

@@ -1,0 +1,367 @@
+"""An OpenXR runtime without a headset: the genuine loader finds it and a body is tracked.
+
+A small C library (`native/openxr_runtime`) is compiled when it is first needed and hands out
+functions that are here, made with pyopenxr's own prototypes. It offers headless sessions, eye
+gaze and time conversion. Not modelled: graphics (it refuses a session with none unless it is
+headless, and offers no other), layers, controllers, boundaries, the runtime's smoothing of gaze,
+prediction error. Gaze is sampled at its own rate: locating twice between gives the same sample.
+"""
+
+# ruff: noqa: N802 - the functions bear the names of OpenXR
+
+import ctypes
+import json
+import os
+import tempfile
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from devices.contracts import Body
+from devices.drivers.openxr_library import EYE_GAZE, HEADLESS, TIMESPEC, OpenXrLibrary
+from devices.sim.faults import FaultSchedule
+from devices.sim.native_build import build_library
+from lab.clock import NS_PER_S, Clock
+from lab.errors import DeviceNotFound
+
+EPOCH_NS = 7_000_000_000_000
+"""What the runtime's clock shows when the session's shows zero."""
+
+RUNTIME_NAME = b"Visavis simulated OpenXR"
+SUCCESS, EVENT_UNAVAILABLE = 0, 4
+API_VERSION_UNSUPPORTED, FORM_FACTOR_UNAVAILABLE = -4, -35
+GRAPHICS_DEVICE_INVALID, SESSION_NOT_RUNNING = -38, -16
+ACTIONSETS_NOT_ATTACHED = -46
+IDLE, READY, SYNCHRONIZED, VISIBLE, FOCUSED, STOPPING, LOSS_PENDING, EXITING = range(1, 9)
+ALL_VALID_AND_TRACKED = 0b1111
+STAGE, VIEW, GAZE = 3, 1, 99
+FIRST_HANDLE = 0x1000
+VIEW_ANGLES_RAD = (-0.87, 0.82, -0.85, 0.86)
+IPD_M = 0.063
+
+
+class SimulatedXrRuntime:
+    """Stand in for an OpenXR runtime in this process from `with` to its end.
+
+    Faults: late_start (no headset), version (too old), eyes_lost, silence
+    (nothing is located), standby (the session loses the focus and runs on), disconnect (the
+    session is lost). Only one such runtime can exist in a process at a time.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        clock: Clock,
+        *,
+        gaze_rate_hz: float = 120.0,
+        display_rate_hz: float = 90.0,
+        faults: FaultSchedule | None = None,
+        supports_gaze: bool = True,
+        tells_sample_time: bool = True,
+    ) -> None:
+        self.failure: Exception | None = None
+        self.calls: list[str] = []
+        self._body = body
+        self._clock = clock
+        self._gaze_period_ns = round(NS_PER_S / gaze_rate_hz)
+        self._frame_period_ns = round(NS_PER_S / display_rate_hz)
+        self._faults = faults if faults is not None else FaultSchedule()
+        self._supports_gaze = supports_gaze
+        self._tells_sample_time = tells_sample_time
+        self._origin_ns = clock.now_ns()
+        self._states: deque[int] = deque()
+        self._spaces: dict[int, int] = {}
+        self._paths: dict[int, str] = {}
+        self._handles = FIRST_HANDLE
+        self._running = self._attached = self._lost = self._is_headless = False
+        self._last_frame_ns: int | None = None
+        self._keep: list[Any] = []
+        self._before: str | None = None
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._native: Any = None
+        self._xr: Any = None
+
+    def __enter__(self) -> "SimulatedXrRuntime":
+        try:
+            import xr
+        except ImportError as cause:
+            raise DeviceNotFound(
+                "the library pyopenxr is not installed", remedy="run: pip install pyopenxr"
+            ) from cause
+        self._xr = xr
+        built = build_library("openxr_runtime/runtime.c", {}, "libvisavis_openxr.so")
+        self._folder = tempfile.TemporaryDirectory(prefix="visavis-openxr-")
+        manifest = Path(self._folder.name) / "runtime.json"
+        runtime = {"name": "Visavis", "library_path": str(built)}
+        manifest.write_text(json.dumps({"file_format_version": "1.0.0", "runtime": runtime}))
+        self._before = os.environ.get("XR_RUNTIME_JSON")
+        os.environ["XR_RUNTIME_JSON"] = str(manifest)
+        self._native = ctypes.CDLL(str(built))
+        for name in dir(type(self)):
+            if name.startswith("_xr_"):
+                self._offer("xr" + name.removeprefix("_xr_"), getattr(self, name))
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        problem: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._before is None:
+            os.environ.pop("XR_RUNTIME_JSON", None)
+        else:
+            os.environ["XR_RUNTIME_JSON"] = self._before
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
+        if problem is None and self.failure is not None:
+            raise self.failure
+
+    def library(self) -> OpenXrLibrary:
+        """Return the real library, which will find this runtime."""
+        return OpenXrLibrary(self._clock)
+
+    def end(self) -> None:
+        """End the session from the runtime's side, as when its program is closed."""
+        self._states.extend((VISIBLE, SYNCHRONIZED, STOPPING, IDLE, EXITING))
+
+    # ---- instance and session ---------------------------------------------------------------
+
+    def _xr_EnumerateInstanceExtensionProperties(
+        self, layer: Any, capacity: int, count: Any, properties: Any
+    ) -> int:
+        names = (HEADLESS, TIMESPEC, EYE_GAZE)
+        count[0] = len(names)
+        if capacity and properties:
+            for i, name in enumerate(names):
+                properties[i].extension_name = name.encode()
+                properties[i].extension_version = 1
+        return SUCCESS
+
+    def _xr_CreateInstance(self, info: Any, instance: Any) -> int:
+        if self._active("version"):
+            return API_VERSION_UNSUPPORTED
+        names = info.contents.enabled_extension_names
+        texts = [n.decode() if isinstance(n, bytes) else str(n) for n in names]
+        self._is_headless = HEADLESS in texts
+        return self._new(instance)
+
+    def _xr_DestroyInstance(self, instance: Any) -> int:
+        self._states.clear()
+        self._spaces.clear()
+        self._running = self._attached = self._lost = False
+        return SUCCESS
+
+    def _xr_GetInstanceProperties(self, instance: Any, properties: Any) -> int:
+        properties.contents.runtime_name = RUNTIME_NAME
+        return SUCCESS
+
+    def _xr_GetSystem(self, instance: Any, info: Any, system: Any) -> int:
+        if self._active("late_start"):
+            return FORM_FACTOR_UNAVAILABLE
+        ctypes.cast(system, ctypes.POINTER(ctypes.c_uint64))[0] = 1
+        return SUCCESS
+
+    def _xr_GetSystemProperties(self, instance: Any, system: Any, properties: Any) -> int:
+        gaze = self._chained(properties, self._xr.SystemEyeGazeInteractionPropertiesEXT)
+        if gaze is not None:
+            gaze.supports_eye_gaze_interaction = self._supports_gaze
+        return SUCCESS
+
+    def _xr_CreateSession(self, instance: Any, info: Any, session: Any) -> int:
+        if not self._is_headless and not self._next_of(info):
+            return GRAPHICS_DEVICE_INVALID
+        self._states.extend((IDLE, READY))
+        return self._new(session)
+
+    def _xr_DestroySession(self, session: Any) -> int:
+        return SUCCESS
+
+    def _xr_BeginSession(self, session: Any, info: Any) -> int:
+        self._running = True
+        self._states.extend((SYNCHRONIZED, VISIBLE, FOCUSED))
+        return SUCCESS
+
+    def _xr_EndSession(self, session: Any) -> int:
+        self._running = False
+        return SUCCESS
+
+    def _xr_PollEvent(self, instance: Any, event: Any) -> int:
+        if self._active("disconnect") and not self._lost:
+            self._lost = True
+            self._states.append(LOSS_PENDING)
+        if not self._states:
+            return EVENT_UNAVAILABLE
+        changed = self._xr.EventDataSessionStateChanged
+        target = ctypes.cast(event, ctypes.POINTER(changed)).contents
+        kind = int(self._xr.StructureType.EVENT_DATA_SESSION_STATE_CHANGED.value)
+        ctypes.cast(event, ctypes.POINTER(ctypes.c_int32))[0] = kind
+        target.state = self._xr.SessionState(self._states.popleft())
+        return SUCCESS
+
+    # ---- paths and actions --------------------------------------------------------------------
+
+    def _xr_StringToPath(self, instance: Any, text: Any, path: Any) -> int:
+        number = len(self._paths) + 1
+        self._paths[number] = text.decode() if isinstance(text, bytes) else str(text)
+        ctypes.cast(path, ctypes.POINTER(ctypes.c_uint64))[0] = number
+        return SUCCESS
+
+    def _xr_CreateActionSet(self, instance: Any, info: Any, actions: Any) -> int:
+        return self._new(actions)
+
+    def _xr_CreateAction(self, actions: Any, info: Any, action: Any) -> int:
+        return self._new(action)
+
+    def _xr_SuggestInteractionProfileBindings(self, instance: Any, suggested: Any) -> int:
+        return ACTIONSETS_NOT_ATTACHED if self._attached else SUCCESS
+
+    def _xr_AttachSessionActionSets(self, session: Any, info: Any) -> int:
+        self._attached = True
+        return SUCCESS
+
+    def _xr_CreateActionSpace(self, session: Any, info: Any, space: Any) -> int:
+        if not self._attached:
+            return ACTIONSETS_NOT_ATTACHED
+        return self._new_space(space, GAZE)
+
+    def _xr_SyncActions(self, session: Any, info: Any) -> int:
+        return SUCCESS if self._running else SESSION_NOT_RUNNING
+
+    # ---- spaces, frames, times ------------------------------------------------------------------
+
+    def _xr_CreateReferenceSpace(self, session: Any, info: Any, space: Any) -> int:
+        kind = info.contents.reference_space_type
+        return self._new_space(space, int(getattr(kind, "value", kind)))
+
+    def _xr_DestroySpace(self, space: Any) -> int:
+        return SUCCESS
+
+    def _xr_LocateSpace(self, space: Any, base: Any, at: Any, location: Any) -> int:
+        at_ns = int(getattr(at, "value", at)) - EPOCH_NS
+        kind = self._spaces[self._handle(space)]
+        if kind == GAZE:
+            found = self._gaze_at(at_ns, location)
+        else:
+            lost = self._active("silence") or self._active("standby")
+            position, turn = self._body.head(max(0, at_ns))
+            found = None if lost else (position.tolist(), turn.tolist())
+        self._write(location, found)
+        return SUCCESS
+
+    def _xr_LocateViews(
+        self, session: Any, info: Any, state: Any, capacity: int, count: Any, views: Any
+    ) -> int:
+        count[0] = 2
+        if capacity >= 2 and views:
+            for eye, side in enumerate((-0.5, 0.5)):
+                view = views[eye]
+                view.pose.position.x = side * IPD_M
+                view.pose.orientation.w = 1.0
+                angles = VIEW_ANGLES_RAD
+                view.fov.angle_left, view.fov.angle_right = angles[:2]
+                view.fov.angle_down, view.fov.angle_up = angles[2:]
+        return SUCCESS
+
+    def _xr_WaitFrame(self, session: Any, info: Any, state: Any) -> int:
+        if not self._running:
+            return SESSION_NOT_RUNNING
+        period, now_ns = self._frame_period_ns, self._clock.now_ns()
+        due = -(-now_ns // period) * period
+        if self._last_frame_ns is not None:
+            due = max(due, self._last_frame_ns + period)
+        self._last_frame_ns = due
+        self._clock.sleep_until_ns(due)
+        numbers = ctypes.cast(ctypes.byref(state.contents, 16), ctypes.POINTER(ctypes.c_int64))
+        numbers[0], numbers[1] = due + 2 * period + EPOCH_NS, period
+        return SUCCESS
+
+    def _xr_BeginFrame(self, session: Any, info: Any) -> int:
+        return SUCCESS
+
+    def _xr_EndFrame(self, session: Any, info: Any) -> int:
+        return SUCCESS
+
+    def _xr_ConvertTimespecTimeToTimeKHR(self, instance: Any, stamp: Any, time: Any) -> int:
+        shown = stamp.contents.tv_sec * NS_PER_S + stamp.contents.tv_nsec + EPOCH_NS
+        ctypes.cast(time, ctypes.POINTER(ctypes.c_int64))[0] = shown
+        return SUCCESS
+
+    # ---- inside -----------------------------------------------------------------------------
+
+    def _gaze_at(self, at_ns: int, location: Any) -> tuple[list[float], list[float]] | None:
+        sampled_ns = at_ns // self._gaze_period_ns * self._gaze_period_ns
+        chained = self._chained(location, self._xr.EyeGazeSampleTimeEXT)
+        eyes = self._body.eyes(np.array((max(0, sampled_ns),), np.int64))[0]
+        lost = self._active("silence") or self._active("standby") or self._active("eyes_lost")
+        if chained is not None and self._tells_sample_time:
+            at = self._xr.EyeGazeSampleTimeEXT.time.offset
+            target = ctypes.cast(ctypes.byref(chained, at), ctypes.POINTER(ctypes.c_int64))
+            target[0] = sampled_ns + EPOCH_NS
+        if lost or eyes["openness_01"] < 0.5:
+            return None
+        mean = eyes["left_direction_head"] + eyes["right_direction_head"]
+        x, y, z = mean / np.linalg.norm(mean)
+        # The shortest turn from -z to the ray: w = 1 + cos, axis = (-z) x ray.
+        turn = np.array([1.0 - z, y, -x, 0.0])
+        return [0.0, 0.0, 0.0], (turn / np.linalg.norm(turn)).tolist()
+
+    def _write(self, location: Any, found: tuple[list[float], list[float]] | None) -> None:
+        flags = ctypes.cast(ctypes.byref(location.contents, 16), ctypes.POINTER(ctypes.c_uint64))
+        flags[0] = 0 if found is None else ALL_VALID_AND_TRACKED
+        position, (w, x, y, z) = found if found is not None else ([0.0] * 3, [0.0] * 4)
+        pose = location.contents.pose
+        pose.position.x, pose.position.y, pose.position.z = position
+        pose.orientation.x, pose.orientation.y = x, y
+        pose.orientation.z, pose.orientation.w = z, w
+
+    def _chained(self, head: Any, kind: Any) -> Any:
+        """Return the structure of this kind in a `next` chain, or None."""
+        wanted = int(kind().type.value)
+        link = self._next_of(head)
+        while link:
+            if ctypes.cast(link, ctypes.POINTER(ctypes.c_int32))[0] == wanted:
+                return ctypes.cast(link, ctypes.POINTER(kind)).contents
+            link = ctypes.cast(link + 8, ctypes.POINTER(ctypes.c_void_p))[0]
+        return None
+
+    def _next_of(self, head: Any) -> Any:
+        return ctypes.cast(ctypes.byref(head.contents, 8), ctypes.POINTER(ctypes.c_void_p))[0]
+
+    def _active(self, kind: str) -> bool:
+        since_ns = self._clock.now_ns() - self._origin_ns
+        return self._faults.active(kind, since_ns) is not None
+
+    def _new(self, target: Any) -> int:
+        self._handles += 16
+        ctypes.cast(target, ctypes.POINTER(ctypes.c_void_p))[0] = self._handles
+        return SUCCESS
+
+    def _new_space(self, target: Any, kind: int) -> int:
+        self._new(target)
+        self._spaces[self._handles] = kind
+        return SUCCESS
+
+    def _handle(self, handle: Any) -> int:
+        return int(ctypes.cast(handle, ctypes.c_void_p).value or 0)
+
+    def _offer(self, name: str, function: Callable[..., int]) -> None:
+        prototype = getattr(self._xr, f"PFN_{name}")
+
+        def call(*args: Any) -> int:
+            self.calls.append(name)
+            try:
+                return function(*args)
+            except Exception as problem:  # the border to C code
+                self.failure = self.failure or problem
+                return -2  # XR_ERROR_RUNTIME_FAILURE
+
+        made = prototype(call)
+        self._keep.append(made)
+        pointer = ctypes.cast(made, ctypes.c_void_p)
+        self._native.visavis_xr_set_function(name.encode(), pointer)

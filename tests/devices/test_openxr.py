@@ -1,0 +1,229 @@
+"""OpenXR gaze and headset on the genuine loader over the simulated runtime, and on captures."""
+
+import contextlib
+
+import numpy as np
+import pytest
+
+from devices.conformance import check_batches, check_eye_tracker, check_headset, check_lifecycle
+from devices.contracts import DeviceState
+from devices.drivers.openxr_gaze import OpenXrGaze
+from devices.drivers.openxr_headset import OpenXrHeadset
+from devices.sim.faults import FaultSchedule
+from devices.sim.native_build import find_compiler
+from devices.sim.openxr_runtime import EPOCH_NS, SimulatedXrRuntime
+from devices.wirelog import ReplayTransport, TeeTransport
+from lab.clock import NS_PER_S, SimClock
+from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound
+from lab.geometry import angle_deg, quat_from_yaw_pitch_deg
+from tests.devices.bodies import FixatingBody
+from tests.devices.openvr_rigs import passer
+
+
+@contextlib.contextmanager
+def simulated(*faults, body=None, **options):
+    pytest.importorskip("xr", reason="pip install pyopenxr")
+    if find_compiler() is None:
+        pytest.skip("the simulated OpenXR runtime needs a C compiler: apt-get install gcc")
+    clock = SimClock()
+    body = body if body is not None else FixatingBody(10.0, 5.0)
+    schedule = FaultSchedule.from_config(faults)
+    with SimulatedXrRuntime(body, clock, faults=schedule, **options) as runtime:
+        yield runtime, clock
+
+
+@contextlib.contextmanager
+def running(make, *faults, **options):
+    with simulated(*faults, **options) as (runtime, clock):
+        device = make("device", runtime.library().transport(), clock)
+        device.open(1.0)
+        batches = []
+        device.start(batches.append)
+        try:
+            yield device, runtime, clock, batches
+        finally:
+            device.close()
+
+
+def poll(device, clock, seconds, step_s=1 / 90):
+    for _ in range(round(seconds / step_s)):
+        clock.sleep_until_ns(clock.now_ns() + round(step_s * NS_PER_S))
+        with contextlib.suppress(DeviceDisconnected):
+            device.poll(0.0)
+
+
+def frames(headset, n):
+    found = []
+    for _ in range(n):
+        found.append(headset.wait_frame())
+        headset.submit(found[-1], ())
+        with contextlib.suppress(DeviceDisconnected):
+            headset.poll(0.0)
+    return found
+
+
+def column(batches, name, stream="gaze"):
+    return np.concatenate([b.values[name] for b in batches if b.schema.name == stream])
+
+
+def test_gaze_keeps_the_contract_on_runtime_and_capture(tmp_path):
+    path = tmp_path / "gaze.wire"
+    with simulated() as (runtime, clock):
+
+        def make():
+            return OpenXrGaze("eyes", runtime.library().transport(), clock)
+
+        for check in (check_lifecycle, check_batches, check_eye_tracker):
+            check(make, passer(clock))
+        teed = OpenXrGaze("eyes", TeeTransport(runtime.library().transport(), path, clock), clock)
+        check_batches(lambda: teed, passer(clock), seconds=1.5)
+    clock = SimClock()
+
+    def replay():
+        return OpenXrGaze("eyes", ReplayTransport(path, clock), clock)
+
+    for check in (check_lifecycle, check_batches, check_eye_tracker):
+        check(replay, passer(clock))
+
+
+def test_headset_keeps_the_contract_on_runtime_and_capture(tmp_path):
+    path = tmp_path / "headset.wire"
+    with simulated() as (runtime, clock):
+
+        def make():
+            return OpenXrHeadset("headset", runtime.library().transport(), clock)
+
+        check_lifecycle(make, passer(clock))
+        check_headset(make)
+        wire = TeeTransport(runtime.library().transport(), path, clock)
+        check_headset(lambda: OpenXrHeadset("headset", wire, clock), n_frames=40)
+    clock = SimClock()
+    check_headset(lambda: OpenXrHeadset("headset", ReplayTransport(path, clock), clock))
+
+
+@pytest.mark.parametrize(("yaw", "pitch"), [(0, 0), (25, -10), (-30, 20), (0, 40)])
+def test_gaze_is_the_bodys_within_the_head(yaw, pitch):
+    body = FixatingBody(yaw, pitch, distance_m=100.0)
+    with running(OpenXrGaze, body=body) as (device, _, clock, batches):
+        poll(device, clock, 0.2)
+        found = column(batches, "direction_head").astype(np.float64)
+        assert angle_deg(found, np.broadcast_to(body.direction, found.shape)).max() < 0.05
+        assert column(batches, "valid").all()
+        assert np.isnan(column(batches, "left_pupil_mm")).all()
+
+
+def test_the_manifest_says_that_gaze_may_be_smoothed():
+    with running(OpenXrGaze) as (device, _, _, _):
+        assert "may_be_smoothed" in device.info.capabilities
+        assert device.info.is_simulated
+
+
+def test_the_samples_own_time_is_kept_and_a_sample_comes_once():
+    with running(OpenXrGaze, gaze_rate_hz=60.0) as (device, _, clock, batches):
+        poll(device, clock, 1.0, step_s=1 / 240)
+        stamps = np.concatenate([b.t_device_ns for b in batches]) - EPOCH_NS
+        assert (stamps % round(NS_PER_S / 60) == 0).all()
+        assert (np.diff(stamps) > 0).all()
+        pairs = device.clock_pairs()
+        assert pairs[-1].device_ns - pairs[-1].host_send_ns == EPOCH_NS
+
+
+def test_without_a_sample_time_the_time_of_asking_stands():
+    with running(OpenXrGaze, tells_sample_time=False) as (device, _, clock, batches):
+        poll(device, clock, 0.1)
+        stamps = np.concatenate([b.t_device_ns for b in batches]) - EPOCH_NS
+        arrivals = np.concatenate([b.t_host_ns for b in batches])
+        assert stamps.tolist() == arrivals.tolist()
+
+
+def test_bindings_come_before_attaching_and_the_space_comes_after():
+    with running(OpenXrGaze) as (_, runtime, _, _):
+        order = [
+            "xrSuggestInteractionProfileBindings",
+            "xrAttachSessionActionSets",
+            "xrCreateActionSpace",
+        ]
+        assert [c for c in runtime.calls if c in order] == order
+
+
+def test_lost_eyes_are_nan_never_a_direction():
+    fault = {"kind": "eyes_lost", "start_s": 0.1}
+    with running(OpenXrGaze, fault) as (device, _, clock, batches):
+        poll(device, clock, 2.0)
+        assert not column(batches, "valid")[-5:].any()
+        assert np.isnan(column(batches, "direction_head")[-5:]).all()
+        assert "neither eye is seen" in " ".join(f.message for f in device.check())
+
+
+@pytest.mark.parametrize(
+    ("fault", "options", "words"),
+    [
+        ({"kind": "late_start"}, {}, "finds no headset"),
+        ({"kind": "version", "text": "old"}, {}, "older than OpenXR 1.0"),
+        ({"kind": "loss"}, {"supports_gaze": False}, "offers no eye gaze"),
+    ],
+)
+def test_a_runtime_that_cannot_is_not_found_with_what_to_do(fault, options, words):
+    with simulated(fault, **options) as (runtime, clock):
+        device = OpenXrGaze("eyes", runtime.library().transport(), clock)
+        with pytest.raises(DeviceNotFound, match=words) as refusal:
+            device.open(1.0)
+        assert refusal.value.remedy
+        assert device.state is DeviceState.CLOSED
+
+
+def test_head_poses_are_the_bodys_at_the_predicted_time():
+    with running(OpenXrHeadset) as (headset, _, _, batches):
+        found = frames(headset, 10)
+        expected = [quat_from_yaw_pitch_deg(f.predicted_display_ns * 1e-9) for f in found]
+        np.testing.assert_allclose(
+            column(batches, "orientation_wxyz", "head"), np.array(expected), atol=1e-6
+        )
+        assert all(f.predicted_display_ns > f.t_ns for f in found)
+
+
+def test_images_are_refused_with_the_driver_that_shows_them():
+    with running(OpenXrHeadset) as (headset, _, _, _):
+        frame = frames(headset, 1)[0]
+        with pytest.raises(DeviceError, match="openvr_headset"):
+            headset.submit(frame, (1, 2))
+
+
+def test_a_lost_session_is_told_and_frames_go_on_until_it_is_back():
+    fault = {"kind": "disconnect", "start_s": 0.2, "duration_s": 0.5}
+    with running(OpenXrHeadset, fault) as (headset, _, _, batches):
+        frames(headset, 30)
+        assert headset.state is DeviceState.FAULT
+        assert "lost the OpenXR session" in headset.check()[0].message
+        frames(headset, 150)
+        assert headset.state is DeviceState.STREAMING
+        assert column(batches, "valid", "head")[-1]
+        seqs = np.concatenate([b.seq for b in batches if b.schema.name == "head"])
+        assert (np.diff(seqs) == 1).all()
+
+
+def test_a_runtime_that_ends_the_session_is_followed_out():
+    with running(OpenXrHeadset) as (headset, runtime, _, _):
+        frames(headset, 3)
+        runtime.end()
+        assert not headset.check()
+        frames(headset, 2)
+        assert "xrEndSession" in runtime.calls
+        assert runtime.calls.count("xrCreateSession") == 2
+
+
+def test_gaze_and_headset_share_one_session():
+    with simulated() as (runtime, clock):
+        library = runtime.library()
+        headset = OpenXrHeadset("headset", library.transport(), clock)
+        eyes = OpenXrGaze("eyes", library.transport(), clock)
+        batches = []
+        for device in (headset, eyes):
+            device.open(1.0)
+            device.start(batches.append)
+        frames(headset, 5)
+        eyes.poll(0.0)
+        assert {b.schema.name for b in batches} == {"head", "frame_timing", "gaze"}
+        assert runtime.calls.count("xrCreateSession") == 1
+        eyes.close()
+        headset.close()
