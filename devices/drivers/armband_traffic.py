@@ -379,6 +379,8 @@ class Traffic:
         command.acknowledged = answer.status == codec.OK
         if not command.acknowledged:
             self.band.refused(answer.status)
+        if answer.status == codec.NOT_ARMED:
+            self._failure = DeviceDisconnected("the band is no longer armed")
         command.t_device_ns = device_ns
         self._finish(command, t_host_ns)
 

@@ -14,6 +14,7 @@ from devices.contracts import (
     DeviceState,
     VibrationPattern,
 )
+from devices.drivers import armband_codec as codec
 from devices.drivers.armband_ledger import DeviceMicros
 from devices.drivers.armband_serial import serial_armband
 from devices.sim.armband import ArmbandSimulator
@@ -211,6 +212,19 @@ def test_band_that_stops_answering_counts_as_gone_and_comes_back():
         band.run(2.9)
     band.run(1.5)
     assert band.driver.state is DeviceState.STREAMING
+
+
+def test_band_that_lost_its_arming_is_armed_again():
+    band = Band().start()
+    band.run(0.2)
+    band.peer.firmware.feed(codec.encode_arm(99, False), 0)
+    band.driver.set_amplitudes(ON, 500)
+    with pytest.raises(DeviceDisconnected, match="no longer armed"):
+        band.run(0.2)
+    band.run(0.5)
+    band.driver.set_amplitudes(ON, 500)
+    band.run(0.1)
+    assert any(band.duties)
 
 
 def test_pause_without_polling_is_no_loss():

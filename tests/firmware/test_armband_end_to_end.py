@@ -142,6 +142,61 @@ def test_killed_host_is_followed_by_silence_within_300_ms(built, kind):
     assert 200_000 < off.t_us - last_us <= 300_000
 
 
+GUARDED_PROGRAM = """
+import sys
+from devices.drivers.armband_serial import serial_armband
+from devices.haptic_safety import HapticGuard
+from devices.pump import Pump
+from lab.clock import SystemClock
+clock = SystemClock()
+driver = serial_armband("arm", clock, port=sys.argv[1])
+driver.open(20.0)
+pump = Pump(driver, lambda batch: None, clock)
+pump.start()
+with HapticGuard({"arm": driver}, clock) as guard:
+    driver.set_amplitudes((1, 1, 1, 1), 10_000)
+    until_ns = clock.now_ns() + 300_000_000
+    while sys.argv[2] == "ticks" or clock.now_ns() < until_ns:
+        guard.tick()
+        pump.step()
+        clock.sleep_until_ns(clock.now_ns() + 5_000_000)
+    while True:
+        pass
+"""
+
+
+def start_guarded(machine, how):
+    program = [sys.executable, "-c", GUARDED_PROGRAM, machine.port, how]
+    host = subprocess.Popen(program, cwd=os.getcwd())
+    machine.wait_for(running=True)
+    return host
+
+
+def test_terminated_host_says_stop_before_it_dies(built):
+    pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
+    with TerminalMachine(built("simavr")) as machine:
+        host = start_guarded(machine, "ticks")
+        host.terminate()
+        off = machine.wait_for(running=False)
+        host.wait()
+
+    assert -signal.SIGTERM == host.returncode
+    assert off.t_us - machine.received_us[-1][0] < 100_000
+
+
+def test_loop_that_hangs_is_silenced_although_the_program_lives(built):
+    pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
+    with TerminalMachine(built("simavr")) as machine:
+        host = start_guarded(machine, "hangs")
+        off = machine.wait_for(running=False)
+        alive = host.poll() is None
+        host.kill()
+        host.wait()
+
+    assert alive
+    assert off.t_us - machine.received_us[-1][0] < 100_000
+
+
 def test_closed_driver_leaves_silence_on_a_terminal(built):
     pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
     with TerminalMachine(built("simavr")) as machine:

@@ -333,4 +333,6 @@ def test_c_core_survives_damaged_frames_under_address_and_overflow_checks(tmp_pa
     )
 
     assert done.returncode == 0, done.stdout + done.stderr
-    assert 0 == json.loads(done.stdout)["survived"]
+    found = json.loads(done.stdout)
+    assert found["wrong_until_refresh"] > 0
+    assert 0 == found["survived"]
