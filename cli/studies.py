@@ -13,7 +13,7 @@ from protocol.participants import SimulatedParticipant
 from protocol.questionnaires import Questionnaire
 from recording.reader import Recording
 
-STUDY_MODULES = {"stare": "experiments.stare.bundle"}
+STUDY_MODULES = {"stare": "experiments.stare.bundle", "crowd": "experiments.crowd.bundle"}
 
 
 class Study(Protocol):

@@ -1,0 +1,73 @@
+"""The crowd study as the command line uses it: made, measured, analysed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.crowd.design import DEFAULT_PARAMETERS, QUESTIONNAIRES, STUDY, CrowdParameters
+from experiments.crowd.intake import SessionIntake, take_in
+from experiments.crowd.participant.participant import CrowdParticipant
+from experiments.crowd.study import CrowdStudy
+from experiments.crowd.study_outputs import analyse_study
+from lab.config import LabConfig
+from lab.errors import ConfigError
+from protocol.experiment import ValidationPoint, ValidationVerdict
+from protocol.questionnaires import Questionnaire, load_questionnaire
+from recording.reader import Recording
+
+
+@dataclass(frozen=True)
+class CrowdBundle:
+    """Everything the command line asks of the study."""
+
+    name: str = STUDY
+    title: str = "Through the crowd"
+
+    def experiment(self, overrides: Mapping[str, Any]) -> CrowdStudy:
+        """Return the experiment; `overrides` replace published parameters by name.
+
+        Raises:
+            ConfigError: a parameter does not exist.
+        """
+        unknown = set(overrides) - set(CrowdParameters.__dataclass_fields__)
+        if unknown:
+            known = ", ".join(CrowdParameters.__dataclass_fields__)
+            raise ConfigError(f"crowd has no {', '.join(sorted(unknown))}; parameters: {known}")
+        return CrowdStudy(CrowdParameters(**overrides) if overrides else DEFAULT_PARAMETERS)
+
+    def participant(self, index: int, seed: int, *, effect: bool) -> CrowdParticipant:
+        """Return a simulated participant."""
+        return CrowdParticipant(index, seed, effect)
+
+    def judge_validation(
+        self, points: Sequence[ValidationPoint], rate_hz: float
+    ) -> ValidationVerdict:
+        """Accept: gaze is recorded along, but nothing here is measured by it."""
+        return ValidationVerdict(
+            True, "gaze is not measured in this study", None, None, None, 0, ()
+        )
+
+    def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
+        """Return the questionnaires asked after blocks and at the end, in the lab's wording."""
+        return tuple(load_questionnaire(n, config.wording.get(n)) for n in QUESTIONNAIRES)
+
+    def measure(self, recording: Recording) -> SessionIntake:
+        """Take in one session: trials measured from the recording alone, answers scored."""
+        return take_in(recording)
+
+    def analyse(
+        self,
+        sessions: Sequence[SessionIntake],
+        out_dir: Path,
+        *,
+        is_simulated: bool,
+        commands: tuple[str, ...],
+        example: Recording | None,
+    ) -> Path:
+        """Write the tables of a study; return the path of the first."""
+        return analyse_study(sessions, out_dir, is_simulated=is_simulated)
+
+
+MAKE_STUDY = CrowdBundle
+"""What the command line calls to get the study."""

@@ -1,0 +1,131 @@
+"""From the recording of one walk to its measures: one row, its collisions, its gap crossings."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from analysis.cells import CellPath, Triangulation, triangulate
+from analysis.cells import walk as walk_cells
+from analysis.collisions import Rule
+from analysis.gait import clearance_m, crossing_angles_deg, walk_measures
+from experiments.crowd.collision_measures import Surface, collision_rows, walk_volumes
+from experiments.crowd.replay import Walk
+from lab.geometry import Vector
+from stimuli.scenes.station_crowd import BOARD_M
+
+JITTER_SEED: Final = 20200
+
+
+@dataclass(frozen=True)
+class MeasureParameters:
+    """How walks are measured; named in every table.
+
+    `rule` is how volumes are measured (`analysis.collisions`), `surface` of what body.
+    """
+
+    rule: Rule = "volume"
+    surface: Surface = "fine"
+
+
+DEFAULT_MEASURES: Final = MeasureParameters()
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredWalk:
+    """A walk measured: its `row`, rows of `collisions` and gap `crossings`, the `cells` it
+    visited as vertex triples in order (None outside), and its track every 0.1 s, (k, 2).
+    """
+
+    row: dict[str, Any]
+    collisions: list[dict[str, Any]]
+    crossings: list[dict[str, Any]]
+    cells: tuple[tuple[int, int, int] | None, ...]
+    track_m: Vector
+
+
+def cells_of(walk: Walk) -> tuple[Triangulation, CellPath]:
+    """Return the crowd's cells and the participant's way through them."""
+    cells = triangulate(
+        walk.crowd.position_m, cocircular="jitter", rng=np.random.default_rng(JITTER_SEED)
+    )
+    return cells, walk_cells(cells, walk.place_m)
+
+
+def measure_walk(
+    walk: Walk, step_m: float, params: MeasureParameters = DEFAULT_MEASURES
+) -> MeasuredWalk:
+    """Measure a walk from its recording alone; `step_m` is left out round the stop.
+
+    A walk whose body was never tracked has missing measures and no rows; it is flagged.
+    """
+    row = {**walk.row, "measure_rule": params.rule, "measure_surface": params.surface}
+    lost = np.asarray(~np.isfinite(walk.position_m).all(axis=(1, 2)))
+    row["lost_01"] = float(lost.mean()) if len(lost) else 1.0
+    if len(walk.t_ns) < 3 or not np.isfinite(walk.place_m).all(axis=1).any():
+        return MeasuredWalk(row, [], [], (), np.empty((0, 2)))
+    volumes = walk_volumes(walk, rule=params.rule, surface=params.surface)
+    collisions = collision_rows(walk, volumes)
+    counted = [c for c in collisions if c["counted"]]
+    triangulation, path = cells_of(walk)
+    to_gap, to_way = crossing_angles_deg(
+        triangulation,
+        path,
+        walk.joint("left_upper_arm")[:, [0, 2]],
+        walk.joint("right_upper_arm")[:, [0, 2]],
+    )
+    inner = np.array([c.before is not None or c.after is not None for c in path.crossings], bool)
+    crossings: list[dict[str, Any]] = [
+        {
+            "trial_id": walk.trial_id,
+            "first": c.edge[0],
+            "second": c.edge[1],
+            "x_m": c.at_m[0],
+            "z_m": c.at_m[1],
+            "t_s": c.s * 0.01,
+            "centres_apart_m": _apart(triangulation, c.edge),
+            "shoulders_to_gap_deg": float(to_gap[k]),
+            "shoulders_to_way_deg": float(to_way[k]),
+        }
+        for k, c in enumerate(path.crossings)
+        if inner[k]
+    ]
+    gait = walk_measures(walk.t_ns, walk.place_m, (BOARD_M[0], BOARD_M[2]), step_m)
+    clear = clearance_m(walk.place_m, walk.crowd.position_m)
+    row |= {
+        "collisions": len(counted),
+        "collisions_uncounted": len(collisions) - len(counted),
+        "collisions_cut": sum(c["cut"] for c in counted),
+        "max_volume_dm3": _mean([c["max_volume_dm3"] for c in counted]),
+        "largest_volume_dm3": max((c["max_volume_dm3"] for c in counted), default=0.0),
+        "collision_s": _mean([c["duration_s"] for c in counted]),
+        "collision_speed_m_s": _mean([c["speed_m_s"] for c in counted]),
+        "arm_collisions": sum(
+            c["body_part"] in ("upper_arm", "lower_arm", "hand") for c in counted
+        ),
+        "crossings": len(crossings),
+        "shoulders_to_gap_deg": _mean([c["shoulders_to_gap_deg"] for c in crossings]),
+        "shoulders_to_way_deg": _mean([c["shoulders_to_way_deg"] for c in crossings]),
+        "speed_m_s": gait.speed_m_s,
+        "speed_whole_m_s": gait.speed_whole_m_s,
+        "path_m": gait.path_m,
+        "time_s": gait.time_s,
+        "stop_s": gait.stop_s,
+        "hesitations": gait.hesitations,
+        "hesitation_s": gait.hesitation_s,
+        "clearance_mean_m": float(np.nanmean(clear)),
+        "clearance_min_m": float(np.nanmin(clear)),
+        "cells": len(path.cell_set),
+        "step_m": step_m,
+    }
+    return MeasuredWalk(row, collisions, crossings, path.cells, walk.place_m[::10])
+
+
+def _apart(triangulation: Triangulation, edge: tuple[int, int]) -> float:
+    a, b = triangulation.positions_m[list(edge)]
+    return float(np.linalg.norm(b - a))
+
+
+def _mean(values: list[float]) -> float | None:
+    known = [v for v in values if np.isfinite(v)]
+    return float(np.mean(known)) if known else None

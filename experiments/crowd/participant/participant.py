@@ -1,0 +1,300 @@
+"""A simulated participant of the crowd study: walks through, reads the board, feels, answers.
+
+It receives what the display shows and what the armbands do, and nothing else. What it does not
+model: hesitating, stepping back, changing the way after a contact, tiredness, practice without
+vibration, headset weight. What it has learned from vibrations stays from trial to trial; a
+session that is resumed starts with a person who has forgotten it.
+"""
+
+import zlib
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.contracts import EYES_DTYPE
+from experiments.crowd.participant.answers import answer_question
+from experiments.crowd.participant.route import STEP_M, Way, choose_gaps, gap_graph, way_through
+from experiments.crowd.participant.traits import DEFAULT_POPULATION, Population, draw_person
+from experiments.crowd.participant.walking import (
+    ALARM,
+    CAUTION,
+    HEADING,
+    N_JOINTS,
+    N_STATE,
+    PROGRESS,
+    STEP_NS,
+    X,
+    Z,
+    advance,
+    walker_poses,
+)
+from lab.errors import DataError
+from lab.geometry import Vector, quat_conjugate, rotate, unit
+from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M, bones
+from stimuli.scene import SceneFrame
+from stimuli.scenes.station_crowd import READING_M, START_M, CrowdFrame, CrowdScene
+
+MOST_ROWS: Final = 30_000
+"""Steps of a stretch that are walked; after five minutes the body stands."""
+EYES_M: Final = (0.0, 0.061 * REFERENCE_STATURE_M, -0.053 * REFERENCE_STATURE_M)
+"""From the head's joint to the middle between the eyes at the reference stature."""
+GIVE_UP_S: Final = 10.0
+_N_PERSON, _N_TASTE, _N_WALK, _N_ANSWER = range(4)
+_JOINTS = frozenset(BODY_JOINTS)
+_HEAD = BODY_JOINTS.index("head")
+_STANDING, _OUT, _READING, _BACK, _HOME = range(5)
+_ARRIVED_M = 0.06
+
+
+class CrowdParticipant:
+    """Implement `protocol.participants.SimulatedParticipant` with limbs and a skin.
+
+    `index` and `seed` make the person; `effect=False` disconnects the vibration from them.
+    """
+
+    def __init__(
+        self,
+        index: int,
+        seed: int,
+        effect: bool = True,
+        *,
+        population: Population = DEFAULT_POPULATION,
+    ) -> None:
+        self.population = population
+        self._entropy = (seed, index)
+        self.person = draw_person(population, self._rng(_N_PERSON), feels=effect)
+        skeleton = bones()
+        self._parents, self._offsets = skeleton.parents, skeleton.offsets_m
+        self._eyes_m = self.person.stature_m / REFERENCE_STATURE_M * np.array(EYES_M)
+        self._states = np.zeros((MOST_ROWS, N_STATE))
+        self._row = 0
+        self._origin_ns = 0
+        self._stretch = 0
+        self._fit = 0
+        self._bands: dict[str, float] = {}
+        self._instructed: Vector | None = None
+        self._scene: CrowdScene | None = None
+        self._ways: tuple[tuple[Way, Vector], ...] = ()
+        self._still = Way(np.array([START_M, START_M]), np.zeros(2), np.full(2, 2.0))
+        self.prepare(0, 0)
+
+    # ---- SimulatedParticipant ----
+
+    def prepare(self, stretch: int, t_ns: int) -> None:
+        """Stand on the mark and begin a new stretch of behaviour at this session time."""
+        learned = self._states[self._row, [CAUTION, ALARM]].copy()
+        self._stretch, self._origin_ns = stretch, t_ns
+        self._rng_walk = self._rng(_N_WALK, stretch)
+        self._noise = self._rng_walk.standard_normal((MOST_ROWS, 2))
+        self._row = 0
+        self._states[0] = 0.0
+        self._states[0, [CAUTION, ALARM]] = learned
+        self._states[0, [X, Z]] = START_M
+        self._states[0, HEADING] = np.arctan2(START_M[0] - READING_M[0], START_M[1] - READING_M[1])
+        self._still = Way(
+            np.array([START_M, START_M]),
+            np.full(2, self._states[0, HEADING]),
+            np.full(2, 2.0),
+        )
+        self._side = np.ones(2)
+        self._doing = _STANDING
+        self._until_row = MOST_ROWS
+        self._way, self._way_side = self._still, self._side
+        self._scene = None
+        self.track: str | None = None
+        self._bands.clear()
+
+    def wear(self, fit: int) -> None:
+        """Put the headset on anew."""
+        self._fit = fit
+
+    def look_at(self, target_world_m: Sequence[float] | None, t_ns: int) -> None:
+        """Follow the instruction to look at a point (calibration, mark); None ends it."""
+        self._instructed = None if target_world_m is None else np.array(target_world_m, float)
+
+    def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
+        """Answer a question; None when this participant would leave it out."""
+        if question_id == "track":
+            return self.track
+        rng = self._rng(_N_ANSWER, zlib.crc32(question_id.encode()), self._stretch)
+        return answer_question(self.person, question_id, options, rng)
+
+    # ---- Viewer ----
+
+    def see(self, view: SceneFrame, t_display_ns: int) -> None:
+        """Receive what the display shows from `t_display_ns` on."""
+        if isinstance(view, CrowdFrame) and view.track is not None and self.track is None:
+            self.track = view.track
+            if self._doing in (_OUT, _READING):
+                seconds = self.person.reading_s
+                self._until_row = max(self._until_row_at(t_display_ns, seconds), self._row)
+        scene = view.scene
+        if scene is self._scene or not isinstance(scene, CrowdScene) or scene.crowd is None:
+            return
+        self._scene = scene
+        if self._doing == _STANDING:
+            self._plan(scene)
+            self._until_row = self._until_row_at(t_display_ns, self.person.reaction_s)
+
+    # ---- MovingBody ----
+
+    def eyes(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
+        """Return true eye states, shape (n,), dtype `EYES_DTYPE`."""
+        eyes = np.zeros(t_ns.shape[0], EYES_DTYPE)
+        ahead = np.array([0.0, 0.0, -1.0])
+        eyes["left_direction_head"] = eyes["right_direction_head"] = ahead
+        if self._instructed is not None and t_ns.shape[0]:
+            position, orientation = self.head(int(t_ns[-1]))
+            aim = unit(rotate(quat_conjugate(orientation), self._instructed - position))
+            eyes["left_direction_head"] = eyes["right_direction_head"] = aim
+        eyes["openness_01"] = 1.0
+        eyes["pupil_mm"] = 3.5
+        return eyes
+
+    def head(self, t_ns: int) -> tuple[Vector, Vector]:
+        """Return position (3,) in metres and orientation (4,) (w, x, y, z) in world."""
+        positions, worlds = self._pose(np.array([t_ns]))
+        orientation = worlds[0, _HEAD]
+        return positions[0, _HEAD] + rotate(orientation, self._eyes_m), orientation
+
+    def segments(
+        self, names: Sequence[str], t_ns: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return true positions (t, n, 3) and orientations (t, n, 4) of segments in world."""
+        if not _JOINTS.issuperset(names):
+            unknown = [name for name in names if name not in _JOINTS]
+            raise DataError(
+                f"the simulated body has no segment {', '.join(unknown)}; "
+                f"it has {', '.join(BODY_JOINTS)}"
+            )
+        positions, worlds = self._pose(np.asarray(t_ns))
+        if tuple(names) == BODY_JOINTS:
+            return positions, worlds
+        index = [BODY_JOINTS.index(name) for name in names]
+        return positions[:, index], worlds[:, index]
+
+    def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
+        """Take in what the motors of the band worn as `role` do from `t_ns` on."""
+        self._advance(t_ns)
+        self._bands[role] = float(max(amplitudes_01, default=0.0))
+
+    def stretch(self) -> int:
+        """Return the number of the present stretch of behaviour."""
+        return self._stretch
+
+    def fit(self) -> int:
+        """Return how the headset sits."""
+        return self._fit
+
+    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
+        """Yield nothing: the study asks for no button."""
+        return iter(())
+
+    # ---- for tests and benchmarks ----
+
+    @property
+    def caution(self) -> float:
+        """How careful the participant has become, 0 to 1."""
+        return float(self._states[self._row, CAUTION])
+
+    @property
+    def is_home(self) -> bool:
+        """Whether the way there and back is done."""
+        return self._doing == _HOME
+
+    # ---- within ----
+
+    def _pose(self, t_ns: npt.NDArray[np.int64]) -> tuple[Vector, Vector]:
+        n = t_ns.shape[0]
+        positions, worlds = np.empty((n, N_JOINTS, 3)), np.empty((n, N_JOINTS, 4))
+        if n:
+            self._advance(int(t_ns[-1]))
+            rows = np.clip((t_ns - self._origin_ns) / STEP_NS, 0, self._row)
+            walker_poses(
+                self._states,
+                rows,
+                self.person.stature_m,
+                self._parents,
+                self._offsets,
+                positions,
+                worlds,
+            )
+        return positions, worlds
+
+    def _until_row_at(self, t_ns: int, seconds: float) -> int:
+        return int((t_ns - self._origin_ns) / STEP_NS + 100 * seconds)
+
+    def _advance(self, t_ns: int) -> None:
+        until = min(-(-(t_ns - self._origin_ns) // STEP_NS), MOST_ROWS - 1)
+        while self._row < until:
+            to = min(until, max(self._until_row, self._row + 1), self._row + 8)
+            felt = max(self._bands.values(), default=0.0)
+            self._row = advance(
+                self._states,
+                self._row,
+                to,
+                self.person.traits,
+                self._way.point_m,
+                self._way.heading_rad,
+                self._way.free_m,
+                self._way_side,
+                self._noise,
+                felt,
+                self._doing in (_OUT, _BACK),
+            )
+            self._decide()
+
+    def _decide(self) -> None:
+        """Go over to what comes next when something is done."""
+        if self._doing == _STANDING and self._row >= self._until_row:
+            self._set_out(0)
+            self._doing = _OUT
+        elif self._doing == _OUT and self._has_arrived():
+            self._doing = _READING
+            seconds = self.person.reading_s if self.track is not None else GIVE_UP_S
+            self._until_row = self._row + int(100 * seconds)
+        elif self._doing == _READING and self._row >= self._until_row:
+            self._set_out(1)
+            self._doing = _BACK
+        elif self._doing == _BACK and self._has_arrived():
+            self._doing = _HOME
+
+    def _has_arrived(self) -> bool:
+        length_m = (len(self._way.point_m) - 1) * STEP_M
+        return bool(self._states[self._row, PROGRESS] >= length_m - _ARRIVED_M)
+
+    def _set_out(self, leg: int) -> None:
+        self._way, self._way_side = self._ways[leg]
+        self._states[self._row, PROGRESS] = 0.0
+        self._until_row = MOST_ROWS
+
+    def _plan(self, scene: CrowdScene) -> None:
+        crowd = scene.crowd
+        assert crowd is not None  # noqa: S101 - `see` has looked
+        graph = gap_graph(crowd)
+        q = self.population
+        place = zlib.crc32(np.rint(1000 * crowd.position_m).astype(np.int64).tobytes())
+        own = self._rng(_N_TASTE, place)
+        mark, board = np.array(START_M), np.array(READING_M)
+        ways = []
+        for start, goal in ((mark, board), (board, mark)):
+            habit = own.standard_normal(len(graph.free_m))
+            mood = self._rng_walk.standard_normal(len(graph.free_m))
+            taste = np.exp(q.taste_person * habit + q.taste_trial * mood)
+            gaps = choose_gaps(
+                graph, start, goal, taste, squeeze=q.squeeze, easy_gap_m=q.easy_gap_m
+            )
+            way = way_through(crowd, gaps, start, goal)
+            ways.append((way, self._sides(way)))
+        self._ways = tuple(ways)
+
+    def _sides(self, way: Way) -> Vector:
+        """Draw for every stretch of the way to which side the shoulders turn there."""
+        every = round(1.2 / STEP_M)
+        drawn = np.where(self._rng_walk.random(len(way.point_m) // every + 1) < 0.5, -1.0, 1.0)
+        return np.repeat(drawn, every)[: len(way.point_m)]
+
+    def _rng(self, *spawn_key: int) -> np.random.Generator:
+        return np.random.default_rng(np.random.SeedSequence(self._entropy, spawn_key=spawn_key))

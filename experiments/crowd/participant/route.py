@@ -1,0 +1,227 @@
+"""Choose a way through a crowd: gaps in a row, then a band that keeps off the bodies."""
+
+import heapq
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import Delaunay
+
+from lab.compiled import compiled
+from lab.geometry import Vector
+from stimuli.scenes.station_crowd import Crowd, body_radius_m
+
+ENTRY_M: Final = 2.4
+"""From the ends of the way one enters the crowd through its outer gaps at most this far away."""
+LEAST_GAP_M: Final = 0.18
+STEP_M: Final = 0.02
+HALF_WIDTH_M: Final = 0.25
+HALF_DEPTH_M: Final = 0.14
+_BAND_M = 0.10
+_FAR_M = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class GapGraph:
+    """The gaps of a crowd: `middle_m` (k, 2), `free_m` (k,), `is_outer` (k,), `beside[k]` the
+    gaps that share a triangle with k.
+    """
+
+    middle_m: Vector
+    free_m: Vector
+    is_outer: npt.NDArray[np.bool_]
+    beside: tuple[tuple[int, ...], ...]
+
+
+@lru_cache(maxsize=32)
+def gap_graph(crowd: Crowd) -> GapGraph:
+    """Return the dual of the crowd's triangulation."""
+    triangles = Delaunay(crowd.position_m).simplices
+    edges: dict[tuple[int, int], list[int]] = {}
+    for t, (a, b, c) in enumerate(triangles.tolist()):
+        for p, q in ((a, b), (b, c), (c, a)):
+            edges.setdefault((min(p, q), max(p, q)), []).append(t)
+    pairs = np.array(list(edges))
+    a, b = pairs.T
+    way = crowd.position_m[b] - crowd.position_m[a]
+    distance = np.linalg.norm(way, axis=1)
+    direction = way / distance[:, None]
+    reach_a, reach_b = body_radius_m(crowd, a, direction), body_radius_m(crowd, b, direction)
+    middle = crowd.position_m[a] + direction * ((reach_a + distance - reach_b) / 2)[:, None]
+    number = {edge: k for k, edge in enumerate(edges)}
+    beside: list[set[int]] = [set() for _ in edges]
+    for p, q, r in triangles.tolist():
+        own = [number[min(u, v), max(u, v)] for u, v in ((p, q), (q, r), (r, p))]
+        for k in own:
+            beside[k].update(j for j in own if j != k)
+    return GapGraph(
+        middle_m=middle,
+        free_m=distance - reach_a - reach_b,
+        is_outer=np.array([len(found) == 1 for found in edges.values()]),
+        beside=tuple(tuple(sorted(found)) for found in beside),
+    )
+
+
+def choose_gaps(
+    graph: GapGraph,
+    start_m: Vector,
+    goal_m: Vector,
+    taste: Vector,
+    *,
+    squeeze: float,
+    easy_gap_m: float,
+) -> list[int]:
+    """Return the cheapest row of gaps; `taste` (k,) multiplies what each gap costs.
+
+    A step costs its length plus `squeeze` times the square of what the gap lacks of
+    `easy_gap_m`.
+    """
+    lacking = np.maximum(easy_gap_m - graph.free_m, 0.0)
+    toll = squeeze * lacking**2
+    passable = graph.free_m > LEAST_GAP_M
+    middle = graph.middle_m
+    from_start = np.linalg.norm(middle - start_m, axis=1)
+    to_goal = np.linalg.norm(middle - goal_m, axis=1)
+    entries = _entries(graph.is_outer & passable, from_start)
+    exits = set(_entries(graph.is_outer & passable, to_goal))
+    best = np.full(len(middle), np.inf)
+    before = np.full(len(middle), -1)
+    queue: list[tuple[float, int]] = []
+    for k in entries:
+        best[k] = (from_start[k] + toll[k]) * taste[k]
+        heapq.heappush(queue, (float(best[k]), k))
+    end, end_cost = -1, np.inf
+    while queue:
+        cost, k = heapq.heappop(queue)
+        if cost > best[k]:
+            continue
+        if cost >= end_cost:
+            break
+        if k in exits and cost + to_goal[k] < end_cost:
+            end, end_cost = k, cost + to_goal[k]
+        for j in graph.beside[k]:
+            if not passable[j]:
+                continue
+            step = float(np.hypot(*(middle[j] - middle[k])))
+            onward = cost + (step + toll[j]) * taste[j]
+            if onward < best[j]:
+                best[j], before[j] = onward, k
+                heapq.heappush(queue, (float(onward), j))
+    row = []
+    while end >= 0:
+        row.append(int(end))
+        end = int(before[end])
+    return row[::-1]
+
+
+def _entries(allowed: npt.NDArray[np.bool_], distance: Vector) -> list[int]:
+    near = np.flatnonzero(allowed & (distance <= ENTRY_M))
+    if near.size == 0:
+        near = np.flatnonzero(allowed)[np.argsort(distance[allowed])[:1]]
+    return [int(k) for k in near]
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """A way to walk, sampled every 2 cm: `point_m` (n, 2), `heading_rad` (n,) as a turn about
+    +y from −z, `free_m` (n,) what is free across the way there.
+    """
+
+    point_m: Vector
+    heading_rad: Vector
+    free_m: Vector
+
+
+def way_through(crowd: Crowd, gaps: list[int], start_m: Vector, goal_m: Vector) -> Way:
+    """Relax a band through a row of gaps off the bodies and sample it."""
+    corners = np.concatenate([[start_m], gap_graph(crowd).middle_m[gaps], [goal_m]])
+    band = _resampled(corners, _BAND_M)
+    bodies = np.column_stack([crowd.position_m, np.cos(crowd.yaw_rad), np.sin(crowd.yaw_rad)])
+    _relax(band, np.ascontiguousarray(bodies), 120)
+    point = _resampled(_smoothed(band), STEP_M)
+    ahead = np.gradient(point, axis=0)
+    heading = np.unwrap(np.arctan2(-ahead[:, 0], -ahead[:, 1]))
+    free = np.empty(len(point))
+    _free_across(point, ahead / np.linalg.norm(ahead, axis=1)[:, None], bodies, free)
+    return Way(point, heading, free)
+
+
+def _resampled(points: Vector, step_m: float) -> Vector:
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    n = max(int(np.ceil(length[-1] / step_m)), 2)
+    at = np.linspace(0, length[-1], n + 1)
+    return np.stack([np.interp(at, length, points[:, k]) for k in range(2)], axis=1)
+
+
+def _smoothed(points: Vector) -> Vector:
+    padded = np.concatenate([points[:1], points[:1], points, points[-1:], points[-1:]])
+    weights = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16
+    inner = sum(w * padded[k : k + len(points)] for k, w in enumerate(weights))
+    smooth: Vector = np.asarray(inner)
+    smooth[0], smooth[-1] = points[0], points[-1]
+    return smooth
+
+
+@compiled
+def reach_of(along: float, across: float) -> float:
+    """Return how far a body reaches in a direction given in its own axes (aside, ahead)."""
+    size = np.hypot(along, across)
+    if size == 0.0:
+        return HALF_WIDTH_M
+    reach: float = 1.0 / np.hypot(along / size / HALF_WIDTH_M, across / size / HALF_DEPTH_M)
+    return reach
+
+
+@compiled
+def _relax(band: Vector, bodies: Vector, rounds: int) -> None:
+    """Pull a band straight and push it off bodies (m, 4: x, z, cos yaw, sin yaw), in place."""
+    keep_m = 0.42
+    n = band.shape[0]
+    for _ in range(rounds):
+        for i in range(1, n - 1):
+            fx = 0.5 * (band[i - 1, 0] + band[i + 1, 0]) - band[i, 0]
+            fz = 0.5 * (band[i - 1, 1] + band[i + 1, 1]) - band[i, 1]
+            fx *= 0.7
+            fz *= 0.7
+            for k in range(bodies.shape[0]):
+                dx, dz = band[i, 0] - bodies[k, 0], band[i, 1] - bodies[k, 1]
+                square = dx * dx + dz * dz
+                if square > 0.49 or square == 0.0:
+                    continue
+                aside = dx * bodies[k, 2] - dz * bodies[k, 3]
+                ahead = dx * bodies[k, 3] + dz * bodies[k, 2]
+                distance = np.sqrt(square)
+                lacking = keep_m - (distance - reach_of(aside, ahead))
+                if lacking > 0.0:
+                    push = 0.12 * lacking / distance
+                    fx += push * dx
+                    fz += push * dz
+            size = np.hypot(fx, fz)
+            if size > 0.03:
+                fx, fz = fx * 0.03 / size, fz * 0.03 / size
+            band[i, 0] += fx
+            band[i, 1] += fz
+
+
+@compiled
+def _free_across(point: Vector, ahead: Vector, bodies: Vector, free: Vector) -> None:
+    """Write what is free across the way at every point, at most 2 m, from body to body."""
+    for i in range(point.shape[0]):
+        left = right = _FAR_M / 2
+        for k in range(bodies.shape[0]):
+            dx, dz = bodies[k, 0] - point[i, 0], bodies[k, 1] - point[i, 1]
+            along = dx * ahead[i, 0] + dz * ahead[i, 1]
+            across = dx * ahead[i, 1] - dz * ahead[i, 0]
+            if abs(along) > 0.35 or abs(across) > 1.3:
+                continue
+            aside = dx * bodies[k, 2] - dz * bodies[k, 3]
+            before = dx * bodies[k, 3] + dz * bodies[k, 2]
+            clear = np.hypot(dx, dz) - reach_of(aside, before)
+            room = max(clear, 0.0)
+            if across > 0:
+                right = min(right, room)
+            else:
+                left = min(left, room)
+        free[i] = left + right

@@ -1,0 +1,113 @@
+"""Every contact answered: when it happened, was commanded, sent, acknowledged, and felt."""
+
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from experiments.crowd.haptics import BAND_ROLES
+from lab.clock import NS_PER_MS
+from lab.clock_fit import fit_one_way
+from lab.errors import DataError
+from recording.reader import Recording
+
+PATTERN: Final = 1
+SILENCE: Final = 2
+MOTOR_RISE_MS: Final = 30.0
+"""First-order rise of a coin motor; added to the time the band applied a command."""
+ASKED_WITHIN_NS: Final = 100 * NS_PER_MS
+
+
+def pulse_rows(recording: Recording) -> list[dict[str, Any]]:
+    """Return one row per contact that drove a band, in order of time.
+
+    `commanded_ms`, `sent_ms`, `acknowledged_ms` and `risen_ms` count from the body sample that
+    showed the contact; None where the command was lost or the band told no time. `risen_ms` is
+    when a motor had reached 63 %: the band's own time of applying it, on the host's clock by the
+    envelope of its answers, and the modelled rise. `held_ms` is how long the contact lasted.
+    """
+    events = recording.events()
+    begins = events[events["name"].isin(["contact_begin", "contact_end"])]
+    rows: list[dict[str, Any]] = []
+    open_at: dict[tuple[int, str], dict[str, Any]] = {}
+    commands = {
+        (part.number, role): _commands(recording, part.number, role)
+        for part in recording.manifest.parts
+        for role in BAND_ROLES
+        if f"haptics_{role}" in recording.stream_names
+    }
+    for event in begins.to_dict("records"):
+        payload = event["payload"]
+        part, role = int(event["recording_part"]), str(payload["role"])
+        if not payload["vibrates"]:
+            continue
+        if event["name"] == "contact_end":
+            row = open_at.pop((part, role), None)
+            if row is not None:
+                row["held_ms"] = (int(payload["t_contact_ns"]) - row["t_contact_ns"]) / NS_PER_MS
+            continue
+        contact_ns = int(payload["t_contact_ns"])
+        row = {
+            "recording_part": part,
+            "trial_id": payload["trial_id"],
+            "role": role,
+            "segment": payload["segment"],
+            "person": payload["person"],
+            "motors": payload["motors"],
+            "t_contact_ns": contact_ns,
+            "held_ms": None,
+            **_fate(commands.get((part, role)), int(event["t_ns"]), contact_ns),
+        }
+        rows.append(row)
+        open_at[part, role] = row
+    return rows
+
+
+def _commands(recording: Recording, part: int, role: str) -> pd.DataFrame:
+    arrays = recording.stream_arrays(f"haptics_{role}", part=part)
+    table = pd.DataFrame(
+        {
+            name: arrays[name]
+            for name in (
+                "kind", "t_commanded_ns", "t_sent_ns", "acknowledged", "t_device_ns", "t_host_ns"
+            )
+        }
+    )  # fmt: skip
+    heard = table["acknowledged"].to_numpy()
+    device = table["t_device_ns"].to_numpy(np.int64)
+    host = np.full(len(table), np.nan)
+    if heard.sum() > 1:
+        try:
+            fit = fit_one_way(device[heard], table["t_host_ns"].to_numpy(np.int64)[heard])
+        except DataError:
+            fit = None
+        if fit is not None:
+            host[heard] = fit.to_host_ns(device[heard])
+    table["t_applied_ns"] = host
+    return table[table["kind"] == PATTERN].sort_values("t_commanded_ns").reset_index(drop=True)
+
+
+def _fate(commands: pd.DataFrame | None, t_ns: int, contact_ns: int) -> dict[str, Any]:
+    nothing = {
+        "commanded_ms": None,
+        "sent_ms": None,
+        "acknowledged_ms": None,
+        "risen_ms": None,
+        "acknowledged": False,
+    }
+    if commands is None or commands.empty:
+        return nothing
+    asked = commands["t_commanded_ns"].to_numpy(np.int64)
+    at = int(np.searchsorted(asked, t_ns))
+    if at == len(asked) or asked[at] - t_ns > ASKED_WITHIN_NS:
+        return nothing
+    row = commands.iloc[at]
+    heard = bool(row["acknowledged"])
+    applied = float(row["t_applied_ns"])
+    return {
+        "commanded_ms": (int(asked[at]) - contact_ns) / NS_PER_MS,
+        "sent_ms": (int(row["t_sent_ns"]) - contact_ns) / NS_PER_MS,
+        "acknowledged_ms": (int(row["t_host_ns"]) - contact_ns) / NS_PER_MS if heard else None,
+        "risen_ms": (applied - contact_ns) / NS_PER_MS + MOTOR_RISE_MS if heard else None,
+        "acknowledged": heard,
+    }

@@ -1,0 +1,177 @@
+"""Rebuild a walk from its recording: the participant's joints and everybody's pose at any time."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.gait import resampled
+from lab.clock import NS_PER_MS, NS_PER_S
+from lab.errors import DataError
+from lab.geometry import Vector
+from recording.reader import Recording
+from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M
+from stimuli.contact.idle import people_of
+from stimuli.scenes.station_crowd import Crowd
+
+STEP_NS: Final = 10 * NS_PER_MS
+"""Walks are measured every 10 ms, as published; poses in between are interpolated."""
+
+_ARM_OF_STATURE: Final = 0.332
+"""Upper arm and forearm together as a share of stature (Winter 2009)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """One recorded walk, resampled every 10 ms.
+
+    `t_ns` (n,); `position_m` (n, 22, 3) and `orientation_wxyz` (n, 22, 4) of `BODY_JOINTS` in
+    world, NaN where a joint was lost; `stature_m` of the body as its arms tell; `row` is the
+    trial's recorded row. `crowd_t_s` (n,) is the time of the people's motion.
+    """
+
+    trial_id: str
+    row: Mapping[str, Any]
+    crowd: Crowd
+    t_ns: npt.NDArray[np.int64]
+    position_m: Vector
+    orientation_wxyz: Vector
+    stature_m: float
+
+    @property
+    def crowd_t_s(self) -> Vector:
+        """Seconds since the crowd came on."""
+        since: Vector = (self.t_ns - int(self.row["t_start_ns"])) / NS_PER_S
+        return since
+
+    @property
+    def people(self) -> Vector:
+        """Rows (people, 15) for `stimuli.contact.idle`."""
+        return people_of(self.crowd)
+
+    def joint(self, name: str) -> Vector:
+        """Return the positions (n, 3) of a joint."""
+        at: Vector = self.position_m[:, BODY_JOINTS.index(name)]
+        return at
+
+    @property
+    def place_m(self) -> Vector:
+        """Where the participant is on the floor, (n, 2) x and z of the hips."""
+        at: Vector = self.joint("hips")[:, [0, 2]]
+        return at
+
+
+def crowd_from_record(configuration: int, people: str) -> Crowd:
+    """Return the crowd of a recorded event "crowd"."""
+    raw = json.loads(people)
+    return Crowd(
+        configuration=configuration,
+        position_m=np.array(raw["position_m"], float),
+        yaw_rad=np.array(raw["yaw_rad"], float),
+        stature_m=np.array(raw["stature_m"], float),
+        behaviour=np.array(raw["behaviour"], np.int64),
+        character=np.array(raw["character"], np.int64),
+        seed=np.array(raw["seed"], np.int64),
+    )
+
+
+def walks(recording: Recording, *, step_ns: int = STEP_NS) -> list[Walk]:
+    """Return every complete walk of a session, training left out, in order of performance.
+
+    Raises:
+        DataError: the crowd of a walk was not recorded, or the body tracker lacks joints.
+    """
+    trials = recording.trials()
+    if trials.empty:
+        return []
+    events = recording.events()
+    people: dict[tuple[int, str], str] = {}
+    for event in events[events["name"] == "crowd"].to_dict("records"):
+        people[event["recording_part"], event["payload"]["trial_id"]] = event["payload"]["people"]
+    found = []
+    for row in trials[trials["status"] == "complete"].to_dict("records"):
+        if row["is_practice"] or row.get("t_end_ns") is None:
+            continue
+        key = (int(row["recording_part"]), str(row["trial_id"]))
+        if key not in people:
+            raise DataError(
+                f"{recording.path}: trial {key[1]} has no event 'crowd'; it was not recorded by "
+                "this study, leave the session out"
+            )
+        crowd = crowd_from_record(int(row["configuration"]), people[key])
+        found.append(_walk(recording, {str(k): v for k, v in row.items()}, crowd, step_ns))
+    return found
+
+
+def _walk(recording: Recording, row: dict[str, Any], crowd: Crowd, step_ns: int) -> Walk:
+    start_ns, end_ns = int(row["t_start_ns"]), int(row["t_end_ns"])
+    part = int(row["recording_part"])
+    arrays = recording.stream_arrays(
+        "body", part=part, t_start_ns=start_ns - NS_PER_S, t_end_ns=end_ns + NS_PER_S
+    )
+    order = joint_columns(recording)
+    t_ns = arrays["t_host_ns"]
+    keep = np.concatenate([[True], np.diff(t_ns) > 0]) if len(t_ns) else np.zeros(0, bool)
+    t_ns = t_ns[keep]
+    valid = arrays["valid"][keep][:, order]
+    position = arrays["position_m"][keep][:, order].astype(np.float64)
+    turn = arrays["orientation_wxyz"][keep][:, order].astype(np.float64)
+    position[~valid], turn[~valid] = np.nan, np.nan
+    frozen = standing_still(t_ns, position)
+    position[frozen], turn[frozen] = np.nan, np.nan
+    grid = np.arange(start_ns, end_ns, step_ns, dtype=np.int64)
+    at, orientation = resampled(t_ns, position, turn, grid)
+    return Walk(str(row["trial_id"]), row, crowd, grid, at, orientation, stature_of_arms(position))
+
+
+def joint_columns(recording: Recording) -> list[int]:
+    """Return the column of each of `BODY_JOINTS` in the recorded body stream.
+
+    Raises:
+        DataError: a joint is missing.
+    """
+    schema = recording.stream_schema("body")
+    field = None if schema is None else next(f for f in schema.fields if f.name == "position_m")
+    names = [] if field is None else field.description.partition(": ")[2].split()
+    missing = [joint for joint in BODY_JOINTS if joint not in names]
+    if missing:
+        raise DataError(
+            f"{recording.path}: the body tracker recorded no {', '.join(missing)}; collisions "
+            "need all of them"
+        )
+    return [names.index(joint) for joint in BODY_JOINTS]
+
+
+def standing_still(
+    t_ns: npt.NDArray[np.int64], position_m: Vector, *, longest_ns: int = 150 * NS_PER_MS
+) -> npt.NDArray[np.bool_]:
+    """Tell which samples repeat the one before, bit for bit, for longer than a live body can."""
+    n = len(t_ns)
+    frozen = np.zeros(n, bool)
+    if n < 2:
+        return frozen
+    same = (np.diff(position_m.reshape(n, -1), axis=0) == 0).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
+    for a, b in edges.reshape(-1, 2):
+        if t_ns[b] - t_ns[a] > longest_ns:
+            frozen[a + 1 : b + 1] = True
+    return frozen
+
+
+def stature_of_arms(position_m: Vector) -> float:
+    """Return the stature that the median length of the arms stands for; 1.75 m when unknown."""
+    lengths = []
+    for side in ("left", "right"):
+        upper, lower, hand = (
+            position_m[:, BODY_JOINTS.index(f"{side}_{part}")]
+            for part in ("upper_arm", "lower_arm", "hand")
+        )
+        both = np.linalg.norm(lower - upper, axis=1) + np.linalg.norm(hand - lower, axis=1)
+        lengths.append(both[np.isfinite(both)])
+    known = np.concatenate(lengths)
+    if not known.size:
+        return REFERENCE_STATURE_M
+    return float(np.clip(np.median(known) / _ARM_OF_STATURE, 1.2, 2.2))

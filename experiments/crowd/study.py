@@ -1,0 +1,66 @@
+"""The crowd study as the session asks for it."""
+
+from dataclasses import dataclass, field
+
+from experiments.crowd.design import DEFAULT_PARAMETERS, STUDY, CrowdParameters, plan_session
+from experiments.crowd.haptics import BAND_ROLES
+from experiments.crowd.trial import intertrial, run_trial
+from lab.geometry import Vector
+from protocol.plan import SessionPlan, Trial
+from protocol.steps import Plan
+from stimuli.scene import Scene
+
+NOMINAL_TRIAL_S = 65.0
+
+
+@dataclass(frozen=True)
+class CrowdStudy:
+    """Walk through a dense crowd and back; armbands answer contact in the middle block."""
+
+    params: CrowdParameters = field(default=DEFAULT_PARAMETERS)
+
+    @property
+    def name(self) -> str:
+        """The study's name on the command line."""
+        return STUDY
+
+    @property
+    def agent_count(self) -> int:
+        """Width of the recorded gaze columns; the crowd is recorded by its seeds, not as agents."""
+        return 1
+
+    @property
+    def trial_s(self) -> float:
+        """Usual duration of a walk."""
+        return NOMINAL_TRIAL_S
+
+    @property
+    def intertrial_s(self) -> float:
+        """Duration of the empty station between walks."""
+        return self.params.intertrial_s
+
+    @property
+    def needed_roles(self) -> tuple[str, ...]:
+        """The tracked body and the four bands."""
+        return ("body_tracker", *BAND_ROLES)
+
+    @property
+    def useful_roles(self) -> tuple[str, ...]:
+        """Nothing more."""
+        return ()
+
+    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
+        """Return everything one participant will do."""
+        return plan_session(participant_index, seed, group=group, params=self.params)
+
+    def run_trial(self, trial: Trial) -> Plan:
+        """Return the generator that performs a walk."""
+        return run_trial(trial, self.params)
+
+    def intertrial(self, trial: Trial) -> Plan:
+        """Return the generator of the time before a walk."""
+        return intertrial(trial, self.params)
+
+    def blank(self, mark_m: Vector | None) -> Scene:
+        """Return a dark scene without people, for calibrations and breaks."""
+        return Scene(name="blank", agents=(), brightness_01=0.0, mark_m=mark_m)

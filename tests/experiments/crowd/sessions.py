@@ -1,0 +1,36 @@
+"""Simulate one short crowd session in process, with faults where a test wants them."""
+
+from pathlib import Path
+from typing import Any
+
+from cli.perform import perform_new, simulated_request
+from cli.studies import find_study
+from devices.option_models import OPTION_MODELS
+from lab.config import load_config
+from recording.reader import Recording
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def session(
+    folder: Path,
+    *,
+    faults: dict[str, list[dict[str, Any]]] | None = None,
+    effect: bool = True,
+    index: int = 0,
+    group: str = "",
+    **parameters: Any,
+) -> Recording:
+    """Return the recording of one walk per block; `faults` by device role."""
+    config = load_config(ROOT / "lab_config.yaml", OPTION_MODELS)
+    devices = dict(config.devices)
+    for role, listed in (faults or {}).items():
+        options = {**devices[role].options, "faults": listed}
+        devices[role] = devices[role].model_copy(update={"options": options})
+    config = config.model_copy(update={"data_root": folder, "devices": devices})
+    study = find_study("crowd")
+    experiment = study.experiment({"configurations": 1, "intertrial_s": 0.5, **parameters})
+    request = simulated_request(
+        study, experiment, config, label="S01B", index=index, seed=3, effect=effect, group=group
+    )
+    return Recording(perform_new(request))
