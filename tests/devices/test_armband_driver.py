@@ -1,5 +1,6 @@
 """What the armband's driver promises, on a simulated link and on a pseudo-terminal."""
 
+import itertools
 import os
 
 import numpy as np
@@ -17,6 +18,7 @@ from devices.contracts import (
 from devices.drivers import armband_codec as codec
 from devices.drivers.armband_ledger import DeviceMicros
 from devices.drivers.armband_serial import serial_armband
+from devices.pump import Pump
 from devices.sim.armband import ArmbandSimulator
 from devices.sim.faults import FaultSchedule
 from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
@@ -30,6 +32,7 @@ from lab.errors import (
 )
 
 ON = (1.0, 0.5, 0.0, 0.25)
+OFF = (0, 0, 0, 0)
 
 
 class Band:
@@ -262,6 +265,53 @@ def test_wearer_feels_the_motors_with_their_inertia():
     assert max(levels.values()) > 0.97
     assert ("arm", 0.0) == (felt[-1][0], felt[-1][2])
     assert (felt[-1][1] - asked_ns) / NS_PER_MS < 300 + wire_ms + 30 * np.log(50) + 15
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_eventful_sessions_end_silent_and_motors_never_outlive_their_command(seed):
+    rng = np.random.default_rng(seed)
+    band = Band()
+    band.peer = ArmbandSimulator(
+        "arm", band.clock, seed=seed, faults=FaultSchedule.random(rng, 20.0), drift_ppm=40.0
+    )
+    driver = serial_armband("arm", band.clock, link=MemoryLink(band.peer, band.clock))
+    pump = Pump(driver, band.batches.append, band.clock)
+    open_despite_faults(driver, band.clock)
+    pump.start()
+    asked = []
+    while band.clock.now_ns() < 20 * NS_PER_S:
+        band.clock.sleep_until_ns(band.clock.now_ns() + NS_PER_S // 90)
+        driver.keep_alive()
+        pump.step()
+        if rng.random() < 0.02:
+            ttl_ms = int(rng.integers(50, 800))
+            asked.append((band.clock.now_ns(), ttl_ms * NS_PER_MS))
+            driver.set_amplitudes(ON, ttl_ms)
+    driver.silence()
+    for _ in range(90):
+        band.clock.sleep_until_ns(band.clock.now_ns() + NS_PER_S // 90)
+        driver.keep_alive()
+        pump.step()
+
+    assert band.duties == OFF
+    assert driver.state is DeviceState.STREAMING
+    slack_ns = 300 * NS_PER_MS
+    for t_ns, duties in band.peer.duty_log:
+        if any(duties):
+            assert any(at <= t_ns <= at + ttl + slack_ns for at, ttl in asked)
+    changes = [*band.peer.duty_log, (band.clock.now_ns(), OFF)]
+    for (t_ns, duties), (until_ns, _) in itertools.pairwise(changes):
+        if any(duties):
+            reaching = max(at + ttl for at, ttl in asked if at <= until_ns)
+            assert until_ns <= reaching + slack_ns, (t_ns, until_ns)
+
+
+def open_despite_faults(driver, clock):
+    while driver.state is DeviceState.CLOSED:
+        try:
+            driver.open(2.0)
+        except DeviceError:
+            clock.sleep_until_ns(clock.now_ns() + NS_PER_S)
 
 
 def test_simulation_repeats_bit_for_bit():
