@@ -21,6 +21,7 @@ class BandPeer:
 
     Faults: late_start, disconnect, loss, duplicate, garbage (of what the host sends), burst,
     mute (of what it hears). With `splits`, messages to the band arrive cut in two at random.
+    The body feels the motors at `places`, all by default.
     `levels_01` is what the motors do now, `log` every change with its session time.
     """
 
@@ -35,6 +36,7 @@ class BandPeer:
         latency_ms: float = 1.0,
         splits: bool = False,
         motor_count: int = 4,
+        places: Sequence[int] | None = None,
     ) -> None:
         self._role = role
         self._rng = np.random.default_rng(seed)
@@ -42,6 +44,7 @@ class BandPeer:
         self._faults = faults if faults is not None else FaultSchedule()
         self._latency_ns = round(latency_ms * NS_PER_MS)
         self._splits = splits
+        self._places = range(motor_count) if places is None else tuple(places)
         self._origin_ns = clock.now_ns()
         self._inbound: deque[tuple[int, bytes]] = deque()
         self._outbound: deque[Chunk] = deque()
@@ -117,7 +120,7 @@ class BandPeer:
         self.levels_01 = levels
         self.log.append((t_ns, levels))
         if self._body is not None:
-            self._body.feel(self._role, levels, t_ns)
+            self._body.feel(self._role, [levels[i] for i in self._places], t_ns)
 
     def _damaged(self, data: bytes, t_ns: int) -> list[bytes]:
         rng = self._rng

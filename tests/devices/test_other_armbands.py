@@ -5,11 +5,13 @@ from itertools import pairwise
 
 import pytest
 
-from devices import conformance
+from devices import conformance, registry
 from devices.byte_wirelog import ReplayLink, TeeLink
 from devices.contracts import BAND_EVENTS, NO_DEVICE_TIME, DeviceState, VibrationPattern
 from devices.drivers.host_timed_band import HOST_SIDE_ONLY, silence_every_open_band
 from devices.drivers.other_armbands import ascii_armband, hid_armband
+from devices.option_models import OPTION_MODELS
+from devices.sim.other_armbands import SIMULATED_OPTIONS, SIMULATORS, simulated_link
 from lab.clock import NS_PER_MS, SimClock
 from lab.errors import (
     ConfigError,
@@ -365,3 +367,54 @@ def test_wrong_template_is_a_configuration_error(commands, says):
 def test_layout_that_does_not_fit_is_a_configuration_error():
     with pytest.raises(ConfigError, match="overrun the report"):
         hid_armband("arm", SimClock(), vid=1, pid=2, layout={"report_bytes": 3})
+
+
+class FeelingBody:
+    """A body that writes down what it feels."""
+
+    def __init__(self):
+        self.felt = []
+
+    def feel(self, role, amplitudes_01, t_ns):
+        self.felt.append((role, [round(a, 2) for a in amplitudes_01]))
+
+
+@pytest.mark.parametrize("driver", SIMULATORS)
+def test_simulated_body_feels_our_motors_in_our_order(driver):
+    clock, body = SimClock(), FeelingBody()
+    link = simulated_link(driver, "arm", clock, body=body)
+    band = registry.load(driver)("arm", clock, link=link, **SIMULATED_OPTIONS.get(driver, {}))
+    band.open(5.0)
+    band.start(lambda batch: None)
+
+    band.set_amplitudes((1.0, 0.5, 0.0, 0.0), 5000)
+    for _ in range(40):
+        clock.sleep_until_ns(clock.now_ns() + 10 * NS_PER_MS)
+        band.keep_alive()
+        band.poll(0.0)
+
+    role, (first, second, third, fourth) = body.felt[-1]
+    assert (role, third, fourth) == ("arm", 0.0, 0.0)
+    assert first > second > 0.0
+    band.close()
+
+
+@pytest.mark.parametrize("driver", SIMULATED_OPTIONS)
+def test_options_of_simulated_bands_are_valid_in_the_configuration(driver):
+    OPTION_MODELS[driver].model_validate(dict(SIMULATED_OPTIONS[driver]))
+
+
+@pytest.mark.parametrize(
+    ("driver", "options", "says"),
+    [
+        ("ascii_armband", {"commands": {}}, "either set_one or set_all"),
+        ("bhaptics", {"points": [0, 0]}, "different numbers from 0 to 5"),
+        ("ble_armband", {}, "address or the name"),
+        ("spp_armband", {"port": "COM4", "address": "AA:BB:CC:DD:EE:FF"}, "either port"),
+        ("vhp_slim", {"channels": [12]}, "from 0 to 11"),
+        ("hid_armband", {"vid": 1, "pid": 2, "layout": {"prefix": "a5f"}}, "prefix"),
+    ],
+)
+def test_wrong_options_say_what_may_be(driver, options, says):
+    with pytest.raises(ValueError, match=says):
+        OPTION_MODELS[driver].model_validate(options)
