@@ -30,7 +30,9 @@ REACH = 0.984
 def free_step_m(speed_mps: float, leg_m: float, runs: bool) -> float:
     """Return the step length people choose at a speed."""
     if runs:
-        return float(speed_mps / RUN_STEPS_HZ)
+        # Shorter legs and higher speeds take quicker steps.
+        quicker = np.sqrt(0.86 / leg_m) * (1.0 + 0.10 * max(0.0, speed_mps - 2.5))
+        return float(speed_mps / (RUN_STEPS_HZ * quicker))
     return float(np.sqrt(WALK_RATIO_M_PER_STEP_MIN * (leg_m / 0.86) * 60.0 * speed_mps))
 
 
@@ -183,10 +185,12 @@ def gait_rows(
         body = gone_m(clock, step, distance)
         # How much of a gait it is: nothing while the feet still stand side by side.
         full = ease((clock + step) / (2.0 * step)) * ease((distance + step - clock) / (2.0 * step))
-        stance = RUN_STANCE if runs else WALK_STANCE
+        stance = WALK_STANCE
+        if runs:
+            stance = RUN_STANCE - 0.045 * max(0.0, speed / np.sqrt(scale) - 2.5)
         relative = step / (0.83 * leg)
         strike = np.radians(4.0 if runs else 19.0 * min(1.2, relative))
-        push = np.radians(58.0 if runs else 50.0 * min(1.15, relative))
+        push = np.radians(45.0 if runs else 50.0 * min(1.15, relative))
         lift = scale * (0.20 if runs else 0.055)
         shift = scale * (RUN_SHIFT_M if runs else WALK_SHIFT_M)
         reach = _reach_height_m(b, stance * step, shift, strike, push)

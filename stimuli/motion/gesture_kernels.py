@@ -171,8 +171,8 @@ def text_rows(
             if k != side and not both:
                 continue
             a = arm_of(c, k)
-            reach = 0.62 * (b[p.B_UPPER_ARM] + b[p.B_FOREARM])
-            drop = 0.55 * b[p.B_UPPER_ARM]
+            reach = 0.58 * (b[p.B_UPPER_ARM] + b[p.B_FOREARM])
+            drop = 0.80 * b[p.B_UPPER_ARM]
             if k == side:
                 hold(
                     a, p.CHEST, 1.0, -0.045 if both else -0.02, b[p.B_SHOULDER_Y] - drop, -reach,
@@ -308,9 +308,9 @@ def crouch_rows(
         for side in range(2):
             sign = -1.0 if side == 0 else 1.0
             foot = c[p.LEG + side * p.LEG_SIZE : p.LEG + (side + 1) * p.LEG_SIZE]
-            foot[p.ANKLE] += sign * 0.05 * depth
-            foot[p.FOOT_YAW] -= sign * np.radians(8.0) * depth
-            foot[p.KNEE_OUT] += np.radians(14.0) * depth
+            foot[p.ANKLE] += sign * 0.02 * depth
+            foot[p.FOOT_YAW] -= sign * np.radians(5.0) * depth
+            foot[p.KNEE_OUT] += np.radians(5.0) * depth
             foot[p.FOOT_PITCH], foot[p.TOE_BEND] = rise, rise
             # The ball of the foot stays where it is.
             over, ahead = b[p.B_ANKLE] - b[p.B_BALL_Y], b[p.B_FOOT]

@@ -254,8 +254,12 @@ def _arm(
         palm = square_to(palm, f, turned(hand, DOWN))
         hand = frame_to_frame(LEFT_X, DOWN, f, palm)
         local = times(inverse(girdle), upper)
-        twist = twist_about(times(inverse(times(upper, hinge)), hand), along)
-        twist = min(MOST_FOREARM_TWIST, max(-MOST_FOREARM_TWIST, twist))
+        whole = times(upper, hinge)
+        within = times(inverse(whole), hand)
+        wanted = twist_about(within, along)
+        twist = min(MOST_FOREARM_TWIST, max(-MOST_FOREARM_TWIST, wanted))
+        # A palm that would have to turn farther stays short of where it should face.
+        hand = times(whole, times(about(along, twist - wanted), within))
     forearm = times(hinge, about(along, FOREARM_SHARE * twist))
     wrist = times(inverse(times(upper, forearm)), hand)
     if side == 1:

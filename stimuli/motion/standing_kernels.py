@@ -145,7 +145,7 @@ def clasp_behind(c: Vector, b: Vector, weight: float) -> None:
         a = c[p.ARM + side * p.ARM_SIZE : p.ARM + (side + 1) * p.ARM_SIZE]
         hold(
             a, p.PELVIS, weight,
-            -0.055, 0.015 - 0.02 * side, 1.05 * b[p.B_BELLY] + 0.03 + 0.02 * side,
+            -0.055, 0.015 - 0.02 * side, 0.072 * b[p.B_STATURE] + 0.02 * side,
             0.80, -0.60, 0.15, 0.0, 0.1, 1.0,
         )  # fmt: skip
         pole(a, -1.0, -0.2, 0.85)
