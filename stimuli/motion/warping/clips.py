@@ -14,6 +14,7 @@ from stimuli.motion.warping.control import (
     ControlSettings,
     Outcome,
     Situation,
+    is_within,
     see,
     steer,
     warped_turns,
@@ -109,7 +110,10 @@ def warp_clip(
     ).reshape(n, len(targets))
     wanted = np.array([o.wanted for o in outcomes])
     original = np.array([o.original for o in outcomes])
-    tolerance = np.maximum(0.1 * np.abs(wanted - original), 1.0 / 128)
+    is_reached = [
+        is_within(w, o, r, situation)
+        for w, o, r, situation in zip(wanted, original, reached, situations, strict=True)
+    ]
     return WarpedClip(
         clip=warped,
         targets=targets,
@@ -120,7 +124,7 @@ def warp_clip(
         original=original,
         wanted=wanted,
         reached=reached,
-        is_reached=np.asarray((np.abs(wanted - reached) <= tolerance).all(axis=1)),
+        is_reached=np.array(is_reached, dtype=np.bool_),
         steps=np.array([o.steps for o in outcomes]),
     )
 
