@@ -10,7 +10,6 @@ from devices.transports import Exchange, Frames, Message
 from lab.clock import Clock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation
 
-DESCRIPTOR_BYTES = 4096
 MOST_REPORTS = 1000
 
 
@@ -153,7 +152,7 @@ class HidReports:
 
     def _descriptor(self) -> bytes:
         try:
-            return bytes(self._device.get_report_descriptor(DESCRIPTOR_BYTES))
+            return bytes(self._device.get_report_descriptor())
         except (OSError, ValueError) as cause:
             raise self._gone(cause) from cause
 

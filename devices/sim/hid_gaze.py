@@ -175,10 +175,10 @@ class FakeHidDevice:
     def set_nonblocking(self, on: int) -> None:
         """Accept: a virtual clock never waits here."""
 
-    def get_report_descriptor(self, size: int) -> list[int]:
+    def get_report_descriptor(self) -> list[int]:
         """Return the descriptor."""
         self._check()
-        return list(self._library.simulator.descriptor[:size])
+        return list(self._library.simulator.descriptor)
 
     def get_feature_report(self, number: int, size: int) -> list[int]:
         """Return a feature report."""
