@@ -13,6 +13,7 @@ ENTRY_POINT_GROUP = "visavis.drivers"
 """Installed packages add drivers under this entry-point group."""
 
 BUILT_IN: dict[str, str] = {
+    "lsl_body": "devices.drivers.lsl_body:LslBody",
     "natnet": "devices.drivers.natnet:NatNet",
     "openvr_controllers": "devices.drivers.openvr_controllers:OpenVrControllers",
     "openvr_headset": "devices.drivers.openvr_headset:OpenVrHeadset",

@@ -20,19 +20,28 @@ FRAMES = {"head": "head-space", "world": "world-space"}
 
 @dataclass(frozen=True)
 class Channel:
-    """One number of a stream; `eye` and `frame` are empty where they mean nothing."""
+    """One number of a stream; `eye`, `frame` and `segment` are empty where they mean nothing."""
 
     label: str
     kind: str
     unit: str
     eye: str
     frame: str
+    segment: str = ""
 
 
 def channels_of(schema: StreamSchema) -> tuple[Channel, ...]:
     """Return the channels of a stream, in the order of `flat_values`."""
     is_gaze = schema.name == "gaze"
-    return tuple(channel for field in schema.fields for channel in _of_field(field, is_gaze))
+    segments = segments_of(schema)
+    return tuple(c for field in schema.fields for c in _of_field(field, is_gaze, segments))
+
+
+def segments_of(schema: StreamSchema) -> tuple[str, ...]:
+    """Return the names of a body stream's segments; empty for other streams."""
+    if schema.name != "body" or not schema.fields:
+        return ()
+    return tuple(schema.fields[0].description.partition("origins of: ")[2].split())
 
 
 def content_type(schema: StreamSchema) -> str:
@@ -67,12 +76,13 @@ def describe(target: Element, schema: StreamSchema) -> None:
             ("type", channel.kind),
             ("unit", channel.unit),
             ("coordinate_system", channel.frame),
+            ("object", channel.segment),
         ):
             if text:
                 SubElement(entry, tag).text = text
 
 
-def _of_field(field: Field, is_gaze: bool) -> list[Channel]:
+def _of_field(field: Field, is_gaze: bool, segments: tuple[str, ...]) -> list[Channel]:
     n = int(np.prod(field.shape)) if field.shape else 1
     eye = ""
     if is_gaze:
@@ -93,7 +103,9 @@ def _of_field(field: Field, is_gaze: bool) -> list[Channel]:
         label = field.name if n == 1 else f"{field.name}_{i // last}_{axis or i % last}"
         if n == last and n > 1:
             label = f"{field.name}_{axis or i}"
-        channels.append(Channel(label, f"{kind}{axis}", unit, eye, frame))
+        per_segment = n // len(segments) if segments else 1
+        segment = segments[i // per_segment] if segments else ""
+        channels.append(Channel(label, f"{kind}{axis}", unit, eye, frame, segment))
     return channels
 
 
