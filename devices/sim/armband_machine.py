@@ -35,24 +35,17 @@ def build(kind: MachineKind, folder: Path, limits: str = "") -> list[str]:
     Raises DeviceNotFound naming the packages that are missing, DeviceError when the firmware
     itself does not compile.
     """
-    needs = {"make": "make", "cc": "gcc"}
-    headers: dict[str, tuple[str, str]] = {}
+    programs, headers, packages = ["make", "cc"], {}, "make gcc"
     if kind == "simavr":
-        needs |= {"avr-gcc": "gcc-avr"}
-        headers = {
-            "simavr/sim_avr.h": ("cc", "simavr libsimavr-dev"),
-            "avr/io.h": ("avr-gcc", "avr-libc"),
-        }
-    missing = [package for program, package in needs.items() if shutil.which(program) is None]
-    missing += [
-        package
-        for header, (compiler, package) in headers.items()
-        if shutil.which(compiler) is not None and not _has_header(compiler, header)
-    ]
+        programs.append("avr-gcc")
+        headers = {"simavr/sim_avr.h": "cc", "avr/io.h": "avr-gcc"}
+        packages += " gcc-avr avr-libc simavr libsimavr-dev"
+    missing = [name for name in programs if shutil.which(name) is None]
+    missing = missing or [h for h, compiler in headers.items() if not _has_header(compiler, h)]
     if missing:
         raise DeviceNotFound(
-            f"the armband's firmware cannot be built for {kind}",
-            remedy=f"run: apt-get install {' '.join(missing)}",
+            f"the armband's firmware cannot be built for {kind} without {', '.join(missing)}",
+            remedy=f"run: apt-get install {packages}",
         )
     if kind == "simavr":
         make("avr", folder, limits)
@@ -81,8 +74,7 @@ def _has_header(compiler: str, header: str) -> bool:
         text=True,
         check=False,
     )
-    errors_other_than_missing = "No such file" not in probe.stderr
-    return probe.returncode == 0 or errors_other_than_missing
+    return "No such file" not in probe.stderr
 
 
 class LockstepMachine:
