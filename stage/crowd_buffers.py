@@ -1,13 +1,14 @@
 """The cast on the graphics card: one mesh per character and level, one row of matrices each."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from stage.glsl_people import SKINNED_BYTES, SKINNED_LAYOUT
 from stage.joint_rows import JointRows
 from stage.programs import UNITS
 from stage.textures import Textures
@@ -17,14 +18,17 @@ from stimuli.characters.character import Character
 
 @dataclass(eq=False)
 class _LevelOnCard:
-    """One level of one character, ready to be drawn n times."""
+    """One level of one character: `skinned` holds `copies` of it, `indices` the runs of each."""
 
+    built: PersonVertices
     vertices: moderngl.Buffer
-    indices: moderngl.Buffer
-    members: moderngl.Buffer
     deltas: moderngl.Texture
-    runs: tuple[Run, ...]
-    arrays: dict[int, moderngl.VertexArray]
+    members: moderngl.Buffer
+    skinned: moderngl.Buffer | None = None
+    indices: moderngl.Buffer | None = None
+    copies: int = 0
+    skinning: dict[int, moderngl.VertexArray] = field(default_factory=dict)
+    arrays: dict[int, moderngl.VertexArray] = field(default_factory=dict)
     drawn: tuple[int, ...] = ()
 
 
@@ -61,6 +65,7 @@ class CrowdBuffers:
         n, width = self.joints.rows.shape[:2]
         self._matrices = context.texture((width, max(n, 1)), 4, dtype="f4")
         self._matrices.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._nowhere = context.simple_framebuffer((1, 1))
         self._people_of: list[npt.NDArray[np.int64]] = []
         self._levels: list[tuple[_LevelOnCard, ...]] = []
         of_character: dict[int, list[int]] = {}
@@ -75,14 +80,9 @@ class CrowdBuffers:
         context, rows = self._context, len(level.deltas)
         deltas = context.texture((8, rows), 4, level.deltas.tobytes(), dtype="f4")
         deltas.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        return _LevelOnCard(
-            context.buffer(level.vertices.tobytes()),
-            context.buffer(level.indices.tobytes()),
-            context.buffer(reserve=4 * capacity, dynamic=True),
-            deltas,
-            level.runs,
-            {},
-        )
+        vertices = context.buffer(level.vertices.tobytes())
+        members = context.buffer(reserve=4 * capacity, dynamic=True)
+        return _LevelOnCard(level, vertices, deltas, members)
 
     def upload(self) -> None:
         """Send the matrices of this frame."""
@@ -102,43 +102,79 @@ class CrowdBuffers:
                     if members:
                         on_card.members.write(np.array(members, np.int32))
 
-    def draw(self, program_of: Callable[[Run], moderngl.Program]) -> None:
-        """Draw everyone chosen."""
-        context = self._context
+    def skin(self, program: moderngl.Program) -> None:
+        """Move everyone chosen into this frame's pose, on the card, once for all views."""
+        self._nowhere.use()  # without a screen the driver wants some target even so
         self._matrices.use(UNITS["joint_rows"])
+        for on_card in self._chosen():
+            n = len(on_card.drawn)
+            if n > on_card.copies:
+                self._grow(on_card, 1 << (n - 1).bit_length())
+            on_card.deltas.use(UNITS["morph_deltas"])
+            count = len(on_card.built.vertices)
+            self._skinning_array(program, on_card).transform(
+                _made(on_card.skinned), moderngl.POINTS, vertices=count, instances=n
+            )
+
+    def draw(self, program_of: Callable[[Run], moderngl.Program]) -> None:
+        """Draw everyone skinned."""
+        context = self._context
         cull: bool | None = None
-        for levels in self._levels:
-            for on_card in levels:
-                if not on_card.drawn:
-                    continue
-                on_card.deltas.use(UNITS["morph_deltas"])
-                n = len(on_card.drawn)
-                for run in on_card.runs:
-                    if cull is not (not run.double_sided):
-                        cull = not run.double_sided
-                        (context.enable if cull else context.disable)(moderngl.CULL_FACE)
-                    self._textures.use(run.texture, UNITS["picture"])
-                    array = self._array(program_of(run), on_card)
-                    array.render(vertices=run.count, first=run.first, instances=n)
+        for on_card in self._chosen():
+            n = len(on_card.drawn)
+            for run in on_card.built.runs:
+                if cull is not (not run.double_sided):
+                    cull = not run.double_sided
+                    (context.enable if cull else context.disable)(moderngl.CULL_FACE)
+                self._textures.use(run.texture, UNITS["picture"])
+                array = self._array(program_of(run), on_card)
+                array.render(vertices=run.count * n, first=run.first * on_card.copies)
 
     def draw_outlines(self, program: moderngl.Program) -> None:
-        """Draw everyone chosen into a shadow map."""
-        self._matrices.use(UNITS["joint_rows"])
+        """Draw everyone skinned into a shadow map."""
+        for on_card in self._chosen():
+            array, n = self._array(program, on_card), len(on_card.drawn)
+            for run in on_card.built.runs:
+                array.render(vertices=run.count * n, first=run.first * on_card.copies)
+
+    def _chosen(self) -> Iterator[_LevelOnCard]:
         for levels in self._levels:
             for on_card in levels:
                 if on_card.drawn:
-                    on_card.deltas.use(UNITS["morph_deltas"])
-                    array = self._array(program, on_card)
-                    n = len(on_card.drawn)
-                    array.render(vertices=on_card.indices.size // 4, instances=n)
+                    yield on_card
 
-    def _array(self, program: moderngl.Program, on_card: _LevelOnCard) -> moderngl.VertexArray:
-        array = on_card.arrays.get(id(program))
+    def _grow(self, on_card: _LevelOnCard, copies: int) -> None:
+        """Make room for so many people of this look."""
+        _release_copies(on_card)
+        count = len(on_card.built.vertices)
+        step = np.arange(copies, dtype=np.int32)[:, None] * count
+        indices = on_card.built.indices
+        blocks = [
+            (step + indices[run.first : run.first + run.count]).ravel()
+            for run in on_card.built.runs
+        ]
+        on_card.indices = self._context.buffer(np.concatenate(blocks).astype(np.int32).tobytes())
+        on_card.skinned = self._context.buffer(reserve=count * copies * SKINNED_BYTES)
+        on_card.copies = copies
+
+    def _skinning_array(
+        self, program: moderngl.Program, on_card: _LevelOnCard
+    ) -> moderngl.VertexArray:
+        array = on_card.skinning.get(id(program))
         if array is None:
             content: list[tuple[Any, ...]] = [
                 (on_card.vertices, *PERSON_LAYOUT),
                 (on_card.members, "1i4/i", "in_person"),
             ]
+            array = on_card.skinning[id(program)] = self._context.vertex_array(
+                program, content, skip_errors=True
+            )
+        return array
+
+    def _array(self, program: moderngl.Program, on_card: _LevelOnCard) -> moderngl.VertexArray:
+        array = on_card.arrays.get(id(program))
+        if array is None:
+            content: list[tuple[Any, ...]] = [(on_card.skinned, *SKINNED_LAYOUT)]
             array = on_card.arrays[id(program)] = self._context.vertex_array(
                 program, content, on_card.indices, index_element_size=4, skip_errors=True
             )
@@ -147,10 +183,27 @@ class CrowdBuffers:
     def release(self) -> None:
         """Free the card's memory."""
         self._matrices.release()
+        self._nowhere.release()
         for levels in self._levels:
             for on_card in levels:
-                for array in on_card.arrays.values():
+                _release_copies(on_card)
+                for array in on_card.skinning.values():
                     array.release()
-                for thing in (on_card.vertices, on_card.indices, on_card.members, on_card.deltas):
+                for thing in (on_card.vertices, on_card.members, on_card.deltas):
                     thing.release()
         self._levels = []
+
+
+def _release_copies(on_card: _LevelOnCard) -> None:
+    for array in on_card.arrays.values():
+        array.release()
+    on_card.arrays.clear()
+    for buffer in (on_card.skinned, on_card.indices):
+        if buffer is not None:
+            buffer.release()
+    on_card.skinned = on_card.indices = None
+
+
+def _made(buffer: moderngl.Buffer | None) -> moderngl.Buffer:
+    assert buffer is not None  # noqa: S101 - _grow has made it
+    return buffer

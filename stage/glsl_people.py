@@ -53,14 +53,55 @@ void skinned(out vec3 place, out vec3 normal) {
 }
 """
 
-VERTEX = (
-    FRAME_BLOCK
+SKIN_VERTEX = (
+    LIGHTING
     + DECODED
     + SKINNING
     + """
 in vec4 in_colour;
 in uvec4 in_surface;
 in vec3 in_detail;
+out vec3 out_place;
+out vec3 out_normal;
+out vec3 out_detail;
+out vec3 out_albedo;
+flat out uint out_surface;
+flat out uint out_person;
+void main() {
+    skinned(out_place, out_normal);
+    out_detail = in_detail;
+    out_normal = normalize(out_normal);
+    out_albedo = decoded(in_colour.rgb);
+#ifdef VERTEX_LIT
+    uint kind = in_surface.x;
+    vec3 wrap = kind == 0u ? vec3(0.34, 0.17, 0.11) : vec3(0.12);
+    vec3 here = lit(out_albedo, wrap, out_place, out_normal, vec3(0.0), 1.0, 0.0);
+    if (kind != 1u && kind != 2u && kind < 128u) out_albedo = here;
+#endif
+    out_surface = in_surface.x | in_surface.y << 8 | in_surface.z << 16 | in_surface.w << 24;
+    out_person = uint(in_person) + 1u;
+    gl_Position = vec4(0.0);
+}
+"""
+)
+"""Skins everyone once a frame; what it writes is drawn from every eye and lamp."""
+
+SKINNED_VARYINGS = (
+    "out_place", "out_normal", "out_detail", "out_albedo", "out_surface", "out_person",
+)  # fmt: skip
+SKINNED_BYTES = 56
+SKINNED_LAYOUT = ("3f4 3f4 3f4 3f4 4u1 1u4", "in_place", "in_normal", "in_detail", "in_albedo",
+                  "in_surface", "in_person")  # fmt: skip
+
+VERTEX = (
+    FRAME_BLOCK
+    + """
+in vec3 in_place;
+in vec3 in_normal;
+in vec3 in_detail;
+in vec3 in_albedo;
+in uvec4 in_surface;
+in uint in_person;
 out vec3 place;
 out vec3 normal;
 out vec3 detail;
@@ -68,29 +109,22 @@ out vec3 albedo_here;
 flat out uvec4 surface;
 flat out uint person;
 void main() {
-    skinned(place, normal);
+    place = in_place;
+    normal = in_normal;
     detail = in_detail;
-    albedo_here = decoded(in_colour.rgb);
+    albedo_here = in_albedo;
     surface = in_surface;
-    person = uint(in_person) + 1u;
-    gl_Position = view_projection * vec4(place, 1.0);
+    person = in_person;
+    gl_Position = view_projection * vec4(in_place, 1.0);
 }
 """
 )
 
-SHADOW_VERTEX = (
-    """
+SHADOW_VERTEX = """
 uniform mat4 shadow_projection;
+in vec3 in_place;
+void main() { gl_Position = shadow_projection * vec4(in_place, 1.0); }
 """
-    + SKINNING
-    + """
-void main() {
-    vec3 place, normal;
-    skinned(place, normal);
-    gl_Position = shadow_projection * vec4(place, 1.0);
-}
-"""
-)
 
 FRAGMENT = (
     LIGHTING
@@ -173,6 +207,11 @@ vec3 hair_surface(vec3 albedo, vec3 n, vec3 view, float roughness) {
 
 #endif
 
+#ifdef VERTEX_LIT
+void main() {
+    deliver(albedo_here, 1.0, person, surface.z, length(eye_m.xyz - place));
+}
+#else
 void main() {
     vec3 n = normalize(gl_FrontFacing ? normal : -normal);
     vec3 path = eye_m.xyz - place;
@@ -212,6 +251,7 @@ void main() {
 #endif
     deliver(result, alpha, person, surface.z, distance_m);
 }
+#endif
 """
 )
 

@@ -22,7 +22,7 @@ class LitPrograms:
 
     def lit(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
         """Return the program for triangles that look like `run` under these lamps."""
-        key = (family, run.kind, run.texture is None, run.has_morphs, lamps, identity)
+        key = (family, run.kind, run.texture is None, lamps, identity)
         found = self._made.get(key)
         if found is None:
             found = self._made[key] = self._compile(family, run, lamps, identity=identity)
@@ -33,8 +33,22 @@ class LitPrograms:
         key = (family,)
         if key not in self._made:
             vertex = glsl_people.SHADOW_VERTEX if family == "people" else glsl_room.SHADOW_VERTEX
+            self._made[key] = compile_program(self._context, vertex, glsl_people.SHADOW_FRAGMENT)
+        return self._made[key]
+
+    def skinning(self, lamps: str) -> moderngl.Program:
+        """Return the program that moves people into their poses; the fast one lights them too."""
+        key = ("skinning", lamps if self._fast else "")
+        if key not in self._made:
             self._made[key] = compile_program(
-                self._context, vertex, glsl_people.SHADOW_FRAGMENT, "MORPHS"
+                self._context,
+                glsl_people.SKIN_VERTEX,
+                None,
+                "MORPHS",
+                "NO_SHINE",
+                *(("VERTEX_LIT",) if self._fast else ()),
+                constants=lamps if self._fast else glsl_lighting.lamp_constants((), ()),
+                varyings=glsl_people.SKINNED_VARYINGS,
             )
         return self._made[key]
 
@@ -44,15 +58,19 @@ class LitPrograms:
             program.release()
         self._made.clear()
 
+    def _vertex_lit(self, family: Family, run: Run) -> bool:
+        by_vertex = run.kind not in ("eye", "hair") and run.texture is None
+        return self._fast and family == "people" and by_vertex
+
     def _compile(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
         source = glsl_people if family == "people" else glsl_room
         defines = [*self._common]
         if run.texture is not None:
             defines.append("TEXTURED")
-        if run.has_morphs:
-            defines.append("MORPHS")
         if run.kind in glsl_people.SHADERS:
             defines.append(glsl_people.SHADERS[run.kind])
+        if self._vertex_lit(family, run):
+            defines.append("VERTEX_LIT")
         if run.kind == "cloth" or (family == "room" and self._fast):
             defines.append("NO_SHINE")
         output = glsl_lighting.OUTPUT_IDENTITY if identity else glsl_lighting.OUTPUT_COLOUR

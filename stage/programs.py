@@ -17,11 +17,20 @@ BLOCKS: Mapping[str, int] = {"Frame": 0, "Lighting": 1}
 
 
 def compile_program(
-    context: moderngl.Context, vertex: str, fragment: str, *defines: str, constants: str = ""
+    context: moderngl.Context,
+    vertex: str,
+    fragment: str | None,
+    *defines: str,
+    constants: str = "",
+    varyings: tuple[str, ...] = (),
 ) -> moderngl.Program:
     """Compile, and point samplers and blocks to their fixed places."""
     head = HEAD + "".join(f"#define {name}\n" for name in defines) + constants
-    program = context.program(vertex_shader=head + vertex, fragment_shader=head + fragment)
+    program = context.program(
+        vertex_shader=head + vertex,
+        fragment_shader=None if fragment is None else head + fragment,
+        varyings=varyings,
+    )
     for name in program:
         member = program[name]
         if isinstance(member, moderngl.Uniform) and name in UNITS:

@@ -223,7 +223,7 @@ class Renderer:
         return Drawn(np.where(seen, chosen, -1), distance_m)
 
     def light(self, picture: Picture, crowd: CrowdBuffers) -> None:
-        """Draw the shadow maps and send the lamps."""
+        """Send the lamps, move people into their poses, draw the shadow maps."""
         views: tuple[ShadowView, ...] = ()
         if self.quality.shadows == "maps":
             low, high = self._lit_box(picture, crowd)
@@ -234,9 +234,12 @@ class Renderer:
                 map_px=self.quality.shadow_map_px,
                 softness_m=self.quality.shadow_softness_m,
             )
-        self._draw_shadows(picture, crowd, views)
         self._lighting.write(lighting_block(picture.room, views))
         self._lighting.bind_to_uniform_block(1)
+        self._frame.bind_to_uniform_block(0)
+        if crowd.cast:
+            crowd.skin(self._programs.skinning(self._light_constants(picture.room)))
+        self._draw_shadows(picture, crowd, views)
 
     def look_from(self, camera: Camera, brightness_01: float, alpha_threshold: float) -> None:
         """Send the camera."""
@@ -338,7 +341,6 @@ class Renderer:
                 self._levels.pop(id(oldest), None)
                 oldest.release()
             found = CrowdBuffers(self.context, cast, self._meshes, self._textures)
-            found.joints.rows[:] = 0
             self._crowds[key] = found
         return found
 

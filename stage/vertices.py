@@ -48,7 +48,6 @@ class Run:
     texture: TextureArray | None
     double_sided: bool
     kind: str = "other"
-    has_morphs: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +81,6 @@ def person_vertices(character: Character, mesh: SkinnedMesh) -> PersonVertices:
     materials = character.materials
     material_of, part_of = mesh.triangle_material, mesh.triangle_part
     eyes = _eye_sides(character, mesh)
-    moving = np.zeros(len(mesh.vertices_m), np.bool_)
-    for morph in mesh.morphs.values():
-        moving[morph.vertices] = True
     looks: dict[tuple[str, int, bool], list[int]] = {}
     for i in np.unique(material_of).tolist():
         texture = materials[i].texture_srgb if materials[i].kind != "eye" else None
@@ -100,8 +96,7 @@ def person_vertices(character: Character, mesh: SkinnedMesh) -> PersonVertices:
         order.append(chosen)
         texture = materials[members[0]].texture_srgb if shader != "eye" else None
         count = 3 * len(chosen)
-        moves = bool(moving[mesh.triangles[chosen]].any())
-        runs.append(Run(first, count, texture, double_sided, shader, moves))
+        runs.append(Run(first, count, texture, double_sided, shader))
         first += count
     rows = np.concatenate(order) if order else np.zeros(0, np.int64)
     corners = mesh.triangles[rows].astype(np.int64)
@@ -122,9 +117,11 @@ def person_vertices(character: Character, mesh: SkinnedMesh) -> PersonVertices:
     out["surface"][:, 1] = np.round(np.clip(roughness, 0, 1) * 255)[material]
     out["surface"][:, 2] = part
     if mesh.uv is not None:
+        # Kind + 128: whoever lights vertices leaves these to the pixels.
         textured = np.array([m.texture_srgb is not None and m.kind != "eye" for m in materials])
         chosen = textured[material]
         out["detail"][chosen, :2] = mesh.uv[source[chosen]]
+        out["surface"][chosen, 0] |= 128
     is_eye = np.array([m.kind == "eye" for m in materials], bool)[material]
     _place_irises(out, character, eyes[source], is_eye)
     deltas = _morph_rows(out, mesh, source)
