@@ -76,6 +76,7 @@ def build_of_skeleton(skeleton: Skeleton) -> Build:
     b[p.B_STATURE] = stature
     b[p.B_THIGH_RADIUS] = 0.075 * size
     b[p.B_SEAT_GAP] = b[p.B_HIP_Y] + 0.085 * size
+    b[p.B_KNEE_GAP] = 0.060 * size
     b[p.B_BELLY] = 0.115 * size
     b[p.B_HEAD_HALF] = 0.078 * size
     b[p.B_FOOT] = float(np.hypot(toes[0] - at("left_foot")[0], toes[2] - at("left_foot")[2]))
@@ -93,6 +94,14 @@ def _of_part(mesh: SkinnedMesh, *parts: str) -> Vector:
     rows = np.unique(mesh.triangles[kept])
     places: Vector = mesh.vertices_m[rows].astype(np.float64)
     return places
+
+
+def _behind_thigh_m(thigh: Vector, hip: Vector, knee: Vector, first: float, last: float) -> float:
+    """Return how far the flesh behind a thigh reaches, between two shares of its length."""
+    share = (hip[1] - thigh[:, 1]) / (hip[1] - knee[1])
+    bone_z = hip[2] + share * (knee[2] - hip[2])
+    behind = (thigh[:, 2] - bone_z)[(share > first) & (share < last)]
+    return float(np.quantile(behind, 0.99)) if len(behind) else 0.08
 
 
 def build_of_character(character: Character) -> Build:
@@ -118,9 +127,8 @@ def build_of_character(character: Character) -> Build:
     if len(middle):
         joint_z = 0.5 * (hip[2] + knee[2])
         b[p.B_THIGH_RADIUS] = joint_z - np.quantile(middle[:, 2], 0.02)
-        upper = thigh[np.abs(thigh[:, 1] - (0.75 * hip[1] + 0.25 * knee[1])) < 0.08]
-        under = np.quantile((upper if len(upper) else middle)[:, 2], 0.98)
-        b[p.B_SEAT_GAP] = b[p.B_HIP_Y] + max(0.05, under - hip[2])
+        b[p.B_SEAT_GAP] = b[p.B_HIP_Y] + max(0.05, _behind_thigh_m(thigh, hip, knee, 0.10, 0.40))
+        b[p.B_KNEE_GAP] = 0.010 + max(0.03, _behind_thigh_m(thigh, hip, knee, 0.40, 0.62))
     trunk = _of_part(mesh, "torso")
     belly = trunk[np.abs(trunk[:, 1] - 0.35 * b[p.B_TRUNK]) < 0.08]
     if len(belly):

@@ -145,4 +145,6 @@ B_HEEL: Final = 21
 """Back of the heel behind the ankle."""
 B_BALL_Y: Final = 22
 """Joint of the toes above the floor on flat feet."""
-B_SIZE: Final = 23
+B_KNEE_GAP: Final = 23
+"""Knees above the seat when sitting on it."""
+B_SIZE: Final = 24

@@ -45,20 +45,28 @@ def sit(
     c[p.HEAD_PITCH] = lean + np.radians(-1.0 + 3.0 * chance(person, 107, 0))
     c[p.HEAD_ROLL] = -np.radians(2.0) * lively * side_shift
     # Ankles may lie as far before the knees as leaves these above the seat.
-    knee_m = seat_m + 0.75 * b[p.B_THIGH_RADIUS]
+    knee_m = seat_m + b[p.B_KNEE_GAP]
     hip_m = c[p.HIPS + 1] - b[p.B_HIP_Y]
     drop = min(0.9 * b[p.B_THIGH], max(-0.5 * b[p.B_THIGH], hip_m - knee_m))
     knee_z = -np.sqrt(b[p.B_THIGH] ** 2 - drop * drop)
-    shin_up = min(0.999 * b[p.B_SHIN], max(0.1, knee_m - b[p.B_ANKLE]))
+    # Who is too short for the seat stands on the balls of the feet.
+    rise = max(0.0, knee_m - b[p.B_ANKLE] - 0.99 * b[p.B_SHIN])
+    heel_up = np.arcsin(min(0.8, rise / b[p.B_FOOT]))
+    over = b[p.B_ANKLE] - b[p.B_BALL_Y]
+    ankle_m = b[p.B_ANKLE] + over * (np.cos(heel_up) - 1.0) + b[p.B_FOOT] * np.sin(heel_up)
+    shin_up = min(0.999 * b[p.B_SHIN], max(0.1, knee_m - ankle_m))
     tilt = np.sqrt(b[p.B_SHIN] ** 2 - shin_up * shin_up)
     apart = b[p.B_HIP_X] * (0.75 + 0.85 * chance(person, 108, 0))
-    crossed = chance(person, 109, 0) < 0.22
+    aside = b[p.B_HIP_X] + 0.10 * scale
+    # Crossing the ankles takes shins that can lean.
+    crossed = chance(person, 109, 0) < 0.22 and tilt > 1.05 * aside
     front = 0 if chance(person, 109, 1) < 0.5 else 1
     for side in range(2):
         sign = -1.0 if side == 0 else 1.0
         leg = c[p.LEG + side * p.LEG_SIZE : p.LEG + (side + 1) * p.LEG_SIZE]
         leg[p.ANKLE] = sign * apart
-        leg[p.ANKLE + 1] = b[p.B_ANKLE]
+        leg[p.ANKLE + 1] = ankle_m
+        leg[p.FOOT_PITCH], leg[p.TOE_BEND] = heel_up, heel_up
         ahead = 0.9 * tilt - (0.7 * tilt + 0.05) * chance(person, 110, side)
         leg[p.ANKLE + 2] = knee_z - min(0.2 * scale, ahead)
         leg[p.FOOT_YAW] = -sign * np.radians(4.0 + 10.0 * chance(person, 111, side))
@@ -66,11 +74,11 @@ def sit(
         if crossed:
             # Ankles crossed before the seat, the outer edges of the feet on the floor.
             leg[p.ANKLE] = -sign * 0.028 * scale
-            aside = b[p.B_HIP_X] + 0.10 * scale
             most = np.sqrt(max(0.0, tilt * tilt - aside * aside))
             leg[p.ANKLE + 2] = knee_z - most + (0.0 if side == front else 0.11 * scale)
             leg[p.FOOT_YAW] = -sign * np.radians(14.0)
             leg[p.FOOT_ROLL] = sign * np.radians(10.0)
+            leg[p.ANKLE + 1] += 0.008 * scale
             leg[p.KNEE_OUT] = np.radians(9.0)
 
 

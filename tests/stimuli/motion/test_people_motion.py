@@ -82,8 +82,9 @@ def test_feet_of_those_who_stay_do_not_move() -> None:
     for i in range(len(KINDS)):
         ankles = joints(motion, i, times, "left_foot", "right_foot")
         assert np.ptp(ankles, axis=0).max() < 1e-3
-        expected = motion.people[i].build.ankle_m
-        assert ankles[..., 1] == pytest.approx(expected, abs=2e-3)
+        lowest = ankles[..., 1].min() - motion.people[i].build.ankle_m
+        # Short sitters have their heels up.
+        assert -1e-3 < lowest < (0.1 if isinstance(KINDS[i], Sit) else 2e-3)
 
 
 def test_place_and_heading_carry_the_whole_person() -> None:

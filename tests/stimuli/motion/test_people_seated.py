@@ -1,0 +1,51 @@
+"""Sitters of the cast: on the seat, not in it; feet on the floor, not under it."""
+
+import numpy as np
+import pytest
+
+from lab.geometry import Vector
+from stimuli.characters.cast import load_cast
+from stimuli.characters.character import Character
+from stimuli.characters.skinning import skin_of
+from stimuli.motion.build import build_of_character, build_of_skeleton
+from stimuli.motion.kinds import Sit
+from stimuli.motion.people import PeopleMotion, Person
+from stimuli.motion.skeleton import canonical_skeleton, forward
+
+SEAT_M = 0.45
+CAST = load_cast()
+
+
+def surface_m(character: Character, sit: Sit, seed: int) -> Vector:
+    pose = PeopleMotion((Person(build_of_character(character), sit, seed),)).at(3.0)
+    placement = forward(character.skeleton, pose.root_m[0], pose.orientation_wxyz[0])
+    skin: Vector = skin_of(character, placement).vertices_m
+    return skin
+
+
+@pytest.mark.parametrize("character", CAST, ids=[c.name for c in CAST])
+def test_no_body_goes_more_than_a_centimetre_into_seat_or_floor(character: Character) -> None:
+    for seed, hands in ((1, "thighs"), (2, "lap"), (5, "folded")):
+        body = surface_m(character, Sit(SEAT_M, hands), seed)  # type: ignore[arg-type]
+        above_seat = (np.abs(body[:, 0]) < 0.22) & (np.abs(body[:, 2]) < 0.22)
+        lowest = body[above_seat & (body[:, 1] > 0.25), 1].min() - SEAT_M
+        assert -0.010 < lowest < 0.035
+        assert -0.0105 < body[:, 1].min() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("stature_m", "seat_m"),
+    [(1.4, 0.36), (1.4, 0.42), (1.75, 0.38), (1.75, 0.45), (1.75, 0.52), (2.1, 0.45), (2.1, 0.55)],
+)
+def test_thighs_of_a_bare_skeleton_lie_on_the_seat(stature_m: float, seat_m: float) -> None:
+    build = build_of_skeleton(canonical_skeleton(stature_m))
+    for seed in range(6):
+        pose = PeopleMotion((Person(build, Sit(seat_m), seed),)).at(1.0)
+        body = forward(build.skeleton, pose.root_m[0], pose.orientation_wxyz[0])
+        for side in ("left", "right"):
+            hip = body.position_m[build.skeleton.index(f"{side}_upper_leg")]
+            knee = body.position_m[build.skeleton.index(f"{side}_lower_leg")]
+            flesh_m = 0.060 * stature_m / 1.75
+            assert hip[1] - seat_m == pytest.approx(0.085 * stature_m / 1.75, abs=0.02)
+            assert knee[1] - flesh_m > seat_m - 0.045
+            assert knee[2] < hip[2] - 0.2
