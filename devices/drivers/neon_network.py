@@ -203,7 +203,6 @@ class NeonNetwork:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         self._tasks = []
-        self._drop_echo()
         if self._device is not None:
             await self._device.close()
         others = [t for t in asyncio.all_tasks() if t is not asyncio.current_task()]
@@ -212,6 +211,7 @@ class NeonNetwork:
         for task in others:
             task.cancel()
         await asyncio.gather(*others, return_exceptions=True)
+        self._drop_echo()  # last: an exchange under way may have opened it anew
         await asyncio.sleep(CLOSING_S)
 
     def _drop_echo(self) -> None:

@@ -85,9 +85,10 @@ class NeonHost:
 
     async def _stop(self) -> None:
         self._pump.cancel()
-        self._drop_all()
         for server in (self._rtsp, self._echo):
             server.close()
+        await asyncio.sleep(5 * TICK_S)  # connections just accepted get their handlers
+        self._drop_all()
         for socket in list(self._sockets):
             await socket.close()
         await self._runner.cleanup()
