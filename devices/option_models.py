@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from devices.band_options import BAND_OPTION_MODELS
+from devices.body_options import BODY_OPTION_MODELS
 from devices.gaze_options import GAZE_OPTION_MODELS
 
 
@@ -83,6 +84,7 @@ OPTION_MODELS: Mapping[str, type[BaseModel]] = {
     "serial_armband": SerialArmbandOptions,
     "simulated_armband": SimulatedArmbandOptions,
     **BAND_OPTION_MODELS,
+    **BODY_OPTION_MODELS,
     **GAZE_OPTION_MODELS,
     "simulated_body": SimulatedBodyOptions,
     "simulated_headset": SimulatedHeadsetOptions,
