@@ -20,7 +20,6 @@ from devices.contracts import (
     BAND_EVENTS,
     HAPTICS,
     NO_DEVICE_TIME,
-    PATTERN_NAMES,
     ClockPair,
     DeviceInfo,
     DeviceState,
@@ -30,31 +29,21 @@ from devices.contracts import (
     VibrationPattern,
 )
 from devices.drivers.armband_ledger import (
-    KEEP_ALIVE,
-    NO_PATTERN,
-    PATTERN,
-    SET,
-    SILENCE,
     BandRow,
-    Command,
     band_batch,
     command_batch,
 )
-from devices.drivers.band_course import LONGEST_TTL_MS, Course, Limits, share_01
+from devices.drivers.band_course import LONGEST_TTL_MS, Limits
 from devices.drivers.band_language import BandLanguage, Condition, Notice, Ready, Refused
+from devices.drivers.band_traffic import BandTraffic
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolViolation
 from lab.schema import StreamSchema
 
-STALL_NS = 150 * NS_PER_MS
-REFRESH_NS = 100 * NS_PER_MS
-SILENCE_AGAIN_NS = 50 * NS_PER_MS
-SILENCE_TIMES = 3
 OPENING_AGAIN_NS = NS_PER_S
 RETRY_NS = 250 * NS_PER_MS
-INQUIRY_NS = 10 * NS_PER_S
 WATCH_S = 0.05
 WATCH_GRACE_NS = 50 * NS_PER_MS
 LOW_BATTERY_01 = 0.2
@@ -90,16 +79,13 @@ class HostTimedBand:
         self._link = link
         self._language = language
         self._clock = clock
-        self._spacing_ns = round(NS_PER_S / max_rate_hz)
         self._life = Lifecycle(role)
-        self._wire = threading.RLock()  # a signal handler may silence in the midst of a command
+        self._traffic = BandTraffic(link, language, clock, max_rate_hz)
         self._sink: Sink | None = None
-        self._running: Course | None = None
-        self._waiting: tuple[Command, Course] | None = None
         self._watcher: threading.Thread | None = None
         self._watch_ends = threading.Event()
         self.rate_range_hz = language.rate_range_hz
-        self._asked = Limits(role, language.motor_count, language.rate_range_hz)
+        self._limits = Limits(role, language.motor_count, language.rate_range_hz)
         abilities = {"haptics", "patterns_on_host"}
         if language.lasts_ms(LONGEST_TTL_MS) is None:
             abilities.add(HOST_SIDE_ONLY)
@@ -144,7 +130,7 @@ class HostTimedBand:
             self._greet()
             while not self._ready:
                 self._await_ready(deadline_ns)
-            self._write(self._language.silence())
+            self._traffic.write(self._language.silence())
         except DeviceError as problem:
             self._link.close()
             if problem.role:
@@ -178,12 +164,12 @@ class HostTimedBand:
             return self._reconnect(timeout_s)
         self._life.require("poll", DeviceState.STREAMING)
         try:
-            if self._write_failure is not None:
-                raise DeviceDisconnected(str(self._write_failure))
-            for chunk in self._link.read(self._patience_s(timeout_s)):
+            if self._traffic.failure is not None:
+                raise DeviceDisconnected(str(self._traffic.failure))
+            for chunk in self._link.read(self._traffic.patience_s(timeout_s)):
                 self._take(chunk.data, chunk.t_host_ns)
-            self._keep_up(self._clock.now_ns())
-        except DeviceDisconnected as gone:
+            self._traffic.keep_up(self._clock.now_ns())
+        except (DeviceDisconnected, DeviceTimeout) as gone:
             self._lose()
             self._deliver()
             raise DeviceDisconnected(str(gone), role=self._role, remedy=REMEDY) from gone
@@ -196,7 +182,7 @@ class HostTimedBand:
         self.silence()
         self._deliver()
         self._sink = None
-        gone = self._write_failure is not None or self._life.state is DeviceState.FAULT
+        gone = self._traffic.failure is not None or self._life.state is DeviceState.FAULT
         self._life.state = DeviceState.OPEN
         if gone:
             self._link.close()
@@ -207,7 +193,7 @@ class HostTimedBand:
         if self._life.state in (DeviceState.STREAMING, DeviceState.OPEN):
             self.silence()
             with contextlib.suppress(DeviceError):  # gone already: nothing is left to say
-                self._write(self._language.closing())
+                self._traffic.write(self._language.closing())
         self._sink = None
         self._link.close()
         self._life.state = DeviceState.CLOSED
@@ -232,7 +218,7 @@ class HostTimedBand:
             found.append(
                 Fault(role, "blocking", "its program does not see the band", "switch it on, pair")
             )
-        if self._loop_stalled:
+        if self._traffic.loop_stalled:
             text = "silenced because the experiment loop stood still"
             found.append(Fault(role, "warning", text, "close other programs on this computer"))
         for text, remedy in self._refusals.items():
@@ -256,14 +242,8 @@ class HostTimedBand:
     ) -> int:
         """Drive every motor; see the contract."""
         self._life.require("set_amplitudes", DeviceState.STREAMING, DeviceState.FAULT)
-        self._asked.check_set(amplitudes_01, ttl_ms, rates_hz)
-        rates = None if rates_hz is None else tuple(rates_hz)
-        now_ns, amplitudes = self._clock.now_ns(), tuple(amplitudes_01)
-        command = self._new(SET, now_ns, amplitudes, rates, duration_ms=float(ttl_ms))
-        until_ns = now_ns + ttl_ms * NS_PER_MS
-        return self._begin(
-            command, Course(now_ns, until_ns, lambda _: amplitudes, rates, changes=False)
-        )
+        self._limits.check_set(amplitudes_01, ttl_ms, rates_hz)
+        return self._traffic.set(amplitudes_01, ttl_ms, rates_hz)
 
     def play(
         self, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float = 1.0
@@ -274,203 +254,31 @@ class HostTimedBand:
         step is a row of its own (`kind` 3).
         """
         self._life.require("play", DeviceState.STREAMING, DeviceState.FAULT)
-        self._asked.check_pattern(pattern, motors, amplitude_01)
-        now_ns = self._clock.now_ns()
-        chosen = tuple(amplitude_01 if m in motors else 0.0 for m in range(self.motor_count))
-
-        def amplitudes_at(since_ns: int) -> tuple[float, ...]:
-            share = share_01(pattern, since_ns / NS_PER_S)
-            return tuple(share * amplitude for amplitude in chosen)
-
-        until_ns = now_ns + pattern.duration_ms * NS_PER_MS
-        command = self._new(PATTERN, now_ns, chosen, None, duration_ms=float(pattern.duration_ms))
-        command.pattern = PATTERN_NAMES.index(pattern.name)
-        command.low_hz, command.modulation_hz = pattern.low_hz, pattern.modulation_hz
-        changes = pattern.name != "steady"
-        return self._begin(command, Course(now_ns, until_ns, amplitudes_at, None, changes))
+        self._limits.check_pattern(pattern, motors, amplitude_01)
+        return self._traffic.play(pattern, motors, amplitude_01)
 
     def keep_alive(self) -> None:
         """Take the experiment loop's word that it runs."""
-        self._alive_ns = self._clock.now_ns()
-        self._loop_stalled = False
+        self._traffic.keep_alive()
 
     def silence(self) -> int:
         """Stop every motor now, whatever state this is in; see the contract."""
-        if self._life.state is DeviceState.CLOSED:
-            return -1
-        with self._wire:
-            now_ns = self._clock.now_ns()
-            self._drop_waiting(now_ns)
-            self._running = None
-            self._silences_left = SILENCE_TIMES - 1
-            zeros = (0.0,) * self.motor_count
-            command = self._new(SILENCE, now_ns, zeros, None, duration_ms=math.nan)
-            self._send(command, self._language.silence())
-        return command.number
+        return -1 if self._life.state is DeviceState.CLOSED else self._traffic.silence()
 
-    # ---- sending ----------------------------------------------------------------------------
+    # ---- watching ---------------------------------------------------------------------------
 
     def _reset(self) -> None:
-        now_ns = self._clock.now_ns()
+        self._traffic.reset()
         self._meter = StreamMeter(0.0)
-        self._finished: list[Command] = []
         self._band_rows: list[BandRow] = []
-        self._row_seq = self._band_seq = self._number = 0
-        self._running = self._waiting = None
-        self._silences_left = 0
-        self._set_ns = now_ns - NS_PER_S
-        self._spoke_ns = self._latest_ns = self._alive_ns = now_ns
-        self._next_inquiry_ns = now_ns
-        self._write_failure: DeviceError | None = None
-        self._loop_stalled = False
+        self._row_seq = self._band_seq = 0
         self._ready = False
         self._greeted_ns: int | None = None
-        self._retry_ns = now_ns
-
-    def _new(
-        self,
-        kind: int,
-        t_ns: int,
-        amplitudes_01: tuple[float, ...],
-        rates_hz: tuple[float, ...] | None,
-        *,
-        duration_ms: float,
-    ) -> Command:
-        with self._wire:
-            number = self._number
-            self._number += 1
-        return Command(number, kind, 0, b"", t_ns, amplitudes_01, rates_hz, duration_ms, NO_PATTERN)
-
-    def _begin(self, command: Command, course: Course) -> int:
-        with self._wire:
-            now_ns = self._clock.now_ns()
-            self._alive_ns = now_ns
-            self._loop_stalled = False
-            self._drop_waiting(now_ns)
-            self._waiting = (command, course)
-            self._send_waiting(now_ns)
-        return command.number
-
-    def _send_waiting(self, now_ns: int) -> None:
-        if self._waiting is None or now_ns - self._set_ns < self._spacing_ns:
-            return
-        command, course = self._waiting
-        self._waiting = None
-        if now_ns >= course.until_ns:
-            self._finish(command, now_ns)
-            return
-        self._silences_left = 0
-        self._running = course
-        if command.kind == PATTERN:
-            course.until_ns += now_ns - course.start_ns
-            course.start_ns = now_ns
-        self._set_ns = now_ns
-        self._send(command, self._messages(course, now_ns))
-
-    def _messages(self, course: Course, now_ns: int) -> Sequence[bytes]:
-        amplitudes = course.amplitudes_at(now_ns - course.start_ns)
-        if not any(amplitudes):
-            return self._language.silence()
-        ttl_ms = max(1, math.ceil((course.until_ns - now_ns) / NS_PER_MS))
-        return self._language.drive(amplitudes, ttl_ms, course.rates_hz)
-
-    def _drop_waiting(self, now_ns: int) -> None:
-        if self._waiting is not None:
-            self._finish(self._waiting[0], now_ns)
-            self._waiting = None
-
-    def _send(self, command: Command, messages: Sequence[bytes]) -> None:
-        """Write a command; what cannot be written is given up, and `poll` finds the band gone."""
-        with self._wire:
-            now_ns = self._clock.now_ns()
-            if self._life.state is not DeviceState.FAULT and self._write_failure is None:
-                try:
-                    command.t_sent_ns = self._write(messages)
-                except DeviceError as problem:
-                    self._write_failure = problem
-                else:
-                    self._spoke_ns = now_ns = command.t_sent_ns
-            self._finish(command, now_ns)
-
-    def _write(self, messages: Sequence[bytes]) -> int:
-        with self._wire:
-            sent_ns = self._clock.now_ns()
-            for message in messages:
-                sent_ns = self._link.write(message)
-            return sent_ns
-
-    def _finish(self, command: Command, t_host_ns: int) -> None:
-        with self._wire:
-            self._latest_ns = max(self._latest_ns, t_host_ns)
-            command.t_host_ns = self._latest_ns
-            self._finished.append(command)
-
-    def _keep_up(self, now_ns: int) -> None:
-        """Send what is due: silence at an end, a waiting setting, a step, a repetition."""
-        with self._wire:
-            self._end_if_due(now_ns, 0)
-            self._send_waiting(now_ns)
-            course = self._running
-            if course is not None and self._is_refresh_due(course, now_ns):
-                amplitudes = course.amplitudes_at(now_ns - course.start_ns)
-                left_ms = float(math.ceil((course.until_ns - now_ns) / NS_PER_MS))
-                command = self._new(
-                    KEEP_ALIVE, now_ns, amplitudes, course.rates_hz, duration_ms=left_ms
-                )
-                self._set_ns = now_ns
-                self._send(command, self._messages(course, now_ns))
-            if self._silences_left and now_ns - self._spoke_ns >= SILENCE_AGAIN_NS:
-                self._silences_left -= 1
-                self._spoke_ns = self._write(self._language.silence())
-            if now_ns >= self._next_inquiry_ns:
-                self._next_inquiry_ns = now_ns + INQUIRY_NS
-                self._write(self._language.inquiry())
-            if self._write_failure is not None:
-                raise DeviceDisconnected(str(self._write_failure))
-
-    def _is_refresh_due(self, course: Course, now_ns: int) -> bool:
-        waited_ns = now_ns - self._spoke_ns
-        if waited_ns < self._spacing_ns:
-            return False
-        if course.changes:
-            return True
-        left_ms = math.ceil((course.until_ns - self._spoke_ns) / NS_PER_MS)
-        lasts_ms = self._language.lasts_ms(left_ms)
-        if lasts_ms is None:
-            return waited_ns >= REFRESH_NS
-        return lasts_ms < left_ms and waited_ns >= lasts_ms * NS_PER_MS // 2
-
-    def _end_if_due(self, now_ns: int, grace_ns: int) -> None:
-        with self._wire:
-            course = self._running
-            if course is None:
-                return
-            if now_ns - self._alive_ns > STALL_NS + grace_ns:
-                self._loop_stalled = True
-                self.silence()
-            elif now_ns >= course.until_ns + grace_ns:
-                waiting, self._waiting = self._waiting, None
-                self.silence()
-                self._waiting = waiting
-                self._tell_band(EXPIRED, now_ns)
-
-    def _patience_s(self, timeout_s: float) -> float:
-        """Return how long `read` may wait so that what is due is not late."""
-        if timeout_s <= 0 or (self._running is None and self._waiting is None):
-            return timeout_s
-        now_ns = self._clock.now_ns()
-        due_ns = [now_ns + round(timeout_s * NS_PER_S)]
-        if self._waiting is not None:
-            due_ns.append(self._set_ns + self._spacing_ns)
-        if self._running is not None:
-            due_ns.append(self._running.until_ns)
-            if self._running.changes:
-                due_ns.append(self._spoke_ns + self._spacing_ns)
-        return max(0.0, (min(due_ns) - now_ns) / NS_PER_S)
+        self._retry_ns = self._clock.now_ns()
 
     def _watch(self, ends: threading.Event) -> None:
         while not ends.wait(WATCH_S):
-            self._end_if_due(self._clock.now_ns(), WATCH_GRACE_NS)
+            self._traffic.end_if_due(self._clock.now_ns(), WATCH_GRACE_NS)
 
     def _end_watch(self) -> None:
         watcher, self._watcher = self._watcher, None
@@ -510,15 +318,15 @@ class HostTimedBand:
         told = self._condition
         battery = math.nan if told.battery_01 is None else told.battery_01
         heat = math.nan if told.temperature_c is None else told.temperature_c
-        with self._wire:
-            if self._band_rows:
-                t_host_ns = max(t_host_ns, self._band_rows[-1].t_host_ns)
-            self._band_rows.append(BandRow(t_host_ns, NO_DEVICE_TIME, event, battery, heat))
+        if self._band_rows:
+            t_host_ns = max(t_host_ns, self._band_rows[-1].t_host_ns)
+        self._band_rows.append(BandRow(t_host_ns, NO_DEVICE_TIME, event, battery, heat))
 
     def _deliver(self) -> int:
-        with self._wire:
-            rows, self._finished = self._finished, []
-            told, self._band_rows = self._band_rows, []
+        rows = self._traffic.take_rows()
+        while self._traffic.expired_ns:
+            self._tell_band(EXPIRED, self._traffic.expired_ns.pop(0))
+        told, self._band_rows = self._band_rows, []
         sink = self._sink
         if sink is None:
             return 0
@@ -536,9 +344,8 @@ class HostTimedBand:
 
     def _greet(self) -> None:
         self._language.reset()
-        self._write_failure = None
         self._ready = not self._language.answers
-        self._greeted_ns = self._write(self._language.opening())
+        self._greeted_ns = self._traffic.write(self._language.opening())
 
     def _await_ready(self, deadline_ns: int) -> None:
         now_ns = self._clock.now_ns()
@@ -553,14 +360,10 @@ class HostTimedBand:
             self._take(chunk.data, chunk.t_host_ns)
 
     def _lose(self) -> None:
-        with self._wire:
-            now_ns = self._clock.now_ns()
-            self._drop_waiting(now_ns)
-            self._running = None
-            self._silences_left = 0
-            self._greeted_ns = None
-            self._retry_ns = now_ns
-            self._life.state = DeviceState.FAULT
+        self._traffic.lose()
+        self._greeted_ns = None
+        self._retry_ns = self._clock.now_ns()
+        self._life.state = DeviceState.FAULT
         self._link.close()
 
     def _reconnect(self, timeout_s: float) -> int:
@@ -580,8 +383,8 @@ class HostTimedBand:
             for chunk in self._link.read(timeout_s if not self._ready else 0.0):
                 self._take(chunk.data, chunk.t_host_ns)
             if self._ready:
-                self._write(self._language.silence())
-                self._alive_ns = self._clock.now_ns()
+                self._traffic.write(self._language.silence())
+                self._traffic.regain()
                 self._life.state = DeviceState.STREAMING
         except DeviceError:
             self._greeted_ns = None

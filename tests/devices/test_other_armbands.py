@@ -12,7 +12,7 @@ from devices.drivers.host_timed_band import HOST_SIDE_ONLY, silence_every_open_b
 from devices.drivers.other_armbands import ascii_armband, hid_armband
 from devices.option_models import OPTION_MODELS
 from devices.sim.other_armbands import SIMULATED_OPTIONS, SIMULATORS, simulated_link
-from lab.clock import NS_PER_MS, SimClock
+from lab.clock import NS_PER_MS, SimClock, SystemClock
 from lab.errors import (
     ConfigError,
     DeviceDisconnected,
@@ -367,6 +367,24 @@ def test_wrong_template_is_a_configuration_error(commands, says):
 def test_layout_that_does_not_fit_is_a_configuration_error():
     with pytest.raises(ConfigError, match="overrun the report"):
         hid_armband("arm", SimClock(), vid=1, pid=2, layout={"report_bytes": 3})
+
+
+@pytest.mark.parametrize("ends", ["time to live", "loop stalls"])
+def test_motors_stop_on_a_real_clock_though_nobody_polls(ends):
+    clock = SystemClock()
+    rig = BandRig("ascii", clock=clock, latency_ms=0).start()
+    rig.driver.set_amplitudes(ON, 100 if ends == "time to live" else 10_000)
+    rig.peer.advance(clock.now_ns())
+    assert any(rig.peer.levels_01)
+
+    give_up_ns = clock.now_ns() + 10_000 * NS_PER_MS
+    while any(rig.peer.levels_01) and clock.now_ns() < give_up_ns:
+        clock.sleep_until_ns(clock.now_ns() + 5 * NS_PER_MS)
+        rig.peer.advance(clock.now_ns())
+
+    assert not any(rig.peer.levels_01)
+    assert ("stood still" in rig.messages()) == (ends == "loop stalls")
+    rig.driver.close()
 
 
 class FeelingBody:
