@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import shutil
+import sys
 
 import pytest
 
@@ -236,3 +237,10 @@ def test_same_bytes_reach_the_band_over_memory_and_over_bluez(bluez):
         lines.append(peer.commands)
 
     assert lines[0] == lines[1]
+
+
+def test_missing_bleak_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "bleak", None)
+
+    with pytest.raises(DeviceNotFound, match=r"pip install 'visavis\[ble\]'"):
+        BleLink(CLOCK, name="Buzz").open(1.0)
