@@ -5,6 +5,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import cast
 
+from cli.gaze_builders import GAZE_BUILDERS
 from devices.contracts import Body, Device, EyeTracker, Headset, MovingBody
 from devices.drivers.pupil_core import PupilCore
 from devices.sim.armband import simulated_armband
@@ -212,6 +213,7 @@ def _as_eye_tracker(device: Device) -> EyeTracker:
 Builder = Callable[[str, DeviceConfig, Clock, Body | None, int, ExitStack], Device]
 
 _BUILDERS: dict[str, Builder] = {
+    **GAZE_BUILDERS,
     "simulated_headset": _headset,
     "simulated_responses": _responses,
     "pupil_core": _pupil_core,
