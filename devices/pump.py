@@ -22,7 +22,7 @@ STALLED_NS = NS_PER_S
 FIRST_BACK_OFF_NS = NS_PER_S // 2
 LAST_BACK_OFF_NS = 8 * NS_PER_S
 THREAD_POLL_S = 0.02
-IN_PROCESS_TRANSPORTS = frozenset({"memory", "none"})
+IN_PROCESS_TRANSPORTS = frozenset({"memory", "none", "openvr", "openxr"})
 
 EventKind = Literal[
     "silent", "stalled", "resumed", "disconnected", "reconnected", "failed", "dropped"

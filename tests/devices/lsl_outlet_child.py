@@ -6,14 +6,17 @@ import sys
 import numpy as np
 import pylsl
 
-from devices.contracts import GAZE
+from devices.contracts import GAZE, body_schema
+from devices.drivers.lsl_body import LslBody
+from devices.drivers.lsl_gaze_inlet import LslInlet
 from devices.drivers.lsl_outlet import LslOutlets, LslScope
 from lab.clock import SystemClock
 from lab.schema import SampleBatch, empty_values
 
 clock = SystemClock()
+body = body_schema(("head", "left_hand"), 60.0)
 outlets = LslOutlets(
-    {"eye_tracker": (GAZE,)},
+    {"eye_tracker": (GAZE,), "body_tracker": (body,)},
     LslScope(f"visavis-test-{sys.argv[1]}", machine_only=True),
     clock,
     source="study-P01-001",
@@ -39,6 +42,24 @@ while len(rows) < 5:
     rows.append([None if x != x else x for x in row])
     stamps.append(stamp)
 text, mark = events.pull_sample(timeout=10)
+suit = LslBody(
+    "body",
+    LslInlet(clock, name="visavis body_tracker body", content_type="MoCap"),
+    clock,
+    objects={"left_hand": "left_hand"},
+)
+suit.open(20.0)
+batches = []
+suit.start(batches.append)
+moves = empty_values(body, 1)
+moves["position_m"] = [[[0.0, 1.6, 0.0], [-0.5, 1.25, -0.25]]]
+moves["orientation_wxyz"] = [1.0, 0.0, 0.0, 0.0]
+moves["valid"] = True
+now = np.array([clock.now_ns()])
+outlets.take("body_tracker", SampleBatch(body, np.arange(1), now, now, moves))
+while not batches:
+    suit.poll(1.0)
+suit.close()
 outlets.close()
 sys.stdout.write(
     json.dumps(
@@ -50,6 +71,8 @@ sys.stdout.write(
             "event": text[0],
             "event_late_ms": (mark - int(t_ns[0]) / 1e9) * 1e3,
             "difference_ms": outlets.clock_difference_ns / 1e6,
+            "body": batches[0].values["position_m"][0].tolist(),
+            "body_valid": batches[0].values["valid"][0].tolist(),
             "session": info.session_id(),
         }
     )

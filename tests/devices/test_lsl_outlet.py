@@ -74,6 +74,11 @@ def test_events_arrive_as_json(received):
     assert json.loads(received["event"]) == {"event": "trial_start", "trial_id": "T01"}
 
 
+def test_a_body_goes_out_by_our_outlet_and_comes_in_by_our_driver(received):
+    assert received["body"] == [[-0.5, 1.25, -0.25]]
+    assert received["body_valid"] == [True]
+
+
 @pytest.mark.parametrize(("given", "kept"), [("stare-2026", "stare-2026"), ("a;b\n[x]", "abx")])
 def test_a_session_name_cannot_break_the_configuration(given, kept):
     assert f"SessionID = {kept}\n" in LslScope(given).configuration()

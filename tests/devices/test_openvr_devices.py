@@ -1,6 +1,7 @@
 """OpenVR controllers and trackers on the simulated runtime and on captures of it."""
 
 import contextlib
+import threading
 
 import numpy as np
 import pytest
@@ -15,8 +16,9 @@ from devices.contracts import BodyTracker, DeviceState, ResponseInput
 from devices.drivers.openvr_controllers import OpenVrControllers
 from devices.drivers.openvr_headset import OpenVrHeadset
 from devices.drivers.openvr_trackers import OpenVrTrackers, mount_of
+from devices.pump import Pump
 from devices.wirelog import ReplayTransport, TeeTransport
-from lab.clock import NS_PER_S, SimClock
+from lab.clock import NS_PER_S, SimClock, SystemClock
 from lab.errors import ConfigError, DeviceDisconnected
 from lab.geometry import Pose, quat_from_yaw_pitch_deg
 from tests.devices.bodies import FixatingBody
@@ -200,3 +202,15 @@ def test_a_tracker_that_is_off_is_named_with_what_is_there():
         texts = " | ".join(f.message for f in device.check())
         assert "trackers not there: LHR-0B; the runtime has LHB-BASE0001" in texts
         assert column(batches, "valid")[-1].tolist() == [True, False]
+
+
+def test_a_runtime_simulated_in_this_process_is_polled_by_the_sessions_thread():
+    with simulated_runtime(clock=SystemClock()) as (runtime, clock):
+        device = controllers(runtime.library().transport(), clock)
+        device.open(1.0)
+        pump = Pump(device, lambda batch: None, clock)
+        pump.start()
+        threads = {thread.name for thread in threading.enumerate()}
+        pump.stop()
+        device.close()
+    assert "device-responses" not in threads
