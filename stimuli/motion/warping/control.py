@@ -14,6 +14,7 @@ import numpy as np
 
 from lab.geometry import Vector
 from stimuli.motion.errors import MotionError
+from stimuli.motion.joint_limits import clamped
 from stimuli.motion.skeleton import Skeleton
 from stimuli.motion.warping.features import FeatureTarget, pixel_of, values_of
 from stimuli.motion.warping.outlook import Outlook
@@ -97,7 +98,12 @@ def warped_turns(
     skeleton: Skeleton, units: tuple[WarpingUnit, ...], local_wxyz: Vector, omega_rad: Vector
 ) -> Vector:
     """Return turns (..., 55, 4) of a pose for offsets (..., w), held within joint limits."""
-    return turned_by(skeleton, units, local_wxyz, omega_rad)
+    warped = turned_by(skeleton, units, local_wxyz, omega_rad)
+    if not omega_rad.any():
+        return warped
+    moved = (warped != local_wxyz).any(axis=-1, keepdims=True)
+    held: Vector = np.where(moved, clamped(warped), warped)
+    return held
 
 
 def see(
