@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.geometry import Vector
+from stimuli.motion.clip import Motion
 from stimuli.motion.errors import MotionError
 from stimuli.motion.gait_kernels import gait_rows, step_m
 from stimuli.motion.gesture_kernels import (
@@ -19,6 +20,7 @@ from stimuli.motion.gesture_kernels import (
     wave_rows,
 )
 from stimuli.motion.seated_kernels import seated_rows
+from stimuli.motion.skeleton import canonical_skeleton
 from stimuli.motion.standing_kernels import idle_rows
 
 Kernel = Callable[[npt.NDArray[np.int64], Vector, npt.NDArray[np.int64], Vector, Vector, Vector],
@@ -26,6 +28,7 @@ Kernel = Callable[[npt.NDArray[np.int64], Vector, npt.NDArray[np.int64], Vector,
 NUMBERS: Final = 12
 """How many numbers a kernel may be given a person."""
 
+_CANONICAL_NAMES: Final = canonical_skeleton().names
 StandingArms = Literal["any", "hanging", "clasped", "folded", "behind"]
 SittingHands = Literal["any", "thighs", "lap", "folded"]
 _STANDING: Final = {"hanging": 0, "clasped": 1, "folded": 2, "behind": 3}
@@ -243,13 +246,30 @@ class Run:
         return self.lively, self.speed_mps, self.distance_m, 1.0
 
 
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Play a clip (or any motion) of the canonical joints, its floor at y = 0 and its origin at
+    one's place; eyes and lids are still steered by the gaze, the head is the clip's own.
+    """
+
+    motion: Motion
+
+    def __post_init__(self) -> None:
+        if self.motion.skeleton.names != _CANONICAL_NAMES:
+            raise MotionError("a clip for people needs the 55 canonical joints; retarget it first")
+
+    def numbers(self, seed: int) -> tuple[float, ...]:
+        """Return what the kernel is given: somebody who stands still below the clip."""
+        return 0.0, 0.0
+
+
 def gait_duration_s(gait: Walk | Run, leg_m: float) -> float:
     """Return how long somebody with legs of a length (thigh and shin) is under way."""
     step = step_m(gait.speed_mps, leg_m, gait.distance_m, isinstance(gait, Run))
     return (gait.distance_m + 2.0 * step) / gait.speed_mps
 
 
-Kind = Idle | Sit | Wave | Phone | Text | WatchBoard | Talk | Crouch | Walk | Run
+Kind = Idle | Sit | Wave | Phone | Text | WatchBoard | Talk | Crouch | Walk | Run | Recorded
 _KERNELS: Final[dict[type, tuple[int, Kernel]]] = {
     Idle: (0, idle_rows),
     Sit: (1, seated_rows),
@@ -261,6 +281,7 @@ _KERNELS: Final[dict[type, tuple[int, Kernel]]] = {
     Crouch: (7, crouch_rows),
     Walk: (8, gait_rows),
     Run: (8, gait_rows),
+    Recorded: (0, idle_rows),
 }
 
 

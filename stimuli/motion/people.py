@@ -1,23 +1,26 @@
 """Everybody's motion at once: who does what from when on, posed at any time in a few calls."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector
+from lab.geometry import Vector, quat_from_yaw_pitch_deg, quat_multiply, rotate
 from stimuli.characters.character import MORPHS
 from stimuli.gaze.eye_kernels import aim_rows, look_rows
 from stimuli.gaze.gaze_plan import GazePlan
-from stimuli.gaze.turning import Gaze, Look
+from stimuli.gaze.turning import Aimed, Gaze, Look
 from stimuli.motion import posture as p
+from stimuli.motion.blending import CrossFade
 from stimuli.motion.build import Build
+from stimuli.motion.clip import Frames, Motion
 from stimuli.motion.errors import MotionError
-from stimuli.motion.kinds import NUMBERS, Kind, Run, Walk, code_of, kernel_of
+from stimuli.motion.kinds import NUMBERS, Kind, Recorded, Run, Walk, code_of, kernel_of
 from stimuli.motion.placing_kernels import mix_rows, placed_rows
 from stimuli.motion.posture_kernels import look_from, pose_rows
+from stimuli.motion.skeleton import Skeleton
 from stimuli.picture import PosedPeople
 
 Index = npt.NDArray[np.int64]
@@ -147,6 +150,9 @@ class PeopleMotion:
         controls[:, p.HEAD_PITCH] += turns[:, 2]
         root, joints = np.empty((n, 3)), np.empty((n, p.JOINTS, 4))
         pose_rows(controls, offsets, skeleton_of, held, held_eyes, facing, root, joints)
+        for i, motion in self._recorded.items():
+            frame = motion.at(t_s)
+            root[i], joints[i] = frame.root_m, frame.orientation_wxyz
         morphs = np.zeros((n, len(MORPHS)))
         morphs[:, MORPHS.index("jaw_open")] = controls[:, p.JAW]
         morphs[:, MORPHS.index("smile")] = controls[:, p.SMILE]
@@ -157,6 +163,15 @@ class PeopleMotion:
             joints, morphs,
         )  # fmt: skip
         return PosedPeople(root, joints, morphs)
+
+    @cached_property
+    def _recorded(self) -> dict[int, Motion]:
+        """Return the whole motion of everybody who plays a clip at some time."""
+        return {
+            i: _chain(person)
+            for i, person in enumerate(self.people)
+            if any(isinstance(d.kind, Recorded) for d in person.plan)
+        }
 
     @cached_property
     def _around(self) -> Gaze:
@@ -223,3 +238,67 @@ def _plan_of(people: Sequence[Person]) -> _Plan:
         np.array([at for at, _ in places]).reshape(-1, 3),
         np.array([heading for _, heading in places]),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A clip carried to somebody's place, in the time of the session."""
+
+    motion: Motion
+    skeleton: Skeleton
+    place_m: Vector
+    heading_rad: float
+    start_s: float
+
+    def at(self, t_s: npt.ArrayLike) -> Frames:
+        frames = self.motion.at(np.asarray(t_s, np.float64) - self.start_s)
+        turn = quat_from_yaw_pitch_deg(float(np.degrees(self.heading_rad)))
+        turns = frames.orientation_wxyz.copy()
+        turns[..., 0, :] = quat_multiply(
+            np.broadcast_to(turn, turns[..., 0, :].shape), turns[..., 0, :]
+        )
+        scale = self.skeleton.leg_m / self.motion.skeleton.leg_m
+        root = rotate(np.broadcast_to(turn, (*frames.root_m.shape[:-1], 4)), scale * frames.root_m)
+        return Frames(self.place_m + root, turns)
+
+
+@dataclass(frozen=True, eq=False)
+class _Alone:
+    """One thing that one person does, as a motion of its own; the head does not follow a gaze."""
+
+    people: PeopleMotion
+
+    @property
+    def skeleton(self) -> Skeleton:
+        return self.people.people[0].build.skeleton
+
+    def at(self, t_s: npt.ArrayLike) -> Frames:
+        times = np.asarray(t_s, np.float64)
+        still = Aimed(np.full((1, 3), np.nan), np.ones(1))
+        poses = [self.people.at(float(t), still) for t in times.ravel()]
+        return Frames(
+            np.array([q.root_m[0] for q in poses]).reshape(*times.shape, 3),
+            np.array([q.orientation_wxyz[0] for q in poses]).reshape(*times.shape, p.JOINTS, 4),
+        )
+
+
+def _chain(person: Person) -> Motion:
+    """Join everything somebody does by cross-fades."""
+    whole: Motion | None = None
+    for doing, (at, heading) in zip(person.plan, _places_of(person), strict=True):
+        start_s = doing.start_s if np.isfinite(doing.start_s) else 0.0
+        own: Motion
+        if isinstance(doing.kind, Recorded):
+            own = _Placed(doing.kind.motion, person.build.skeleton, at, heading, start_s)
+        else:
+            place = (float(at[0]), float(at[1]), float(at[2]))
+            alone = replace(person, does=(Doing(doing.kind, doing.start_s),), place_m=place,
+                            heading_deg=float(np.degrees(heading)))  # fmt: skip
+            own = _Alone(PeopleMotion((alone,)))
+        if whole is None:
+            whole = own
+        else:
+            whole = CrossFade(whole, own, start_s, max(doing.fade_s, 1e-3), start_s)
+    if whole is None:
+        raise MotionError("somebody has nothing to do")
+    return whole

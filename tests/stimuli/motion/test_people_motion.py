@@ -7,11 +7,12 @@ import pytest
 
 from lab.geometry import Vector
 from stimuli.motion.build import Build, build_of_skeleton
+from stimuli.motion.clip import Clip
 from stimuli.motion.errors import MotionError
-from stimuli.motion.kinds import Idle, Kind, Sit
+from stimuli.motion.kinds import Idle, Kind, Recorded, Sit
 from stimuli.motion.people import Doing, HeldHeads, PeopleMotion, Person
 from stimuli.motion.seating import eyes_of, seated_under_eyes
-from stimuli.motion.skeleton import Placement, canonical_skeleton, forward
+from stimuli.motion.skeleton import Placement, Skeleton, canonical_skeleton, forward
 
 KINDS: tuple[Kind, ...] = (
     Idle("hanging"),
@@ -165,3 +166,37 @@ def test_a_given_floor_decides_the_height_of_the_seat() -> None:
     assert eyes_of(person.build, person.does, 3)[1] == pytest.approx(1.2, abs=1e-6)
     with pytest.raises(MotionError, match="another size"):
         seated_under_eyes(build(), eyes, facing=facing, seed=3, floor_m=0.9)
+
+
+def recorded_bow(skeleton: Skeleton) -> Clip:
+    """A clip of a second: bowing and rising, written down every thirtieth."""
+    turns = np.zeros((31, 55, 4))
+    turns[..., 0] = 1.0
+    half = np.radians(20.0) * np.sin(np.linspace(0.0, np.pi, 31)) ** 2
+    turns[:, skeleton.index("spine"), 0] = np.cos(half)
+    turns[:, skeleton.index("spine"), 1] = -np.sin(half)
+    root = np.tile([0.0, 0.53 * 1.75, 0.0], (31, 1))
+    return Clip(skeleton, 1 / 30, root, turns)
+
+
+def test_a_clip_is_one_of_the_things_people_do() -> None:
+    own = build()
+    clip = recorded_bow(own.skeleton)
+    plan = (Doing(Idle("hanging")), Doing(Recorded(clip), 2.0, 0.3), Doing(Idle("hanging"), 3.0))
+    motion = PeopleMotion((Person(own, plan, 6, (1.0, 0.0, 0.5), 90.0),))
+    pose = motion.at(2.5)
+    spine = own.skeleton.index("spine")
+    expected = clip.at(0.5).orientation_wxyz[spine]
+    assert pose.orientation_wxyz[0, spine] == pytest.approx(expected, abs=1e-9)
+    assert pose.root_m[0] == pytest.approx([1.0, 0.53 * 1.75, 0.5], abs=1e-9)
+    step_s = 1 / 240
+    path = joints(motion, 0, np.arange(1.5, 4.5, step_s), "left_hand", "right_hand", "neck")
+    assert np.linalg.norm(np.diff(path, 2, axis=0), axis=-1).max() / step_s**2 < 120.0
+
+
+def test_a_clip_of_other_joints_is_refused() -> None:
+    own = build().skeleton
+    other = Skeleton(own.names[:9], own.parents[:9], own.offsets_m[:9], own.tips_m[:9])
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (2, 9, 1))
+    with pytest.raises(MotionError, match="retarget"):
+        Recorded(Clip(other, 0.1, np.zeros((2, 3)), turns))
