@@ -1,0 +1,116 @@
+"""Pictures of a warp: the motion before and after as the observer sees it, and its features."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from lab.geometry import Vector
+from stage.errors import StageError
+from stage.renderer import Renderer
+from stimuli.characters.body_parts import PARTS
+from stimuli.characters.character import MORPHS, Character
+from stimuli.motion.clip import Clip
+from stimuli.motion.warping.clips import WarpedClip
+from stimuli.motion.warping.outlook import Outlook
+from stimuli.motion.warping.perceived import SeenBody, perceived
+from stimuli.picture import Light, Picture, PosedPeople, Room, StaticMesh
+from stimuli.rooms import surfaces
+from stimuli.rooms.furniture import level, placed
+
+COLUMNS = 6
+TILE_PX = 300
+LABEL_PX = 34
+Tile = npt.NDArray[np.uint8]
+
+
+def write_sheet(
+    path: Path, who: Character, before: Clip, after: Clip, body: SeenBody, view: Outlook,
+    things: Sequence[StaticMesh],
+) -> bool:  # fmt: skip
+    """Draw both clips at even times, one row each; tell whether people could be drawn.
+
+    Without OpenGL the rows show the perceived parts in colours.
+    """
+    times = np.linspace(0.05, 0.95, COLUMNS) * before.duration_s
+    drawn = True
+    try:
+        rows = _people(who, (before, after), view, things, times)
+    except StageError:
+        rows, drawn = _parts((before, after), body, view, times), False
+    sheet = Image.new("RGB", (COLUMNS * TILE_PX, 2 * (TILE_PX + LABEL_PX)), (250, 250, 250))
+    draw = ImageDraw.Draw(sheet)
+    for r, (label, row) in enumerate(zip(("original", "warped"), rows, strict=True)):
+        top = r * (TILE_PX + LABEL_PX)
+        for c, (t, tile) in enumerate(zip(times, row, strict=True)):
+            picture = Image.fromarray(tile).resize((TILE_PX, TILE_PX), Image.Resampling.NEAREST)
+            sheet.paste(picture, (c * TILE_PX, top + LABEL_PX))
+            text = f"{label}, {t:.2f} s" if c == 0 else f"{t:.2f} s"
+            draw.text((c * TILE_PX + 8, top + 7), text, (30, 30, 30), ImageFont.load_default(18))
+    sheet.save(path)
+    return drawn
+
+
+def _people(
+    who: Character, clips: Sequence[Clip], view: Outlook, things: Sequence[StaticMesh],
+    times: Vector,
+) -> list[list[Tile]]:  # fmt: skip
+    floor = level(
+        "floor", (-6, -6), (6, 6), 0.0, (176, 174, 170), surfaces.plaster(3), roughness_01=0.9
+    )
+    room = Room(
+        "sheet",
+        (floor, *(placed(f"thing_{i}", m, (0, 0, 0), 0.0) for i, m in enumerate(things))),
+        (
+            Light("sun", np.full(3, 0.75), direction=np.array([0.35, -0.8, 0.55]),
+                  casts_shadow=True),
+        ),
+        np.full(3, 0.55), np.full(3, 0.42), (196, 202, 208),
+    )  # fmt: skip
+    with Renderer() as renderer:
+        return [
+            [
+                renderer.image(_picture(room, who, clip, float(t)), view.camera, (TILE_PX,) * 2)
+                for t in times
+            ]
+            for clip in clips
+        ]
+
+
+def _picture(room: Room, who: Character, clip: Clip, t_s: float) -> Picture:
+    pose = clip.at(t_s)
+    people = PosedPeople(pose.root_m[None], pose.orientation_wxyz[None], np.zeros((1, len(MORPHS))))
+    return Picture(round(t_s * 1e9), room, (who,), people)
+
+
+def _parts(clips: Sequence[Clip], body: SeenBody, view: Outlook, times: Vector) -> list[list[Tile]]:
+    table = (255 * mpl.colormaps["tab20"](np.arange(len(PARTS)) % 20)[:, :3]).astype(np.uint8)
+    table[0] = 40
+    rows = []
+    for clip in clips:
+        poses = clip.at(times)
+        rows.append(list(table[perceived(body, view, poses.root_m, poses.orientation_wxyz)]))
+    return rows
+
+
+def write_curves(path: Path, warped: WarpedClip) -> None:
+    """Plot every feature over the clip: original, wanted, reached."""
+    from matplotlib.figure import Figure
+
+    n = len(warped.targets)
+    figure = Figure(figsize=(7.5, 2.3 * n + 0.5), layout="constrained")
+    for f, target in enumerate(warped.targets):
+        axes = figure.add_subplot(n, 1, f + 1)
+        axes.plot(warped.key_s, warped.original[:, f], color="0.55", label="original")
+        axes.plot(warped.key_s, warped.wanted[:, f], "k--", lw=1.0, label="wanted")
+        axes.plot(warped.key_s, warped.reached[:, f], color="tab:blue", label="reached")
+        axes.set_ylabel(f"{target.kind.replace('_', ' ')}\n{', '.join(target.parts)} [1]")
+        axes.set_ylim(bottom=0)
+        axes.spines[["top", "right"]].set_visible(False)
+        if f == 0:
+            axes.legend(frameon=False, ncols=3, loc="lower right")
+    axes.set_xlabel("time in the clip [s]")
+    figure.savefig(path, dpi=150)
