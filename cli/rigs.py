@@ -5,6 +5,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import cast
 
+from cli.body_builders import BODY_BUILDERS
 from cli.gaze_builders import GAZE_BUILDERS
 from devices.contracts import Body, Device, EyeTracker, Headset, MovingBody
 from devices.drivers.pupil_core import PupilCore
@@ -213,6 +214,7 @@ def _as_eye_tracker(device: Device) -> EyeTracker:
 Builder = Callable[[str, DeviceConfig, Clock, Body | None, int, ExitStack], Device]
 
 _BUILDERS: dict[str, Builder] = {
+    **BODY_BUILDERS,
     **GAZE_BUILDERS,
     "simulated_headset": _headset,
     "simulated_responses": _responses,

@@ -77,6 +77,10 @@ class OpenVrLibrary:
         """Return a wire for one more device."""
         return OpenVrTransport(self)
 
+    def show_images(self) -> None:
+        """Connect as a scene application, whatever was said before; call it before any open."""
+        self._application = "scene"
+
     def attach(self, user: "OpenVrTransport") -> None:
         """Connect when it is the first; raises DeviceNotFound with what to do."""
         with self._guard:

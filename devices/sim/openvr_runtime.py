@@ -230,6 +230,13 @@ class SimulatedVrRuntime:
         """Displace a base station for good."""
         self._base_offset_m[number] += offset_m
 
+    def wear(self, trackers: Mapping[str, str]) -> None:
+        """Put more trackers on segments of the body: serial number -> segment."""
+        for serial, segment in trackers.items():
+            made = SimulatedVrDevice(TRACKER, serial, "Simulated tracker", self._worn(segment))
+            self.devices.append(made)
+        self._name_devices()
+
     @property
     def haptic_pulses(self) -> tuple[tuple[int, int], ...]:
         """Slot and microseconds of every pulse asked for."""
@@ -495,12 +502,15 @@ class SimulatedVrRuntime:
             matrix = (ctypes.c_float * 12)(1, 0, 0, sign * IPD_M / 2, 0, 1, 0, 0, 0, 0, 1, 0)
             tangents = (ctypes.c_float * 4)(*RAW_TANGENTS[eye])
             self._native.visavis_vr_set_eye(eye, matrix, tangents)
-        for slot, device in enumerate(self.devices):
-            for which, text in enumerate((device.serial, device.model, MAKER)):
-                self._native.visavis_vr_set_text(slot, which, text.encode())
+        self._name_devices()
         version = self._faults.active("version", 0) is not None
         refusal = 108 if self._faults.active("late_start", 0) is not None else 0
         self._native.visavis_vr_set_init(refusal, int(version))
+
+    def _name_devices(self) -> None:
+        for slot, device in enumerate(self.devices):
+            for which, text in enumerate((device.serial, device.model, MAKER)):
+                self._native.visavis_vr_set_text(slot, which, text.encode())
 
     def _guarded(self, function: Callable[..., Any], prototype: Any) -> Callable[..., Any]:
         """Keep what goes wrong in a callback: C cannot pass it on; it is raised at the end."""
