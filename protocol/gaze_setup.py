@@ -74,7 +74,12 @@ class GazeSetup:
         self._timing = timing
 
     def calibrate(self) -> CalibrationOutcome:
-        """Run one calibration; raises DeviceError when the tracker is gone."""
+        """Run one calibration; raises DeviceError when the tracker is gone.
+
+        A tracker that is calibrated elsewhere, or never, is left as it is: validation measures it.
+        """
+        if "calibration" not in self._eye_tracker.info.capabilities:
+            return CalibrationOutcome(True, "this tracker is not calibrated from here")
         timing = self._timing
         self._eye_tracker.begin_calibration()
         for _, yaw_deg, pitch_deg in TARGETS:

@@ -45,6 +45,7 @@ class EyeLinkSimulator(GazePeer):
             drift_ppm=drift_ppm, epoch_ns=3_600_000 * NS_PER_MS,
         )  # fmt: skip
         super().__init__(source, seed=seed)
+        source.calibrated_fit = body.fit()  # in its own program, before the session
         self.messages: list[str] = []
         self.calibrated = calibrated
         self._screen = screen or Screen()

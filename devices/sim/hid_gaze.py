@@ -78,6 +78,7 @@ class HidGazeSimulator(GazePeer):
             drift_ppm=drift_ppm,
         )  # fmt: skip
         super().__init__(source, seed=seed)
+        source.calibrated_fit = body.fit()  # in its own program, before the session
         self.modes: list[int] = []
         self.descriptor = descriptor
         self._screen = screen or Screen()

@@ -53,11 +53,12 @@ class LslGazeSimulator(GazePeer):
         screen: Screen | None = None,
         epoch_ns: int | None = None,
     ) -> None:
-        self.source = GazeSource(
+        source = GazeSource(
             body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
             drift_ppm=drift_ppm, epoch_ns=epoch_ns,
         )  # fmt: skip
-        super().__init__(self.source, seed=seed)
+        super().__init__(source, seed=seed)
+        source.calibrated_fit = body.fit()  # in its own program, before the session
         self.layout = layout
         self._screen = screen or Screen()
 

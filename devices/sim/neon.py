@@ -55,6 +55,7 @@ class NeonSimulator(GazePeer):
             drift_ppm=drift_ppm, epoch_ns=EPOCH_NS,
         )  # fmt: skip
         super().__init__(source, seed=seed)
+        source.calibrated_fit = body.fit()  # in its own program, before the session
         self.events: list[tuple[str, int]] = []
         self.battery_level = battery_level
         self.has_glasses = True
