@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from cli.rigs import build_rig, devices_for, is_simulated
+from cli.stages import build_stage
 from cli.studies import Study
 from devices.sim.shared_body import SharedBody
 from lab.clock import Clock, SimClock
@@ -26,7 +27,6 @@ from recording.manifest import Manifest
 from recording.provenance import provenance
 from recording.reader import Recording
 from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseStatus, Recorder
-from stage.contracts import GeometryStage
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,13 @@ def _setup(
         session_number=request.session,
         part=folder.manifest.parts[-1].number,
         rig=devices.rig,
-        stage=GeometryStage([devices.participant] if devices.participant else []),
+        stage=build_stage(
+            request.config,
+            request.experiment,
+            devices.rig,
+            request.clock,
+            [devices.participant] if devices.participant else [],
+        ),
         recorder=recorder,
         clock=request.clock,
         operator=request.operator,

@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from devices.contracts import HEAD
+from devices.contracts import HEAD, Fault
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.errors import DeviceError
 from lab.frame import FrameInfo
 from lab.geometry import Pose
 from lab.schema import SampleBatch
@@ -49,6 +50,9 @@ class FrameLoop:
         scene_states = scene_states_schema(m)
         for schema in (frames, targets, scene_states):
             recorder.declare(schema)
+        for schema in stage.schemas:
+            recorder.declare(schema)
+        stage.start(recorder.append)
         self._frames = RowBuffer(frames, recorder.append, hold_ns=hold_ns)
         self._targets = RowBuffer(targets, recorder.append, hold_ns=hold_ns)
         self._scene_states = RowBuffer(scene_states, recorder.append, hold_ns=hold_ns)
@@ -67,6 +71,7 @@ class FrameLoop:
         self._logged_view: SceneFrame | None = None
         self._scene_number = 0
         self._frame = FrameInfo(-1, clock.now_ns(), clock.now_ns())
+        self.display_fault: Fault | None = None
         self.head = UPRIGHT
         self.head_valid = False
         self.head_seen = False
@@ -110,8 +115,7 @@ class FrameLoop:
         if view is not None:
             if view is not self._logged_view:
                 self._log_view(view)
-            images = self._stage.draw(view, self._frame, self.head)
-            self._rig.headset.submit(self._frame, images)
+            self._display(view)
         frame = self._wait_frame()
         self._rig.step()
         self._take_head()
@@ -126,6 +130,25 @@ class FrameLoop:
             self._take_presses(),
             self._take_body() if self._body_inbox else None,
         )
+
+    def _display(self, view: SceneFrame) -> None:
+        """Draw and hand over; what goes wrong is a fault that pauses, not the session's end."""
+        trouble: DeviceError | None
+        try:
+            images = self._stage.draw(view, self._frame, self.head)
+            self._rig.headset.submit(self._frame, images)
+            trouble = self._stage.trouble()
+        except DeviceError as problem:
+            trouble = problem
+        if trouble is not None:
+            self.display_fault = Fault(
+                trouble.role or "display",
+                "blocking",
+                str(trouble).removeprefix(f"{trouble.role}: ").removesuffix(f"; {trouble.remedy}"),
+                trouble.remedy,
+            )
+        else:
+            self.display_fault = None
 
     def flush(self) -> None:
         """Hand every held row to the recorder."""

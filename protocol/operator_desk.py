@@ -219,6 +219,9 @@ class OperatorDesk:
 
     def _look_for_faults(self) -> None:
         self._faults = self._rig.faults()
+        shown = self._loop.display_fault
+        if shown is not None:
+            self._faults = (*self._faults, shown)
         if not self._faults and not self._standing:
             return
         for fault in self._faults:

@@ -1,10 +1,12 @@
 """What the session asks of whatever shows a scene."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
+from lab.errors import DeviceError
 from lab.frame import FrameInfo
 from lab.geometry import Pose
+from lab.schema import SampleBatch, StreamSchema
 from stimuli.scene import SceneFrame
 
 
@@ -18,6 +20,19 @@ class Viewer(Protocol):
 
 class Stage(Protocol):
     """Draws a scene from the participant's eyes."""
+
+    @property
+    def schemas(self) -> tuple[StreamSchema, ...]:
+        """Streams it delivers: what was drawn, frame by frame."""
+        ...
+
+    def start(self, sink: Callable[[SampleBatch], None]) -> None:
+        """Deliver its streams to `sink` from now on."""
+        ...
+
+    def trouble(self) -> DeviceError | None:
+        """Return what keeps it from drawing now; the session pauses while there is something."""
+        ...
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
         """Return the images to submit for this frame, left eye first; empty when none."""
@@ -33,6 +48,17 @@ class GeometryStage:
 
     def __init__(self, viewers: Sequence[Viewer] = ()) -> None:
         self._viewers = tuple(viewers)
+
+    @property
+    def schemas(self) -> tuple[StreamSchema, ...]:
+        """No streams: nothing is drawn."""
+        return ()
+
+    def start(self, sink: Callable[[SampleBatch], None]) -> None:
+        """Deliver nothing."""
+
+    def trouble(self) -> None:
+        """Nothing can fail."""
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
         """Tell every viewer what stands there."""

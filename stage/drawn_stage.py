@@ -17,13 +17,16 @@ from stage.frame_truth import DrawnFrame, drawn_schema, picture_crc32, read_row,
 from stage.mirror import Mirror
 from stage.renderer import Image, Renderer
 from stage.targets import EyeTarget
-from stimuli.picture import Camera, Picture
+from stimuli.characters.character import MORPHS
+from stimuli.picture import Camera, Picture, PosedPeople, Room
 from stimuli.scene import SceneFrame
 
 Dresser = Callable[[SceneFrame], Picture]
 RETRY_NS = NS_PER_S
 HALF_EYE_DISTANCE_M = 0.0315
 DEFAULT_TANGENT = 1.0
+NOWHERE = Room("nowhere", (), (), np.zeros(3), np.zeros(3))
+NOBODY = PosedPeople(np.zeros((0, 3)), np.zeros((0, 55, 4)), np.zeros((0, len(MORPHS))))
 
 
 def default_views(aspect: float = 0.9) -> tuple[EyeView, EyeView]:
@@ -46,14 +49,16 @@ def eye_camera(head: Pose, eye: EyeView) -> Camera:
 
 @dataclass(frozen=True, eq=False)
 class Display:
-    """What is drawn for: how each eye looks (asked at the first frame, when the headset is
-    open), pixels per eye, and at most how many people a picture holds.
+    """What is drawn for: how each eye looks and how many pixels it has (both asked at the first
+    frame, when the headset is open), and at most how many people a picture holds. `hands_over`
+    says whether the images go on to the headset.
     """
 
     views: Callable[[], Sequence[EyeView]]
-    size_px: tuple[int, int]
+    size_px: Callable[[], tuple[int, int]]
     people_count: int
     rate_hz: float = 90.0
+    hands_over: bool = True
 
 
 class DrawnStage:
@@ -109,7 +114,7 @@ class DrawnStage:
         now_ns = self._clock.now_ns()
         if self._trouble is not None and now_ns < self._retry_ns:
             return ()
-        picture = self._dresser(view)
+        picture = self._picture(view)
         try:
             renderer = self._ready()
             cameras = [eye_camera(head, eye) for eye in self._views]
@@ -122,6 +127,8 @@ class DrawnStage:
             return ()
         self._trouble = None
         self._log(view, frame, head, picture, drawn.level)
+        if not self._display.hands_over:
+            return ()
         return [target.texture for target in self._targets]
 
     def redraw(self, view: SceneFrame, row: np.void) -> list[Image]:
@@ -130,7 +137,7 @@ class DrawnStage:
         Raises:
             StageError: the scene is not the one that was drawn, or the driver fails.
         """
-        picture = self._dresser(view)
+        picture = self._picture(view)
         if picture_crc32(picture) != int(row["picture_crc32"]):
             raise StageError(
                 f"frame {int(row['frame'])} was drawn from another picture than this scene gives",
@@ -154,14 +161,27 @@ class DrawnStage:
 
     # ---- private --------------------------------------------------------------------------
 
+    def _picture(self, view: SceneFrame) -> Picture:
+        """Dress a scene; a dark or empty one needs no dressing."""
+        scene = view.scene
+        if scene.agents and scene.brightness_01 > 0.0:
+            return self._dresser(view)
+        return Picture(
+            view.t_ns,
+            NOWHERE,
+            (),
+            NOBODY,
+            brightness_01=scene.brightness_01,
+            mark_m=scene.mark_m,
+        )
+
     def _ready(self) -> Renderer:
         if self._renderer is None:
             self._renderer = self._open_renderer()
             self._views = tuple(self._display.views())
             quality, context = self._renderer.quality, self._renderer.context
-            self._targets = [
-                EyeTarget(context, self._display.size_px, quality.samples) for _ in self._views
-            ]
+            size_px = self._display.size_px()
+            self._targets = [EyeTarget(context, size_px, quality.samples) for _ in self._views]
         return self._renderer
 
     def _fail(self, problem: StageError, now_ns: int) -> None:

@@ -13,7 +13,7 @@ from stage.drawn_stage import Display, DrawnStage, default_views, eye_camera
 from stage.errors import StageError
 from stage.renderer import Renderer
 from stimuli.picture import Picture
-from stimuli.scene import Scene, SceneFrame
+from stimuli.scene import Agent, Scene, SceneFrame
 from tests.stage import figures
 
 SIZE = (60, 72)
@@ -29,7 +29,8 @@ class _Watcher:
 
 
 def _scene(t_ns: int = 0) -> SceneFrame:
-    return SceneFrame(Scene("people", ()), t_ns, np.zeros((0, 3)), np.zeros(0))
+    agent = Agent("a", "a", "", np.zeros(3), 0.1, np.array([0, 0, 1.0]), np.zeros(3))
+    return SceneFrame(Scene("people", (agent,)), t_ns, np.zeros((1, 3)), np.ones(1))
 
 
 def _dressed(view: SceneFrame) -> Picture:
@@ -46,8 +47,10 @@ def _renderer() -> Renderer:
         pytest.skip(str(problem))
 
 
-def _stage(rows: list[SampleBatch], watcher: _Watcher, clock: SimClock) -> DrawnStage:
-    display = Display(default_views, SIZE, people_count=4)
+def _stage(
+    rows: list[SampleBatch], watcher: _Watcher, clock: SimClock, size_px: tuple[int, int] = SIZE
+) -> DrawnStage:
+    display = Display(default_views, lambda: size_px, people_count=4)
     stage = DrawnStage(_dressed, _renderer, display, clock, viewers=[watcher])
     stage.start(rows.append)
     return stage
@@ -108,7 +111,7 @@ def test_lost_driver_shows_nothing_and_comes_back() -> None:
             raise StageError("nothing here can draw", remedy="restart")
         return working.pop()
 
-    display = Display(default_views, SIZE, people_count=3)
+    display = Display(default_views, lambda: SIZE, people_count=3)
     stage = DrawnStage(_dressed, reopened, display, clock, viewers=[watcher])
     stage.start(rows.append)
     assert len(stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)) == 2
@@ -135,3 +138,12 @@ def test_eyes_stand_either_side_of_the_head() -> None:
     assert middle == pytest.approx(HEAD.position_m)
     apart = right.pose.position_m - left.pose.position_m
     assert np.linalg.norm(apart) == pytest.approx(0.063)
+
+
+def test_dark_scene_is_black_but_for_its_mark() -> None:
+    stage = _stage([], _Watcher(), SimClock(), (480, 540))
+    dark = Scene("dark", (), brightness_01=0.0, mark_m=np.array([0.0, 1.5, -1.0]))
+    stage.draw(SceneFrame(dark, 0, np.zeros((0, 3)), np.zeros(0)), FrameInfo(0, 0, 0), HEAD)
+    left, _ = stage.images()
+    stage.close()
+    assert 0 < (left.max(axis=2) > 0).mean() < 0.05

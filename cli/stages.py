@@ -1,0 +1,117 @@
+"""Put together what shows a session's scenes: nothing, a window, the headset, or pictures."""
+
+import importlib
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, cast
+
+from lab.clock import Clock
+from lab.config import LabConfig
+from lab.errors import ConfigError
+from lab.frame import EyeView
+from protocol.experiment import Experiment
+from protocol.rig import Rig
+from stage.contracts import GeometryStage, Stage, Viewer
+from stimuli.picture import Picture
+from stimuli.scene import SceneFrame
+
+if TYPE_CHECKING:
+    from stage.drawn_stage import Display
+
+DRESSERS = {
+    "stare": "stimuli.dressing.audience:audience_picture",
+    "crowd": "stimuli.dressing.station:station_picture",
+}
+"""What turns the scenes of a study into pictures."""
+OFFSCREEN_PX = (480, 540)
+USUAL_EYE_PX = (1440, 1600)
+EXTRA_PEOPLE = 8
+"""People a picture may hold beside the study's agents: speakers, the participant's own body."""
+
+Views = Callable[[], Sequence[EyeView]]
+
+
+def dresser_of(study: str) -> Callable[[SceneFrame], Picture]:
+    """Return what dresses a study's scenes.
+
+    Raises:
+        ConfigError: the study has no pictures yet.
+    """
+    if study not in DRESSERS:
+        raise ConfigError(
+            f"there are no pictures for {study!r} yet; set display.show to none in lab_config.yaml"
+        )
+    module, _, name = DRESSERS[study].partition(":")
+    return cast(Callable[[SceneFrame], Picture], getattr(importlib.import_module(module), name))
+
+
+def build_stage(
+    config: LabConfig,
+    experiment: Experiment,
+    rig: Rig,
+    clock: Clock,
+    viewers: Sequence[Viewer],
+) -> Stage:
+    """Build the stage `display.show` asks for; without drawing, no graphics library is loaded.
+
+    Raises:
+        ConfigError: the headset cannot show pictures, or the study has none.
+        StageError: there is no screen, or nothing that draws on it.
+    """
+    show = config.display.show
+    if show == "none" or (clock.is_virtual and show != "offscreen"):
+        return GeometryStage(viewers)
+    from stage.drawn_stage import Display, DrawnStage, default_views
+    from stage.mirror import Mirror
+    from stage.renderer import LIGHTEST, Renderer
+    from stage.window import Window
+
+    n, rate_hz = experiment.agent_count + EXTRA_PEOPLE, rig.headset.display_rate_hz
+    dresser = dresser_of(experiment.name)
+    if show == "offscreen":
+        return DrawnStage(
+            dresser,
+            lambda: Renderer(quality=LIGHTEST),
+            Display(default_views, lambda: OFFSCREEN_PX, n, rate_hz),
+            clock,
+            viewers=viewers,
+        )
+    window_px = (config.display.window_width_px, config.display.window_height_px)
+    if show == "window":
+        display = Display(_one_eye(window_px), lambda: window_px, n, rate_hz, hands_over=False)
+    else:
+        display = _of_headset(config, rig, n)
+    window = Window(f"Visavis: {experiment.name}", window_px)
+    return DrawnStage(
+        dresser,
+        lambda: Renderer(window.context),
+        display,
+        clock,
+        viewers=viewers,
+        mirror=Mirror(window),
+    )
+
+
+def _one_eye(size_px: tuple[int, int]) -> Views:
+    """Return one camera between the eyes that fills a window, 70° high."""
+    top = 0.7
+    wide = top * size_px[0] / size_px[1]
+    eye = EyeView((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), -wide, wide, -top, top)
+    return lambda: (eye,)
+
+
+def _of_headset(config: LabConfig, rig: Rig, people_count: int) -> "Display":
+    from stage.drawn_stage import Display
+
+    headset = rig.headset
+    if not hasattr(headset, "eye_views"):
+        raise ConfigError(
+            f"{config.path}: display.show is headset, but {headset.info.driver} shows no pictures; "
+            "name a headset that does (openvr_headset, openxr_headset), or choose window or none"
+        )
+    views = cast(Views, headset.eye_views)
+
+    def size_px() -> tuple[int, int]:
+        width, height = getattr(headset, "render_size_px", USUAL_EYE_PX)
+        return width, height
+
+    return Display(views, size_px, people_count, headset.display_rate_hz)

@@ -1,0 +1,79 @@
+import io
+import shutil
+import struct
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from stage.errors import StageError
+from stage.movie import open_movie
+
+SIZE = (64, 48)
+
+
+def frames(n=5):
+    for k in range(n):
+        frame = np.full((SIZE[1], SIZE[0], 3), 40 * k, dtype=np.uint8)
+        frame[:, : 8 * k] = (200, 30, 30)
+        yield frame
+
+
+def chunks(data, start, end):
+    """Yield (name, start of the content, length) of RIFF chunks, entering lists."""
+    while start + 8 <= end:
+        name, length = data[start : start + 4], struct.unpack_from("<I", data, start + 4)[0]
+        yield name, start + 8, length
+        if name == b"LIST":
+            yield from chunks(data, start + 12, start + 8 + length)
+        start += 8 + length + length % 2
+
+
+def test_film_holds_every_frame_where_its_index_says(tmp_path):
+    path = tmp_path / "film.avi"
+    with open_movie(path, SIZE, 25) as film:
+        for frame in frames():
+            film.add(frame)
+    data = path.read_bytes()
+    assert data[:4] + data[8:12] == b"RIFFAVI "
+    assert struct.unpack_from("<I", data, 4)[0] == len(data) - 8
+    found = list(chunks(data, 12, len(data)))
+    assert 5 == sum(name == b"00dc" for name, _, _ in found)
+    movi = data.index(b"movi")
+    at, length = next((a, n) for name, a, n in found if name == b"idx1")
+    for k, expected in enumerate(frames()):
+        _, _, offset, size = struct.unpack_from("<4sIII", data, at + 16 * k)
+        start = movi + offset + 8
+        got = np.asarray(Image.open(io.BytesIO(data[start : start + size])))
+        assert np.abs(got.astype(int) - expected).mean() < 3
+    assert length == 16 * 5
+    main = next(a for name, a, _ in found if name == b"avih")
+    period_us, _, _, _, total = struct.unpack_from("<5I", data, main)
+    assert (40_000, 5) == (period_us, total)
+
+
+def test_film_never_replaces_a_file(tmp_path):
+    path = tmp_path / "film.avi"
+    path.write_bytes(b"precious")
+    with pytest.raises(StageError, match="exists already"):
+        open_movie(path, SIZE, 25)
+    assert path.read_bytes() == b"precious"
+
+
+def test_frame_of_another_size_is_refused(tmp_path):
+    with (
+        open_movie(tmp_path / "film.avi", SIZE, 25) as film,
+        pytest.raises(StageError, match="64 × 48"),
+    ):
+        film.add(np.zeros((10, 10, 3), dtype=np.uint8))
+
+
+def test_unknown_ending_is_refused_with_those_that_work(tmp_path):
+    with pytest.raises(StageError, match=r"\.avi, \.mp4 or \.webm"):
+        open_movie(tmp_path / "film.gifv", SIZE, 25)
+
+
+def test_without_ffmpeg_the_way_out_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(StageError, match="name the film .avi"):
+        open_movie(tmp_path / "film.mp4", SIZE, 25)

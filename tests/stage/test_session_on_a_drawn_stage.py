@@ -1,0 +1,129 @@
+"""A session whose scenes are drawn: frame truth in the recording, faults that pause."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cli.perform
+from cli.stages import DRESSERS, dresser_of
+from lab.clock import NS_PER_S, Clock
+from lab.errors import ConfigError, DeviceError
+from lab.frame import FrameInfo
+from lab.geometry import Pose
+from stage.contracts import GeometryStage, Viewer
+from stage.drawn_stage import Display, DrawnStage, default_views
+from stage.errors import StageError
+from stage.renderer import LIGHTEST, Image, Renderer
+from stimuli.scene import SceneFrame
+from tests.faults.sessions import TRIALS, events, lab, perform
+
+EVERY = 120
+
+
+class _NowAndThen(DrawnStage):
+    """Draws one frame in many, to be quick; keeps what it drew."""
+
+    def __init__(self, *arguments: object, viewers: Sequence[Viewer], **options: object) -> None:
+        super().__init__(*arguments, **options)
+        self.watching = viewers
+        self.kept: list[tuple[SceneFrame, list[Image]]] = []
+
+    def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
+        for viewer in self.watching:
+            viewer.see(view, frame.predicted_display_ns)
+        if frame.index % EVERY:
+            return ()
+        images = super().draw(view, frame, head)
+        self.kept.append((view, self.images()))
+        return images
+
+
+def test_recorded_frames_redraw_as_they_were(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    try:
+        Renderer(quality=LIGHTEST).close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    made: list[_NowAndThen] = []
+
+    def build(_: object, __: object, ___: object, clock: Clock, viewers: Sequence[Viewer]) -> _NowAndThen:  # fmt: skip  # noqa: E501 - mirrors build_stage
+        stage = _NowAndThen(
+            dresser_of("stare"),
+            lambda: Renderer(quality=LIGHTEST),
+            Display(default_views, lambda: (48, 54), people_count=19),
+            clock,
+            viewers=viewers,
+        )
+        made.append(stage)
+        return stage
+
+    monkeypatch.setattr(cli.perform, "build_stage", build)
+    recording = perform(lab(tmp_path))
+    assert recording.status == "complete"
+    (stage,) = made
+    drawn = recording.stream_arrays("drawn")
+    assert len(drawn["frame"]) == len(stage.kept)
+    assert drawn["drawn"].all()
+    with_people = np.flatnonzero((drawn["level"] >= 0).sum(axis=1) >= 8)
+    assert len(with_people) > 3
+    row = np.zeros(1, stage.schemas[0].dtype)[0]
+    for i in with_people[:3]:
+        for name in row.dtype.names:
+            row[name] = drawn[name][i]
+        view, before = stage.kept[i]
+        for old, new in zip(before, stage.redraw(view, row), strict=True):
+            assert np.abs(old.astype(int) - new.astype(int)).max() <= 1
+    stage.close()
+
+
+class _Failing(GeometryStage):
+    """A stage whose driver fails for two seconds, once."""
+
+    def __init__(self, viewers: Sequence[Viewer], *, by_raising: bool) -> None:
+        super().__init__(viewers)
+        self._by_raising = by_raising
+        self._trouble: DeviceError | None = None
+
+    def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
+        super().draw(view, frame, head)
+        failing = 20 * NS_PER_S < frame.t_ns < 22 * NS_PER_S
+        problem = StageError("the graphics driver reported GL_OUT_OF_MEMORY", remedy="close others")
+        self._trouble = problem if failing else None
+        if failing and self._by_raising:
+            raise problem
+        return ()
+
+    def trouble(self) -> DeviceError | None:
+        return self._trouble
+
+    def start(self, sink: object) -> None:
+        pass
+
+
+@pytest.mark.parametrize("by_raising", [True, False])
+def test_failing_display_interrupts_the_trial_and_nothing_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, by_raising: bool
+) -> None:
+    def build(*arguments: object) -> _Failing:
+        return _Failing(arguments[-1], by_raising=by_raising)
+
+    monkeypatch.setattr(cli.perform, "build_stage", build)
+    recording = perform(lab(tmp_path))
+    assert recording.status == "complete"
+    done = recording.trials()
+    assert {"P1", *TRIALS} == set(done.loc[done["status"] == "complete", "trial_id"])
+    faults = [e for e in events(recording, "fault") if e["role"] == "display"]
+    assert [e["message"] for e in faults] == ["the graphics driver reported GL_OUT_OF_MEMORY"]
+    assert faults[0]["remedy"] == "close others"
+
+
+def test_every_dresser_is_there() -> None:
+    assert all(callable(dresser_of(study)) for study in DRESSERS)
+
+
+def test_study_without_pictures_says_what_to_set() -> None:
+    with pytest.raises(ConfigError, match="there are no pictures"):
+        dresser_of("unknown")
