@@ -75,5 +75,5 @@ def test_unknown_ending_is_refused_with_those_that_work(tmp_path):
 
 def test_without_ffmpeg_the_way_out_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
-    with pytest.raises(StageError, match="name the film .avi"):
+    with pytest.raises(StageError, match=r"name the film \.avi"):
         open_movie(tmp_path / "film.mp4", SIZE, 25)
