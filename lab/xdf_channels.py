@@ -61,7 +61,7 @@ def flat_columns(
     parts = []
     for field in schema.fields:
         column = columns[field.name]
-        parts.append(column.reshape(len(column), -1).astype(np.float64))
+        parts.append(column.reshape(len(column), _size(field)).astype(np.float64))
     return np.concatenate(parts, axis=1) if parts else np.empty((0, 0))
 
 
@@ -83,7 +83,7 @@ def describe(target: Element, schema: StreamSchema) -> None:
 
 
 def _of_field(field: Field, is_gaze: bool, segments: tuple[str, ...]) -> list[Channel]:
-    n = int(np.prod(field.shape)) if field.shape else 1
+    n = _size(field)
     eye = ""
     if is_gaze:
         first = field.name.partition("_")[0]
@@ -107,6 +107,10 @@ def _of_field(field: Field, is_gaze: bool, segments: tuple[str, ...]) -> list[Ch
         segment = segments[i // per_segment] if segments else ""
         channels.append(Channel(label, f"{kind}{axis}", unit, eye, frame, segment))
     return channels
+
+
+def _size(field: Field) -> int:
+    return int(np.prod(field.shape)) if field.shape else 1
 
 
 def _scalar_kind(field: Field) -> str:

@@ -183,6 +183,9 @@ def _write_part(recording: Recording, part: int, writer: XdfWriter) -> None:
         for send, device, receive in pairs:
             offset_ns = (send + receive) // 2 - device
             writer.clock_offset(number, device / NS_PER_S, offset_ns / NS_PER_S)
+        if not pairs and len(stamps_ns):  # they are on the session's clock already
+            for stamp_ns in (stamps_ns[0], stamps_ns[-1]):
+                writer.clock_offset(number, stamp_ns / NS_PER_S, 0.0)
         writer.finish(number)
     trials = recording.trial_entries(part)
     for name, times, texts in (

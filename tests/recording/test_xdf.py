@@ -175,3 +175,21 @@ def test_nothing_is_overwritten(tmp_path):
     export_session(session, "xdf", tmp_path / "out")
     with pytest.raises(RecordingError, match="exists already"):
         export_session(session, "xdf", tmp_path / "out")
+
+
+def test_a_stream_without_samples_is_announced_and_empty(tmp_path):
+    clock = SimClock()
+    with create_session(tmp_path, probe_manifest()) as folder:
+        recorder = Recorder(
+            folder.begin_part(clock),
+            clock,
+            threaded=False,
+            max_batch_ns=NS_PER_S,
+            is_simulated=True,
+        )
+        recorder.declare(GAZE)
+        folder.end_part(clock, recorder.close("complete"))
+    (path,) = export_session(folder.path, "xdf", tmp_path / "out")
+    streams, _ = loaded(path)
+    assert streams["gaze"]["footer"]["info"]["sample_count"] == ["0"]
+    assert len(streams["gaze"]["time_stamps"]) == 0
