@@ -51,7 +51,8 @@ def wave_rows(
     """Write the posture of those who wave.
 
     `numbers` (n, …): how lively, hand (left, right, both), waves a second, swing of the forearm in
-    radians from end to end, height of the elbow (0 at the side, 1 at the shoulder).
+    radians from end to end, height of the elbow (0 at the side, 1 at the shoulder), seat in metres
+    (0 stands).
     """
     for i in range(rows.shape[0]):
         r = rows[i]
@@ -60,8 +61,15 @@ def wave_rows(
         lively, hand, rate, swing, height = (
             numbers[r, 0], int(numbers[r, 1]), numbers[r, 2], numbers[r, 3], numbers[r, 4],
         )  # fmt: skip
-        stand(c, t, b, person, lively)
-        hang_arms(c, person)
+        if numbers[r, 5] > 0.0:
+            sit(c, t, b, numbers[r, 5], person, lively, 0.0)
+            lap_arms(c, b, 0, person)
+            for side in range(2):
+                if hand == BOTH or hand == side:
+                    arm_of(c, side)[p.HOLD : p.HOLD + p.HOLDS * p.HOLD_SIZE] = 0.0
+        else:
+            stand(c, t, b, person, lively)
+            hang_arms(c, person)
         stir(c, t, person, lively)
         breathe(c, t, person, 1.0)
         for side in range(2):

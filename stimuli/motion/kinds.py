@@ -99,8 +99,8 @@ def _hand(choice: str, seed: int) -> float:
 
 @dataclass(frozen=True)
 class Wave:
-    """Wave with one or both hands: `rate_hz` to and fro, `swing_deg` of the forearm from end to
-    end, `elbow_01` 0 at the side, 1 at the height of the shoulder.
+    """Wave with one or both hands, standing or on a seat: `rate_hz` to and fro, `swing_deg` of the
+    forearm from end to end, `elbow_01` 0 at the side, 1 at the height of the shoulder.
     """
 
     hand: Hand = "any"
@@ -108,17 +108,21 @@ class Wave:
     swing_deg: float = 46.0
     elbow_01: float = 0.45
     lively: float = 1.0
+    seat_m: float | None = None
 
     def __post_init__(self) -> None:
         _check("rate_hz", self.rate_hz, 0.2, 4.0)
         _check("swing_deg", self.swing_deg, 0.0, 90.0)
         _check("elbow_01", self.elbow_01, 0.0, 1.0)
         _check("lively", self.lively, 0.0, 2.0)
+        if self.seat_m is not None:
+            _check("seat_m", self.seat_m, 0.25, 1.0)
 
     def numbers(self, seed: int) -> tuple[float, ...]:
         """Return what the kernel is given."""
         swing = float(np.radians(self.swing_deg))
-        return self.lively, _hand(self.hand, seed), self.rate_hz, swing, self.elbow_01
+        seat = self.seat_m or 0.0
+        return self.lively, _hand(self.hand, seed), self.rate_hz, swing, self.elbow_01, seat
 
 
 @dataclass(frozen=True)
