@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from types import FrameType
 
 from cli import (
+    character_commands,
     data_commands,
     participant_commands,
     power_commands,
+    preview_commands,
     session_commands,
     statistics_commands,
     study_commands,
+    warp_commands,
 )
 from cli.app import app, errors
 from lab.errors import LabError
@@ -19,10 +22,13 @@ from lab.errors import LabError
 COMMAND_MODULES = (
     session_commands,
     study_commands,
+    warp_commands,
     participant_commands,
     data_commands,
     power_commands,
+    preview_commands,
     statistics_commands,
+    character_commands,
 )
 EXIT_INTERRUPTED = 130
 EXIT_INTERNAL = 1

@@ -1,6 +1,6 @@
 """Perform a session, new or resumed, and leave a closed recording behind."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,6 +27,7 @@ from recording.manifest import Manifest
 from recording.provenance import provenance
 from recording.reader import Recording
 from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseStatus, Recorder
+from stage.contracts import Stage, Viewer
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ class Request:
     on_trial: Callable[[str, int, int], None] | None = None
     timing: TargetTiming = field(default_factory=TargetTiming)
     lost_device_s: float = LOST_DEVICE_S
+    stage_for: Callable[[Sequence[Viewer]], Stage] | None = None
 
 
 def behaviour_seed(request: "Request") -> int:
@@ -188,13 +190,7 @@ def _setup(
         session_number=request.session,
         part=folder.manifest.parts[-1].number,
         rig=devices.rig,
-        stage=build_stage(
-            request.config,
-            request.experiment,
-            devices.rig,
-            request.clock,
-            [devices.participant] if devices.participant else [],
-        ),
+        stage=_stage(request, devices),
         recorder=recorder,
         clock=request.clock,
         operator=request.operator,
@@ -212,6 +208,13 @@ def _setup(
             calibrations=[*folder.manifest.calibrations, found]
         ),
     )
+
+
+def _stage(request: Request, devices: _Devices) -> Stage:
+    viewers = [devices.participant] if devices.participant else []
+    if request.stage_for is not None:
+        return request.stage_for(viewers)
+    return build_stage(request.config, request.experiment, devices.rig, request.clock, viewers)
 
 
 def _end_part(

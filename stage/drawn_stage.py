@@ -19,7 +19,7 @@ from stage.renderer import Image, Renderer
 from stage.targets import EyeTarget
 from stimuli.characters.character import MORPHS
 from stimuli.picture import Camera, Picture, PosedPeople, Room
-from stimuli.scene import SceneFrame
+from stimuli.scene import Scene, SceneFrame
 
 Dresser = Callable[[SceneFrame], Picture]
 RETRY_NS = NS_PER_S
@@ -164,7 +164,8 @@ class DrawnStage:
     def _picture(self, view: SceneFrame) -> Picture:
         """Dress a scene; a dark or empty one needs no dressing."""
         scene = view.scene
-        if scene.agents and scene.brightness_01 > 0.0:
+        is_empty = type(scene) is Scene and not scene.agents
+        if not is_empty and scene.brightness_01 > 0.0:
             return self._dresser(view)
         return Picture(
             view.t_ns,

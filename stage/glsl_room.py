@@ -3,7 +3,7 @@
 from stage.glsl_lighting import DECODED, FRAME_BLOCK, LIGHTING
 
 VERTEX = (
-    FRAME_BLOCK
+    LIGHTING
     + DECODED
     + """
 uniform mat4 world_from_prop;
@@ -23,6 +23,11 @@ void main() {
     normal = mat3(world_from_prop) * in_normal.xyz;
     albedo_here = decoded(in_colour.rgb);
     look = in_look.xy;
+#ifdef VERTEX_LIT
+    vec3 n = normalize(normal);
+    vec3 here = lit(albedo_here, vec3(0.0), place, n, vec3(0.0), 1.0, 0.0);
+    albedo_here = mix(here, albedo_here, in_look.y);
+#endif
     uv = in_uv;
     gl_Position = view_projection * world;
 }
@@ -49,7 +54,6 @@ flat in vec2 look;
     + "//OUTPUT//"
     + """
 void main() {
-    vec3 n = normalize(gl_FrontFacing ? normal : -normal);
     vec3 path = eye_m.xyz - place;
     float distance_m = length(path);
     vec3 albedo = albedo_here;
@@ -60,10 +64,15 @@ void main() {
     alpha = texel.a;
     if (alpha < tone.z) discard;
 #endif
+#ifdef VERTEX_LIT
+    deliver(albedo, alpha, 0u, 0u, distance_m);
+#else
+    vec3 n = normalize(gl_FrontFacing ? normal : -normal);
     float smoothness = 1.0 - look.x;
     vec3 result = lit(albedo, vec3(0.0), place, n, path / distance_m,
                       mix(6.0, 120.0, smoothness * smoothness), 0.25 * smoothness * smoothness);
     deliver(mix(result, albedo, look.y), alpha, 0u, 0u, distance_m);
+#endif
 }
 """
 )

@@ -60,7 +60,7 @@ class LitPrograms:
 
     def _vertex_lit(self, family: Family, run: Run) -> bool:
         by_vertex = run.kind not in ("eye", "hair") and run.texture is None
-        return self._fast and family == "people" and by_vertex
+        return self._fast and (family == "room" or by_vertex)
 
     def _compile(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
         source = glsl_people if family == "people" else glsl_room

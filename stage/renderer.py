@@ -28,6 +28,7 @@ from stimuli.picture import Camera, Picture, Prop, Room
 
 FRAME_BYTES = 96
 ROOMS_KEPT = 4
+VERTEX_LIT_EDGE_M = 1.0
 CASTS_KEPT = 3
 GL_SAMPLE_ALPHA_TO_COVERAGE = 0x809E
 
@@ -39,8 +40,8 @@ class Quality:
     """How much work a picture is worth.
 
     `samples` per pixel smooth edges (0: none); `shadows` are drawn as maps of `shadow_map_px`,
-    as soft blobs under the feet, or not at all; `fast` leaves out highlights on rooms and sharp
-    textures; `detail` says how fine people are drawn where.
+    as soft blobs under the feet, or not at all; `fast` computes light at vertices, without
+    highlights; `detail` says how fine people are drawn where.
     """
 
     samples: int = 4
@@ -349,7 +350,15 @@ class Renderer:
         if found is None:
             while len(self._rooms) >= ROOMS_KEPT:
                 self._rooms.pop(next(iter(self._rooms)))[1].release()
-            found = (room, PropBuffers(self.context, room.props, self._textures))
+            found = (
+                room,
+                PropBuffers(
+                    self.context,
+                    room.props,
+                    self._textures,
+                    VERTEX_LIT_EDGE_M if self.quality.fast else None,
+                ),
+            )
             self._rooms[id(room)] = found
         return found[1]
 

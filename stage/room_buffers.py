@@ -20,10 +20,14 @@ class PropBuffers:
     """Props that keep their places against each other."""
 
     def __init__(
-        self, context: moderngl.Context, props: tuple[Prop, ...], textures: Textures
+        self,
+        context: moderngl.Context,
+        props: tuple[Prop, ...],
+        textures: Textures,
+        longest_edge_m: float | None = None,
     ) -> None:
         self._context, self._textures = context, textures
-        laid_out = room_vertices(props)
+        laid_out = room_vertices(props, longest_edge_m)
         self._runs = tuple(run for run in laid_out.runs if run.count)
         self._casting = laid_out.casting
         self._empty = not len(laid_out.indices)

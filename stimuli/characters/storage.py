@@ -2,6 +2,8 @@
 
 import io
 import json
+import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -138,7 +140,7 @@ def read_character(path: Path) -> Character:
         CharacterError: the file cannot be read or is of another format.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         head = json.loads(arrays["head"].tobytes())
         if head["format"] != FORMAT:
@@ -150,7 +152,7 @@ def read_character(path: Path) -> Character:
         raise CharacterError(
             f"{path}: no such character; `visavis character list` names all"
         ) from e
-    except (OSError, ValueError, KeyError) as e:
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, zlib.error) as e:
         raise CharacterError(f"{path}: not a whole character file ({e}); import it again") from e
 
 

@@ -4,9 +4,12 @@ For studies simulated by the hundred. Recordings are measured with meshes (`anal
 """
 
 import numpy as np
+import numpy.typing as npt
 
 from lab.compiled import compiled
 from lab.geometry import Vector
+from stimuli.contact.idle import N_JOINTS, place_person
+from stimuli.contact.touch import pose_capsules, segment_distance
 
 _MOST = 64
 
@@ -77,32 +80,48 @@ def capsules_in_common_m3(
 ) -> float:
     """Return the common volume of two unions of capsules by vertical columns `cell_m` apart.
 
-    Only pairs of capsules whose boxes meet are looked at; parts that overlap count once.
+    Only pairs of capsules that touch are looked at; parts that overlap count once.
     """
     n_a, n_b = radii_a.shape[0], radii_b.shape[0]
     use_a, use_b = np.zeros(n_a, np.bool_), np.zeros(n_b, np.bool_)
     low_x = low_z = np.inf
     high_x = high_z = -np.inf
+    point = np.empty(3)
     for i in range(n_a):
+        ra = radii_a[i]
         for j in range(n_b):
+            rb = radii_b[j]
             apart = False
-            box = np.empty((3, 2))
             for k in range(3):
-                low = max(
-                    min(starts_a[i, k], ends_a[i, k]) - radii_a[i],
-                    min(starts_b[j, k], ends_b[j, k]) - radii_b[j],
-                )
-                high = min(
-                    max(starts_a[i, k], ends_a[i, k]) + radii_a[i],
-                    max(starts_b[j, k], ends_b[j, k]) + radii_b[j],
-                )
-                box[k, 0], box[k, 1] = low, high
-                apart = apart or low >= high
+                if (
+                    min(starts_a[i, k], ends_a[i, k]) - ra >= max(starts_b[j, k], ends_b[j, k]) + rb
+                    or min(starts_b[j, k], ends_b[j, k]) - rb
+                    >= max(starts_a[i, k], ends_a[i, k]) + ra
+                ):
+                    apart = True
+                    break
             if apart:
                 continue
+            square = segment_distance(starts_a[i], ends_a[i], starts_b[j], ends_b[j], point)
+            if square >= (ra + rb) ** 2:
+                continue
             use_a[i] = use_b[j] = True
-            low_x, high_x = min(low_x, box[0, 0]), max(high_x, box[0, 1])
-            low_z, high_z = min(low_z, box[2, 0]), max(high_z, box[2, 1])
+            low_x = min(
+                low_x,
+                max(min(starts_a[i, 0], ends_a[i, 0]) - ra, min(starts_b[j, 0], ends_b[j, 0]) - rb),
+            )
+            high_x = max(
+                high_x,
+                min(max(starts_a[i, 0], ends_a[i, 0]) + ra, max(starts_b[j, 0], ends_b[j, 0]) + rb),
+            )
+            low_z = min(
+                low_z,
+                max(min(starts_a[i, 2], ends_a[i, 2]) - ra, min(starts_b[j, 2], ends_b[j, 2]) - rb),
+            )
+            high_z = max(
+                high_z,
+                min(max(starts_a[i, 2], ends_a[i, 2]) + ra, max(starts_b[j, 2], ends_b[j, 2]) + rb),
+            )
     if not high_x > low_x or not high_z > low_z:
         return 0.0
     nx = max(int(np.ceil((high_x - low_x) / cell_m)), 1)
@@ -140,3 +159,57 @@ def capsules_in_common_m3(
                     if shared > 0.0:
                         length += shared
     return length * step_x * step_z
+
+
+@compiled
+def volumes_along(
+    positions: Vector,
+    worlds: Vector,
+    crowd_t_s: Vector,
+    stature_m: float,
+    people: Vector,
+    reach_m: float,
+    parents: npt.NDArray[np.int64],
+    offsets_m: Vector,
+    columns: npt.NDArray[np.int64],
+    start_m: Vector,
+    end_m: Vector,
+    radius_m: Vector,
+    cell_m: float,
+    volumes: Vector,
+) -> None:
+    """Write the common volume (n, people) of a moving body with everybody, step by step.
+
+    `positions` (n, 22, 3) and `worlds` (n, 22, 4); body tables are those of stature 1 m. Steps
+    with a lost joint are NaN.
+    """
+    m = columns.shape[0]
+    starts, ends = np.empty((m, 3)), np.empty((m, 3))
+    theirs, their_ends = np.empty((m, 3)), np.empty((m, 3))
+    radii = stature_m * radius_m
+    root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
+    position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
+    for i in range(positions.shape[0]):
+        if not np.isfinite(positions[i].sum() + worlds[i].sum()):
+            volumes[i] = np.nan
+            continue
+        pose_capsules(positions[i], worlds[i], columns, start_m, end_m, stature_m, starts, ends)
+        low_x = low_z = np.inf
+        high_x = high_z = -np.inf
+        for k in range(m):
+            low_x = min(low_x, starts[k, 0] - radii[k], ends[k, 0] - radii[k])
+            high_x = max(high_x, starts[k, 0] + radii[k], ends[k, 0] + radii[k])
+            low_z = min(low_z, starts[k, 2] - radii[k], ends[k, 2] - radii[k])
+            high_z = max(high_z, starts[k, 2] + radii[k], ends[k, 2] + radii[k])
+        for p in range(people.shape[0]):
+            volumes[i, p] = 0.0
+            dx = max(low_x - people[p, 0], 0.0, people[p, 0] - high_x)
+            dz = max(low_z - people[p, 1], 0.0, people[p, 1] - high_z)
+            if dx * dx + dz * dz > reach_m * reach_m:
+                continue
+            place_person(people[p], crowd_t_s[i], parents, offsets_m, root, local, position, world)
+            size = people[p, 3]
+            pose_capsules(position[0], world[0], columns, start_m, end_m, size, theirs, their_ends)
+            volumes[i, p] = capsules_in_common_m3(
+                starts, ends, radii, theirs, their_ends, size * radius_m, cell_m
+            )

@@ -18,7 +18,7 @@ WALK_STANCE = 0.60
 RUN_STANCE = 0.36
 WALK_RATIO_M_PER_STEP_MIN = 0.0065
 """Step length over steps a minute of adults (Sekiya & Nagasaki 1998, Gait & Posture 7:225)."""
-RUN_STEPS_HZ = 2.75
+RUN_STEPS_HZ = 2.85
 WALK_SHIFT_M, RUN_SHIFT_M = 0.095, 0.06
 """How much farther back than the hips' middle of stance a footprint's ankle lies, for legs of
 0.86 m: the foot lands on the heel and leaves from the ball."""
@@ -135,7 +135,8 @@ def _foot(
         along = here
     else:
         u = (phase - stance) / (1.0 - stance)
-        e = u * u * (3.0 - 2.0 * u)
+        # Late enough for the leg to reach, slow enough to land without a slide.
+        e = 0.45 * u * u * (3.0 - 2.0 * u) + 0.55 * ease(u)
         forward = (1.0 - e) * ball_forward + e * heel_forward
         up = (1.0 - e) * ball_up + e * heel_up
         along = here + (after - here) * e
@@ -187,11 +188,11 @@ def gait_rows(
         full = ease((clock + step) / (2.0 * step)) * ease((distance + step - clock) / (2.0 * step))
         stance = WALK_STANCE
         if runs:
-            stance = RUN_STANCE - 0.045 * max(0.0, speed / np.sqrt(scale) - 2.5)
+            stance = RUN_STANCE - 0.05 * max(0.0, speed / np.sqrt(scale) - 2.0)
         relative = step / (0.83 * leg)
         strike = np.radians(4.0 if runs else 19.0 * min(1.2, relative))
         push = np.radians(45.0 if runs else 50.0 * min(1.15, relative))
-        lift = scale * (0.20 if runs else 0.055)
+        lift = scale * (0.23 if runs else 0.055)
         shift = scale * (RUN_SHIFT_M if runs else WALK_SHIFT_M)
         reach = _reach_height_m(b, stance * step, shift, strike, push)
         contact = -0.94 * step
@@ -225,9 +226,9 @@ def _carry(
     relative = min(1.3, step / (0.83 * leg))
     middle = np.pi * stance
     # A runner is lowest in the middle of stance, a walker highest.
-    bob = scale * (-0.038 if runs else 0.019 * relative)
+    bob = scale * (-0.030 if runs else 0.019 * relative)
     height = reach - abs(bob * np.cos(2.0 * middle)) if runs else reach - bob * np.cos(2.0 * middle)
-    height = min(0.93 * leg, height - 0.022 * leg) if runs else min(0.975 * leg, height)
+    height = min(0.955 * leg, height - 0.004 * leg) if runs else min(0.975 * leg, height)
     top = b[p.B_STAND] - leg
     height = full * height + (1.0 - full) * 0.985 * leg
     c[p.HIPS + 1] = top + height + full * bob * np.cos(2.0 * (cycle - middle))

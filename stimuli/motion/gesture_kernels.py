@@ -145,8 +145,8 @@ def phone_rows(
         size = b[p.B_STATURE] / 1.75
         hold(
             a, p.HEAD, 1.0,
-            -b[p.B_HEAD_HALF] - 0.085 * size, b[p.B_EAR_Y] - 0.140 * size, -0.145 * size,
-            0.38, 0.62, 0.64, 1.0, -0.15, -0.42,
+            -b[p.B_HEAD_HALF] - 0.075 * size, b[p.B_EAR_Y] - 0.115 * size, -0.085 * size,
+            0.40, 0.72, 0.50, 1.0, -0.20, -0.38,
         )  # fmt: skip
         pole(a, -0.50, -1.0, 0.10)
         a[p.SHOULDER_UP] += np.radians(6.0)
@@ -181,18 +181,12 @@ def text_rows(
             a = arm_of(c, k)
             reach = 0.58 * (b[p.B_UPPER_ARM] + b[p.B_FOREARM])
             drop = 0.80 * b[p.B_UPPER_ARM]
-            if k == side:
-                hold(
-                    a, p.CHEST, 1.0, -0.045 if both else -0.02, b[p.B_SHOULDER_Y] - drop, -reach,
-                    0.42, 0.62, -0.50, 0.30, 0.62, 0.72,
-                )  # fmt: skip
-                curl(a, 0.32, 0.40, 0.44, 0.46, 0.25)
-            else:
-                hold(
-                    a, p.CHEST, 1.0, -0.062, b[p.B_SHOULDER_Y] - drop - 0.012, -reach + 0.005,
-                    0.62, 0.55, -0.40, 0.45, 0.50, 0.72,
-                )  # fmt: skip
-                curl(a, 0.42, 0.48, 0.52, 0.54, 0.25)
+            apart = 0.058 if both else 0.015
+            hold(
+                a, p.CHEST, 1.0, -apart, b[p.B_SHOULDER_Y] - drop - 0.008 * k, -reach,
+                0.50 if both else 0.30, 0.30, -0.80, 0.40 if both else 0.22, 0.72, 0.50,
+            )  # fmt: skip
+            curl(a, 0.36, 0.44, 0.48, 0.50, 0.25)
             pole(a, -0.8, -1.0, 0.35)
             a[p.OPPOSE] = np.radians(30.0)
             typing = ease(1.6 * drift(t, 0.22, person, 332))

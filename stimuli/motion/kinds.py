@@ -241,7 +241,7 @@ class Run:
     lively: float = 1.0
 
     def __post_init__(self) -> None:
-        _check("speed_mps", self.speed_mps, 1.6, 5.0)
+        _check("speed_mps", self.speed_mps, 1.6, 4.0)
         _check("distance_m", self.distance_m, 2.0, np.inf)
         _check("lively", self.lively, 0.0, 2.0)
 

@@ -37,6 +37,9 @@ from stimuli.motion.quaternion_kernels import (
 MOST_KNEE = np.radians(150.0)
 MOST_ELBOW = np.radians(146.0)
 MOST_FOREARM_TWIST = np.radians(80.0)
+LEAST_WRIST = (np.radians(-36.0), np.radians(-70.0))
+MOST_WRIST = (np.radians(42.0), np.radians(80.0))
+"""Of a left hand: to the thumb and to the little finger, to the back and to the palm."""
 FOREARM_SHARE = 0.5
 """Of the forearm's twist this much shows at the elbow end, the rest at the wrist."""
 SPINE_SHARE = (0.30, 0.35, 0.35)
@@ -189,6 +192,36 @@ def _fingers(a: Vector, first: int, side: int, turns: Vector) -> None:
 
 
 @compiled
+def _softly_within(x: float, least: float, most: float) -> float:
+    """Return x, held ever more tightly towards the end of its range."""
+    end = most if x >= 0.0 else -least
+    share = abs(x) / end
+    if share <= 0.8:
+        return x
+    held = float(end * (0.8 + 0.2 * np.tanh((share - 0.8) / 0.2)))
+    return held if x >= 0.0 else -held
+
+
+@compiled
+def _possible_wrist(q: Quat) -> Quat:
+    """Bend a wrist no farther than wrists bend."""
+    twist = about_x(twist_about(q, (1.0, 0.0, 0.0)))
+    w, x, y, z = times(q, inverse(twist))
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    sine = np.sqrt(x * x + y * y + z * z)
+    if sine < 1e-9:
+        return q
+    size = 2.0 * np.arctan2(sine, w) / sine
+    aside = _softly_within(size * y, LEAST_WRIST[0], MOST_WRIST[0])
+    bent = _softly_within(size * z, LEAST_WRIST[1], MOST_WRIST[1])
+    angle = np.sqrt(aside * aside + bent * bent)
+    if angle < 1e-9:
+        return twist
+    return times(about((0.0, aside / angle, bent / angle), angle), twist)
+
+
+@compiled
 def _arm(
     side: int, a: Vector, offsets: Vector, world: Vector, place: Vector, thigh_turn: Quat,
     turns: Vector,
@@ -261,7 +294,7 @@ def _arm(
         # A palm that would have to turn farther stays short of where it should face.
         hand = times(whole, times(about(along, twist - wanted), within))
     forearm = times(hinge, about(along, FOREARM_SHARE * twist))
-    wrist = times(inverse(times(upper, forearm)), hand)
+    wrist = _possible_wrist(times(inverse(times(upper, forearm)), hand))
     if side == 1:
         clavicle, local = mirrored(clavicle), mirrored(local)
         forearm, wrist = mirrored(forearm), mirrored(wrist)

@@ -51,7 +51,7 @@ def sit(
     knee_z = -np.sqrt(b[p.B_THIGH] ** 2 - drop * drop)
     # Who is too short for the seat stands on the balls of the feet.
     rise = max(0.0, knee_m - b[p.B_ANKLE] - 0.99 * b[p.B_SHIN])
-    heel_up = np.arcsin(min(0.8, rise / b[p.B_FOOT]))
+    heel_up = np.arcsin(min(0.76, rise / b[p.B_FOOT]))
     over = b[p.B_ANKLE] - b[p.B_BALL_Y]
     ankle_m = b[p.B_ANKLE] + over * (np.cos(heel_up) - 1.0) + b[p.B_FOOT] * np.sin(heel_up)
     shin_up = min(0.999 * b[p.B_SHIN], max(0.1, knee_m - ankle_m))

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from devices.contracts import EYES_DTYPE
 from experiments.crowd.participant.answers import answer_question
 from experiments.crowd.participant.route import STEP_M, Way, choose_gaps, gap_graph, way_through
-from experiments.crowd.participant.traits import DEFAULT_POPULATION, Population, draw_person
+from experiments.crowd.participant.traits import DEFAULT_POPULATION, SPREAD, Population, draw_person
 from experiments.crowd.participant.walking import (
     ALARM,
     CAUTION,
@@ -216,6 +216,7 @@ class CrowdParticipant:
                 self._states,
                 rows,
                 self.person.stature_m,
+                float(self.person.traits[SPREAD]),
                 self._parents,
                 self._offsets,
                 positions,

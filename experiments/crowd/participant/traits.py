@@ -43,6 +43,7 @@ class Population:
     wander_m: float = 0.045
     wander_s: float = 1.2
     swing_rad: float = 0.30
+    spread_rad: float = 0.16
     tuck: float = 0.15
     tuck_spread: float = 0.10
     squeeze: float = 4.0
@@ -86,13 +87,14 @@ DEFAULT_POPULATION: Final = Population()
     CAUTION_TUCK,
     CAUTION_WANDER,
     ALARM_SLOWING,
+    SPREAD,
     N_TRAITS,
-) = range(23)
+) = range(24)
 
 
 @dataclass(frozen=True)
 class Person:
-    """One simulated participant; `traits` (22,) as the walking kernel reads them."""
+    """One simulated participant; `traits` (23,) as the walking kernel reads them."""
 
     sex: str
     age: int
@@ -135,6 +137,7 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
     traits[CAUTION_TUCK] = q.caution_tuck
     traits[CAUTION_WANDER] = q.caution_wander
     traits[ALARM_SLOWING] = q.alarm_slowing
+    traits[SPREAD] = q.spread_rad
     return Person(
         sex=sex,
         age=int(np.clip(np.rint(26 + 6 * rng.standard_normal()), 18, 43)),

@@ -92,8 +92,9 @@ STEP_NS: Final = 10_000_000
     CAUTION,
     ALARM,
     LOOK,
+    ASIDE,
     N_STATE,
-) = range(14)
+) = range(15)
 
 _J: Final = {name: i for i, name in enumerate(BODY_JOINTS)}
 _SPINE, _CHEST, _NECK, _HEAD = _J["spine"], _J["upper_chest"], _J["neck"], _J["head"]
@@ -137,7 +138,7 @@ def advance(
     felt: float,
     go: bool,
 ) -> int:
-    """Walk from row `at` of `states` (n, 13) to row `until`; return the row reached.
+    """Walk from row `at` of `states` (n, 14) to row `until`; return the row reached.
 
     Way as in `Way`; `side` (n,) ±1 to which side the shoulders turn there; `noise` (n, 2)
     standard normal numbers per row. `felt` is the strongest vibration now, 0..1; without `go`
@@ -178,7 +179,7 @@ def advance(
         wander = traits[T_WANDER] * (1.0 - traits[T_CAUTION_WANDER] * caution)
         pull = _STEP_S / traits[T_WANDER_S]
         astray = s[ASTRAY] * (1.0 - pull) + wander * np.sqrt(2.0 * pull) * noise[i, 0]
-        astray_now = astray * min(speed / 0.2, 1.0)
+        aside = s[ASIDE] + (astray * min(speed / 0.2, 1.0) - s[ASIDE]) * _STEP_S / 0.4
         here = progress / _STEP_M
         k = min(int(here), last)
         following = min(k + 1, last)
@@ -186,8 +187,8 @@ def advance(
         way = heading[k]
         x = point[k, 0] + share * (point[following, 0] - point[k, 0])
         z = point[k, 1] + share * (point[following, 1] - point[k, 1])
-        n[X] = x + astray_now * np.cos(way)
-        n[Z] = z - astray_now * np.sin(way)
+        n[X] = x + aside * np.cos(way)
+        n[Z] = z - aside * np.sin(way)
         difference = (way - s[HEADING] + np.pi) % (2 * np.pi) - np.pi
         n[HEADING] = s[HEADING] + difference * _STEP_S / 0.25
         n[TURN] = s[TURN] + (wanted - s[TURN]) * _STEP_S / traits[T_TURN_S]
@@ -197,7 +198,7 @@ def advance(
         n[SWING] = s[SWING] + (amplitude - s[SWING]) * _STEP_S / 0.4
         n[TUCK] = s[TUCK] + (tuck - s[TUCK]) * _STEP_S / 0.5
         n[PROGRESS] = progress
-        n[ASTRAY] = astray
+        n[ASTRAY], n[ASIDE] = astray, aside
         n[CAUTION], n[ALARM] = caution, alarm
         n[LOOK] = s[LOOK] * (1.0 - _STEP_S / 0.8) + 0.10 * np.sqrt(2 * _STEP_S / 0.8) * noise[i, 1]
     return max(until, at)
@@ -207,6 +208,7 @@ def advance(
 def walker_pose(
     state: Vector,
     stature_m: float,
+    spread: float,
     parents: npt.NDArray[np.int64],
     offsets_m: Vector,
     root: Vector,
@@ -214,7 +216,7 @@ def walker_pose(
     position: Vector,
     world: Vector,
 ) -> None:
-    """Write joints in world, (1, 22, 3) and (1, 22, 4), of a walker in a state (13,)."""
+    """Write joints in world, (1, 22, 3) and (1, 22, 4), of a walker in a state (14,)."""
     scale = stature_m / _REFERENCE_M
     x, z, heading, turn, phase, swing, tuck = (
         state[X], state[Z], state[HEADING], state[TURN], state[PHASE], state[SWING], state[TUCK],
@@ -224,7 +226,7 @@ def walker_pose(
     turns[:] = 0.0
     turns[:, 0] = 1.0
     # nobody stands perfectly still: sway of millimetres goes with the head's small turns
-    sway = 0.012 * stepping * np.sin(phase) + 0.02 * state[LOOK]
+    sway = 0.012 * stepping * np.sin(phase) + 0.004 * state[LOOK]
     yaw = heading + 0.8 * turn
     root[0, 0] = x + sway * np.cos(yaw)
     root[0, 1] = _HIP_HEIGHT_M * scale - 0.012 * stepping * (1 - np.cos(2 * phase)) / 2
@@ -240,7 +242,7 @@ def walker_pose(
     turned(turns, _RIGHT_LEG, -stride, 0.0, 0.02)
     turned(turns, _LEFT_LEG + 1, -knee * max(np.cos(phase), 0.0), 0.0, 0.0)
     turned(turns, _RIGHT_LEG + 1, -knee * max(-np.cos(phase), 0.0), 0.0, 0.0)
-    hang = 1.46 + 0.10 * tuck
+    hang = 1.57 - spread * (1.0 - tuck)
     bend = 0.30 + 0.9 * tuck
     lift = 0.12 * tuck
     hang_joint(turns, _LEFT_ARM, 1.0, hang, lift - swing * np.sin(phase), bend)
@@ -253,6 +255,7 @@ def walker_poses(
     states: Vector,
     rows: Vector,
     stature_m: float,
+    spread: float,
     parents: npt.NDArray[np.int64],
     offsets_m: Vector,
     positions: Vector,
@@ -270,6 +273,7 @@ def walker_poses(
         walker_pose(
             state,
             stature_m,
+            spread,
             parents,
             offsets_m,
             root,

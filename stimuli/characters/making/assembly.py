@@ -9,19 +9,9 @@ from lab.geometry import Vector
 from stimuli.characters.character import Material, Morph, SkinnedMesh
 from stimuli.characters.making.figure import Figure
 from stimuli.characters.making.pieces import Indices, Piece, vertex_normals
-from stimuli.characters.making.reposing import to_rest
+from stimuli.characters.rest_pose import heaviest, to_rest
 
 _MOVES_M = 2e-5
-
-
-def heaviest(weights: Vector) -> tuple[Indices, Vector]:
-    """Return the four heaviest joints (v, 4) and their weights in steps of 1/255 that sum to 1."""
-    joints = np.argsort(-weights, axis=1, kind="stable")[:, :4]
-    share = np.take_along_axis(weights, joints, axis=1)
-    share = np.round(255 * share / share.sum(axis=1, keepdims=True))
-    share[:, 0] += 255 - share.sum(axis=1)
-    joints = np.where(share > 0, joints, 0)
-    return joints, share / 255
 
 
 def assembled(
@@ -88,8 +78,10 @@ def _split_at_seams(piece: Piece) -> tuple[Indices, Indices, Vector]:
         n = len(piece.vertices_m)
         return np.arange(n), piece.triangles, np.zeros((n, 2))
     places = np.round(piece.corner_uv.reshape(-1, 2) * 8192).astype(np.int64)
-    keys = np.concatenate([piece.triangles.reshape(-1, 1), places], axis=1)
-    _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    places -= places.min(axis=0)
+    wide, high = places.max(axis=0) + 1
+    keys = (piece.triangles.reshape(-1) * wide + places[:, 0]) * high + places[:, 1]
+    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
     source = piece.triangles.reshape(-1)[first]
     uv = piece.corner_uv.reshape(-1, 2)[first]
     return source, inverse.reshape(-1, 3), uv

@@ -1,32 +1,38 @@
 """Build one person of the default cast from a recipe."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lab.geometry import Vector
-from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.capsules import fitted_capsules
 from stimuli.characters.character import Character, Eyeball, Material, SkinnedMesh
-from stimuli.characters.levels import LEVEL_TRIANGLES, thinned
+from stimuli.characters.levels import LEVEL_TRIANGLES, joined, matched, thinned
 from stimuli.characters.making.assembly import assembled
 from stimuli.characters.making.clothes import (
-    TOPS,
+    Stuff,
     Tailor,
+    cut_of,
     finished,
     skirt,
     top,
     top_field,
     trousers,
-    uncovered,
 )
-from stimuli.characters.making.eyes import eyeballs
+from stimuli.characters.making.collars import collar
+from stimuli.characters.making.cutting import clipped
+from stimuli.characters.making.eyes import eyeballs, lashes, mouth_pieces
+from stimuli.characters.making.fabrics import fabric
 from stimuli.characters.making.figure import Figure, figure_of
-from stimuli.characters.making.hair import shell
+from stimuli.characters.making.hair import STYLES, THINNINGS, Locks, locks, ribbons, shell, streaks
 from stimuli.characters.making.makehuman import BODY_VERTICES, MakeHuman
-from stimuli.characters.making.pieces import Piece, kept, parts_of_weights, triangulated
+from stimuli.characters.making.pieces import Piece, kept, triangulated
 from stimuli.characters.making.recipes import Garment, Recipe
 from stimuli.characters.making.shoes import SOLE_M, shoe_field, shoes
+from stimuli.characters.making.skin_canvas import SkinCanvas
+from stimuli.characters.making.skin_paint import base_colour, painted
+from stimuli.characters.tagging import face_of_head, parts_of_weights
 
 SOURCE = "Visavis, from the MakeHuman base mesh"
 LICENCE = "CC0-1.0"
@@ -62,6 +68,19 @@ def face_morphs(figure: Figure) -> dict[str, Vector]:
     return morphs
 
 
+@dataclass(frozen=True, eq=False)
+class Workshop:
+    """What is made once and used for everybody."""
+
+    tailor: Tailor
+    canvas: SkinCanvas
+
+
+def workshop_of(source: MakeHuman) -> Workshop:
+    """Lay out cloth and skin of the base mesh."""
+    return Workshop(Tailor(source), SkinCanvas(source))
+
+
 def body_piece(figure: Figure, colour: Vector, morphs: dict[str, Vector]) -> Piece:
     """Return the bare body, tagged."""
     triangles = triangulated(figure.source.quads("body"))
@@ -69,9 +88,7 @@ def body_piece(figure: Figure, colour: Vector, morphs: dict[str, Vector]) -> Pie
     centre = figure.vertices_m[triangles].mean(axis=1)
     eye = (figure.at("left_eye") + figure.at("right_eye")) / 2
     k = figure.stature_m / 1.72
-    on_head = (parts == PART_INDEX["scalp"]) | (parts == PART_INDEX["face"])
-    is_face = (centre[:, 2] < eye[2] + 0.075 * k) & (centre[:, 1] < eye[1] + 0.075 * k)
-    parts = np.where(on_head, np.where(is_face, PART_INDEX["face"], PART_INDEX["scalp"]), parts)
+    parts = face_of_head(parts, centre, eye, k)
     quad_uv = figure.source.uv[figure.source.quad_uvs("body")]
     corner_uv = np.concatenate([quad_uv[:, [0, 1, 2]], quad_uv[:, [0, 2, 3]]])
     n = BODY_VERTICES
@@ -99,61 +116,110 @@ def closed_body(figure: Figure, body: Piece) -> SkinnedMesh:
     return replace(thin, triangle_part=parts.astype(np.uint8), uv=None)
 
 
-def built(source: MakeHuman, tailor: Tailor, recipe: Recipe, seed: int) -> Character:
+def clothed(
+    figure: Figure, tailor: Tailor, stuff: Stuff, recipe: Recipe, body: Piece, seed: int
+) -> tuple[list[Piece], Vector]:
+    """Return everything worn, and metres outside all of it for the body's vertices."""
+    upper, lower = recipe.garments
+    lines, p = stuff.lines, body.vertices_m
+    cut = cut_of(upper)
+    rng = np.random.default_rng(seed)
+    tone, _ = fabric(upper.pattern, rgb(upper.colour), rgb(upper.second), rng)
+    coat = top(figure, stuff, upper, seed)
+    pieces = [finished(figure, coat, tone, cut.thickness_m)]
+    pieces += collar(figure, coat, upper, tone)
+    fields = [top_field(figure, lines, cut, p, body.weights)]
+    if cut.open_m:
+        inner = Garment("tee", upper.second, cut={"sleeve": 0.2, "hem": 0.5, "neck": 0.004})
+        shirt = replace(top(figure, stuff, inner, seed + 2), material="under")
+        # Only what the open front shows is kept, or coarse levels would let it poke through.
+        under = top_field(figure, lines, cut, shirt.vertices_m, shirt.weights)
+        hidden = np.maximum(-0.04 - under, lines.waist - 0.05 - shirt.vertices_m[:, 1])
+        shown = clipped(shirt, hidden)
+        pieces.append(finished(figure, shown, rgb(upper.second), 0.002))
+        pieces += collar(figure, shirt, replace(inner, kind="shirt"), rgb(upper.second))
+        fields.append(top_field(figure, lines, cut_of(inner), p, body.weights))
+    waist = lines.hip + cut.hem * (lines.crotch - lines.hip) + 0.06
+    tone, _ = fabric(lower.pattern, rgb(lower.colour), rgb(lower.second), rng)
+    if lower.kind == "skirt":
+        below = skirt(figure, tailor, lower, waist, seed)
+        down_to = lines.knee - 0.06
+    else:
+        below = trousers(figure, stuff, lower, waist, seed + 1)
+        down_to = lines.ankle - 0.015
+    pieces.append(finished(figure, below, tone, 0.003))
+    fields.append(np.maximum(p[:, 1] - waist, down_to - p[:, 1]))
+    pieces += shoes(figure, stuff, recipe.shoes, rgb(recipe.shoe_colour))
+    fields.append(shoe_field(figure, stuff, recipe.shoes, p))
+    return pieces, np.asarray(np.minimum.reduce(fields))
+
+
+def levels_of(
+    figure: Figure,
+    pieces: Sequence[Piece],
+    hair: Sequence[Locks],
+    materials: Sequence[Material],
+) -> tuple[SkinnedMesh, ...]:
+    """Return all levels: surfaces are thinned, of the hair fewer and wider locks are drawn."""
+    whole = assembled(figure, pieces, materials)
+    # Teeth and lashes are smaller than what thinning leaves: from afar they would poke out.
+    bulk = [piece for piece in pieces if piece.material not in ("teeth", "lash")]
+    far = assembled(figure, bulk, materials)
+    levels: list[SkinnedMesh] = []
+    for n, thinning in zip(LEVEL_TRIANGLES, THINNINGS, strict=True):
+        locks_mesh = assembled(figure, [ribbons(figure, g, thinning) for g in hair], materials)
+        n_rest = n - len(locks_mesh.triangles)
+        mesh = joined([thinned(far if levels else whole, n_rest), locks_mesh])
+        levels.append(matched(mesh, levels[0]) if levels else mesh)
+    return tuple(levels)
+
+
+def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> Character:
     """Return the person of a recipe."""
     sole = SOLE_M[recipe.shoes]
     figure = figure_of(source, recipe.shape, recipe.stature_m, sole)
-    stuff = tailor.stuff(figure)
-    lines = stuff.lines
+    stuff = workshop.tailor.stuff(figure)
     morphs = face_morphs(figure)
-    body = body_piece(figure, rgb(recipe.face.skin), morphs)
+    body = body_piece(figure, base_colour(recipe.face), morphs)
     closed = closed_body(figure, body)
-    pieces: list[Piece] = [*eyeballs(figure)]
-    pieces.append(shell(figure, body, rgb(recipe.face.hair), 0.0, 0.008))
+    worn, covered = clothed(figure, workshop.tailor, stuff, recipe, body, seed)
+    bare = np.asarray((covered >= -0.02)[body.triangles].any(axis=1))
+    rng = np.random.default_rng(seed)
+    style = STYLES[recipe.hair]
+    hair_colour = rgb(recipe.face.hair)
+    cloth = [piece for piece in worn if piece.material != "shoe"]
+    pieces = [
+        kept(body, bare),
+        *eyeballs(figure),
+        *mouth_pieces(figure),
+        *lashes(figure, rgb(recipe.face.brow) * 0.4, morphs),
+        shell(figure, body, hair_colour, style, seed),
+        *worn,
+    ]
+    skin = painted(figure, workshop.canvas, body, bare, recipe.face, style.receding, seed)
     upper, lower = recipe.garments
-    cut = replace(TOPS[upper.kind], **upper.cut)
-    shirt = top(figure, stuff, upper, seed)
-    pieces.append(finished(figure, shirt, rgb(upper.colour), cut.thickness_m))
-    fields = [top_field(figure, lines, cut, body.vertices_m, body.weights)]
-    if cut.open_m:
-        inner = Garment("tee", upper.second, cut={"sleeve": 0.2, "hem": 0.5, "neck": 0.008})
-        inner_cut = replace(TOPS["tee"], **inner.cut)
-        pieces.append(
-            finished(figure, top(figure, stuff, inner, seed + 2), rgb(upper.second), 0.003)
-        )
-        fields.append(top_field(figure, lines, inner_cut, body.vertices_m, body.weights))
-    hem = lines.hip + cut.hem * (lines.crotch - lines.hip)
-    if lower.kind == "skirt":
-        below = skirt(figure, tailor, lower, hem + 0.06, seed)
-        down_to = lines.knee - 0.06
-    else:
-        below = trousers(figure, stuff, lower, hem + 0.06, seed + 1)
-        down_to = lines.ankle - 0.015
-    pieces.append(finished(figure, below, rgb(lower.colour), 0.003))
-    pieces += shoes(figure, stuff, recipe.shoes, rgb(recipe.shoe_colour))
-    bare = body
-    p = body.vertices_m
-    fields.append(np.maximum(p[:, 1] - hem - 0.06, down_to - p[:, 1]))
-    covered = np.minimum.reduce(fields)
-    covered = np.minimum(covered, shoe_field(figure, stuff, recipe.shoes, p))
-    bare = uncovered(body, covered, 0.02)
-    pieces.insert(0, kept(bare, np.ones(len(bare.triangles), dtype=bool)))
+    weave = {
+        g.kind: fabric(g.pattern, rgb(g.colour), rgb(g.second), rng)[1] for g in recipe.garments
+    }
     materials = (
-        Material("skin", "skin", 0.55),
+        Material("skin", "skin", 0.55, skin),
         Material("eye", "eye", 0.1),
-        Material("hair", "hair", 0.5, double_sided=True),
-        Material("top", "cloth", 0.9, double_sided=True),
-        Material("bottom", "cloth", 0.9, double_sided=True),
-        Material("shoe", "leather", 0.6, double_sided=True),
+        Material("teeth", "teeth", 0.3),
+        Material("lash", "lash", 0.8, double_sided=True),
+        Material("hair", "hair", 0.6, streaks(rng), double_sided=True),
+        Material("top", "cloth", 0.9, weave[upper.kind], double_sided=True),
+        Material("bottom", "cloth", 0.9, weave[lower.kind], double_sided=True),
+        Material("under", "cloth", 0.9, double_sided=True),
+        Material("shoe", "leather", 0.5, double_sided=True),
     )
-    mesh = assembled(figure, pieces, materials)
-    levels = tuple(thinned(mesh, n) for n in LEVEL_TRIANGLES)
-    crown = float(max(mesh.vertices_m[:, 1]))
-    floor = figure.floor_m - sole - figure.at("hips")[1]
+    hair = locks(figure, body, cloth, hair_colour, style, seed, recipe.face.grey)
+    levels = levels_of(figure, pieces, hair, materials)
+    mesh = levels[0]
+    stature = float(closed.vertices_m[:, 1].max() - mesh.vertices_m[:, 1].min())
     return Character(
         name=recipe.name,
         gender=recipe.shape.gender,
-        stature_m=round(crown - floor, 4),
+        stature_m=round(stature, 4),
         age_years=recipe.shape.age_years,
         skeleton=figure.rig.skeleton,
         levels=levels,

@@ -43,10 +43,16 @@ def lines_of(figure: Figure) -> Lines:
 
 _REGIONS = {
     "trunk": ("torso", "pelvis", "neck", "face", "scalp"),
-    "left_arm": ("left_upper_arm", "left_forearm", "left_hand"),
-    "right_arm": ("right_upper_arm", "right_forearm", "right_hand"),
-    "left_leg": ("left_thigh", "left_shin", "left_foot"),
-    "right_leg": ("right_thigh", "right_shin", "right_foot"),
+    **{
+        f"{side} {first} {last}": tuple(f"{side}_{part}" for part in parts)
+        for side in ("left", "right")
+        for first, last, parts in (
+            ("upper_arm", "lower_arm", ("upper_arm",)),
+            ("lower_arm", "hand", ("forearm", "hand")),
+            ("upper_leg", "lower_leg", ("thigh",)),
+            ("lower_leg", "foot", ("shin", "foot")),
+        )
+    },
 }
 
 
@@ -55,8 +61,7 @@ def _axis(figure: Figure, region: str) -> tuple[Vector, Vector]:
     if region == "trunk":
         low, high = figure.at("hips"), figure.at("neck")
     else:
-        side, limb = region.split("_")
-        first, last = ("upper_arm", "hand") if limb == "arm" else ("upper_leg", "foot")
+        side, first, last = region.split()
         low, high = figure.at(f"{side}_{last}"), figure.at(f"{side}_{first}")
     return low, unit(high - low)
 

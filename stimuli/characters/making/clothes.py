@@ -15,20 +15,17 @@ from stimuli.characters.making.cloth_places import (
     wrapped_uv,
 )
 from stimuli.characters.making.cutting import clipped, hanging, hemmed
-from stimuli.characters.making.figure import SIDES, Figure
+from stimuli.characters.making.figure import Figure
 from stimuli.characters.making.makehuman import MakeHuman
 from stimuli.characters.making.pieces import (
     Piece,
     Refinement,
-    kept,
-    parts_of_weights,
     refined,
     triangulated,
     vertex_normals,
 )
 from stimuli.characters.making.recipes import Garment
-
-Mask = npt.NDArray[np.bool_]
+from stimuli.characters.tagging import parts_of_weights
 
 
 @dataclass(frozen=True)
@@ -57,10 +54,15 @@ TOPS: Mapping[str, Cut] = {
                   flare_m=0.010, thickness_m=0.005),
     "shirt": Cut(sleeve=1.93, hem=0.75, neck=0.002, clearance_m=0.007, rounds=18, flare_m=0.010),
     "jacket": Cut(sleeve=1.90, hem=0.95, neck=0.02, v_neck=0.30, clearance_m=0.017, rounds=30,
-                  open_m=0.012, flare_m=0.014, thickness_m=0.005),
+                  open_m=0.0015, flare_m=0.014, thickness_m=0.005),
     "cardigan": Cut(sleeve=1.92, hem=0.8, neck=0.02, v_neck=0.24, clearance_m=0.014, rounds=24,
-                    open_m=0.012, flare_m=0.010, thickness_m=0.005),
+                    open_m=0.0015, flare_m=0.010, thickness_m=0.005),
 }  # fmt: skip
+
+
+def cut_of(garment: Garment) -> Cut:
+    """Return the pattern of a top with its own changes."""
+    return replace(TOPS[garment.kind], **garment.cut)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,23 +103,25 @@ def top_field(figure: Figure, lines: Lines, cut: Cut, points_m: Vector, weights:
     # The neckline is an oval round the neck, deeper in front; all above it is bare.
     neck = figure.at("neck")
     scale = figure.stature_m / 1.72
-    across = points_m[:, 0] / (0.066 * scale + cut.neck)
+    across = points_m[:, 0] / (0.056 * scale + cut.neck)
     back = points_m[:, 2] - (neck[2] + 0.004)
-    deep = np.where(back < 0, 0.075 * scale + 1.6 * cut.neck, 0.066 * scale + 0.6 * cut.neck)
+    deep = np.where(back < 0, 0.052 * scale + 1.6 * cut.neck, 0.056 * scale + 0.6 * cut.neck)
     reach = np.hypot(across, back / deep)
-    oval = np.minimum((1 - reach) * 0.07, points_m[:, 1] - (neck[1] - 0.16))
-    slope = 0.82 * (points_m[:, 1] - neck[1] + 0.02 * scale) - 0.57 * back
-    throat = np.minimum(slope, (1 - reach / 1.7) * 0.1)
-    oval = np.maximum(oval, throat)
+    deepest = np.interp(back, [-0.03, 0.02], [0.13, 0.0])
+    oval = np.minimum((1 - reach) * 0.07, points_m[:, 1] - neck[1] + deepest)
+    slope = 0.82 * (points_m[:, 1] - neck[1] + 1.2 * cut.neck - 0.004) - 0.57 * back
+    throat = np.minimum(slope, (1 - reach / 1.6) * 0.1)
+    under_chin = np.minimum(points_m[:, 1] - (neck[1] - 0.04 * scale), -0.04 * scale - back)
+    oval = np.maximum.reduce([oval, throat, np.where(np.abs(across) < 1.4, under_chin, -1.0)])
     above = np.maximum(oval, points_m[:, 1] - (neck[1] + 0.045 * scale))
     on_arm = sum(on_side(figure, weights, "arm").values())
     fields = [sleeve, np.where(on_arm > 0.5, -1.0, below), np.where(on_arm > 0.5, -1.0, above)]
     if cut.v_neck or cut.open_m:
-        front = points_m[:, 2] < neck[2] + 0.02
         dip = neck[1] - cut.v_neck
         spread = 0.075 * np.clip((points_m[:, 1] - dip) / max(cut.v_neck, 0.01), 0, 1.4)
         gap = np.maximum(spread, cut.open_m) - np.abs(points_m[:, 0])
-        fields.append(np.where(front & (on_arm < 0.5), gap, -1.0))
+        gap = gap - 2 * np.maximum(points_m[:, 2] - neck[2] - 0.01, 0)
+        fields.append(np.where(np.abs(points_m[:, 0]) < 0.14, gap, -1.0))
     outside: Vector = np.maximum.reduce(fields)
     return outside
 
@@ -129,7 +133,7 @@ def trouser_field(lines: Lines, points_m: Vector, hem_m: float, top_m: float) ->
 
 def top(figure: Figure, stuff: Stuff, garment: Garment, seed: int) -> Piece:
     """Return a top with sleeves, hung and hemmed."""
-    cut = replace(TOPS[garment.kind], **garment.cut)
+    cut = cut_of(garment)
     piece = stuff.piece
     outside = top_field(figure, stuff.lines, cut, piece.vertices_m, piece.weights)
     piece = clipped(piece, outside)
@@ -227,12 +231,3 @@ def finished(figure: Figure, piece: Piece, colour: Vector, thickness_m: float) -
     piece = replace(piece, colour=shade[:, None] * colour)
     piece = hemmed(piece, thickness_m)
     return replace(piece, corner_uv=wrapped_uv(figure, piece))
-
-
-def uncovered(body: Piece, outside: Vector, margin_m: float) -> Piece:
-    """Return the body without what lies deeper than a margin below a garment."""
-    bare = (outside >= -margin_m)[body.triangles].any(axis=1)
-    return kept(body, np.asarray(bare))
-
-
-__all__ = ["SIDES", "Cut", "Stuff", "Tailor", "finished", "skirt", "top", "top_field", "trousers"]

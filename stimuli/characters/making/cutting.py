@@ -23,7 +23,9 @@ def clipped(piece: Piece, outside: Vector) -> Piece:
     a = np.concatenate([one[:, 0], one[:, 0], two[:, 0], two[:, 0]])
     b = np.concatenate([one[:, 1], one[:, 2], two[:, 1], two[:, 2]])
     low, high = np.minimum(a, b), np.maximum(a, b)
-    edges, new = np.unique(np.stack([low, high], axis=1), axis=0, return_inverse=True)
+    wide = len(piece.vertices_m)
+    codes, new = np.unique(low * wide + high, return_inverse=True)
+    edges = np.stack([codes // wide, codes % wide], axis=1)
     new = new.ravel() + len(piece.vertices_m)
     t = outside[edges[:, 0]] / (outside[edges[:, 0]] - outside[edges[:, 1]])
 
@@ -62,8 +64,9 @@ def _lone_first(triangles: Indices, lone: npt.NDArray[np.bool_]) -> Indices:
 def border(triangles: Indices) -> Indices:
     """Return the directed edges (e, 2) that belong to one triangle only."""
     edges = np.concatenate([triangles[:, [k, (k + 1) % 3]] for k in range(3)])
-    keys = np.sort(edges, axis=1)
-    _, first, count = np.unique(keys, axis=0, return_index=True, return_counts=True)
+    wide = int(triangles.max()) + 1
+    keys = edges.min(axis=1) * wide + edges.max(axis=1)
+    _, first, count = np.unique(keys, return_index=True, return_counts=True)
     lone: Indices = edges[first[count == 1]]
     return lone
 
@@ -108,7 +111,10 @@ def _edge_parts(piece: Piece, edges: Indices) -> Indices:
 def neighbours(triangles: Indices, n_vertices: int) -> csr_array:
     """Return the averaging matrix (v, v) over neighbours along edges."""
     edges = np.concatenate([triangles[:, [k, (k + 1) % 3]] for k in range(3)])
-    edges = np.unique(np.concatenate([edges, edges[:, ::-1]]), axis=0)
+    codes = np.concatenate([edges[:, 0] * n_vertices + edges[:, 1],
+                            edges[:, 1] * n_vertices + edges[:, 0]])  # fmt: skip
+    codes = np.unique(codes)
+    edges = np.stack([codes // n_vertices, codes % n_vertices], axis=1)
     degree = np.maximum(np.bincount(edges[:, 0], minlength=n_vertices), 1)
     values = 1 / degree[edges[:, 0]]
     matrix = coo_array((values, (edges[:, 0], edges[:, 1])), shape=(n_vertices, n_vertices))

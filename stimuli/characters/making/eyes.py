@@ -1,11 +1,14 @@
 """Eyeballs as true spheres round the joint, and lashes as single hairs."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from lab.geometry import Vector
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.making.figure import SIDES, Figure
-from stimuli.characters.making.pieces import Piece
+from stimuli.characters.making.makehuman import Indices
+from stimuli.characters.making.pieces import Piece, kept, triangulated
 
 _RINGS, _SECTORS = 18, 28
 
@@ -34,7 +37,7 @@ def eyeball(figure: Figure, side: str) -> Piece:
     weights[:, figure.rig.skeleton.index(f"{side}_eye")] = 1.0
     # The white is duller and redder towards the corners.
     corner = np.clip((1 + ball[:, 2]) * 1.2, 0, 1)[:, None]
-    colour = (1 - corner) * np.array([0.93, 0.915, 0.90]) + corner * np.array([0.80, 0.66, 0.63])
+    colour = (1 - corner) * np.array([0.875, 0.86, 0.845]) + corner * np.array([0.74, 0.60, 0.57])
     return Piece(
         vertices_m=centre + radius * ball,
         triangles=triangles,
@@ -51,9 +54,105 @@ def eyeballs(figure: Figure) -> list[Piece]:
     return [eyeball(figure, side) for side, _ in SIDES]
 
 
-def lids_delta(figure: Figure, name: str, source_m: Vector) -> Vector:
-    """Return the displacement (v, 3) of a unit of the face, scaled to the figure."""
-    target = figure.source.target(name)
-    delta = np.zeros_like(source_m)
-    delta[target.vertices] = target.delta_m
-    return delta
+def mouth_pieces(figure: Figure) -> list[Piece]:
+    """Return teeth and tongue, which show when the mouth opens."""
+    pieces = []
+    tones = {"upper-teeth": (0.90, 0.87, 0.80), "lower-teeth": (0.86, 0.83, 0.76),
+             "tongue": (0.66, 0.34, 0.33)}  # fmt: skip
+    jaw = figure.source.target("jawOpen")
+    opened = np.zeros_like(figure.vertices_m)
+    opened[jaw.vertices] = jaw.delta_m
+    for name, tone in tones.items():
+        triangles = triangulated(figure.source.quads(f"helper-{name}"))
+        whole = Piece(
+            vertices_m=figure.vertices_m,
+            triangles=triangles,
+            weights=figure.weights,
+            colour=np.tile(tone, (len(figure.vertices_m), 1)),
+            part=np.full(len(triangles), PART_INDEX["face"]),
+            material="teeth",
+            morphs={"jaw_open": opened},
+        )
+        pieces.append(kept(whole, np.ones(len(triangles), dtype=bool)))
+    return pieces
+
+
+def lashes(figure: Figure, colour: Vector, morphs: Mapping[str, Vector]) -> list[Piece]:
+    """Return lashes as single tapering hairs between root and tip of the base mesh's strips."""
+    pieces = []
+    for side in ("l", "r"):
+        for strip, hairs in (("1", 2), ("2", 3)):
+            quads = figure.source.quads(f"helper-{side}-eyelashes-{strip}")
+            pieces.append(_hairs(figure, quads, hairs, colour, morphs))
+    return pieces
+
+
+def _columns(quads: Indices, distance: Vector) -> list[list[int]]:
+    """Follow a strip of lashes from its root, the row nearest to the eye, to its tips."""
+    ways: dict[int, set[int]] = {}
+    for a, b in np.concatenate([quads[:, [k, (k + 1) % 4]] for k in range(4)]).tolist():
+        ways.setdefault(a, set()).add(b)
+        ways.setdefault(b, set()).add(a)
+    columns = []
+    for start in sorted(ways):
+        if distance[start] > min(distance[n] for n in ways[start]) - 1e-4 and not all(
+            distance[n] > distance[start] - 4e-4 for n in ways[start]
+        ):
+            continue
+        path = [start]
+        while True:
+            up = [n for n in ways[path[-1]] if distance[n] > distance[path[-1]] + 6e-4]
+            if not up:
+                break
+            path.append(max(up, key=lambda n: distance[n] - distance[path[-1]]))
+        if len(path) >= 3:
+            columns.append(path)
+    return columns
+
+
+def _hairs(
+    figure: Figure, quads: Indices, between: int, colour: Vector, morphs: Mapping[str, Vector]
+) -> Piece:
+    side = "left" if figure.source.base_m[quads[0, 0], 0] < 0 else "right"
+    # The way from root to tip is read off the base mesh, so that all figures have the same.
+    cube = figure.source.joint_vertices[f"{side[0]}-eye"]
+    plain = np.linalg.norm(figure.source.base_m - figure.source.base_m[cube].mean(axis=0), axis=1)
+    columns = _columns(quads, plain)
+    columns.sort(key=lambda path: float(figure.source.base_m[path[0], 0]))
+    length = {"1": 0.55, "2": 0.85}["1" if between == 2 else "2"]
+
+    def rows(values: Vector) -> Vector:
+        """Return (hairs, 3, 3): root, middle, tip of every hair."""
+        root = np.array([values[path[1]] for path in columns])
+        middle = np.array([values[path[min(2, len(path) - 1)]] for path in columns])
+        end = np.array([values[path[-1]] for path in columns])
+        ways = np.stack([root, root + length * (middle - root), root + length * (end - root)], 1)
+        steps = [
+            (1 - t) * ways[:-1] + t * ways[1:] for t in np.linspace(0, 1, between, endpoint=False)
+        ]
+        return np.concatenate([np.stack(steps, axis=1).reshape(-1, 3, 3), ways[-1:]])
+
+    way = rows(figure.vertices_m)
+    n = len(way)
+    wide = 0.00035 * np.array([[1.0, 0.0, 0.0]])
+    vertices = np.stack(
+        [way[:, 0] - wide, way[:, 0] + wide, way[:, 1] - 0.7 * wide, way[:, 1] + 0.7 * wide,
+         way[:, 2]], axis=1,
+    ).reshape(-1, 3)  # fmt: skip
+    at = 5 * np.arange(n)[:, None]
+    triangles = np.concatenate([at + np.array(k) for k in ((0, 1, 3), (0, 3, 2), (2, 3, 4))])
+    weights = np.zeros((5 * n, len(figure.rig.skeleton.names)))
+    weights[:, figure.rig.skeleton.index("head")] = 1.0
+    moves = {}
+    for name, delta in morphs.items():
+        moved = rows(delta)
+        moves[name] = moved[:, [0, 0, 1, 1, 2]].reshape(-1, 3)
+    return Piece(
+        vertices_m=vertices,
+        triangles=triangles,
+        weights=weights,
+        colour=np.tile(colour, (len(vertices), 1)),
+        part=np.full(len(triangles), PART_INDEX["face"]),
+        material="lash",
+        morphs=moves,
+    )

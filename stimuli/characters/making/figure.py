@@ -7,8 +7,9 @@ import numpy as np
 
 from lab.geometry import Vector, unit
 from stimuli.characters.making.makehuman import BODY_VERTICES, Indices, MakeHuman
-from stimuli.characters.making.reposing import Rig, rig_of
+from stimuli.characters.making.reposing import rig_of
 from stimuli.characters.making.shaping import Shape, shaped
+from stimuli.characters.rest_pose import Rig
 
 SIDES = (("left", "l"), ("right", "r"))
 

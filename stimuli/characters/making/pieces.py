@@ -1,6 +1,6 @@
 """Pieces a person is put together from: body, eyes, hair and clothes, all as sculpted."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -8,7 +8,6 @@ import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
 from lab.geometry import Vector
-from stimuli.characters.body_parts import PART_INDEX
 
 Indices = npt.NDArray[np.int64]
 
@@ -63,32 +62,6 @@ def kept(piece: Piece, keep: npt.NDArray[np.bool_]) -> Piece:
         morphs={name: delta[used] for name, delta in piece.morphs.items()},
         normals=None if piece.normals is None else piece.normals[used],
     )
-
-
-_PART_OF = {
-    "hips": "pelvis", "spine": "torso", "chest": "torso", "upper_chest": "torso",
-    "shoulder": "torso", "neck": "neck", "head": "scalp", "jaw": "face", "eye": "face",
-    "upper_arm": "upper_arm", "lower_arm": "forearm", "upper_leg": "thigh",
-    "lower_leg": "shin", "foot": "foot", "toes": "foot",
-}  # fmt: skip
-
-
-def part_of_joint(name: str) -> int:
-    """Return the part that a joint of the skeleton moves; the head's is the scalp."""
-    side = next((s for s in ("left_", "right_") if name.startswith(s)), "")
-    part = _PART_OF.get(name.removeprefix(side), "hand")
-    sided = part in ("upper_arm", "forearm", "hand", "thigh", "shin", "foot")
-    return PART_INDEX[side + part if sided else part]
-
-
-def parts_of_weights(weights: Vector, triangles: Indices, names: Sequence[str]) -> Indices:
-    """Tag triangles by the joint that moves most of them."""
-    parts = np.array([part_of_joint(name) for name in names])
-    share = np.zeros((len(weights), len(PART_INDEX)))
-    for j, part in enumerate(parts):
-        share[:, part] += weights[:, j]
-    tags: Indices = share[triangles].sum(axis=1).argmax(axis=1)
-    return tags
 
 
 @dataclass(frozen=True, eq=False)

@@ -171,7 +171,7 @@ CAST: tuple[Recipe, ...] = (
                muscle=-0.1, weight=0.3, proportions=-0.1),
         1.75,
         Face((224, 176, 154), (176, 112, 104), (104, 130, 152), (190, 188, 184), (158, 150, 142),
-             brow_weight=0.7, flush=0.9, lines=0.9, stubble=0.15, grey=0.9),
+             brow_weight=0.7, flush=0.55, lines=0.8, stubble=0.15, grey=0.9),
         "receding",
         (Garment("jacket", (86, 84, 76), "twill", (214, 222, 232)),
          Garment("trousers", (66, 62, 58), "twill")),

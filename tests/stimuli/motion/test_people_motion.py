@@ -1,15 +1,17 @@
 """People as functions of time: repeatable, independent of each other, planted on the floor."""
 
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 import pytest
 
-from lab.geometry import Vector
+from lab.geometry import Vector, rotate
 from stimuli.motion.build import Build, build_of_skeleton
 from stimuli.motion.clip import Clip
 from stimuli.motion.errors import MotionError
-from stimuli.motion.kinds import Idle, Kind, Recorded, Sit
+from stimuli.motion.holding import held_in_hand
+from stimuli.motion.kinds import Idle, Kind, Phone, Recorded, Sit, Wave
 from stimuli.motion.people import Doing, HeldHeads, PeopleMotion, Person
 from stimuli.motion.seating import eyes_of, seated_under_eyes
 from stimuli.motion.skeleton import Placement, Skeleton, canonical_skeleton, forward
@@ -200,3 +202,33 @@ def test_a_clip_of_other_joints_is_refused() -> None:
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (2, 9, 1))
     with pytest.raises(MotionError, match="retarget"):
         Recorded(Clip(other, 0.1, np.zeros((2, 3)), turns))
+
+
+@pytest.mark.parametrize("hand", ["left", "right"])
+@pytest.mark.parametrize("stature_m", [1.45, 1.75, 2.0])
+def test_a_phone_is_at_the_ear_of_the_side_it_is_held(
+    hand: Literal["left", "right"], stature_m: float
+) -> None:
+    own = build(stature_m)
+    for seed in range(5):
+        motion = PeopleMotion((Person(own, Phone(hand), seed),))
+        for t in (0.0, 4.3):
+            phone = held_in_hand(own, motion.at(t), 0, hand)
+            head = placed(motion, 0, t)
+            row = own.skeleton.index("head")
+            ear_side = -0.08 if hand == "left" else 0.08
+            ear = head.position_m[row] + rotate(
+                head.orientation_wxyz[row],
+                np.array([ear_side, 0.053, 0.0]) * [1.0, stature_m, 1.0],
+            )
+            # Half the length of a phone and of an ear.
+            assert np.linalg.norm(phone.position_m - ear) < 0.135
+
+
+def test_a_wave_goes_to_and_fro_at_the_rate_asked_for() -> None:
+    motion = PeopleMotion((Person(build(), Wave("right", rate_hz=2.0), 4),))
+    path = joints(motion, 0, np.arange(0.0, 10.0, 0.02), "right_hand", "right_lower_arm")
+    sideways = path[:, 0, 0] - path[:, 1, 0]
+    crossings = np.sum(np.diff(np.sign(sideways - np.median(sideways))) != 0)
+    assert crossings / 2 / 10.0 == pytest.approx(2.0, abs=0.15)
+    assert (path[:, 0, 1] > path[:, 1, 1] + 0.15).all()

@@ -1,0 +1,239 @@
+"""Import characters from glTF files: their own skeleton, looks and shapes, our names and rest."""
+
+import re
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from lab.geometry import Vector, rotate, unit
+from stimuli.characters.body_parts import PART_INDEX
+from stimuli.characters.capsules import fitted_capsules
+from stimuli.characters.character import Character, Eyeball, Material, Morph, SkinnedMesh
+from stimuli.characters.closing import closed_surface
+from stimuli.characters.errors import CharacterError
+from stimuli.characters.gltf_eyes import EyeFit, fitted_eye
+from stimuli.characters.gltf_figure import Figure, Surface, read_figure
+from stimuli.characters.gltf_file import GltfFile, read_glb
+from stimuli.characters.gltf_marks import marks_of
+from stimuli.characters.levels import LEVEL_TRIANGLES, joined, matched, thinned
+from stimuli.characters.rest_pose import Rig, heaviest, rig_of_marks, to_rest
+from stimuli.characters.tagging import face_of_head, parts_of_weights
+from stimuli.motion.rotations import quat_between
+
+LARGEST_TEXTURE = 1024
+Gender = Literal["female", "male"]
+Indices = npt.NDArray[np.int64]
+
+_SHAPES: dict[str, tuple[tuple[str, float], ...]] = {
+    "left_blink": ((r"l_?eye_?close|eyeblink_?l(eft)?$|blink_?l(eft)?$|left.?(eye.?)?blink", 1.0),),
+    "right_blink": ((r"r_?eye_?close|eyeblink_?r(ight)?$|blink_?r(ight)?$|right.?(eye.?)?blink",
+                     1.0),),
+    "lids_up": ((r"eyelookup", 1.0), (r"[lr]_?eye_?open", 0.5)),
+    "lids_down": ((r"eyelookdown", 1.0), (r"[lr]_?eye_?close|eyeblink|blink_?[lr]", 0.45)),
+    "jaw_open": ((r"jaw_?open", 1.0), (r"mouth_?open", 1.0)),
+    "smile": ((r"mouth_?smile", 0.8), (r"smile_?close", 0.8), (r"smile", 0.8)),
+}  # fmt: skip
+"""How shapes are called in files; the first pattern that any shape fits is taken."""
+
+
+def import_gltf(path: Path, *, name: str | None = None, gender: Gender | None = None) -> Character:
+    """Return the character in a .glb file, in the T-pose, with levels, parts and capsules.
+
+    `gender` is read from a name such as Asian_F_2 when None.
+
+    Raises:
+        CharacterError: the file is broken, or lacks a skin, a needed bone, or eyes.
+    """
+    file = read_glb(path)
+    try:
+        return _imported(file, name or path.stem, gender or _gender(path))
+    except (KeyError, IndexError, TypeError) as e:
+        raise CharacterError(
+            f"{path}: refers to something that is not in it ({e!r}); export it again"
+        ) from e
+
+
+def _gender(path: Path) -> Gender:
+    words = re.split(r"[^a-z]+", path.stem.lower())
+    female, male = {"f", "female", "woman", "girl"}, {"m", "male", "man", "boy"}
+    if female & set(words):
+        return "female"
+    if male & set(words):
+        return "male"
+    raise CharacterError(
+        f"{path}: its name does not say whether it is a woman or a man; pass --gender"
+    )
+
+
+def _imported(file: GltfFile, name: str, gender: Gender) -> Character:
+    figure = read_figure(file)
+    eyes = {side: fitted_eye(file, figure, side) for side in ("left", "right")}
+    points = np.concatenate([s.vertices_m for s in figure.surfaces])
+    at, tips = marks_of(figure, points, {side: eye.centre_m for side, eye in eyes.items()})
+    rig = rig_of_marks(at, tips, float(points[:, 1].min()))
+    materials: list[Material] = []
+    keys: dict[tuple[int | None, str], int] = {}
+    parts = []
+    for surface in figure.surfaces:
+        kind = _kind(file, figure, surface)
+        key = (surface.material, kind)
+        if key not in keys:
+            keys[key] = len(materials)
+            materials.append(_material(file, surface, kind))
+        parts.append(_at_rest(file, figure, rig, surface, kind, keys[key], eyes))
+    mesh = joined(parts)
+    stature = float(np.ptp(points[:, 1]))
+    radius = float(np.mean([eye.radius_m for eye in eyes.values()]))
+    closed = closed_surface(mesh, rig.skeleton)
+    iris = np.mean([eye.iris_srgb for eye in eyes.values()], axis=0)
+    licence = file.tree.get("asset", {}).get("copyright", "")
+    return Character(
+        name=name,
+        gender=gender,
+        stature_m=round(stature, 4),
+        age_years=None,
+        skeleton=rig.skeleton,
+        levels=tuple(matched(thinned(mesh, n), mesh) for n in LEVEL_TRIANGLES),
+        materials=tuple(materials),
+        capsules=fitted_capsules(rig.skeleton, closed),
+        eyeball=Eyeball(
+            radius,
+            round(0.38 * radius, 5),
+            round(0.14 * radius, 5),
+            (int(iris[0]), int(iris[1]), int(iris[2])),
+        ),
+        source=f"imported from {file.path.name}",
+        licence=licence or "see the source of the file",
+        closed=closed,
+    )
+
+
+def _kind(file: GltfFile, figure: Figure, surface: Surface) -> str:
+    label = surface.name.lower()
+    if surface.material is not None:
+        label += " " + str(file.items("materials")[surface.material].get("name", "")).lower()
+    eyes = [figure.bone_of["left_eye"], figure.bone_of["right_eye"]]
+    on_eyes = (surface.weights * np.isin(surface.joints, eyes)).sum(axis=1)
+    if "eye" in label and "lash" not in label and "brow" not in label and on_eyes.mean() > 0.5:
+        return "eye"
+    words = (("lash", "lash"), ("brow", "lash"), ("wig", "hair"), ("hair", "hair"),
+             ("teeth", "teeth"), ("tongue", "teeth"), ("gland", "skin"), ("body", "skin"),
+             ("skin", "skin"), ("head", "skin"), ("shoe", "leather"), ("cloth", "cloth"),
+             ("shirt", "cloth"), ("outfit", "cloth"), ("dds", "skin"))  # fmt: skip
+    return next((kind for word, kind in words if word in label), "other")
+
+
+def _material(file: GltfFile, surface: Surface, kind: str) -> Material:
+    if surface.material is None or kind == "eye":
+        return Material(kind, "eye" if kind == "eye" else "other", 0.1 if kind == "eye" else 0.7)
+    entry = file.items("materials")[surface.material]
+    look = entry.get("pbrMetallicRoughness", {})
+    texture = None
+    if "baseColorTexture" in look:
+        texture = file.image(look["baseColorTexture"]["index"])
+        if entry.get("alphaMode", "OPAQUE") == "OPAQUE":
+            texture = texture[..., :3]
+        texture = _downsized(texture)
+    known: Any = kind
+    return Material(
+        f"{entry.get('name', 'material')}:{kind}",
+        known,
+        float(look.get("roughnessFactor", 0.7)),
+        texture,
+        bool(entry.get("doubleSided", False)),
+    )
+
+
+def _downsized(pixels: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    h, w = pixels.shape[:2]
+    share = LARGEST_TEXTURE / max(h, w)
+    if share >= 1:
+        return np.ascontiguousarray(pixels)
+    size = (max(round(w * share), 1), max(round(h * share), 1))
+    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.LANCZOS))
+
+
+def _canonical_weights(figure: Figure, rig: Rig, surface: Surface) -> Vector:
+    """Return weights (v, 55): bones without a name of ours count for the next one above."""
+    ours = {node: rig.skeleton.index(name) for name, node in figure.bone_of.items()}
+    column = np.zeros(len(figure.names), dtype=np.int64)
+    for node in range(len(figure.names)):
+        at = node
+        while at >= 0 and at not in ours:
+            at = int(figure.parents[at])
+        column[node] = ours.get(at, 0)
+    weights = np.zeros((len(surface.vertices_m), len(rig.skeleton.names)))
+    rows = np.arange(len(weights))
+    for k in range(surface.joints.shape[1]):
+        np.add.at(weights, (rows, column[surface.joints[:, k]]), surface.weights[:, k])
+    return weights
+
+
+def _at_rest(
+    file: GltfFile, figure: Figure, rig: Rig, surface: Surface, kind: str, material: int,
+    eyes: dict[str, EyeFit],
+) -> SkinnedMesh:  # fmt: skip
+    weights = _canonical_weights(figure, rig, surface)
+    vertices, normals = surface.vertices_m, surface.normals
+    if kind == "eye":
+        vertices, normals = vertices.copy(), normals.copy()
+        for side, eye in eyes.items():
+            mine = weights[:, rig.skeleton.index(f"{side}_eye")] > 0.5
+            turn = quat_between(eye.axis, np.array([0.0, 0.0, -1.0]))
+            vertices[mine] = eye.centre_m + rotate(turn, vertices[mine] - eye.centre_m)
+            normals[mine] = rotate(turn, normals[mine])
+    joints, heavy = heaviest(weights)
+    rest, blend = to_rest(rig, vertices, joints, heavy)
+    rest_normals = np.linalg.solve(blend, normals[..., None])[..., 0].astype(np.float64)
+    rest_normals = np.nan_to_num(unit(rest_normals))
+    tags = parts_of_weights(weights, surface.triangles, rig.skeleton.names)
+    eye_m = np.mean([eye.centre_m for eye in eyes.values()], axis=0)
+    centres = vertices[surface.triangles].mean(axis=1)
+    scale = float(np.ptp(figure.at_m[np.isfinite(figure.at_m).all(axis=1), 1])) / 1.65
+    tags = face_of_head(tags, centres, eye_m, scale)
+    if kind == "hair":
+        tags = np.full(len(tags), PART_INDEX["scalp"])
+    if kind == "eye":
+        left = surface.vertices_m[surface.triangles].mean(axis=1)[:, 0] < 0
+        tags = np.where(left, PART_INDEX["left_eye"], PART_INDEX["right_eye"])
+    colour = np.array([1.0, 1.0, 1.0])
+    if kind == "eye":
+        colour = np.array([0.875, 0.86, 0.845])
+    elif surface.material is not None:
+        look = file.items("materials")[surface.material].get("pbrMetallicRoughness", {})
+        colour = np.array(look.get("baseColorFactor", (1, 1, 1, 1))[:3]) ** (1 / 2.2)
+    n = len(rest)
+    morphs = {}
+    for name, delta in _morphs(surface).items():
+        turned = np.linalg.solve(blend, delta[..., None])[..., 0]
+        moves = np.flatnonzero(np.abs(turned).max(axis=1) > 2e-5)
+        if len(moves):
+            morphs[name] = Morph(moves.astype(np.int32), turned[moves].astype(np.float32))
+    return SkinnedMesh(
+        vertices_m=rest.astype(np.float32),
+        normals=rest_normals.astype(np.float32),
+        colour_srgb=np.tile(np.round(255 * colour), (n, 1)).astype(np.uint8),
+        uv=(np.zeros((n, 2)) if surface.uv is None else surface.uv).astype(np.float32),
+        joints=joints.astype(np.uint8),
+        weights=heavy.astype(np.float32),
+        triangles=surface.triangles.astype(np.int32),
+        triangle_part=tags.astype(np.uint8),
+        triangle_material=np.full(len(surface.triangles), material, dtype=np.uint8),
+        morphs=morphs,
+    )
+
+
+def _morphs(surface: Surface) -> dict[str, Vector]:
+    """Return our shapes of the face as sums of the file's."""
+    found: dict[str, Vector] = {}
+    for ours, patterns in _SHAPES.items():
+        for pattern, amount in patterns:
+            fits = [delta for name, delta in surface.shapes.items()
+                    if re.search(pattern, name.rsplit(".", 1)[-1].lower())]  # fmt: skip
+            if fits:
+                found[ours] = amount * np.sum(fits, axis=0)
+                break
+    return found

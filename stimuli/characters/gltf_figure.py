@@ -1,0 +1,239 @@
+"""The skinned figure in a glTF file: bones in world, bound surfaces, shapes of the face."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.geometry import Vector, quat_conjugate, rotate, unit
+from stimuli.characters.errors import CharacterError
+from stimuli.characters.gltf_file import GltfFile
+from stimuli.motion.errors import MotionError
+from stimuli.motion.joint_names import match_joints
+from stimuli.motion.rotations import matrix_of_quat, quat_from_axes
+from stimuli.motion.skeleton import Skeleton
+
+Indices = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A primitive as bound: vertices in world, `joints` (v, k) nodes with `weights` (v, k)."""
+
+    name: str
+    vertices_m: Vector
+    normals: Vector
+    uv: Vector | None
+    triangles: Indices
+    joints: Indices
+    weights: Vector
+    material: int | None
+    shapes: dict[str, Vector]
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """Bones by node: names, parents, places in world as bound, and all surfaces.
+
+    Turned so that it stands upright and faces −z. `bone_of` gives the node of each canonical
+    joint that the file has.
+    """
+
+    names: tuple[str, ...]
+    parents: Indices
+    at_m: Vector
+    bone_of: dict[str, int]
+    surfaces: tuple[Surface, ...]
+
+
+def read_figure(file: GltfFile) -> Figure:
+    """Return the figure of a file.
+
+    Raises:
+        CharacterError: no skin, or a needed bone is missing.
+    """
+    nodes = file.items("nodes")
+    skins = file.items("skins")
+    if not skins:
+        raise CharacterError(
+            f"{file.path}: has no skin, so its limbs cannot move; export mesh and armature together"
+        )
+    n = len(nodes)
+    parents = np.full(n, -1, dtype=np.int64)
+    for i, node in enumerate(nodes):
+        parents[node.get("children", [])] = i
+    world: dict[int, Vector] = {}
+
+    def place(i: int) -> Vector:
+        if i not in world:
+            above = place(int(parents[i])) if parents[i] >= 0 else np.eye(4)
+            world[i] = above @ _local(nodes[i])
+        return world[i]
+
+    bound = _bound_bones(file, place)
+    surfaces = [
+        surface
+        for i, node in enumerate(nodes)
+        if "mesh" in node and "skin" in node
+        for surface in _surfaces(file, node, bound, i)
+    ]
+    if not surfaces:
+        raise CharacterError(f"{file.path}: no mesh hangs on its skin; export mesh and armature")
+    bones = sorted(bound)
+    at = np.full((n, 3), np.nan)
+    for i in bones:
+        at[i] = bound[i][:3, 3]
+    names = tuple(str(node.get("name", f"node{i}")) for i, node in enumerate(nodes))
+    bone_of = _matched(file, names, parents, bones)
+    return _upright(Figure(names, parents, at, bone_of, tuple(surfaces)))
+
+
+def _local(node: Mapping[str, Any]) -> Vector:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    matrix = np.eye(4)
+    x, y, z, w = np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64)
+    matrix[:3, :3] = matrix_of_quat(unit(np.array([w, x, y, z])))
+    matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
+    matrix[:3, 3] = np.array(node.get("translation", (0, 0, 0)), dtype=np.float64)
+    return matrix
+
+
+def _bound_bones(file: GltfFile, place: Callable[[int], Vector]) -> dict[int, Vector]:
+    """Return the places (4, 4) of bones as the meshes were bound to them."""
+    bound: dict[int, Vector] = {}
+    for skin in file.items("skins"):
+        joints = skin["joints"]
+        if "inverseBindMatrices" in skin:
+            raw = file.accessor(skin["inverseBindMatrices"]).astype(np.float64)
+            inverse = raw.reshape(-1, 4, 4).transpose(0, 2, 1)
+        else:
+            inverse = np.stack([np.linalg.inv(place(j)) for j in joints])
+        # Meshes may be bound in a space of their own (centimetres, another up); one joint's world
+        # place against its bind place tells how that space lies in the world.
+        space = place(joints[0]) @ inverse[0]
+        for j, matrix in zip(joints, inverse, strict=True):
+            bound.setdefault(j, space @ np.linalg.inv(matrix))
+    return bound
+
+
+def _surfaces(
+    file: GltfFile, node: Mapping[str, Any], bound: dict[int, Vector], index: int
+) -> list[Surface]:
+    skin = file.tree["skins"][node["skin"]]
+    mesh = file.tree["meshes"][node["mesh"]]
+    joints_of = np.array(skin["joints"])
+    if "inverseBindMatrices" in skin:
+        raw = file.accessor(skin["inverseBindMatrices"]).astype(np.float64)
+        inverse = raw.reshape(-1, 4, 4).transpose(0, 2, 1)
+    else:
+        inverse = np.stack([np.linalg.inv(bound[j]) for j in skin["joints"]])
+    moves = np.stack([bound[j] @ matrix for j, matrix in zip(skin["joints"], inverse, strict=True)])
+    shape_names = (mesh.get("extras") or {}).get("targetNames", [])
+    found = []
+    for primitive in mesh["primitives"]:
+        attributes = primitive["attributes"]
+        if primitive.get("mode", 4) != 4 or "JOINTS_0" not in attributes:
+            continue
+        position = file.accessor(attributes["POSITION"]).astype(np.float64)
+        joints = file.accessor(attributes["JOINTS_0"]).astype(np.int64)
+        weights = file.accessor(attributes["WEIGHTS_0"]).astype(np.float64)
+        total = weights.sum(axis=1, keepdims=True)
+        weights = weights / np.where(total == 0, 1, total)
+        weights[total[:, 0] == 0, 0] = 1.0
+        move = np.einsum("vk,vkab->vab", weights, moves[joints])
+        turn = move[:, :3, :3]
+        vertices = np.einsum("vab,vb->va", turn, position) + move[:, :3, 3]
+        if "NORMAL" in attributes:
+            normals = file.accessor(attributes["NORMAL"]).astype(np.float64)
+            normals = np.nan_to_num(unit(np.einsum("vab,vb->va", turn, normals)))
+        else:
+            normals = np.zeros_like(vertices)
+        if "indices" in primitive:
+            triangles = file.accessor(primitive["indices"]).astype(np.int64).reshape(-1, 3)
+        else:
+            triangles = np.arange(len(position)).reshape(-1, 3)
+        uv = None
+        if "TEXCOORD_0" in attributes:
+            uv = file.accessor(attributes["TEXCOORD_0"]).astype(np.float64)
+        shapes = {}
+        for k, target in enumerate(primitive.get("targets", [])):
+            if "POSITION" in target:
+                delta = file.accessor(target["POSITION"]).astype(np.float64)
+                name = str(shape_names[k]) if k < len(shape_names) else f"shape{k}"
+                shapes[name] = np.einsum("vab,vb->va", turn, delta)
+        name = str(node.get("name") or mesh.get("name") or f"mesh{index}")
+        found.append(
+            Surface(name, vertices, normals, uv, triangles, joints_of[joints], weights,
+                    primitive.get("material"), shapes)
+        )  # fmt: skip
+    return found
+
+
+def _matched(
+    file: GltfFile, names: tuple[str, ...], parents: Indices, bones: list[int]
+) -> dict[str, int]:
+    """Return the node of each canonical joint, eyes among them.
+
+    Raises:
+        CharacterError: a needed bone is missing.
+    """
+    order = _parents_first(parents, set(bones))
+    if len({names[i] for i in order}) != len(order):
+        raise CharacterError(f"{file.path}: two bones have the same name; rename one")
+    index = {node: k for k, node in enumerate(order)}
+    tree = Skeleton(
+        tuple(names[i] for i in order),
+        np.array([index.get(int(parents[i]), 0) if k else -1 for k, i in enumerate(order)]),
+        np.zeros((len(order), 3)),
+        np.full((len(order), 3), np.nan),
+    )
+    try:
+        matched = match_joints(tree)
+    except MotionError as e:
+        raise CharacterError(f"{file.path}: {e}; rename the bones, or add those missing") from e
+    by_name = {names[i]: i for i in order}
+    found = {ours: by_name[theirs] for ours, theirs in matched.items()}
+    missing = [f"{side}_eye" for side in ("left", "right") if f"{side}_eye" not in found]
+    if missing:
+        raise CharacterError(
+            f"{file.path}: no bone for {' and '.join(missing)}; add eye bones (LeftEye, RightEye) "
+            "below the head, each eyeball bound to its own"
+        )
+    return found
+
+
+def _parents_first(parents: Indices, bones: set[int]) -> list[int]:
+    depth: dict[int, int] = {}
+
+    def of(i: int) -> int:
+        if i not in depth:
+            depth[i] = 0 if parents[i] < 0 else 1 + of(int(parents[i]))
+        return depth[i]
+
+    return sorted(bones, key=lambda i: (of(i), i))
+
+
+def _upright(figure: Figure) -> Figure:
+    """Turn a figure so that it faces −z with y up, hips over the origin."""
+    at = {ours: figure.at_m[node] for ours, node in figure.bone_of.items()}
+    hips = (at["left_upper_leg"] + at["right_upper_leg"]) / 2
+    up = unit(at["head"] - hips)
+    axis = np.zeros(3)
+    axis[np.abs(up).argmax()] = np.sign(up[np.abs(up).argmax()])
+    across = at["right_upper_leg"] - at["left_upper_leg"]
+    right = unit(across - axis * (across @ axis))
+    turn = quat_from_axes(right, axis, np.cross(right, axis))
+    back = quat_conjugate(turn)
+
+    def moved(points: Vector) -> Vector:
+        return rotate(back, points - hips)
+
+    surfaces = tuple(
+        Surface(s.name, moved(s.vertices_m), rotate(back, s.normals), s.uv, s.triangles, s.joints,
+                s.weights, s.material, {k: rotate(back, d) for k, d in s.shapes.items()})
+        for s in figure.surfaces
+    )  # fmt: skip
+    return Figure(figure.names, figure.parents, moved(figure.at_m), figure.bone_of, surfaces)

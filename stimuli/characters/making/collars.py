@@ -1,0 +1,285 @@
+"""Collars, plackets and buttons: what makes a top read as a shirt, a polo or a jacket."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lab.geometry import Vector, unit
+from stimuli.characters.body_parts import PART_INDEX
+from stimuli.characters.making.cloth_places import wrapped_uv
+from stimuli.characters.making.cutting import border
+from stimuli.characters.making.figure import Figure
+from stimuli.characters.making.makehuman import Indices
+from stimuli.characters.making.pieces import Piece, vertex_normals
+from stimuli.characters.making.recipes import Garment
+
+
+def collar(figure: Figure, cloth: Piece, garment: Garment, tone: Vector) -> list[Piece]:
+    """Return what sits on the neckline and the front of a top."""
+    ring = _neck_ring(figure, cloth)
+    if garment.kind in ("tee", "jumper"):
+        return [
+            _band(figure, cloth, ring, tone * 0.9, 0.020 if garment.kind == "jumper" else 0.012)
+        ]
+    if garment.kind in ("shirt", "polo"):
+        pieces = [_folded_collar(figure, cloth, ring, tone)]
+        depth = 0.13 if garment.kind == "polo" else 0.6
+        pieces += _placket(figure, cloth, tone, depth)
+        return pieces
+    return _lapel_band(figure, cloth, tone, garment)
+
+
+def _neck_ring(figure: Figure, cloth: Piece) -> Indices:
+    """Return the vertices of the neckline in order round the neck, from the front."""
+    rim = np.unique(border(cloth.triangles))
+    p = cloth.vertices_m[rim]
+    neck = figure.at("neck")
+    near = np.linalg.norm((p - neck) * np.array([1.0, 0.7, 1.0]), axis=1) < 0.14
+    arms = [figure.rig.skeleton.index(f"{s}_lower_arm") for s in ("left", "right")]
+    near &= cloth.weights[rim][:, arms].sum(axis=1) < 0.1
+    rim, p = rim[near], p[near]
+    angle = np.arctan2(p[:, 0], -(p[:, 2] - neck[2]))
+    order: Indices = rim[np.argsort(angle)]
+    return order
+
+
+def _resampled(figure: Figure, cloth: Piece, ring: Indices, n: int) -> tuple[Vector, Vector]:
+    """Return n points (closed) and weights at even angles round the neck, smoothed."""
+    p = cloth.vertices_m[ring]
+    neck = figure.at("neck")
+    angle = np.arctan2(p[:, 0], -(p[:, 2] - neck[2]))
+    at = np.linspace(-np.pi, np.pi, n, endpoint=False)
+    points = np.stack([np.interp(at, angle, p[:, k], period=2 * np.pi) for k in range(3)], axis=1)
+    nearest = np.abs((at[:, None] - angle + np.pi) % (2 * np.pi) - np.pi).argmin(axis=1)
+    for _ in range(4):
+        points = 0.5 * points + 0.25 * (np.roll(points, 1, axis=0) + np.roll(points, -1, axis=0))
+    return points, cloth.weights[ring[nearest]]
+
+
+def _sheet(
+    rows: list[Vector], weights: Vector, tone: Vector, material: str, *, closed: bool
+) -> Piece:
+    """Return a surface through rows of points; front side by the order of the rows."""
+    n = len(rows[0])
+    index = np.arange(len(rows) * n).reshape(len(rows), n)
+    turn = np.roll(index, -1, axis=1)
+    last = n if closed else n - 1
+    a, b = index[:-1, :last], turn[:-1, :last]
+    c, d = index[1:, :last], turn[1:, :last]
+    triangles = np.concatenate(
+        [np.stack([a, b, d], axis=-1).reshape(-1, 3), np.stack([a, d, c], axis=-1).reshape(-1, 3)]
+    )
+    vertices = np.concatenate(rows)
+    return Piece(
+        vertices_m=vertices,
+        triangles=triangles,
+        weights=np.tile(weights, (len(rows), 1)),
+        colour=np.tile(tone, (len(vertices), 1)),
+        part=np.full(len(triangles), PART_INDEX["torso"]),
+        material=material,
+    )
+
+
+def _outwards(piece: Piece, centre: Vector) -> Piece:
+    """Turn triangles so that most face away from an axis through `centre`."""
+    a, b, c = (piece.vertices_m[piece.triangles[:, k]] for k in range(3))
+    away = ((a + b + c) / 3 - centre) * np.array([1.0, 0.0, 1.0])
+    if np.sum(np.cross(b - a, c - a) * away) < 0:
+        return replace(piece, triangles=piece.triangles[:, ::-1].copy())
+    return piece
+
+
+def _textured(figure: Figure, piece: Piece) -> Piece:
+    return replace(piece, corner_uv=wrapped_uv(figure, piece))
+
+
+def _band(figure: Figure, cloth: Piece, ring: Indices, tone: Vector, height_m: float) -> Piece:
+    """Return the ribbed band of a jumper's or tee's neckline."""
+    points, weights = _resampled(figure, cloth, ring, 48)
+    centre = points.mean(axis=0)
+    out = unit((points - centre) * np.array([1.0, 0.0, 1.0]))
+    up = unit(np.array([0.0, 1.0, 0.0]) - 0.45 * out)
+    rows = [
+        points + 0.0035 * out - 0.9 * height_m * up,
+        points + 0.003 * out + 0.1 * height_m * up,
+        points + 0.002 * out + 0.5 * height_m * up,
+        points - 0.001 * out + 0.55 * height_m * up,
+        points - 0.003 * out + 0.1 * height_m * up,
+    ]
+    sheet = _sheet(rows, weights, tone, cloth.material, closed=True)
+    return _textured(figure, _outwards(sheet, centre))
+
+
+def _folded_collar(figure: Figure, cloth: Piece, ring: Indices, tone: Vector) -> Piece:
+    """Return a shirt collar: a stand round the neck and a fall that ends in two points."""
+    points, weights = _resampled(figure, cloth, ring, 64)
+    neck = figure.at("neck")
+    angle = np.linspace(-np.pi, np.pi, 64, endpoint=False)
+    order = np.argsort((angle + 2 * np.pi) % (2 * np.pi))
+    points, weights = points[order], weights[order]
+    angle = (angle[order] + 2 * np.pi) % (2 * np.pi)
+    opens = (angle > 0.16) & (angle < 2 * np.pi - 0.16)
+    points, weights, angle = points[opens], weights[opens], angle[opens]
+    centre = np.array([0.0, 0.0, neck[2]]) + np.array([0.0, points[:, 1].mean(), 0.0])
+    out = unit((points - centre) * np.array([1.0, 0.0, 1.0]))
+    up = np.array([0.0, 1.0, 0.0])
+    front = np.exp(-((np.minimum(angle, 2 * np.pi - angle) / 0.55) ** 2))[:, None]
+    stand = points + (0.030 - 0.010 * front) * up + 0.001 * out
+    rows = [
+        points - 0.004 * up + 0.002 * out,
+        stand - 0.008 * up,
+        stand,
+        stand + 0.004 * out + 0.001 * up,
+        stand + 0.009 * out - 0.014 * up,
+        stand + (0.014 + 0.006 * front) * out - (0.034 + 0.030 * front) * up,
+    ]
+    sheet = _outwards(_sheet(rows, weights, tone, cloth.material, closed=False), centre)
+    return _textured(figure, sheet)
+
+
+def _front_line(cloth: Piece, x: float, heights: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return points, normals and weights on the front of a cloth at x and given heights."""
+    normals = vertex_normals(cloth.vertices_m, cloth.triangles)
+    p = cloth.vertices_m
+    front = np.flatnonzero((normals[:, 2] < -0.2) & (np.abs(p[:, 0] - x) < 0.05))
+    points, outs, weights = [], [], []
+    for y in heights:
+        d = np.hypot((p[front, 0] - x) / 0.6, p[front, 1] - y)
+        near = front[np.argsort(d)[:6]]
+        w = 1 / (d[np.argsort(d)[:6]] + 0.002)
+        w = (w / w.sum())[:, None]
+        points.append([x, y, float((p[near] * w).sum(axis=0)[2])])
+        outs.append((normals[near] * w).sum(axis=0))
+        weights.append((cloth.weights[near] * w).sum(axis=0))
+    return np.array(points), unit(np.array(outs)), np.array(weights)
+
+
+def _placket(figure: Figure, cloth: Piece, tone: Vector, depth_m: float) -> list[Piece]:
+    """Return the strip down the front with its buttons."""
+    neck = figure.at("neck")
+    rim = cloth.vertices_m[np.unique(border(cloth.triangles))]
+    middle = rim[(np.abs(rim[:, 0]) < 0.02) & (rim[:, 2] < neck[2])]
+    top_m = float(middle[:, 1].max()) - 0.002
+    low_m = max(float(middle[:, 1].min()) + 0.004, top_m - depth_m)
+    heights = np.linspace(top_m, low_m, 26)
+    rows, row_weights = [], None
+    for x, lift in ((-0.0165, 0.000), (-0.016, 0.0022), (0.016, 0.0022), (0.0165, 0.000)):
+        points, out, weights = _front_line(cloth, x, heights)
+        smooth = points.copy()
+        for _ in range(6):
+            smooth[1:-1] = 0.5 * smooth[1:-1] + 0.25 * (smooth[:-2] + smooth[2:])
+        rows.append(smooth + (lift + 0.0012) * out)
+        row_weights = weights
+    if row_weights is None:
+        return []
+    strip = _sheet(rows, row_weights, tone * 0.97, cloth.material, closed=False)
+    behind = np.array([0.0, 0.0, 10.0])
+    strip = _textured(figure, _outwards(strip, behind))
+    points, out, weights = _front_line(cloth, 0.0, np.arange(top_m - 0.035, low_m + 0.02, -0.085))
+    buttons = _discs(points + 0.0048 * out, out, weights, tone)
+    return [strip, replace(buttons, material="shoe")]
+
+
+def _discs(points: Vector, out: Vector, weights: Vector, tone: Vector) -> Piece:
+    """Return buttons: small twelve-sided discs with a rim."""
+    n, k = len(points), 12
+    around = 2 * np.pi * np.arange(k) / k
+    x = unit(np.cross(out, np.array([0.0, 1.0, 0.0])))
+    y = np.cross(x, out)
+    ring = np.cos(around)[None, :, None] * x[:, None] + np.sin(around)[None, :, None] * y[:, None]
+    rows = np.stack(
+        [points[:, None] + 0.0055 * ring - 0.002 * out[:, None], points[:, None] + 0.0050 * ring],
+        axis=1,
+    )
+    vertices = np.concatenate([rows.reshape(-1, 3), points])
+    base = (2 * k * np.arange(n))[:, None] + np.arange(k)
+    turn = np.roll(base, -1, axis=1)
+    hub = np.broadcast_to((2 * k * n + np.arange(n))[:, None], base.shape)
+    triangles = np.concatenate(
+        [
+            np.stack([base, turn, turn + k], axis=-1).reshape(-1, 3),
+            np.stack([base, turn + k, base + k], axis=-1).reshape(-1, 3),
+            np.stack([base + k, turn + k, hub], axis=-1).reshape(-1, 3),
+        ]
+    )
+    shade = np.array([0.90, 0.88, 0.84]) if tone.mean() > 0.45 else np.array([0.16, 0.14, 0.13])
+    return Piece(
+        vertices_m=vertices,
+        triangles=triangles,
+        weights=np.concatenate([np.repeat(weights, 2 * k, axis=0), weights]),
+        colour=np.tile(shade, (len(vertices), 1)),
+        part=np.full(len(triangles), PART_INDEX["torso"]),
+        material="shoe",
+    )
+
+
+def _lapel_band(figure: Figure, cloth: Piece, tone: Vector, garment: Garment) -> list[Piece]:
+    """Return a band along the open front: ribbed for a cardigan, broad lapels for a jacket."""
+    neck = figure.at("neck")
+    rim = np.unique(border(cloth.triangles))
+    p = cloth.vertices_m[rim]
+    is_jacket = garment.kind == "jacket"
+    pieces = []
+    for side in (-1.0, 1.0):
+        mine = (side * p[:, 0] > -0.002) & (p[:, 2] < neck[2] + 0.10) & (np.abs(p[:, 0]) < 0.13)
+        mine &= p[:, 1] > p[np.abs(p[:, 0]) < 0.05][:, 1].min() + 0.004
+        line = rim[mine]
+        q = cloth.vertices_m[line]
+        # Up the front edge, then round the neck to its back.
+        key = np.where(q[:, 2] < neck[2] - 0.02, q[:, 1], 10 + q[:, 2])
+        line = line[np.argsort(key)]
+        q = cloth.vertices_m[line]
+        step = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1))])
+        at = np.linspace(0, step[-1], 60)
+        edge = np.stack([np.interp(at, step, q[:, k]) for k in range(3)], axis=1)
+        for _ in range(5):
+            edge[1:-1] = 0.5 * edge[1:-1] + 0.25 * (edge[:-2] + edge[2:])
+        weights = cloth.weights[line[np.abs(step[None] - at[:, None]).argmin(axis=1)]]
+        dip = neck[1] - (0.30 if is_jacket else 0.24)
+        rise = np.clip((edge[:, 1] - dip) / 0.12, 0, 1)
+        wide = np.where(
+            is_jacket,
+            0.010 + 0.045 * rise * np.clip((neck[1] - edge[:, 1]) / 0.02 + 1, 0.55, 1),
+            0.024,
+        )
+        away = np.stack(
+            [
+                side * np.ones(60),
+                0.15 * np.ones(60),
+                np.clip((edge[:, 2] - neck[2] + 0.03) / 0.05, 0, 1) * 1.5,
+            ],
+            axis=1,
+        )
+        tangent = unit(np.gradient(edge, axis=0))
+        away = unit(away - tangent * np.sum(away * tangent, axis=1, keepdims=True))
+        near = _nearest_normals(cloth, edge + 0.02 * away)
+        over = edge + wide[:, None] * away
+        over = _on_surface(cloth, over)
+        rows = [
+            edge - 0.003 * near,
+            edge + 0.003 * near,
+            0.5 * (edge + over) + 0.0065 * near,
+            over + 0.0045 * near,
+            over - 0.001 * near,
+        ]
+        sheet = _sheet(
+            rows, weights, tone * (1.0 if is_jacket else 0.9), cloth.material, closed=False
+        )
+        pieces.append(_textured(figure, _outwards(sheet, np.array([0.0, 0.0, 0.3]))))
+    return pieces
+
+
+def _nearest_normals(cloth: Piece, points: Vector) -> Vector:
+    normals = vertex_normals(cloth.vertices_m, cloth.triangles)
+    _, index = cKDTree(cloth.vertices_m).query(points, k=4)
+    return unit(normals[index].mean(axis=1))
+
+
+def _on_surface(cloth: Piece, points: Vector) -> Vector:
+    """Move points along the normal on to the plane of the cloth near them."""
+    normals = vertex_normals(cloth.vertices_m, cloth.triangles)
+    _, index = cKDTree(cloth.vertices_m).query(points, k=4)
+    centre, normal = cloth.vertices_m[index].mean(axis=1), unit(normals[index].mean(axis=1))
+    moved: Vector = points - normal * np.sum((points - centre) * normal, axis=1, keepdims=True)
+    return moved

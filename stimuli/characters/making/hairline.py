@@ -1,0 +1,29 @@
+"""Where hair grows on a head."""
+
+import numpy as np
+
+from lab.geometry import Vector
+from stimuli.characters.making.figure import Figure
+
+
+def hairline_field(figure: Figure, points_m: Vector, receding: float = 0.0) -> Vector:
+    """Return metres outside the haired scalp (v,): forehead, temples, ears and nape are out."""
+    eye = (figure.at("left_eye") + figure.at("right_eye")) / 2
+    scale = figure.stature_m / 1.72
+    x = np.abs(points_m[:, 0]) / scale
+    y, z = (points_m[:, 1] - eye[1]) / scale, (points_m[:, 2] - eye[2]) / scale
+    # z grows backwards. From the forehead over the temple down before the ear, then the nape.
+    corners = np.exp(-(((x - 0.042) / 0.022) ** 2))
+    front = 0.074 - 4.0 * np.maximum(x - 0.03, 0) ** 2
+    front = front + receding * (0.014 + 0.028 * corners)
+    side = np.interp(
+        z,
+        [0.025, 0.045, 0.062, 0.072, 0.080, 0.100, 0.125, 0.155],
+        [0.060, 0.030, -0.012, -0.016, 0.018, 0.022, -0.030, -0.085],
+    )
+    line = np.where(x > 0.052, side, np.where(z < 0.05, front, -0.085))
+    blend = np.clip((x - 0.045) / 0.014, 0, 1)
+    rear = np.where(z < 0.05, front, side)
+    line = (1 - blend) * rear + blend * side
+    field: Vector = (line - y) * scale
+    return field

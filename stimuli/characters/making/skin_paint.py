@@ -1,0 +1,205 @@
+"""Paint a person's skin: complexion, lips, brows, stubble, freckles, age, scalp."""
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.geometry import Vector
+from stimuli.characters.making.cutting import neighbours
+from stimuli.characters.making.figure import SIDES, Figure
+from stimuli.characters.making.hairline import hairline_field
+from stimuli.characters.making.makehuman import Indices
+from stimuli.characters.making.noise import noise
+from stimuli.characters.making.pieces import Piece, vertex_normals
+from stimuli.characters.making.recipes import Face
+from stimuli.characters.making.skin_canvas import SIZE, SkinCanvas
+
+HEADROOM = 0.82
+"""Vertex colours are this much lighter than the skin, so that the texture can lighten too."""
+
+
+def _mixed(colour: Vector, with_colour: npt.ArrayLike, share: Vector) -> Vector:
+    amount = np.clip(share, 0, 1)[:, None]
+    result: Vector = colour * (1 - amount) + np.asarray(with_colour) * amount
+    return result
+
+
+def _bump(d: Vector, width: float) -> Vector:
+    bell: Vector = np.exp(-((d / width) ** 2))
+    return bell
+
+
+def hollows(body: Piece) -> Vector:
+    """Return how hollow the surface is at every vertex: −1 ridge, 1 crease."""
+    average = neighbours(body.triangles, len(body.vertices_m))
+    normals = vertex_normals(body.vertices_m, body.triangles)
+    depth = np.sum((average @ body.vertices_m - body.vertices_m) * normals, axis=1)
+    step = np.linalg.norm(average @ body.vertices_m - body.vertices_m, axis=1)
+    depth = depth + 0.35 * (average @ depth)
+    curved: Vector = np.tanh(depth / (0.0006 + 0.25 * step))
+    return curved
+
+
+def painted(
+    figure: Figure, canvas: SkinCanvas, body: Piece, visible: npt.NDArray[np.bool_],
+    face: Face, receding: float, seed: int, *, scalp: bool = True,
+) -> npt.NDArray[np.uint8]:  # fmt: skip
+    """Return the skin's texture (SIZE, SIZE, 3), to be multiplied with the base colour."""
+    pixels = canvas.pixels(visible)
+    p = canvas.spread(body.vertices_m, pixels)
+    k = figure.stature_m / 1.72
+    eye = (figure.at("left_eye") + figure.at("right_eye")) / 2
+    q = (p - eye) / k
+    skin = np.array(face.skin) / 255
+    is_dark = float(np.clip((0.62 - skin.mean()) / 0.3, 0, 1))
+    colour = np.tile(skin, (len(p), 1))
+    coarse, middle, fine = noise(p, 35, seed), noise(p, 160, seed + 1), noise(p, 700, seed + 2)
+    colour *= (1 + 0.02 * coarse + 0.02 * middle + 0.022 * fine)[:, None]
+    colour[:, 1:] *= (1 - 0.014 * middle - 0.012 * coarse)[:, None]
+    colour = _flushed(colour, q, face, coarse)
+    hollow = canvas.spread(hollows(body), pixels)
+    deep = np.clip(hollow, 0, 1) * (0.16 + 0.16 * face.lines) - 0.05 * np.clip(-hollow, 0, 1)
+    colour *= 1 - deep[:, None] * np.array([0.75, 1.0, 1.05])
+    colour = _aged(colour, q, face)
+    colour = _mouth(colour, canvas, pixels, q, face)
+    colour = _eye_region(colour, figure, p, q, face, is_dark)
+    nails = canvas.mask("mpfb_fingernails", pixels)
+    colour = _mixed(colour, skin * [1.06, 0.93, 0.92] + 0.05, 0.65 * nails)
+    if face.freckles:
+        colour = _freckled(colour, q, face, seed)
+    if face.stubble:
+        colour = _stubbled(colour, canvas, pixels, q, face, seed)
+    if scalp:
+        outside = hairline_field(figure, p, receding) / k
+        ragged = (
+            outside + 0.003 * noise(p, 160, seed + 7) + 0.005 * noise(p, [900, 150, 900], seed + 8)
+        )
+        on_head = (q[:, 1] > -0.13) & (np.abs(q[:, 0]) < 0.12)
+        share = np.clip(0.4 - ragged / 0.014, 0, 1) * on_head
+        strands = 0.9 + 0.25 * noise(p, [900, 200, 900], seed + 9)
+        colour = _mixed(colour, np.array(face.hair) / 255 * 0.75, 0.92 * share * strands)
+    colour = _browed(colour, figure, p, face, k, seed)
+    image = np.full((SIZE * SIZE, 3), HEADROOM)
+    image[pixels] = colour / base_colour(face)
+    whole = image[canvas.filled.ravel()].reshape(SIZE, SIZE, 3)
+    texture: npt.NDArray[np.uint8] = np.round(255 * np.clip(whole, 0, 1)).astype(np.uint8)
+    return texture
+
+
+def base_colour(face: Face) -> Vector:
+    """Return the vertex colour of skin that the texture is painted for."""
+    base: Vector = np.minimum(np.array(face.skin) / 255 / HEADROOM, 1.0)
+    return base
+
+
+def _flushed(colour: Vector, q: Vector, face: Face, coarse: Vector) -> Vector:
+    x, y, z = np.abs(q[:, 0]), q[:, 1], q[:, 2]
+    front = np.clip((0.06 - z) / 0.05, 0, 1)
+    cheeks = _bump(np.hypot(x - 0.042, (y + 0.036) * 1.1), 0.026)
+    nose = _bump(np.hypot(x, (y + 0.042) * 1.2), 0.016) * np.clip((-0.03 - z) / 0.01, 0, 1)
+    chin = 0.5 * _bump(np.hypot(x, y + 0.108), 0.02)
+    ears = 0.8 * np.clip((x - 0.068) / 0.008, 0, 1) * _bump(y + 0.012, 0.035)
+    ears *= (z > 0.04) & (z < 0.14)
+    hands = 0.5 * np.clip((np.abs(q[:, 0]) - 0.4) / 0.1, 0, 1)
+    amount = face.flush * (front * (cheeks + 0.8 * nose + chin) + ears + hands)
+    amount = amount * (1 + 0.25 * coarse)
+    result: Vector = colour * (1 - np.clip(amount, 0, 1)[:, None] * np.array([-0.01, 0.14, 0.13]))
+    # The forehead is a little yellower, the jaw of men a little greyer: left to stubble.
+    return result
+
+
+def _aged(colour: Vector, q: Vector, face: Face) -> Vector:
+    if not face.lines:
+        return colour
+    x, y, z = np.abs(q[:, 0]), q[:, 1], q[:, 2]
+    front = np.clip((0.03 - z) / 0.03, 0, 1)
+    wave = y + 0.0018 * np.sin(q[:, 0] * 90) + 0.001 * np.sin(q[:, 0] * 230)
+    lines = np.zeros(len(q))
+    for height in (0.047, 0.056, 0.065):
+        lines += _bump(wave - height, 0.0011) * np.clip((0.042 - x) / 0.015, 0, 1)
+    for slope in (-0.45, 0.0, 0.42):
+        away = y + 0.002 - slope * (x - 0.046)
+        lines += 0.7 * _bump(away, 0.0009) * _bump(x - 0.056, 0.008)
+    bags = 0.8 * _bump(np.hypot((x - 0.031) * 0.5, y + 0.017), 0.0055)
+    amount = face.lines * front * (0.20 * lines + 0.13 * bags)
+    result: Vector = colour * (1 - amount[:, None] * np.array([0.9, 1.1, 1.0]))
+    return result
+
+
+def _mouth(colour: Vector, canvas: SkinCanvas, pixels: Indices, q: Vector, face: Face) -> Vector:
+    lips = canvas.mask("mpfb_lips", pixels)
+    streaks = 1 + 0.06 * noise(q, [900, 120, 200], 71)
+    tone = np.array(face.lips) / 255
+    colour = _mixed(colour, tone * streaks[:, None], 0.85 * lips)
+    inside = canvas.mask("mpfb_inside-mouth", pixels)
+    return _mixed(colour, [0.34, 0.13, 0.12], 0.9 * inside)
+
+
+def _eye_region(
+    colour: Vector, figure: Figure, p: Vector, q: Vector, face: Face, is_dark: float
+) -> Vector:
+    x, y, z = np.abs(q[:, 0]), q[:, 1], q[:, 2]
+    front = np.clip((0.02 - z) / 0.02, 0, 1)
+    socket = _bump(np.hypot((x - 0.03) * 0.62, y + 0.004), 0.014) * front
+    warm = np.array([0.10, 0.15, 0.12]) * (0.8 + 0.5 * is_dark + 0.3 * face.lines)
+    colour = colour * (1 - 0.8 * socket[:, None] * warm)
+    for side, _ in SIDES:
+        away = np.linalg.norm(p - figure.at(f"{side}_eye"), axis=1) - figure.eye_radius_m
+        margin = np.clip(1 - (away - 0.0006) / 0.0016, 0, 1)
+        colour = _mixed(colour, np.array(face.skin) / 255 * [0.80, 0.60, 0.57], 0.75 * margin)
+        upper = np.clip((p[:, 1] - figure.at(f"{side}_eye")[1] - 0.001) / 0.003, 0, 1)
+        line = np.clip(1 - np.abs(away - 0.0016) / 0.0014, 0, 1) * upper
+        colour = _mixed(colour, np.array(face.brow) / 255 * 0.5, line * (0.35 + 0.5 * face.make_up))
+        shadow = _bump(away - 0.004, 0.003) * upper * face.make_up
+        colour = colour * (1 - 0.35 * shadow[:, None] * np.array([0.8, 1.0, 0.9]))
+    return colour
+
+
+def _freckled(colour: Vector, q: Vector, face: Face, seed: int) -> Vector:
+    dots = np.clip((noise(q, 330, seed + 31) - 0.52) / 0.2, 0, 1)
+    dots += 0.7 * np.clip((noise(q, 560, seed + 32) - 0.55) / 0.2, 0, 1)
+    x, y = np.abs(q[:, 0]), q[:, 1]
+    where = 0.25 + _bump(np.hypot(x * 0.7, y + 0.03), 0.04)
+    share = 0.45 * face.freckles * dots * where
+    return _mixed(colour, np.array(face.skin) / 255 * [0.80, 0.64, 0.52], share)
+
+
+def _stubbled(
+    colour: Vector, canvas: SkinCanvas, pixels: Indices, q: Vector, face: Face, seed: int
+) -> Vector:
+    x, y, z = np.abs(q[:, 0]), q[:, 1], q[:, 2]
+    # Upper lip, chin and jaw up to the ear; cheeks stay free above a sloping line.
+    line = np.interp(x, [0.0, 0.02, 0.035, 0.055, 0.075], [-0.058, -0.058, -0.066, -0.055, -0.02])
+    edge = line - y + 0.004 * noise(q, 160, seed + 41)
+    beard = np.clip(edge / 0.012, 0, 1) * np.clip((0.075 - z) / 0.015, 0, 1)
+    beard *= np.clip((y + 0.155) / 0.02, 0, 1)
+    beard *= 1 - canvas.mask("mpfb_lips", pixels)
+    hairs = 0.5 + 0.5 * noise(q, [1500, 600, 1500], seed + 42)
+    full = np.clip(face.stubble - 0.6, 0, 1) / 0.4
+    share = beard * (0.30 * face.stubble + (0.35 + 0.5 * full) * face.stubble * hairs)
+    tone = np.array(face.brow) / 255 * 0.9 + 0.04 * (1 - full)
+    return _mixed(colour, tone, share)
+
+
+def _browed(colour: Vector, figure: Figure, p: Vector, face: Face, k: float, seed: int) -> Vector:
+    for side, _ in SIDES:
+        centre = figure.at(f"{side}_eye")
+        sign = -1.0 if side == "left" else 1.0
+        x = sign * (p[:, 0] - centre[0]) / k
+        y = (p[:, 1] - centre[1]) / k
+        along = (x + 0.021) / 0.045
+        female = figure.shape.gender == "female"
+        arch = 0.0052 if female else 0.0028
+        lift = 0.0195 if female else 0.0172
+        curve = lift + arch * np.sin(np.clip(along, 0, 1.1) * 2.1 - 0.25) - 0.004 * along**2
+        half = np.interp(along, [-0.05, 0.1, 0.6, 1.05], [0.0030, 0.0038, 0.0027, 0.0008])
+        half = half * (0.75 + 0.55 * face.brow_weight)
+        v = (y - curve) / half
+        inside = (along > -0.08) & (along < 1.1) & (np.abs(v) < 2) & (p[:, 2] < centre[2] + 0.03)
+        # Hairs lean outwards: upright near the nose, lying along the curve at the temple.
+        lean = np.interp(along, [0, 0.3, 1], [0.35, 1.3, 2.2])
+        stroke = np.stack([x * 1500 - lean * y * 1100, y * 260, np.full_like(x, seed)], axis=1)
+        hairs = 0.55 + 0.55 * noise(stroke, 1.0, seed + 51)
+        ends = np.clip((along + 0.06) / 0.12, 0, 1) * np.clip((1.08 - along) / 0.12, 0, 1)
+        density = np.clip(1.25 - np.abs(v), 0, 1) * ends * hairs * (0.55 + 0.5 * face.brow_weight)
+        colour = _mixed(colour, np.array(face.brow) / 255, np.where(inside, density * 1.15, 0))
+    return colour

@@ -1,0 +1,105 @@
+"""What goes wrong in a walk is flagged, invents nothing, and leaves the motors silent."""
+
+import numpy as np
+import pytest
+
+from experiments.crowd.design import CrowdParameters
+from experiments.crowd.haptics import BAND_ROLES
+from experiments.crowd.intake import take_in
+from experiments.crowd.measures import MeasureParameters
+from experiments.crowd.replay import walks
+from experiments.crowd.trial import run_trial
+from lab.errors import DesignError
+from protocol.plan import Trial
+from protocol.steps import NextFrame, Silence, TrialInterrupted
+from tests.experiments.crowd.sessions import session
+
+QUICK = MeasureParameters(surface="capsules")
+HAPTIC_TRIAL = Trial(
+    "T02", 2, 2, False, {"condition": "Haptic", "configuration": 1, "vibrates": True}, 7
+)
+
+
+def last_orders(recording):
+    for role in BAND_ROLES:
+        rows = recording.stream_arrays(f"haptics_{role}")
+        ordered = np.flatnonzero(np.isin(rows["kind"], (0, 1, 2)))
+        yield rows["kind"][ordered[-1]]
+
+
+@pytest.fixture(scope="module")
+def troubled(tmp_path_factory):
+    body = [
+        {"kind": "frozen", "start_s": 30, "duration_s": 4},
+        {"kind": "part_lost", "start_s": 100, "duration_s": 5, "text": "left_hand"},
+        {"kind": "silence", "start_s": 190, "duration_s": 0.8},
+    ]
+    bands = [{"kind": "loss", "start_s": 150, "duration_s": 40, "amount": 0.2}]
+    faults = {"body_tracker": body, "armband_left_forearm": bands}
+    return session(tmp_path_factory.mktemp("troubled"), faults=faults)
+
+
+def test_trials_are_flagged_by_what_happened_in_them(troubled):
+    flags = troubled.trials()["walk_flags"].fillna("").tolist()
+    happened = ";".join(flags)
+    assert "body_frozen" in happened
+    assert "body_part_lost" in happened
+    assert "body_silent" in happened
+    assert "" in flags
+
+
+def test_untracked_time_is_missing_and_not_measured(troubled):
+    found = {w.trial_id: w for w in walks(troubled)}
+    lost_s = {
+        trial_id: float(np.isnan(w.position_m).any(axis=(1, 2)).sum() * 0.01)
+        for trial_id, w in found.items()
+    }
+    assert sum(lost_s.values()) == pytest.approx(5 + 0.8, abs=0.6)
+    assert min(lost_s.values()) == 0
+
+
+def test_motors_are_silent_at_the_end_in_spite_of_lost_commands(troubled):
+    assert {2} == set(last_orders(troubled))
+
+
+def test_measures_of_a_troubled_session_say_what_was_lost(troubled):
+    rows = [w.row for w in take_in(troubled, QUICK).walks]
+    assert any(row["lost_01"] > 0.05 for row in rows)
+    assert any("body_part_lost" in row["flags"] for row in rows)
+    for row in rows:
+        assert row["collisions"] > 0
+        assert np.isfinite(row["speed_m_s"])
+
+
+def test_a_band_that_goes_away_does_not_end_the_walk(tmp_path):
+    away = [{"kind": "disconnect", "start_s": 170, "duration_s": 2}]
+    recording = session(tmp_path, faults={"armband_right_forearm": away})
+    trials = recording.trials()
+    assert trials["came_back"].all()
+    assert "armband_right_forearm" in ";".join(trials["flags"].fillna(""))
+    assert {2} == set(last_orders(recording))
+
+
+def test_a_control_group_never_vibrates(tmp_path):
+    recording = session(tmp_path, group="control", with_control_group=True)
+    assert not recording.trials()["vibrates"].any()
+    for role in BAND_ROLES:
+        assert 1 not in recording.stream_arrays(f"haptics_{role}")["kind"]
+
+
+def test_an_interrupted_walk_silences_every_band():
+    plan = run_trial(HAPTIC_TRIAL, CrowdParameters())
+    assert isinstance(next(plan), NextFrame)
+    assert plan.throw(TrialInterrupted("operator")) == Silence()
+    with pytest.raises(TrialInterrupted):
+        next(plan)
+
+
+def test_an_area_too_small_for_the_crowd_is_refused_with_what_is_needed():
+    with pytest.raises(DesignError, match=r"need 8\.9 m"):
+        CrowdParameters(tracking_side_m=7.0)
+
+
+def test_an_unknown_pattern_is_refused_with_those_there_are():
+    with pytest.raises(DesignError, match="published, steady"):
+        CrowdParameters(pattern="tickle")

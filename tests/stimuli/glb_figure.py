@@ -1,0 +1,158 @@
+"""A small glTF figure that tests write themselves: bones, boxes for limbs, leaning eyeballs."""
+
+import json
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from stimuli.motion.skeleton import canonical_skeleton
+
+_MIXAMO = {
+    "hips": "Hips", "spine": "Spine", "chest": "Spine1", "upper_chest": "Spine2", "neck": "Neck",
+    "head": "Head",
+}  # fmt: skip
+_LIMBS = {
+    "eye": "Eye", "shoulder": "Shoulder", "upper_arm": "Arm", "lower_arm": "ForeArm",
+    "hand": "Hand", "upper_leg": "UpLeg", "lower_leg": "Leg", "foot": "Foot", "toes": "ToeBase",
+}  # fmt: skip
+
+
+def bone_names() -> dict[str, str]:
+    """Our joints with Mixamo's names; no jaw and no fingers, as in many files."""
+    names = dict(_MIXAMO)
+    for side in ("left", "right"):
+        names |= {f"{side}_{ours}": side.title() + theirs for ours, theirs in _LIMBS.items()}
+    return names
+
+
+def write_glb(
+    path: Path, *, leave_out: Sequence[str] = (), with_skin: bool = True, eye_yaw_deg: float = 4.0,
+    eye_radius_m: float = 0.014, arms_down_deg: float = 40.0,
+) -> None:  # fmt: skip
+    """Write a figure that faces +z with its arms half lowered, as most files have it."""
+    pattern = canonical_skeleton(1.70)
+    names = {o: t for o, t in bone_names().items() if o not in leave_out}
+    at = {name: pattern.rest_m[j].copy() for j, name in enumerate(pattern.names)}
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        a = np.radians(sign * arms_down_deg)
+        turn = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1.0]])
+        for part in ("lower_arm", "hand"):
+            pivot = at[f"{side}_upper_arm"]
+            at[f"{side}_{part}"] = pivot + turn @ (at[f"{side}_{part}"] - pivot)
+    about = np.array([-1.0, 1.0, -1.0])
+    at = {name: about * p + [0, 1.0, 0] for name, p in at.items()}
+    joints = [name for name in pattern.names if name in names]
+    nodes: list[dict[str, object]] = []
+    for name in joints:
+        j = pattern.index(name)
+        parent = pattern.names[pattern.parents[j]] if pattern.parents[j] >= 0 else None
+        while parent is not None and parent not in joints:
+            p = pattern.parents[pattern.index(parent)]
+            parent = pattern.names[p] if p >= 0 else None
+        origin = at[parent] if parent else np.zeros(3)
+        nodes.append({"name": names[name], "translation": (at[name] - origin).tolist()})
+        if parent:
+            children = nodes[joints.index(parent)].setdefault("children", [])
+            assert isinstance(children, list)
+            children.append(len(nodes) - 1)
+    vertices, triangles, bones = _surface(at, joints, eye_yaw_deg, eye_radius_m)
+    inverse = np.tile(np.eye(4), (len(joints), 1, 1))
+    inverse[:, :3, 3] = [-at[name] for name in joints]
+    joint_rows = np.zeros((len(vertices), 4), dtype=np.uint8)
+    joint_rows[:, 0] = bones
+    weights = np.zeros((len(vertices), 4), dtype=np.float32)
+    weights[:, 0] = 1
+    blink = np.zeros_like(vertices)
+    blink[bones == joints.index("head"), 1] = -0.005
+    arrays = [
+        (vertices.astype(np.float32), "VEC3", 5126), (joint_rows, "VEC4", 5121),
+        (weights, "VEC4", 5126), (triangles.astype(np.uint16).reshape(-1, 1), "SCALAR", 5123),
+        (inverse.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32), "MAT4", 5126),
+        (blink.astype(np.float32), "VEC3", 5126),
+    ]  # fmt: skip
+    binary, views, accessors = b"", [], []
+    for i, (array, kind, component) in enumerate(arrays):
+        data = array.tobytes()
+        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)})
+        accessors.append(
+            {"bufferView": i, "componentType": component, "count": len(array), "type": kind}
+        )
+        binary += data + b"\0" * (-len(data) % 4)
+    node: dict[str, object] = {"name": "Body_eye", "mesh": 0}
+    if with_skin:
+        node["skin"] = 0
+    nodes.append(node)
+    tree: dict[str, object] = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": len(binary)}],
+        "bufferViews": views,
+        "accessors": accessors,
+        "meshes": [
+            {
+                "primitives": [
+                    {
+                        "attributes": {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2},
+                        "indices": 3,
+                        "targets": [{"POSITION": 5}],
+                    }
+                ],
+                "extras": {"targetNames": ["eyeBlinkLeft"]},
+            }
+        ],
+        "nodes": nodes,
+        "scenes": [{"nodes": [0, len(nodes) - 1]}],
+    }
+    if with_skin:
+        tree["skins"] = [{"joints": list(range(len(joints))), "inverseBindMatrices": 4}]
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+def _surface(
+    at: dict[str, np.ndarray], joints: list[str], eye_yaw_deg: float, eye_radius_m: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    vertices, triangles, bones = [], [], []
+    count = 0
+    for j, name in enumerate(joints):
+        if name.endswith("_eye"):
+            points, faces = _ball(eye_radius_m, eye_yaw_deg)
+        else:
+            points, faces = _box(0.12 if name == "head" else 0.06)
+        vertices.append(points + at[name])
+        triangles.append(faces + count)
+        bones.append(np.full(len(points), j))
+        count += len(points)
+    return np.concatenate(vertices), np.concatenate(triangles), np.concatenate(bones)
+
+
+def _box(half_m: float) -> tuple[np.ndarray, np.ndarray]:
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half_m
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4],
+                      [1, 5, 7, 3]])  # fmt: skip
+    return corners, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def _ball(radius_m: float, yaw_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    """A lathed ball whose pole leans from +z by a yaw: what the eye looks along."""
+    rings, sectors = 8, 16
+    polar = np.pi * np.arange(1, rings) / rings
+    around = 2 * np.pi * np.arange(sectors) / sectors
+    p, a = np.meshgrid(polar, around, indexing="ij")
+    shell = np.stack([np.sin(p) * np.cos(a), np.sin(p) * np.sin(a), np.cos(p)], axis=-1)
+    points = np.concatenate([[[0, 0, 1.0]], shell.reshape(-1, 3), [[0, 0, -1.0]]])
+    ring = 1 + np.arange((rings - 1) * sectors).reshape(rings - 1, sectors)
+    turn = np.roll(ring, -1, axis=1)
+    last = len(points) - 1
+    faces = [np.stack([np.zeros(sectors, int), ring[0], turn[0]], axis=1)]
+    for k in range(rings - 2):
+        faces.append(np.stack([ring[k], ring[k + 1], turn[k + 1]], axis=1))
+        faces.append(np.stack([ring[k], turn[k + 1], turn[k]], axis=1))
+    faces.append(np.stack([np.full(sectors, last), turn[-1], ring[-1]], axis=1))
+    y = np.radians(yaw_deg)
+    lean = np.array([[np.cos(y), 0, np.sin(y)], [0, 1, 0], [-np.sin(y), 0, np.cos(y)]])
+    return radius_m * points @ lean.T, np.concatenate(faces)

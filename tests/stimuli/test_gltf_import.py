@@ -1,0 +1,148 @@
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lab.geometry import angle_deg
+from stimuli.characters.body_parts import PART_INDEX
+from stimuli.characters.cast import load_character
+from stimuli.characters.character import MORPHS
+from stimuli.characters.closing import collision_mesh, is_closed
+from stimuli.characters.errors import CharacterError
+from stimuli.characters.gltf import import_gltf
+from stimuli.characters.gltf_eyes import fitted_eye
+from stimuli.characters.gltf_figure import read_figure
+from stimuli.characters.gltf_file import read_glb
+from stimuli.characters.library import import_characters, library_names
+from stimuli.motion.skeleton import canonical_skeleton
+from tests.stimuli.glb_figure import write_glb
+
+AVATARS = os.environ.get("VISAVIS_AVATARS")
+
+
+@pytest.fixture
+def glb(tmp_path: Path) -> Path:
+    path = tmp_path / "probe_F_1.glb"
+    write_glb(path)
+    return path
+
+
+def test_imported_figure_stands_in_our_t_pose_and_faces_forward(glb: Path) -> None:
+    person = import_gltf(glb)
+    assert person.gender == "female"
+    assert person.skeleton.names == canonical_skeleton().names
+    rest = person.skeleton.rest_m
+    pattern = canonical_skeleton(1.70).rest_m
+    body = [j for j, n in enumerate(person.skeleton.names) if "arm" in n or "leg" in n]
+    np.testing.assert_allclose(rest[body], pattern[body], atol=0.002)
+    mesh = person.levels[0]
+    hand = mesh.triangles[mesh.triangle_part == PART_INDEX["left_hand"]]
+    middle = mesh.vertices_m[np.unique(hand)].mean(axis=0)
+    np.testing.assert_allclose(middle, rest[person.skeleton.index("left_hand")], atol=0.005)
+    np.testing.assert_allclose(mesh.weights.sum(axis=1), 1, atol=1e-6)
+
+
+def test_eye_axis_is_fitted_from_the_eyeball_not_its_bone(glb: Path) -> None:
+    file = read_glb(glb)
+    figure = read_figure(file)
+    y = np.radians(4.0)
+    leaning = np.array([-np.sin(y), 0, -np.cos(y)])
+    for side in ("left", "right"):
+        eye = fitted_eye(file, figure, side)
+        assert angle_deg(eye.axis, leaning) < 0.05
+        assert eye.radius_m == pytest.approx(0.014, abs=1e-5)
+
+
+def test_imported_eyeball_looks_straight_ahead(glb: Path) -> None:
+    person = import_gltf(glb)
+    mesh = person.levels[0]
+    for side in ("left", "right"):
+        faces = mesh.triangles[mesh.triangle_part == PART_INDEX[f"{side}_eye"]]
+        corners, count = np.unique(faces, return_counts=True)
+        poles = mesh.vertices_m[corners[count == count.max()]]
+        centre = person.skeleton.rest_m[person.skeleton.index(f"{side}_eye")]
+        front = poles[poles[:, 2].argmin()] - centre
+        assert angle_deg(front / np.linalg.norm(front), np.array([0, 0, -1.0])) < 0.1
+
+
+def test_shapes_get_our_names(glb: Path) -> None:
+    person = import_gltf(glb)
+    assert set(person.levels[0].morphs) <= set(MORPHS)
+    assert "left_blink" in person.levels[0].morphs
+
+
+def test_imported_body_has_a_closed_surface_and_capsules(glb: Path) -> None:
+    person = import_gltf(glb)
+    assert is_closed(collision_mesh(person))
+    assert len(person.capsules) >= 4
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"with_skin": False}, "no skin"),
+        ({"leave_out": ("left_lower_arm", "left_hand")}, "left_lower_arm"),
+        ({"leave_out": ("right_eye",)}, "right_eye"),
+        ({"eye_radius_m": 0.05}, "no eyeball"),
+    ],
+)
+def test_unusable_figure_names_file_bone_and_next_step(
+    tmp_path: Path, change: dict[str, object], told: str
+) -> None:
+    path = tmp_path / "bad_M.glb"
+    write_glb(path, **change)  # type: ignore[arg-type]
+    with pytest.raises(CharacterError, match=told) as caught:
+        import_gltf(path)
+    assert "bad_M.glb" in str(caught.value)
+    assert ";" in str(caught.value)
+
+
+def test_broken_files_are_named(tmp_path: Path, glb: Path) -> None:
+    whole = glb.read_bytes()
+    cases = {"text_M.glb": b"solid cube", "cut_M.glb": whole[: len(whole) // 2],
+             "torn_M.glb": whole[:12] + b"\xff" * (len(whole) - 12)}  # fmt: skip
+    for name, data in cases.items():
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(CharacterError, match=name):
+            import_gltf(tmp_path / name)
+    with pytest.raises(CharacterError, match="absent"):
+        import_gltf(tmp_path / "absent_M.glb")
+
+
+def test_gender_that_the_name_does_not_say_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "somebody.glb"
+    write_glb(path)
+    with pytest.raises(CharacterError, match="--gender"):
+        import_gltf(path)
+    assert import_gltf(path, gender="male").gender == "male"
+
+
+def test_folder_is_imported_line_by_line_and_a_bad_file_stops_nothing(tmp_path: Path) -> None:
+    source, library = tmp_path / "avatars", tmp_path / "library"
+    source.mkdir()
+    write_glb(source / "first_F.glb")
+    (source / "second_M.glb").write_bytes(b"nothing")
+    write_glb(source / "third_M.glb")
+    results = list(import_characters(source, library))
+    assert [r.character.name if r.character else r.problem[-4:] for r in results][::2] == [
+        "first_F", "third_M",
+    ]  # fmt: skip
+    assert "second_M.glb" in results[1].problem
+    assert library_names(library) == ("first_F", "third_M")
+    assert load_character("third_M", library).gender == "male"
+    with pytest.raises(CharacterError, match=r"no \.glb"):
+        list(import_characters(library, source))
+
+
+@pytest.mark.skipif(
+    AVATARS is None, reason="set VISAVIS_AVATARS to a folder of VALID avatars (.glb) to test them"
+)
+def test_valid_avatars_import_whole() -> None:
+    for path in sorted(Path(AVATARS or "").glob("*.glb"))[:2]:
+        person = import_gltf(path)
+        assert set(person.levels[0].morphs) == set(MORPHS)
+        assert is_closed(collision_mesh(person))
+        assert set(np.unique(person.levels[0].triangle_part)) == set(range(1, 20))
+        assert 1.5 < person.stature_m < 2.1
+        assert len(person.capsules) >= 19
