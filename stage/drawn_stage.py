@@ -1,7 +1,7 @@
 """Show a study's scenes as pictures: both eyes of a headset, a window, or nobody's screen."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -45,6 +45,13 @@ def eye_camera(head: Pose, eye: EyeView) -> Camera:
     place: Vector = head.position_m + rotate(head.orientation_wxyz, offset)
     pose = Pose(place, quat_multiply(head.orientation_wxyz, turn))
     return Camera(pose, eye.tangent_left, eye.tangent_right, eye.tangent_bottom, eye.tangent_top)
+
+
+def as_drawn(view: SceneFrame, t_ns: int) -> SceneFrame:
+    """Return a scene as it is drawn for a moment: with the gaze as exact as it is recorded."""
+    gaze = view.gaze_direction.astype(np.float32).astype(np.float64)
+    openness = view.eye_openness_01.astype(np.float32).astype(np.float64)
+    return replace(view, t_ns=t_ns, gaze_direction=gaze, eye_openness_01=openness)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,12 +115,17 @@ class DrawnStage:
         return self._trouble
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[moderngl.Texture]:
-        """Draw both eyes and return their textures, left first; none while the driver fails."""
+        """Draw both eyes and return their textures, left first; none while the driver fails.
+
+        People are drawn as they stand when the frame's light leaves, however long ago a plan
+        showed them.
+        """
         for viewer in self._viewers:
             viewer.see(view, frame.predicted_display_ns)
         now_ns = self._clock.now_ns()
         if self._trouble is not None and now_ns < self._retry_ns:
             return ()
+        view = as_drawn(view, frame.predicted_display_ns)
         picture = self._picture(view)
         try:
             renderer = self._ready()
@@ -137,7 +149,7 @@ class DrawnStage:
         Raises:
             StageError: the scene is not the one that was drawn, or the driver fails.
         """
-        picture = self._picture(view)
+        picture = self._picture(as_drawn(view, int(row["t_scene_ns"])))
         if picture_crc32(picture) != int(row["picture_crc32"]):
             raise StageError(
                 f"frame {int(row['frame'])} was drawn from another picture than this scene gives",

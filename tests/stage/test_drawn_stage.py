@@ -9,7 +9,7 @@ from lab.clock import NS_PER_S, SimClock
 from lab.frame import FrameInfo
 from lab.geometry import Pose, quat_from_yaw_pitch_deg
 from lab.schema import SampleBatch
-from stage.drawn_stage import Display, DrawnStage, default_views, eye_camera
+from stage.drawn_stage import Display, DrawnStage, as_drawn, default_views, eye_camera
 from stage.errors import StageError
 from stage.renderer import Renderer
 from stimuli.picture import Picture
@@ -28,15 +28,16 @@ class _Watcher:
         self.seen.append(t_display_ns)
 
 
-def _scene(t_ns: int = 0) -> SceneFrame:
+def _scene(eyes_01: float = 1.0) -> SceneFrame:
     agent = Agent("a", "a", "", np.zeros(3), 0.1, np.array([0, 0, 1.0]), np.zeros(3))
-    return SceneFrame(Scene("people", (agent,)), t_ns, np.zeros((1, 3)), np.ones(1))
+    return SceneFrame(Scene("people", (agent,)), 0, np.zeros((1, 3)), np.full(1, eyes_01))
 
 
 def _dressed(view: SceneFrame) -> Picture:
-    """People who drift to the right as time goes by."""
+    """People who drift to the right as time goes by, and up as they close their eyes."""
     picture = figures.picture(3)
-    root_m = picture.people.root_m + np.array([0.1 * view.t_ns / NS_PER_S, 0, 0])
+    right, up = 0.1 * view.t_ns / NS_PER_S, 1.0 - view.eye_openness_01[0]
+    root_m = picture.people.root_m + np.array([right, up, 0])
     return replace(picture, t_ns=view.t_ns, people=replace(picture.people, root_m=root_m))
 
 
@@ -80,8 +81,8 @@ def test_redrawn_frame_equals_the_original() -> None:
     stage = _stage(rows, _Watcher(), clock)
     originals = []
     for i in range(3):
-        view = _scene(i * NS_PER_S)
-        stage.draw(view, FrameInfo(i, i, i), HEAD)
+        view = _scene()
+        stage.draw(view, FrameInfo(i, i, i * NS_PER_S), HEAD)
         originals.append((view, stage.images()))
     stage.close()
     again = _stage([], _Watcher(), clock)
@@ -97,8 +98,27 @@ def test_redraw_refuses_another_scene() -> None:
     stage = _stage(rows, _Watcher(), SimClock())
     stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
     with pytest.raises(StageError, match="another picture"):
-        stage.redraw(_scene(NS_PER_S), rows[0].values[0])
+        stage.redraw(_scene(eyes_01=0.5), rows[0].values[0])
     stage.close()
+
+
+def test_people_move_with_the_display_though_the_scene_was_shown_once() -> None:
+    rows: list[SampleBatch] = []
+    stage = _stage(rows, _Watcher(), SimClock())
+    view, images = _scene(), []
+    for i in range(2):
+        stage.draw(view, FrameInfo(i, i, i * NS_PER_S), HEAD)
+        images.append(stage.images()[0])
+    stage.close()
+    assert (images[0] != images[1]).any()
+    assert [0, NS_PER_S] == [int(batch.values[0]["t_scene_ns"]) for batch in rows]
+
+
+def test_gaze_is_drawn_as_exactly_as_it_is_recorded() -> None:
+    view = replace(_scene(), gaze_direction=np.array([[0.1, 0.2, -0.97467943]]))
+    assert (
+        as_drawn(view, 7).gaze_direction.tolist() == np.float32([[0.1, 0.2, -0.97467943]]).tolist()
+    )
 
 
 def test_lost_driver_shows_nothing_and_comes_back() -> None:
