@@ -11,6 +11,7 @@ toes are ours. Eyes keep to 30° (`stimuli.gaze.behaviour`).
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from lab.geometry import Vector, quat_multiply
 from stimuli.motion.rotations import mirrored_quat, quat_exp, quat_log, same_hemisphere
@@ -70,19 +71,23 @@ for _table in (LOWER_DEG, UPPER_DEG):
     _table.setflags(write=False)
 
 
-def _as_left(turns_wxyz: Vector) -> Vector:
+Joints = npt.NDArray[np.int64] | slice
+"""Which of the 55 joints an array holds; by default all, in order."""
+
+
+def _as_left(turns_wxyz: Vector, joints: Joints) -> Vector:
     """Reflect the joints of the right side."""
-    return np.where(_RIGHT[:, None], mirrored_quat(turns_wxyz), turns_wxyz)
+    return np.where(_RIGHT[joints, None], mirrored_quat(turns_wxyz), turns_wxyz)
 
 
-def joint_angles_deg(turns_wxyz: Vector) -> Vector:
+def joint_angles_deg(turns_wxyz: Vector, joints: Joints = slice(None)) -> Vector:
     """Return the angles (..., 55, 3) about x, y, z of turns (..., 55, 4), as for the left side."""
-    q = _as_left(turns_wxyz)
-    along = np.take_along_axis(q[..., 1:], np.broadcast_to(_BONE[:, None], (*q.shape[:-1], 1)), -1)
+    q, bone = _as_left(turns_wxyz, joints), _BONE[joints]
+    along = np.take_along_axis(q[..., 1:], np.broadcast_to(bone[:, None], (*q.shape[:-1], 1)), -1)
     half = np.arctan2(along, q[..., :1])
     # A twist beyond half a turn is the other way round.
     half = (half + np.pi / 2) % np.pi - np.pi / 2
-    axis = np.eye(3)[_BONE]
+    axis = np.eye(3)[bone]
     twist = np.concatenate([np.cos(half), np.sin(half) * axis], axis=-1)
     swing = quat_multiply(q, twist * np.array([1.0, -1.0, -1.0, -1.0]))
     swing = same_hemisphere(swing, np.array([1.0, 0.0, 0.0, 0.0]))
@@ -90,12 +95,11 @@ def joint_angles_deg(turns_wxyz: Vector) -> Vector:
     return angles
 
 
-def turns_of_angles(angles_deg: Vector) -> Vector:
+def turns_of_angles(angles_deg: Vector, joints: Joints = slice(None)) -> Vector:
     """Return turns (..., 55, 4) of angles (..., 55, 3); the inverse of `joint_angles_deg`."""
     half = np.radians(angles_deg) / 2.0
-    axis = np.eye(3)[_BONE]
-    twist = half * axis
-    return _as_left(quat_multiply(quat_exp(half - twist), quat_exp(twist)))
+    twist = half * np.eye(3)[_BONE[joints]]
+    return _as_left(quat_multiply(quat_exp(half - twist), quat_exp(twist)), joints)
 
 
 def beyond_deg(turns_wxyz: Vector) -> Vector:
@@ -105,9 +109,9 @@ def beyond_deg(turns_wxyz: Vector) -> Vector:
     return out
 
 
-def clamped(turns_wxyz: Vector) -> Vector:
+def clamped(turns_wxyz: Vector, joints: Joints = slice(None)) -> Vector:
     """Return turns (..., 55, 4) held within the ranges; those within are returned as they are."""
-    angles = joint_angles_deg(turns_wxyz)
-    held = turns_of_angles(np.clip(angles, LOWER_DEG, UPPER_DEG))
-    inside = (beyond_deg(turns_wxyz) == 0.0).all(axis=-1, keepdims=True)
-    return np.where(inside, turns_wxyz, held)
+    angles = joint_angles_deg(turns_wxyz, joints)
+    within = np.clip(angles, LOWER_DEG[joints], UPPER_DEG[joints])
+    inside = (within == angles).all(axis=-1, keepdims=True)
+    return np.where(inside, turns_wxyz, turns_of_angles(within, joints))

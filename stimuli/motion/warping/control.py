@@ -20,7 +20,7 @@ from stimuli.motion.warping.features import FeatureTarget, pixel_of, values_of
 from stimuli.motion.warping.outlook import Outlook
 from stimuli.motion.warping.perceived import SeenBody, perceived
 from stimuli.motion.warping.raster_kernels import Bytes
-from stimuli.motion.warping.units import WarpingUnit, turned_by
+from stimuli.motion.warping.units import WarpingUnit, joints_of, turned_by
 
 FEWEST_PX: Final = 24
 
@@ -101,9 +101,11 @@ def warped_turns(
     warped = turned_by(skeleton, units, local_wxyz, omega_rad)
     if not omega_rad.any():
         return warped
-    moved = (warped != local_wxyz).any(axis=-1, keepdims=True)
-    held: Vector = np.where(moved, clamped(warped), warped)
-    return held
+    joints = joints_of(skeleton, units)
+    turned = warped[..., joints, :]
+    moved = (turned != local_wxyz[..., joints, :]).any(axis=-1, keepdims=True)
+    warped[..., joints, :] = np.where(moved, clamped(turned, joints), turned)
+    return warped
 
 
 def see(

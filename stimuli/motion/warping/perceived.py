@@ -1,8 +1,9 @@
 """Which parts of a body an observer perceives, for many poses at once."""
 
-import itertools
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -23,8 +24,22 @@ from stimuli.motion.warping.raster_kernels import (
 )
 from stimuli.picture import StaticMesh
 
+MOST_KNOWN: Final = 64
 INSIDE_TURNS: Final = 0.5
 """Winding number above which a point counts as inside a body."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """What moves of a body when some joints do: vertices by number, triangles with their labels;
+    and the triangles that stay.
+    """
+
+    vertices: npt.NDArray[np.int64]
+    triangles: npt.NDArray[np.int32]
+    labels: Bytes
+    still_triangles: npt.NDArray[np.int32]
+    still_labels: Bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +52,26 @@ class SeenBody:
     weights: Floats
     triangles: npt.NDArray[np.int32]
     labels: Bytes
+
+    @cached_property
+    def _known(self) -> dict[bytes, Moving]:
+        return {}
+
+    def moving_with(self, joints: npt.NDArray[np.bool_]) -> Moving:
+        """Return what moves when these joints (55,) do; kept, for probes ask again and again."""
+        key = joints.tobytes()
+        known = self._known.get(key)
+        if known is None:
+            vertex = (joints[self.joints] & (self.weights > 0)).any(axis=1)
+            triangle = vertex[self.triangles].any(axis=1)
+            known = Moving(
+                np.flatnonzero(vertex), self.triangles[triangle], self.labels[triangle],
+                self.triangles[~triangle], self.labels[~triangle],
+            )  # fmt: skip
+            if len(self._known) >= MOST_KNOWN:
+                self._known.clear()
+            self._known[key] = known
+        return known
 
 
 def seen_body(mesh: SkinnedMesh, skeleton: Skeleton) -> SeenBody:
@@ -118,23 +153,56 @@ def perceived(
     matrices = matrices_of(body.skeleton, root_m, local_wxyz)
     height, width = view.size_px
     ids: Bytes = np.empty((len(matrices), height, width), dtype=np.uint8)
+    if len(matrices) == 0:
+        return ids
+    alike = _poses_alike(body, matrices)
 
-    def work(share: slice) -> None:
-        space = np.empty((2, len(body.rest), 3))
-        perceive(
-            body.rest, body.joints, body.weights, body.triangles, body.labels, matrices[share],
-            view.eye, view.behind, view.ambient, view.lamps, view.maps, view.map_eyes,
-            view.least_light, space[0], space[1], np.empty((height, width)), ids[share],
-        )  # fmt: skip
+    def work(share: Sequence[tuple[Moving, npt.NDArray[np.int64]]]) -> None:
+        for moving, rows in share:
+            perceive(
+                body.rest, body.joints, body.weights, moving.still_triangles, moving.still_labels,
+                moving.vertices, moving.triangles, moving.labels, matrices[0], matrices, rows,
+                view.eye, view.behind, view.ambient, view.lamps, view.maps, view.map_eyes,
+                view.least_light, ids,
+            )  # fmt: skip
 
     if pool is None or threads < 2 or len(matrices) < threads:
-        work(slice(None))
+        work(alike)
     else:
-        edges = np.linspace(0, len(matrices), threads + 1).astype(int)
-        shares = [slice(int(a), int(b)) for a, b in itertools.pairwise(edges)]
-        for done in [pool.submit(work, share) for share in shares]:
+        for done in [pool.submit(work, share) for share in _shared(alike, threads)]:
             done.result()
     return ids
+
+
+def _poses_alike(
+    body: SeenBody, matrices: Floats
+) -> list[tuple[Moving, npt.NDArray[np.int64]]]:  # fmt: skip
+    """Sort poses by which joints stand elsewhere than in the first one."""
+    differs = (matrices != matrices[0]).any(axis=(2, 3))
+    rows_of: dict[bytes, list[int]] = {}
+    for k, row in enumerate(differs):
+        rows_of.setdefault(row.tobytes(), []).append(k)
+    return [
+        (body.moving_with(differs[rows[0]]), np.array(rows, dtype=np.int64))
+        for rows in rows_of.values()
+    ]
+
+
+def _shared(
+    alike: list[tuple[Moving, npt.NDArray[np.int64]]], threads: int
+) -> list[list[tuple[Moving, npt.NDArray[np.int64]]]]:
+    """Deal poses to threads so that each draws about as many triangles."""
+    costs = np.concatenate([np.full(len(r), 1.0 + len(m.triangles)) for m, r in alike])
+    done = np.cumsum(costs) - costs / 2
+    thread_of = np.minimum((done * threads / costs.sum()).astype(int), threads - 1)
+    shares: list[list[tuple[Moving, npt.NDArray[np.int64]]]] = [[] for _ in range(threads)]
+    start = 0
+    for moving, rows in alike:
+        mine = thread_of[start : start + len(rows)]
+        for n in np.unique(mine):
+            shares[n].append((moving, rows[mine == n]))
+        start += len(rows)
+    return shares
 
 
 def posed_points(body: SeenBody, root_m: Vector, local_wxyz: Vector) -> Floats:

@@ -25,11 +25,13 @@ LAMP: Final = 9
 
 
 @compiled
-def skin_points(
-    rest: Floats, joints: Bytes, weights: Floats, matrices: Floats, out: Floats
-) -> None:
-    """Place rest vertices (v, 3) by joint matrices (j, 3, 4) into out (v, 3)."""
-    for i in range(rest.shape[0]):
+def skin_some(
+    which: npt.NDArray[np.int64], rest: Floats, joints: Bytes, weights: Floats, matrices: Floats,
+    out: Floats,
+) -> None:  # fmt: skip
+    """Place some of the rest vertices (v, 3) as `skin_points` places all."""
+    for n in range(which.shape[0]):
+        i = which[n]
         x, y, z = rest[i, 0], rest[i, 1], rest[i, 2]
         px = py = pz = 0.0
         for k in range(4):
@@ -44,11 +46,18 @@ def skin_points(
 
 
 @compiled
-def project_points(points: Floats, eye: Floats, width: int, height: int, screen: Floats) -> None:
-    """Project points (v, 3) to screen (v, 3): column, row, inverse depth (0 behind the eye)."""
+def project_some(
+    which: npt.NDArray[np.int64], points: Floats, eye: Floats, width: int, height: int,
+    screen: Floats,
+) -> None:  # fmt: skip
+    """Project some of the points (v, 3) to screen (v, 3): column, row, inverse depth.
+
+    The inverse depth is 0 nearer than `NEAR_M` and behind the eye.
+    """
     left, right, bottom, top = eye[12], eye[13], eye[14], eye[15]
     across, down = width / (right - left), height / (top - bottom)
-    for i in range(points.shape[0]):
+    for n in range(which.shape[0]):
+        i = which[n]
         dx, dy, dz = points[i, 0] - eye[0], points[i, 1] - eye[1], points[i, 2] - eye[2]
         depth = -(eye[9] * dx + eye[10] * dy + eye[11] * dz)
         if depth < NEAR_M:
@@ -58,6 +67,20 @@ def project_points(points: Floats, eye: Floats, width: int, height: int, screen:
         screen[i, 0] = ((eye[3] * dx + eye[4] * dy + eye[5] * dz) * inverse - left) * across
         screen[i, 1] = (top - (eye[6] * dx + eye[7] * dy + eye[8] * dz) * inverse) * down
         screen[i, 2] = inverse
+
+
+@compiled
+def skin_points(
+    rest: Floats, joints: Bytes, weights: Floats, matrices: Floats, out: Floats
+) -> None:
+    """Place rest vertices (v, 3) by joint matrices (j, 3, 4) into out (v, 3)."""
+    skin_some(np.arange(rest.shape[0]), rest, joints, weights, matrices, out)
+
+
+@compiled
+def project_points(points: Floats, eye: Floats, width: int, height: int, screen: Floats) -> None:
+    """Project points (v, 3) to screen (v, 3) as `project_some` does."""
+    project_some(np.arange(points.shape[0]), points, eye, width, height, screen)
 
 
 @compiled
@@ -169,25 +192,37 @@ def draw(
 
 @compiled
 def perceive(
-    rest: Floats, joints: Bytes, weights: Floats, triangles: Ints, labels: Bytes,
-    matrices: Floats, eye: Floats, behind: Floats, ambient: float, lamps: Floats, maps: Floats,
-    map_eyes: Floats, least_light: float, points: Floats, screen: Floats, nearness: Floats,
-    ids: Bytes,
+    rest: Floats, joints: Bytes, weights: Floats,
+    still_triangles: Ints, still_labels: Bytes, moved: npt.NDArray[np.int64],
+    moved_triangles: Ints, moved_labels: Bytes,
+    first: Floats, matrices: Floats, rows: npt.NDArray[np.int64],
+    eye: Floats, behind: Floats, ambient: float, lamps: Floats, maps: Floats,
+    map_eyes: Floats, least_light: float, ids: Bytes,
 ) -> None:  # fmt: skip
-    """Fill ids (n, h, w) with the perceived parts of a body in n poses, matrices (n, j, 3, 4).
+    """Fill some rows of ids (n, h, w) with the perceived parts of a body in poses (n, j, 3, 4).
 
-    `behind` (h, w) is the inverse depth of everything else that stands there; `points`, `screen`
-    (v, 3) and `nearness` (h, w) are work space.
+    All these poses differ from the pose `first` (j, 3, 4) in vertices `moved` only, so the other
+    triangles are drawn once. `behind` (h, w) is the inverse depth of everything else in view.
     """
     height, width = behind.shape
-    for k in range(matrices.shape[0]):
-        skin_points(rest, joints, weights, matrices[k], points)
-        project_points(points, eye, width, height, screen)
-        nearness[:] = behind
-        ids[k][:] = 0
+    points, screen = np.empty_like(rest), np.empty_like(rest)
+    skin_points(rest, joints, weights, first, points)
+    project_points(points, eye, width, height, screen)
+    still_ids = np.zeros((height, width), dtype=np.uint8)
+    still_near = behind.copy()
+    draw(
+        points, screen, still_triangles, still_labels, False, still_ids, still_near, ambient,
+        lamps, maps, map_eyes, least_light,
+    )  # fmt: skip
+    nearness = np.empty_like(behind)
+    for k in rows:
+        skin_some(moved, rest, joints, weights, matrices[k], points)
+        project_some(moved, points, eye, width, height, screen)
+        nearness[:] = still_near
+        ids[k][:] = still_ids
         draw(
-            points, screen, triangles, labels, False, ids[k], nearness, ambient, lamps, maps,
-            map_eyes, least_light,
+            points, screen, moved_triangles, moved_labels, False, ids[k], nearness, ambient,
+            lamps, maps, map_eyes, least_light,
         )  # fmt: skip
 
 

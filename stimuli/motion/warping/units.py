@@ -103,6 +103,11 @@ def _turning(names: tuple[str, ...], units: tuple[WarpingUnit, ...]) -> npt.NDAr
     return turning
 
 
+def joints_of(skeleton: Skeleton, units: tuple[WarpingUnit, ...]) -> npt.NDArray[np.int64]:
+    """Return which joints these units turn, ascending."""
+    return np.flatnonzero(_turning(skeleton.names, units).any(axis=(0, 2)))
+
+
 def turned_by(
     skeleton: Skeleton, units: tuple[WarpingUnit, ...], local_wxyz: Vector, omega_rad: Vector
 ) -> Vector:
@@ -111,7 +116,7 @@ def turned_by(
     Several units on one joint add as rotation vectors, so their order does not matter.
     """
     turning = _turning(skeleton.names, units)
-    moved = np.flatnonzero(np.any(turning, axis=(0, 2)))
+    moved = joints_of(skeleton, units)
     vectors = np.tensordot(omega_rad, turning[:, moved], axes=1)
     angle = np.linalg.norm(vectors, axis=-1, keepdims=True)
     half = angle / 2
