@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from typing import Any
 from weakref import WeakKeyDictionary
 
+from cli.wires import BARE, Wires
 from devices.body_options import BODY_OPTION_MODELS
 from devices.contracts import Body, Device, MovingBody
 from devices.datagrams import UdpTransport
@@ -35,14 +36,20 @@ from lab.config import DeviceConfig
 from lab.errors import ConfigError
 
 Options = dict[str, Any]
-Builder = Callable[[str, DeviceConfig, Clock, Body | None, int, ExitStack], Device]
+Builder = Callable[..., Device]
 
 _SHARED: WeakKeyDictionary[ExitStack, dict[str, Any]] = WeakKeyDictionary()
 """What the devices of one rig share: its runtimes and libraries, by name."""
 
 
 def build_openvr(
-    role: str, device: DeviceConfig, clock: Clock, body: Body | None, seed: int, stack: ExitStack
+    role: str,
+    device: DeviceConfig,
+    clock: Clock,
+    body: Body | None,
+    seed: int,
+    stack: ExitStack,
+    wires: Wires = BARE,
 ) -> Device:
     """Build a device of the OpenVR runtime."""
     options, faults = _options(device)
@@ -57,17 +64,24 @@ def build_openvr(
     library: OpenVrLibrary = shared["openvr"]
     if device.driver == "openvr_headset":
         library.show_images()
-        return OpenVrHeadset(role, library.transport(), clock)
+        return OpenVrHeadset(role, wires.messages(role, library.transport()), clock)
     if device.driver == "openvr_controllers":
-        return OpenVrControllers(role, library.transport(), clock, **options)
+        wire = wires.messages(role, library.transport())
+        return OpenVrControllers(role, wire, clock, **options)
     if device.simulated:
         _moving(role, body)
         shared["openvr runtime"].wear(options["worn"])
-    return OpenVrTrackers(role, library.transport(), clock, **options)
+    return OpenVrTrackers(role, wires.messages(role, library.transport()), clock, **options)
 
 
 def build_openxr(
-    role: str, device: DeviceConfig, clock: Clock, body: Body | None, _: int, stack: ExitStack
+    role: str,
+    device: DeviceConfig,
+    clock: Clock,
+    body: Body | None,
+    _: int,
+    stack: ExitStack,
+    wires: Wires = BARE,
 ) -> Device:
     """Build a device of the OpenXR runtime."""
     options, faults = _options(device)
@@ -80,14 +94,20 @@ def build_openxr(
         shared["openxr runtime"] = stack.enter_context(runtime)
     if "openxr" not in shared:
         shared["openxr"] = OpenXrLibrary(clock)
-    wire = shared["openxr"].transport()
+    wire = wires.messages(role, shared["openxr"].transport())
     if device.driver == "openxr_headset":
         return OpenXrHeadset(role, wire, clock)
     return OpenXrGaze(role, wire, clock, **options)
 
 
 def build_body_tracker(
-    role: str, device: DeviceConfig, clock: Clock, body: Body | None, seed: int, _: ExitStack
+    role: str,
+    device: DeviceConfig,
+    clock: Clock,
+    body: Body | None,
+    seed: int,
+    _: ExitStack,
+    wires: Wires = BARE,
 ) -> Device:
     """Build a body tracker on a stream of its own."""
     options, faults = _options(device)
@@ -125,7 +145,7 @@ def build_body_tracker(
         transport = LslInlet(
             clock, name=wire["name"], content_type="MoCap", source_id=wire["source_id"]
         )
-    return _DRIVERS[device.driver](role, transport, clock, **options)
+    return _DRIVERS[device.driver](role, wires.messages(role, transport), clock, **options)
 
 
 def _options(device: DeviceConfig) -> tuple[Options, FaultSchedule]:

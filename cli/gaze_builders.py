@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any
 
+from cli.wires import BARE, Wires
 from devices.contracts import Body, Device
 from devices.drivers import (
     eyelink,
@@ -69,7 +70,13 @@ SIMULATORS: Mapping[str, Callable[..., Any]] = {
 
 
 def build_gaze(
-    role: str, device: DeviceConfig, clock: Clock, body: Body | None, seed: int, _: ExitStack
+    role: str,
+    device: DeviceConfig,
+    clock: Clock,
+    body: Body | None,
+    seed: int,
+    _: ExitStack,
+    wires: Wires = BARE,
 ) -> Device:
     """Build a tracker named in `DRIVERS`; a simulated one lives in this process."""
     name = device.driver
@@ -106,7 +113,7 @@ def build_gaze(
             simulated["layout"] = "titta"
         simulator = SIMULATORS[name](body, clock=clock, seed=seed, faults=schedule, **simulated)
         transport = MemoryTransport(simulator, clock)
-    return DRIVERS[name](role, transport, clock, **options)
+    return DRIVERS[name](role, wires.messages(role, transport), clock, **options)
 
 
 def real_wire(name: str, wire: Options, clock: Clock) -> MessageTransport:

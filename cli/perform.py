@@ -1,13 +1,15 @@
 """Perform a session, new or resumed, and leave a closed recording behind."""
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from cli.rigs import build_rig, devices_for, is_simulated
 from cli.stages import build_stage
 from cli.studies import Study
+from devices.contracts import Armband
+from devices.haptic_safety import HapticGuard
 from devices.sim.shared_body import SharedBody
 from lab.clock import Clock, SimClock
 from lab.config import LabConfig
@@ -159,8 +161,9 @@ def _perform_part(
             max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
             is_simulated=folder.manifest.is_simulated,
         )
-        setup = _setup(request, devices, folder, plan, progress, recorder)
-        Session(setup).run()
+        with _guarded(devices, clock) as guarded:
+            setup = _setup(request, guarded, folder, plan, progress, recorder)
+            Session(setup).run()
     except KeyboardInterrupt as error:
         reason = "interrupted from the keyboard or by the system"
         _end_part(clock, folder, recorder, "aborted", reason, error)
@@ -173,6 +176,17 @@ def _perform_part(
         _end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
         raise
     _end_part(clock, folder, recorder, "complete", "", None)
+
+
+@contextmanager
+def _guarded(devices: _Devices, clock: Clock) -> Iterator[_Devices]:
+    """Watch over the armbands from here on: they are silent however this block is left."""
+    bands = {r: d for r, d in devices.rig.others.items() if isinstance(d, Armband)}
+    if not bands:
+        yield devices
+        return
+    with HapticGuard(bands, clock, handle_signals=not clock.is_virtual) as guard:
+        yield replace(devices, rig=replace(devices.rig, on_step=guard.tick))
 
 
 def _setup(

@@ -25,11 +25,15 @@ OPEN_DEADLINE_S = 10.0
 
 @dataclass(frozen=True)
 class Rig:
-    """The devices by role; `headset` paces the session, `eye_tracker` delivers gaze."""
+    """The devices by role; `headset` paces the session, `eye_tracker` delivers gaze.
+
+    `on_step` is called once per frame, for whoever watches that the session's loop goes round.
+    """
 
     headset: Headset
     eye_tracker: EyeTracker
     others: Mapping[str, Device]
+    on_step: Callable[[], None] | None = None
 
     def by_role(self) -> dict[str, Device]:
         """Return every device in the fixed order in which it is stepped."""
@@ -140,6 +144,8 @@ class RunningRig:
             pump.step()
         for band in self._bands.values():
             band.keep_alive()
+        if self._rig.on_step is not None:
+            self._rig.on_step()
 
     def controls(self) -> tuple[str, ...]:
         """Return the names of the response device's controls; empty without one."""

@@ -6,25 +6,19 @@ replays. The libraries of the wires are imported when the device is opened.
 
 from collections.abc import Mapping, Sequence
 from typing import Any
-from urllib.parse import urlencode
 
 from devices.byte_links import ByteLink
 from devices.drivers import bhaptics_codec
-from devices.drivers.armband_serial import SerialLink
 from devices.drivers.ascii_band_codec import AsciiLanguage, AsciiTemplates
+from devices.drivers.band_links import real_link
 from devices.drivers.bhaptics_codec import BhapticsLanguage
-from devices.drivers.ble_link import BleLink
 from devices.drivers.buzz_codec import BuzzLanguage
 from devices.drivers.host_timed_band import HostTimedBand
 from devices.drivers.report_band_codec import ReportLanguage, ReportLayout
-from devices.drivers.usb_links import HidLink, UsbLink
 from devices.drivers.vhp_codec import SLEEVE, SLIM_BOARD, VhpSleeveLanguage, VhpSlimLanguage
-from devices.drivers.websocket_link import WebSocketLink
 from lab.clock import Clock
 from lab.errors import ConfigError
 
-VHP_BAUD = 1_000_000
-PLAYER_REMEDY = "start the bHaptics Player on this computer, switch the unit on and pair it there"
 RECIPIENTS = {"sleeve": SLEEVE, "slim": SLIM_BOARD}
 
 
@@ -39,7 +33,7 @@ def neosensory_buzz(
 ) -> HostTimedBand:
     """Return a Neosensory Buzz, found by address or by the beginning of its name."""
     if link is None:
-        link = BleLink(clock, address=address, name=name)
+        link = real_link("neosensory_buzz", clock, address=address, name=name)
     return HostTimedBand(
         role,
         link,
@@ -64,7 +58,7 @@ def vhp_slim(
 ) -> HostTimedBand:
     """Return Google's slim board over Bluetooth LE; `channels` are logical channels from 0."""
     if link is None:
-        link = BleLink(clock, address=address, name=name, splits=False)
+        link = real_link("vhp_slim", clock, address=address, name=name)
     return HostTimedBand(
         role,
         link,
@@ -92,8 +86,8 @@ def vhp_sleeve(
 ) -> HostTimedBand:
     """Return Google's sleeve on its serial port; `channels` are PWM channels from 0."""
     if link is None:
-        link = SerialLink(
-            clock, port=port, vid=vid, pid=pid, serial_number=serial_number, baud=VHP_BAUD
+        link = real_link(
+            "vhp_sleeve", clock, port=port, vid=vid, pid=pid, serial_number=serial_number
         )
     return HostTimedBand(
         role,
@@ -121,9 +115,7 @@ def bhaptics(
 ) -> HostTimedBand:
     """Return a bHaptics forearm unit behind the Player; `points` are its motors from 0."""
     if link is None:
-        query = urlencode({"app_id": app_id, "app_name": "Visavis"})
-        url = f"ws://{address}:{port}{bhaptics_codec.PATH}?{query}"
-        link = WebSocketLink(url, clock, remedy=PLAYER_REMEDY)
+        link = real_link("bhaptics", clock, address=address, port=port, app_id=app_id)
     return HostTimedBand(
         role,
         link,
@@ -161,9 +153,8 @@ def ascii_armband(
     except (TypeError, ValueError) as cause:
         raise ConfigError(f"{role}: {cause}; correct `commands` in lab_config.yaml") from cause
     if link is None:
-        link = SerialLink(
-            clock, port=port, vid=vid, pid=pid, serial_number=serial_number, baud=baud
-        )
+        found = {"port": port, "vid": vid, "pid": pid, "serial_number": serial_number}
+        link = real_link("ascii_armband", clock, baud=baud, **found)
     return HostTimedBand(
         role,
         link,
@@ -189,7 +180,7 @@ def hid_armband(
 ) -> HostTimedBand:
     """Return a USB HID whose output reports set its motors."""
     if link is None:
-        link = HidLink(clock, vid=vid, pid=pid, serial_number=serial_number)
+        link = real_link("hid_armband", clock, vid=vid, pid=pid, serial_number=serial_number)
     return _report_band(role, clock, link, layout, "hid_armband", max_rate_hz)
 
 
@@ -206,7 +197,7 @@ def usb_armband(
 ) -> HostTimedBand:
     """Return a vendor-class USB device whose packets set its motors."""
     if link is None:
-        link = UsbLink(clock, vid=vid, pid=pid, serial_number=serial_number)
+        link = real_link("usb_armband", clock, vid=vid, pid=pid, serial_number=serial_number)
     return _report_band(role, clock, link, layout, "usb_armband", max_rate_hz)
 
 

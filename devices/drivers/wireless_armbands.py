@@ -3,9 +3,7 @@
 from devices.byte_links import ByteLink
 from devices.drivers.armband_dialect import FramedDialect
 from devices.drivers.armband_driver import ArmbandDriver
-from devices.drivers.armband_serial import SerialLink
-from devices.drivers.ble_link import BleLink
-from devices.drivers.spp_link import RfcommLink
+from devices.drivers.band_links import real_link
 from lab.clock import Clock
 
 
@@ -20,7 +18,7 @@ def ble_armband(
 ) -> ArmbandDriver:
     """Return our armband behind a Nordic UART service, found by address or name."""
     if link is None:
-        link = BleLink(clock, address=address, name=name)
+        link = real_link("ble_armband", clock, address=address, name=name)
     return ArmbandDriver(
         role, link, FramedDialect(), clock, driver="ble_armband", max_rate_hz=max_rate_hz
     )
@@ -38,10 +36,7 @@ def spp_armband(
 ) -> ArmbandDriver:
     """Return our armband on Bluetooth classic: the serial port it was paired as, or its address."""
     if link is None:
-        if port:
-            link = SerialLink(clock, port=port)
-        else:
-            link = RfcommLink(clock, address=address, channel=channel)
+        link = real_link("spp_armband", clock, port=port, address=address, channel=channel)
     return ArmbandDriver(
         role, link, FramedDialect(), clock, driver="spp_armband", max_rate_hz=max_rate_hz
     )

@@ -7,12 +7,12 @@ modelled: skin and strap, motor spread, magnetic coupling, radio collisions.
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from devices.byte_links import Chunk, MemoryLink
+from devices.byte_links import ByteLink, Chunk, MemoryLink
 from devices.contracts import MovingBody
 from devices.drivers.armband_dialect import FramedDialect
 from devices.drivers.armband_driver import ArmbandDriver
@@ -200,11 +200,21 @@ class ArmbandSimulator:
 
 
 def simulated_armband(
-    role: str, clock: Clock, *, max_rate_hz: float = 150.0, **simulator: Any
+    role: str,
+    clock: Clock,
+    *,
+    max_rate_hz: float = 150.0,
+    wrap: Callable[[ByteLink], ByteLink] | None = None,
+    **simulator: Any,
 ) -> ArmbandDriver:
-    """Return our driver on a simulated band; `simulator` goes to `ArmbandSimulator`."""
+    """Return our driver on a simulated band; `simulator` goes to `ArmbandSimulator`.
+
+    `wrap` puts something on the link, such as a log.
+    """
     peer = ArmbandSimulator(role, clock, **simulator)
-    link = MemoryLink(peer, clock)
+    link: ByteLink = MemoryLink(peer, clock)
+    if wrap is not None:
+        link = wrap(link)
     return ArmbandDriver(
         role, link, FramedDialect(), clock, driver="simulated_armband", max_rate_hz=max_rate_hz
     )

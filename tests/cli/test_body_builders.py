@@ -5,7 +5,7 @@ from contextlib import ExitStack
 import pytest
 
 from cli.body_builders import BODY_BUILDERS
-from cli.rigs import _BUILDERS
+from cli.rigs import BUILDERS
 from devices.body_options import BODY_OPTION_MODELS
 from devices.contracts import DeviceState
 from lab.clock import NS_PER_S, SimClock, SystemClock
@@ -34,7 +34,7 @@ def build(driver, stack, clock, body, **options):
 
 def test_every_driver_can_be_built_in_a_session():
     assert set(BODY_BUILDERS) == set(BODY_OPTION_MODELS)
-    assert set(BODY_BUILDERS) <= set(_BUILDERS)
+    assert set(BODY_BUILDERS) <= set(BUILDERS)
 
 
 @pytest.mark.parametrize("driver", sorted(BODY_BUILDERS))
