@@ -136,7 +136,7 @@ def _foot(
     else:
         u = (phase - stance) / (1.0 - stance)
         # Late enough for the leg to reach, slow enough to land without a slide.
-        e = 0.45 * u * u * (3.0 - 2.0 * u) + 0.55 * ease(u)
+        e = 0.75 * u * u * (3.0 - 2.0 * u) + 0.25 * ease(u)
         forward = (1.0 - e) * ball_forward + e * heel_forward
         up = (1.0 - e) * ball_up + e * heel_up
         along = here + (after - here) * e
@@ -228,7 +228,7 @@ def _carry(
     # A runner is lowest in the middle of stance, a walker highest.
     bob = scale * (-0.030 if runs else 0.019 * relative)
     height = reach - abs(bob * np.cos(2.0 * middle)) if runs else reach - bob * np.cos(2.0 * middle)
-    height = min(0.955 * leg, height - 0.004 * leg) if runs else min(0.975 * leg, height)
+    height = min(0.955 * leg, height - 0.020 * leg) if runs else min(0.975 * leg, height)
     top = b[p.B_STAND] - leg
     height = full * height + (1.0 - full) * 0.985 * leg
     c[p.HIPS + 1] = top + height + full * bob * np.cos(2.0 * (cycle - middle))

@@ -306,7 +306,7 @@ def crouch_rows(
         c[p.HIPS_LEAN] += np.radians(14.0) * depth
         c[p.TRUNK_LEAN] += np.radians(22.0) * depth
         c[p.HEAD_PITCH] += np.radians(28.0) * depth
-        rise = np.radians(26.0) * ease((depth - 0.35) / 0.65)
+        rise = np.radians(26.0) * ease((depth - 0.15) / 0.75)
         for side in range(2):
             sign = -1.0 if side == 0 else 1.0
             foot = c[p.LEG + side * p.LEG_SIZE : p.LEG + (side + 1) * p.LEG_SIZE]

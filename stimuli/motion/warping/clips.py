@@ -15,13 +15,14 @@ from stimuli.motion.warping.control import (
     Outcome,
     Situation,
     is_within,
-    see,
     steer,
+    wanted_features,
     warped_turns,
 )
-from stimuli.motion.warping.features import FeatureTarget
+from stimuli.motion.warping.features import FeatureTarget, values_of
 from stimuli.motion.warping.outlook import Outlook
 from stimuli.motion.warping.perceived import SeenBody, perceived, refuse_observer_inside
+from stimuli.motion.warping.trajectory import corrected, joined
 from stimuli.motion.warping.units import WarpingUnit
 
 View = Outlook | Callable[[float], Outlook]
@@ -32,8 +33,10 @@ View = Outlook | Callable[[float], Outlook]
 class WarpedClip:
     """A warped clip and how it came about.
 
-    At the k times `key_s` the loop ran: offsets `omega_rad` (k, w) before the filter over time,
-    features `original`, `wanted` and `reached` (k, f) after it, `is_reached` (k,), `steps` (k,).
+    At the k times `key_s` the loop ran: offsets `omega_rad` (k, w) of the result, `pose_reached`
+    (k,) whether the units alone could come to the target, `steps` (k,). At the n frames `frame_s`
+    of the result: features `original`, `wanted` and `reached` (n, f), `is_reached` (n,) within a
+    tenth of the wanted change or a pixel.
     """
 
     clip: Clip
@@ -42,11 +45,13 @@ class WarpedClip:
     settings: ControlSettings
     key_s: Vector
     omega_rad: Vector
+    pose_reached: npt.NDArray[np.bool_]
+    steps: npt.NDArray[np.int64]
+    frame_s: Vector
     original: Vector
     wanted: Vector
     reached: Vector
     is_reached: npt.NDArray[np.bool_]
-    steps: npt.NDArray[np.int64]
 
     @property
     def summary(self) -> str:
@@ -62,9 +67,10 @@ class WarpedClip:
                 strict=True,
             )
         )
-        verdict = f"target reached at {share:.0%} of the key times"
+        verdict = f"target reached in {share:.0%} of the frames"
         if share < 1:
             verdict += "; elsewhere this is the best these units allow"
+            verdict += f" (pose by pose {self.pose_reached.mean():.0%}) in a smooth movement"
         return f"{parts}; {verdict}"
 
 
@@ -75,8 +81,9 @@ def warp_clip(
 ) -> WarpedClip:  # fmt: skip
     """Warp a clip so that an observer perceives the wanted features.
 
-    The loop runs `rate_hz` times a second of motion, each time from the offsets found before;
-    a filter of `smooth_s` joins them, which rests at both ends only when the clip does not loop.
+    The loop runs `rate_hz` times a second of motion, each time from the offsets found before; a
+    filter of `smooth_s` joins them, and all keys are corrected together until they come to the
+    target again. Where the target is out of reach, the nearest that was found is kept.
 
     Raises:
         MotionError: clip and body have different joints, or the observer is inside the body.
@@ -86,11 +93,16 @@ def warp_clip(
         raise MotionError("clip and body have different joints; retarget the clip first")
     if not targets or not units:
         raise MotionError("a warp needs at least one feature and one warping unit")
-    n = max(2, round(clip.duration_s * chosen.rate_hz) + 1) if len(clip.root_m) > 1 else 1
-    key_s = np.linspace(0.0, clip.duration_s, n)
+    key_s = _key_times(clip, chosen.rate_hz)
+    n, steps = len(key_s), len(key_s) + chosen.passes + 1
     poses = clip.at(key_s)
     outcomes: list[Outcome] = []
     start = np.zeros(len(units))
+
+    def report(done: int) -> None:
+        if progress is not None:
+            progress(done, steps)
+
     with ThreadPoolExecutor(chosen.threads) as pool:
         situations = _situations(clip, body, view, targets, units, key_s)
         for k, situation in enumerate(situations):
@@ -100,20 +112,21 @@ def warp_clip(
             )  # fmt: skip
             outcomes.append(steer(situation, chosen, start_rad=start, pool=pool))
             start = outcomes[-1].omega_rad
-            if progress is not None:
-                progress(k + 1, n)
-    omega = np.array([o.omega_rad for o in outcomes])
-    smooth = smoothed(omega, key_s, chosen.smooth_s, looped=clip.looped)
-    warped = _apply(clip, body, units, key_s, smooth)
-    reached = np.array(
-        [see(s, w[None])[0] for s, w in zip(situations, smooth, strict=True)]
-    ).reshape(n, len(targets))
-    wanted = np.array([o.wanted for o in outcomes])
-    original = np.array([o.original for o in outcomes])
-    is_reached = [
-        is_within(w, o, r, situation)
-        for w, o, r, situation in zip(wanted, original, reached, situations, strict=True)
-    ]
+            report(k + 1)
+        found = np.array([o.omega_rad for o in outcomes])
+        omega = smoothed(found, key_s, chosen.smooth_s, looped=clip.looped)
+        if omega.any():
+            gap_s = float(key_s[1] - key_s[0]) if n > 1 else 1.0
+            omega = corrected(
+                situations, outcomes, omega, gap_s, chosen, looped=clip.looped, pool=pool
+            ).omega_rad
+    report(steps)
+    at_frames = joined(key_s, omega, clip.frame_times_s, looped=clip.looped)
+    reach = np.radians([unit.range_deg for unit in units])
+    warped = _apply(clip, body, units, np.clip(at_frames, -reach, reach))
+    original, reached = _seen_in(clip, warped, body, view, targets)
+    wanted = np.array([wanted_features(targets, row) for row in original])
+    still = _situations(clip, body, view, targets, units, clip.frame_times_s[:1])[0]
     return WarpedClip(
         clip=warped,
         targets=targets,
@@ -121,29 +134,57 @@ def warp_clip(
         settings=chosen,
         key_s=key_s,
         omega_rad=omega,
+        pose_reached=np.array([o.is_reached for o in outcomes], dtype=np.bool_),
+        steps=np.array([o.steps for o in outcomes]),
+        frame_s=clip.frame_times_s,
         original=original,
         wanted=wanted,
         reached=reached,
-        is_reached=np.array(is_reached, dtype=np.bool_),
-        steps=np.array([o.steps for o in outcomes]),
+        is_reached=np.array(
+            [is_within(w, o, r, still) for w, o, r in zip(wanted, original, reached, strict=True)],
+            dtype=np.bool_,
+        ),
     )
+
+
+def _key_times(clip: Clip, rate_hz: float) -> Vector:
+    """Return when the loop runs: on both ends of an open clip, evenly round a loop."""
+    if len(clip.root_m) == 1:
+        return np.zeros(1)
+    n = max(3, round(clip.duration_s * rate_hz) + (not clip.looped))
+    return np.linspace(0.0, clip.duration_s, n, endpoint=not clip.looped)
+
+
+def _seen_in(
+    clip: Clip, warped: Clip, body: SeenBody, view: View, targets: tuple[FeatureTarget, ...]
+) -> tuple[Vector, Vector]:  # fmt: skip
+    """Return the features (n, f) of every frame of a clip, before and after."""
+    moving = any(t.kind == "motion_coverage" for t in targets)
+    values = np.zeros((2, len(clip.root_m), len(targets)))
+    before = None
+    for k, t in enumerate(clip.frame_times_s):
+        turns = np.stack([clip.orientation_wxyz[k], warped.orientation_wxyz[k]])
+        roots = np.stack([clip.root_m[k], warped.root_m[k]])
+        ids = perceived(body, view(float(t)) if callable(view) else view, roots, turns)
+        values[:, k] = values_of(targets, ids, ids if before is None else before)
+        before = ids if moving else None
+    return values[0], values[1]
 
 
 def _situations(
     clip: Clip, body: SeenBody, view: View, targets: tuple[FeatureTarget, ...],
     units: tuple[WarpingUnit, ...], key_s: Vector,
 ) -> list[Situation]:  # fmt: skip
-    poses = clip.at(key_s)
+    poses, earlier = clip.at(key_s), clip.at(key_s - clip.frame_s)
     moving = any(t.kind == "motion_coverage" for t in targets)
-    found: list[Situation] = []
-    before = None
-    for k, t in enumerate(key_s):
-        now = view(float(t)) if callable(view) else view
-        root, turns = poses.root_m[k], poses.orientation_wxyz[k]
-        found.append(Situation(body, now, targets, units, root, turns, before))
-        if moving:
-            before = perceived(body, now, root[None], turns[None])[0]
-    return found
+    return [
+        Situation(
+            body, view(float(t)) if callable(view) else view, targets, units,
+            poses.root_m[k], poses.orientation_wxyz[k],
+            earlier.root_m[k] if moving else None, earlier.orientation_wxyz[k] if moving else None,
+        )
+        for k, t in enumerate(key_s)
+    ]  # fmt: skip
 
 
 def smoothed(omega: Vector, key_s: Vector, time_s: float, *, looped: bool = False) -> Vector:
@@ -176,15 +217,11 @@ def _critically_damped(series: Vector, step_s: float, time_s: float) -> Vector:
     return out
 
 
-def _apply(
-    clip: Clip, body: SeenBody, units: tuple[WarpingUnit, ...], key_s: Vector, omega: Vector
-) -> Clip:
-    """Return the clip with offsets (k, w) at `key_s`, joined by straight lines, on its frames."""
+def _apply(clip: Clip, body: SeenBody, units: tuple[WarpingUnit, ...], omega: Vector) -> Clip:
+    """Return the clip with offsets (n, w) on its frames; offsets of 0 change no bit."""
     if not omega.any():
         return clip
-    times = clip.frame_times_s
-    at_frames = np.stack([np.interp(times, key_s, omega[:, w]) for w in range(omega.shape[1])], 1)
     turns = np.empty_like(clip.orientation_wxyz)
-    for i, row in enumerate(at_frames):
+    for i, row in enumerate(omega):
         turns[i] = warped_turns(body.skeleton, units, clip.orientation_wxyz[i], row)
     return replace(clip, orientation_wxyz=turns)

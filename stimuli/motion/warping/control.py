@@ -32,8 +32,12 @@ class ControlSettings:
     `probe_deg` is the step of the differences, `damping` the λ of least squares, `error_cap` the
     most a step asks of the features together, as a share of their original values,
     `step_cap_deg` the most a unit turns in a step.
-    `most_steps` a pose, `smooth_s` the time constant of the filter over time, `rate_hz` how often
-    the loop runs. `threads` share the renders without changing them.
+    `most_steps` a pose, `rate_hz` how often the loop runs, `threads` share the renders without
+    changing them.
+
+    Over time: `smooth_s` is the time constant τ of the filter; a whole clip is then corrected in
+    at most `passes` rounds, weighing τ² times the second derivative of the offsets by `smoothness`
+    and the offsets themselves by `rest_pull` against errors as shares (see `trajectory`).
     """
 
     probe_deg: float = 4.0
@@ -42,13 +46,17 @@ class ControlSettings:
     step_cap_deg: float = 5.0
     most_steps: int = 8
     smooth_s: float = 0.25
+    passes: int = 6
+    smoothness: float = 0.01
+    rest_pull: float = 0.02
     rate_hz: float = 10.0
     threads: int = 1
 
     def __post_init__(self) -> None:
         positive = (
             self.probe_deg, self.damping, self.error_cap, self.step_cap_deg, self.most_steps,
-            self.smooth_s, self.rate_hz, self.threads,
+            self.smooth_s, self.passes, self.smoothness, self.rest_pull, self.rate_hz,
+            self.threads,
         )  # fmt: skip
         if not all(np.isfinite(v) and v > 0 for v in positive):
             raise MotionError(f"every parameter of the control loop is above 0; got {self}")
@@ -58,7 +66,8 @@ class ControlSettings:
 class Situation:
     """What one pose is judged by: the body, the view, what is wanted and what may move.
 
-    `root_m` (3,), `local_wxyz` (55, 4); `before` (h, w) is what was perceived earlier.
+    `root_m` (3,), `local_wxyz` (55, 4). `earlier_root_m`, `earlier_wxyz` are the same a frame
+    earlier, for features of movement; both are warped alike.
     """
 
     body: SeenBody
@@ -67,7 +76,8 @@ class Situation:
     units: tuple[WarpingUnit, ...]
     root_m: Vector
     local_wxyz: Vector
-    before: Bytes | None = None
+    earlier_root_m: Vector | None = None
+    earlier_wxyz: Vector | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,11 +123,17 @@ def see(
     threads: int = 1,
 ) -> Vector:  # fmt: skip
     """Return the features (n, f) of the pose warped by offsets (n, w)."""
-    skeleton = situation.body.skeleton
-    turns = warped_turns(skeleton, situation.units, situation.local_wxyz, omega_rad)
-    roots = np.broadcast_to(situation.root_m, (len(turns), 3))
-    ids = perceived(situation.body, situation.view, roots, turns, pool=pool, threads=threads)
-    return values_of(situation.targets, ids, situation.before)
+
+    def ids(root_m: Vector, local_wxyz: Vector) -> Bytes:
+        skeleton = situation.body.skeleton
+        turns = warped_turns(skeleton, situation.units, local_wxyz, omega_rad)
+        roots = np.broadcast_to(root_m, (len(turns), 3))
+        return perceived(situation.body, situation.view, roots, turns, pool=pool, threads=threads)
+
+    before = None
+    if situation.earlier_root_m is not None and situation.earlier_wxyz is not None:
+        before = ids(situation.earlier_root_m, situation.earlier_wxyz)
+    return values_of(situation.targets, ids(situation.root_m, situation.local_wxyz), before)
 
 
 def capped(error: Vector, cap: float) -> Vector:
@@ -133,6 +149,20 @@ def damped_solution(jacobian: Vector, change: Vector, damping: float) -> Vector:
     return solution
 
 
+def linearised(
+    situation: Situation, omega_rad: Vector, settings: ControlSettings,
+    pool: ThreadPoolExecutor | None = None,
+) -> tuple[Vector, Vector]:  # fmt: skip
+    """Return features (f,) at offsets (w,) and their derivatives (f, w) per radian.
+
+    2 w + 1 renders: central differences over the units.
+    """
+    n, probe = len(situation.units), np.radians(settings.probe_deg)
+    probes = np.concatenate([np.zeros((1, n)), probe * np.eye(n), -probe * np.eye(n)]) + omega_rad
+    seen = see(situation, probes, pool, settings.threads)
+    return seen[0], ((seen[1 : n + 1] - seen[n + 1 :]) / (2 * probe)).T
+
+
 def control_step(
     situation: Situation, omega_rad: Vector, wanted: Vector, scale: Vector,
     settings: ControlSettings, pool: ThreadPoolExecutor | None = None,
@@ -141,15 +171,12 @@ def control_step(
 
     `scale` (f,) turns features into what the loop steers, see `scale_of`.
     """
-    n, probe = len(situation.units), np.radians(settings.probe_deg)
-    probes = np.concatenate([np.zeros((1, n)), probe * np.eye(n), -probe * np.eye(n)]) + omega_rad
-    seen = see(situation, probes, pool, settings.threads)
-    jacobian = scale[:, None] * ((seen[1 : n + 1] - seen[n + 1 :]) / (2 * probe)).T
-    asked = capped(scale * (wanted - seen[0]), settings.error_cap)
+    seen, jacobian = linearised(situation, omega_rad, settings, pool)
+    asked = capped(scale * (wanted - seen), settings.error_cap)
     cap = np.radians(settings.step_cap_deg)
-    turn = np.clip(damped_solution(jacobian, asked, settings.damping), -cap, cap)
+    turn = np.clip(damped_solution(scale[:, None] * jacobian, asked, settings.damping), -cap, cap)
     reach = np.radians([unit.range_deg for unit in situation.units])
-    return ControlStep(omega_rad, np.clip(omega_rad + turn, -reach, reach), seen[0], asked)
+    return ControlStep(omega_rad, np.clip(omega_rad + turn, -reach, reach), seen, asked)
 
 
 def wanted_features(targets: tuple[FeatureTarget, ...], original: Vector) -> Vector:

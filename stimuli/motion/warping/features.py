@@ -87,7 +87,7 @@ def values_of(
 ) -> Vector:
     """Measure features of perceived parts (n, h, w): (n, f).
 
-    `before` (h, w) is what was perceived earlier; without it nothing has moved.
+    `before` (n, h, w) is what was perceived a frame earlier; without it nothing has moved.
     """
     wanted = np.array([mask_of(t.parts) for t in targets])
     values = np.zeros((len(ids), len(targets)))

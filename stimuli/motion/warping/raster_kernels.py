@@ -251,7 +251,7 @@ def measure(ids: Bytes, wanted: npt.NDArray[np.bool_], out: Floats) -> None:
 def changed(
     ids: Bytes, before: Bytes, wanted: npt.NDArray[np.bool_], out: Floats
 ) -> None:  # fmt: skip
-    """Measure the share of pixels that changed since `before` (h, w) and bear a wanted part
+    """Measure the share of pixels that changed since `before` (n, h, w) and bear a wanted part
     before or after: masks (f, 256), ids (n, h, w), out (n, f).
     """
     n, height, width = ids.shape
@@ -260,7 +260,7 @@ def changed(
             count = 0
             for r in range(height):
                 for c in range(width):
-                    now, then = ids[k, r, c], before[r, c]
+                    now, then = ids[k, r, c], before[k, r, c]
                     if now != then and (wanted[f, now] or wanted[f, then]):
                         count += 1
             out[k, f] = count / (height * width)
