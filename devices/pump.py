@@ -118,6 +118,7 @@ class Pump:
         self._running = False
         if self.device.state is not DeviceState.CLOSED:
             self.device.stop()
+            self._hand_over()
 
     def step(self) -> int:
         """Hand everything that arrived to the sink; return the number of samples."""

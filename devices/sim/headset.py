@@ -1,17 +1,20 @@
 """A headset without optics: paces frames on the clock and measures a body's head.
 
 Not modelled: lens distortion, tracking noise and drift, prediction error, reprojection, base
-stations. Poses are the body's own at the frame's start.
+stations. Poses are the body's own at the frame's start. Frame timing is told as a runtime would:
+while a frame is late, the one before it is shown again.
 """
 
 import struct
 import threading
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from devices.contracts import (
+    FRAME_TIMING,
     HEAD,
     Body,
     ClockPair,
@@ -35,6 +38,8 @@ _ROW = struct.Struct("<3f4f?")
 """A row of `HEAD.dtype`."""
 
 _LOST_ROW = _ROW.pack(*[np.nan] * 7, False)
+_TIMING_ROW = struct.Struct("<4qI?4If")
+"""A row of `FRAME_TIMING.dtype`."""
 
 
 class SimulatedHeadset:
@@ -68,7 +73,9 @@ class SimulatedHeadset:
         self._faults = faults if faults is not None else FaultSchedule()
         self._origin_ns = clock.now_ns()
         self._life = Lifecycle(role)
-        self._schema = StreamSchema(HEAD.name, HEAD.fields, self.display_rate_hz, HEAD.version)
+        self._schema = replace(HEAD, nominal_rate_hz=self.display_rate_hz)
+        self._timing_schema = replace(FRAME_TIMING, nominal_rate_hz=self.display_rate_hz)
+        self._timing_held = round(self.display_rate_hz) if clock.is_virtual else 1
         self.info = DeviceInfo(
             role=role,
             driver="simulated_headset",
@@ -85,7 +92,11 @@ class SimulatedHeadset:
         self._sink: Sink | None = None
         self._first: int | None = None
         self._last: int | None = None
-        self._dropped = 0
+        self._frame: FrameInfo | None = None
+        self._submitted_ns = -1
+        self._timing: list[bytes] = []
+        self._timing_ns: list[tuple[int, int]] = []
+        self._timing_rows = 0
         self._valid = True
         self.submitted_images = 0
 
@@ -100,15 +111,14 @@ class SimulatedHeadset:
         self._life.state = DeviceState.OPEN
 
     def describe(self) -> tuple[StreamSchema, ...]:
-        """Return the head stream at the display's rate."""
-        return (self._schema,)
+        """Return the head stream and the frame timing, at the display's rate."""
+        return (self._schema, self._timing_schema)
 
     def start(self, sink: Sink) -> None:
         """Begin counting frames anew."""
         self._life.require("start", DeviceState.OPEN)
         self._sink = sink
-        self._first = self._last = None
-        self._dropped = 0
+        self._forget_frames()
         self._pending.clear()
         self._meter = StreamMeter(self.display_rate_hz)
         self._life.state = DeviceState.STREAMING
@@ -127,6 +137,8 @@ class SimulatedHeadset:
             self._meter.update(batch.t_device_ns.tolist(), int(batch.t_host_ns[-1]))
             self._sink(batch)
             delivered += 1
+        if len(self._timing) >= self._timing_held:
+            delivered += self._deliver_timing()
         return delivered
 
     def wait_frame(self) -> FrameInfo:
@@ -143,23 +155,24 @@ class SimulatedHeadset:
         if self._first is None:
             self._first = index
         self._last = index
-        self._dropped += dropped
+        self._close_frame(late_by=dropped)
         self._measure(index - self._first, t_ns)
-        return FrameInfo(
-            index=index - self._first,
-            t_ns=t_ns,
-            predicted_display_ns=self._frame_ns(index + self._latency_frames),
-            dropped=dropped,
-        )
+        predicted_ns = self._frame_ns(index + self._latency_frames)
+        self._frame = FrameInfo(index - self._first, t_ns, predicted_ns, dropped)
+        return self._frame
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
-        """Count the images; nobody looks at them here."""
+        """Count the images and note when they came; nobody looks at them here."""
         self._life.require("submit", DeviceState.STREAMING)
         self.submitted_images += len(images)
+        if images:
+            self._submitted_ns = self._clock.now_ns()
 
     def stop(self) -> None:
-        """Stop measuring."""
+        """Stop measuring; tell the timing of the last frames."""
         self._life.require("stop", DeviceState.STREAMING)
+        self._close_frame(late_by=0)
+        self._deliver_timing()
         self._sink = None
         self._life.state = DeviceState.OPEN
 
@@ -170,8 +183,9 @@ class SimulatedHeadset:
         self._life.state = DeviceState.CLOSED
 
     def health(self) -> Health:
-        """Report frames delivered; dropped frames are holes in `seq`."""
-        return self._meter.health(self.state, self._clock.now_ns())
+        """Report the rows of both streams; rate and gaps are the head's (dropped frames: holes)."""
+        health = self._meter.health(self.state, self._clock.now_ns())
+        return replace(health, received=health.received + self._timing_rows)
 
     def check(self) -> tuple[Fault, ...]:
         """Tell a headset in standby."""
@@ -186,6 +200,39 @@ class SimulatedHeadset:
 
     def _frame_ns(self, index: int) -> int:
         return index * NS_PER_S * MILLI_HZ // self._rate_milli_hz
+
+    def _forget_frames(self) -> None:
+        self._first = self._last = self._frame = None
+        self._submitted_ns = -1
+        self._timing, self._timing_ns = [], []
+        self._timing_rows = 0
+
+    def _close_frame(self, *, late_by: int) -> None:
+        """Note what became of the last frame, which kept the next one waiting `late_by` frames."""
+        frame = self._frame
+        if frame is None:
+            return
+        self._frame = None
+        self._timing.append(
+            _TIMING_ROW.pack(
+                frame.index, frame.index, frame.predicted_display_ns, self._submitted_ns,
+                frame.dropped, True, 1, int(late_by > 0), late_by, 0, np.nan,
+            )
+        )  # fmt: skip
+        self._timing_ns.append((frame.predicted_display_ns, self._clock.now_ns()))
+        self._submitted_ns = -1
+
+    def _deliver_timing(self) -> int:
+        n, sink = len(self._timing), self._sink
+        if not n or sink is None:
+            return 0
+        values = np.frombuffer(b"".join(self._timing), self._timing_schema.dtype)
+        seq = np.arange(self._timing_rows, self._timing_rows + n)
+        shown, told = np.array(self._timing_ns, np.int64).T.copy()
+        self._timing_rows += n
+        self._timing, self._timing_ns = [], []
+        sink(SampleBatch(self._timing_schema, seq, shown, told, values))
+        return n
 
     def _measure(self, seq: int, t_ns: int) -> None:
         faults = self._faults

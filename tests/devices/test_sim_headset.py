@@ -21,6 +21,10 @@ def started(start_ns=0, **options):
     return headset, clock, got
 
 
+def rows(got, stream="head"):
+    return np.concatenate([b.values for b in got if b.schema.name == stream])
+
+
 @given(st.integers(0, 10**15), st.sampled_from([72, 90, 120, 144]))
 def test_frames_are_on_the_grid_of_the_clock(start_ns, rate_hz):
     headset, _, _ = started(start_ns, display_rate_hz=rate_hz)
@@ -45,6 +49,25 @@ def test_late_frame_counts_those_it_missed():
     assert [int(b.seq[0]) for b in got] == [0, 4]
 
 
+def test_timing_says_when_images_came_and_what_was_shown_again():
+    headset, clock, got = started()
+    for i in range(3):
+        frame = headset.wait_frame()
+        if i == 1:
+            clock.sleep_until_ns(40_000_000)
+        if i < 2:
+            headset.submit(frame, (1, 2))
+        headset.poll(0.0)
+    headset.stop()
+
+    timing = rows(got, "frame_timing")
+    assert timing["frame"].tolist() == timing["pose_seq"].tolist() == [0, 1, 4]
+    assert timing["t_submitted_ns"].tolist() == [0, 40_000_000, -1]
+    assert timing["skipped"].tolist() == [0, 0, 2]
+    assert timing["runtime_dropped"].tolist() == [0, 2, 0]
+    assert timing["timing_known"].all()
+
+
 def test_standby_makes_poses_missing_and_is_a_fault():
     faults = FaultSchedule.from_config([{"kind": "standby", "start_s": 0.5, "duration_s": 0.5}])
     headset, _clock, got = started(faults=faults)
@@ -55,7 +78,7 @@ def test_standby_makes_poses_missing_and_is_a_fault():
         headset.wait_frame()
     headset.poll(0.0)
 
-    values = np.concatenate([b.values for b in got])
+    values = rows(got)
     assert headset.check() == ()
     assert np.isnan(values["position_m"][~values["valid"]]).all()
     assert (~values["valid"]).sum() == 45
