@@ -11,7 +11,7 @@ from stimuli.characters.character import Character, SkinnedMesh
 from stimuli.characters.tagging import parts_of_weights
 from stimuli.motion.skeleton import Skeleton
 
-CELL_M = 0.018
+CELL_M = 0.02
 """Side of the cells a body is filled with; hollows narrower than that are closed."""
 
 
@@ -53,7 +53,7 @@ def closed_surface(mesh: SkinnedMesh, skeleton: Skeleton) -> SkinnedMesh:
     place = low + (vertices + 0.5) * CELL_M
     distance, nearest = cKDTree(samples).query(place)
     near = distance < CELL_M
-    place[near] = 0.4 * place[near] + 0.6 * samples[np.asarray(nearest)[near]]
+    place[near] = 0.1 * place[near] + 0.9 * samples[np.asarray(nearest)[near]]
     _, source = cKDTree(mesh.vertices_m).query(place)
     a, b, c = (place[triangles[:, k]] for k in range(3))
     normals = np.zeros_like(place)

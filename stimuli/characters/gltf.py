@@ -1,6 +1,7 @@
 """Import characters from glTF files: their own skeleton, looks and shapes, our names and rest."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -77,7 +78,7 @@ def _imported(file: GltfFile, name: str, gender: Gender) -> Character:
     materials: list[Material] = []
     keys: dict[tuple[int | None, str], int] = {}
     parts = []
-    for surface in figure.surfaces:
+    for surface in [part for whole in figure.surfaces for part in _eyes_apart(figure, whole)]:
         kind = _kind(file, figure, surface)
         key = (surface.material, kind)
         if key not in keys:
@@ -111,13 +112,28 @@ def _imported(file: GltfFile, name: str, gender: Gender) -> Character:
     )
 
 
+def _on_eyes(figure: Figure, surface: Surface) -> Vector:
+    """Return how much of each vertex (v,) hangs on an eye bone."""
+    eyes = [figure.bone_of["left_eye"], figure.bone_of["right_eye"]]
+    share: Vector = (surface.weights * np.isin(surface.joints, eyes)).sum(axis=1)
+    return share
+
+
+def _eyes_apart(figure: Figure, surface: Surface) -> list[Surface]:
+    """Part a surface into what turns with the eyes and the rest."""
+    on_eyes = (_on_eyes(figure, surface) > 0.9)[surface.triangles].all(axis=1)
+    if on_eyes.all() or not on_eyes.any():
+        return [surface]
+    return [replace(surface, triangles=surface.triangles[some]) for some in (on_eyes, ~on_eyes)]
+
+
 def _kind(file: GltfFile, figure: Figure, surface: Surface) -> str:
     label = surface.name.lower()
     if surface.material is not None:
         label += " " + str(file.items("materials")[surface.material].get("name", "")).lower()
-    eyes = [figure.bone_of["left_eye"], figure.bone_of["right_eye"]]
-    on_eyes = (surface.weights * np.isin(surface.joints, eyes)).sum(axis=1)
-    if "eye" in label and "lash" not in label and "brow" not in label and on_eyes.mean() > 0.5:
+    used = np.unique(surface.triangles)
+    apart = any(word in label for word in ("lash", "brow", "gland"))
+    if not apart and _on_eyes(figure, surface)[used].mean() > 0.5:
         return "eye"
     words = (("lash", "lash"), ("brow", "lash"), ("wig", "hair"), ("hair", "hair"),
              ("teeth", "teeth"), ("tongue", "teeth"), ("gland", "skin"), ("body", "skin"),

@@ -8,14 +8,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stimuli.characters.body_parts import PART_INDEX
+from lab.geometry import Vector
+from stimuli.characters.body_parts import PART_INDEX, PARTS
 from stimuli.characters.character import Morph, SkinnedMesh
-from stimuli.characters.coverage import visible_area_m2
+from stimuli.characters.coverage import seen_areas_m2
 from stimuli.characters.errors import CharacterError
 
 LEVEL_TRIANGLES = (26000, 6000, 2000)
 _HEAD = [PART_INDEX[p] for p in ("face", "left_eye", "right_eye", "scalp", "neck")]
 _HEAD_IMPORTANCE = 1.7
+_SMALLEST_M2 = 5e-4
+"""Parts that are seen smaller than this on average (eyes) are not matched."""
+_GOOD = 0.012
+_PROBE_M, _PROBE_STEP_M, _STEP_M, _MOST_M, _DAMPING = 0.002, 0.004, 0.004, 0.014, 400.0
 Indices = npt.NDArray[np.int64]
 
 
@@ -45,42 +50,63 @@ def thinned(mesh: SkinnedMesh, n_triangles: int) -> SkinnedMesh:
     return _compacted(apart, np.concatenate(thin))
 
 
-def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 12) -> SkinnedMesh:
+def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMesh:
     """Move the surface of a thinned mesh out or in until parts are seen as large as in the full.
 
     Thinning cuts corners off round limbs; a millimetre or two along the normals gives them back.
+    How each part's surface changes what is seen of all parts (a collar hides the neck) is
+    measured, and the smallest moves that mend all of them are made.
     """
-    # Seen from the front, as the participant sees those who face them; from the side limbs hide
-    # each other.
-    wanted = visible_area_m2(full, step_m=0.003)
-    sides = np.zeros(len(PART_INDEX))
-    vertices = thin.vertices_m
-    # Copies of a vertex at seams must move together.
-    codes = np.round(vertices * 1e5).astype(np.int64) + (1 << 20)
+    wanted = seen_areas_m2(full)
+    parts = np.flatnonzero(wanted > _SMALLEST_M2)
+    # Eyes stay the spheres they are.
+    moved = [p for p in range(1, len(PARTS)) if PARTS[p] not in ("left_eye", "right_eye")]
+    normals, place, uses = _shared_normals(thin)
+    sides = np.zeros(len(PARTS))
+
+    def errors(sides: Vector, step_m: float = 0.002) -> tuple[Vector, npt.NDArray[np.float32]]:
+        out = (uses @ sides)[:, None] * normals
+        vertices = (thin.vertices_m + out[place]).astype(np.float32)
+        return seen_areas_m2(thin, vertices, step_m)[parts] / wanted[parts] - 1, vertices
+
+    error, best = errors(sides)
+    for _ in range(rounds):
+        if np.abs(error).max(initial=0.0) < _GOOD:
+            break
+        coarse = errors(sides, _PROBE_STEP_M)[0]
+        slopes = np.zeros((len(parts), len(PARTS)))
+        for p in moved:
+            probe = sides.copy()
+            probe[p] += _PROBE_M
+            slopes[:, p] = (errors(probe, _PROBE_STEP_M)[0] - coarse) / _PROBE_M
+        damped = slopes.T @ slopes + _DAMPING * np.eye(len(PARTS))
+        step = np.clip(-np.linalg.solve(damped, slopes.T @ error), -_STEP_M, _STEP_M)
+        tried = [
+            (np.abs(e).max(), s, e, v)
+            for s in (np.clip(sides + k * step, -_MOST_M, _MOST_M) for k in (1.0, 0.5, 0.25))
+            for e, v in (errors(s),)
+        ]
+        worst, s, e, v = min(tried, key=lambda row: float(row[0]))
+        if worst >= np.abs(error).max():
+            break
+        sides, error, best = s, e, v
+    return replace(thin, vertices_m=best)
+
+
+def _shared_normals(mesh: SkinnedMesh) -> tuple[Vector, Indices, Vector]:
+    """Return normals (p, 3) by place, the place of every vertex (v,), and how much of a place
+    belongs to each part (p, parts): copies of a vertex at seams must move together.
+    """
+    codes = np.round(mesh.vertices_m * 1e5).astype(np.int64) + (1 << 20)
     _, place = np.unique(
         (codes[:, 0] << 42) | (codes[:, 1] << 21) | codes[:, 2], return_inverse=True
     )
-    count = np.bincount(place)
-    normals = np.stack([np.bincount(place, thin.normals[:, k]) for k in range(3)], axis=1)
+    normals = np.stack([np.bincount(place, mesh.normals[:, k]) for k in range(3)], axis=1)
     normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-    uses = np.zeros((len(count), len(PART_INDEX)))
+    uses = np.zeros((len(normals), len(PARTS)))
     for k in range(3):
-        np.add.at(uses, (place[thin.triangles[:, k]], thin.triangle_part), 1.0)
-    uses /= np.maximum(uses.sum(axis=1, keepdims=True), 1)
-    for part in ("left_eye", "right_eye"):
-        uses[:, PART_INDEX[part]] = 0
-    for _ in range(rounds):
-        got = visible_area_m2(thin, vertices, step_m=0.003)
-        errors = {p: got[p] / a - 1 for p, a in wanted.items() if a > 1e-3}
-        if max(map(abs, errors.values()), default=0.0) < 0.015:
-            break
-        for part, error in errors.items():
-            step = np.clip(0.3 * error * np.sqrt(wanted[part]), -0.003, 0.003)
-            sides[PART_INDEX[part]] -= step
-        sides = np.clip(sides, -0.016, 0.016)
-        out = (uses @ sides)[:, None] * normals
-        vertices = (thin.vertices_m + out[place]).astype(np.float32)
-    return replace(thin, vertices_m=vertices)
+        np.add.at(uses, (place[mesh.triangles[:, k]], mesh.triangle_part), 1.0)
+    return normals, place, uses / np.maximum(uses.sum(axis=1, keepdims=True), 1)
 
 
 def joined(parts: Sequence[SkinnedMesh]) -> SkinnedMesh:
