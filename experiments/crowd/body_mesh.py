@@ -11,6 +11,7 @@ from analysis.collisions import ClosedMesh, capsule, union
 from lab.compiled import compiled
 from lab.geometry import Vector
 from stimuli.contact.body import capsule_body
+from stimuli.contact.figures import crowd_figures
 
 Detail: TypeAlias = Literal["fine", "light"]
 
@@ -36,16 +37,27 @@ class BodyMesh:
 
 
 @cache
-def body_mesh(detail: Detail = "fine") -> BodyMesh:
-    """Return the mesh of a person; overlapping parts count once, as a surface winds."""
-    body = capsule_body(1.0)
+def body_mesh(detail: Detail = "fine", figure: int | None = None) -> BodyMesh:
+    """Return the mesh of a person; overlapping parts count once, as a surface winds.
+
+    Without `figure` it is the participant's at a stature of 1 m; `figure` is a row of
+    `crowd_figures`, in that person's own size.
+    """
+    if figure is None:
+        body = capsule_body(1.0)
+        columns, starts, ends, radii = body.columns, body.start_m, body.end_m, body.radius_m
+    else:
+        own = crowd_figures()
+        columns, starts, ends, radii = (
+            own.columns, own.start_m[figure], own.end_m[figure], own.radius_m[figure]
+        )  # fmt: skip
     segments, rings = ROUNDNESS[detail]
     parts = [
         capsule(start, end, radius, segments=segments, rings=rings)
-        for start, end, radius in zip(body.start_m, body.end_m, body.radius_m, strict=True)
+        for start, end, radius in zip(starts, ends, radii, strict=True)
     ]
     whole = union(parts)
-    column = np.repeat(body.columns, [len(p.vertices_m) for p in parts])
+    column = np.repeat(columns, [len(p.vertices_m) for p in parts])
     return BodyMesh(np.ascontiguousarray(whole.vertices_m), column, whole.faces)
 
 

@@ -9,8 +9,9 @@ from analysis.collisions import Rule, common_volume, find_collisions, nearest_pa
 from experiments.crowd.body_mesh import Detail, body_mesh
 from experiments.crowd.replay import Walk
 from lab.geometry import Vector
-from stimuli.contact.body import CAPSULE_JOINTS, bones, capsule_body
+from stimuli.contact.body import CAPSULE_JOINTS, capsule_body
 from stimuli.contact.common import volumes_along
+from stimuli.contact.figures import crowd_figures
 from stimuli.contact.idle import N_JOINTS, place_person
 from stimuli.contact.touch import REACH_M, TouchSensor
 
@@ -66,20 +67,17 @@ def walk_volumes(walk: Walk, *, rule: Rule = "volume", surface: Surface = "fine"
 
 def _capsule_volumes(walk: Walk) -> Vector:
     volumes = np.empty((len(walk.t_ns), len(walk.crowd)))
-    body, skeleton = capsule_body(1.0), bones()
+    body = capsule_body(walk.stature_m)
     volumes_along(
         walk.position_m,
         walk.orientation_wxyz,
         walk.crowd_t_s,
-        walk.stature_m,
-        walk.people,
-        REACH_M,
-        skeleton.parents,
-        skeleton.offsets_m,
-        body.columns,
         body.start_m,
         body.end_m,
         body.radius_m,
+        walk.people,
+        crowd_figures(),
+        REACH_M,
         CAPSULE_CELL_M,
         volumes,
     )
@@ -156,24 +154,23 @@ class _Poser:
 
     def __init__(self, walk: Walk) -> None:
         self._people = walk.people
-        self._bones = bones()
+        self._figures = crowd_figures()
         self._root, self._local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
         self._position, self._world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
 
-    def _place(self, person: int, t_s: float) -> tuple[Vector, Vector, float]:
-        skeleton = self._bones
+    def _place(self, person: int, t_s: float) -> tuple[Vector, Vector]:
         place_person(
             self._people[person],
             t_s,
-            skeleton.parents,
-            skeleton.offsets_m,
+            self._figures,
             self._root,
             self._local,
             self._position,
             self._world,
         )
-        return self._position[0], self._world[0], float(self._people[person, 3])
+        return self._position[0], self._world[0]
 
     def mesh(self, person: int, t_s: float, detail: Detail) -> Any:
         """Return a person's closed mesh."""
-        return body_mesh(detail).posed(*self._place(person, t_s))
+        figure = int(self._people[person, 15])
+        return body_mesh(detail, figure).posed(*self._place(person, t_s), 1.0)

@@ -4,10 +4,10 @@ For studies simulated by the hundred. Recordings are measured with meshes (`anal
 """
 
 import numpy as np
-import numpy.typing as npt
 
 from lab.compiled import compiled
 from lab.geometry import Vector
+from stimuli.contact.figures import Figures
 from stimuli.contact.idle import N_JOINTS, place_person
 from stimuli.contact.touch import pose_capsules, segment_distance
 
@@ -166,34 +166,32 @@ def volumes_along(
     positions: Vector,
     worlds: Vector,
     crowd_t_s: Vector,
-    stature_m: float,
+    own_start_m: Vector,
+    own_end_m: Vector,
+    own_radius_m: Vector,
     people: Vector,
+    figures: Figures,
     reach_m: float,
-    parents: npt.NDArray[np.int64],
-    offsets_m: Vector,
-    columns: npt.NDArray[np.int64],
-    start_m: Vector,
-    end_m: Vector,
-    radius_m: Vector,
     cell_m: float,
     volumes: Vector,
 ) -> None:
     """Write the common volume (n, people) of a moving body with everybody, step by step.
 
-    `positions` (n, 22, 3) and `worlds` (n, 22, 4); body tables are those of stature 1 m. Steps
-    with a lost joint are NaN.
+    `positions` (n, 22, 3) and `worlds` (n, 22, 4); own capsules hang on the same joints as those
+    of the figures. Steps with a lost joint are NaN.
     """
+    columns = figures.columns
     m = columns.shape[0]
     starts, ends = np.empty((m, 3)), np.empty((m, 3))
     theirs, their_ends = np.empty((m, 3)), np.empty((m, 3))
-    radii = stature_m * radius_m
+    radii = own_radius_m
     root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
     position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
     for i in range(positions.shape[0]):
         if not np.isfinite(positions[i].sum() + worlds[i].sum()):
             volumes[i] = np.nan
             continue
-        pose_capsules(positions[i], worlds[i], columns, start_m, end_m, stature_m, starts, ends)
+        pose_capsules(positions[i], worlds[i], columns, own_start_m, own_end_m, 1.0, starts, ends)
         low_x = low_z = np.inf
         high_x = high_z = -np.inf
         for k in range(m):
@@ -207,9 +205,18 @@ def volumes_along(
             dz = max(low_z - people[p, 1], 0.0, people[p, 1] - high_z)
             if dx * dx + dz * dz > reach_m * reach_m:
                 continue
-            place_person(people[p], crowd_t_s[i], parents, offsets_m, root, local, position, world)
-            size = people[p, 3]
-            pose_capsules(position[0], world[0], columns, start_m, end_m, size, theirs, their_ends)
+            place_person(people[p], crowd_t_s[i], figures, root, local, position, world)
+            who = int(people[p, 15])
+            pose_capsules(
+                position[0],
+                world[0],
+                columns,
+                figures.start_m[who],
+                figures.end_m[who],
+                1.0,
+                theirs,
+                their_ends,
+            )
             volumes[i, p] = capsules_in_common_m3(
-                starts, ends, radii, theirs, their_ends, size * radius_m, cell_m
+                starts, ends, radii, theirs, their_ends, figures.radius_m[who], cell_m
             )

@@ -8,11 +8,11 @@ ours; phases differ by person.
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from lab.compiled import compiled
 from lab.geometry import Vector
-from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M, bones
+from stimuli.contact.body import BODY_JOINTS
+from stimuli.contact.figures import Figures, crowd_figures
 from stimuli.motion.slerp_kernels import forward_rows
 from stimuli.scenes.station_crowd import Crowd
 
@@ -21,22 +21,24 @@ _SPINE, _CHEST, _NECK, _HEAD = _J["spine"], _J["upper_chest"], _J["neck"], _J["h
 _LEFT_ARM, _RIGHT_ARM = _J["left_upper_arm"], _J["right_upper_arm"]
 _LEFT_LEG, _RIGHT_LEG = _J["left_upper_leg"], _J["right_upper_leg"]
 N_JOINTS: Final = len(BODY_JOINTS)
-N_PERSON: Final = 15
-_HIP_HEIGHT_M = bones().hip_height_m
-_REFERENCE_M = REFERENCE_STATURE_M
+N_PERSON: Final = 16
+_CHANCE: Final = slice(5, 15)
+_FIGURE: Final = 15
 
 
 def people_of(crowd: Crowd) -> Vector:
-    """Return one row (n, 15) per person for the kernels below.
+    """Return one row (n, 16) per person for the kernels below.
 
-    Columns: x, z, yaw, stature, behaviour, ten numbers in 0..1 from the person's seed.
+    Columns: x, z, yaw, stature, behaviour, ten numbers in 0..1 from the person's seed, and which
+    of `figures.crowd_figures` the person is.
     """
     people = np.empty((len(crowd), N_PERSON))
     people[:, :2] = crowd.position_m
     people[:, 2], people[:, 3] = crowd.yaw_rad, crowd.stature_m
     people[:, 4] = crowd.behaviour
     for row, seed in zip(people, crowd.seed.tolist(), strict=True):
-        row[5:] = np.random.default_rng(seed).random(N_PERSON - 5)
+        row[_CHANCE] = np.random.default_rng(seed).random(10)
+    people[:, _FIGURE] = crowd.character
     return people
 
 
@@ -53,13 +55,14 @@ def turned(local: Vector, joint: int, x: float, y: float, z: float) -> None:
 
 
 @compiled
-def idle_turns(person: Vector, t_s: float, root: Vector, local: Vector) -> None:
+def idle_turns(
+    person: Vector, t_s: float, hip_height_m: float, root: Vector, local: Vector
+) -> None:
     """Write root (3,) and joint turns (22, 4) of `BODY_JOINTS` of a person at a time."""
     local[:] = 0.0
     local[:, 0] = 1.0
     p = person[5:]
     w = 2 * np.pi
-    scale = person[3] / _REFERENCE_M
     shift = np.sin(w * (t_s / (9 + 6 * p[0]) + p[1]))
     sway = np.sin(w * (t_s / (3.1 + p[2]) + p[3]))
     breath = np.sin(w * (t_s / (3.6 + 0.9 * p[4]) + p[5]))
@@ -70,7 +73,7 @@ def idle_turns(person: Vector, t_s: float, root: Vector, local: Vector) -> None:
     aside = 0.012 * shift + 0.003 * sway
     ahead = 0.004 * np.sin(w * (t_s / (4.3 + p[5]) + p[8]))
     root[0] = person[0] + np.cos(yaw) * aside - np.sin(yaw) * ahead
-    root[1] = _HIP_HEIGHT_M * scale
+    root[1] = hip_height_m
     root[2] = person[1] - np.sin(yaw) * aside - np.cos(yaw) * ahead
     turned(local, 0, 0.0, yaw + 0.03 * sway, 0.02 * shift)
     turned(local, _SPINE, 0.012 * sway, 0.06 * look, -0.03 * shift)
@@ -109,41 +112,33 @@ def hang_joint(
 def place_person(
     person: Vector,
     t_s: float,
-    parents: npt.NDArray[np.int64],
-    offsets_m: Vector,
+    figures: Figures,
     root: Vector,
     local: Vector,
     position: Vector,
     world: Vector,
 ) -> None:
     """Write joints in world, (1, 22, 3) and (1, 22, 4), of a person at a time."""
-    idle_turns(person, t_s, root[0], local[0])
-    forward_rows(parents, offsets_m * (person[3] / _REFERENCE_M), root, local, position, world)
+    who = int(person[15])
+    idle_turns(person, t_s, figures.hip_height_m[who], root[0], local[0])
+    forward_rows(figures.parents, figures.offsets_m[who], root, local, position, world)
 
 
 def crowd_poses(people: Vector, t_s: float) -> tuple[Vector, Vector]:
     """Return joint positions (n, 22, 3) and orientations (n, 22, 4) of everybody at a time."""
     n = len(people)
-    skeleton = bones()
+    figures = crowd_figures()
     position, world = np.empty((n, N_JOINTS, 3)), np.empty((n, N_JOINTS, 4))
     root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
     for i in range(n):
-        place_person(
-            people[i],
-            t_s,
-            skeleton.parents,
-            skeleton.offsets_m,
-            root,
-            local,
-            position[i : i + 1],
-            world[i : i + 1],
-        )
+        place_person(people[i], t_s, figures, root, local, position[i : i + 1], world[i : i + 1])
     return position, world
 
 
 def crowd_turns(people: Vector, t_s: float) -> tuple[Vector, Vector]:
     """Return roots (n, 3) and turns against the parent (n, 22, 4) for skinning characters."""
+    hips = crowd_figures().hip_height_m
     root, local = np.empty((len(people), 3)), np.empty((len(people), N_JOINTS, 4))
-    for i in range(len(people)):
-        idle_turns(people[i], t_s, root[i], local[i])
+    for i, person in enumerate(people):
+        idle_turns(person, t_s, hips[int(person[_FIGURE])], root[i], local[i])
     return root, local

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lab.compiled import compiled
 from lab.geometry import Vector
-from stimuli.contact.body import CapsuleBody, bones, capsule_body
+from stimuli.contact.figures import Figures, crowd_figures
 from stimuli.contact.idle import N_JOINTS, N_PERSON, people_of, place_person
 from stimuli.scenes.station_crowd import Crowd
 
@@ -116,21 +116,16 @@ def find_touches(
     people: Vector,
     t_s: float,
     reach_m: float,
-    parents: npt.NDArray[np.int64],
-    offsets_m: Vector,
-    columns: npt.NDArray[np.int64],
-    start_m: Vector,
-    end_m: Vector,
-    radius_m: Vector,
+    figures: Figures,
     who: npt.NDArray[np.int64],
     how: Vector,
 ) -> int:
     """Write touches to `who` (k, 3) and `how` (k, 4: depth, point); return how many.
 
-    `people` as `idle.people_of`; body tables are those of stature 1 m. One touch per part and
-    person, where it is deepest. Parts with a NaN touch nothing.
+    `people` as `idle.people_of`. One touch per part and person, where it is deepest. Parts with
+    a NaN touch nothing.
     """
-    n_parts, n_capsules = part_starts.shape[0], columns.shape[0]
+    n_parts, n_capsules = part_starts.shape[0], figures.columns.shape[0]
     low_x = low_z = np.inf
     high_x = high_z = -np.inf
     for k in range(n_parts):
@@ -151,14 +146,24 @@ def find_touches(
         dz = max(low_z - people[i, 1], 0.0, people[i, 1] - high_z)
         if not dx * dx + dz * dz <= reach_m * reach_m:
             continue
-        place_person(people[i], t_s, parents, offsets_m, root, local, position, world)
-        stature = people[i, 3]
-        pose_capsules(position[0], world[0], columns, start_m, end_m, stature, starts, ends)
+        place_person(people[i], t_s, figures, root, local, position, world)
+        person = int(people[i, 15])
+        pose_capsules(
+            position[0],
+            world[0],
+            figures.columns,
+            figures.start_m[person],
+            figures.end_m[person],
+            1.0,
+            starts,
+            ends,
+        )
+        radius = figures.radius_m[person]
         for k in range(n_parts):
             deepest = 0.0
             at = -1
             for c in range(n_capsules):
-                r = part_radii[k] + stature * radius_m[c]
+                r = part_radii[k] + radius[c]
                 apart = False
                 for axis in range(3):
                     low = min(starts[c, axis], ends[c, axis]) - r
@@ -189,8 +194,7 @@ class TouchSensor:
 
     def __init__(self, crowd: Crowd) -> None:
         self._people = people_of(crowd) if len(crowd) else np.empty((0, N_PERSON))
-        self._bones = bones()
-        self._body: CapsuleBody = capsule_body(1.0)
+        self._figures = crowd_figures()
         self._who = np.empty((MOST_TOUCHES, 3), np.int64)
         self._how = np.empty((MOST_TOUCHES, 4))
 
@@ -206,7 +210,6 @@ class TouchSensor:
 
     def count(self, starts_m: Vector, ends_m: Vector, radii_m: Vector, crowd_t_s: float) -> int:
         """Return how many touches there are, without describing them."""
-        body, skeleton = self._body, self._bones
         return find_touches(
             starts_m,
             ends_m,
@@ -214,12 +217,7 @@ class TouchSensor:
             self._people,
             crowd_t_s,
             REACH_M,
-            skeleton.parents,
-            skeleton.offsets_m,
-            body.columns,
-            body.start_m,
-            body.end_m,
-            body.radius_m,
+            self._figures,
             self._who,
             self._how,
         )

@@ -17,6 +17,7 @@ from scipy.spatial import Delaunay
 
 from lab.errors import DesignError
 from lab.geometry import Vector
+from stimuli.dressing.casting import default_casting
 from stimuli.scene import Scene, SceneFrame
 
 SIDE_M: Final = 8.0
@@ -50,7 +51,6 @@ CHARACTERS: Final = (
 
 _LAYOUT_SEED = 20201
 _CANDIDATES = 60
-_STATURE_M = {"female": (1.64, 0.06), "male": (1.77, 0.07)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +58,8 @@ class Crowd:
     """n people standing in place.
 
     `position_m` (n, 2) x and z on the floor; `yaw_rad` (n,) turn about +y, 0 faces −z;
-    `stature_m` (n,); `behaviour` (n,) index into `BEHAVIOURS`; `character` (n,) index into
-    `CHARACTERS`; `seed` (n,) decides each one's idle motion.
+    `stature_m` (n,) of the characters who play them; `behaviour` (n,) index into `BEHAVIOURS`;
+    `character` (n,) index into `CHARACTERS`; `seed` (n,) decides each one's idle motion.
     """
 
     configuration: int
@@ -129,9 +129,7 @@ def station_crowd(configuration: int) -> Crowd:
     facing = np.arctan2(-to_board[:, 0], -to_board[:, 1]) + np.radians(12) * rng.standard_normal(n)
     anywhere = 2 * np.pi * rng.random(n)
     character = rng.integers(0, len(CHARACTERS), n)
-    sex = [CHARACTERS[c].partition("_")[0] for c in character]
-    mean, spread = np.array([_STATURE_M[s] for s in sex]).T
-    stature = mean + spread * np.clip(rng.standard_normal(n), -2, 2)
+    stature = np.array([default_casting(CHARACTERS[c]).stature_m for c in character])
     return Crowd(
         configuration=configuration,
         position_m=position,

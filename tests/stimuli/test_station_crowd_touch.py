@@ -6,17 +6,33 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
+from stimuli.characters.closing import collision_mesh, volume_m3
 from stimuli.contact.body import (
     ARM_JOINTS,
     BODY_JOINTS,
     CAPSULE_JOINTS,
     REFERENCE_STATURE_M,
+    CapsuleBody,
     capsule_body,
 )
-from stimuli.contact.idle import crowd_poses, crowd_turns, people_of
+from stimuli.contact.figures import crowd_figures, over_capsules
+from stimuli.contact.idle import crowd_poses, people_of
 from stimuli.contact.touch import REACH_M, TouchSensor, segment_distance
-from stimuli.motion.skeleton import canonical_skeleton, forward
-from stimuli.scenes.station_crowd import PHONING, station_crowd
+from stimuli.dressing.casting import default_casting
+from stimuli.dressing.station import station_picture
+from stimuli.motion.skeleton import forward
+from stimuli.scenes.station_crowd import (
+    CHARACTERS,
+    PHONING,
+    CrowdFrame,
+    CrowdScene,
+    station_crowd,
+)
+
+
+def figure_of(crowd, person):
+    figures, k = crowd_figures(), int(crowd.character[person])
+    return CapsuleBody(CAPSULE_JOINTS, figures.start_m[k], figures.end_m[k], figures.radius_m[k])
 
 
 def brute_force(crowd, starts, ends, radii, t_s):
@@ -24,7 +40,7 @@ def brute_force(crowd, starts, ends, radii, t_s):
     position, world = crowd_poses(people, t_s)
     found = {}
     for i in range(len(crowd)):
-        body = capsule_body(float(crowd.stature_m[i]))
+        body = figure_of(crowd, i)
         theirs, their_ends = body.posed(position[i], world[i])
         for k in range(len(starts)):
             for c in range(len(theirs)):
@@ -86,11 +102,12 @@ def test_lost_segments_touch_nothing():
 
 def test_nobody_reaches_farther_than_the_cull_assumes():
     for configuration in range(1, 9):
-        people = people_of(station_crowd(configuration))
+        crowd = station_crowd(configuration)
+        people = people_of(crowd)
         for t_s in np.linspace(0, 60, 13):
             position, world = crowd_poses(people, float(t_s))
             for i, row in enumerate(people):
-                body = capsule_body(float(row[3]))
+                body = figure_of(crowd, i)
                 ends = np.concatenate(body.posed(position[i], world[i]))
                 radius = np.tile(body.radius_m, 2)
                 out = np.linalg.norm(ends[:, [0, 2]] - row[:2], axis=1) + radius
@@ -119,17 +136,39 @@ def test_a_telephoning_hand_is_at_the_head():
     assert nearest[~phoning].min() > 0.45
 
 
-def test_turns_for_skinning_place_the_same_joints():
-    people = people_of(station_crowd(4))[:5]
-    roots, turns = crowd_turns(people, 4.2)
-    position, _ = crowd_poses(people, 4.2)
-    for i, row in enumerate(people):
-        skeleton = canonical_skeleton(float(row[3]))
-        local = np.tile([1.0, 0, 0, 0], (len(skeleton.names), 1))
-        index = [skeleton.index(name) for name in BODY_JOINTS]
-        local[index] = turns[i]
-        placed = forward(skeleton, roots[i], local).position_m[index]
-        np.testing.assert_allclose(position[i], placed, atol=1e-9)
+def test_who_is_drawn_stands_where_contact_is_computed():
+    crowd = station_crowd(4)
+    picture = station_picture(
+        CrowdFrame(
+            CrowdScene("station", agents=(), crowd=crowd),
+            0,
+            np.empty((0, 3)),
+            np.empty(0),
+            crowd_t_ns=4_200_000_000,
+        )
+    )
+    position, _ = crowd_poses(people_of(crowd), 4.2)
+    for i, person in enumerate(picture.cast):
+        assert crowd.stature_m[i] == person.stature_m
+        index = [person.skeleton.index(name) for name in BODY_JOINTS]
+        drawn = forward(
+            person.skeleton, picture.people.root_m[i], picture.people.orientation_wxyz[i]
+        )
+        np.testing.assert_allclose(position[i], drawn.position_m[index], atol=1e-6)
+
+
+@pytest.mark.parametrize("part", range(len(CHARACTERS)))
+def test_capsules_of_a_figure_follow_its_surface_and_hold_its_volume(part):
+    person, figures = default_casting(CHARACTERS[part]), crowd_figures()
+    mesh = collision_mesh(person)
+    at = np.array([person.skeleton.rest_m[person.skeleton.index(n)] for n in CAPSULE_JOINTS])
+    shape = figures.start_m[part] + at, figures.end_m[part] + at, figures.radius_m[part]
+    over = over_capsules(mesh.vertices_m.astype(float), *shape).min(axis=1)
+    assert np.abs(over).mean() < 0.015
+    low, high = mesh.vertices_m.min(axis=0) - 0.05, mesh.vertices_m.max(axis=0) + 0.05
+    points = np.random.default_rng(part).uniform(low, high, (40_000, 3))
+    inside = np.mean(over_capsules(points, *shape).min(axis=1) < 0) * np.prod(high - low)
+    assert volume_m3(mesh.vertices_m, mesh.triangles) == pytest.approx(inside, rel=0.10)
 
 
 def test_a_body_has_nineteen_capsules_and_hangs_on_known_joints():
