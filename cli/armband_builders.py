@@ -1,7 +1,7 @@
 """Build armbands from a lab's configuration, real or simulated."""
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any, cast
 
@@ -42,24 +42,38 @@ def build_armband(
     """
     name = device.driver
     options, faults = armband_options(role, device)
-    link: ByteLink
-    if device.simulated:
-        moving = moving_body(role, body)
-        options.update(SIMULATED_OPTIONS.get(name, {}) if name in TEXT_AND_REPORT else {})
-        own_seed = band_seed(role, seed)
+    if not device.simulated:
+        return _create(name, role, clock, wires, lambda: real_link(name, clock, **options), options)
+    moving = moving_body(role, body)
+    if name in TEXT_AND_REPORT:
+        options.update(SIMULATED_OPTIONS[name])
+    own_seed = band_seed(role, seed)
+
+    def simulated() -> ByteLink:
         if name == "serial_armband":
             peer = ArmbandSimulator(role, clock, seed=own_seed, body=moving, faults=faults)
-            link = MemoryLink(peer, clock)
-        else:
-            link = simulated_link(
-                name, role, clock, seed=own_seed, body=moving, faults=faults, options=options
-            )
-    else:
-        try:
-            link = real_link(name, clock, **options)
-        except DeviceNotFound as problem:
-            raise _named(role, problem) from problem
-    return registry.create(name, role, clock, link=wires.link(role, link), **options)
+            return MemoryLink(peer, clock)
+        return simulated_link(
+            name, role, clock, seed=own_seed, body=moving, faults=faults, options=options
+        )
+
+    return _create(name, role, clock, wires, simulated, options)
+
+
+def _create(
+    name: str,
+    role: str,
+    clock: Clock,
+    wires: Wires,
+    make: Callable[[], ByteLink],
+    options: Options,
+) -> Device:
+    try:
+        link = wires.link(role, make)
+    except DeviceNotFound as problem:
+        message = str(problem).removesuffix(f"; {problem.remedy}")
+        raise DeviceNotFound(message, role=role, remedy=problem.remedy) from problem
+    return registry.create(name, role, clock, link=link, **options)
 
 
 def build_simulated_armband(
@@ -87,7 +101,7 @@ def build_simulated_armband(
         seed=own_seed,
         body=moving,
         faults=faults,
-        wrap=lambda link: wires.link(role, link),
+        wrap=lambda link: wires.link(role, lambda: link),
         **options,
     )
 
@@ -124,11 +138,6 @@ def moving_body(role: str, body: Body | None) -> MovingBody:
             "leave the role out"
         )
     return cast(MovingBody, body)
-
-
-def _named(role: str, problem: DeviceNotFound) -> DeviceNotFound:
-    message = str(problem).removesuffix(f"; {problem.remedy}")
-    return DeviceNotFound(message, role=role, remedy=problem.remedy)
 
 
 ARMBAND_BUILDERS: Mapping[str, Any] = {

@@ -98,7 +98,7 @@ def build_pupil_core(
         else:
             host = stack.enter_context(ZmqHost(simulator, clock))
             transport = ZmqTransport("127.0.0.1", host.port, clock, is_simulated=True)
-    wire = wires.messages(role, transport)
+    wire = wires.messages(role, lambda: transport)
     return PupilCore(role, wire, clock, rate_hz=rate_hz, **options)
 
 

@@ -64,14 +64,14 @@ def build_openvr(
     library: OpenVrLibrary = shared["openvr"]
     if device.driver == "openvr_headset":
         library.show_images()
-        return OpenVrHeadset(role, wires.messages(role, library.transport()), clock)
+        return OpenVrHeadset(role, wires.messages(role, library.transport), clock)
     if device.driver == "openvr_controllers":
-        wire = wires.messages(role, library.transport())
+        wire = wires.messages(role, library.transport)
         return OpenVrControllers(role, wire, clock, **options)
     if device.simulated:
         _moving(role, body)
         shared["openvr runtime"].wear(options["worn"])
-    return OpenVrTrackers(role, wires.messages(role, library.transport()), clock, **options)
+    return OpenVrTrackers(role, wires.messages(role, library.transport), clock, **options)
 
 
 def build_openxr(
@@ -94,7 +94,7 @@ def build_openxr(
         shared["openxr runtime"] = stack.enter_context(runtime)
     if "openxr" not in shared:
         shared["openxr"] = OpenXrLibrary(clock)
-    wire = wires.messages(role, shared["openxr"].transport())
+    wire = wires.messages(role, shared["openxr"].transport)
     if device.driver == "openxr_headset":
         return OpenXrHeadset(role, wire, clock)
     return OpenXrGaze(role, wire, clock, **options)
@@ -145,7 +145,7 @@ def build_body_tracker(
         transport = LslInlet(
             clock, name=wire["name"], content_type="MoCap", source_id=wire["source_id"]
         )
-    return _DRIVERS[device.driver](role, wires.messages(role, transport), clock, **options)
+    return _DRIVERS[device.driver](role, wires.messages(role, lambda: transport), clock, **options)
 
 
 def _options(device: DeviceConfig) -> tuple[Options, FaultSchedule]:

@@ -1,4 +1,4 @@
-"""export, import, devices, init: data in and out, and what is there."""
+"""export, import, init: data in and out, and a lab to start from."""
 
 import shutil
 from collections.abc import Mapping
@@ -8,14 +8,11 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from cli.app import CONFIG_NAME, REPOSITORY, ConfigOption, app, console, load_lab
-from devices.registry import driver_names
+from cli.app import CONFIG_NAME, REPOSITORY, app, console
 from lab.errors import DataError, UsageError
 
 import_app = typer.Typer(help="Read data recorded by other programs.")
 app.add_typer(import_app, name="import")
-devices_app = typer.Typer(help="What devices there are.")
-app.add_typer(devices_app, name="devices")
 
 
 @import_app.command("gaze")
@@ -104,22 +101,6 @@ def export(
 
     written = export_session(session_path, format_name, output)
     console.print(f"{len(written)} files in [b]{output}[/]", soft_wrap=True)
-
-
-@devices_app.command("list")
-def list_devices(config: ConfigOption = None) -> None:
-    """List the roles of this lab and the drivers that exist.
-
-    Example: visavis devices list
-    """
-    lab = load_lab(config)
-    table = Table("role", "driver", "wire", "options")
-    for role, device in lab.devices.items():
-        options = ", ".join(f"{k} {v}" for k, v in device.options.items())
-        wire = "[magenta]simulated[/]" if device.simulated else "real"
-        table.add_row(role, device.driver, wire, options)
-    console.print(table)
-    console.print("drivers: " + ", ".join(driver_names()))
 
 
 @app.command()

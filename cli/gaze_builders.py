@@ -113,7 +113,7 @@ def build_gaze(
             simulated["layout"] = "titta"
         simulator = SIMULATORS[name](body, clock=clock, seed=seed, faults=schedule, **simulated)
         transport = MemoryTransport(simulator, clock)
-    return DRIVERS[name](role, wires.messages(role, transport), clock, **options)
+    return DRIVERS[name](role, wires.messages(role, lambda: transport), clock, **options)
 
 
 def real_wire(name: str, wire: Options, clock: Clock) -> MessageTransport:

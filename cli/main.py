@@ -8,6 +8,7 @@ from types import FrameType
 from cli import (
     character_commands,
     data_commands,
+    devices_commands,
     participant_commands,
     power_commands,
     preview_commands,
@@ -25,6 +26,7 @@ COMMAND_MODULES = (
     warp_commands,
     participant_commands,
     data_commands,
+    devices_commands,
     power_commands,
     preview_commands,
     statistics_commands,

@@ -1,7 +1,8 @@
 """What stands between a driver and its wire: nothing, a log being written, or a log played back."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from devices.byte_links import ByteLink
 from devices.byte_wirelog import ReplayLink, TeeLink
@@ -11,78 +12,81 @@ from lab.clock import Clock
 
 
 class Wires(Protocol):
-    """Put something on the wire of the device that fills a role."""
+    """Provide the wire of the device that fills a role; `make` makes the one configured."""
 
-    def messages(self, role: str, wire: MessageTransport) -> MessageTransport:
-        """Return what the driver gets instead of a message wire."""
+    def messages(self, role: str, make: Callable[[], MessageTransport]) -> MessageTransport:
+        """Return the message wire a driver gets."""
         ...
 
-    def link(self, role: str, link: ByteLink) -> ByteLink:
-        """Return what the driver gets instead of a byte link."""
+    def link(self, role: str, make: Callable[[], ByteLink]) -> ByteLink:
+        """Return the byte link a driver gets."""
         ...
 
 
 class BareWires:
     """Leave every wire as it is."""
 
-    def messages(self, role: str, wire: MessageTransport) -> MessageTransport:
+    def messages(self, role: str, make: Callable[[], MessageTransport]) -> MessageTransport:
         """Return the wire itself."""
-        return wire
+        return make()
 
-    def link(self, role: str, link: ByteLink) -> ByteLink:
+    def link(self, role: str, make: Callable[[], ByteLink]) -> ByteLink:
         """Return the link itself."""
-        return link
+        return make()
 
 
 class CapturedWires:
-    """Write everything that crosses a role's wire to that role's `.wire` file."""
+    """Write everything that crosses one role's wire to a `.wire` file."""
 
-    def __init__(self, paths: dict[str, Path], clock: Clock) -> None:
-        self._paths = paths
+    def __init__(self, role: str, path: Path, clock: Clock, note: Mapping[str, Any]) -> None:
+        self._role = role
+        self._path = path
         self._clock = clock
-        self._links: list[TeeLink] = []
-        self.captured: set[str] = set()
+        self._note = note
+        self._link: TeeLink | None = None
+        self.is_captured = False
 
-    def messages(self, role: str, wire: MessageTransport) -> MessageTransport:
-        """Return a tee for a role that has a file."""
-        if role not in self._paths:
+    def messages(self, role: str, make: Callable[[], MessageTransport]) -> MessageTransport:
+        """Return a tee for the role, the wire itself for others."""
+        wire = make()
+        if role != self._role:
             return wire
-        self.captured.add(role)
-        return TeeTransport(wire, self._paths[role], self._clock)
+        self.is_captured = True
+        return TeeTransport(wire, self._path, self._clock, self._note)
 
-    def link(self, role: str, link: ByteLink) -> ByteLink:
-        """Return a tee for a role that has a file."""
-        if role not in self._paths:
+    def link(self, role: str, make: Callable[[], ByteLink]) -> ByteLink:
+        """Return a tee for the role, the link itself for others."""
+        link = make()
+        if role != self._role:
             return link
-        self.captured.add(role)
-        tee = TeeLink(link, self._paths[role], self._clock)
-        self._links.append(tee)
-        return tee
+        self.is_captured = True
+        self._link = TeeLink(link, self._path, self._clock, self._note)
+        return self._link
 
     def end(self) -> None:
-        """Close the files that outlive a connection; idempotent."""
-        for link in self._links:
-            link.end()
+        """Close the file where it outlives a connection; idempotent."""
+        if self._link is not None:
+            self._link.end()
 
 
 class ReplayedWires:
-    """Give every driver the `.wire` file of its role; the real wire is never touched."""
+    """Play one `.wire` file to whatever driver is built; no wire is ever made."""
 
-    def __init__(self, paths: dict[str, Path], clock: Clock) -> None:
-        self._paths = paths
+    def __init__(self, path: Path, clock: Clock) -> None:
+        self._path = path
         self._clock = clock
-        self.playing: dict[str, ReplayTransport | ReplayLink] = {}
+        self.playing: ReplayTransport | ReplayLink | None = None
 
-    def messages(self, role: str, wire: MessageTransport) -> MessageTransport:
+    def messages(self, role: str, make: Callable[[], MessageTransport]) -> MessageTransport:
         """Return the replay of a message wire."""
-        replay = ReplayTransport(self._paths[role], self._clock)
-        self.playing[role] = replay
+        replay = ReplayTransport(self._path, self._clock)
+        self.playing = replay
         return replay
 
-    def link(self, role: str, link: ByteLink) -> ByteLink:
+    def link(self, role: str, make: Callable[[], ByteLink]) -> ByteLink:
         """Return the replay of a byte link."""
-        replay = ReplayLink(self._paths[role], self._clock)
-        self.playing[role] = replay
+        replay = ReplayLink(self._path, self._clock)
+        self.playing = replay
         return replay
 
 

@@ -3,15 +3,17 @@
 The file is that of `devices.wirelog`: a message is one chunk that came, a sent one what went out.
 """
 
+import bisect
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO
+from types import MappingProxyType
+from typing import Any, BinaryIO
 
 import msgpack
 
 from devices.byte_links import ByteLink, Chunk
-from devices.wirelog import FORMAT, VERSION, read_wire_log
+from devices.wirelog import read_wire_log, wire_header
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceNotFound
 
@@ -21,9 +23,16 @@ _CAME, _SENT = 0, 2
 class TeeLink:
     """Pass everything through to another link and write it down with its times."""
 
-    def __init__(self, inner: ByteLink, path: Path, clock: Clock) -> None:
+    def __init__(
+        self,
+        inner: ByteLink,
+        path: Path,
+        clock: Clock,
+        note: Mapping[str, Any] = MappingProxyType({}),
+    ) -> None:
         self._inner = inner
         self._path = path
+        self._note = note
         self._clock = clock
         self._file: BinaryIO | None = None
 
@@ -43,12 +52,8 @@ class TeeLink:
         if self._file is None:
             self._file = self._path.open("ab", buffering=0)
             if self._file.tell() == 0:
-                header = {
-                    "format": FORMAT,
-                    "version": VERSION,
-                    "transport": self._inner.kind,
-                    "is_simulated": self._inner.is_simulated,
-                }
+                inner = self._inner
+                header = wire_header(inner.kind, is_simulated=inner.is_simulated, note=self._note)
                 self._file.write(msgpack.packb(header))
 
     def write(self, data: bytes) -> int:
@@ -80,7 +85,8 @@ class ReplayLink:
     """Play a `.wire` file through the driver that wrote it, moved to begin when opened.
 
     A chunk comes when its moved time has come and the driver has written as often as the
-    recorded one had by then; so answers meet their questions when the same calls are made.
+    recorded one had by then; so answers meet their questions when the same calls are made. An
+    answer to a question that was asked later than in the recording comes later by as much.
     Opening again plays the file from its start.
     """
 
@@ -91,8 +97,9 @@ class ReplayLink:
         self._path = path
         self._clock = clock
         self._shift_ns = 0
-        self._written = 0
-        self._chunks: deque[tuple[Chunk, int]] = deque()
+        self._written_ns: list[int] = []
+        self._last_ns = 0
+        self._chunks: deque[tuple[Chunk, int, int]] = deque()
 
     def open(self, deadline_s: float) -> None:
         """Read the file."""
@@ -105,12 +112,14 @@ class ReplayLink:
         sent_ns = [message.t_host_ns for message in log.sent]
         starts = sent_ns[:1] + [message.t_host_ns for message in log.messages[:1]]
         self._shift_ns = self._clock.now_ns() - min(starts, default=0)
-        self._written = 0
+        self._written_ns = []
+        self._last_ns = 0
         self._chunks.clear()
         for message in log.messages:
-            before = sum(1 for t_ns in sent_ns if t_ns <= message.t_host_ns)
+            before = bisect.bisect_right(sent_ns, message.t_host_ns)
+            delay_ns = message.t_host_ns - sent_ns[before - 1] if before else 0
             moved = Chunk(message.t_host_ns + self._shift_ns, message.frames[0])
-            self._chunks.append((moved, before))
+            self._chunks.append((moved, before, delay_ns))
 
     @property
     def is_finished(self) -> bool:
@@ -119,8 +128,9 @@ class ReplayLink:
 
     def write(self, data: bytes) -> int:
         """Count the bytes as written."""
-        self._written += 1
-        return self._clock.now_ns()
+        now_ns = self._clock.now_ns()
+        self._written_ns.append(now_ns)
+        return now_ns
 
     def read(self, timeout_s: float) -> Sequence[Chunk]:
         """Return the chunks that are due."""
@@ -141,9 +151,14 @@ class ReplayLink:
         due = []
         now_ns = self._clock.now_ns()
         while self._chunks:
-            chunk, before = self._chunks[0]
-            if chunk.t_host_ns > now_ns or before > self._written:
+            chunk, before, delay_ns = self._chunks[0]
+            if before > len(self._written_ns):
+                break
+            asked_ns = self._written_ns[before - 1] if before else chunk.t_host_ns
+            arrival_ns = max(self._last_ns, chunk.t_host_ns, asked_ns + delay_ns)
+            if arrival_ns > now_ns:
                 break
             self._chunks.popleft()
-            due.append(chunk)
+            self._last_ns = arrival_ns
+            due.append(Chunk(arrival_ns, chunk.data))
         return due

@@ -5,9 +5,10 @@ flushed as it happens; a torn tail is ignored when reading. Times are session na
 """
 
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, BinaryIO
 
 import msgpack
@@ -24,13 +25,17 @@ _MESSAGE, _EXCHANGE, _SENT = 0, 1, 2
 
 @dataclass(frozen=True)
 class WireLog:
-    """What a `.wire` file holds, times as recorded; `exchanges` pairs requests with answers."""
+    """What a `.wire` file holds, times as recorded; `exchanges` pairs requests with answers.
+
+    `note` is what its writer said of it, such as driver and options; empty in old files.
+    """
 
     transport: str
     is_simulated: bool
     messages: tuple[Message, ...]
     exchanges: tuple[tuple[Frames, Exchange], ...]
     sent: tuple[Message, ...]
+    note: Mapping[str, Any] = field(default_factory=dict)
 
 
 def read_wire_log(path: Path) -> WireLog:
@@ -71,15 +76,34 @@ def read_wire_log(path: Path) -> WireLog:
         tuple(messages),
         tuple(exchanges),
         tuple(sent),
+        dict(header.get("note", {})),
     )
+
+
+def wire_header(transport: str, *, is_simulated: bool, note: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the first value of a `.wire` file."""
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "transport": transport,
+        "is_simulated": is_simulated,
+        "note": dict(note),
+    }
 
 
 class TeeTransport:
     """Pass everything through to another transport and write it down with its times."""
 
-    def __init__(self, inner: MessageTransport, path: Path, clock: Clock) -> None:
+    def __init__(
+        self,
+        inner: MessageTransport,
+        path: Path,
+        clock: Clock,
+        note: Mapping[str, Any] = MappingProxyType({}),
+    ) -> None:
         self._inner = inner
         self._path = path
+        self._note = note
         self._clock = clock
         self._file: BinaryIO | None = None
         self._packer = msgpack.Packer()
@@ -100,13 +124,10 @@ class TeeTransport:
         if self._file is None:
             self._file = self._path.open("ab", buffering=0)
             if self._file.tell() == 0:
-                header = {
-                    "format": FORMAT,
-                    "version": VERSION,
-                    "transport": self._inner.kind,
-                    "is_simulated": self._inner.is_simulated,
-                }
-                self._write(header)
+                inner = self._inner
+                self._write(
+                    wire_header(inner.kind, is_simulated=inner.is_simulated, note=self._note)
+                )
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
         """Pass on; an unanswered request is logged as sent."""

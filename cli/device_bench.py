@@ -1,0 +1,157 @@
+"""Run devices for a while outside any session, and say how their streams arrive."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from typing import Any, cast
+
+from cli.rigs import build_device
+from cli.wires import BARE, Wires
+from devices.contracts import Armband, Body, Device, DeviceInfo, Fault, Headset, Health
+from devices.haptic_safety import HapticGuard
+from devices.pump import Pump
+from devices.sim.idle_body import IdleBody
+from devices.sim.shared_body import SharedBody
+from devices.stream_figures import ClockFigures, StreamFigures, clock_figures, stream_figures
+from lab.clock import NS_PER_S, Clock
+from lab.config import DeviceConfig
+from lab.errors import LabError
+from lab.schema import SampleBatch
+
+OPEN_DEADLINE_S = 5.0
+STEP_NS = NS_PER_S // 100
+SEED = 1
+SETTLE_S = 0.5
+"""Not measured at the beginning of a capture: connections and threads come up."""
+
+Tick = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What became of one device in a capture; `error` says why it never streamed."""
+
+    role: str
+    driver: str
+    simulated: bool
+    info: DeviceInfo | None = None
+    streams: tuple[StreamFigures, ...] = ()
+    clock: ClockFigures | None = None
+    health: Health | None = None
+    faults: tuple[Fault, ...] = ()
+    events: tuple[str, ...] = ()
+    error: str = ""
+    remedy: str = ""
+
+
+@dataclass
+class _Running:
+    device: Device
+    pump: Pump
+    batches: list[SampleBatch] = field(default_factory=list)
+    events: list[str] = field(default_factory=list)
+
+
+def capture(
+    devices: Sequence[DeviceConfig],
+    clock: Clock,
+    seconds: float,
+    *,
+    wires: Wires = BARE,
+    tick: Tick | None = None,
+    is_over: Callable[[], bool] | None = None,
+) -> tuple[Trial, ...]:
+    """Open every device, stream for a while, close; one that fails does not keep the others back.
+
+    A headset among them paces the loop. `tick` hears the seconds done, `is_over` ends early.
+    """
+    done: dict[str, Trial] = {d.role: Trial(d.role, d.driver, d.simulated) for d in devices}
+    body: Any = IdleBody() if clock.is_virtual else SharedBody(IdleBody())
+    with ExitStack() as stack:
+        running = _start(devices, clock, body, stack, wires, done)
+        bands = {r: one.device for r, one in running.items() if isinstance(one.device, Armband)}
+        with HapticGuard(bands, clock, handle_signals=not clock.is_virtual) as guard:
+            _stream(running, clock, seconds, guard, tick, is_over)
+        for role, one in running.items():
+            one.pump.stop()
+            done[role] = _measured(done[role], one)
+            one.device.close()
+    return tuple(done.values())
+
+
+def _start(
+    devices: Sequence[DeviceConfig],
+    clock: Clock,
+    body: Body,
+    stack: ExitStack,
+    wires: Wires,
+    done: dict[str, Trial],
+) -> dict[str, _Running]:
+    running: dict[str, _Running] = {}
+    for config in devices:
+        try:
+            device = build_device(config, clock, body, SEED, stack, wires)
+            device.open(OPEN_DEADLINE_S)
+        except LabError as problem:
+            remedy = str(getattr(problem, "remedy", ""))
+            text = str(problem).removesuffix(f"; {remedy}").removeprefix(f"{config.role}: ")
+            done[config.role] = replace(done[config.role], error=text, remedy=remedy)
+            continue
+        stack.callback(device.close)
+        batches: list[SampleBatch] = []
+        running[config.role] = _Running(device, Pump(device, batches.append, clock), batches)
+    for one in running.values():
+        one.pump.start()
+        stack.callback(one.pump.stop)
+    return running
+
+
+def _stream(
+    running: Mapping[str, _Running],
+    clock: Clock,
+    seconds: float,
+    guard: HapticGuard,
+    tick: Tick | None,
+    is_over: Callable[[], bool] | None,
+) -> None:
+    if not running:
+        return
+    paced = [r.device for r in running.values() if hasattr(r.device, "wait_frame")]
+    headset = cast(Headset, paced[0]) if paced else None
+    start_ns = clock.now_ns()
+    settled = False
+    while (now_ns := clock.now_ns()) < start_ns + round((SETTLE_S + seconds) * NS_PER_S):
+        if headset is not None:
+            headset.submit(headset.wait_frame(), ())
+        else:
+            clock.sleep_until_ns(now_ns + STEP_NS)
+        for one in running.values():
+            has_begun = bool(one.batches)
+            one.pump.step()
+            events = one.pump.take_events()
+            if has_begun or is_over is None:  # a recording has a beginning, not a silence
+                one.events += [f"{e.kind}: {e.message}" for e in events]
+        guard.tick()
+        since_s = (clock.now_ns() - start_ns) / NS_PER_S
+        if not settled and since_s >= SETTLE_S and not clock.is_virtual:
+            settled = True
+            for one in running.values():
+                one.batches.clear()
+        if tick is not None:
+            tick(max(0.0, since_s - SETTLE_S))
+        if is_over is not None and is_over():
+            return
+
+
+def _measured(trial: Trial, one: _Running) -> Trial:
+    device = one.device
+    pairs = device.clock_pairs()
+    return replace(
+        trial,
+        info=device.info,
+        streams=tuple(stream_figures(schema, one.batches, pairs) for schema in device.describe()),
+        clock=clock_figures(one.batches, pairs),
+        health=one.pump.health(),
+        faults=one.pump.faults(),
+        events=tuple(one.events),
+    )

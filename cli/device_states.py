@@ -1,0 +1,82 @@
+"""What can be said of roles and drivers without opening anything."""
+
+import importlib.util
+from dataclasses import dataclass
+
+from devices.driver_facts import DriverFacts, Library, facts_of
+from devices.registry import driver_names
+from lab.config import LabConfig
+
+RUNTIMES = {
+    "openvr": "SteamVR, started",
+    "openxr": "an OpenXR runtime, started",
+    "fove": "the FOVE runtime's FoveClient",
+}
+
+
+@dataclass(frozen=True)
+class RoleState:
+    """One role; `ok` is whether its driver can be used here."""
+
+    role: str
+    driver: str
+    simulated: bool
+    ok: bool
+    state: str
+
+
+@dataclass(frozen=True)
+class DriverState:
+    """One driver; `ok` is None where nothing has to be installed."""
+
+    driver: str
+    kind: str
+    wire: str
+    ok: bool | None
+    state: str
+
+
+def is_installed(library: Library) -> bool:
+    """Tell whether a library can be imported, without importing it."""
+    try:
+        return importlib.util.find_spec(library.module) is not None
+    except (ImportError, ValueError):  # its parent package is missing, or half installed
+        return False
+
+
+def role_states(lab: LabConfig) -> tuple[RoleState, ...]:
+    """Return every configured role."""
+    found = []
+    for role, device in lab.devices.items():
+        facts = facts_of(device.driver)
+        missing = _missing(facts)
+        if device.simulated:
+            needs = missing if facts.runtime in ("openvr", "openxr") else ""
+            state = f"simulated, {needs}" if needs else "simulated"
+        else:
+            state = missing or "ready to be tested"
+            needs = missing
+        found.append(RoleState(role, device.driver, device.simulated, not needs, state))
+    return tuple(found)
+
+
+def driver_states() -> tuple[DriverState, ...]:
+    """Return every driver known here, eye trackers first."""
+    order = ("eye tracker", "headset", "responses", "body tracker", "armband", "other")
+    states = []
+    for name in driver_names():
+        facts = facts_of(name)
+        missing = _missing(facts)
+        library = facts.library.distribution if facts.library else ""
+        state = missing or (f"{library} installed" if library else "nothing to install")
+        if not missing and facts.runtime:
+            state = f"needs {RUNTIMES[facts.runtime]}"
+        ok = None if facts.library is None else not missing
+        states.append(DriverState(name, facts.kind, facts.wire, ok, state))
+    return tuple(sorted(states, key=lambda s: (order.index(s.kind), s.driver)))
+
+
+def _missing(facts: DriverFacts) -> str:
+    if facts.library is None or is_installed(facts.library):
+        return ""
+    return f"missing: {facts.library.install}"

@@ -1,0 +1,223 @@
+"""devices: list, test, identify, capture, replay."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from cli.app import ConfigOption, JsonOption, app, console, load_lab
+from lab.config import DeviceConfig, LabConfig
+from lab.errors import DeviceError, UsageError
+
+devices_app = typer.Typer(help="What devices there are, and whether they work.")
+app.add_typer(devices_app, name="devices")
+
+RolesArgument = Annotated[
+    list[str] | None, typer.Argument(help="Roles of lab_config.yaml; all when left out.")
+]
+RoleArgument = Annotated[str, typer.Argument(help="A role of lab_config.yaml.")]
+SecondsOption = Annotated[float, typer.Option("--seconds", help="How long to listen.")]
+LONGEST_S = 3600.0
+
+
+@devices_app.command("list")
+def list_devices(config: ConfigOption = None, as_json: JsonOption = False) -> None:
+    """List the roles of this lab and the drivers there are, each with its state.
+
+    Example: visavis devices list
+    """
+    from cli.device_states import driver_states, role_states
+
+    lab = load_lab(config)
+    roles, drivers = role_states(lab), driver_states()
+    if as_json:
+        found = {"roles": [asdict(r) for r in roles], "drivers": [asdict(d) for d in drivers]}
+        typer.echo(json.dumps(found, ensure_ascii=False, indent=1))
+        return
+    table = Table("role", "driver", "state", box=None, pad_edge=False, title=str(lab.path))
+    table.title_justify = "left"
+    for role in roles:
+        fine = role.simulated and role.ok
+        state = f"[magenta]{role.state}[/]" if fine else _styled(role.state, role.ok)
+        table.add_row(role.role, role.driver, state)
+    console.print(table)
+    console.print()
+    table = Table("driver", "for", "wire", box=None, pad_edge=False)
+    table.add_column("state", overflow="fold")
+    before = ""
+    for driver in drivers:
+        kind, before = driver.kind if driver.kind != before else "", driver.kind
+        table.add_row(driver.driver, kind, driver.wire, _styled(driver.state, driver.ok))
+    console.print(table)
+    console.print("\n[dim]whether they work: visavis devices test ROLE[/]")
+
+
+@devices_app.command("test")
+def listen(
+    roles: RolesArgument = None,
+    seconds: SecondsOption = 10.0,
+    config: ConfigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Listen to devices for ten seconds: rate, gaps, jitter, delay, clock.
+
+    Example: visavis devices test eye_tracker
+    """
+    from cli.device_bench import capture
+    from cli.device_report import print_trials
+    from lab.clock import SystemClock
+
+    lab = load_lab(config)
+    _check_seconds(seconds)
+    chosen = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
+    if as_json:
+        trials = capture(chosen, SystemClock(), seconds)
+        typer.echo(_as_json([asdict(t) for t in trials]))
+    else:
+        with console.status(f"listening for {seconds:g} s") as status:
+            trials = capture(
+                chosen,
+                SystemClock(),
+                seconds,
+                tick=lambda done: status.update(f"listening: {done:.0f} of {seconds:g} s"),
+            )
+        print_trials(trials)
+    if any(trial.error for trial in trials):
+        raise typer.Exit(DeviceError.exit_code)
+
+
+@devices_app.command()
+def identify(role: RoleArgument, config: ConfigOption = None) -> None:
+    """Buzz one armband three times, to see which arm it is on.
+
+    Example: visavis devices identify armband_left_forearm
+    """
+    from cli.device_identify import buzz
+    from lab.clock import SystemClock
+
+    lab = load_lab(config)
+    bands = [name for name in lab.devices if name.startswith("armband_")]
+    if role not in bands:
+        known = ", ".join(bands) or "none: add one under devices in the configuration"
+        raise UsageError(f"{role!r} is no armband of {lab.path}; its armbands: {known}")
+    told = buzz(_device(lab, role), SystemClock())
+    console.print(told, soft_wrap=True)
+
+
+@devices_app.command("capture")
+def capture_wire(
+    role: RoleArgument,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The .wire file to write; ROLE.wire.")
+    ] = None,
+    seconds: SecondsOption = 10.0,
+    config: ConfigOption = None,
+) -> None:
+    """Write what crosses a device's wire to a file that can be played back and sent on.
+
+    Example: visavis devices capture eye_tracker -o eyes.wire
+    """
+    from cli.device_bench import capture
+    from cli.device_report import print_trials
+    from cli.wire_notes import note_of
+    from cli.wires import CapturedWires
+    from lab.clock import SystemClock
+
+    lab = load_lab(config)
+    _check_seconds(seconds)
+    device = _device(lab, role)
+    path = output if output is not None else Path(f"{role}.wire")
+    if path.exists():
+        raise UsageError(f"{path} exists already; it was left as it is: give another with -o")
+    if not path.parent.is_dir():
+        raise UsageError(f"there is no folder {path.parent}; make it first")
+    clock = SystemClock()
+    wires = CapturedWires(role, path, clock, note_of(device))
+    with console.status(f"capturing for {seconds:g} s"):
+        trials = capture([device], clock, seconds, wires=wires)
+    wires.end()
+    if not trials[0].error and not wires.is_captured:
+        raise UsageError(
+            f"{role}: {device.driver} has no wire that could be captured; capture a role whose "
+            "driver has one (see `visavis devices list`)"
+        )
+    print_trials(trials)
+    if trials[0].error:
+        raise typer.Exit(DeviceError.exit_code)
+    size_kb = path.stat().st_size / 1000
+    console.print(
+        f"wrote [b]{path}[/] ({size_kb:.0f} kB); play it back: visavis devices replay {path}",
+        soft_wrap=True,
+    )
+
+
+@devices_app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help="A .wire file written by `devices capture`.")],
+    driver: Annotated[
+        str | None, typer.Option("--driver", help="Its driver, for files that do not name it.")
+    ] = None,
+    config: ConfigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Play a captured wire through the same driver, at once, without any device.
+
+    Example: visavis devices replay eyes.wire
+    """
+    from cli.device_bench import capture
+    from cli.device_report import print_trials
+    from cli.wire_notes import device_of
+    from cli.wires import ReplayedWires
+    from devices.wirelog import read_wire_log
+    from lab.clock import SimClock
+
+    if not file.is_file():
+        raise UsageError(f"there is no file {file}; write one with `visavis devices capture ROLE`")
+    log = read_wire_log(file)
+    device = device_of(file, log, driver)
+    clock = SimClock()
+    wires = ReplayedWires(file, clock)
+
+    def is_over() -> bool:
+        return wires.playing is not None and wires.playing.is_finished
+
+    trials = capture([device], clock, LONGEST_S, wires=wires, is_over=is_over)
+    if as_json:
+        typer.echo(_as_json([asdict(t) for t in trials]))
+    else:
+        print_trials(trials)
+    if trials[0].error:
+        raise typer.Exit(DeviceError.exit_code)
+
+
+def _device(lab: LabConfig, role: str) -> DeviceConfig:
+    if role in lab.devices:
+        return lab.devices[role]
+    from lab.yaml_lines import did_you_mean
+
+    hint = did_you_mean(role, lab.devices)
+    known = ", ".join(lab.devices)
+    raise UsageError(f"{lab.path} has no role {role!r}{hint or '.'} Its roles: {known}")
+
+
+def _check_seconds(seconds: float) -> None:
+    if not 0.5 <= seconds <= LONGEST_S:
+        raise UsageError(f"--seconds takes 0.5 to {LONGEST_S:g}, not {seconds:g}")
+
+
+def _styled(text: str, ok: bool | None) -> str:
+    if ok is None:
+        return f"[dim]{escape(text)}[/]"
+    return f"[green]{escape(text)}[/]" if ok else f"[yellow]{escape(text)}[/]"
+
+
+def _as_json(found: Any) -> str:
+    return json.dumps(found, ensure_ascii=False, indent=1, default=_plain)
+
+
+def _plain(value: object) -> object:
+    return sorted(value) if isinstance(value, frozenset) else str(value)

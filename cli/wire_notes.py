@@ -1,0 +1,59 @@
+"""What a `.wire` file says of itself, so that it can be played back without the lab it is from."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from devices.registry import driver_names
+from devices.wirelog import WireLog
+from lab.config import DeviceConfig
+from lab.errors import DataError, UsageError
+
+ROLE = "replayed"
+
+
+def note_of(device: DeviceConfig) -> Mapping[str, Any]:
+    """Return driver and options of the device a capture is from.
+
+    A simulated band is noted as the driver of the real one, whose protocol it speaks.
+    """
+    options = {k: v for k, v in device.options.items() if k not in ("faults", "drift_ppm")}
+    driver = device.driver
+    if driver == "simulated_armband":
+        driver, options = "serial_armband", {"max_rate_hz": options.get("max_rate_hz", 150.0)}
+    elif device.simulated:
+        from devices.sim.other_armbands import SIMULATED_OPTIONS
+
+        options |= SIMULATED_OPTIONS.get(driver, {})
+    return {"role": device.role, "driver": driver, "options": options}
+
+
+def device_of(path: Path, log: WireLog, driver: str | None = None) -> DeviceConfig:
+    """Return the device to build for a replay; `driver` counts where the file names none.
+
+    Raises:
+        UsageError: the file names no driver and none was given.
+        DataError: it names one that is not known here.
+    """
+    named = driver or str(log.note.get("driver", ""))
+    if not named:
+        raise UsageError(
+            f"{path} does not name its driver; add --driver NAME (see `visavis devices list`)"
+        )
+    if named not in driver_names():
+        known = f"known here: {', '.join(driver_names())}"
+        if driver:
+            raise UsageError(f"unknown driver {named!r}; {known}")
+        raise DataError(f"{path} is from driver {named!r}, which is not installed; {known}")
+    options = log.note.get("options", {}) if named == log.note.get("driver") else {}
+    role = str(log.note.get("role", ROLE))
+    return DeviceConfig(role=role, driver=named, simulated=False, options=_lists(options))
+
+
+def _lists(value: Any) -> Any:
+    """Undo what msgpack did: sequences come back as tuples, which strict options refuse."""
+    if isinstance(value, Mapping):
+        return {key: _lists(inner) for key, inner in value.items()}
+    if isinstance(value, tuple | list):
+        return [_lists(inner) for inner in value]
+    return value

@@ -1,0 +1,84 @@
+"""A body that stands still and looks about: what simulated devices measure when no study runs.
+
+Not modelled: walking, presses, saccades, and any answer to what it feels.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.contracts import EYES_DTYPE
+from lab.geometry import Vector, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
+from stimuli.motion.skeleton import canonical_skeleton
+
+EYE_X_M = 0.032
+EYE_HEIGHT_M = 1.63
+HIPS_HEIGHT_M = 0.95
+LOOKS_AT_M = 2.0
+SWAY_M = 0.01
+SWAY_S = 7.0
+GAZE_S = 5.0
+GAZE_YAW_DEG, GAZE_PITCH_DEG = 12.0, 6.0
+PUPIL_MM = 3.5
+
+
+class IdleBody:
+    """Follow the `MovingBody` contract as plain functions of time; remembers what it last felt."""
+
+    def __init__(self) -> None:
+        skeleton = canonical_skeleton()
+        self._rest_m = skeleton.rest_m
+        self._index = skeleton.index_of
+        self.felt: dict[str, tuple[float, ...]] = {}
+
+    def eyes(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
+        """Return eyes that follow a point two metres away on a slow ellipse."""
+        values = np.zeros(t_ns.size, EYES_DTYPE)
+        turn = 2 * np.pi * t_ns * 1e-9 / GAZE_S
+        yaw, pitch = GAZE_YAW_DEG * np.sin(turn), GAZE_PITCH_DEG * np.cos(turn)
+        point_m = LOOKS_AT_M * direction_from_yaw_pitch_deg(yaw, pitch)
+        for name, x_m in (("left", -EYE_X_M), ("right", EYE_X_M)):
+            ray = point_m - np.array([x_m, 0.0, 0.0])
+            length = np.linalg.norm(ray, axis=-1, keepdims=True)
+            values[f"{name}_direction_head"] = ray / length
+        values["openness_01"] = 1.0
+        values["pupil_mm"] = PUPIL_MM
+        return values
+
+    def head(self, t_ns: int) -> tuple[Vector, Vector]:
+        """Return a head that sways by a centimetre."""
+        sway_m = float(self._sway_m(np.array([t_ns]))[0])
+        return np.array([sway_m, EYE_HEIGHT_M, 0.0]), quat_from_yaw_pitch_deg(100 * sway_m)
+
+    def stretch(self) -> int:
+        """Return 0: it does one thing."""
+        return 0
+
+    def fit(self) -> int:
+        """Return 0: the headset stays on."""
+        return 0
+
+    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
+        """Press nothing."""
+        return iter(())
+
+    def segments(
+        self, names: Sequence[str], t_ns: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return the rest pose, swaying; a name the skeleton does not know stands at the hips."""
+        at = self._rest_m[[self._index.get(name, 0) for name in names]]
+        positions = np.repeat(at[None], t_ns.size, axis=0)
+        positions[..., 0] += self._sway_m(t_ns)[:, None]
+        positions[..., 1] += HIPS_HEIGHT_M
+        turns = np.zeros((t_ns.size, len(names), 4))
+        turns[..., 0] = 1.0
+        return positions, turns
+
+    def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
+        """Remember what the motors do."""
+        self.felt[role] = tuple(amplitudes_01)
+
+    def _sway_m(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        sway: npt.NDArray[np.float64] = SWAY_M * np.sin(2 * np.pi * t_ns * 1e-9 / SWAY_S)
+        return sway
