@@ -104,9 +104,9 @@ def write_curves(path: Path, warped: WarpedClip) -> None:
     figure = Figure(figsize=(7.5, 2.3 * n + 0.5), layout="constrained")
     for f, target in enumerate(warped.targets):
         axes = figure.add_subplot(n, 1, f + 1)
-        axes.plot(warped.key_s, warped.original[:, f], color="0.55", label="original")
-        axes.plot(warped.key_s, warped.wanted[:, f], "k--", lw=1.0, label="wanted")
-        axes.plot(warped.key_s, warped.reached[:, f], color="tab:blue", label="reached")
+        axes.plot(warped.frame_s, warped.original[:, f], color="0.55", label="original")
+        axes.plot(warped.frame_s, warped.wanted[:, f], "k--", lw=1.0, label="wanted")
+        axes.plot(warped.frame_s, warped.reached[:, f], color="tab:blue", label="reached")
         axes.set_ylabel(f"{target.kind.replace('_', ' ')}\n{', '.join(target.parts)} [1]")
         axes.set_ylim(bottom=0)
         axes.spines[["top", "right"]].set_visible(False)

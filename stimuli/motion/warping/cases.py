@@ -27,7 +27,8 @@ from stimuli.rooms.solids import box, cylinder, joined
 
 CLIP_S: Final = 2.0
 VIEW_RADIUS_M: Final = 1.05
-SIZE_PX: Final = 128
+SIZE_PX: Final = 256
+"""Extensions are steered, and a face is small: 128 pixels show both too coarsely."""
 EYE_HEIGHT_M: Final = 1.62
 
 

@@ -36,7 +36,7 @@ class WarpedClip:
     At the k times `key_s` the loop ran: offsets `omega_rad` (k, w) of the result, `pose_reached`
     (k,) whether the units alone could come to the target, `steps` (k,). At the n frames `frame_s`
     of the result: features `original`, `wanted` and `reached` (n, f), `is_reached` (n,) within a
-    tenth of the wanted change or a pixel.
+    tenth of the wanted change or of what the buffer can tell (`grain_of`).
     """
 
     clip: Clip

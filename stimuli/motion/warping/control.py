@@ -16,7 +16,7 @@ from lab.geometry import Vector
 from stimuli.motion.errors import MotionError
 from stimuli.motion.joint_limits import clamped
 from stimuli.motion.skeleton import Skeleton
-from stimuli.motion.warping.features import FeatureTarget, pixel_of, values_of
+from stimuli.motion.warping.features import FeatureTarget, grain_of, pixel_of, values_of
 from stimuli.motion.warping.outlook import Outlook
 from stimuli.motion.warping.perceived import SeenBody, perceived
 from stimuli.motion.warping.raster_kernels import Bytes
@@ -49,7 +49,7 @@ class ControlSettings:
     passes: int = 6
     smoothness: float = 0.01
     rest_pull: float = 0.02
-    rate_hz: float = 10.0
+    rate_hz: float = 15.0
     threads: int = 1
 
     def __post_init__(self) -> None:
@@ -247,7 +247,10 @@ def _length(error: Vector) -> float:
 def is_within(
     wanted: Vector, original: Vector, seen: Vector, situation: Situation, share: float = 0.1
 ) -> bool:
-    """Tell whether what is left is a tenth of the wanted change, or a pixel."""
-    pixel = np.array([pixel_of(t, situation.view.size_px) for t in situation.targets])
+    """Tell whether what is left is a tenth of the wanted change, or what the buffer can tell."""
+    size = situation.view.size_px
+    grain = np.array(
+        [grain_of(t, float(w), size) for t, w in zip(situation.targets, wanted, strict=True)]
+    )
     left = np.abs(wanted - seen)
-    return bool((left <= np.maximum(share * np.abs(wanted - original), pixel)).all())
+    return bool((left <= np.maximum(share * np.abs(wanted - original), grain)).all())

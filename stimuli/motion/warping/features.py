@@ -87,7 +87,7 @@ def values_of(
 ) -> Vector:
     """Measure features of perceived parts (n, h, w): (n, f).
 
-    `before` (n, h, w) is what was perceived a frame earlier; without it nothing has moved.
+    `before` (n, h, w) or (h, w) is what was perceived a frame earlier; without it nothing moved.
     """
     wanted = np.array([mask_of(t.parts) for t in targets])
     values = np.zeros((len(ids), len(targets)))
@@ -95,7 +95,7 @@ def values_of(
     measure(ids, wanted, plain)
     moved = np.zeros((len(ids), len(targets)))
     if before is not None and any(t.kind == "motion_coverage" for t in targets):
-        changed(ids, before, wanted, moved)
+        changed(ids, np.ascontiguousarray(np.broadcast_to(before, ids.shape)), wanted, moved)
     for f, target in enumerate(targets):
         if target.kind == "motion_coverage":
             values[:, f] = moved[:, f]
@@ -114,3 +114,15 @@ def pixel_of(target: FeatureTarget, size_px: tuple[int, int]) -> float:
     if target.kind == "vertical_extension":
         return 1.0 / height
     return 1.0 / (height * width)
+
+
+def grain_of(target: FeatureTarget, value: float, size_px: tuple[int, int]) -> float:
+    """Return by how much a feature of this value is uncertain in a buffer of this size.
+
+    An extension by a pixel. An area of N pixels has an outline of some 4 √N, each of which falls
+    in or out by chance: N^¼ pixels.
+    """
+    pixel = pixel_of(target, size_px)
+    if target.kind in ("coverage", "motion_coverage"):
+        return float(max(1.0, (value / pixel) ** 0.25) * pixel)
+    return pixel

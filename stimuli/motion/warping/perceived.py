@@ -62,7 +62,7 @@ class SeenBody:
         key = joints.tobytes()
         known = self._known.get(key)
         if known is None:
-            vertex: npt.NDArray[np.bool_] = (joints[self.joints] & (self.weights > 0)).any(axis=1)
+            vertex = np.any(joints[self.joints] & (self.weights > 0), axis=1)
             triangle = vertex[self.triangles].any(axis=1)
             known = Moving(
                 np.flatnonzero(vertex), self.triangles[triangle], self.labels[triangle],

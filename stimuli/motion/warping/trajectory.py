@@ -118,6 +118,5 @@ def joined(key_s: Vector, omega_rad: Vector, times_s: Vector, *, looped: bool = 
     if looped:
         omega_rad = np.concatenate([omega_rad, omega_rad[:1]])
         key_s = np.append(key_s, 2 * key_s[-1] - key_s[-2])
-    ends = "periodic" if looped else "natural"
-    at: Vector = CubicSpline(key_s, omega_rad, bc_type=ends)(times_s)
-    return at
+        return np.asarray(CubicSpline(key_s, omega_rad, bc_type="periodic")(times_s))
+    return np.asarray(CubicSpline(key_s, omega_rad, bc_type="natural")(times_s))
