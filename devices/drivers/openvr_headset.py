@@ -190,6 +190,7 @@ class OpenVrHeadset:
                     role=self.info.role,
                     remedy=COMPOSITOR_REMEDIES.get(error, REMEDY),
                 )
+        self._submit_problem = ""
         self._submitted_ns = self._clock.now_ns()
 
     def poll(self, timeout_s: float) -> int:

@@ -1,8 +1,11 @@
-"""Track a headset through an OpenXR runtime in a headless session: pace and poses, no images.
+"""Drive a headset through an OpenXR runtime: pace, poses and, once asked for, images.
 
-Showing images needs a graphics session, which this driver does not open: submitting any is
-refused with what to do. The pose of a frame is the runtime's prediction for the frame's light,
-with the view space's origin taken as the midpoint between the eyes.
+`show_images` before `open` makes it a session with graphics, in the OpenGL context that is then
+current; otherwise it is headless and refuses images. The pose of a frame is the runtime's
+prediction for the frame's light, with the view space's origin taken as the midpoint between the
+eyes. Images are handed over with the pose and the views they were drawn from. OpenXR has no frame
+timing: frames that the display went on without are told from its own display times. All of it
+belongs to the thread that draws.
 """
 
 import math
@@ -24,6 +27,7 @@ from devices.contracts import (
     Health,
     Sink,
 )
+from devices.drivers.openxr_graphics import packed_images
 from devices.drivers.openxr_library import FRAME
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
@@ -31,6 +35,7 @@ from devices.transports import MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceError, ProtocolViolation
 from lab.frame import EyeView, FrameInfo
+from lab.geometry import Vector, quat_multiply, rotate
 from lab.schema import SampleBatch, StreamSchema
 
 REMEDY = "look at the OpenXR runtime; start it again if it is not running"
@@ -44,7 +49,7 @@ _LOST_ROW = _HEAD_ROW.pack(*[math.nan] * 7, False)
 
 
 class OpenXrHeadset:
-    """Follow the `Headset` contract, images apart; streams are `HEAD` and `FRAME_TIMING`."""
+    """Follow the `Headset` contract; streams are `HEAD` and `FRAME_TIMING`."""
 
     def __init__(
         self, role: str, transport: MessageTransport, clock: Clock, *, display_rate_hz: float = 90
@@ -57,7 +62,8 @@ class OpenXrHeadset:
         self._sink: Sink | None = None
         self._pending: deque[SampleBatch] = deque()
         self._retry_ns = 0
-        self._lost = ""
+        self._lost = self._refused = ""
+        self._shows_images = False
         self.info = DeviceInfo(
             role=role,
             driver="openxr_headset",
@@ -75,6 +81,13 @@ class OpenXrHeadset:
     def state(self) -> DeviceState:
         """Where it is in its life; FAULT while the session is lost."""
         return self._life.state
+
+    def show_images(self) -> None:
+        """Begin the coming session with graphics; the context is current when it is opened."""
+        self._life.require("show_images", DeviceState.CLOSED)
+        self._transport.post((b"images",))
+        self._shows_images = True
+        self.info = replace(self.info, capabilities=self.info.capabilities | {"display"})
 
     def open(self, deadline_s: float) -> None:
         """Begin the session, read the views and one frame's period."""
@@ -136,14 +149,35 @@ class OpenXrHeadset:
         return self._frame_at(t_ns, t_ns + self._period_ns, skipped, _LOST_ROW)
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
-        """Accept no image; raises DeviceError when there is one."""
+        """Hand over one GL texture per eye, left first, same size; none shows nothing new.
+
+        Raises:
+            DeviceError: the session is headless, or the runtime refuses an image.
+        """
         self._life.require("submit", DeviceState.STREAMING, DeviceState.FAULT)
-        if images:
+        if not self._shows_images:
+            if images:
+                raise DeviceError(
+                    "a headless OpenXR session shows no images",
+                    role=self.info.role,
+                    remedy="set display.show to headset (or offscreen) in lab_config.yaml",
+                )
+            return
+        if self._life.state is DeviceState.FAULT:
+            return
+        request = (b"show", self._packed(images)) if images else (b"show",)
+        error = self._transport.request(request, CALL_TIMEOUT_S).frames[0].decode()
+        if error and images:
+            self._refused = error
             raise DeviceError(
-                "a headless OpenXR session shows no images",
+                f"the runtime refused the images: {error}",
                 role=self.info.role,
-                remedy="use openvr_headset to show images; this driver tracks only",
+                remedy="hand over two RGBA8 textures of the context that was current when the "
+                f"session was opened; {REMEDY}",
             )
+        if images:
+            self._refused = ""
+            self._submitted_ns = self._clock.now_ns()
 
     def poll(self, timeout_s: float) -> int:
         """Hand over the frames since the last call; while the session is lost, try again."""
@@ -188,6 +222,9 @@ class OpenXrHeadset:
         role = self.info.role
         if self.state is DeviceState.FAULT:
             return (Fault(role, "blocking", self._lost, REMEDY),)
+        if self._refused:
+            text = f"images were refused: {self._refused}"
+            return (Fault(role, "blocking", text, REMEDY),)
         if self._untracked:
             remedy = "put the headset on and check its tracking"
             return (Fault(role, "blocking", "the headset is not tracked", remedy),)
@@ -210,6 +247,10 @@ class OpenXrHeadset:
         self._timing_rows = 0
         self._pending.clear()
         self._index = self._seq = -1
+        self._timing: tuple[FrameInfo, int] | None = None
+        self._timing_seq = 0
+        self._submitted_ns = -1
+        self._drawn_from: tuple[Vector, Vector] = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         self._last_t_ns = self._clock.now_ns() - 1
         self._last_display: int | None = None
         self._untracked = False
@@ -251,28 +292,69 @@ class OpenXrHeadset:
         if good:
             turn = (w / length, i / length, j / length, k / length)
             row = _HEAD_ROW.pack(x, y, z, *turn, True)
+            drawn_from = np.array((x, y, z, *turn), np.float32).astype(np.float64)
+            self._drawn_from = (drawn_from[:3], drawn_from[3:])
         return self._frame_at(t_ns, predicted_ns, skipped, row)
 
     def _frame_at(self, t_ns: int, predicted_ns: int, skipped: int, row: bytes) -> FrameInfo:
+        self._close_frame()
         self._index += 1 + skipped
         self._seq += 1
         self._last_t_ns = t_ns
         self._untracked = row is _LOST_ROW
-        timing = np.zeros(1, FRAME_TIMING.dtype)
-        timing["frame"], timing["pose_seq"] = self._index, self._seq
-        timing["predicted_display_ns"], timing["t_submitted_ns"] = predicted_ns, -1
-        timing["skipped"], timing["render_gpu_ms"] = skipped, math.nan
-        for schema, raw in ((self._head_schema, row), (self._timing_schema, timing.tobytes())):
-            self._pending.append(
-                SampleBatch(
-                    schema,
-                    np.array((self._seq,), np.int64),
-                    np.array((predicted_ns,), np.int64),
-                    np.array((t_ns,), np.int64),
-                    np.frombuffer(raw, schema.dtype),
-                )
+        self._deliver(self._head_schema, self._seq, predicted_ns, t_ns, row)
+        frame = FrameInfo(self._index, t_ns, predicted_ns, skipped)
+        self._timing = (frame, self._seq)
+        return frame
+
+    def _close_frame(self) -> None:
+        """Tell what became of the frame before."""
+        if self._timing is None:
+            return
+        (frame, pose_seq), self._timing = self._timing, None
+        row = np.zeros(1, FRAME_TIMING.dtype)
+        row["frame"], row["pose_seq"] = frame.index, pose_seq
+        row["predicted_display_ns"] = frame.predicted_display_ns
+        row["t_submitted_ns"], self._submitted_ns = self._submitted_ns, -1
+        row["skipped"], row["render_gpu_ms"] = frame.dropped, math.nan
+        schema, told_ns = self._timing_schema, self._clock.now_ns()
+        seq, self._timing_seq = self._timing_seq, self._timing_seq + 1
+        self._deliver(schema, seq, frame.predicted_display_ns, told_ns, row.tobytes())
+
+    def _deliver(
+        self, schema: StreamSchema, seq: int, t_device_ns: int, t_host_ns: int, row: bytes
+    ) -> None:
+        self._pending.append(
+            SampleBatch(
+                schema,
+                np.array((seq,), np.int64),
+                np.array((t_device_ns,), np.int64),
+                np.array((t_host_ns,), np.int64),
+                np.frombuffer(row, schema.dtype),
             )
-        return FrameInfo(self._index, t_ns, predicted_ns, skipped)
+        )
+
+    def _packed(self, images: Sequence[object]) -> bytes:
+        """Return two images with the place and the view each was drawn from."""
+        views = self.eye_views()
+        names = [int(getattr(image, "glo", image)) for image in images]  # type: ignore[call-overload]  # int or texture
+        sizes = {tuple(getattr(image, "size", ())) for image in images}
+        if len(names) != len(views) or len(sizes) != 1 or () in sizes:
+            raise DeviceError(
+                f"a headset takes two textures of one size, not {len(names)} of {len(sizes)}",
+                role=self.info.role,
+                remedy="draw both eyes, or hand over none",
+            )
+        place, turn = self._drawn_from
+        width, height = sizes.pop()
+        poses = [
+            (
+                (place + rotate(turn, np.asarray(view.offset_m))).tolist(),
+                quat_multiply(turn, np.asarray(view.orientation_wxyz)).tolist(),
+            )
+            for view in views
+        ]
+        return packed_images(names, (width, height), poses, views)
 
     def _reconnect(self) -> None:
         now_ns = self._clock.now_ns()

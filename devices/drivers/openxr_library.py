@@ -1,12 +1,13 @@
 """Call an OpenXR runtime through pyopenxr, as a wire that can be logged and replayed.
 
-The session is headless (XR_MND_headless): it tracks and shows nothing. A call is a request (its
-name) with an answer (the name of the error, empty for none, then packed numbers), so that a
-`TeeTransport` around the transport writes a `.wire` log. One session serves every device of the
-process. Times are XrTime (ns) as the runtime gives them, next to the same instant on the
-session's clock by XR_KHR_convert_timespec_time, which reads CLOCK_MONOTONIC.
+The session is headless (XR_MND_headless), tracks and shows nothing, unless `images` was posted
+before it was opened: then it is bound to the OpenGL context that is current. A call is a request
+(its name, its arguments) with an answer (the name of the error, empty for none, then packed
+numbers), so that a `TeeTransport` around the transport writes a `.wire` log. One session serves
+every device of the process. Times are XrTime (ns) as the runtime gives them, next to the same
+instant on the session's clock by XR_KHR_convert_timespec_time, which reads CLOCK_MONOTONIC.
 
-Requests: `runtime`, `gaze`, `frame`, `views`, `trigger`.
+Requests: `images`, `runtime`, `gaze`, `hands`, `frame`, `show`, `views`, `buzz`.
 """
 
 import ctypes
@@ -16,20 +17,27 @@ from typing import Any
 
 import msgpack
 
+from devices.drivers.openxr_actions import BUTTON_STATES, HAND, HANDS, OpenXrActions
+from devices.drivers.openxr_graphics import (
+    EyeImages,
+    GraphicsBinding,
+    ask_graphics_requirements,
+)
 from devices.transports import Exchange, Frames, Message
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceError, DeviceNotFound
+from lab.errors import DeviceNotFound
 
 HEADLESS = "XR_MND_headless"
 EYE_GAZE = "XR_EXT_eye_gaze_interaction"
 TIMESPEC = "XR_KHR_convert_timespec_time"
-GAZE_PROFILE = "/interaction_profiles/ext/eye_gaze_interaction"
-GAZE_PATH = "/user/eyes_ext/input/gaze_ext/pose"
 SIMULATED_RUNTIME = "Visavis"
 
 LOCATED = struct.Struct("<qqqQ7f")
 """Host ns and XrTime of one instant, XrTime of the sample (0: unknown), location flags, position,
 quaternion (x, y, z, w)."""
+
+INSTANT = struct.Struct("<qq")
+"""Host ns and XrTime of one instant; what comes before the hands."""
 
 FRAME = struct.Struct("<qqqqQ7f")
 """Host ns and XrTime of one instant, predicted display XrTime, period ns, flags, head pose."""
@@ -54,14 +62,20 @@ class OpenXrLibrary:
         self._instance: Any = None
         self._session: Any = None
         self._spaces: dict[str, Any] = {}
-        self._actions: Any = None
-        self._gaze_action: Any = None
+        self._actions: OpenXrActions | None = None
+        self._shows_images = False
+        self._binding: GraphicsBinding | None = None
+        self._images: EyeImages | None = None
+        self._begun: Any = None
         self._running = False
-        self._calls: dict[str, Callable[[], Frames]] = {
+        self._calls: dict[str, Callable[[Frames], Frames]] = {
             "runtime": self._runtime,
             "gaze": self._gaze,
+            "hands": self._hands,
             "frame": self._frame,
+            "show": self._show,
             "views": self._views,
+            "buzz": self._buzz,
         }
 
     def transport(self) -> "OpenXrTransport":
@@ -73,7 +87,7 @@ class OpenXrLibrary:
         if self._instance is None:
             try:
                 self._connect(deadline_s)
-            except DeviceError:
+            except BaseException:
                 self._disconnect()
                 raise
         if user not in self._users:
@@ -88,13 +102,18 @@ class OpenXrLibrary:
 
     def call(self, frames: Frames) -> Frames:
         """Perform one call; errors of the runtime are named in the answer."""
+        if frames[0] == b"images":
+            self._shows_images = True
+            return (b"",)
         if self._instance is None:
             return (b"NotConnected",)
         try:
             self._pump_events()
             if not self._running:
                 return (b"SessionNotRunning",)
-            return (b"", *self._calls[frames[0].decode("ascii")]())
+            return (b"", *self._calls[frames[0].decode("ascii")](frames))
+        except _Refused as problem:
+            return (str(problem).encode(),)
         except self._xr.exception.XrException as problem:
             return (type(problem).__name__.encode(),)
 
@@ -129,13 +148,16 @@ class OpenXrLibrary:
         xr = self._xr
         offered = {p.extension_name for p in xr.enumerate_instance_extension_properties()}
         offered = {n.decode() if isinstance(n, bytes) else n for n in offered}
-        for needed in (HEADLESS, TIMESPEC):
+        for needed in (TIMESPEC,) if self._shows_images else (HEADLESS, TIMESPEC):
             if needed not in offered:
                 raise DeviceNotFound(
                     f"the OpenXR runtime does not offer {needed}",
-                    remedy="use SteamVR or Monado as the OpenXR runtime, or another driver",
+                    remedy="use SteamVR or Monado as the OpenXR runtime, or another driver"
+                    + ("; with display.show: headset none is needed" * (needed == HEADLESS)),
                 )
-        enabled = [HEADLESS, TIMESPEC, *([EYE_GAZE] if EYE_GAZE in offered else [])]
+        self._binding = GraphicsBinding(offered) if self._shows_images else None
+        way = (HEADLESS,) if self._binding is None else self._binding.extensions
+        enabled = [*way, TIMESPEC, *([EYE_GAZE] if EYE_GAZE in offered else [])]
         application = xr.ApplicationInfo(
             application_name="Visavis", api_version=xr.Version(1, 0, 0)
         )
@@ -150,8 +172,12 @@ class OpenXrLibrary:
             self._instance, xr.SystemGetInfo(form_factor=xr.FormFactor.HEAD_MOUNTED_DISPLAY)
         )
         self.offers_gaze = EYE_GAZE in enabled and self._supports_gaze(system)
+        link = None
+        if self._binding is not None:
+            ask_graphics_requirements(xr, self._instance, system)
+            link = self._binding.link
         self._session = xr.create_session(
-            self._instance, xr.SessionCreateInfo(system_id=system, next=None)
+            self._instance, xr.SessionCreateInfo(system_id=system, next=link)
         )
         for space, kind in (
             ("stage", xr.ReferenceSpaceType.STAGE),
@@ -160,8 +186,11 @@ class OpenXrLibrary:
             self._spaces[space] = xr.create_reference_space(
                 self._session, xr.ReferenceSpaceCreateInfo(reference_space_type=kind)
             )
-        if self.offers_gaze:
-            self._make_gaze()
+        self._actions = OpenXrActions(xr, self._instance, self._session, with_gaze=self.offers_gaze)
+        self._spaces.update(self._actions.spaces)
+        if self._binding is not None:
+            stage, context = self._spaces["stage"], self._binding.context
+            self._images = EyeImages(xr, self._session, stage, context)
         self._await_running(deadline_s)
 
     def _supports_gaze(self, system: Any) -> bool:
@@ -173,38 +202,6 @@ class OpenXrLibrary:
         )
         xr.check_result(xr.Result(result))
         return bool(gaze.supports_eye_gaze_interaction)
-
-    def _make_gaze(self) -> None:
-        """Suggest bindings, attach, and only then make the space: a runtime insists on it."""
-        xr = self._xr
-        self._actions = xr.create_action_set(
-            self._instance,
-            xr.ActionSetCreateInfo(action_set_name="gaze", localized_action_set_name="Gaze"),
-        )
-        self._gaze_action = xr.create_action(
-            self._actions,
-            xr.ActionCreateInfo(
-                action_type=xr.ActionType.POSE_INPUT,
-                action_name="gaze",
-                localized_action_name="Gaze",
-            ),
-        )
-        binding = xr.ActionSuggestedBinding(
-            self._gaze_action, xr.string_to_path(self._instance, GAZE_PATH)
-        )
-        xr.suggest_interaction_profile_bindings(
-            self._instance,
-            xr.InteractionProfileSuggestedBinding(
-                interaction_profile=xr.string_to_path(self._instance, GAZE_PROFILE),
-                suggested_bindings=[binding],
-            ),
-        )
-        xr.attach_session_action_sets(
-            self._session, xr.SessionActionSetsAttachInfo(action_sets=[self._actions])
-        )
-        self._spaces["gaze"] = xr.create_action_space(
-            self._session, xr.ActionSpaceCreateInfo(action=self._gaze_action)
-        )
 
     def _await_running(self, deadline_s: float) -> None:
         deadline_ns = self.clock.now_ns() + round(deadline_s * NS_PER_S)
@@ -218,7 +215,11 @@ class OpenXrLibrary:
                     remedy="close other VR programs and put the headset on",
                 )
             if focused not in self.states:
-                self.clock.sleep_until_ns(now_ns + 5 * NS_PER_MS)
+                if self._running and self._images is not None:
+                    self._begin_frame()  # the focus comes only to who keeps up frames
+                    self._end_frame()
+                else:
+                    self.clock.sleep_until_ns(now_ns + 5 * NS_PER_MS)
 
     def _pump_events(self) -> None:
         xr = self._xr
@@ -260,7 +261,10 @@ class OpenXrLibrary:
     def _disconnect(self) -> None:
         """Let go of everything; the instance takes its children with it."""
         instance, self._instance = self._instance, None
-        self._session, self._actions, self._gaze_action = None, None, None
+        images, self._images, self._begun = self._images, None, None
+        if images is not None:
+            images.close()
+        self._session, self._actions, self._binding = None, None, None
         self._spaces, self.states, self._running = {}, [], False
         if instance is not None:
             self._xr.destroy_instance(instance)
@@ -273,7 +277,7 @@ class OpenXrLibrary:
         stamp = xr.timespec(now_ns // NS_PER_S, now_ns % NS_PER_S)
         return now_ns, int(xr.convert_timespec_time_to_time_khr(self._instance, stamp).value)
 
-    def _runtime(self) -> Frames:
+    def _runtime(self, _: Frames) -> Frames:
         packed: bytes = msgpack.packb([self.version, self.offers_gaze])
         return (packed,)
 
@@ -293,41 +297,77 @@ class OpenXrLibrary:
         )[0]
         return int(flags), location.pose
 
-    def _gaze(self) -> Frames:
-        if not self.offers_gaze:
+    def _gaze(self, _: Frames) -> Frames:
+        if not self.offers_gaze or self._actions is None:
             return ()
-        xr = self._xr
-        xr.sync_actions(
-            self._session,
-            xr.ActionsSyncInfo(active_action_sets=[xr.ActiveActionSet(self._actions, 0)]),
-        )
+        self._actions.sync()
         host_ns, now = self._now()
-        sampled = xr.EyeGazeSampleTimeEXT()
+        sampled = self._xr.EyeGazeSampleTimeEXT()
         flags, pose = self._locate("gaze", "view", now, sampled)
         packed = LOCATED.pack(host_ns, now, int(_number(sampled.time)), flags, *_numbers(pose))
         return (packed,)
 
-    def _frame(self) -> Frames:
-        xr = self._xr
-        state = xr.wait_frame(self._session)
-        xr.begin_frame(self._session)
-        predicted = int(_number(state.predicted_display_time))
-        period = int(_number(state.predicted_display_period))
-        flags, pose = self._locate("view", "stage", predicted)
+    def _hands(self, _: Frames) -> Frames:
+        actions = self._actions
+        if actions is None:
+            return ()
+        actions.sync()
+        host_ns, now = self._now()
+        parts = [INSTANT.pack(host_ns, now)]
+        for hand, name in enumerate(HANDS):
+            pulled = actions.trigger(hand)
+            flags, pose = self._locate(f"aim {name}", "stage", now)
+            parts.append(BUTTON_STATES.pack(*actions.buttons(hand)))
+            known = (pulled is not None, 0.0 if pulled is None else pulled)
+            parts.append(HAND.pack(*known, flags, *_numbers(pose)))
+        return (b"".join(parts),)
+
+    def _buzz(self, frames: Frames) -> Frames:
+        hand, duration_us = (int(part) for part in frames[1].split())
+        if self._actions is not None:
+            self._actions.buzz(hand, duration_us)
+        return ()
+
+    def _begin_frame(self) -> tuple[int, int]:
+        """Wait for a frame and begin it; return its predicted display time and its period."""
+        if self._begun is not None:
+            self._end_frame()
+        state = self._xr.wait_frame(self._session)
+        self._xr.begin_frame(self._session)
+        self._begun = state.predicted_display_time
+        return int(_number(self._begun)), int(_number(state.predicted_display_period))
+
+    def _end_frame(self, layers: Sequence[Any] = ()) -> None:
+        xr, begun, self._begun = self._xr, self._begun, None
         xr.end_frame(
             self._session,
             xr.FrameEndInfo(
-                display_time=state.predicted_display_time,
+                display_time=begun,
                 environment_blend_mode=xr.EnvironmentBlendMode.OPAQUE,
-                layers=[],
+                layers=list(layers),
             ),
         )
+
+    def _frame(self, _: Frames) -> Frames:
+        predicted, period = self._begin_frame()
+        flags, pose = self._locate("view", "stage", predicted)
+        if self._images is None:
+            self._end_frame()
         host_ns, now = self._now()
         return (FRAME.pack(host_ns, now, predicted, period, flags, *_numbers(pose)),)
 
-    def _views(self) -> Frames:
+    def _show(self, frames: Frames) -> Frames:
+        """End the frame with two new images, or with those before."""
+        if self._images is None or self._begun is None:
+            raise _Refused("NoFrameToShowImagesIn")
+        if len(frames) > 1 and (problem := self._images.take(frames[1])):
+            raise _Refused(problem)
+        self._end_frame(self._images.layers)
+        return ()
+
+    def _views(self, _: Frames) -> Frames:
         xr = self._xr
-        _, now = self._now()
+        now = self._now()[1]
         _, views = xr.locate_views(
             self._session,
             xr.ViewLocateInfo(
@@ -348,6 +388,10 @@ class OpenXrLibrary:
         ]
         packed: bytes = msgpack.packb([[float(x) for x in row] for row in rows])
         return (packed,)
+
+
+class _Refused(Exception):
+    """Something that the runtime was not even asked for."""
 
 
 class OpenXrTransport:

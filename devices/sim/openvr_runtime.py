@@ -4,7 +4,8 @@ A small C library (`native/vrclient`) is compiled when it is first needed; its f
 are built from the package's own definitions, and what they do is here. Not modelled: lens
 distortion, IVRInput and every interface but IVRSystem and IVRCompositor, tracking noise and
 prediction error (a predicted pose is the body's pose at the call), running start (a frame begins
-at the vertical sync), reprojection. Images are not looked at; `on_submit` gets their GL names.
+at the vertical sync), reprojection. `on_submit` gets the GL names of images; with `on_image` every
+texture is read back from the card as it is handed over, and one that is not there is refused.
 """
 
 import ctypes
@@ -21,13 +22,15 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from devices.contracts import Body, MovingBody
 from devices.drivers.openvr_library import OpenVrLibrary
 from devices.sim.faults import FaultSchedule
+from devices.sim.image_reader import ImageReader
 from devices.sim.native_build import build_library
 from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceNotFound
+from lab.errors import DeviceError, DeviceNotFound
 from lab.geometry import Vector, rotate
 
 MILLI_HZ = 1000
@@ -129,6 +132,7 @@ class SimulatedVrRuntime:
         faults: FaultSchedule | None = None,
     ) -> None:
         self.on_submit: Callable[[int, int], None] | None = None
+        self.on_image: Callable[[int, npt.NDArray[np.uint8]], None] | None = None
         self.submissions: list[Submission] = []
         self.failure: Exception | None = None
         self._body = body
@@ -145,6 +149,7 @@ class SimulatedVrRuntime:
         self._counts = _Counts()
         self._in_standby = self._unplugged = False
         self._submitted_eyes: set[int] = set()
+        self._reader = ImageReader()
         self._base_offset_m = np.zeros((len(BASE_STATIONS_M), 3))
         self.devices = self._make_devices(dict(trackers or {}))
         self._environment: dict[str, str | None] = {}
@@ -379,6 +384,12 @@ class SimulatedVrRuntime:
             return int(self._openvr.VRCompositorError_InvalidTexture)
         if eye in self._submitted_eyes:
             return int(self._openvr.VRCompositorError_AlreadySubmitted)
+        if self.on_image is not None:
+            try:
+                image = self._reader.read(name)
+            except DeviceError:
+                return int(self._openvr.VRCompositorError_InvalidTexture)
+            self.on_image(eye, image)
         self._submitted_eyes.add(eye)
         self.submissions.append(Submission(self._vsync, eye, name, self._clock.now_ns()))
         if self.on_submit is not None:

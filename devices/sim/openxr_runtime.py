@@ -1,10 +1,11 @@
 """An OpenXR runtime without a headset: the genuine loader finds it and a body is tracked.
 
 A small C library (`native/openxr_runtime`) is compiled when it is first needed and hands out
-functions that are here, made with pyopenxr's own prototypes. It offers headless sessions, eye
-gaze and time conversion. Not modelled: graphics (it refuses a session with none unless it is
-headless, and offers no other), layers, controllers, boundaries, the runtime's smoothing of gaze,
-prediction error. Gaze is sampled at its own rate: locating twice between gives the same sample.
+functions that are here, made with pyopenxr's own prototypes. It offers headless sessions and such
+with OpenGL (`images` reads back what is shown), controllers (`hands`), eye gaze and time
+conversion; it insists on the order of frame calls. A session with graphics gets the focus only
+after its first frames. Not modelled: boundaries, the runtime's smoothing of gaze, prediction
+error. Gaze is sampled at its own rate: locating twice between gives the same sample.
 """
 
 # ruff: noqa: N802 - the functions bear the names of OpenXR
@@ -22,9 +23,12 @@ from typing import Any
 import numpy as np
 
 from devices.contracts import Body
+from devices.drivers.openxr_graphics import EGL, OPENGL
 from devices.drivers.openxr_library import EYE_GAZE, HEADLESS, TIMESPEC, OpenXrLibrary
 from devices.sim.faults import FaultSchedule
 from devices.sim.native_build import build_library
+from devices.sim.openxr_hands import SimulatedHands
+from devices.sim.openxr_images import CALL_ORDER_INVALID, SimulatedImages
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceNotFound
 
@@ -34,11 +38,11 @@ EPOCH_NS = 7_000_000_000_000
 RUNTIME_NAME = b"Visavis simulated OpenXR"
 SUCCESS, EVENT_UNAVAILABLE = 0, 4
 API_VERSION_UNSUPPORTED, FORM_FACTOR_UNAVAILABLE = -4, -35
-GRAPHICS_DEVICE_INVALID, SESSION_NOT_RUNNING = -38, -16
+SESSION_NOT_RUNNING, TIME_INVALID = -16, -30
 ACTIONSETS_NOT_ATTACHED = -46
 IDLE, READY, SYNCHRONIZED, VISIBLE, FOCUSED, STOPPING, LOSS_PENDING, EXITING = range(1, 9)
 ALL_VALID_AND_TRACKED = 0b1111
-STAGE, VIEW, GAZE = 3, 1, 99
+STAGE, VIEW, GAZE, FIRST_HAND = 3, 1, 99, 100
 FIRST_HANDLE = 0x1000
 VIEW_ANGLES_RAD = (-0.87, 0.82, -0.85, 0.86)
 IPD_M = 0.063
@@ -75,9 +79,13 @@ class SimulatedXrRuntime:
         self._origin_ns = clock.now_ns()
         self._states: deque[int] = deque()
         self._spaces: dict[int, int] = {}
-        self._paths: dict[int, str] = {}
         self._handles = FIRST_HANDLE
-        self._running = self._attached = self._lost = self._is_headless = False
+        self._running = self._lost = self._is_headless = False
+        self._waited = self._begun = False
+        self._display_time = self._frames_ended = 0
+        self.images = SimulatedImages(self._new_handle)
+        self.hands = SimulatedHands(body, clock.now_ns, self._has_focus)
+        self.hands.allocate_with(self._new_handle)
         self._last_frame_ns: int | None = None
         self._keep: list[Any] = []
         self._before: str | None = None
@@ -101,9 +109,10 @@ class SimulatedXrRuntime:
         self._before = os.environ.get("XR_RUNTIME_JSON")
         os.environ["XR_RUNTIME_JSON"] = str(manifest)
         self._native = ctypes.CDLL(str(built))
-        for name in dir(type(self)):
-            if name.startswith("_xr_"):
-                self._offer("xr" + name.removeprefix("_xr_"), getattr(self, name))
+        for part in (self, self.images, self.hands):
+            for name in dir(type(part)):
+                if name.startswith("_xr_"):
+                    self._offer("xr" + name.removeprefix("_xr_"), getattr(part, name))
         return self
 
     def __exit__(
@@ -135,7 +144,7 @@ class SimulatedXrRuntime:
     def _xr_EnumerateInstanceExtensionProperties(
         self, layer: Any, capacity: int, count: Any, properties: Any
     ) -> int:
-        names = (HEADLESS, TIMESPEC, EYE_GAZE)
+        names = (HEADLESS, TIMESPEC, EYE_GAZE, OPENGL, EGL)
         count[0] = len(names)
         if capacity and properties:
             for i, name in enumerate(names):
@@ -154,7 +163,10 @@ class SimulatedXrRuntime:
     def _xr_DestroyInstance(self, instance: Any) -> int:
         self._states.clear()
         self._spaces.clear()
-        self._running = self._attached = self._lost = False
+        self._running = self._lost = self._waited = self._begun = False
+        self._frames_ended = 0
+        self.images.forget()
+        self.hands.forget()
         return SUCCESS
 
     def _xr_GetInstanceProperties(self, instance: Any, properties: Any) -> int:
@@ -174,8 +186,8 @@ class SimulatedXrRuntime:
         return SUCCESS
 
     def _xr_CreateSession(self, instance: Any, info: Any, session: Any) -> int:
-        if not self._is_headless and not self._next_of(info):
-            return GRAPHICS_DEVICE_INVALID
+        if not self._is_headless and (problem := self.images.session_result(self._next_of(info))):
+            return problem
         self._states.extend((IDLE, READY))
         return self._new(session)
 
@@ -184,7 +196,8 @@ class SimulatedXrRuntime:
 
     def _xr_BeginSession(self, session: Any, info: Any) -> int:
         self._running = True
-        self._states.extend((SYNCHRONIZED, VISIBLE, FOCUSED))
+        if self._is_headless:
+            self._states.extend((SYNCHRONIZED, VISIBLE, FOCUSED))
         return SUCCESS
 
     def _xr_EndSession(self, session: Any) -> int:
@@ -204,36 +217,13 @@ class SimulatedXrRuntime:
         target.state = self._xr.SessionState(self._states.popleft())
         return SUCCESS
 
-    # ---- paths and actions --------------------------------------------------------------------
-
-    def _xr_StringToPath(self, instance: Any, text: Any, path: Any) -> int:
-        number = len(self._paths) + 1
-        self._paths[number] = text.decode() if isinstance(text, bytes) else str(text)
-        ctypes.cast(path, ctypes.POINTER(ctypes.c_uint64))[0] = number
-        return SUCCESS
-
-    def _xr_CreateActionSet(self, instance: Any, info: Any, actions: Any) -> int:
-        return self._new(actions)
-
-    def _xr_CreateAction(self, actions: Any, info: Any, action: Any) -> int:
-        return self._new(action)
-
-    def _xr_SuggestInteractionProfileBindings(self, instance: Any, suggested: Any) -> int:
-        return ACTIONSETS_NOT_ATTACHED if self._attached else SUCCESS
-
-    def _xr_AttachSessionActionSets(self, session: Any, info: Any) -> int:
-        self._attached = True
-        return SUCCESS
+    # ---- spaces, frames, times ------------------------------------------------------------------
 
     def _xr_CreateActionSpace(self, session: Any, info: Any, space: Any) -> int:
-        if not self._attached:
+        if not self.hands.attached:
             return ACTIONSETS_NOT_ATTACHED
-        return self._new_space(space, GAZE)
-
-    def _xr_SyncActions(self, session: Any, info: Any) -> int:
-        return SUCCESS if self._running else SESSION_NOT_RUNNING
-
-    # ---- spaces, frames, times ------------------------------------------------------------------
+        hand = self.hands.hand_of(info.contents)
+        return self._new_space(space, GAZE if hand is None else FIRST_HAND + hand)
 
     def _xr_CreateReferenceSpace(self, session: Any, info: Any, space: Any) -> int:
         kind = info.contents.reference_space_type
@@ -247,6 +237,9 @@ class SimulatedXrRuntime:
         kind = self._spaces[self._handle(space)]
         if kind == GAZE:
             found = self._gaze_at(at_ns, location)
+        elif kind >= FIRST_HAND:
+            lost = self._active("silence") or not self._has_focus()
+            found = None if lost else self.hands.pose(kind - FIRST_HAND, max(0, at_ns))
         else:
             lost = self._active("silence") or self._active("standby")
             position, turn = self._body.head(max(0, at_ns))
@@ -279,13 +272,25 @@ class SimulatedXrRuntime:
         self._clock.sleep_until_ns(due)
         numbers = ctypes.cast(ctypes.byref(state.contents, 16), ctypes.POINTER(ctypes.c_int64))
         numbers[0], numbers[1] = due + 2 * period + EPOCH_NS, period
+        self._waited, self._display_time = True, int(numbers[0])
         return SUCCESS
 
     def _xr_BeginFrame(self, session: Any, info: Any) -> int:
+        if not self._waited:
+            return CALL_ORDER_INVALID
+        self._waited, self._begun = False, True
         return SUCCESS
 
     def _xr_EndFrame(self, session: Any, info: Any) -> int:
-        return SUCCESS
+        if not self._begun:
+            return CALL_ORDER_INVALID
+        if int(info.contents.display_time) != self._display_time:
+            return TIME_INVALID
+        self._begun = False
+        self._frames_ended += 1
+        if not self._is_headless and self._frames_ended <= 2:
+            self._states.extend(((SYNCHRONIZED,), (VISIBLE, FOCUSED))[self._frames_ended - 1])
+        return self.images.layers_result(info.contents)
 
     def _xr_ConvertTimespecTimeToTimeKHR(self, instance: Any, stamp: Any, time: Any) -> int:
         shown = stamp.contents.tv_sec * NS_PER_S + stamp.contents.tv_nsec + EPOCH_NS
@@ -337,9 +342,16 @@ class SimulatedXrRuntime:
         since_ns = self._clock.now_ns() - self._origin_ns
         return self._faults.active(kind, since_ns) is not None
 
-    def _new(self, target: Any) -> int:
+    def _has_focus(self) -> bool:
+        return self._running and not self._active("standby")
+
+    def _new_handle(self, target: Any) -> int:
         self._handles += 16
         ctypes.cast(target, ctypes.POINTER(ctypes.c_void_p))[0] = self._handles
+        return self._handles
+
+    def _new(self, target: Any) -> int:
+        self._new_handle(target)
         return SUCCESS
 
     def _new_space(self, target: Any, kind: int) -> int:

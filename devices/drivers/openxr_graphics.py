@@ -1,0 +1,218 @@
+"""Show images through an OpenXR session: bind it to OpenGL, keep a swap chain for each eye.
+
+Images are copied as they are, sRGB bytes into an sRGB swap chain, within the context that drew
+them. Source: the OpenXR specification, XR_KHR_opengl_enable and XR_MNDX_egl_enable.
+"""
+
+import ctypes
+import ctypes.util
+import math
+import struct
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from devices.current_gl import SRGB8_ALPHA8, GlContext, GlCopies, current_context
+from lab.clock import NS_PER_S
+from lab.errors import DeviceNotFound
+from lab.frame import EyeView
+
+OPENGL = "XR_KHR_opengl_enable"
+EGL = "XR_MNDX_egl_enable"
+BINDING_TYPES = {"egl": 1000048004, "glx": 1000023001, "wgl": 1000023000}
+"""`XrStructureType` of the bindings."""
+
+SHOWN = struct.Struct("<4I 22f")
+"""Names of the two textures (left first), width, height; then per eye the place it was drawn
+from, its orientation (x, y, z, w), and the angles left, right, down, up."""
+
+IMAGE_TIMEOUT_NS = NS_PER_S
+
+_p = ctypes.c_void_p
+
+
+_HEADER: tuple[tuple[str, Any], ...] = (("type", ctypes.c_int32), ("next", _p))
+
+
+class _Egl(ctypes.Structure):
+    _fields_ = (
+        *_HEADER,
+        ("get_proc_address", _p),
+        ("display", _p),
+        ("config", _p),
+        ("context", _p),
+    )
+
+
+class _Xlib(ctypes.Structure):
+    _fields_ = (
+        *_HEADER,
+        ("display", _p),
+        ("visual", ctypes.c_uint32),
+        ("config", _p),
+        ("drawable", ctypes.c_ulong),
+        ("context", _p),
+    )
+
+
+class _Windows(ctypes.Structure):
+    _fields_ = (*_HEADER, ("display", _p), ("context", _p))
+
+
+class GraphicsBinding:
+    """The context that is current now, as a session is created with it.
+
+    Raises:
+        DeviceNotFound: the runtime cannot take this kind of context.
+        DeviceError: no context is current.
+    """
+
+    def __init__(self, offered: Iterable[str]) -> None:
+        self.context = current_context()
+        self.extensions = (OPENGL, EGL) if self.context.system == "egl" else (OPENGL,)
+        missing = [name for name in self.extensions if name not in offered]
+        if missing:
+            raise DeviceNotFound(
+                f"the OpenXR runtime does not offer {', '.join(missing)}, so it shows no images "
+                "drawn with OpenGL here",
+                remedy="use SteamVR or Monado as the OpenXR runtime, on an X11 desktop if it is "
+                "Linux; or the driver openvr_headset",
+            )
+        self._made = _binding(self.context)
+
+    @property
+    def link(self) -> ctypes.c_void_p:
+        """What the session's information points to; lives as long as this object."""
+        return ctypes.cast(ctypes.pointer(self._made), _p)
+
+
+def _binding(context: GlContext) -> ctypes.Structure:
+    kind = BINDING_TYPES[context.system]
+    if context.system == "egl":
+        egl = ctypes.CDLL(ctypes.util.find_library("EGL") or "libEGL.so.1")
+        finder = ctypes.cast(egl.eglGetProcAddress, _p).value
+        return _Egl(kind, None, finder, context.display, context.config, context.context)
+    if context.system == "glx":
+        return _Xlib(
+            kind, None, context.display, context.visual, context.config,
+            context.drawable, context.context,
+        )  # fmt: skip
+    return _Windows(kind, None, context.display, context.context)
+
+
+def ask_graphics_requirements(xr: Any, instance: Any, system: Any) -> None:
+    """Ask which OpenGL the runtime wants; the specification has it asked before a session."""
+    name = "xrGetOpenGLGraphicsRequirementsKHR"
+    function = ctypes.cast(
+        xr.get_instance_proc_addr(instance, name), xr.PFN_xrGetOpenGLGraphicsRequirementsKHR
+    )
+    wanted = xr.GraphicsRequirementsOpenGLKHR()
+    problem = xr.check_result(xr.Result(function(instance, system, ctypes.byref(wanted))))
+    if problem.is_exception():
+        raise problem
+
+
+def packed_images(
+    names: Sequence[int],
+    size_px: tuple[int, int],
+    poses: Sequence[tuple[Sequence[float], Sequence[float]]],
+    views: Sequence[EyeView],
+) -> bytes:
+    """Return `SHOWN` of two images; `poses` are position and orientation (w, x, y, z) per eye."""
+    numbers: list[float] = []
+    for (place, (w, x, y, z)), view in zip(poses, views, strict=True):
+        bounds = (view.tangent_left, view.tangent_right, view.tangent_bottom, view.tangent_top)
+        numbers += [*place, x, y, z, w, *(math.atan(tangent) for tangent in bounds)]
+    return SHOWN.pack(*names, *size_px, *numbers)
+
+
+class EyeImages:
+    """A swap chain per eye, made when the first images come, and the layer that shows them."""
+
+    def __init__(self, xr: Any, session: Any, space: Any, context: GlContext) -> None:
+        self._xr = xr
+        self._session = session
+        self._space = space
+        self._copies = GlCopies(context)
+        self._size_px = (0, 0)
+        self._chains: list[tuple[Any, list[int]]] = []
+        self._layer: Any = None
+
+    @property
+    def layers(self) -> list[Any]:
+        """What a frame that shows nothing new ends with: the images before, or none."""
+        return [] if self._layer is None else [ctypes.pointer(self._layer)]
+
+    def take(self, raw: bytes) -> str:
+        """Copy two images and make them the layer; return what went wrong, or nothing."""
+        left, right, width, height, *numbers = SHOWN.unpack(raw)
+        if (width, height) != self._size_px:
+            problem = self._make_chains((width, height))
+            if problem:
+                return problem
+        xr, views = self._xr, []
+        for eye, name in enumerate((left, right)):
+            chain, textures = self._chains[eye]
+            index = int(xr.acquire_swapchain_image(chain, xr.SwapchainImageAcquireInfo()))
+            try:
+                xr.wait_swapchain_image(chain, xr.SwapchainImageWaitInfo(timeout=IMAGE_TIMEOUT_NS))
+                problem = self._copies.copy(name, textures[index], (width, height))
+            finally:
+                xr.release_swapchain_image(chain, xr.SwapchainImageReleaseInfo())
+            if problem:
+                return f"the {('left', 'right')[eye]} image: {problem}"
+            x, y, z, i, j, k, w, *angles = numbers[11 * eye : 11 * (eye + 1)]
+            down, up = angles[2:]
+            views.append(
+                xr.CompositionLayerProjectionView(
+                    pose=xr.Posef(xr.Quaternionf(i, j, k, w), xr.Vector3f(x, y, z)),
+                    fov=xr.Fovf(angles[0], angles[1], up, down),
+                    sub_image=xr.SwapchainSubImage(
+                        swapchain=chain,
+                        image_rect=xr.Rect2Di(xr.Offset2Di(0, 0), xr.Extent2Di(width, height)),
+                    ),
+                )
+            )
+        self._layer = xr.CompositionLayerProjection(space=self._space, views=views)
+        return ""
+
+    def close(self) -> None:
+        """Let go of the swap chains; the session may be gone already."""
+        self._layer = None
+        for chain, _ in self._chains:
+            try:
+                self._xr.destroy_swapchain(chain)
+            except self._xr.exception.XrException:  # went with its session
+                continue
+        self._chains = []
+        self._copies.close()
+
+    def _make_chains(self, size_px: tuple[int, int]) -> str:
+        xr = self._xr
+        formats = [int(f) for f in xr.enumerate_swapchain_formats(self._session)]
+        if SRGB8_ALPHA8 not in formats:
+            return "the runtime offers no swap chains of sRGB bytes"
+        self._layer = None
+        for chain, _ in self._chains:
+            xr.destroy_swapchain(chain)
+        self._chains = []
+        usage = xr.SwapchainUsageFlags
+        for _ in range(2):
+            chain = xr.create_swapchain(
+                self._session,
+                xr.SwapchainCreateInfo(
+                    usage_flags=usage.COLOR_ATTACHMENT_BIT
+                    | usage.SAMPLED_BIT
+                    | usage.TRANSFER_DST_BIT,
+                    format=SRGB8_ALPHA8,
+                    sample_count=1,
+                    width=size_px[0],
+                    height=size_px[1],
+                    face_count=1,
+                    array_size=1,
+                    mip_count=1,
+                ),
+            )
+            images = xr.enumerate_swapchain_images(chain, xr.SwapchainImageOpenGLKHR)
+            self._chains.append((chain, [int(image.image) for image in images]))
+        self._size_px = size_px
+        return ""

@@ -1,0 +1,172 @@
+"""The controllers of a simulated OpenXR runtime: actions by name, bindings, two tracked hands.
+
+A body's presses become buttons ("trigger", "left_grip"); a pulled trigger is all the way down.
+Paths are checked against the profiles of the specification (section 6.4). Not modelled: touch
+sensors, thumbsticks, dead zones, which controller a hand holds (always one with everything).
+"""
+
+# ruff: noqa: N802 - the functions bear the names of OpenXR
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from devices.contracts import Body, MovingBody
+from lab.geometry import rotate
+
+SUCCESS, SESSION_NOT_FOCUSED = 0, 8
+PATH_UNSUPPORTED, ACTIONSETS_NOT_ATTACHED = -22, -46
+SEGMENTS = ("left_hand", "right_hand")
+OFFSETS_M = ((-0.25, -0.45, -0.3), (0.25, -0.45, -0.3))
+PRESSES = {"trigger": "select", "select": "select", "menu": "menu", "grip": "grip"}
+_ALWAYS = ("input/aim/pose", "output/haptic")
+VALID_PATHS = {
+    "/interaction_profiles/khr/simple_controller": ("input/select/click", "input/menu/click"),
+    "/interaction_profiles/htc/vive_controller": (
+        "input/trigger/click",
+        "input/trigger/value",
+        "input/menu/click",
+        "input/squeeze/click",
+    ),
+    "/interaction_profiles/valve/index_controller": (
+        "input/trigger/click",
+        "input/trigger/value",
+        "input/a/click",
+        "input/b/click",
+        "input/squeeze/value",
+    ),
+    "/interaction_profiles/oculus/touch_controller": (
+        "input/trigger/value",
+        "input/squeeze/value",
+    ),
+    "/interaction_profiles/microsoft/motion_controller": (
+        "input/trigger/value",
+        "input/menu/click",
+        "input/squeeze/click",
+    ),
+    "/interaction_profiles/ext/eye_gaze_interaction": ("/user/eyes_ext/input/gaze_ext/pose",),
+}
+
+
+class SimulatedHands:
+    """The functions of a runtime that concern actions; `off` names the hands without one."""
+
+    def __init__(
+        self, body: Body, now_ns: Callable[[], int], has_focus: Callable[[], bool]
+    ) -> None:
+        self.off: set[int] = set()
+        self.pulses: list[tuple[int, int]] = []
+        self.attached = False
+        self._body = body
+        self._now_ns = now_ns
+        self._has_focus = has_focus
+        self._names: dict[int, str] = {}
+        self._paths: dict[int, str] = {}
+        self._down: set[tuple[int, str]] = set()
+        self._new_handle: Callable[[Any], int] = lambda _: 0
+
+    def allocate_with(self, new_handle: Callable[[Any], int]) -> None:
+        """Take handles from the runtime."""
+        self._new_handle = new_handle
+
+    def forget(self) -> None:
+        """Lose actions and their attachment, as when the instance goes."""
+        self.attached = False
+        self._names.clear()
+        self._down.clear()
+
+    def hand_of(self, space_info: Any) -> int | None:
+        """Return which hand an action space belongs to; None: it is the eyes'."""
+        path = self._paths.get(int(space_info.subaction_path), "")
+        return None if not path else int(path.endswith("right"))
+
+    def pose(self, hand: int, t_ns: int) -> tuple[list[float], list[float]] | None:
+        """Return where a hand points: position and orientation (w, x, y, z), None without one."""
+        if hand in self.off:
+            return None
+        if isinstance(self._body, MovingBody):
+            places, turns = self._body.segments((SEGMENTS[hand],), np.array((t_ns,), np.int64))
+            return places[0, 0].tolist(), turns[0, 0].tolist()
+        place, turn = self._body.head(t_ns)
+        return (place + rotate(turn, np.array(OFFSETS_M[hand]))).tolist(), turn.tolist()
+
+    # ---- the runtime's functions -------------------------------------------------------------
+
+    def _xr_StringToPath(self, instance: Any, text: Any, path: Any) -> int:
+        written = text.decode() if isinstance(text, bytes) else str(text)
+        known = {name: number for number, name in self._paths.items()}
+        number = known.get(written, len(self._paths) + 1)
+        self._paths[number] = written
+        ctypes.cast(path, ctypes.POINTER(ctypes.c_uint64))[0] = number
+        return SUCCESS
+
+    def _xr_CreateActionSet(self, instance: Any, info: Any, actions: Any) -> int:
+        self._new_handle(actions)
+        return SUCCESS
+
+    def _xr_CreateAction(self, actions: Any, info: Any, action: Any) -> int:
+        name = info.contents.action_name
+        self._names[self._new_handle(action)] = (
+            name.decode() if isinstance(name, bytes) else str(name)
+        )
+        return SUCCESS
+
+    def _xr_SuggestInteractionProfileBindings(self, instance: Any, suggested: Any) -> int:
+        if self.attached:
+            return ACTIONSETS_NOT_ATTACHED
+        given = suggested.contents
+        profile = self._paths[int(given.interaction_profile)]
+        if profile not in VALID_PATHS:
+            return PATH_UNSUPPORTED
+        for i in range(given.count_suggested_bindings):
+            path = self._paths[int(given._suggested_bindings[i].binding)]  # noqa: SLF001 - the package's field
+            below = path.removeprefix("/user/hand/left/").removeprefix("/user/hand/right/")
+            if below not in (*VALID_PATHS[profile], *_ALWAYS):
+                return PATH_UNSUPPORTED
+        return SUCCESS
+
+    def _xr_AttachSessionActionSets(self, session: Any, info: Any) -> int:
+        if self.attached:
+            return ACTIONSETS_NOT_ATTACHED
+        self.attached = True
+        return SUCCESS
+
+    def _xr_SyncActions(self, session: Any, info: Any) -> int:
+        for _, control, value in self._body.presses(self._now_ns()):
+            side, _, button = control.rpartition("_")
+            key = (int(side != "left"), PRESSES[button])
+            (self._down.add if value > 0.5 else self._down.discard)(key)
+        return SUCCESS if self._has_focus() else SESSION_NOT_FOCUSED
+
+    def _xr_GetActionStateBoolean(self, session: Any, info: Any, state: Any) -> int:
+        hand, name = self._asked(info.contents)
+        state.contents.is_active = self._is_on(hand)
+        state.contents.current_state = (hand, name) in self._down and self._is_on(hand)
+        return SUCCESS
+
+    def _xr_GetActionStateFloat(self, session: Any, info: Any, state: Any) -> int:
+        hand, _ = self._asked(info.contents)
+        state.contents.is_active = self._is_on(hand)
+        pulled = (hand, "select") in self._down and self._is_on(hand)
+        state.contents.current_state = float(pulled)
+        return SUCCESS
+
+    def _xr_ApplyHapticFeedback(self, session: Any, info: Any, vibration: Any) -> int:
+        import xr
+
+        asked = ctypes.cast(vibration, ctypes.POINTER(xr.HapticVibration)).contents
+        path = self._paths[int(info.contents.subaction_path)]
+        self.pulses.append((int(path.endswith("right")), int(asked.duration) // 1000))
+        return SUCCESS
+
+    # ---- inside -----------------------------------------------------------------------------
+
+    def _asked(self, info: Any) -> tuple[int, str]:
+        handle = int(ctypes.cast(info.action, ctypes.c_void_p).value or 0)
+        hand = int(self._paths[int(info.subaction_path)].endswith("right"))
+        return hand, self._names[handle]
+
+    def _is_on(self, hand: int) -> bool:
+        return hand not in self.off and self._has_focus()

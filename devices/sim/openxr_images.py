@@ -1,0 +1,196 @@
+"""The images of a simulated OpenXR runtime: swap chains, layers, and what they end up showing.
+
+Textures are made in the context that is current when a swap chain is created, which is the
+program's own. Every frame that ends with a layer is read back from the card, as the compositor
+would sample it. Not modelled: distortion, depth, layers other than one projection, times before
+which an image is still in use.
+"""
+
+# ruff: noqa: N802 - the functions bear the names of OpenXR
+
+import ctypes
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.current_gl import SRGB8_ALPHA8
+from devices.drivers.openxr_graphics import BINDING_TYPES
+from devices.sim.image_reader import ImageReader
+
+SUCCESS, TIMEOUT_EXPIRED = 0, 1
+CALL_ORDER_INVALID, LAYER_INVALID, RECT_INVALID = -37, -23, -25
+FORMAT_UNSUPPORTED, REQUIREMENTS_CALL_MISSING, GRAPHICS_DEVICE_INVALID = -26, -50, -38
+PROJECTION, OPENGL_IMAGES = 35, 3
+OFFERED_FORMATS = (SRGB8_ALPHA8, 0x881A)
+
+FirstHandle = Callable[[Any], int]
+
+
+@dataclass(frozen=True, eq=False)
+class ShownEye:
+    """One eye of a frame as handed over: the image (height, width, 4), top row first, the place
+    and orientation (w, x, y, z) it was drawn from, and its angles left, right, down, up.
+    """
+
+    image: npt.NDArray[np.uint8]
+    position_m: tuple[float, ...]
+    orientation_wxyz: tuple[float, ...]
+    angles_rad: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ShownFrame:
+    """A frame that ended with images, for the display time (XrTime) it named."""
+
+    display_time: int
+    eyes: tuple[ShownEye, ShownEye]
+
+
+@dataclass
+class _Chain:
+    textures: list[int]
+    size_px: tuple[int, int]
+    acquired: deque[int] = field(default_factory=deque)
+    waited: bool = False
+    following: int = 0
+    released: int | None = None
+
+
+class SimulatedImages:
+    """The functions of a runtime that concern images; `refused` answers the end of a frame."""
+
+    def __init__(self, new_handle: Callable[[Any], int]) -> None:
+        self.on_frame: Callable[[ShownFrame], None] | None = None
+        self.refused = 0
+        self.frames_shown = 0
+        self._new_handle = new_handle
+        self._reader = ImageReader()
+        self._chains: dict[int, _Chain] = {}
+        self._asked_requirements = False
+
+    def session_result(self, link: int | None) -> int:
+        """Return what creating a session with these graphics comes to."""
+        if not link:
+            return GRAPHICS_DEVICE_INVALID
+        kind = ctypes.cast(link, ctypes.POINTER(ctypes.c_int32))[0]
+        if kind not in BINDING_TYPES.values():
+            return GRAPHICS_DEVICE_INVALID
+        return SUCCESS if self._asked_requirements else REQUIREMENTS_CALL_MISSING
+
+    def forget(self) -> None:
+        """Lose every swap chain, as when the session ends; textures go with their context."""
+        self._chains.clear()
+        self._asked_requirements = False
+
+    def layers_result(self, info: Any) -> int:
+        """Look at the layers a frame ends with; show them, or say what is wrong with them."""
+        if self.refused:
+            return self.refused
+        if info.layer_count == 0:
+            return SUCCESS
+        raw = ctypes.cast(info._layers, ctypes.POINTER(ctypes.c_void_p))[0]  # noqa: SLF001 - the package's field
+        if ctypes.cast(raw, ctypes.POINTER(ctypes.c_int32))[0] != PROJECTION:
+            return LAYER_INVALID
+        import xr
+
+        layer = ctypes.cast(raw, ctypes.POINTER(xr.CompositionLayerProjection)).contents
+        if layer.view_count != 2:
+            return LAYER_INVALID
+        eyes = []
+        for eye in range(2):
+            view = layer._views[eye]  # noqa: SLF001 - the package's field
+            chain = self._chains.get(_handle(view.sub_image.swapchain))
+            if chain is None or chain.released is None:
+                return LAYER_INVALID
+            extent = view.sub_image.image_rect.extent
+            if (extent.width, extent.height) != chain.size_px:
+                return RECT_INVALID
+            pose, fov = view.pose, view.fov
+            p, q = pose.position, pose.orientation
+            eyes.append(
+                ShownEye(
+                    self._reader.read(chain.textures[chain.released]),
+                    (p.x, p.y, p.z),
+                    (q.w, q.x, q.y, q.z),
+                    (fov.angle_left, fov.angle_right, fov.angle_down, fov.angle_up),
+                )
+            )
+        self.frames_shown += 1
+        if self.on_frame is not None:
+            self.on_frame(ShownFrame(int(info.display_time), (eyes[0], eyes[1])))
+        return SUCCESS
+
+    # ---- the runtime's functions -------------------------------------------------------------
+
+    def _xr_GetOpenGLGraphicsRequirementsKHR(self, instance: Any, system: Any, found: Any) -> int:
+        self._asked_requirements = True
+        return SUCCESS
+
+    def _xr_EnumerateSwapchainFormats(
+        self, session: Any, capacity: int, count: Any, formats: Any
+    ) -> int:
+        count[0] = len(OFFERED_FORMATS)
+        if capacity and formats:
+            for i, name in enumerate(OFFERED_FORMATS):
+                formats[i] = name
+        return SUCCESS
+
+    def _xr_CreateSwapchain(self, session: Any, info: Any, chain: Any) -> int:
+        wanted = info.contents
+        if int(wanted.format) not in OFFERED_FORMATS:
+            return FORMAT_UNSUPPORTED
+        size = (int(wanted.width), int(wanted.height))
+        copies = self._reader.copies
+        textures = [copies.texture(size, int(wanted.format)) for _ in range(OPENGL_IMAGES)]
+        self._chains[self._new_handle(chain)] = _Chain(textures, size)
+        return SUCCESS
+
+    def _xr_DestroySwapchain(self, chain: Any) -> int:
+        found = self._chains.pop(_handle(chain), None)
+        if found is not None:
+            self._reader.copies.delete(found.textures)
+        return SUCCESS
+
+    def _xr_EnumerateSwapchainImages(
+        self, chain: Any, capacity: int, count: Any, images: Any
+    ) -> int:
+        import xr
+
+        textures = self._chains[_handle(chain)].textures
+        count[0] = len(textures)
+        if capacity and images:
+            made = ctypes.cast(images, ctypes.POINTER(xr.SwapchainImageOpenGLKHR))
+            for i, name in enumerate(textures):
+                made[i].image = name
+        return SUCCESS
+
+    def _xr_AcquireSwapchainImage(self, chain: Any, info: Any, index: Any) -> int:
+        found = self._chains[_handle(chain)]
+        if len(found.acquired) == len(found.textures):
+            return CALL_ORDER_INVALID
+        found.acquired.append(found.following)
+        index[0] = found.following
+        found.following = (found.following + 1) % len(found.textures)
+        return SUCCESS
+
+    def _xr_WaitSwapchainImage(self, chain: Any, info: Any) -> int:
+        found = self._chains[_handle(chain)]
+        if not found.acquired or found.waited:
+            return CALL_ORDER_INVALID
+        found.waited = True
+        return SUCCESS
+
+    def _xr_ReleaseSwapchainImage(self, chain: Any, info: Any) -> int:
+        found = self._chains[_handle(chain)]
+        if not found.waited:
+            return CALL_ORDER_INVALID
+        found.waited, found.released = False, found.acquired.popleft()
+        return SUCCESS
+
+
+def _handle(handle: Any) -> int:
+    return int(ctypes.cast(handle, ctypes.c_void_p).value or 0)

@@ -1,0 +1,223 @@
+"""Images through an OpenXR session with graphics: read back from the simulated runtime's chains."""
+
+import contextlib
+
+import numpy as np
+import pytest
+
+from devices.conformance import check_headset, check_lifecycle
+from devices.contracts import DeviceState
+from devices.drivers.openxr_gaze import OpenXrGaze
+from devices.drivers.openxr_headset import OpenXrHeadset
+from lab.clock import NS_PER_S, SimClock
+from lab.errors import DeviceDisconnected, DeviceError
+from lab.geometry import quat_from_yaw_pitch_deg
+from tests.devices.openvr_rigs import passer
+from tests.devices.test_openxr import column, simulated
+
+SIZE = (6, 8)
+
+
+@pytest.fixture
+def context():
+    moderngl = pytest.importorskip("moderngl")
+    try:
+        made = moderngl.create_context(standalone=True, require=330, backend="egl")
+    except Exception as problem:
+        pytest.skip(f"apt-get install libegl1 libgl1-mesa-dri ({problem})")
+    with made:
+        yield made
+    made.release()
+
+
+@contextlib.contextmanager
+def showing(*faults):
+    with simulated(*faults) as (runtime, clock):
+        headset = OpenXrHeadset("headset", runtime.library().transport(), clock)
+        headset.show_images()
+        headset.open(1.0)
+        batches = []
+        headset.start(batches.append)
+        try:
+            yield headset, runtime, clock, batches
+        finally:
+            headset.close()
+
+
+def noise(context, rng, size=SIZE):
+    images = [rng.integers(0, 256, (size[1], size[0], 4), dtype=np.uint8) for _ in range(2)]
+    return images, [context.texture(size, 4, image[::-1].tobytes()) for image in images]
+
+
+def one_frame(headset):
+    frame = headset.wait_frame()
+    with contextlib.suppress(DeviceDisconnected):
+        headset.poll(0.0)
+    return frame
+
+
+def test_what_the_runtime_reads_back_is_what_was_handed_over(context):
+    rng, seen = np.random.default_rng(1), []
+    with showing() as (headset, runtime, _, batches):
+        runtime.images.on_frame = seen.append
+        handed = []
+        for _ in range(7):
+            images, textures = noise(context, rng)
+            handed.append(images)
+            headset.submit(one_frame(headset), textures)
+        one_frame(headset)
+    assert len(seen) == 7
+    for images, shown in zip(handed, seen, strict=True):
+        for image, eye in zip(images, shown.eyes, strict=True):
+            assert (image == eye.image).all()
+    assert (column(batches, "t_submitted_ns", "frame_timing") >= 0).all()
+
+
+def test_images_come_with_the_place_and_the_view_they_were_drawn_from(context):
+    rng, seen = np.random.default_rng(2), []
+    with showing() as (headset, runtime, _, _):
+        runtime.images.on_frame = seen.append
+        frame = one_frame(headset)
+        headset.submit(frame, noise(context, rng)[1])
+        left, right = headset.eye_views()
+    turn = quat_from_yaw_pitch_deg(frame.predicted_display_ns * 1e-9)
+    for eye, view in zip(seen[0].eyes, (left, right), strict=True):
+        assert eye.orientation_wxyz == pytest.approx(turn, abs=1e-6)
+        assert np.tan(eye.angles_rad) == pytest.approx(
+            [view.tangent_left, view.tangent_right, view.tangent_bottom, view.tangent_top], rel=1e-5
+        )
+    middle = np.mean([eye.position_m for eye in seen[0].eyes], axis=0)
+    assert middle == pytest.approx([0.0, 1.2, 0.0], abs=1e-6)
+    apart = np.subtract(seen[0].eyes[1].position_m, seen[0].eyes[0].position_m)
+    assert np.linalg.norm(apart) == pytest.approx(0.063, abs=1e-6)
+
+
+def test_nothing_new_shows_the_images_before_and_images_may_change_size(context):
+    rng, seen = np.random.default_rng(3), []
+    with showing() as (headset, runtime, _, _):
+        runtime.images.on_frame = seen.append
+        headset.submit(one_frame(headset), ())
+        assert not seen
+        images, textures = noise(context, rng)
+        headset.submit(one_frame(headset), textures)
+        headset.submit(one_frame(headset), ())
+        larger, textures = noise(context, rng, (10, 12))
+        headset.submit(one_frame(headset), textures)
+    assert [(s.eyes[0].image == images[0]).all() for s in seen[:2]] == [True, True]
+    assert (seen[2].eyes[1].image == larger[1]).all()
+
+
+def test_a_frame_that_nobody_shows_is_ended_before_the_next(context):
+    with showing() as (headset, runtime, _, _):
+        for _ in range(5):
+            one_frame(headset)
+        headset.submit(one_frame(headset), ())
+        calls = [c for c in runtime.calls if c in ("xrBeginFrame", "xrEndFrame")]
+    assert calls == ["xrBeginFrame", "xrEndFrame"] * (len(calls) // 2)
+
+
+def test_a_session_with_graphics_gets_the_focus_by_keeping_up_frames(context):
+    with showing() as (headset, runtime, _, _):
+        assert runtime.calls.index("xrEndFrame") < runtime.calls.index("xrLocateViews")
+        assert "display" in headset.info.capabilities
+        assert headset.state is DeviceState.STREAMING
+
+
+def test_the_drawing_context_is_left_as_it_was(context):
+    rng = np.random.default_rng(4)
+    target = context.framebuffer([context.texture((4, 4), 4)])
+    with showing() as (headset, _, _, _):
+        target.use()
+        context.enable_direct(0x8DB9)
+        headset.submit(one_frame(headset), noise(context, rng)[1])
+        target.clear(1.0, 0.0, 0.0, 1.0)
+        assert target.read(components=4)[:4] == b"\xff\x00\x00\xff"
+        assert context.error == "GL_NO_ERROR"
+        context.disable_direct(0x8DB9)
+
+
+@pytest.mark.parametrize("broken", ["missing", "refused"])
+def test_a_refused_image_is_an_error_and_a_fault_until_one_is_taken(context, broken):
+    rng = np.random.default_rng(5)
+    with showing() as (headset, runtime, _, _):
+        _, textures = noise(context, rng)
+        wrong = textures
+        if broken == "missing":
+            gone = context.texture(SIZE, 4)
+            wrong = [textures[0], gone]
+            gone.release()
+        else:
+            runtime.images.refused = -23
+        with pytest.raises(DeviceError, match="refused the images") as refusal:
+            headset.submit(one_frame(headset), wrong)
+        assert refusal.value.remedy
+        assert "images were refused" in headset.check()[0].message
+        runtime.images.refused = 0
+        headset.submit(one_frame(headset), textures)
+        assert not headset.check()
+
+
+def test_two_images_of_different_size_are_refused(context):
+    rng = np.random.default_rng(6)
+    with showing() as (headset, _, _, _):
+        (small, _), (large, _) = noise(context, rng)[1], noise(context, rng, (9, 9))[1]
+        with pytest.raises(DeviceError, match="one size"):
+            headset.submit(one_frame(headset), (small, large))
+
+
+def test_without_a_current_context_it_says_what_to_open_first():
+    with simulated() as (runtime, clock):
+        headset = OpenXrHeadset("headset", runtime.library().transport(), clock)
+        headset.show_images()
+        with pytest.raises(DeviceError, match="no OpenGL context"):
+            headset.open(1.0)
+        assert headset.state is DeviceState.CLOSED
+
+
+def test_a_session_lost_between_waiting_and_showing_comes_back_with_its_images(context):
+    fault = {"kind": "disconnect", "start_s": 0.2, "duration_s": 0.5}
+    rng, seen = np.random.default_rng(7), []
+    with showing(fault) as (headset, runtime, clock, batches):
+        runtime.images.on_frame = seen.append
+        states = []
+        while clock.now_ns() < 2 * NS_PER_S:
+            frame = one_frame(headset)
+            images, textures = noise(context, rng)
+            with contextlib.suppress(DeviceError):
+                headset.submit(frame, textures)
+            states.append(headset.state)
+        assert DeviceState.FAULT in states
+        assert states[-1] is DeviceState.STREAMING
+        assert (seen[-1].eyes[0].image == images[0]).all()
+        rows = [b.seq for b in batches if b.schema.name == "frame_timing"]
+        assert (np.diff(np.concatenate(rows)) == 1).all()
+
+
+def test_gaze_is_delivered_beside_images(context):
+    with simulated() as (runtime, clock):
+        library = runtime.library()
+        headset = OpenXrHeadset("headset", library.transport(), clock)
+        headset.show_images()
+        eyes = OpenXrGaze("eyes", library.transport(), clock)
+        batches = []
+        for device in (headset, eyes):
+            device.open(1.0)
+            device.start(batches.append)
+        headset.submit(one_frame(headset), noise(context, np.random.default_rng(8))[1])
+        eyes.poll(0.0)
+        assert column(batches, "valid").all()
+        eyes.close()
+        headset.close()
+
+
+def test_driver_with_images_keeps_the_contract(context):
+    with simulated() as (runtime, clock):
+
+        def make():
+            headset = OpenXrHeadset("headset", runtime.library().transport(), clock)
+            headset.show_images()
+            return headset
+
+        check_lifecycle(make, passer(clock))
+        check_headset(make)
+    assert isinstance(clock, SimClock)
