@@ -1,7 +1,12 @@
-"""What a trial shows, frame by frame: the trial performed in full by a simulated participant."""
+"""What a trial shows, frame by frame: a simulated participant performs it on the virtual clock.
+
+The trial is performed as a session would, with its devices and its time before the trial, but
+without calibration; nothing is kept of the recording.
+"""
 
 import tempfile
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -28,21 +33,33 @@ class Seen:
     head: Pose
 
 
-class _Watching(GeometryStage):
-    """A stage that draws nothing and keeps what it was asked to show."""
+class _EnoughError(Exception):
+    """Ends a performance of which nothing more is wanted."""
 
-    def __init__(self, viewers: Sequence[Viewer]) -> None:
+
+class _Watching(GeometryStage):
+    """A stage that draws nothing and keeps what it was asked to show, from light to darkness."""
+
+    def __init__(
+        self, viewers: Sequence[Viewer], frames: list[Seen], enough: Callable[[], bool]
+    ) -> None:
         super().__init__(viewers)
-        self.frames: list[Seen] = []
+        self._frames, self._enough = frames, enough
+        self._dark: list[Seen] = []
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
         """Keep the frame and tell every viewer."""
-        self.frames.append(Seen(view, frame.predicted_display_ns, head))
+        if self._enough():
+            raise _EnoughError
+        self._dark.append(Seen(view, frame.predicted_display_ns, head))
+        if view.scene.brightness_01 > 0:
+            self._frames += self._dark if self._frames else self._dark[-1:]
+            self._dark.clear()
         return super().draw(view, frame, head)
 
 
 class _OneTrial:
-    """An experiment whose plan has a single trial."""
+    """An experiment whose plan has a single trial, without calibration."""
 
     def __init__(self, experiment: Experiment, trial_id: str) -> None:
         self._experiment, self._trial_id = experiment, trial_id
@@ -58,6 +75,7 @@ class _OneTrial:
                 block,
                 trials=tuple(t for t in block.trials if t.trial_id == self._trial_id),
                 questionnaires=(),
+                calibrate=False,
             )
             for block in plan.blocks
             if any(t.trial_id == self._trial_id for t in block.trials)
@@ -80,38 +98,89 @@ def trial_of(experiment: Experiment, number: int, index: int, seed: int) -> Tria
     raise UsageError(f"there is no trial {number}; the plan has 1 to {last}, and 0 for practice")
 
 
-def capture(
-    study: Study, config: LabConfig, *, number: int, index: int, seed: int
-) -> tuple[Trial, list[Seen]]:
-    """Perform one trial on the virtual clock and return it with every frame it showed.
+class Capture:
+    """A trial of somebody's plan, to be performed; `frames` grow while it is.
 
-    Nothing is kept of the recording. Raises UsageError when there is no such trial.
+    Raises:
+        UsageError: the plan has no such trial.
     """
-    experiment = study.experiment({})
-    trial = trial_of(experiment, number, index, seed)
-    watching: list[_Watching] = []
 
-    def stage_for(viewers: Sequence[Viewer]) -> Stage:
-        watching.append(_Watching(viewers))
-        return watching[0]
+    def __init__(
+        self, study: Study, config: LabConfig, *, number: int, index: int, seed: int
+    ) -> None:
+        self._study, self._config, self._index, self._seed = study, config, index, seed
+        self._experiment = study.experiment({})
+        self.trial = trial_of(self._experiment, number, index, seed)
+        self.frames: list[Seen] = []
+        self.is_whole = False
+        self._left = threading.Event()
 
-    with tempfile.TemporaryDirectory(prefix="preview") as folder:
-        request = simulated_request(
-            study,
-            cast(Experiment, _OneTrial(experiment, trial.trial_id)),
-            config.model_copy(update={"data_root": Path(folder)}),
-            label=f"{index:02d}",
-            index=index,
-            seed=seed,
-        )
-        perform_new(replace(request, stage_for=stage_for))
-    return trial, lit(watching[0].frames)
+    def perform(self, until_s: float | None = None) -> list[Seen]:
+        """Perform the trial, or its first `until_s` seconds of light; return its frames."""
+
+        def enough() -> bool:
+            if self._left.is_set():
+                return True
+            if until_s is None or not self.frames:
+                return False
+            return self.frames[-1].t_ns - self.frames[0].t_ns >= until_s * NS_PER_S
+
+        with tempfile.TemporaryDirectory(prefix="preview") as folder:
+            request = simulated_request(
+                self._study,
+                cast(Experiment, _OneTrial(self._experiment, self.trial.trial_id)),
+                self._config.model_copy(update={"data_root": Path(folder)}),
+                label=f"{self._index:02d}",
+                index=self._index,
+                seed=self._seed,
+            )
+
+            def stage_for(viewers: Sequence[Viewer]) -> Stage:
+                return _Watching(viewers, self.frames, enough)
+
+            try:
+                perform_new(replace(request, stage_for=stage_for))
+            except _EnoughError:
+                return self.frames
+        self.is_whole = True
+        return self.frames
+
+    def leave(self) -> None:
+        """Perform no further; for another thread than the one that performs."""
+        self._left.set()
 
 
-def lit(frames: Sequence[Seen]) -> list[Seen]:
-    """Return the frames from the first with light to the last."""
-    bright = [i for i, seen in enumerate(frames) if seen.view.scene.brightness_01 > 0]
-    return list(frames[bright[0] : bright[-1] + 1]) if bright else list(frames)
+class Meanwhile:
+    """Performs a trial in a thread of its own while the frames that exist are shown."""
+
+    def __init__(self, capture: Capture) -> None:
+        self.capture = capture
+        self._problem: Exception | None = None
+        self._news = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="preview", daemon=True)
+
+    def __enter__(self) -> "Meanwhile":
+        """Begin, and wait for the first frame."""
+        self._thread.start()
+        while not self.capture.frames and self._thread.is_alive():
+            self._thread.join(0.01)
+        self.check()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.capture.leave()
+        self._thread.join()
+
+    def check(self) -> None:
+        """Raise what the performance ended with, if it failed."""
+        if self._problem is not None:
+            raise self._problem
+
+    def _run(self) -> None:
+        try:
+            self.capture.perform()
+        except Exception as problem:  # handed to the thread that shows
+            self._problem = problem
 
 
 def spread(frames: Sequence[Seen], rate_hz: int, most_s: float) -> list[Seen]:

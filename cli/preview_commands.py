@@ -2,38 +2,34 @@
 
 import bisect
 from collections.abc import Callable
-from dataclasses import replace
-from enum import StrEnum
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 import typer
-from PIL import Image, ImageDraw, ImageFont
 from rich.progress import Progress
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab
-from cli.preview_capture import Seen, capture, spread
+from cli.preview_capture import Capture, Meanwhile, Seen, spread
+from cli.preview_pictures import (
+    SIMULATED,
+    Viewpoint,
+    camera_of,
+    contact_sheet,
+    labelled,
+    simulated_panel,
+)
 from cli.studies import find_study
-from lab.clock import SystemClock
+from lab.clock import NS_PER_S, SystemClock
 from lab.errors import UsageError
-from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg, unit, yaw_pitch_deg_of
 from stimuli.picture import Camera, Picture
 from stimuli.scene import SceneFrame
 
-EYES_TANGENT = 0.84
-"""Half of 80° from top to bottom, for a picture seen on a screen."""
-AROUND_TANGENT = 0.45
-SHEET_COLUMNS = 4
-
-
-class Viewpoint(StrEnum):
-    """From where a preview looks."""
-
-    EYES = "eyes"
-    ABOVE = "above"
-    ORBIT = "orbit"
+PEOPLE = "people"
+"""Said instead of a study: everybody's face."""
+SHEET_COLUMNS, SHEET_ROWS = 4, 3
 
 
 @app.command()
@@ -48,7 +44,9 @@ def preview(
         Path | None, typer.Option(help="Write a contact sheet over the whole trial.")
     ] = None,
     video: Annotated[Path | None, typer.Option(help="Write a film: .avi, .mp4 or .webm.")] = None,
-    window: Annotated[bool, typer.Option("--window", help="Show it in a window.")] = False,
+    window: Annotated[
+        bool, typer.Option("--window", help="Show it in a window; so too when nothing is asked.")
+    ] = False,
     at: Annotated[float, typer.Option(help="Seconds into the trial, for --png.")] = 3.0,
     seconds: Annotated[float, typer.Option(help="At most so long, for --video.")] = 20.0,
     rate: Annotated[int, typer.Option(help="Pictures a second of a film.")] = 25,
@@ -57,73 +55,162 @@ def preview(
 ) -> None:
     """Show a trial as its participant sees it: a simulated participant performs it.
 
+    `visavis preview people --sheet FILE` draws a close-up of everybody in the cast.
+
     Example: visavis preview stare --trial 5 --video trial5.mp4
     """
-    from cli.stages import dresser_of
-    from stage.renderer import Renderer
-
-    if sum((png is not None, sheet is not None, video is not None, window)) != 1:
+    asked = sum((png is not None, sheet is not None, video is not None, window))
+    if asked > 1:
         raise UsageError("choose one of --png FILE, --sheet FILE, --video FILE and --window")
     for path in (png, sheet, video):
         if path is not None and path.exists():
             raise UsageError(f"{path} exists already; choose another name")
-    width, height = _size(size)
-    lab = load_lab(config, "sim")
+        if path is not None and not path.parent.is_dir():
+            raise UsageError(f"there is no folder {path.parent}; make it first")
+    if at < 0 or seconds <= 0 or not 1 <= rate <= 240:
+        raise UsageError("--at counts from 0, --seconds from above 0, --rate from 1 to 240")
+    size_px = _size(size)
+    if study == PEOPLE:
+        if sheet is None:
+            raise UsageError("preview people needs --sheet FILE")
+        from cli.preview_people import people_sheet
+
+        people_sheet((size_px[0] // 2, size_px[1] // 2)).save(sheet)
+        _written(sheet)
+        return
+    from cli.stages import dresser_of
+
     chosen = find_study(study)
     dress = dresser_of(chosen.name)
-    with console.status("performing the trial"):
-        planned, seen = capture(chosen, lab, number=trial, index=participant, seed=seed)
-    if not seen:
-        raise UsageError(f"trial {trial} of {study} showed nothing")
-    start_ns = seen[0].t_ns
-    length_s = (seen[-1].t_ns - start_ns) * 1e-9
-    factors = ", ".join(f"{k} {v}" for k, v in planned.factors.items())
-    label = f"{study} {planned.trial_id}  {factors}  ·  simulated"
+    lab = load_lab(config, "sim")
+    capture = Capture(chosen, lab, number=trial, index=participant, seed=seed)
+    factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
+    label = f"{study} {capture.trial.trial_id}  {factors}"
+    showing = _Showing(capture, dress, view, size_px, label)
+    if png is not None:
+        _write_picture(showing, png, at)
+    elif sheet is not None:
+        _write_sheet(showing, sheet)
+    elif video is not None:
+        _write_film(showing, video, rate, seconds)
+    else:
+        _play(showing)
 
-    def picture_of(k: int) -> Picture:
-        return dress(replace(seen[k].view, t_ns=seen[k].t_ns))
 
-    def camera_of(k: int, picture: Picture) -> Camera:
-        turn_deg = 40.0 + 12.0 * (seen[k].t_ns - start_ns) * 1e-9
-        return _camera(view, picture, seen[k].head, width / height, turn_deg)
+@dataclass(frozen=True, eq=False)
+class _Showing:
+    """What is previewed, and how."""
 
-    if window:
-        _play(label, seen, dress, view, (width, height))
-        return
+    capture: Capture
+    dress: Callable[[SceneFrame], Picture]
+    view: Viewpoint
+    size_px: tuple[int, int]
+    label: str
+
+    def at(self, seen: Seen) -> tuple[Picture, Camera]:
+        """Return what a frame looks like and from where."""
+        picture = self.dress(replace(seen.view, t_ns=seen.t_ns))
+        aspect = self.size_px[0] / self.size_px[1]
+        passed_s = self.passed_s(seen)
+        return picture, camera_of(self.view, picture, seen.head, aspect, passed_s=passed_s)
+
+    def passed_s(self, seen: Seen) -> float:
+        """Return the time from the first frame with light."""
+        return (seen.t_ns - self.capture.frames[0].t_ns) / NS_PER_S
+
+    def frames(self, until_s: float | None = None) -> list[Seen]:
+        """Perform, and return the frames.
+
+        Raises:
+            UsageError: nothing was ever shown.
+        """
+        with console.status("performing the trial"):
+            frames = self.capture.perform(until_s)
+        if not frames:
+            raise UsageError(f"trial {self.capture.trial.number} showed nothing but darkness")
+        return frames
+
+
+def _write_picture(showing: _Showing, path: Path, at_s: float) -> None:
+    from stage.renderer import Renderer
+
+    frames = showing.frames(at_s)
+    length_s = showing.passed_s(frames[-1])
+    if showing.capture.is_whole and at_s > length_s:
+        raise UsageError(f"--at {at_s} s: the trial lasts {length_s:.1f} s")
     with Renderer() as renderer:
-        if png is not None:
-            if not 0 <= at <= length_s:
-                raise UsageError(f"--at {at} s: the trial lasts {length_s:.1f} s")
-            k = _nearest([s.t_ns for s in seen], start_ns + round(at * 1e9))
-            picture = picture_of(k)
-            image = renderer.image(picture, camera_of(k, picture), (width, height))
-            _labelled(image, f"{label}, {at:.1f} s").save(png)
-            console.print(f"written [b]{png}[/]", soft_wrap=True)
-        elif sheet is not None:
-            chosen_k = np.linspace(0.02, 0.98, SHEET_COLUMNS * 3) * (len(seen) - 1)
-            tiles = []
-            for k in chosen_k.round().astype(int).tolist():
-                picture = picture_of(k)
-                image = renderer.image(picture, camera_of(k, picture), (width // 2, height // 2))
-                tiles.append(_labelled(image, f"{(seen[k].t_ns - start_ns) * 1e-9:.1f} s"))
-            _contact_sheet(tiles, label).save(sheet)
-            console.print(f"written [b]{sheet}[/]", soft_wrap=True)
-        elif video is not None:
-            from stage.movie import open_movie
+        image = renderer.image(*showing.at(frames[-1]), showing.size_px)
+    labelled(image, f"{SIMULATED}  ·  {showing.label}, {at_s:.1f} s").save(path)
+    _written(path)
 
-            seen = spread(seen, rate, seconds)
-            with (
-                open_movie(video, (width, height), rate) as film,
-                Progress(console=console, transient=True) as bar,
-            ):
-                for k in bar.track(range(len(seen)), description="drawing"):
-                    picture = picture_of(k)
-                    image = renderer.image(picture, camera_of(k, picture), (width, height))
-                    film.add(np.asarray(_labelled(image, label)))
-            console.print(
-                f"written [b]{video}[/], {len(seen) / rate:.1f} s of {length_s:.1f} s",
-                soft_wrap=True,
-            )
+
+def _write_sheet(showing: _Showing, path: Path) -> None:
+    from stage.renderer import Renderer
+
+    frames = showing.frames()
+    width, height = showing.size_px[0] // 2, showing.size_px[1] // 2
+    chosen = np.linspace(0.0, 1.0, SHEET_COLUMNS * SHEET_ROWS) * (len(frames) - 1)
+    tiles = []
+    with Renderer() as renderer, Progress(console=console, transient=True) as bar:
+        for k in bar.track(chosen.round().astype(int).tolist(), description="drawing"):
+            image = renderer.image(*showing.at(frames[k]), (width, height))
+            tiles.append(labelled(image, f"{SIMULATED}  {showing.passed_s(frames[k]):.1f} s"))
+    contact_sheet(tiles, f"{showing.label}  ·  {SIMULATED}", SHEET_COLUMNS).save(path)
+    _written(path)
+
+
+def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> None:
+    from stage.movie import open_movie
+    from stage.renderer import Renderer
+
+    frames = spread(showing.frames(most_s), rate_hz, most_s)
+    label = f"{SIMULATED}  ·  {showing.label}"
+    with (
+        Renderer() as renderer,
+        open_movie(path, showing.size_px, rate_hz) as film,
+        Progress(console=console, transient=True) as bar,
+    ):
+        for seen in bar.track(frames, description="drawing"):
+            image: npt.NDArray[np.uint8] = renderer.image(*showing.at(seen), showing.size_px)
+            film.add(np.asarray(labelled(image, label)))
+    _written(path, f", {len(frames) / rate_hz:.1f} s")
+
+
+def _play(showing: _Showing) -> None:
+    """Show the trial in a window at its own speed, again and again, until it is closed."""
+    from stage.context import draws_on_processor
+    from stage.mirror import Mirror
+    from stage.renderer import LIGHTEST, Quality, Renderer
+    from stage.targets import EyeTarget
+    from stage.window import Window
+
+    display = Window(f"{showing.label}  ·  {SIMULATED}", showing.size_px)
+    clock = SystemClock()
+    try:
+        quality = LIGHTEST if draws_on_processor(display.context) else Quality()
+        with (
+            Meanwhile(showing.capture) as meanwhile,
+            Renderer(display.context, quality=quality) as renderer,
+        ):
+            mirror = Mirror(display)
+            target = EyeTarget(display.context, showing.size_px, quality.samples)
+            frames = showing.capture.frames
+            begin_ns = clock.now_ns()
+            while not display.closed and "escape" not in display.keys():
+                meanwhile.check()
+                passed_ns = clock.now_ns() - begin_ns
+                until_ns = frames[-1].t_ns - frames[0].t_ns
+                if passed_ns > until_ns and showing.capture.is_whole:
+                    begin_ns, passed_ns = clock.now_ns(), 0
+                t_ns = frames[0].t_ns + min(passed_ns, until_ns)
+                k = max(0, bisect.bisect_right(frames, t_ns, key=lambda seen: seen.t_ns) - 1)
+                picture, camera = showing.at(replace(frames[k], t_ns=t_ns))
+                marked = replace(picture, panels=(*picture.panels, simulated_panel(camera)))
+                renderer.draw(marked, [camera], [target])
+                mirror.show(display.context, target.texture)
+            target.release()
+    finally:
+        display.close()
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -135,94 +222,5 @@ def _size(text: str) -> tuple[int, int]:
     return int(width) - int(width) % 2, int(height) - int(height) % 2
 
 
-def _nearest(times_ns: list[int], t_ns: int) -> int:
-    return int(np.argmin(np.abs(np.array(times_ns) - t_ns)))
-
-
-def _camera(
-    view: Viewpoint, picture: Picture, head: Pose, aspect: float, turn_deg: float
-) -> Camera:
-    """Return the camera of a viewpoint; those from outside hold the people and the head."""
-    if view is Viewpoint.EYES:
-        return _framed(head, EYES_TANGENT, aspect)
-    points = np.concatenate([picture.people.root_m, head.position_m[None]])
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    middle[1] = 1.0
-    radius = max(1.6, float(np.linalg.norm((points - middle)[:, [0, 2]], axis=1).max()) + 0.5)
-    if view is Viewpoint.ABOVE:
-        height = radius / AROUND_TANGENT
-        towards = np.array([0.0, -height, -0.02])
-        place = middle - towards
-    else:
-        back = min(radius / AROUND_TANGENT, 3.4 + radius)
-        angle = np.radians(turn_deg)
-        place = middle + np.array([np.sin(angle) * back, 1.4 + 0.12 * back, np.cos(angle) * back])
-        towards = middle - place
-    return _framed(_looking(place, towards), AROUND_TANGENT, aspect)
-
-
-def _looking(place: Vector, towards: Vector) -> Pose:
-    yaw_deg, pitch_deg = yaw_pitch_deg_of(unit(towards))
-    return Pose(place, quat_from_yaw_pitch_deg(float(yaw_deg), float(pitch_deg)))
-
-
-def _framed(pose: Pose, top: float, aspect: float) -> Camera:
-    return Camera(pose, -top * aspect, top * aspect, -top, top)
-
-
-def _labelled(image: npt.NDArray[np.uint8], text: str) -> Image.Image:
-    """Write a line along the lower edge."""
-    picture = Image.fromarray(image)
-    draw = ImageDraw.Draw(picture, "RGBA")
-    font = ImageFont.load_default(max(11, picture.height // 44))
-    _, top, right, bottom = draw.textbbox((0, 0), text, font=font)
-    y = picture.height - (bottom - top) - 12
-    draw.rectangle((0, y - 4, right + 16, picture.height), fill=(0, 0, 0, 140))
-    draw.text((8, y - top + 2), text, fill=(255, 255, 255), font=font)
-    return picture
-
-
-def _contact_sheet(tiles: list[Image.Image], title: str) -> Image.Image:
-    width, height = tiles[0].size
-    rows = -(-len(tiles) // SHEET_COLUMNS)
-    sheet = Image.new("RGB", (SHEET_COLUMNS * width, rows * height + 40), (250, 250, 250))
-    ImageDraw.Draw(sheet).text((10, 9), title, (20, 20, 20), ImageFont.load_default(20))
-    for k, tile in enumerate(tiles):
-        sheet.paste(tile, ((k % SHEET_COLUMNS) * width, 40 + (k // SHEET_COLUMNS) * height))
-    return sheet
-
-
-def _play(
-    title: str,
-    seen: list[Seen],
-    dress: Callable[[SceneFrame], Picture],
-    view: Viewpoint,
-    size_px: tuple[int, int],
-) -> None:
-    """Show the trial in a window at its own speed, again and again, until it is closed."""
-    from stage.mirror import Mirror
-    from stage.renderer import Renderer
-    from stage.targets import EyeTarget
-    from stage.window import Window
-
-    clock = SystemClock()
-    display = Window(title, size_px)
-    times_ns = [s.t_ns for s in seen]
-    length_ns = max(1, times_ns[-1] - times_ns[0])
-    aspect = size_px[0] / size_px[1]
-    try:
-        with Renderer(display.context) as renderer:
-            mirror = Mirror(display)
-            target = EyeTarget(display.context, size_px, renderer.quality.samples)
-            begin_ns = clock.now_ns()
-            while not display.closed and "escape" not in display.keys():
-                passed_ns = (clock.now_ns() - begin_ns) % length_ns
-                k = max(0, bisect.bisect_right(times_ns, times_ns[0] + passed_ns) - 1)
-                picture = dress(replace(seen[k].view, t_ns=times_ns[0] + passed_ns))
-                turn_deg = 40.0 + 12.0 * passed_ns * 1e-9
-                camera = _camera(view, picture, seen[k].head, aspect, turn_deg)
-                renderer.draw(picture, [camera], [target])
-                mirror.show(display.context, target.texture)
-            target.release()
-    finally:
-        display.close()
+def _written(path: Path, more: str = "") -> None:
+    console.print(f"written [b]{path}[/]{more}", soft_wrap=True)

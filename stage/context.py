@@ -42,3 +42,9 @@ def current_context() -> moderngl.Context:
             f"the window's graphics context cannot be used: {problem}",
             remedy="update the graphics driver; it must know OpenGL 3.3",
         ) from problem
+
+
+def draws_on_processor(context: moderngl.Context) -> bool:
+    """Tell whether no graphics card draws, so that pictures are worth less work."""
+    name = str(context.info.get("GL_RENDERER", "")).lower()
+    return any(word in name for word in ("llvmpipe", "softpipe", "swiftshader", "software"))

@@ -1,0 +1,175 @@
+"""Previews: any trial as picture, sheet and film; refused requests say what to ask instead."""
+
+import itertools
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from cli import preview_people, preview_pictures
+from cli.app import load_lab
+from cli.main import app
+from cli.preview_capture import Capture, Meanwhile, Seen, spread
+from cli.preview_pictures import Viewpoint, camera_of, labelled
+from cli.studies import find_study
+from lab.errors import LabError, UsageError
+from lab.geometry import Pose, rotate
+from stage.errors import StageError
+from stage.renderer import Renderer
+from stimuli.characters.cast import load_cast
+from stimuli.picture import Camera
+from tests.stage import figures
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _can_draw() -> None:
+    try:
+        Renderer().close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+
+
+def preview(*arguments: object) -> str:
+    result = CliRunner().invoke(app, ["preview", *map(str, arguments)])
+    if isinstance(result.exception, LabError):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+@pytest.fixture(scope="module")
+def captured() -> Capture:
+    made = Capture(find_study("stare"), load_lab(None, "sim"), number=1, index=1, seed=1)
+    made.perform(until_s=0.5)
+    return made
+
+
+@pytest.mark.parametrize("study", ["stare", "crowd"])
+def test_picture_of_a_trial_shows_a_lit_scene_marked_as_simulated(
+    study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[str] = []
+
+    def keep(image: np.ndarray, text: str) -> Image.Image:
+        written.append(text)
+        return labelled(image, text)
+
+    monkeypatch.setattr("cli.preview_commands.labelled", keep)
+    path = tmp_path / "one.png"
+    preview(study, "--png", path, "--at", 0.2, "--size", "240x150")
+
+    assert [text.split()[0] for text in written] == ["simulated"]
+    with Image.open(path) as image:
+        pixels = np.asarray(image)
+    assert pixels.shape == (150, 240, 3)
+    assert pixels[:120].mean() > 40
+    assert pixels[:120].std() > 20
+
+
+def test_film_has_as_many_pictures_as_its_seconds_say(tmp_path: Path) -> None:
+    path = tmp_path / "film.avi"
+    preview("stare", "--video", path, "--seconds", 0.2, "--rate", 10, "--size", "96x64")
+
+    assert path.read_bytes().count(b"00dc") == 2 * 3  # each in the data and in the index
+
+
+def test_sheet_of_people_shows_everybody_from_two_sides(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = load_cast()[:2]
+    monkeypatch.setattr(preview_people, "load_cast", lambda: few)
+    path = tmp_path / "people.png"
+    preview("people", "--sheet", path, "--size", "200x200")
+
+    with Image.open(path) as sheet:
+        size = sheet.size
+    assert size == (preview_people.COLUMNS * 100, 100 + preview_pictures.TITLE_PX)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("stare", "--png", "a.png", "--window"), "choose one"),
+        (("stare", "--trial", 900, "--png", "a.png"), "no trial 900; the plan has 1 to"),
+        (("stare", "--png", "missing/a.png"), "no folder missing"),
+        (("stare", "--png", "a.png", "--size", "huge"), "write width x height"),
+        (("stare", "--png", "a.png", "--at", -1), "counts from 0"),
+        (("people",), "needs --sheet"),
+        (("star", "--png", "a.png"), "did you mean stare"),
+    ],
+)
+def test_a_request_that_cannot_be_met_says_what_to_ask_instead(
+    arguments: tuple[object, ...], message: str
+) -> None:
+    with pytest.raises(UsageError, match=message):
+        preview(*arguments)
+
+
+def test_a_picture_is_never_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "kept.png"
+    path.write_bytes(b"kept")
+    with pytest.raises(UsageError, match="exists already"):
+        preview("stare", "--png", path)
+    assert path.read_bytes() == b"kept"
+
+
+def test_performance_begins_with_light_and_ends_when_enough_is_seen(captured: Capture) -> None:
+    frames = captured.frames
+    assert frames[0].view.scene.brightness_01 > 0
+    assert not captured.is_whole
+    assert (frames[-1].t_ns - frames[0].t_ns) * 1e-9 == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_trial_performed_meanwhile_ends_when_its_window_closes() -> None:
+    capture = Capture(find_study("stare"), load_lab(None, "sim"), number=2, index=1, seed=1)
+    with Meanwhile(capture) as meanwhile:
+        assert capture.frames
+        meanwhile.check()
+    assert "preview" not in {thread.name for thread in threading.enumerate()}
+
+
+def test_what_fails_meanwhile_is_raised_where_it_is_shown(
+    captured: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(until_s: float | None = None) -> list[Seen]:
+        raise UsageError("broken")
+
+    fresh = Capture(find_study("stare"), load_lab(None, "sim"), number=1, index=1, seed=1)
+    monkeypatch.setattr(fresh, "perform", fail)
+    with pytest.raises(UsageError, match="broken"), Meanwhile(fresh):
+        pass
+
+
+def test_film_keeps_the_trial_s_own_speed(captured: Capture) -> None:
+    chosen = spread(captured.frames, 20, 0.5)
+    assert [50_000_000] * (len(chosen) - 1) == [
+        b.t_ns - a.t_ns for a, b in itertools.pairwise(chosen)
+    ]
+    assert len(chosen) == pytest.approx(11, abs=1)
+    assert spread([], 20, 0.5) == []
+
+
+def _shown_01(camera: Camera, point_m: np.ndarray) -> np.ndarray:
+    turn = camera.pose.orientation_wxyz * [1, -1, -1, -1]
+    x, y, z = rotate(turn, point_m - camera.pose.position_m)
+    assert z < 0
+    return np.array([x / -z / camera.right, y / -z / camera.top])
+
+
+@pytest.mark.parametrize("view", [Viewpoint.ABOVE, Viewpoint.ORBIT])
+@pytest.mark.parametrize("passed_s", [0.0, 7.0])
+def test_views_from_outside_hold_everybody(view: Viewpoint, passed_s: float) -> None:
+    picture = replace(figures.picture(8))
+    head = Pose(np.array([0.0, 1.6, 1.0]), np.array([1.0, 0, 0, 0]))
+    camera = camera_of(view, picture, head, 1.6, passed_s=passed_s)
+    for point in (*picture.people.root_m, head.position_m):
+        assert np.abs(_shown_01(camera, point)).max() < 1.0
+
+
+def test_view_from_the_eyes_is_the_participant_s_head() -> None:
+    head = Pose(np.array([0.1, 1.6, 1.0]), np.array([1.0, 0, 0, 0]))
+    assert camera_of(Viewpoint.EYES, figures.picture(1), head, 1.6, passed_s=0).pose is head
