@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 DRESSERS = {
     "stare": "stimuli.dressing.audience:audience_picture",
     "crowd": "stimuli.dressing.station:station_picture",
+    "waving": "stimuli.dressing.office:office_picture",
 }
 """What turns the scenes of a study into pictures."""
 OFFSCREEN_PX = (480, 540)
@@ -60,6 +61,7 @@ def build_stage(
     show = config.display.show
     if show == "none" or (clock.is_virtual and show != "offscreen"):
         return GeometryStage(viewers)
+    from stage.context import offscreen_context
     from stage.drawn_stage import Display, DrawnStage, default_views
     from stage.mirror import Mirror
     from stage.renderer import LIGHTEST, Renderer
@@ -68,10 +70,14 @@ def build_stage(
     n, rate_hz = experiment.agent_count + EXTRA_PEOPLE, rig.headset.display_rate_hz
     dresser = dresser_of(experiment.name)
     if show == "offscreen":
+        # An OpenXR session is opened in the context that will draw, so that comes first.
+        context = offscreen_context() if _show_images(rig) else None
         return DrawnStage(
             dresser,
-            lambda: Renderer(quality=LIGHTEST),
-            Display(default_views, lambda: OFFSCREEN_PX, n, rate_hz),
+            lambda: Renderer(context, quality=LIGHTEST),
+            Display(
+                getattr(rig.headset, "eye_views", default_views), lambda: OFFSCREEN_PX, n, rate_hz
+            ),
             clock,
             viewers=viewers,
         )
@@ -80,6 +86,7 @@ def build_stage(
         display = Display(_one_eye(window_px), lambda: window_px, n, rate_hz, hands_over=False)
     else:
         display = _of_headset(config, rig, n)
+        _show_images(rig)
     window = Window(f"Visavis: {experiment.name}", window_px)
     return DrawnStage(
         dresser,
@@ -89,6 +96,14 @@ def build_stage(
         viewers=viewers,
         mirror=Mirror(window),
     )
+
+
+def _show_images(rig: Rig) -> bool:
+    """Tell a headset that has to know beforehand that it will get images; tell whether it does."""
+    prepare = getattr(rig.headset, "show_images", None)
+    if prepare is not None:
+        prepare()
+    return prepare is not None
 
 
 def _one_eye(size_px: tuple[int, int]) -> Views:

@@ -13,7 +13,11 @@ from protocol.participants import SimulatedParticipant
 from protocol.questionnaires import Questionnaire
 from recording.reader import Recording
 
-STUDY_MODULES = {"stare": "experiments.stare.bundle", "crowd": "experiments.crowd.bundle"}
+STUDY_MODULES = {
+    "stare": "experiments.stare.bundle",
+    "crowd": "experiments.crowd.bundle",
+    "waving": "experiments.waving.bundle",
+}
 
 
 class Study(Protocol):

@@ -4,6 +4,9 @@ Ground plane: the customers stand along x at z = 0 and look towards −z; the cl
 their desks and look towards +z. What stands in between hides parts of the clerks: little on the
 left, more on the right (figure 2.7 of the source describes the layout; its measures are not
 published, these are ours).
+
+Participants stand at the origin of the tracked room whatever their place in the line, so what is
+shown is the office moved by `shift_m`.
 """
 
 from dataclasses import dataclass
@@ -13,6 +16,9 @@ import numpy as np
 
 from lab.errors import DesignError
 from lab.geometry import Vector
+from stimuli.motion.clip import Clip
+from stimuli.picture import Panel
+from stimuli.scene import Scene, SceneFrame
 
 
 @dataclass(frozen=True)
@@ -55,13 +61,18 @@ STANDING_EYE_M: Final = 1.62
 """Where a customer's eyes are supposed when a clerk aims at the place of a virtual one."""
 
 BYSTANDERS: Final = (
-    Place("bystander_left", -2.55, -2.45, -70.0),
-    Place("bystander_middle", 0.62, -2.75, 25.0),
-    Place("bystander_right", 1.72, -2.15, 115.0),
+    Place("bystander_left", -0.12, -2.7, -70.0),
+    Place("bystander_middle", 1.56, -2.7, 25.0),
+    Place("bystander_right", 2.12, -3.0, 115.0),
 )
 """Agents who stand in between and talk or telephone."""
-PLANTS: Final = (Place("plant_middle", -0.72, -3.35, 0.0), Place("plant_right", 2.62, -2.95, 0.0))
-SHELVES: Final = (Place("shelf_right", 1.45, -3.45, 180.0),)
+PLANTS: Final = (
+    Place("plant_left", -2.2, -3.0, 0.0),
+    Place("plant_middle", -1.32, -3.4, 0.0),
+    Place("plant_near", 1.08, -3.3, 0.0),
+    Place("plant_right", 1.96, -3.6, 0.0),
+)
+SHELVES: Final = (Place("shelf_middle", 0.2, -3.5, 180.0),)
 PILLAR: Final = Place("pillar", 3.55, -1.9, 0.0)
 ROOM_LOW_M: Final = (-4.6, -7.2)
 ROOM_HIGH_M: Final = (4.6, 2.4)
@@ -95,3 +106,46 @@ def neighbour(participant_place: str, direction: str) -> Place:
         )
     index = [p.name for p in CUSTOMERS].index(participant_place)
     return CUSTOMERS[index + steps[direction]]
+
+
+def shift_m(participant_place: str) -> Vector:
+    """Return what leads (3,) from the office's coordinates to those of the tracked room."""
+    return -place(participant_place).floor_m
+
+
+@dataclass(frozen=True, eq=False)
+class Waving:
+    """Who waves and how: `clip` has the floor at y = 0, the clerk's place as its origin and −z as
+    its front; the body as a whole is turned by `heading_deg`. Times count from the scene's onset.
+    """
+
+    clerk: str
+    clip: Clip
+    heading_deg: float
+    start_s: float
+    fade_s: float
+
+    @property
+    def end_s(self) -> float:
+        """When the arm begins to sink."""
+        return self.start_s + self.clip.duration_s
+
+
+@dataclass(frozen=True)
+class OfficeScene(Scene):
+    """The office from one of the customers' places; nobody waves when `waving` is None.
+
+    `seed` draws what everybody does beside the wave.
+    """
+
+    participant_place: str = "place_3"
+    waving: Waving | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class OfficeFrame(SceneFrame):
+    """The office in one frame: people move from `start_ns` on; `panel` asks something."""
+
+    start_ns: int = 0
+    panel: Panel | None = None

@@ -1,0 +1,78 @@
+"""The waving study as the command line uses it: made, measured, analysed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.waving.design import (
+    DEFAULT_PARAMETERS,
+    QUESTIONNAIRES,
+    STUDY,
+    WavingParameters,
+)
+from experiments.waving.intake import SessionIntake, questionnaire, take_in
+from experiments.waving.participant import WavingParticipant
+from experiments.waving.study import WavingStudy
+from experiments.waving.study_outputs import analyse_study
+from lab.config import LabConfig
+from lab.errors import ConfigError
+from protocol.experiment import ValidationPoint, ValidationVerdict
+from protocol.questionnaires import Questionnaire
+from recording.reader import Recording
+
+
+@dataclass(frozen=True)
+class WavingBundle:
+    """Everything the command line asks of the study."""
+
+    name: str = STUDY
+    title: str = "Waving at whom?"
+
+    def experiment(self, overrides: Mapping[str, Any]) -> WavingStudy:
+        """Return the experiment; `overrides` replace parameters by name.
+
+        Raises:
+            ConfigError: a parameter does not exist.
+        """
+        unknown = set(overrides) - set(WavingParameters.__dataclass_fields__)
+        if unknown:
+            known = ", ".join(WavingParameters.__dataclass_fields__)
+            raise ConfigError(f"waving has no {', '.join(sorted(unknown))}; parameters: {known}")
+        return WavingStudy(WavingParameters(**overrides) if overrides else DEFAULT_PARAMETERS)
+
+    def participant(self, index: int, seed: int, *, effect: bool) -> WavingParticipant:
+        """Return a simulated participant."""
+        return WavingParticipant(index, seed, effect)
+
+    def judge_validation(
+        self, points: Sequence[ValidationPoint], rate_hz: float
+    ) -> ValidationVerdict:
+        """Accept: gaze is recorded along, but nothing here is measured by it."""
+        return ValidationVerdict(
+            True, "gaze is not measured in this study", None, None, None, 0, ()
+        )
+
+    def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
+        """Return the questionnaires asked at the end, in the lab's wording."""
+        return tuple(questionnaire(n, config.wording.get(n)) for n in QUESTIONNAIRES)
+
+    def measure(self, recording: Recording) -> SessionIntake:
+        """Take in one session."""
+        return take_in(recording)
+
+    def analyse(
+        self,
+        sessions: Sequence[SessionIntake],
+        out_dir: Path,
+        *,
+        is_simulated: bool,
+        commands: tuple[str, ...],
+        example: Recording | None,
+    ) -> Path:
+        """Write tables, figures and the report of a study; return the report's path."""
+        return analyse_study(sessions, out_dir, is_simulated=is_simulated)
+
+
+MAKE_STUDY = WavingBundle
+"""What the command line calls to get the study."""

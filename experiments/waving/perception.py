@@ -1,0 +1,161 @@
+"""What somebody in the line can see of a wave: pixels of eyes, head, torso and hand, rendered.
+
+The raster of visual motion warping draws the clerk at the resolution of a headset, past
+furniture and people, from the observer's eyes. Bearings are horizontal angles at the clerk,
+positive to the observers' right.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from experiments.waving.clips import (
+    MIDDLE_ABOVE_HIPS_M,
+    VIEW_RADIUS_M,
+    eye_at,
+    in_place,
+    seen_body_of,
+    view_of,
+)
+from lab.geometry import Vector, rotate
+from stimuli.characters.body_parts import PARTS
+from stimuli.motion.clip import Clip
+from stimuli.motion.skeleton import forward
+from stimuli.motion.warping.outlook import Outlook
+from stimuli.motion.warping.perceived import mask_of, perceived
+from stimuli.scenes import office as places
+from stimuli.scenes.office import Waving
+
+PIXELS_PER_DEG: Final = 12.0
+"""Of a headset of the source's time (1080 pixels over about 90°)."""
+LOOKS: Final = 6
+"""Moments of a wave that are looked at."""
+REACH_PX: Final = 96
+CUES: Final = ("eyes", "head", "torso", "hand")
+CUE_PARTS: Final = (("eyes",), ("head",), ("torso", "neck"), ("right_hand", "right_forearm"))
+REACH_PARTS: Final = ("head", "right_hand")
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What an observer can see of one wave.
+
+    `pixels` (4,) visible of eyes, head, torso and hand, mean over the looks; `free` (4,) the same
+    with nothing in between; `pointing_deg` (4,) the bearing each points to; `bearing_deg` (5,) of
+    the customers' places; `reach_01` (5,) the share of head and hand that somebody in each place
+    sees.
+    """
+
+    pixels: Vector
+    free: Vector
+    pointing_deg: Vector
+    bearing_deg: Vector
+    reach_01: Vector
+
+    @property
+    def visible_01(self) -> float:
+        """Share of head, torso and hand that nothing hides."""
+        return float(self.pixels[1:].sum() / max(self.free[1:].sum(), 1.0))
+
+
+def evidence_of(waving: Waving, viewer_place: str, eye_m: Vector, gaze: Vector) -> Evidence:
+    """Render a wave from an observer's eyes (3,) and from every customer's place.
+
+    Office coordinates; `gaze` (3,) is where the clerk's eyes point.
+    """
+    view = _sharp_view(waving.clerk, eye_m, viewer_place)
+    clip, times = _stood(waving), _times(waving)
+    pixels, free = _pixels(waving.clerk, clip, times, view)
+    heads, pointing = _pointing(clip, times, gaze)
+    return Evidence(
+        pixels=pixels,
+        free=free,
+        pointing_deg=pointing,
+        bearing_deg=np.array([
+            _bearing_deg(eye_at(c.name) - heads) for c in places.CUSTOMERS
+        ]),
+        reach_01=reach_of(waving),
+    )  # fmt: skip
+
+
+@cache
+def reach_of(waving: Waving) -> Vector:
+    """Return the share (5,) of head and waving hand that somebody in each place sees."""
+    clip, times = _stood(waving), _times(waving)
+    return np.array([
+        _reach(waving.clerk, clip, times, _reach_view(waving.clerk, c.name))
+        for c in places.CUSTOMERS
+    ])  # fmt: skip
+
+
+def _stood(waving: Waving) -> Clip:
+    floor = places.place(waving.clerk).floor_m
+    return in_place(waving.clip, floor, waving.heading_deg)
+
+
+def _times(waving: Waving) -> Vector:
+    length = waving.clip.duration_s
+    return length * (np.arange(LOOKS) + 0.5) / LOOKS
+
+
+def _sharp_view(clerk: str, eye_m: Vector, viewer_place: str) -> Outlook:
+    middle = places.place(clerk).floor_m + np.array(
+        [0.0, places.SEAT_M + 0.1 + MIDDLE_ABOVE_HIPS_M, 0.0]
+    )
+    distance = float(np.linalg.norm(middle - eye_m))
+    wide_deg = 2 * np.degrees(np.arcsin(VIEW_RADIUS_M / distance))
+    return view_of(clerk, eye_m, viewer_place, round(PIXELS_PER_DEG * wide_deg))
+
+
+@cache
+def _reach_view(clerk: str, place: str) -> Outlook:
+    return view_of(clerk, eye_at(place), place, REACH_PX)
+
+
+def _ids(clerk: str, clip: Clip, times: Vector, view: Outlook) -> npt.NDArray[np.uint8]:
+    poses = clip.at(times)
+    return perceived(seen_body_of(clerk), view, poses.root_m, poses.orientation_wxyz)
+
+
+def _uncovered(view: Outlook) -> Outlook:
+    return replace(view, behind=np.zeros_like(view.behind))
+
+
+def _pixels(clerk: str, clip: Clip, times: Vector, view: Outlook) -> tuple[Vector, Vector]:
+    counted = []
+    for one in (view, _uncovered(view)):
+        ids = _ids(clerk, clip, times, one)
+        by_part = np.bincount(ids.ravel(), minlength=len(PARTS)) / len(times)
+        counted.append(
+            np.array([by_part[mask_of(parts)[: len(by_part)]].sum() for parts in CUE_PARTS])
+        )
+    return counted[0], counted[1]
+
+
+def _reach(clerk: str, clip: Clip, times: Vector, view: Outlook) -> float:
+    mask = mask_of(REACH_PARTS)
+    seen = mask[_ids(clerk, clip, times, view)].sum()
+    free = mask[_ids(clerk, clip, times, _uncovered(view))].sum()
+    return float(seen) / max(float(free), 1.0)
+
+
+def _bearing_deg(way: Vector) -> float:
+    return float(np.degrees(np.arctan2(way[0], way[2])))
+
+
+def _pointing(clip: Clip, times: Vector, gaze: Vector) -> tuple[Vector, Vector]:
+    """Return where the head is (3,), and the bearings (4,) of eyes, head, torso and palm."""
+    skeleton, poses = clip.skeleton, clip.at(times)
+    ahead, down = np.array([0.0, 0.0, -1.0]), np.array([0.0, -1.0, 0.0])
+    head, front = np.zeros(3), np.zeros((3, 3))
+    for root, turns in zip(poses.root_m, poses.orientation_wxyz, strict=True):
+        body = forward(skeleton, root, turns)
+        head += body.position_m[skeleton.index("head")] / len(times)
+        for k, (joint, axis) in enumerate(
+            (("head", ahead), ("upper_chest", ahead), ("right_hand", down))
+        ):
+            front[k] += rotate(body.orientation_wxyz[skeleton.index(joint)], axis) / len(times)
+    return head, np.array([_bearing_deg(gaze), *(_bearing_deg(f) for f in front)])

@@ -1,0 +1,92 @@
+"""Who stands where in a trial of the waving study, who waves, and where everybody looks."""
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from experiments.waving.clips import StudyWave, eye_at, study_wave
+from experiments.waving.design import WavingParameters
+from lab.clock import NS_PER_S
+from lab.geometry import Vector
+from protocol.plan import Trial
+from stimuli.dressing.office import agents_of, roles_of
+from stimuli.gaze.behaviour import EyeBehaviour
+from stimuli.gaze.blinks import draw_blinks
+from stimuli.scene import Agent, Scene
+from stimuli.scenes.office import CLERKS, OfficeScene, Waving, place, shift_m
+
+SCENE_SEED: Final = 7
+"""Of what everybody does beside the wave: the same in all trials."""
+SCREEN_FROM_CLERK_M: Final = (-0.52, 0.95, 0.57)
+DARK: Final = Scene(name="dark", agents=(), brightness_01=0.0)
+
+
+def wave_of(trial: Trial, params: WavingParameters) -> StudyWave:
+    """Return the wave of a trial."""
+    factors = trial.factors
+    return study_wave(
+        str(factors["clerk"]), str(factors["target_place"]), str(factors["technique"]), params
+    )
+
+
+def scene_of(trial: Trial, params: WavingParameters) -> OfficeScene:
+    """Return the office of a trial, seen from the participant's place."""
+    participant_place = str(trial.factors["participant_place"])
+    waving = wave_of(trial, params).waving
+    return OfficeScene(
+        name=f"office_{participant_place}",
+        agents=agents_in(participant_place, waving),
+        participant_place=participant_place,
+        waving=waving,
+        seed=SCENE_SEED,
+    )
+
+
+@lru_cache(maxsize=128)
+def agents_in(participant_place: str, waving: Waving) -> tuple[Agent, ...]:
+    """Return everybody as agents, with heads where they are in the middle of the wave."""
+    middle_s = (waving.start_s + waving.end_s) / 2
+    return agents_of(participant_place, waving, SCENE_SEED, middle_s)
+
+
+def office_eyes(
+    scene: OfficeScene, target_place: str, seed: int, duration_s: float, wave_s: float
+) -> EyeBehaviour:
+    """Return what all eyes do, times from the onset, the same for both techniques.
+
+    Clerks look at their screens, others before them; the waving clerk turns the eyes to the
+    addressee `wave_s` after the onset: to the participant wherever they are, or to the eyes of a
+    customer.
+    """
+    roles = roles_of(scene.participant_place)
+    by = shift_m(scene.participant_place)
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
+    blinks = draw_blinks(rng, len(roles), duration_s)
+    eyes = EyeBehaviour.of_scene(scene, target_m=np.zeros(3), blinks=blinks)
+    targets = eyes.targets_m.copy()
+    for i, (role, agent) in enumerate(zip(roles, scene.agents, strict=True)):
+        targets[:, i] = agent.eye_centre_m + 3.0 * agent.facing
+        if role in (c.name for c in CLERKS):
+            targets[:, i] = place(role).floor_m + by + np.array(SCREEN_FROM_CLERK_M)
+    waving = scene.waving
+    if waving is None:
+        return replace(eyes, targets_m=targets)
+    who = roles.index(waving.clerk)
+    follows, turn_ns = eyes.follows_observer.copy(), eyes.turn_ns.copy()
+    turn_ns[who] = round(wave_s * NS_PER_S)
+    if target_place == scene.participant_place:
+        follows[1, who] = True
+    else:
+        targets[1, who] = customer_eyes(scene, target_place)
+    return replace(eyes, targets_m=targets, follows_observer=follows, turn_ns=turn_ns)
+
+
+def customer_eyes(scene: OfficeScene, target_place: str) -> Vector:
+    """Return the eyes (3,) of a virtual customer in the tracked room."""
+    for agent in scene.agents:
+        if agent.place == target_place:
+            return agent.eye_centre_m
+    found: Vector = eye_at(target_place) + shift_m(scene.participant_place)
+    return found

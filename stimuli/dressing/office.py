@@ -1,0 +1,160 @@
+"""The office of the waving study as a picture: clerks at desks, customers in line, one of whom is
+the participant, and whoever stands in between.
+
+Everything is in coordinates of the tracked room, in which the participant stands at the origin.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from lab.geometry import Vector, rotate
+from stimuli.characters.character import MORPHS, Character
+from stimuli.dressing.casting import Casting, build_of, default_casting
+from stimuli.gaze.turning import Aimed
+from stimuli.motion.kinds import Idle, Kind, Phone, Recorded, Sit, Talk, Text
+from stimuli.motion.people import Doing, PeopleMotion, Person
+from stimuli.motion.skeleton import forward
+from stimuli.picture import Picture, PosedPeople, Room
+from stimuli.rooms.office import office
+from stimuli.scene import Agent, SceneFrame
+from stimuli.scenes import office as places
+from stimuli.scenes.office import OfficeFrame, OfficeScene, Waving
+
+PARTS: Final[dict[str, str]] = {
+    "clerk_left": "chloe",
+    "clerk_middle": "henrik",
+    "clerk_right": "elif",
+    "bystander_left": "gabriel",
+    "bystander_middle": "freya",
+    "bystander_right": "karim",
+    "place_1": "bela",
+    "place_2": "ike",
+    "place_3": "anna",
+    "place_4": "jun",
+    "place_5": "dai",
+}
+"""Who plays whom; the customer in the participant's place is left out."""
+BUSY: Final[dict[str, Kind]] = {
+    "bystander_left": Talk(size=0.5, voice_01=0.4),
+    "bystander_middle": Text(hand="right"),
+    "bystander_right": Phone(hand="right"),
+}
+HEAD_RADIUS_M: Final = 0.12
+NOBODY: Final = PosedPeople(np.zeros((0, 3)), np.zeros((0, 55, 4)), np.zeros((0, len(MORPHS))))
+WORKING: Final = Sit(seat_m=places.SEAT_M, hands="thighs", lean_back_deg=2.0)
+
+
+def roles_of(participant_place: str) -> tuple[str, ...]:
+    """Return everybody in the order of agents and cast: clerks, bystanders, other customers."""
+    return tuple(role for role in PARTS if role != participant_place)
+
+
+@lru_cache(maxsize=4)
+def room_from(participant_place: str) -> Room:
+    """Return the office as it stands round a participant in this place; the same object."""
+    room, by = office(), places.shift_m(participant_place)
+    props = tuple(
+        replace(p, mesh=replace(p.mesh, vertices_m=(p.mesh.vertices_m + by).astype(np.float32)))
+        for p in room.props
+    )
+    lights = tuple(
+        light if light.position_m is None else replace(light, position_m=light.position_m + by)
+        for light in room.lights
+    )
+    return replace(room, props=props, lights=lights)
+
+
+@dataclass(frozen=True, eq=False)
+class _Set:
+    cast: tuple[Character, ...]
+    motion: PeopleMotion
+
+
+def person_of(
+    role: str, participant_place: str, waving: Waving | None, seed: int,
+    casting: Casting = default_casting,
+) -> Person:  # fmt: skip
+    """Return what somebody of the office does from the scene's onset on."""
+    where = places.place(role)
+    build = build_of(casting(PARTS[role]))
+    own = seed * 31 + tuple(PARTS).index(role)
+    at = where.floor_m + places.shift_m(participant_place)
+    point = (float(at[0]), 0.0, float(at[2]))
+    if waving is not None and role == waving.clerk:
+        does = (
+            Doing(WORKING),
+            Doing(
+                Recorded(waving.clip),
+                waving.start_s - waving.fade_s,
+                waving.fade_s,
+                heading_deg=waving.heading_deg,
+            ),
+            Doing(WORKING, waving.end_s, waving.fade_s, heading_deg=where.yaw_deg),
+        )
+        return Person(build, does, own, point, where.yaw_deg)
+    kind = WORKING if role.startswith("clerk") else BUSY.get(role, Idle())
+    return Person(build, kind, own, point, where.yaw_deg)
+
+
+@lru_cache(maxsize=8)
+def _set_of(participant_place: str, waving: Waving | None, seed: int, casting: Casting) -> _Set:
+    roles = roles_of(participant_place)
+    people = tuple(person_of(role, participant_place, waving, seed, casting) for role in roles)
+    return _Set(tuple(casting(PARTS[role]) for role in roles), PeopleMotion(people))
+
+
+def look_of(character: Character, root_m: Vector, turns: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return head centre (3,), middle of the eyes (3,) and unit front of the head (3,)."""
+    skeleton = character.skeleton
+    body = forward(skeleton, root_m, turns)
+    eyes = body.position_m[[skeleton.index("left_eye"), skeleton.index("right_eye")]].mean(axis=0)
+    facing = rotate(body.orientation_wxyz[skeleton.index("head")], np.array([0.0, 0.0, -1.0]))
+    return eyes - 0.09 * facing, eyes, facing
+
+
+def agents_of(
+    participant_place: str, waving: Waving | None, seed: int, at_s: float
+) -> tuple[Agent, ...]:
+    """Return everybody as agents, with heads where they are `at_s` after the onset."""
+    dressed = _set_of(participant_place, waving, seed, default_casting)
+    n = len(dressed.cast)
+    posed = dressed.motion.at(at_s, Aimed(np.full((n, 3), np.nan), np.ones(n)))
+    agents = []
+    for i, role in enumerate(roles_of(participant_place)):
+        head, eyes, facing = look_of(dressed.cast[i], posed.root_m[i], posed.orientation_wxyz[i])
+        agents.append(Agent(role, PARTS[role], role, head, HEAD_RADIUS_M, facing, eyes))
+    return tuple(agents)
+
+
+def posed_office(
+    scene: OfficeScene, t_s: float, gaze: Vector, openness_01: Vector,
+    *, casting: Casting = default_casting,
+) -> PosedPeople:  # fmt: skip
+    """Return everybody `t_s` after the onset, eyes along `gaze` (n, 3)."""
+    dressed = _set_of(scene.participant_place, scene.waving, scene.seed, casting)
+    return dressed.motion.at(t_s, Aimed(gaze, openness_01))
+
+
+def office_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> Picture:
+    """Return what a frame of the waving study looks like; eyes point along `gaze_direction`."""
+    scene = frame.scene
+    if not isinstance(scene, OfficeScene):
+        return Picture(frame.t_ns, room_from("place_3"), (), NOBODY,
+                       brightness_01=scene.brightness_01, mark_m=scene.mark_m)  # fmt: skip
+    start_ns = frame.start_ns if isinstance(frame, OfficeFrame) else 0
+    panel = frame.panel if isinstance(frame, OfficeFrame) else None
+    t_s = max(0.0, (frame.t_ns - start_ns) * 1e-9)
+    return Picture(
+        t_ns=frame.t_ns,
+        room=room_from(scene.participant_place),
+        cast=_set_of(scene.participant_place, scene.waving, scene.seed, casting).cast,
+        people=posed_office(
+            scene, t_s, frame.gaze_direction, frame.eye_openness_01, casting=casting
+        ),
+        panels=() if panel is None else (panel,),
+        brightness_01=scene.brightness_01,
+        mark_m=scene.mark_m,
+    )
