@@ -31,6 +31,9 @@ ConfigOption = Annotated[
     typer.Option("--config", help="The lab's configuration; ./lab_config.yaml when left out."),
 ]
 StudyArgument = Annotated[str, typer.Argument(help="Name of the study, such as stare.")]
+DevicesOption = Annotated[
+    str | None, typer.Option("--devices", help="sim or real: overrides every role.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for other programs.")]
 
 F = TypeVar("F", bound=Callable[..., object])

@@ -73,7 +73,7 @@ def _create(
     except DeviceNotFound as problem:
         message = str(problem).removesuffix(f"; {problem.remedy}")
         raise DeviceNotFound(message, role=role, remedy=problem.remedy) from problem
-    return registry.create(name, role, clock, link=link, **options)
+    return registry.load(name)(role, clock, link=link, **options)
 
 
 def build_simulated_armband(

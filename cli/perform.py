@@ -5,10 +5,11 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from cli.doctor import save_with_session
 from cli.rigs import build_rig, devices_for, is_simulated
 from cli.stages import build_stage
 from cli.studies import Study
-from devices.contracts import Armband
+from devices.contracts import Armband, DeviceInfo
 from devices.haptic_safety import HapticGuard
 from devices.sim.shared_body import SharedBody
 from lab.clock import Clock, SimClock
@@ -217,11 +218,21 @@ def _setup(
         timing=request.timing,
         lost_device_s=request.lost_device_s,
         on_trial=request.on_trial,
-        on_open=lambda infos: folder.describe(devices=infos),
+        on_open=lambda infos: _describe(request, devices, folder, infos),
         on_validation=lambda found: folder.describe(
             calibrations=[*folder.manifest.calibrations, found]
         ),
     )
+
+
+def _describe(
+    request: Request, devices: _Devices, folder: SessionFolder, infos: tuple[DeviceInfo, ...]
+) -> None:
+    """Keep who the devices are, and in real time what the doctor says of the lab."""
+    folder.describe(devices=infos)
+    if not request.clock.is_virtual:  # a simulated study's files depend on its seed alone
+        part_dir = folder.path / folder.manifest.parts[-1].folder
+        save_with_session(part_dir, request.config, request.clock, devices.rig.by_role())
 
 
 def _stage(request: Request, devices: _Devices) -> Stage:

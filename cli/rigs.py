@@ -102,7 +102,7 @@ def build_device(
                 f"devices.{role}: driver {device.driver!r} comes from another package, whose "
                 "simulator is not known here; set `simulated: false`"
             )
-        return registry.create(device.driver, role, clock, **device.options)
+        return registry.load(device.driver)(role, clock, **device.options)
     return _builder(device.driver)(role, device, clock, body, seed, stack, wires)
 
 

@@ -13,7 +13,16 @@ from rich.table import Table
 
 from analysis.session_check import check_session
 from analysis.session_verdict import Level, SessionCheck
-from cli.app import ConfigOption, JsonOption, StudyArgument, app, console, errors, load_lab
+from cli.app import (
+    ConfigOption,
+    DevicesOption,
+    JsonOption,
+    StudyArgument,
+    app,
+    console,
+    errors,
+    load_lab,
+)
 from cli.operator_screen import TerminalOperator
 from cli.perform import Request, perform_new, perform_rest
 from cli.questions import TerminalRespondent
@@ -40,9 +49,6 @@ ParticipantOption = Annotated[
 SessionOption = Annotated[int, typer.Option("--session", help="Session number.")]
 SeedOption = Annotated[
     int | None, typer.Option("--seed", help="Seed of the whole study; kept with its folder.")
-]
-DevicesOption = Annotated[
-    str | None, typer.Option("--devices", help="sim or real: overrides every role.")
 ]
 FastOption = Annotated[
     bool, typer.Option("--fast", help="Virtual clock: seconds instead of minutes; simulated only.")

@@ -17,7 +17,7 @@ from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 BAUD = 38_400
 WRITE_TIMEOUT_S = 0.2
 MOST_BYTES = 4096
-REMEDY = "plug the band in or switch it on, then look at `visavis devices list`"
+REMEDY = "plug the band in or switch it on; `visavis doctor` lists what is plugged in"
 
 
 class SerialLink:
@@ -146,6 +146,7 @@ def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
     described = ", ".join(
         f"{port.device} (vid {_hex(port.vid)}, pid {_hex(port.pid)}, serial {port.serial_number})"
         for port in ports
+        if port.vid is not None
     )
     wanted = f"vid {_hex(vid)}, pid {_hex(pid)}, serial {serial_number or 'any'}"
     if fitting:
@@ -154,7 +155,7 @@ def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
             remedy="give serial_number in lab_config.yaml",
         )
     raise DeviceNotFound(
-        f"no serial port fits {wanted}; there are: {described or 'none'}", remedy=REMEDY
+        f"no serial port fits {wanted}; plugged in: {described or 'none'}", remedy=REMEDY
     )
 
 

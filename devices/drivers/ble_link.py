@@ -236,6 +236,8 @@ class BleLink:
 
     def _not_found(self, cause: BaseException) -> DeviceNotFound:
         said = str(cause) or type(cause).__name__
+        if isinstance(cause, FileNotFoundError):
+            said = "this computer runs no Bluetooth service"
         return DeviceNotFound(f"cannot reach {self.kind}: {said}", remedy=REMEDY)
 
 

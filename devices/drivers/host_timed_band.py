@@ -135,7 +135,8 @@ class HostTimedBand:
             self._link.close()
             if problem.role:
                 raise
-            raise type(problem)(str(problem), role=self._role) from problem
+            message = str(problem).removesuffix(f"; {problem.remedy}")
+            raise type(problem)(message, role=self._role, remedy=problem.remedy) from problem
         self.info = replace(self.info, transport=self._link.kind)
         self._life.state = DeviceState.OPEN
         _open_bands.add(self)

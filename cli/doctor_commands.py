@@ -1,0 +1,88 @@
+"""doctor: what is there, what is missing, what to do."""
+
+import json
+import textwrap
+from itertools import groupby
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from cli.app import ConfigOption, DevicesOption, JsonOption, app, console, load_lab
+from cli.doctor_findings import Finding
+from lab.errors import DeviceError
+
+SIGNS = {
+    "ok": "[green]✓[/]",
+    "note": "[dim]·[/]",
+    "warning": "[yellow]![/]",
+    "missing": "[red]✗[/]",
+}
+SUBJECT_WIDTH = 14
+LONGEST_SUBJECT = 24
+
+
+@app.command()
+def doctor(
+    self_test: Annotated[
+        bool, typer.Option("--self-test", help="Listen to every device for ten seconds, too.")
+    ] = False,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Say in one screen what is there, what is missing and what to do.
+
+    Example: visavis doctor
+    """
+    from cli.doctor import SELF_TEST_S, as_document, examine, verdict
+    from lab.clock import SystemClock
+
+    lab = load_lab(config, devices)
+    seconds = SELF_TEST_S if self_test else 0.0
+    if as_json:
+        report = examine(lab, SystemClock(), self_test_s=seconds)
+        typer.echo(json.dumps(as_document(report), ensure_ascii=False, indent=1))
+    else:
+        doing = f"listening to every device for {seconds:g} s" if self_test else "looking"
+        with console.status(doing):
+            report = examine(lab, SystemClock(), self_test_s=seconds)
+        _print(report.findings)
+        if report.trials and self_test:
+            from cli.device_report import print_trials
+
+            console.print()
+            print_trials(report.trials)
+        console.print()
+        console.print(verdict(report), soft_wrap=True, highlight=False)
+    if report.is_stopped:
+        raise typer.Exit(DeviceError.exit_code)
+
+
+def _print(findings: tuple[Finding, ...]) -> None:
+    for section, own in groupby(findings, key=lambda f: f.section):
+        console.print(f"[b]{section}[/]")
+        rows = list(own)
+        width = min(LONGEST_SUBJECT, max(SUBJECT_WIDTH, *(len(f.subject) for f in rows), 0))
+        for finding in rows:
+            _print_line(finding, width)
+
+
+def _print_line(finding: Finding, width: int) -> None:
+    """Print a finding, wrapped under itself, and what to do below it."""
+    lead = f"  {finding.subject:<{width}} "
+    for number, text in enumerate(_wrapped(finding.found, console.width - len(lead) - 2)):
+        start = f"{SIGNS[finding.level]} {lead[2:]}" if not number else " " * len(lead)
+        faint = finding.level == "note"
+        shown = f"[dim]{escape(text)}[/]" if faint else escape(text)
+        console.print(f"{start}{shown}", soft_wrap=True, highlight=False)
+    if finding.remedy:
+        for number, text in enumerate(_wrapped(finding.remedy, console.width - len(lead) - 4)):
+            arrow = "→ " if not number else "  "
+            console.print(
+                f"{' ' * len(lead)}{arrow}{escape(text)}", highlight=False, soft_wrap=True
+            )
+
+
+def _wrapped(text: str, width: int) -> list[str]:
+    return textwrap.wrap(text, max(20, width), break_on_hyphens=False) or [""]

@@ -1,0 +1,185 @@
+"""Look at the computer: versions, disk, clock, load, screens. Never raises."""
+
+import os
+import platform
+import shutil
+import warnings
+from importlib import metadata
+from pathlib import Path
+from statistics import median
+
+from cli.device_states import is_installed
+from cli.doctor_findings import Finding
+from devices.driver_facts import FACTS, Library, facts_of
+from lab.clock import NS_PER_MS, Clock
+from lab.config import LabConfig
+from recording.provenance import provenance
+
+COMPUTER, LIBRARIES = "computer", "libraries"
+GB = 1e9
+GB_PER_HOUR = 0.3
+"""A session with gaze at 120 Hz and a tracked body; eye trackers at 1 kHz take as much again."""
+FEW_GB, LEAST_GB = 20.0, 2.0
+NAPS = 20
+NAP_NS = NS_PER_MS
+LATE_NAP_MS = 2.0
+BUSY_01 = 0.7
+
+
+def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
+    """Return what holds of this computer whatever is plugged in."""
+    found = provenance()
+    version = found.packages.get("visavis", "")
+    revision = found.code_revision.removesuffix("+changes")[:10]
+    changed = ", changed files" if found.code_revision.endswith("+changes") else ""
+    ours = f"{version}" + (f" ({revision}{changed})" if revision else "")
+    system = f"{platform.system()} {platform.release()}, Python {found.python}"
+    return (
+        Finding(COMPUTER, "visavis", "ok", f"{ours}; {system}"),
+        _load(),
+        _disk(lab),
+        _clock(clock),
+        _screens(lab),
+    )
+
+
+def libraries(lab: LabConfig) -> tuple[Finding, ...]:
+    """Return versions and licences of what drivers need; missing ones matter if a role asks."""
+    wanted = {facts_of(d.driver).library for d in lab.devices.values() if not d.simulated}
+    known = sorted(
+        {f.library for f in FACTS.values() if f.library is not None}, key=lambda k: k.distribution
+    )
+    present = [k for k in known if is_installed(k)]
+    rows = [Finding(LIBRARIES, "installed", "ok", ", ".join(map(_version, present)) or "none")]
+    for library in known:
+        if library not in present and library in wanted:
+            text = "not installed, but a configured device needs it"
+            rows.append(
+                Finding(LIBRARIES, library.distribution, "missing", text, f"run: {library.install}")
+            )
+    others = [k.distribution for k in known if k not in present and k not in wanted]
+    if others:
+        rows.append(Finding(LIBRARIES, "not needed", "note", ", ".join(others)))
+    closed = [
+        f"{name} ({licence})"
+        for k in present
+        if (licence := _closed_licence(name := k.distribution))
+    ]
+    if closed:
+        rows.append(Finding(LIBRARIES, "licences", "note", "vendor's own: " + ", ".join(closed)))
+    return tuple(rows)
+
+
+def licence_of(distribution: str) -> str:
+    """Return the licence a distribution states, short; "not stated" where it does not."""
+    try:
+        stated = metadata.metadata(distribution)
+    except metadata.PackageNotFoundError:
+        return "not stated"
+    for key in ("License-Expression", "License"):
+        text = (stated[key] if key in stated else "").strip()
+        if text and text.upper() != "UNKNOWN":
+            return text.splitlines()[0][:40]
+    trove = [c for c in stated.get_all("Classifier") or () if c.startswith("License ::")]
+    return trove[0].rpartition(":: ")[2] if trove else "not stated"
+
+
+def _version(library: Library) -> str:
+    try:
+        return f"{library.distribution} {metadata.version(library.distribution)}"
+    except metadata.PackageNotFoundError:
+        return library.distribution
+
+
+def _closed_licence(distribution: str) -> str:
+    licence = licence_of(distribution)
+    return licence if "propriet" in licence.lower() or "sr research" in licence.lower() else ""
+
+
+def _load() -> Finding:
+    cores = os.cpu_count() or 1
+    text = f"{cores} cores"
+    if hasattr(os, "getloadavg"):
+        load = os.getloadavg()[0]
+        text += f", load {load:.1f}"
+        if load / cores > BUSY_01:
+            return Finding(
+                COMPUTER, "processor", "warning", text, "close other programs before a session"
+            )
+    return Finding(COMPUTER, "processor", "ok", text)
+
+
+def _disk(lab: LabConfig) -> Finding:
+    place = lab.data_root
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    free_gb = shutil.disk_usage(place).free / GB
+    hours = free_gb / GB_PER_HOUR
+    text = f"{free_gb:.0f} GB free for {_short(lab.data_root)}: about {hours:.0f} h of sessions"
+    if not os.access(place, os.W_OK):
+        return Finding(
+            COMPUTER, "disk", "missing", f"{place} cannot be written",
+            "choose another data_root, or give yourself the right to write there",
+        )  # fmt: skip
+    if free_gb < LEAST_GB:
+        return Finding(COMPUTER, "disk", "missing", text, "free some space before any session")
+    if free_gb < FEW_GB:
+        return Finding(COMPUTER, "disk", "warning", text, "move old sessions to an archive")
+    return Finding(COMPUTER, "disk", "ok", text)
+
+
+def _clock(clock: Clock) -> Finding:
+    if clock.is_virtual:
+        return Finding(COMPUTER, "clock", "ok", "virtual")
+    late_ms = []
+    for _ in range(NAPS):
+        wake_ns = clock.now_ns() + NAP_NS
+        clock.sleep_until_ns(wake_ns)
+        late_ms.append((clock.now_ns() - wake_ns) / NS_PER_MS)
+    text = f"wakes {median(late_ms):.2f} ms late (worst {max(late_ms):.1f}); {clock.wall_iso()}"
+    if median(late_ms) > LATE_NAP_MS:
+        return Finding(
+            COMPUTER, "clock", "warning", text,
+            "close other programs; on Windows choose the high-performance power plan",
+        )  # fmt: skip
+    return Finding(COMPUTER, "clock", "ok", text)
+
+
+def _screens(lab: LabConfig) -> Finding:
+    wanted = lab.display.show
+    try:
+        modes = _monitors()
+    except Exception as problem:  # the graphics library's own errors are of any kind
+        modes = []
+        text = f"no screen can be asked ({type(problem).__name__})"
+    else:
+        text = ", ".join(modes) or "no screen"
+    text += f"; display.show is {wanted}"
+    if not modes and wanted == "window":
+        remedy = "log in on a desktop, or set display.show to none or offscreen"
+        return Finding(COMPUTER, "display", "missing", text, remedy)
+    return Finding(COMPUTER, "display", "ok", text)
+
+
+def _monitors() -> list[str]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # glfw warns where there is no screen
+        import glfw
+
+        if not glfw.init():
+            return []
+        try:
+            found = []
+            for monitor in glfw.get_monitors():
+                mode = glfw.get_video_mode(monitor)
+                found.append(f"{mode.size.width}×{mode.size.height} at {mode.refresh_rate} Hz")
+            return found
+        finally:
+            glfw.terminate()
+
+
+def _short(path: Path) -> str:
+    try:
+        return f"~/{path.relative_to(Path.home())}"
+    except ValueError:
+        return str(path)

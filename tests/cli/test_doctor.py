@@ -1,0 +1,169 @@
+"""visavis doctor: what is there, what is missing, what to do; kept with every session."""
+
+import json
+import shutil
+import socket
+from collections import namedtuple
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from cli.app import load_lab
+from cli.doctor import examine, save_with_session, verdict
+from cli.doctor_findings import Finding
+from cli.doctor_machine import computer, libraries, licence_of
+from cli.doctor_wires import network, openvr_runtime, openxr_runtime, ports, runtimes
+from cli.main import app
+from cli.perform import perform_new
+from lab.clock import SimClock, SystemClock
+from lab.config import DeviceConfig, LabConfig
+from lab.errors import SessionAborted
+from protocol.operator import Command, UnattendedOperator
+from tests.faults.sessions import CONFIG, lab, request
+
+Usage = namedtuple("Usage", "total used free")
+
+
+def real(role: str, driver: str, **options: Any) -> LabConfig:
+    """The shipped lab with one real device and nothing else."""
+    from devices.option_models import OPTION_MODELS
+
+    made = OPTION_MODELS[driver].model_validate(options).model_dump()
+    device = DeviceConfig(role=role, driver=driver, simulated=False, options=made)
+    return load_lab(CONFIG).model_copy(update={"devices": {role: device}})
+
+
+def one(findings: tuple[Finding, ...], subject: str) -> Finding:
+    return next(f for f in findings if f.subject == subject)
+
+
+def test_shipped_lab_is_ready() -> None:
+    result = CliRunner().invoke(app, ["doctor", "--config", str(CONFIG), "--json"])
+    report = json.loads(result.output)
+    assert result.exit_code == 0
+    assert report["verdict"] in ("ok", "note", "warning")
+    assert {"computer", "libraries", "runtimes", "ports", "network", "devices"} == {
+        f["section"] for f in report["findings"]
+    }
+    assert report["licences"]["pyserial"] in ("BSD", "not stated")
+
+
+def test_it_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cli.app.console.width", 80)
+    result = CliRunner().invoke(app, ["doctor", "--config", str(CONFIG)])
+    assert max(map(len, result.output.splitlines())) <= 80
+    assert "Ready" in result.output
+
+
+def test_absent_device_is_missing_with_its_remedy() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # bound, not listening: nobody answers there
+        port = taken.getsockname()[1]
+        report = examine(
+            real("eye_tracker", "gazepoint", address="127.0.0.1", port=port), SystemClock()
+        )
+    device = next(f for f in report.findings if f.section == "devices")
+    assert report.is_stopped
+    assert device.level == "missing"
+    assert "Gazepoint Control" in device.remedy
+    assert "Not ready" in verdict(report)
+
+
+def test_missing_runtime_is_told_once_and_its_devices_are_not_opened(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("VR_PATHREG_OVERRIDE", str(tmp_path / "nothing"))
+    report = examine(real("headset", "openvr_headset"), SystemClock())
+    assert one(report.findings, "SteamVR").level == "missing"
+    assert one(report.findings, "headset").found == (
+        "openvr_headset: needs SteamVR, which is missing"
+    )
+
+
+def test_missing_library_comes_with_the_line_that_installs_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("cli.doctor_machine.is_installed", lambda library: False)
+    band = real("armband_left", "neosensory_buzz")
+    assert "pip install 'visavis[ble]'" in one(libraries(band), "bleak").remedy
+
+
+def test_full_disk_stops_a_session(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: Usage(10**12, 10**12, 10**9))
+    assert one(computer(load_lab(CONFIG), SimClock()), "disk").level == "missing"
+
+
+def test_runtimes_are_found_where_their_loaders_look(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    registry = tmp_path / "openvrpaths.vrpath"
+    registry.write_text(json.dumps({"runtime": [str(tmp_path)]}))
+    manifest = tmp_path / "active_runtime.json"
+    manifest.write_text(json.dumps({"runtime": {"library_path": "./librt.so", "name": "RT"}}))
+    monkeypatch.setenv("VR_PATHREG_OVERRIDE", str(registry))
+    monkeypatch.setenv("XR_RUNTIME_JSON", str(manifest))
+    assert openvr_runtime() == str(tmp_path)
+    assert openxr_runtime() == "RT"
+    assert one(runtimes(load_lab(CONFIG)), "OpenXR").level == "ok"
+
+
+def test_serial_ports_are_told_as_they_stand_in_the_configuration(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    list_ports = pytest.importorskip("serial.tools.list_ports", reason="pip install pyserial")
+    Port = namedtuple("Port", "device vid pid serial_number description")
+    plugged = [
+        Port("COM9", 0x0403, 0x6001, "A10L", "FT232R"),
+        Port("COM1", None, None, None, "on board"),
+    ]
+    monkeypatch.setattr(list_ports, "comports", lambda: plugged)
+    (found,) = [f for f in ports() if f.subject.startswith("COM")]
+    assert found.found.startswith("vid: 0x0403, pid: 0x6001, serial_number: A10L")
+
+
+def test_firewall_hint_names_the_port_of_the_configuration() -> None:
+    assert "UDP 9800" in one(network(real("body_tracker", "xsens", port=9800)), "firewall").found
+
+
+def test_port_taken_by_another_program_is_told() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("", 0))
+        port = other.getsockname()[1]
+        found = network(real("body_tracker", "xsens", port=port))
+    assert one(found, "body_tracker").level == "missing"
+
+
+def test_unknown_licence_is_said_to_be_unknown() -> None:
+    assert licence_of("no-such-distribution") == "not stated"
+
+
+class Stopping(UnattendedOperator):
+    """End the session at its first frame."""
+
+    def poll(self) -> tuple[Command, ...]:
+        raise KeyboardInterrupt
+
+
+def test_session_in_real_time_keeps_what_the_doctor_found(tmp_path: Path) -> None:
+    wanted = replace(request(lab(tmp_path), Stopping()), clock=SystemClock())
+    with pytest.raises(SessionAborted):
+        perform_new(wanted)
+    (kept,) = tmp_path.rglob("doctor.json")
+    report = json.loads(kept.read_text("utf-8"))
+    assert kept.parent.name == "part-01"
+    assert {"headset", "eye_tracker", "responses"} == {t["role"] for t in report["trials"]}
+    assert all(t["info"]["is_simulated"] for t in report["trials"])
+
+
+def test_simulated_study_keeps_nothing_that_differs_between_machines(tmp_path: Path) -> None:
+    with pytest.raises(SessionAborted):
+        perform_new(request(lab(tmp_path), Stopping()))
+    assert list(tmp_path.rglob("doctor.json")) == []
+
+
+def test_device_without_pulse_is_saved_all_the_same(tmp_path: Path) -> None:
+    save_with_session(tmp_path, load_lab(CONFIG), SimClock(), {})
+    assert json.loads((tmp_path / "doctor.json").read_text())["trials"] == []
