@@ -20,6 +20,8 @@ from lab.geometry import Vector
 
 Variant: TypeAlias = Literal["union", "frequency", "pairs"]
 Group: TypeAlias = Sequence[frozenset[Cell]]
+Paths: TypeAlias = Sequence[frozenset[Cell] | None]
+"""The cells each person's path visits, by person; None where the walk is missing."""
 
 N_SPLITS = 30
 """Random halves of the published within-block comparison (Berton et al. 2020)."""
@@ -58,7 +60,18 @@ def group_dice(a: Group, b: Group, variant: Variant = "union") -> float:
         return frequency_dice(a, b)
     if variant == "pairs":
         return float(np.mean([dice(one, other) for one in a for other in b]))
-    raise CellError(f"unknown variant {variant!r}; use 'union', 'frequency' or 'pairs'")
+    raise unknown_variant(variant)
+
+
+def unknown_variant(variant: str) -> CellError:
+    """Return the error for a variant that does not exist."""
+    return CellError(f"unknown variant {variant!r}; use 'union', 'frequency' or 'pairs'")
+
+
+def check_variant(variant: str) -> None:
+    """Raise CellError unless the variant exists."""
+    if variant not in ("union", "frequency", "pairs"):
+        raise unknown_variant(variant)
 
 
 @dataclass(frozen=True)
@@ -126,20 +139,47 @@ def compare_blocks(
     group sizes match and nobody is on both sides. Under the null hypothesis a person's two paths
     could be exchanged; the test does so at random, `n_permutations` times, on the same splits.
     """
-    if len(a) != len(b) or len(a) < 4:
+    if len(a) != len(b):
         raise TooFewPeople(
             f"blocks hold {len(a)} and {len(b)} paths; give one path per person in both, "
             "of at least four people"
         )
-    splits = _splits(len(a), rng, n_splits)
-    within, between = _matched(a, b, splits, variant)
+    return compare_blocks_together(
+        [(a, b)], rng, variant=variant, n_splits=n_splits, n_permutations=n_permutations
+    )
+
+
+def compare_blocks_together(
+    crowds: Sequence[tuple[Paths, Paths]],
+    rng: np.random.Generator,
+    *,
+    variant: Variant = "union",
+    n_splits: int = N_SPLITS,
+    n_permutations: int = 999,
+) -> BlockComparison:
+    """Compare two blocks over several crowds that the same people walked through.
+
+    Each crowd gives the paths of both blocks, row k the same person everywhere, None where that
+    walk is missing; a person without one of the two is left out of that crowd. Similarities are
+    means over crowds, and a permutation exchanges all walks of a person or none.
+    """
+    check_variant(variant)
+    n = len(crowds[0][0]) if crowds else 0
+    if n < 4 or any(len(a) != n or len(b) != n for a, b in crowds):
+        raise TooFewPeople(
+            f"{n} people, or a different number by crowd or block; give one path per person and "
+            "block, of at least four people, None where one is missing"
+        )
+    visits = [Visits(a, b) for a, b in crowds]
+    halves = np.zeros((n_splits, n))
+    for i, (one, _) in enumerate(_splits(n, rng, n_splits)):
+        halves[i, one] = 1.0
+    stay = np.zeros(n, bool)
+    within, between = _over_crowds(visits, halves, stay, variant)
     observed = within - between
     as_extreme = 1
     for _ in range(n_permutations):
-        swap = rng.random(len(a)) < 0.5
-        one = [y if s else x for x, y, s in zip(a, b, swap, strict=True)]
-        other = [x if s else y for x, y, s in zip(a, b, swap, strict=True)]
-        w, v = _matched(one, other, splits, variant)
+        w, v = _over_crowds(visits, halves, rng.random(n) < 0.5, variant)
         as_extreme += w - v >= observed - 1e-12
     return BlockComparison(
         within=within,
@@ -147,15 +187,95 @@ def compare_blocks(
         difference=observed,
         p=as_extreme / (n_permutations + 1),
         variant=variant,
-        n_people=len(a),
+        n_people=n,
         n_splits=n_splits,
         n_permutations=n_permutations,
     )
 
 
+def own_block_excess(crowds: Sequence[tuple[Paths, Paths]]) -> Vector:
+    """Return (people,) how much more each path is like others' of its block than of the other.
+
+    Mean Dice with every other person's path in the same block, less that with their paths in the
+    other block; averaged over crowds, both blocks alike. 0 is expected where blocks do not matter.
+    NaN for people without two paths in any crowd.
+    """
+    rows = []
+    for a, b in crowds:
+        visits = Visits(a, b)
+        n = visits.n
+        mean = visits.pair_means(~np.eye(n, dtype=bool) & visits.present)
+        mean[~visits.present] = np.nan
+        rows.append(mean)
+    values = np.array(rows)
+    known = np.isfinite(values)
+    total = np.where(known, values, 0.0).sum(axis=0)
+    excess: Vector = np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
+    return excess
+
+
 def cell_sets(paths: Iterable[CellPath]) -> list[frozenset[Cell]]:
     """Return the set of cells of each path."""
     return [path.cell_set for path in paths]
+
+
+class Visits:
+    """Who visited which cell in two blocks of one crowd: `first`, `second` (people, cells) 0 or 1.
+
+    `present` (people,) tells who walked in both blocks; rows of others are empty.
+    """
+
+    def __init__(self, a: Paths, b: Paths) -> None:
+        self.n = len(a)
+        both = [x is not None and y is not None for x, y in zip(a, b, strict=True)]
+        self.present = np.array(both, bool)
+        sets = [
+            [
+                p if keep and p is not None else frozenset()
+                for p, keep in zip(block, both, strict=True)
+            ]
+            for block in (a, b)
+        ]
+        cells = {c: k for k, c in enumerate(sorted(frozenset().union(*sets[0], *sets[1])))}
+        self.first, self.second = (_matrix(block, cells) for block in sets)
+        self._dice: Vector | None = None
+
+    @property
+    def dice(self) -> Vector:
+        """Dice (2n, 2n) of every two paths: first block, then second; NaN where both are empty."""
+        if self._dice is None:
+            rows = np.concatenate([self.first, self.second])
+            sizes = rows.sum(axis=1)
+            total = sizes[:, None] + sizes
+            with np.errstate(invalid="ignore"):
+                self._dice = 2 * (rows @ rows.T) / np.where(total > 0, total, np.nan)
+        return self._dice
+
+    def exchanged(self, swap: npt.NDArray[np.bool_]) -> tuple[Vector, Vector]:
+        """Return both blocks' matrices with the paths of some people exchanged."""
+        chosen = swap[:, None]
+        return np.where(chosen, self.second, self.first), np.where(chosen, self.first, self.second)
+
+    def order(self, swap: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.intp], ...]:
+        """Return the rows of `dice` that hold each block when some people's are exchanged."""
+        people = np.arange(self.n)
+        return np.where(swap, people + self.n, people), np.where(swap, people, people + self.n)
+
+    def pair_means(self, others: npt.NDArray[np.bool_]) -> Vector:
+        """Return (people,) mean Dice with `others` (people, people) in the own less other block."""
+        n, dice = self.n, self.dice
+        own = np.where(others, dice[:n, :n] + dice[n:, n:], 0.0)
+        other = np.where(others, dice[:n, n:] + dice[n:, :n], 0.0)
+        count = np.maximum(2 * others.sum(axis=1), 1)
+        means: Vector = (own.sum(axis=1) - other.sum(axis=1)) / count
+        return means
+
+
+def _matrix(block: Sequence[frozenset[Cell]], cells: dict[Cell, int]) -> Vector:
+    matrix = np.zeros((len(block), len(cells)))
+    for row, path in enumerate(block):
+        matrix[row, [cells[c] for c in path]] = 1.0
+    return matrix
 
 
 def _splits(
@@ -165,16 +285,52 @@ def _splits(
     return [(order[: n // 2], order[n // 2 :]) for order in orders]
 
 
-def _matched(
-    a: Group,
-    b: Group,
-    splits: Sequence[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]],
-    variant: Variant,
+def _over_crowds(
+    visits: Sequence[Visits], halves: Vector, swap: npt.NDArray[np.bool_], variant: Variant
 ) -> tuple[float, float]:
-    within = between = 0.0
-    for one, other in splits:
-        a_one, a_other = [a[k] for k in one], [a[k] for k in other]
-        b_one, b_other = [b[k] for k in one], [b[k] for k in other]
-        within += group_dice(a_one, a_other, variant) + group_dice(b_one, b_other, variant)
-        between += group_dice(a_one, b_other, variant) + group_dice(b_one, a_other, variant)
-    return within / (2 * len(splits)), between / (2 * len(splits))
+    """Return mean similarity within and between blocks over crowds and splits."""
+    found = np.array([_matched(v, halves, swap, variant) for v in visits])
+    within, between = np.nanmean(found, axis=0)
+    return float(within), float(between)
+
+
+def _matched(
+    visits: Visits, halves: Vector, swap: npt.NDArray[np.bool_], variant: Variant
+) -> tuple[float, float]:
+    one, other = halves * visits.present, (1 - halves) * visits.present
+    if variant == "pairs":
+        rows_a, rows_b = visits.order(swap)
+        dice = visits.dice
+
+        def pairs(p: npt.NDArray[np.intp], q: npt.NDArray[np.intp]) -> Vector:
+            block = np.nan_to_num(dice[np.ix_(p, q)])
+            known = np.isfinite(dice[np.ix_(p, q)]).astype(float)
+            total = ((one @ block) * other).sum(axis=1)
+            count = ((one @ known) * other).sum(axis=1)
+            means: Vector = total / np.where(count > 0, count, np.nan)
+            return means
+
+        within = pairs(rows_a, rows_a) + pairs(rows_b, rows_b)
+        between = pairs(rows_a, rows_b) + pairs(rows_b, rows_a)
+    else:
+        a, b = visits.exchanged(swap)
+        sums = [_shared(half, block, variant) for half in (one, other) for block in (a, b)]
+        a_one, b_one, a_other, b_other = sums
+        within = _dice_rows(a_one, a_other) + _dice_rows(b_one, b_other)
+        between = _dice_rows(a_one, b_other) + _dice_rows(b_one, a_other)
+    return float(np.nanmean(within)) / 2, float(np.nanmean(between)) / 2
+
+
+def _shared(half: Vector, block: Vector, variant: Variant) -> Vector:
+    """Return (splits, cells) what a half visits: yes or no, or by what share of it."""
+    visits: Vector = half @ block
+    if variant == "union":
+        return np.asarray(visits > 0, float)
+    size = half.sum(axis=1, keepdims=True)
+    return np.asarray(visits / np.where(size > 0, size, np.nan))
+
+
+def _dice_rows(a: Vector, b: Vector) -> Vector:
+    total = a.sum(axis=1) + b.sum(axis=1)
+    dice: Vector = 2 * np.minimum(a, b).sum(axis=1) / np.where(total > 0, total, np.nan)
+    return dice

@@ -65,8 +65,8 @@ class CrowdBundle:
         commands: tuple[str, ...],
         example: Recording | None,
     ) -> Path:
-        """Write the tables of a study; return the path of the first."""
-        return analyse_study(sessions, out_dir, is_simulated=is_simulated)
+        """Write tables, figures and the report of a study; return the report's path."""
+        return analyse_study(sessions, out_dir, is_simulated=is_simulated, commands=commands)
 
 
 MAKE_STUDY = CrowdBundle

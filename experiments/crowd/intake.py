@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from analysis.gait import step_length_m
+from analysis.report import SessionSource
+from analysis.report.sources import source_of
 from experiments.crowd.design import AFTER_BLOCK
 from experiments.crowd.measures import (
     DEFAULT_MEASURES,
@@ -29,6 +31,7 @@ class SessionIntake:
     participant: str
     is_simulated: bool
     manifest: Manifest
+    source: SessionSource
     person: dict[str, Any]
     walks: list[MeasuredWalk]
     pulses: list[dict[str, Any]]
@@ -60,6 +63,7 @@ def take_in(recording: Recording, params: MeasureParameters = DEFAULT_MEASURES) 
         participant=manifest.participant,
         is_simulated=recording.is_simulated,
         manifest=manifest,
+        source=source_of(recording),
         person={"participant": manifest.participant, "group": manifest.plan["group"], **person},
         walks=measured,
         pulses=pulses,

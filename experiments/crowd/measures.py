@@ -12,7 +12,7 @@ from analysis.gait import clearance_m, crossing_angles_deg, walk_measures
 from experiments.crowd.collision_measures import Surface, collision_rows, walk_volumes
 from experiments.crowd.replay import Walk
 from lab.geometry import Vector
-from stimuli.scenes.station_crowd import BOARD_M
+from stimuli.scenes.station_crowd import BOARD_M, Crowd
 
 JITTER_SEED: Final = 20200
 
@@ -44,11 +44,16 @@ class MeasuredWalk:
     track_m: Vector
 
 
+def crowd_cells(crowd: Crowd) -> Triangulation:
+    """Return the triangles between the people of a crowd."""
+    return triangulate(
+        crowd.position_m, cocircular="jitter", rng=np.random.default_rng(JITTER_SEED)
+    )
+
+
 def cells_of(walk: Walk) -> tuple[Triangulation, CellPath]:
     """Return the crowd's cells and the participant's way through them."""
-    cells = triangulate(
-        walk.crowd.position_m, cocircular="jitter", rng=np.random.default_rng(JITTER_SEED)
-    )
+    cells = crowd_cells(walk.crowd)
     return cells, walk_cells(cells, walk.place_m)
 
 

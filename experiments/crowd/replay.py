@@ -122,9 +122,27 @@ def _walk(recording: Recording, row: dict[str, Any], crowd: Crowd, step_ns: int)
     position[~valid], turn[~valid] = np.nan, np.nan
     frozen = standing_still(t_ns, position)
     position[frozen], turn[frozen] = np.nan, np.nan
-    grid = np.arange(start_ns, end_ns, step_ns, dtype=np.int64)
+    grid = steps_within(start_ns, end_ns, step_ns, t_ns)
     at, orientation = resampled(t_ns, position, turn, grid)
     return Walk(str(row["trial_id"]), row, crowd, grid, at, orientation, stature_of_arms(position))
+
+
+def steps_within(
+    start_ns: int, end_ns: int, step_ns: int, t_ns: npt.NDArray[np.int64]
+) -> npt.NDArray[np.int64]:
+    """Return the steps of a trial that a running tracker could have seen.
+
+    A session stops its tracker between two samples, so the last steps of its last trial may lie
+    after the last sample. Those less than one usual sample interval away are no part of the walk;
+    when the tracker had stopped earlier, every step stays and is missing.
+    """
+    grid = np.arange(start_ns, end_ns, step_ns, dtype=np.int64)
+    if len(t_ns) < 2:
+        return grid
+    interval_ns = int(np.median(np.diff(t_ns)))
+    first = int(t_ns[0]) if t_ns[0] - start_ns < interval_ns else start_ns
+    last = int(t_ns[-1]) if end_ns - t_ns[-1] < interval_ns else end_ns
+    return grid[(grid >= first) & (grid <= last)]
 
 
 def joint_columns(recording: Recording) -> list[int]:

@@ -1,0 +1,267 @@
+"""From the tables of a crowd study to every conclusion."""
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import pandas as pd
+
+from analysis.statistics import Equivalence, rm_anova
+from analysis.statistics.errors import StatisticsError
+from experiments.crowd.analysis_parameters import DEFAULT_PARAMETERS, AnalysisParameters
+from experiments.crowd.comparisons import (
+    MeasureComparison,
+    compare_measure,
+    path_length_equivalence,
+)
+from experiments.crowd.design import CONDITIONS, CONTROL_GROUP
+from experiments.crowd.paths import CellsBy, PathAnalysis, analyse_paths
+from experiments.crowd.terms import MEASURES, PAIRS, PATH, PRIMARY, Measure
+from lab.errors import DataError
+
+Tables = Mapping[str, pd.DataFrame]
+SIMULATED_COLUMN = "is_simulated"
+
+
+@dataclass(frozen=True)
+class Excluded:
+    """Somebody or one walk left out of the statistics, and why."""
+
+    participant: str
+    trial_id: str | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class GroupAnalysis:
+    """One group of participants over the three blocks.
+
+    `means` holds one row per participant and block. `path_lengths` says per pair of blocks
+    whether people walk as far, or why that was not tested.
+    """
+
+    group: str
+    means: pd.DataFrame = field(repr=False)
+    comparisons: tuple[MeasureComparison, ...]
+    paths: PathAnalysis
+    path_lengths: Mapping[tuple[str, str], Equivalence | str]
+
+    @property
+    def people(self) -> tuple[str, ...]:
+        """Participants with at least one block."""
+        return tuple(sorted(set(self.means["participant"].astype(str))))
+
+    def comparison(self, measure: Measure) -> MeasureComparison:
+        """Return the comparison of a measure."""
+        return next(c for c in self.comparisons if c.measure == measure)
+
+
+@dataclass(frozen=True)
+class CrowdAnalysis:
+    """Everything the study's analysis found; `main` is the group that felt vibrations."""
+
+    parameters: AnalysisParameters
+    is_simulated: bool
+    rules: tuple[str, ...]
+    trials: pd.DataFrame = field(repr=False)
+    kept: pd.DataFrame = field(repr=False)
+    excluded: tuple[Excluded, ...]
+    main: GroupAnalysis
+    control: GroupAnalysis | None
+    between_groups: tuple[str, ...]
+
+    @property
+    def agreement(self) -> tuple[int, int]:
+        """How many published verdicts on two blocks come back, of how many that can be told."""
+        found = [c.agrees(pair) for c in self.main.comparisons for pair in PAIRS]
+        known = [a for a in found if a is not None]
+        return sum(known), len(known)
+
+    def statistics_rows(self) -> list[dict[str, Any]]:
+        """Return one flat row per test of every group."""
+        rows = []
+        for group in (self.main, self.control):
+            if group is None:
+                continue
+            for comparison in group.comparisons:
+                rows += [{"group": group.group, **row} for row in comparison.rows()]
+        return rows
+
+
+def analyse_tables(
+    tables: Tables,
+    parameters: AnalysisParameters = DEFAULT_PARAMETERS,
+    *,
+    is_simulated: bool,
+    allow_mixture: bool = False,
+) -> CrowdAnalysis:
+    """Analyse a study from its tables of trials, cells and blocks.
+
+    Works with any number of participants: what cannot be tested says why.
+
+    Raises:
+        DataError: no walk was measured, simulated and real walks are mixed, or volumes were
+            measured by several rules.
+    """
+    trials = tables["trials"]
+    if trials.empty:
+        raise DataError("no walk of this study was measured; check that sessions are complete")
+    if not (allow_mixture and is_simulated):
+        _refuse_mixture(trials, is_simulated)
+    rules = tuple(
+        sorted(
+            {
+                f"{rule} ({surface})"
+                for rule, surface in zip(
+                    trials["measure_rule"], trials["measure_surface"], strict=True
+                )
+            }
+        )
+    )
+    if len(rules) > 1:
+        raise DataError(
+            f"volumes were measured by {', '.join(rules)}; they cannot be compared: measure all "
+            "sessions by one rule and surface"
+        )
+    kept, excluded = select(trials, parameters)
+    blocks = tables["blocks"]
+    cells = tables["cells"]
+    groups = kept["group"].fillna("").astype(str) if "group" in kept else pd.Series("", kept.index)
+    main_rows = kept[groups != CONTROL_GROUP]
+    control_rows = kept[groups == CONTROL_GROUP]
+    if main_rows.empty:
+        main_rows, control_rows = control_rows, main_rows
+    main = _group(main_rows, blocks, cells, parameters)
+    control = _group(control_rows, blocks, cells, parameters) if len(control_rows) else None
+    return CrowdAnalysis(
+        parameters,
+        is_simulated,
+        rules,
+        trials,
+        kept,
+        excluded,
+        main,
+        control,
+        () if control is None else _between(main, control),
+    )
+
+
+def select(
+    trials: pd.DataFrame, parameters: AnalysisParameters
+) -> tuple[pd.DataFrame, tuple[Excluded, ...]]:
+    """Return the walks that are analysed, and what is left out with its reason."""
+    excluded = []
+    keep = []
+    for row in trials.to_dict("records"):
+        reason = ""
+        if row["lost_01"] > parameters.max_lost_01:
+            reason = (
+                f"{100 * row['lost_01']:.0f} % of the walk not tracked "
+                f"(limit {100 * parameters.max_lost_01:.0f} %)"
+            )
+        elif not row["came_back"]:
+            reason = "did not come back to the mark in time"
+        if reason:
+            excluded.append(Excluded(str(row["participant"]), str(row["trial_id"]), reason))
+        keep.append(not reason)
+    kept = trials[keep]
+    planned = _walks_by_block(trials)
+    left = _walks_by_block(kept)
+    for (person, condition), most in planned.items():
+        n = left.get((person, condition), 0)
+        if n < parameters.min_walks_01 * most:
+            reason = f"only {n} of {most} walks of {condition} can be used"
+            excluded.append(Excluded(person, None, reason))
+    out = {e.participant for e in excluded if e.trial_id is None}
+    return kept[~kept["participant"].astype(str).isin(out)], tuple(excluded)
+
+
+def _walks_by_block(trials: pd.DataFrame) -> Counter[tuple[str, str]]:
+    return Counter(
+        zip(trials["participant"].astype(str), trials["condition"].astype(str), strict=True)
+    )
+
+
+def block_means(kept: pd.DataFrame, blocks: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per participant and block: means over walks, ratings beside them."""
+    columns = [m.column for m in MEASURES if m.column in kept and not m.is_rating]
+    values = kept[["participant", "condition", *columns]].copy()
+    values["participant"] = values["participant"].astype(str)
+    for column in columns:
+        values[column] = pd.to_numeric(values[column], errors="coerce")
+    means = values.groupby(["participant", "condition"], as_index=False).mean()
+    ratings = [m.column for m in MEASURES if m.is_rating and m.column in blocks]
+    if len(blocks) and ratings:
+        asked = blocks[["participant", "condition", *ratings]].copy()
+        asked["participant"] = asked["participant"].astype(str)
+        for column in ratings:
+            asked[column] = pd.to_numeric(asked[column], errors="coerce")
+        means = means.merge(asked, on=["participant", "condition"], how="left")
+    return means
+
+
+def cells_by(cells: pd.DataFrame, kept: pd.DataFrame) -> CellsBy:
+    """Return the cells of every kept walk by condition, configuration and participant."""
+    keys = {(str(p), str(t)) for p, t in zip(kept["participant"], kept["trial_id"], strict=True)}
+    return {
+        (str(row["condition"]), int(row["configuration"]), str(row["participant"])): frozenset(
+            (int(c[0]), int(c[1]), int(c[2])) for c in json.loads(row["cells"]) if c is not None
+        )
+        for row in cells.to_dict("records")
+        if (str(row["participant"]), str(row["trial_id"])) in keys
+    }
+
+
+def _group(
+    kept: pd.DataFrame, blocks: pd.DataFrame, cells: pd.DataFrame, parameters: AnalysisParameters
+) -> GroupAnalysis:
+    means = block_means(kept, blocks)
+    comparisons = tuple(compare_measure(means, m, parameters) for m in MEASURES)
+    path = next(c for c in comparisons if c.measure == PATH)
+    name = str(kept["group"].iloc[0] or "") if "group" in kept and len(kept) else ""
+    return GroupAnalysis(
+        name,
+        means,
+        comparisons,
+        analyse_paths(cells_by(cells, kept), parameters),
+        {pair: path_length_equivalence(path, pair, parameters) for pair in PAIRS},
+    )
+
+
+def _between(main: GroupAnalysis, control: GroupAnalysis) -> tuple[str, ...]:
+    """Say for each primary measure whether the change over blocks differs between groups."""
+    sentences = []
+    for measure in PRIMARY:
+        rows: list[dict[str, Any]] = []
+        for group in (main, control):
+            found = group.comparison(measure)
+            for person, values in zip(found.people, found.table, strict=True):
+                rows += [
+                    {"participant": person, "group": group.group, "block": c, "value": float(v)}
+                    for c, v in zip(CONDITIONS, values, strict=True)
+                ]
+        try:
+            table = rm_anova(
+                pd.DataFrame(rows),
+                "value",
+                subject="participant",
+                within=("block",),
+                between=("group",),
+            )
+        except StatisticsError as error:
+            sentences.append(f"{measure.label}: not tested, {error}")
+            continue
+        sentences.append(f"{measure.label}, {table.effect('block:group').sentence()}.")
+    return tuple(sentences)
+
+
+def _refuse_mixture(trials: pd.DataFrame, is_simulated: bool) -> None:
+    kinds: Sequence[bool] = sorted(set(trials[SIMULATED_COLUMN].astype(bool)))
+    if set(kinds) - {is_simulated}:
+        said, other = ("simulated", "real") if is_simulated else ("real", "simulated")
+        raise DataError(
+            f"the trial table holds {other} sessions but was given as {said} data; analyse "
+            "simulated and real sessions apart"
+        )

@@ -1,0 +1,185 @@
+"""Figures of paths and cells: everybody's way through a crowd, how often each cell was walked."""
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+
+from analysis.cells import Triangulation
+from analysis.cells.triangulation import Cell, as_cell
+from analysis.plots import BLUE, GREY, VERMILION, Drawn, draw, new_figure
+from analysis.plots.panels import no_data
+from analysis.plots.style import BLACK
+from experiments.crowd import published
+from experiments.crowd.analysis import CrowdAnalysis, Tables
+from experiments.crowd.design import CONDITIONS
+from experiments.crowd.measures import crowd_cells
+from experiments.crowd.paths import VARIANT_NAMES, VARIANTS
+from experiments.crowd.terms import PAIRS
+from lab.geometry import Vector
+from stimuli.scenes.station_crowd import BOARD_M, READ_WITHIN_M, START_M, station_crowd
+
+SHORT_PAIRS = ("before–haptic", "haptic–after", "before–after")
+_UPRIGHT = np.array([1.0, -1.0])
+"""Seen from above, −z is up the page, so that right stays right."""
+Tracks = Mapping[tuple[str, str], Vector]
+
+
+def path_figures(analysis: CrowdAnalysis, tables: Tables, tracks: Tracks) -> list[Drawn]:
+    """Return a figure of similarities and one of paths per configuration that was walked."""
+    simulated = analysis.is_simulated
+    figures = [
+        draw(
+            "similarity",
+            lambda: _similarity(analysis),
+            title="Similarity of the paths of two blocks",
+            caption="Left: as published, Dice of all cells of one block with all of another, one "
+            "dot per configuration, beside random halves of one block (grey) and the published "
+            "means (diamonds). Larger groups and the same people on both sides make blocks more "
+            "alike than halves even where a block changes nothing. Right: groups of equal size "
+            "with different people on both sides, within a block and between blocks, in three "
+            "variants of Dice, each for the same three pairs of blocks; p by permutation.",
+            alternative="Dice between blocks and within blocks, as published and compared fairly.",
+            is_simulated=simulated,
+        )
+    ]
+    figures += [
+        draw(
+            f"paths_{configuration}",
+            partial(_paths, analysis, tables, tracks, configuration),
+            title=f"Paths and cells, configuration {configuration}",
+            caption="From above; one line per participant, there and back. Colour: how many "
+            "participants walked through the triangle between three people. Dots: people. Square: "
+            "start. Arc: where the board can be read.",
+            alternative=f"Three maps of configuration {configuration}, one per block.",
+            is_simulated=simulated,
+        )
+        for configuration in analysis.main.paths.configurations
+    ]
+    return figures
+
+
+def _similarity(analysis: CrowdAnalysis) -> Figure:
+    figure = new_figure(9.6, 3.9)
+    left, right = figure.subplots(1, 2, width_ratios=(1, 1.25))
+    paths = analysis.main.paths
+    within = paths.within["union"].ravel()
+    within = within[np.isfinite(within)]
+    if not within.size:
+        no_data(left, "too few people")
+        no_data(right, "too few people")
+        return figure
+    for x, pair in enumerate(PAIRS):
+        values = paths.pair(pair).by_configuration
+        left.scatter(np.full(len(values), x), values, s=22, color=BLUE, alpha=0.7)
+        printed = published.DICE_BETWEEN_ALL[pair]
+        _diamond(left, x + 0.22, printed.mean, printed.sd)
+    offset = np.linspace(-0.18, 0.18, within.size)
+    left.scatter(3 + offset, within, s=10, color=GREY, alpha=0.6)
+    _diamond(left, 3.3, published.DICE_WITHIN.mean, published.DICE_WITHIN.sd)
+    left.set_xticks(range(4), [*(n.replace("–", "–\n") for n in SHORT_PAIRS), "within\n(halves)"])
+    left.set_ylabel("Dice (union of cells)")
+    left.set_title("As published")
+    at = 0.0
+    ticks: list[float] = []
+    labels: list[str] = []
+    for variant in VARIANTS:
+        for k, pair in enumerate(PAIRS):
+            fair = paths.pair(pair, variant).fair
+            if fair is None:
+                continue
+            right.plot([at, at], [fair.within, fair.between], color=GREY, linewidth=1)
+            names = ("within", "between") if not ticks and k == 0 else ("", "")
+            right.plot([at], [fair.within], "o", color=BLUE, label=names[0] or None)
+            right.plot([at], [fair.between], "s", color=VERMILION, label=names[1] or None)
+            top = max(fair.within, fair.between)
+            right.text(at, top + 0.012, f"p {fair.p:.2f}", ha="center", fontsize=8, color=BLACK)
+            if k == 1:
+                ticks.append(at)
+                labels.append(
+                    VARIANT_NAMES[variant].replace(" of ", "\nof ").replace(" over ", "\nover ")
+                )
+            at += 0.7
+        at += 0.5
+    if ticks:
+        right.set_xticks(ticks, labels)
+        right.legend(loc="lower left")
+        low, high = right.get_ylim()
+        right.set_ylim(low, high + 0.05)
+    else:
+        no_data(right, "too few people")
+    right.set_title("Equal sizes, different people")
+    right.set_ylabel("Dice")
+    return figure
+
+
+def _diamond(axes: Axes, x: float, mean: float, sd: float) -> None:
+    axes.plot([x, x], [mean - sd, mean + sd], color=BLACK, linewidth=1, linestyle=(0, (3, 2)))
+    axes.plot([x], [mean], "D", color="white", mec=BLACK, markersize=6.5)
+
+
+def _paths(analysis: CrowdAnalysis, tables: Tables, tracks: Tracks, configuration: int) -> Figure:
+    figure = new_figure(9.6, 3.75)
+    panels = figure.subplots(1, 3, sharex=True, sharey=True)
+    cells = crowd_cells(station_crowd(configuration))
+    visits = {c: Counter[Cell]() for c in CONDITIONS}
+    lines: dict[str, list[Vector]] = {c: [] for c in CONDITIONS}
+    people = set(analysis.main.people)
+    keys = {
+        (str(p), str(t))
+        for p, t in zip(analysis.kept["participant"], analysis.kept["trial_id"], strict=True)
+    }
+    rows = tables["cells"]
+    for row in rows[rows["configuration"] == configuration].to_dict("records"):
+        key = (str(row["participant"]), str(row["trial_id"]))
+        if key not in keys or key[0] not in people:
+            continue
+        condition = str(row["condition"])
+        visits[condition].update(
+            {(c[0], c[1], c[2]) for c in json.loads(row["cells"]) if c is not None}
+        )
+        if key in tracks:
+            lines[condition].append(tracks[key] * _UPRIGHT)
+    most = max((n for v in visits.values() for n in v.values()), default=1)
+    for axes, condition in zip(panels, CONDITIONS, strict=True):
+        picture = _map(axes, cells, visits[condition], most)
+        axes.add_collection(
+            LineCollection(lines[condition], colors=BLACK, linewidths=0.5, alpha=0.35, zorder=3)
+        )
+        axes.set_title(condition)
+    bar = figure.colorbar(picture, ax=list(panels), shrink=0.8, pad=0.01)
+    bar.set_label("Participants")
+    return figure
+
+
+def _map(axes: Axes, cells: Triangulation, visits: Mapping[Cell, int], most: int) -> PolyCollection:
+    points = cells.positions_m * _UPRIGHT
+    triangles = [as_cell(t) for t in cells.triangles]
+    picture = PolyCollection(
+        [points[list(t)] for t in triangles],
+        array=np.array([visits.get(t, 0) for t in triangles], float),
+        cmap="YlGnBu",
+        edgecolors="#c9d1da",
+        linewidths=0.35,
+    )
+    picture.set_clim(0, most)
+    axes.add_collection(picture)
+    axes.scatter(points[:, 0], points[:, 1], s=5, color=GREY, zorder=2)
+    axes.plot([START_M[0]], [-START_M[1]], "s", color=VERMILION, markersize=6, zorder=4)
+    turn = np.linspace(0, 2 * np.pi, 90)
+    axes.plot(
+        BOARD_M[0] + READ_WITHIN_M * np.cos(turn),
+        -BOARD_M[2] + READ_WITHIN_M * np.sin(turn),
+        color="#2c8a57",
+        linewidth=1,
+    )
+    axes.set_aspect("equal")
+    axes.set_xlim(-5.1, 5.1)
+    axes.set_ylim(-5.1, 5.1)
+    axes.set_xlabel("x (m)")
+    return picture

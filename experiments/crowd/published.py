@@ -1,0 +1,115 @@
+"""What the source of the crowd study printed, number by number.
+
+Source: F. Berton, F. Grzeskowiak, A. Bonneau, A. Jovane, M. Aggravi, L. Hoyet, A.-H. Olivier,
+C. Pacchierotti, J. Pettré, *Crowd navigation in VR: exploring haptic rendering of collisions*,
+IEEE TVCG 2020 (10.1109/TVCG.2020.3041341), as told in A. Jovane's thesis (Université de Rennes,
+2023), section 4.3 and appendix B.2. Twenty-three participants, eight trials per block.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from experiments.crowd.design import AFTER, BEFORE, HAPTIC
+
+CITATION: Final = (
+    "Berton, F., et al. (2020). Crowd navigation in VR: exploring haptic rendering of collisions. "
+    "IEEE Transactions on Visualization and Computer Graphics, 10.1109/TVCG.2020.3041341; as told "
+    "in Jovane, A. (2023), thesis, Université de Rennes, section 4.3 and appendix B."
+)
+PARTICIPANTS: Final = 23
+TRIALS_PER_BLOCK: Final = 8
+
+
+@dataclass(frozen=True)
+class MeanSd:
+    """Mean and standard deviation over participants."""
+
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class BlockTest:
+    """A published test over the three blocks.
+
+    `F` and its degrees of freedom None where only p is printed; `pairs` the block pairs that
+    post-hoc tests call different, with the printed p (None where it is not printed).
+    """
+
+    p: float
+    p_is_bound: bool
+    F: float | None
+    df: tuple[float, float] | None
+    eta_p2: float | None
+    pairs: Mapping[tuple[str, str], float | None]
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the source calls the blocks different."""
+        return self.p < 0.05
+
+
+MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
+    "collisions": {
+        BEFORE: MeanSd(71.0, 29.2),
+        HAPTIC: MeanSd(62.8, 34.6),
+        AFTER: MeanSd(60.7, 34.6),
+    },
+    "max_volume_dm3": {BEFORE: MeanSd(0.8, 0.3), HAPTIC: MeanSd(0.6, 0.3)},
+    "shoulders_to_gap_deg": {
+        BEFORE: MeanSd(34.3, 6.0),
+        HAPTIC: MeanSd(40.1, 8.2),
+        AFTER: MeanSd(38.7, 3.7),
+    },
+    "speed_m_s": {
+        BEFORE: MeanSd(0.43, 0.07),
+        HAPTIC: MeanSd(0.40, 0.07),
+        AFTER: MeanSd(0.42, 0.07),
+    },
+    "agency": {BEFORE: MeanSd(6.1, 0.9), HAPTIC: MeanSd(6.0, 0.8), AFTER: MeanSd(5.9, 0.7)},
+    "change": {BEFORE: MeanSd(3.6, 1.3), HAPTIC: MeanSd(3.8, 1.5), AFTER: MeanSd(3.3, 1.5)},
+    "ownership": {BEFORE: MeanSd(4.9, 1.4), HAPTIC: MeanSd(5.1, 1.2), AFTER: MeanSd(5.0, 1.2)},
+    "presence": {BEFORE: MeanSd(5.2, 0.9), HAPTIC: MeanSd(5.2, 1.2), AFTER: MeanSd(5.0, 1.1)},
+}
+"""By column and block; the volume of the last block is drawn but not printed."""
+
+TESTS: Final[Mapping[str, BlockTest]] = {
+    "collisions": BlockTest(
+        0.002, False, 7.13, (2, 44), 0.25, {(BEFORE, HAPTIC): 0.018, (BEFORE, AFTER): 0.002}
+    ),
+    "max_volume_dm3": BlockTest(0.019, False, 4.35, (2, 44), 0.16, {(BEFORE, HAPTIC): 0.016}),
+    "shoulders_to_gap_deg": BlockTest(
+        0.001, True, 13.0, (2, 44), 0.37, {(BEFORE, HAPTIC): None, (BEFORE, AFTER): None}
+    ),
+    "speed_m_s": BlockTest(
+        0.005, False, 7.14, (1.56, 34.2), 0.245, {(BEFORE, HAPTIC): None, (HAPTIC, AFTER): None}
+    ),
+    "agency": BlockTest(0.438, False, None, None, None, {}),
+    "change": BlockTest(0.085, False, None, None, None, {}),
+    "ownership": BlockTest(0.753, False, None, None, None, {}),
+    "presence": BlockTest(0.222, False, None, None, None, {}),
+}
+
+DICE_BETWEEN: Final[Mapping[tuple[str, str], tuple[float, ...]]] = {
+    (BEFORE, HAPTIC): (0.840, 0.884, 0.781, 0.919, 0.884, 0.828, 0.788, 0.850),
+    (HAPTIC, AFTER): (0.886, 0.938, 0.932, 0.887, 0.902, 0.858, 0.816, 0.859),
+    (BEFORE, AFTER): (0.850, 0.883, 0.794, 0.907, 0.853, 0.910, 0.820, 0.853),
+}
+"""Table B.1: Dice of all paths of two blocks, by configuration."""
+
+DICE_BETWEEN_ALL: Final[Mapping[tuple[str, str], MeanSd]] = {
+    (BEFORE, HAPTIC): MeanSd(0.847, 0.048),
+    (HAPTIC, AFTER): MeanSd(0.886, 0.041),
+    (BEFORE, AFTER): MeanSd(0.859, 0.040),
+}
+DICE_WITHIN: Final = MeanSd(0.812, 0.033)
+"""Ninety values: random halves of each block, thirty times, averaged over configurations."""
+
+INCONSISTENCIES: Final = (
+    "appendix B.2 gives 88.5 % and table B.1 88.6 % for Haptic against NoHaptic2; the eight "
+    "values of the table average to 88.5 %",
+    "the volume of interpenetration is printed in dm⁻³; dm³ is meant",
+    "the text keeps cubes in collision, which overstates a common volume about twofold: volumes "
+    "by the true common volume cannot be compared with the printed ones without a look at the rule",
+)

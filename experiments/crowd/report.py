@@ -1,0 +1,255 @@
+"""The report of a crowd study: one HTML file a lab can read at a glance and check in depth."""
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+
+from analysis.plots import Drawn, svg_for_page
+from analysis.report import (
+    Block,
+    Bullets,
+    Code,
+    Column,
+    Facts,
+    Fold,
+    Page,
+    Paragraph,
+    Picture,
+    ReportProvenance,
+    Section,
+    Table,
+    Verdict,
+    Verdicts,
+    write_page,
+)
+from analysis.report.notation import counted, decimal
+from experiments.crowd import published
+from experiments.crowd import report_tables as tables_of
+from experiments.crowd.analysis import CrowdAnalysis, Tables
+from experiments.crowd.collision_table import collision_facts
+from experiments.crowd.conclusions import conclude
+from experiments.crowd.methods_text import REFERENCES, differences_from_source, method_paragraphs
+from experiments.crowd.pulse_table import pulse_table
+
+TITLE = "Through the crowd"
+
+
+def build_report(
+    analysis: CrowdAnalysis,
+    tables: Tables,
+    provenance: ReportProvenance,
+    out_path: Path,
+    *,
+    figures: Mapping[str, Drawn],
+    notes: tuple[str, ...] = (),
+) -> Path:
+    """Write the report and return its path; the same input gives the same bytes."""
+    pictures = {
+        name: Picture(svg_for_page(d), d.title, d.caption, d.alternative)
+        for name, d in figures.items()
+    }
+    return write_page(report_page(analysis, tables, provenance, pictures, notes), out_path)
+
+
+def report_page(
+    analysis: CrowdAnalysis,
+    tables: Tables,
+    provenance: ReportProvenance,
+    pictures: Mapping[str, Picture],
+    notes: tuple[str, ...] = (),
+) -> Page:
+    """Return the report as a page."""
+    people = len(set(analysis.trials["participant"].astype(str)))
+    sections = [
+        _summary(analysis, pictures),
+        _paths(analysis, pictures),
+        _body(analysis, tables, pictures),
+        _ratings(analysis, pictures),
+        _haptics(tables),
+    ]
+    if analysis.control is not None:
+        sections.append(_control(analysis))
+    sections += [_exclusions(analysis), _methods(analysis, notes), _provenance(provenance)]
+    return Page(
+        title=TITLE,
+        subtitle="Do people walk through a dense crowd differently when contacts can be felt?",
+        facts=Facts(
+            (
+                ("Participants analysed", f"{len(analysis.main.people)} of {people}"),
+                ("Walks analysed", f"{len(analysis.kept)} of {len(analysis.trials)}"),
+                ("Data", "simulated" if analysis.is_simulated else "real"),
+                ("Volumes", ", ".join(analysis.rules)),
+                ("Recorded", provenance.data_date or "unknown"),
+                ("Study version", provenance.study_version),
+                ("Visavis", provenance.versions.get("visavis", "unknown")),
+            )
+        ),
+        is_simulated=analysis.is_simulated,
+        sections=tuple(sections),
+        footer=f"Published values: {published.CITATION}",
+    )
+
+
+def _summary(analysis: CrowdAnalysis, pictures: Mapping[str, Picture]) -> Section:
+    verdicts = tuple(
+        Verdict(c.status, c.headline, " ".join(c.evidence)) for c in conclude(analysis)
+    )
+    same, of = analysis.agreement
+    blocks: list[Block] = [Verdicts(verdicts), pictures["blocks"], tables_of.means_table(analysis)]
+    n = len(analysis.main.people)
+    text = f"Of {of} published verdicts on two blocks, {same} come back."
+    if n < published.PARTICIPANTS:
+        text += (
+            f" With {counted(n, 'participant')} instead of the source's "
+            f"{published.PARTICIPANTS}, verdicts that differ mainly reflect lower statistical "
+            "power; compare means first."
+        )
+    blocks += [Paragraph(text), tables_of.tests_table(analysis, primary=True)]
+    if not any(rule.startswith("published") for rule in analysis.rules):
+        blocks.append(
+            Paragraph(
+                "The source counted cubes that touch both bodies, which overstates a common "
+                "volume about twofold and lets near misses count; the numbers here are of another "
+                "rule, so compare changes over blocks rather than sizes."
+            )
+        )
+    return Section("summary", "Result", tuple(blocks))
+
+
+def _paths(analysis: CrowdAnalysis, pictures: Mapping[str, Picture]) -> Section:
+    maps = [picture for name, picture in pictures.items() if name.startswith("paths_")]
+    blocks: list[Block] = [
+        pictures["similarity"],
+        tables_of.equivalence_table(analysis.main),
+        tables_of.similarity_table(analysis.main),
+        tables_of.fair_table(analysis.main),
+        *maps[:1],
+    ]
+    if maps[1:]:
+        blocks.append(Fold(f"The other {len(maps) - 1} configurations", tuple(maps[1:])))
+    return Section("paths", "Paths and cells", tuple(blocks))
+
+
+def _body(analysis: CrowdAnalysis, tables: Tables, pictures: Mapping[str, Picture]) -> Section:
+    return Section(
+        "body",
+        "Collisions, shoulders, walking",
+        (
+            pictures["collisions"],
+            tables_of.collision_table(analysis, collision_facts(analysis, tables["collisions"])),
+            pictures["shoulders"],
+            pictures["further"],
+            tables_of.tests_table(analysis, primary=False),
+        ),
+    )
+
+
+def _ratings(analysis: CrowdAnalysis, pictures: Mapping[str, Picture]) -> Section:
+    sentences = tuple(
+        f"{c.measure.label}: {c.test.sentence() if c.test else 'not tested, ' + c.problem}"
+        for c in analysis.main.comparisons
+    )
+    return Section(
+        "ratings",
+        "Presence and embodiment",
+        (
+            pictures["ratings"],
+            Fold(f"All {len(sentences)} conclusions in words", (Bullets(sentences),)),
+        ),
+    )
+
+
+def _haptics(tables: Tables) -> Section:
+    pulses = tables["pulses"]
+    if pulses.empty:
+        return Section("haptics", "Vibrations", (Paragraph("No vibration was commanded."),))
+    return Section("haptics", "Vibrations", (pulse_table(pulses),))
+
+
+def _control(analysis: CrowdAnalysis) -> Section:
+    control = analysis.control
+    if control is None:
+        raise ValueError("there is no control group")
+    rows = tuple(
+        (
+            c.measure.axis,
+            str(len(c.people)),
+            *(decimal(float(m), c.measure.digits) for m in c.means),
+            "–" if c.test is None else c.test.test.sentence(),
+        )
+        for c in control.comparisons
+    )
+    headers = ("Measure", "n", "Block 1", "Block 2", "Block 3", "Test over blocks")
+    return Section(
+        "control",
+        "Control group (never haptics)",
+        (
+            Table(tuple(Column(h) for h in headers), rows, "Control group by block"),
+            Paragraph("Does the change over blocks differ between the groups?"),
+            Bullets(analysis.between_groups),
+        ),
+    )
+
+
+def _exclusions(analysis: CrowdAnalysis) -> Section:
+    blocks: list[Block] = []
+    rows = tuple((e.participant, e.trial_id or "all walks", e.reason) for e in analysis.excluded)
+    headers = (Column("Participant"), Column("Walk"), Column("Reason"))
+    blocks.append(
+        Table(headers, rows, "Left out of the statistics")
+        if rows
+        else Paragraph("No walk was left out.")
+    )
+    flags: Counter[str] = Counter()
+    for text in analysis.trials.get("flags", ()):
+        flags.update(f for f in str(text or "").split(";") if f)
+    if flags:
+        blocks.append(
+            Table(
+                (Column("Flag"), Column("Walks", "right")),
+                tuple((name, str(n)) for name, n in sorted(flags.items())),
+                "What was flagged",
+                "Flagged walks are analysed unless they are listed above; docs/crowd.md explains "
+                "every flag.",
+            )
+        )
+    return Section("exclusions", "Exclusions and flags", tuple(blocks))
+
+
+def _methods(analysis: CrowdAnalysis, notes: tuple[str, ...]) -> Section:
+    return Section(
+        "methods",
+        "Methods",
+        (
+            *(Paragraph(p) for p in (*method_paragraphs(analysis), *notes)),
+            Paragraph("Differences from the source:"),
+            Bullets(differences_from_source(analysis)),
+            Fold("What does not fit in the published text", (Bullets(published.INCONSISTENCIES),)),
+            Fold("References", (Bullets(REFERENCES),)),
+        ),
+    )
+
+
+def _provenance(provenance: ReportProvenance) -> Section:
+    facts = [("Study", f"{provenance.study}, version {provenance.study_version}")]
+    if provenance.seed is not None:
+        facts.append(("Seed", str(provenance.seed)))
+    for label, value in (
+        ("Configuration SHA-256", provenance.configuration_sha256),
+        ("Plan SHA-256", provenance.plan_sha256),
+    ):
+        if value:
+            facts.append((label, value))
+    facts += list(provenance.versions.items())
+    blocks: list[Block] = [Facts(tuple(facts))]
+    if provenance.commands:
+        blocks += [Paragraph("The same report again:"), Code(provenance.commands)]
+    if provenance.sessions:
+        rows = tuple(
+            (s.participant, s.session, s.started_at, s.status, s.sha256, s.code_revision)
+            for s in provenance.sessions
+        )
+        headers = ("Participant", "Session", "Began", "Status", "SHA-256", "Code")
+        table = Table(tuple(Column(h) for h in headers), rows, "Recordings")
+        blocks.append(Fold(counted(len(rows), "recording"), (table,)))
+    return Section("provenance", "Provenance", tuple(blocks))

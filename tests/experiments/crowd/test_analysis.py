@@ -1,0 +1,127 @@
+"""From tables to conclusions: the decision path, exclusions, paths, the published values."""
+
+import numpy as np
+import pytest
+
+from experiments.crowd import published
+from experiments.crowd.analysis import analyse_tables
+from experiments.crowd.analysis_parameters import AnalysisParameters
+from experiments.crowd.conclusions import conclude
+from experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC
+from experiments.crowd.terms import COLLISIONS, PRIMARY, SPEED, TO_GAP
+from lab.errors import DataError, UsageError
+from tests.experiments.crowd.synthetic_walks import tables, walks
+
+QUICK = AnalysisParameters(n_permutations=49, n_splits=10)
+
+
+@pytest.fixture(scope="module")
+def study():
+    return analyse_tables(tables(walks(14)), QUICK, is_simulated=True)
+
+
+def test_the_published_pattern_is_found_where_it_was_put_in(study):
+    collisions = study.main.comparison(COLLISIONS)
+    assert collisions.differs((BEFORE, HAPTIC))
+    assert not collisions.differs((HAPTIC, AFTER)) or collisions.means[1] > collisions.means[2]
+    for measure in PRIMARY:
+        assert study.main.comparison(measure).agrees((BEFORE, HAPTIC))
+
+
+def test_without_an_effect_most_measures_show_none():
+    study = analyse_tables(tables(walks(14, effect=False)), QUICK, is_simulated=True)
+    found = [study.main.comparison(m).differs((BEFORE, HAPTIC)) for m in PRIMARY]
+    assert sum(found) <= 1
+
+
+def test_an_opposite_difference_does_not_agree_with_the_published_one():
+    walked = walks(14)
+    for walk in walked:
+        walk.row["speed_m_s"] = 1 - walk.row["speed_m_s"]
+    study = analyse_tables(tables(walked), QUICK, is_simulated=True)
+    assert study.main.comparison(SPEED).differs((BEFORE, HAPTIC))
+    assert study.main.comparison(SPEED).agrees((BEFORE, HAPTIC)) is False
+
+
+def test_values_are_means_over_walks_of_a_block(study):
+    walked = walks(14)
+    own = [
+        w.row["shoulders_to_gap_deg"]
+        for w in walked
+        if w.row["participant"] == "S00" and w.row["condition"] == HAPTIC
+    ]
+    table = study.main.comparison(TO_GAP).table
+    assert np.mean(own) == pytest.approx(table[0, CONDITIONS.index(HAPTIC)])
+
+
+def test_walks_not_tracked_or_not_finished_are_left_out_with_the_reason():
+    walked = walks(6)
+    walked[0].row["lost_01"] = 0.5
+    walked[7].row["came_back"] = False
+    study = analyse_tables(tables(walked), QUICK, is_simulated=True)
+    reasons = [e.reason for e in study.excluded]
+    assert len(walked) - 2 == len(study.kept)
+    assert "50 % of the walk not tracked" in reasons[0]
+    assert "did not come back" in reasons[1]
+
+
+def test_a_person_without_enough_walks_in_a_block_is_left_out_whole():
+    walked = walks(6)
+    for walk in walked[:2]:
+        walk.row["came_back"] = False
+    study = analyse_tables(tables(walked), QUICK, is_simulated=True)
+    assert "S00" not in study.main.people
+    assert any(e.trial_id is None and "0 of 2 walks" in e.reason for e in study.excluded)
+
+
+def test_volumes_of_two_rules_are_refused():
+    walked = walks(4)
+    walked[3].row["measure_rule"] = "published"
+    with pytest.raises(DataError, match="cannot be compared"):
+        analyse_tables(tables(walked), QUICK, is_simulated=True)
+
+
+def test_simulated_walks_given_as_real_are_refused():
+    with pytest.raises(DataError, match="holds simulated sessions"):
+        analyse_tables(tables(walks(4)), QUICK, is_simulated=False)
+
+
+def test_two_people_are_too_few_for_any_test_and_the_report_says_so():
+    study = analyse_tables(tables(walks(2)), QUICK, is_simulated=True)
+    assert all(c.test is None and c.problem for c in study.main.comparisons)
+    assert all(p.fair is None and p.problem for p in study.main.paths.pairs)
+    assert {"undecided"} == {c.status for c in conclude(study)}
+
+
+def test_unrelated_paths_show_no_excess_within_blocks(study):
+    for found in study.main.paths.equivalence:
+        assert abs(np.nanmean(found.excess)) < 0.03
+        assert found.test is not None
+
+
+def test_whole_blocks_look_more_alike_than_halves_without_any_effect(study):
+    halves = study.main.paths.within["union"].mean()
+    assert all(p.mean > halves for p in study.main.paths.pairs if p.variant == "union")
+    fair = [p.fair for p in study.main.paths.pairs if p.variant == "union"]
+    assert all(f.p > 0.02 for f in fair)
+
+
+def test_a_control_group_is_analysed_apart_and_compared():
+    walked = [*walks(8, group="haptics"), *walks(8, 5, effect=False, group="control")]
+    study = analyse_tables(tables(walked), QUICK, is_simulated=True)
+    assert ("haptics", "control") == (study.main.group, study.control.group)
+    assert study.main.comparison(COLLISIONS).differs((BEFORE, HAPTIC))
+    assert not study.control.comparison(COLLISIONS).differs((BEFORE, HAPTIC))
+    assert len(PRIMARY) == len(study.between_groups)
+
+
+def test_published_means_and_dice_stand_as_printed():
+    assert (71.0, 62.8, 60.7) == tuple(published.MEANS["collisions"][c].mean for c in CONDITIONS)
+    assert (0.43, 0.40, 0.42) == tuple(published.MEANS["speed_m_s"][c].mean for c in CONDITIONS)
+    for pair, values in published.DICE_BETWEEN.items():
+        assert published.DICE_BETWEEN_ALL[pair].mean == pytest.approx(np.mean(values), abs=1.5e-3)
+
+
+def test_impossible_thresholds_are_refused():
+    with pytest.raises(UsageError, match="max_lost_01"):
+        AnalysisParameters(max_lost_01=2)
