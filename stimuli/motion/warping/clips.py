@@ -204,17 +204,26 @@ def smoothed(omega: Vector, key_s: Vector, time_s: float, *, looped: bool = Fals
 
 
 def _critically_damped(series: Vector, step_s: float, time_s: float) -> Vector:
-    """Follow a series by x'' = (target − x) / τ² − 2 x' / τ, exact for a held target."""
+    """Follow a series from its first value, at rest there."""
     out, x, v = np.empty_like(series), series[0].copy(), np.zeros_like(series[0])
-    decay = np.exp(-step_s / time_s)
     out[0] = x
     for k in range(1, len(series)):
-        gap = x - series[k]
-        slope = v + gap / time_s
-        x = series[k] + (gap + slope * step_s) * decay
-        v = (v - slope * step_s / time_s) * decay
+        x, v = follow(x, v, series[k], step_s, time_s)
         out[k] = x
     return out
+
+
+def follow(
+    value: Vector, speed: Vector, target: Vector, step_s: float, time_s: float
+) -> tuple[Vector, Vector]:
+    """Return value and speed a moment later by x'' = (target − x) / τ² − 2 x' / τ.
+
+    Exact for a held target, whatever the step.
+    """
+    decay = float(np.exp(-step_s / time_s))
+    gap = value - target
+    slope = speed + gap / time_s
+    return target + (gap + slope * step_s) * decay, (speed - slope * step_s / time_s) * decay
 
 
 def _apply(clip: Clip, body: SeenBody, units: tuple[WarpingUnit, ...], omega: Vector) -> Clip:

@@ -32,12 +32,12 @@ class ControlSettings:
     `probe_deg` is the step of the differences, `damping` the λ of least squares, `error_cap` the
     most a step asks of the features together, as a share of their original values,
     `step_cap_deg` the most a unit turns in a step.
-    `most_steps` a pose, `rate_hz` how often the loop runs, `threads` share the renders without
-    changing them.
+    `rest_pull` is the share of what the target leaves free that a step takes back. `most_steps` a
+    pose, `rate_hz` how often the loop runs, `threads` share the renders without changing them.
 
     Over time: `smooth_s` is the time constant τ of the filter; a whole clip is then corrected in
     at most `passes` rounds, weighing τ² times the second derivative of the offsets by `smoothness`
-    and the offsets themselves by `rest_pull` against errors as shares (see `trajectory`).
+    against errors as shares (see `trajectory`).
     """
 
     probe_deg: float = 4.0
@@ -48,7 +48,7 @@ class ControlSettings:
     smooth_s: float = 0.25
     passes: int = 6
     smoothness: float = 0.01
-    rest_pull: float = 0.02
+    rest_pull: float = 0.05
     rate_hz: float = 15.0
     threads: int = 1
 
@@ -174,7 +174,10 @@ def control_step(
     seen, jacobian = linearised(situation, omega_rad, settings, pool)
     asked = capped(scale * (wanted - seen), settings.error_cap)
     cap = np.radians(settings.step_cap_deg)
-    turn = np.clip(damped_solution(scale[:, None] * jacobian, asked, settings.damping), -cap, cap)
+    shares = scale[:, None] * jacobian
+    free = omega_rad - damped_solution(shares, shares @ omega_rad, settings.damping)
+    change = damped_solution(shares, asked, settings.damping) - settings.rest_pull * free
+    turn = np.clip(change, -cap, cap)
     reach = np.radians([unit.range_deg for unit in situation.units])
     return ControlStep(omega_rad, np.clip(omega_rad + turn, -reach, reach), seen, asked)
 

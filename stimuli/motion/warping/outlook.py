@@ -8,7 +8,16 @@ import numpy as np
 
 from lab.geometry import Pose, Vector, quat_multiply, rotate, unit
 from stimuli.motion.errors import MotionError
-from stimuli.motion.warping.raster_kernels import EYE, LAMP, Bytes, Floats, draw, project_points
+from stimuli.motion.warping.raster_kernels import (
+    EYE,
+    LAMP,
+    NEAR_M,
+    Bytes,
+    Floats,
+    Ints,
+    draw,
+    project_points,
+)
 from stimuli.picture import Camera, Light, Room, StaticMesh
 
 SHADOW_PX: Final = 192
@@ -87,15 +96,46 @@ def depth_of(meshes: Sequence[StaticMesh], eye: Floats, height: int, width: int)
     ids: Bytes = np.zeros((height, width), dtype=np.uint8)
     nothing = np.zeros((0, 1, 1))
     for mesh in meshes:
-        points = np.ascontiguousarray(mesh.vertices_m, dtype=np.float64)
+        points, triangles = _cut_at_eye(mesh, eye)
         screen = np.empty_like(points)
         project_points(points, eye, width, height, screen)
-        labels: Bytes = np.zeros(len(mesh.triangles), dtype=np.uint8)
+        labels: Bytes = np.zeros(len(triangles), dtype=np.uint8)
         draw(
-            points, screen, mesh.triangles, labels, True, ids, nearness, 0.0, NO_LAMPS, nothing,
+            points, screen, triangles, labels, True, ids, nearness, 0.0, NO_LAMPS, nothing,
             np.zeros((0, EYE)), 0.0,
         )  # fmt: skip
     return nearness
+
+
+def _cut_at_eye(mesh: StaticMesh, eye: Floats) -> tuple[Floats, Ints]:
+    """Return vertices and triangles of what of a mesh lies before the eye.
+
+    Walls and floors reach past the observer; the kernels draw whole triangles only.
+    """
+    points = np.ascontiguousarray(mesh.vertices_m, dtype=np.float64)
+    ahead = -(points - eye[:3]) @ eye[9:12] - 2 * NEAR_M
+    corner = ahead[mesh.triangles]
+    inside = (corner > 0).sum(axis=1)
+    whole = np.asarray(mesh.triangles[inside == 3], dtype=np.int32)
+    cut = np.flatnonzero((inside == 1) | (inside == 2))
+    if not len(cut):
+        return points, np.ascontiguousarray(whole)
+    # Turn each triangle so that its first corner is alone on its side; two edges leave from it.
+    alone = np.where(inside[cut] == 1, corner[cut].argmax(axis=1), corner[cut].argmin(axis=1))
+    a, b, c = (mesh.triangles[cut, (alone + k) % 3] for k in range(3))
+    new = len(points) + np.arange(2 * len(cut), dtype=np.int32).reshape(2, -1)
+    on_edge = []
+    for other in (b, c):
+        share = (ahead[a] / (ahead[a] - ahead[other]))[:, None]
+        on_edge.append((1 - share) * points[a] + share * points[other])
+    one, two = inside[cut] == 1, inside[cut] == 2
+    pieces = [
+        whole,
+        np.stack([a, new[0], new[1]], axis=1)[one],
+        np.stack([new[0], b, c], axis=1)[two],
+        np.stack([new[0], c, new[1]], axis=1)[two],
+    ]
+    return np.concatenate([points, *on_edge]), np.concatenate(pieces).astype(np.int32)
 
 
 def outlook(

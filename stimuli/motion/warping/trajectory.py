@@ -96,7 +96,7 @@ def _solved(
     """Return the change (k, w) that minimises errors, bending and distance from the original."""
     keys, _, units = jacobians.shape
     stiff = settings.smoothness**2 * (bend.T @ bend)
-    hold = settings.rest_pull**2
+    hold = settings.rest_pull * settings.damping**2
     blocks = sparse.block_diag([j.T @ j for j in jacobians])
     system = (
         blocks

@@ -140,6 +140,27 @@ def test_occluder_over_everything_leaves_nothing():
     np.testing.assert_array_equal(np.zeros((1, 4)), values_of(targets, ids, ids[0]))
 
 
+@settings(max_examples=20, deadline=None)
+@given(yaw=st.floats(-50, 50), near_m=st.floats(0.8, 1.7))
+def test_wall_that_reaches_past_the_observer_hides_all_the_same(yaw, near_m):
+    # So wide a wall has corners behind the observer's eye.
+    wall = box((0.0, 1.2, -near_m), (60.0, 8.0, 0.02), (0, 0, 0))
+    assert not seen(view_from(yaw, size=64, occluders=[wall])).any()
+
+
+def test_floor_cut_at_the_eye_is_seen_where_the_whole_floor_is():
+    # A tiled floor needs no cutting beyond its own tiles; both must give the same depth.
+    def floor(tiles):
+        edges = np.linspace(-8.0, 8.0, tiles + 1)
+        size = 16.0 / tiles
+        return [box((x + size / 2, 0.05, z + size / 2), (size, 0.02, size), (0, 0, 0))
+                for x in edges[:-1] for z in edges[:-1]]  # fmt: skip
+
+    one, many = (view_from(30.0, occluders=floor(n)).behind for n in (1, 32))
+    assert (one > 0).mean() > 0.2
+    np.testing.assert_allclose(many, one, rtol=1e-6, atol=1e-9)
+
+
 def test_part_in_the_dark_is_not_perceived_but_still_hides():
     lamp = Light("point", np.array([3.0, 3.0, 3.0]), position_m=np.array([0.0, 1.2, -2.0]))
     lit = view_from(lights=[lamp], lit_centre_m=CENTRE)
