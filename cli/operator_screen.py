@@ -22,6 +22,7 @@ KEY_LINE = (
     "[b]N[/b]ote  [b]F[/b]lag  [b]X[/b] silence haptics  [b]Esc[/b] end"
 )
 NEEDS_TEXT = {Action.SKIP: "Reason for skipping", Action.NOTE: "Note"}
+DIGITS = frozenset("0123456789")
 LATE_MS = 1000.0
 
 
@@ -57,6 +58,8 @@ class KeyInterpreter:
         return commands
 
     def _begin(self, key: str) -> list[Command]:
+        if key in DIGITS:
+            return [Command(Action.ANSWER, key)]
         action = KEYS.get(key.lower())
         if action is None:
             return []

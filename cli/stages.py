@@ -58,9 +58,9 @@ def build_stage(
         ConfigError: the headset cannot show pictures, or the study has none.
         StageError: there is no screen, or nothing that draws on it.
     """
-    show = config.display.show
+    show, asks = config.display.show, config.display.questions == "headset"
     if show == "none" or (clock.is_virtual and show != "offscreen"):
-        return GeometryStage(viewers)
+        return GeometryStage(viewers, asks=asks)
     from stage.context import offscreen_context
     from stage.drawn_stage import Display, DrawnStage, default_views
     from stage.mirror import Mirror
@@ -80,6 +80,7 @@ def build_stage(
             ),
             clock,
             viewers=viewers,
+            asks=asks,
         )
     window_px = (config.display.window_width_px, config.display.window_height_px)
     if show == "window":
@@ -95,6 +96,7 @@ def build_stage(
         clock,
         viewers=viewers,
         mirror=Mirror(window),
+        asks=asks,
     )
 
 

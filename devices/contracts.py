@@ -257,9 +257,22 @@ RESPONSES = StreamSchema(
 )
 
 
+POINTER = StreamSchema(
+    name="pointer",
+    nominal_rate_hz=90.0,
+    fields=(
+        Field("hand", "u1", "", description="0 left, 1 right"),
+        Field("position_m", "f4", "m", "world", (3,), "where the ray starts"),
+        Field("orientation_wxyz", "f4", "1", "world", (4,), "the ray runs along −z of it"),
+        Field("valid", "?", "", description="the controller is tracked"),
+    ),
+)
+"""Where a controller points; a response device's second stream, of those that know."""
+
+
 @runtime_checkable
 class ResponseInput(Device, Protocol):
-    """Buttons and axes; delivers one stream with the fields of `RESPONSES`."""
+    """Buttons and axes; its first stream has the fields of `RESPONSES`."""
 
     @property
     def controls(self) -> tuple[str, ...]:

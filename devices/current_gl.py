@@ -9,6 +9,7 @@ import ctypes.util
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -187,6 +188,7 @@ def _function(context: GlContext, name: str) -> Any:
     return ctypes.CFUNCTYPE(_RESULTS.get(name), *_SIGNATURES[name])(address)
 
 
+@cache
 def _library(name: str, fallback: str) -> Any:
     try:
         return ctypes.CDLL(ctypes.util.find_library(name) or fallback)

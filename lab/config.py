@@ -41,10 +41,11 @@ class Room(_Part):
 
 class Display(_Part):
     """Where the scene is drawn: nowhere (geometry only), in a window, in the headset, or as
-    pictures that nobody sees (offscreen).
+    pictures that nobody sees (offscreen); and where questionnaires are asked.
     """
 
     show: Literal["none", "window", "headset", "offscreen"] = "none"
+    questions: Literal["terminal", "headset"] = "terminal"
     window_width_px: int = Field(default=1280, ge=160, le=16384)
     window_height_px: int = Field(default=720, ge=120, le=16384)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from devices.contracts import HEAD, Fault
+from devices.contracts import HEAD, POINTER, Fault
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceError
 from lab.frame import FrameInfo
@@ -67,6 +67,8 @@ class FrameLoop:
         self._head_inbox: deque[SampleBatch] = deque()
         self._press_inbox: deque[SampleBatch] = deque()
         self._body_inbox: deque[SampleBatch] = deque()
+        self._levels_01: dict[int, float] = {}
+        self._rays: dict[int, Pose] = {}
         self._view: SceneFrame | None = None
         self._logged_view: SceneFrame | None = None
         self._scene_number = 0
@@ -85,13 +87,18 @@ class FrameLoop:
         self._recorder.append(batch)
         if role == "eye_tracker":
             self.observer.take(batch)
+            self._stage.watch(role, batch)
             if self.gaze_tap is not None:
                 self.gaze_tap.append(batch)
         elif role == "headset" and batch.schema.name == HEAD.name:
             self._head_inbox.append(batch)
         elif role == "responses":
-            self._press_inbox.append(batch)
+            if batch.schema.name == POINTER.name:
+                self._take_rays(batch)
+            else:
+                self._press_inbox.append(batch)
         elif role == "body_tracker":
+            self._stage.watch(role, batch)
             self._body_inbox.append(batch)
 
     @property
@@ -129,6 +136,7 @@ class FrameLoop:
             gaze,
             self._take_presses(),
             self._take_body() if self._body_inbox else None,
+            tuple(self._rays[hand] for hand in sorted(self._rays, reverse=True)),
         )
 
     def _display(self, view: SceneFrame) -> None:
@@ -182,8 +190,24 @@ class FrameLoop:
         pressed: list[str] = []
         while self._press_inbox:
             values = self._press_inbox.popleft().values
-            pressed += [self._controls[v["control"]] for v in values if v["value_01"] > 0.5]
+            for control, level in zip(
+                values["control"].tolist(), values["value_01"].tolist(), strict=True
+            ):
+                before = self._levels_01.get(control, 0.0)
+                self._levels_01[control] = level
+                # An axis presses once when it passes the middle; a button may tell presses alone.
+                if level > 0.5 and (before <= 0.5 or level == before):
+                    pressed.append(self._controls[control])
         return tuple(pressed)
+
+    def _take_rays(self, batch: SampleBatch) -> None:
+        for row in batch.values:
+            hand = int(row["hand"])
+            if row["valid"]:
+                place = row["position_m"].astype(np.float64)
+                self._rays[hand] = Pose(place, row["orientation_wxyz"].astype(np.float64))
+            else:
+                self._rays.pop(hand, None)
 
     def _take_body(self) -> BodyView:
         batches = []

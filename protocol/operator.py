@@ -21,6 +21,7 @@ class Action(StrEnum):
     FLAG = "flag"
     SILENCE = "silence"
     ABORT = "abort"
+    ANSWER = "answer"
 
 
 KEYS = {
@@ -34,7 +35,8 @@ KEYS = {
     "x": Action.SILENCE,
     "\x1b": Action.ABORT,
 }
-"""Run-time keys; SKIP and NOTE ask for text, ABORT asks whether it is meant."""
+"""Run-time keys; SKIP and NOTE ask for text, ABORT asks whether it is meant. Digits are ANSWER,
+with the digit as text: the participant's choice on a board, said aloud."""
 
 
 @dataclass(frozen=True)

@@ -70,6 +70,7 @@ class OperatorDesk:
         self._faults: tuple[Fault, ...] = ()
         self._standing: dict[tuple[str, str], _Standing] = {}
         self._repeats: list[Trial] = []
+        self._answers: list[str] = []
         self._last_trial: Trial | None = None
         self._next_check_ns = 0
         self._next_status_ns = 0
@@ -158,6 +159,11 @@ class OperatorDesk:
         """Return the trials to be performed again, and forget them."""
         repeats, self._repeats = tuple(self._repeats), []
         return repeats
+
+    def take_answers(self) -> tuple[str, ...]:
+        """Return the digits pressed since the last call, and forget them."""
+        answers, self._answers = tuple(self._answers), []
+        return answers
 
     def must_hold(self) -> bool:
         """Tell whether the next trial has to wait."""
@@ -274,6 +280,8 @@ class OperatorDesk:
         elif action in LATER:
             self._pending.add(action)
             self.say(LATER[action])
+        elif action is Action.ANSWER:
+            self._answers.append(command.text)
         elif action is Action.SKIP:
             self._skip(command.text or "no reason given")
         elif action is Action.REPEAT:

@@ -6,10 +6,12 @@ from devices.contracts import CalibrationOutcome
 from lab.clock import NS_PER_S
 from lab.errors import DeviceError, LabError, RecordingError, SessionAborted, UsageError
 from protocol.calibration_record import CalibrationInForce
+from protocol.experiment import Respondent
 from protocol.frame_loop import FrameLoop
 from protocol.gaze_setup import GazeSetup
 from protocol.operator import Action
 from protocol.operator_desk import LOST_STREAM_NS, OperatorDesk
+from protocol.panel_questions import PanelRespondent
 from protocol.plan import Block, Trial, asked_after
 from protocol.progress import left_of
 from protocol.questionnaires import Question, Questionnaire, read_answer
@@ -78,6 +80,7 @@ class Session:
             self._rig = rig
             self._gaze_rate_hz = gaze_rate_hz
             self._desk = OperatorDesk(setup, loop, rig, self._states, gaze_rate_hz)
+            self._respondent = self._asking()
             self._runner = TrialRunner(setup, loop, self._desk, rig, gaze_rate_hz)
             self._gaze_setup = GazeSetup(
                 setup.experiment,
@@ -108,6 +111,21 @@ class Session:
             name = "session_aborted" if aborted else "session_failed"
             self._recorder.event(name, self._loop.t_ns, message=str(error))
         self._states.move(SessionState.ABORTED if aborted else SessionState.FAILED)
+
+    def _asking(self) -> Respondent:
+        """Return who answers questionnaires: on boards in the scene, where the stage does that."""
+        setup, desk = self._setup, self._desk
+        if not setup.stage.asks:
+            return setup.respondent
+        return PanelRespondent(
+            self._loop,
+            self._recorder,
+            desk.next_frame,
+            desk.take_answers,
+            setup.respondent,
+            lambda: setup.experiment.blank(None),
+            self._participant,
+        )
 
     # ---- the course of the session -----------------------------------------------------------
 
@@ -371,7 +389,7 @@ class Session:
     def _ask(self, question: Question) -> str | None:
         prompt = question.prompt
         for _ in range(MOST_ASKED):
-            answer = self._setup.respondent.answer(question.question_id, prompt, question.options)
+            answer = self._respondent.answer(question.question_id, prompt, question.options)
             try:
                 read_answer(question, answer)
             except UsageError as refusal:

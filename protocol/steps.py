@@ -115,7 +115,11 @@ class BodyView:
 
 @dataclass(frozen=True, slots=True)
 class FrameView:
-    """What one frame brought: time, head, gaze, buttons pressed, the body (None: no sample)."""
+    """What one frame brought: time, head, gaze, buttons pressed, the body (None: no sample).
+
+    `pointers` are the rays of the tracked controllers, right hand first: from the position along
+    −z of the orientation, in world.
+    """
 
     index: int
     t_ns: int
@@ -124,6 +128,7 @@ class FrameView:
     gaze: GazeView
     pressed: tuple[str, ...] = ()
     body: BodyView | None = None
+    pointers: tuple[Pose, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

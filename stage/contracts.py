@@ -38,6 +38,15 @@ class Stage(Protocol):
         """Return the images to submit for this frame, left eye first; empty when none."""
         ...
 
+    @property
+    def asks(self) -> bool:
+        """Whether questions with options are asked on a board in the scene."""
+        ...
+
+    def watch(self, role: str, batch: SampleBatch) -> None:
+        """Take what a device measured: gaze for the operator alone, the body for an avatar."""
+        ...
+
     def close(self) -> None:
         """Release the display's resources; idempotent."""
         ...
@@ -46,8 +55,9 @@ class Stage(Protocol):
 class GeometryStage:
     """Show a scene as geometry only: nothing is drawn, the viewers still see it."""
 
-    def __init__(self, viewers: Sequence[Viewer] = ()) -> None:
+    def __init__(self, viewers: Sequence[Viewer] = (), *, asks: bool = False) -> None:
         self._viewers = tuple(viewers)
+        self.asks = asks
 
     @property
     def schemas(self) -> tuple[StreamSchema, ...]:
@@ -65,6 +75,9 @@ class GeometryStage:
         for viewer in self._viewers:
             viewer.see(view, frame.predicted_display_ns)
         return ()
+
+    def watch(self, role: str, batch: SampleBatch) -> None:
+        """Ignore it."""
 
     def close(self) -> None:
         """Release nothing."""

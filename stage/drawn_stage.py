@@ -14,10 +14,11 @@ from lab.schema import SampleBatch, StreamSchema
 from stage.contracts import Viewer
 from stage.errors import StageError
 from stage.frame_truth import DrawnFrame, drawn_schema, picture_crc32, read_row, truth_row
-from stage.mirror import Mirror
+from stage.mirror import Mirror, gaze_on_eye
 from stage.renderer import Image, Renderer
 from stage.targets import EyeTarget
 from stimuli.characters.character import MORPHS
+from stimuli.panels import PanelFrame
 from stimuli.picture import Camera, Picture, PosedPeople, Room
 from stimuli.scene import Scene, SceneFrame
 
@@ -85,6 +86,7 @@ class DrawnStage:
         *,
         viewers: Sequence[Viewer] = (),
         mirror: Mirror | None = None,
+        asks: bool = False,
     ) -> None:
         self._dresser = dresser
         self._open_renderer = open_renderer
@@ -92,6 +94,7 @@ class DrawnStage:
         self._clock = clock
         self._viewers = tuple(viewers)
         self._mirror = mirror
+        self.asks = asks
         self._renderer: Renderer | None = None
         self._targets: list[EyeTarget] = []
         self._views: Sequence[EyeView] = ()
@@ -165,6 +168,11 @@ class DrawnStage:
         """Return what the eyes were shown last, left first, (height, width, 3) sRGB bytes."""
         return [target.read() for target in self._targets]
 
+    def watch(self, role: str, batch: SampleBatch) -> None:
+        """Take the participant's gaze for the mirror."""
+        if role == "eye_tracker" and self._mirror is not None and self._views:
+            self._mirror.gaze_01 = gaze_on_eye(batch.values[-1], self._views[0])
+
     def close(self) -> None:
         """Release textures, renderer and mirror; idempotent."""
         self._drop()
@@ -174,6 +182,11 @@ class DrawnStage:
     # ---- private --------------------------------------------------------------------------
 
     def _picture(self, view: SceneFrame) -> Picture:
+        picture = self._dressed(view)
+        panels = view.panels if isinstance(view, PanelFrame) else ()
+        return replace(picture, panels=(*picture.panels, *panels)) if panels else picture
+
+    def _dressed(self, view: SceneFrame) -> Picture:
         """Dress a scene; a dark or empty one needs no dressing."""
         scene = view.scene
         is_empty = type(scene) is Scene and not scene.agents

@@ -3,7 +3,8 @@
 import moderngl
 import numpy as np
 
-from lab.geometry import Vector
+from lab.frame import EyeView
+from lab.geometry import Vector, quat_conjugate, rotate
 from stage.glsl_room import BOARD_FRAGMENT
 from stage.programs import compile_program
 from stage.window import Window
@@ -103,3 +104,17 @@ def gaze_in_picture(
         (2 * across - left - right) / (right - left),
         (2 * up - bottom - top) / (top - bottom),
     )
+
+
+def gaze_on_eye(sample: np.void, eye: EyeView) -> tuple[float, float] | None:
+    """Return where a row of `GAZE` falls in the picture of an eye; None when it is lost.
+
+    The left eye's own ray is taken where there is one, else the combined.
+    """
+    name = "left_direction_head" if sample["left_valid"] else "direction_head"
+    if not (sample["left_valid"] or sample["valid"]):
+        return None
+    turn = quat_conjugate(np.asarray(eye.orientation_wxyz, np.float64))
+    direction = rotate(turn, sample[name].astype(np.float64))
+    bounds = (eye.tangent_left, eye.tangent_right, eye.tangent_bottom, eye.tangent_top)
+    return gaze_in_picture(direction, bounds)

@@ -6,7 +6,10 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
+from stimuli.panels import MARGIN_01, choice_boxes_01
 from stimuli.picture import Panel
+
+__all__ = ["choice_boxes_01", "panel_image"]
 
 WIDTH_PX = 1400
 BOARD = (28, 31, 36, 245)
@@ -15,28 +18,11 @@ TEXT = (238, 240, 242, 255)
 BUTTON = (52, 57, 65, 255)
 LIT = (54, 110, 190, 255)
 CHOSEN = (232, 170, 60, 255)
-MARGIN_01 = 0.04
-BUTTONS_01 = 0.24
-"""Height of the row of choices, of the board's height."""
 
 
 @lru_cache(maxsize=64)
 def _font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     return ImageFont.load_default(size_px)
-
-
-def choice_boxes_01(panel: Panel) -> npt.NDArray[np.float64]:
-    """Return where the choices lie: (n, 4) left, top, right, bottom of the board, 0 to 1."""
-    n = len(panel.choices)
-    width, height = panel.size_m
-    gap_x = MARGIN_01 * min(width, height) / width
-    gap_y = MARGIN_01 * min(width, height) / height
-    share = (1.0 - gap_x * (n + 1)) / max(n, 1)
-    left = gap_x + np.arange(n) * (share + gap_x)
-    boxes = np.empty((n, 4))
-    boxes[:, 0], boxes[:, 2] = left, left + share
-    boxes[:, 1], boxes[:, 3] = 1.0 - gap_y - BUTTONS_01, 1.0 - gap_y
-    return boxes
 
 
 def panel_image(panel: Panel) -> npt.NDArray[np.uint8]:

@@ -1,7 +1,7 @@
 """The images of a simulated OpenXR runtime: swap chains, layers, and what they end up showing.
 
 Textures are made in the context that is current when a swap chain is created, which is the
-program's own. Every frame that ends with a layer is read back from the card, as the compositor
+program's own. Every image that a frame ends with is read back from the card once, as the compositor
 would sample it. Not modelled: distortion, depth, layers other than one projection, times before
 which an image is still in use.
 """
@@ -58,6 +58,7 @@ class _Chain:
     waited: bool = False
     following: int = 0
     released: int | None = None
+    image: npt.NDArray[np.uint8] | None = None
 
 
 class SimulatedImages:
@@ -111,9 +112,11 @@ class SimulatedImages:
                 return RECT_INVALID
             pose, fov = view.pose, view.fov
             p, q = pose.position, pose.orientation
+            if chain.image is None:
+                chain.image = self._reader.read(chain.textures[chain.released])
             eyes.append(
                 ShownEye(
-                    self._reader.read(chain.textures[chain.released]),
+                    chain.image,
                     (p.x, p.y, p.z),
                     (q.w, q.x, q.y, q.z),
                     (fov.angle_left, fov.angle_right, fov.angle_down, fov.angle_up),
@@ -189,6 +192,7 @@ class SimulatedImages:
         if not found.waited:
             return CALL_ORDER_INVALID
         found.waited, found.released = False, found.acquired.popleft()
+        found.image = None
         return SUCCESS
 
 
