@@ -133,7 +133,7 @@ class ReportArmbandOptions(_BandOptions):
 class BleArmbandOptions(_BleBandOptions):
     """Options of `ble_armband`: our own protocol over Bluetooth LE."""
 
-    max_rate_hz: float = Field(default=50.0, ge=1, le=1000)
+    name: str = "Visavis"
 
 
 class SppArmbandOptions(_BandOptions):

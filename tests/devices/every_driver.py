@@ -1,0 +1,101 @@
+"""Build any driver as a lab's configuration would: simulated, captured, or played back."""
+
+import contextlib
+
+from cli.rigs import build_device
+from cli.wire_notes import device_of, note_of
+from cli.wires import BARE, CapturedWires, ReplayedWires
+from devices import conformance
+from devices.driver_facts import FACTS
+from devices.option_models import OPTION_MODELS
+from devices.wirelog import read_wire_log
+from lab.clock import NS_PER_S, SimClock
+from lab.config import DeviceConfig
+from tests.devices.body_rigs import WalkingBody
+
+ROLES = {
+    "eye tracker": "eye_tracker",
+    "headset": "headset",
+    "responses": "responses",
+    "body tracker": "body_tracker",
+    "armband": "armband_left_forearm",
+}
+NEEDED = {
+    "openvr_trackers": {"worn": {"LHR-0A": "left_hand"}},
+    "lsl_body": {"objects": {"Wand": "right_hand"}},
+    "natnet": {"multicast_group": ""},
+    "spp_armband": {"address": "00:11:22:33:44:55"},
+}
+LATER_NS = 3600 * NS_PER_S
+
+
+def own_options(driver):
+    from devices.sim.other_armbands import SIMULATED_OPTIONS
+
+    return {**NEEDED.get(driver, {}), **SIMULATED_OPTIONS.get(driver, {})}
+
+
+def config_of(driver):
+    options = OPTION_MODELS[driver].model_validate(own_options(driver)).model_dump()
+    role = ROLES[FACTS[driver].kind]
+    return DeviceConfig(role=role, driver=driver, simulated=True, options=options)
+
+
+class Bench:
+    """Factories for fresh devices that share one clock, one body and one runtime."""
+
+    def __init__(self, config, clock, stack, wires=BARE):
+        self.clock = clock
+        self.make_on = lambda wires: build_device(config, clock, WalkingBody(), 1, stack, wires)
+        self.wires = wires
+
+    def make(self):
+        return self.make_on(self.wires)
+
+    def let_pass(self, seconds):
+        self.clock.sleep_until_ns(self.clock.now_ns() + round(seconds * NS_PER_S))
+
+
+def checks_of(driver):
+    """Every check of the conformance suite for this kind of device, by name."""
+    found = {"lifecycle": conformance.check_lifecycle, "batches": conformance.check_batches}
+    if FACTS[driver].kind == "headset":
+        # a headset delivers with its frames, which the other checks do not wait for
+        return {
+            "lifecycle": conformance.check_lifecycle,
+            "headset": lambda make, let_pass: conformance.check_headset(make),
+        }
+    own = {
+        "eye tracker": conformance.check_eye_tracker,
+        "body tracker": conformance.check_body_tracker,
+        "responses": conformance.check_response_input,
+        "armband": conformance.check_armband,
+    }
+    return {**found, FACTS[driver].kind: own[FACTS[driver].kind]}
+
+
+def check_on_simulator(driver, check):
+    with contextlib.ExitStack() as stack:
+        bench = Bench(config_of(driver), SimClock(), stack)
+        check(bench.make, bench.let_pass)
+
+
+def capture(driver, check, path):
+    """Write what crosses the wire while a check runs."""
+    config = config_of(driver)
+    with contextlib.ExitStack() as stack:
+        clock = SimClock()
+        wires = CapturedWires(config.role, path, clock, note_of(config))
+        bench = Bench(config, clock, stack, wires)
+        check(bench.make, bench.let_pass)
+        wires.end()
+    return wires.is_captured
+
+
+def check_on_replay(path, check):
+    """Run a check over a capture, with nothing but what the file says of itself."""
+    with contextlib.ExitStack() as stack:
+        clock = SimClock(LATER_NS)
+        config = device_of(path, read_wire_log(path))
+        bench = Bench(config, clock, stack, ReplayedWires(path, clock))
+        check(bench.make, bench.let_pass)
