@@ -79,6 +79,7 @@ def _capsule_volumes(walk: Walk) -> Vector:
         crowd_figures(),
         REACH_M,
         CAPSULE_CELL_M,
+        0.0,
         volumes,
     )
     return volumes

@@ -1,8 +1,8 @@
 """Simulate walks in memory, without session, wires or files: for calibration and power.
 
-The walker, the contact rule that drives the bands and the measures are those of a session; the
-wire is a fixed delay, the motor follows without lag, tracking is perfect, and collisions are
-measured on capsules. `tests/experiments/crowd/test_quick_study.py` holds it to a session.
+The walker is the one of a session, and what drives the bands is the same contact of arms; the
+wire is without delay, tracking perfect, and the participant feels how much of every quarter
+second an arm was in contact. `tests/experiments/crowd/test_quick_study.py` holds it to a session.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,31 +13,36 @@ import numpy as np
 import pandas as pd
 
 from analysis.gait import step_length_m
-from experiments.crowd.design import DEFAULT_PARAMETERS, HAPTIC, CrowdParameters, plan_session
-from experiments.crowd.haptics import MOTORS, ContactAnswer
-from experiments.crowd.measures import MeasuredWalk, MeasureParameters, measure_walk
+from experiments.crowd.design import DEFAULT_PARAMETERS, CrowdParameters, plan_session
 from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.participant.traits import DEFAULT_POPULATION, Population
-from experiments.crowd.replay import STEP_NS, Walk
-from experiments.crowd.trial import track_of
+from experiments.crowd.quick_measures import (
+    Cell,
+    QuickWalk,
+    people_of_configuration,
+    quick_measures,
+)
 from lab.clock import NS_PER_MS, NS_PER_S
+from lab.geometry import Vector
 from protocol.plan import Trial
-from stimuli.contact.body import BODY_JOINTS
+from stimuli.contact.body import ARM_JOINTS, BODY_JOINTS, capsule_body
+from stimuli.contact.figures import crowd_figures
+from stimuli.contact.touch import REACH_M, rows_touching
 from stimuli.scenes.station_crowd import CrowdFrame, CrowdScene, can_read, station_crowd
 
-LINK_NS: Final = 15 * NS_PER_MS
-"""From the sample to the motor: two frames' worth less than the published quarter second."""
-LOOK_NS: Final = 100 * NS_PER_MS
-QUICK_MEASURES: Final = MeasureParameters(surface="capsules")
+STEP_NS: Final = 50 * NS_PER_MS
+LOOK_NS: Final = 250 * NS_PER_MS
+REST_NS: Final = 4 * NS_PER_S
+FELT: Final = "arms"
 _NO_GAZE = np.empty((0, 3))
 
 
 @dataclass(frozen=True)
 class QuickStudy:
-    """One simulated study: `trials` one row per walk, `cells` the cells visited per walk."""
+    """One simulated study: `trials` one row per walk; `cells` the cells each walk visited."""
 
     trials: pd.DataFrame
-    cells: list[tuple[tuple[int, int, int] | None, ...]]
+    cells: list[frozenset[Cell]]
 
 
 def quick_study(
@@ -51,13 +56,13 @@ def quick_study(
 ) -> QuickStudy:
     """Simulate and measure a study; `effect=False` disconnects the vibration."""
     rows: list[dict[str, Any]] = []
-    cells = []
+    cells: list[frozenset[Cell]] = []
     for index in range(participants):
-        for measured in quick_session(
+        for row, visited in quick_session(
             index, seed, effect=effect, population=population, params=params
         ):
-            rows.append(measured.row)
-            cells.append(measured.cells)
+            rows.append(row)
+            cells.append(visited)
         if on_participant is not None:
             on_participant(index)
     return QuickStudy(pd.DataFrame(rows), cells)
@@ -70,21 +75,21 @@ def quick_session(
     effect: bool = True,
     population: Population = DEFAULT_POPULATION,
     params: CrowdParameters = DEFAULT_PARAMETERS,
-    step_ns: int = STEP_NS,
-) -> list[MeasuredWalk]:
-    """Simulate and measure the walks of one participant."""
+) -> list[tuple[dict[str, Any], frozenset[Cell]]]:
+    """Simulate and measure the walks of one participant; training is walked, not measured."""
     participant = CrowdParticipant(index, seed, effect, population=population)
     step_m = step_length_m(participant.person.sex)
     plan = plan_session(index, seed, params=params)
     measured = []
     now_ns = 0
     for trial in plan.trials:
-        walk = quick_walk(participant, trial, now_ns, params, step_ns)
-        now_ns = int(walk.t_ns[-1]) + 4 * NS_PER_S
-        if not trial.is_practice:
-            one = measure_walk(walk, step_m, QUICK_MEASURES)
-            one.row["participant"] = index
-            measured.append(one)
+        walk = quick_walk(participant, trial, now_ns, params)
+        now_ns += len(walk.t_s) * STEP_NS + REST_NS
+        if trial.is_practice:
+            continue
+        row, cells = quick_measures(walk, step_m)
+        which = {"participant": index, "group": plan.group, "trial_id": trial.trial_id}
+        measured.append(({**which, **trial.factors, **row}, cells))
     return measured
 
 
@@ -93,57 +98,62 @@ def quick_walk(
     trial: Trial,
     start_ns: int,
     params: CrowdParameters = DEFAULT_PARAMETERS,
-    step_ns: int = STEP_NS,
-) -> Walk:
-    """Let a participant walk through one trial's crowd and return the walk."""
-    crowd = station_crowd(int(trial.factors["configuration"]))
+) -> QuickWalk:
+    """Let a participant walk through one trial's crowd."""
+    configuration = int(trial.factors["configuration"])
+    crowd = station_crowd(configuration)
     scene = CrowdScene("quick", agents=(), crowd=crowd)
-    stretch = trial.number + (100_000 if trial.is_practice else 0)
-    participant.prepare(stretch, start_ns)
-    track = track_of(trial)
-    vibrates = trial.factors["condition"] == HAPTIC and bool(trial.factors["vibrates"])
-    contacts = ContactAnswer(
-        crowd,
-        BODY_JOINTS,
-        params.vibration,
-        nearest_motor=params.nearest_motor,
-        update_hz=params.haptic_update_hz,
-    )
+    participant.prepare(trial.number + (100_000 if trial.is_practice else 0), start_ns)
+    vibrates = bool(trial.factors["vibrates"])
+    people = people_of_configuration(configuration)
+    figures, arms = crowd_figures(), capsule_body(participant.person.stature_m, ARM_JOINTS)
     limit_ns = start_ns + round(params.limit_s * NS_PER_S)
+    offsets = np.arange(0, LOOK_NS, STEP_NS)
+    positions: list[Vector] = []
+    turns: list[Vector] = []
     t_ns = start_ns
-    is_fitted = False
+    touched = 0
+    x, z = 0.0, 0.0
     while not participant.is_home and t_ns < limit_ns:
-        x, _, z = participant.head(t_ns)[0].tolist()
-        seen = track if can_read(x, z) else None
-        view = CrowdFrame(
-            scene, t_ns, _NO_GAZE, _NO_GAZE[:, 0], crowd_t_ns=t_ns - start_ns, track=seen
+        seen = "1" if positions and can_read(x, z) else None
+        participant.see(
+            CrowdFrame(
+                scene, t_ns, _NO_GAZE, _NO_GAZE[:, 0], crowd_t_ns=t_ns - start_ns, track=seen
+            ),
+            t_ns,
         )
-        participant.see(view, t_ns)
-        if not vibrates:
-            t_ns += LOOK_NS
-            continue
-        for sample_ns in range(t_ns, t_ns + LOOK_NS, STEP_NS):
-            at, turn = participant.segments(BODY_JOINTS, np.array([sample_ns]))
-            if not is_fitted:
-                contacts.fit(at[0])
-                is_fitted = True
-            orders = contacts.sample(sample_ns, (sample_ns - start_ns) / NS_PER_S, at[0], turn[0])
-            for order in orders:
-                strength = 0.0 if order.kind == "end" else 1.0
-                participant.feel(order.role, [strength] * len(MOTORS), sample_ns + LINK_NS)
+        at, turn = participant.segments(BODY_JOINTS, t_ns + offsets)
+        positions.append(at)
+        turns.append(turn)
+        x, _, z = at[-1, 0].tolist()
+        if vibrates:
+            n = rows_touching(
+                at,
+                turn,
+                (t_ns - start_ns + offsets) / NS_PER_S,
+                arms.columns,
+                arms.start_m,
+                arms.end_m,
+                arms.radius_m,
+                people,
+                REACH_M,
+                figures,
+            )
+            touched += n
+            participant.feel(FELT, [n / len(offsets)], t_ns + LOOK_NS - STEP_NS)
         t_ns += LOOK_NS
-    grid = np.arange(start_ns, t_ns, step_ns, dtype=np.int64)
-    position, orientation = participant.segments(BODY_JOINTS, grid)
-    row = {
-        "trial_id": trial.trial_id,
-        "number": trial.number,
-        **trial.factors,
-        "t_start_ns": start_ns,
-        "came_back": participant.is_home,
-        "caution": participant.caution,
-    }
-    return Walk(
-        trial.trial_id, row, crowd, grid, position, orientation, participant.person.stature_m
+    if vibrates:
+        participant.feel(FELT, [0.0], t_ns)
+    position = np.concatenate(positions)
+    return QuickWalk(
+        crowd=crowd,
+        t_s=np.arange(len(position), dtype=np.float64) * (STEP_NS / NS_PER_S),
+        position_m=position,
+        orientation_wxyz=np.concatenate(turns),
+        stature_m=participant.person.stature_m,
+        came_back=participant.is_home,
+        caution=participant.caution,
+        touching_s=touched * STEP_NS / NS_PER_S,
     )
 
 

@@ -86,11 +86,24 @@ def capsules_in_common_m3(
     use_a, use_b = np.zeros(n_a, np.bool_), np.zeros(n_b, np.bool_)
     low_x = low_z = np.inf
     high_x = high_z = -np.inf
-    point = np.empty(3)
+    point, low_a, high_a = np.empty(3), np.full(3, np.inf), np.full(3, -np.inf)
     for i in range(n_a):
-        ra = radii_a[i]
-        for j in range(n_b):
-            rb = radii_b[j]
+        for k in range(3):
+            low_a[k] = min(low_a[k], min(starts_a[i, k], ends_a[i, k]) - radii_a[i])
+            high_a[k] = max(high_a[k], max(starts_a[i, k], ends_a[i, k]) + radii_a[i])
+    for j in range(n_b):
+        rb = radii_b[j]
+        beyond = False
+        for k in range(3):
+            if (
+                min(starts_b[j, k], ends_b[j, k]) - rb >= high_a[k]
+                or max(starts_b[j, k], ends_b[j, k]) + rb <= low_a[k]
+            ):
+                beyond = True
+        if beyond:
+            continue
+        for i in range(n_a):
+            ra = radii_a[i]
             apart = False
             for k in range(3):
                 if (
@@ -173,17 +186,21 @@ def volumes_along(
     figures: Figures,
     reach_m: float,
     cell_m: float,
+    hold_s: float,
     volumes: Vector,
 ) -> None:
     """Write the common volume (n, people) of a moving body with everybody, step by step.
 
     `positions` (n, 22, 3) and `worlds` (n, 22, 4); own capsules hang on the same joints as those
-    of the figures. Steps with a lost joint are NaN.
+    of the figures. Steps with a lost joint are NaN. People are posed anew after `hold_s`; with 0
+    at every step.
     """
     columns = figures.columns
     m = columns.shape[0]
     starts, ends = np.empty((m, 3)), np.empty((m, 3))
-    theirs, their_ends = np.empty((m, 3)), np.empty((m, 3))
+    n_people = people.shape[0]
+    theirs, their_ends = np.empty((n_people, m, 3)), np.empty((n_people, m, 3))
+    posed_s = np.full(n_people, -np.inf)
     radii = own_radius_m
     root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
     position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
@@ -205,18 +222,20 @@ def volumes_along(
             dz = max(low_z - people[p, 1], 0.0, people[p, 1] - high_z)
             if dx * dx + dz * dz > reach_m * reach_m:
                 continue
-            place_person(people[p], crowd_t_s[i], figures, root, local, position, world)
             who = int(people[p, 15])
-            pose_capsules(
-                position[0],
-                world[0],
-                columns,
-                figures.start_m[who],
-                figures.end_m[who],
-                1.0,
-                theirs,
-                their_ends,
-            )
+            if abs(crowd_t_s[i] - posed_s[p]) > hold_s or hold_s == 0.0:
+                posed_s[p] = crowd_t_s[i]
+                place_person(people[p], crowd_t_s[i], figures, root, local, position, world)
+                pose_capsules(
+                    position[0],
+                    world[0],
+                    columns,
+                    figures.start_m[who],
+                    figures.end_m[who],
+                    1.0,
+                    theirs[p],
+                    their_ends[p],
+                )
             volumes[i, p] = capsules_in_common_m3(
-                starts, ends, radii, theirs, their_ends, figures.radius_m[who], cell_m
+                starts, ends, radii, theirs[p], their_ends[p], figures.radius_m[who], cell_m
             )

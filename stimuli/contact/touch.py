@@ -189,6 +189,33 @@ def find_touches(
     return found
 
 
+@compiled
+def rows_touching(
+    positions: Vector,
+    worlds: Vector,
+    crowd_t_s: Vector,
+    columns: npt.NDArray[np.int64],
+    start_m: Vector,
+    end_m: Vector,
+    radius_m: Vector,
+    people: Vector,
+    reach_m: float,
+    figures: Figures,
+) -> int:
+    """Return at how many steps of a moving body, (n, 22, 3) and (n, 22, 4), it touches anybody."""
+    m = columns.shape[0]
+    starts, ends = np.empty((m, 3)), np.empty((m, 3))
+    who, how = np.empty((1, 3), np.int64), np.empty((1, 4))
+    touching = 0
+    for i in range(positions.shape[0]):
+        pose_capsules(positions[i], worlds[i], columns, start_m, end_m, 1.0, starts, ends)
+        found = find_touches(
+            starts, ends, radius_m, people, crowd_t_s[i], reach_m, figures, who, how
+        )
+        touching += found > 0
+    return touching
+
+
 class TouchSensor:
     """Compare capsules of a participant with a crowd, sample by sample."""
 

@@ -1,6 +1,7 @@
 """Choose a way through a crowd: gaps in a row, then a band that keeps off the bodies."""
 
 import heapq
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -26,13 +27,13 @@ _FAR_M = 2.0
 @dataclass(frozen=True, eq=False)
 class GapGraph:
     """The gaps of a crowd: `middle_m` (k, 2), `free_m` (k,), `is_outer` (k,), `beside[k]` the
-    gaps that share a triangle with k.
+    gaps that share a triangle with k, each with its distance in metres.
     """
 
     middle_m: Vector
     free_m: Vector
     is_outer: npt.NDArray[np.bool_]
-    beside: tuple[tuple[int, ...], ...]
+    beside: tuple[tuple[tuple[int, float], ...], ...]
 
 
 @lru_cache(maxsize=32)
@@ -60,7 +61,10 @@ def gap_graph(crowd: Crowd) -> GapGraph:
         middle_m=middle,
         free_m=distance - reach_a - reach_b,
         is_outer=np.array([len(found) == 1 for found in edges.values()]),
-        beside=tuple(tuple(sorted(found)) for found in beside),
+        beside=tuple(
+            tuple((j, float(np.hypot(*(middle[j] - middle[k])))) for j in sorted(found))
+            for k, found in enumerate(beside)
+        ),
     )
 
 
@@ -86,33 +90,34 @@ def choose_gaps(
     to_goal = np.linalg.norm(middle - goal_m, axis=1)
     entries = _entries(graph.is_outer & passable, from_start)
     exits = set(_entries(graph.is_outer & passable, to_goal))
-    best = np.full(len(middle), np.inf)
-    before = np.full(len(middle), -1)
+    near_start, near_goal = from_start.tolist(), to_goal.tolist()
+    tolls, tastes, open_to = toll.tolist(), taste.tolist(), passable.tolist()
+    best = [math.inf] * len(middle)
+    before = [-1] * len(middle)
     queue: list[tuple[float, int]] = []
     for k in entries:
-        best[k] = (from_start[k] + toll[k]) * taste[k]
-        heapq.heappush(queue, (float(best[k]), k))
-    end, end_cost = -1, np.inf
+        best[k] = (near_start[k] + tolls[k]) * tastes[k]
+        heapq.heappush(queue, (best[k], k))
+    end, end_cost = -1, math.inf
     while queue:
         cost, k = heapq.heappop(queue)
         if cost > best[k]:
             continue
         if cost >= end_cost:
             break
-        if k in exits and cost + to_goal[k] < end_cost:
-            end, end_cost = k, cost + to_goal[k]
-        for j in graph.beside[k]:
-            if not passable[j]:
+        if k in exits and cost + near_goal[k] < end_cost:
+            end, end_cost = k, cost + near_goal[k]
+        for j, step in graph.beside[k]:
+            if not open_to[j]:
                 continue
-            step = float(np.hypot(*(middle[j] - middle[k])))
-            onward = cost + (step + toll[j]) * taste[j]
+            onward = cost + (step + tolls[j]) * tastes[j]
             if onward < best[j]:
                 best[j], before[j] = onward, k
-                heapq.heappush(queue, (float(onward), j))
+                heapq.heappush(queue, (onward, j))
     row = []
     while end >= 0:
-        row.append(int(end))
-        end = int(before[end])
+        row.append(end)
+        end = before[end]
     return row[::-1]
 
 
@@ -177,18 +182,31 @@ def reach_of(along: float, across: float) -> float:
 @compiled
 def _relax(band: Vector, bodies: Vector, rounds: int) -> None:
     """Pull a band straight and push it off bodies (m, 4: x, z, cos yaw, sin yaw), in place."""
-    keep_m = 0.42
+    keep_m, reach_m, every = 0.42, 0.7, 10
     n = band.shape[0]
-    for _ in range(rounds):
+    near = np.empty((n, bodies.shape[0]), np.int64)
+    many = np.zeros(n, np.int64)
+    for turn in range(rounds):
+        if turn % every == 0:
+            # no point moves more than 3 cm in a round
+            widest = (reach_m + 0.03 * every) ** 2
+            for i in range(1, n - 1):
+                many[i] = 0
+                for k in range(bodies.shape[0]):
+                    dx, dz = band[i, 0] - bodies[k, 0], band[i, 1] - bodies[k, 1]
+                    if dx * dx + dz * dz <= widest:
+                        near[i, many[i]] = k
+                        many[i] += 1
         for i in range(1, n - 1):
             fx = 0.5 * (band[i - 1, 0] + band[i + 1, 0]) - band[i, 0]
             fz = 0.5 * (band[i - 1, 1] + band[i + 1, 1]) - band[i, 1]
             fx *= 0.7
             fz *= 0.7
-            for k in range(bodies.shape[0]):
+            for j in range(many[i]):
+                k = near[i, j]
                 dx, dz = band[i, 0] - bodies[k, 0], band[i, 1] - bodies[k, 1]
                 square = dx * dx + dz * dz
-                if square > 0.49 or square == 0.0:
+                if square > reach_m * reach_m or square == 0.0:
                     continue
                 aside = dx * bodies[k, 2] - dz * bodies[k, 3]
                 ahead = dx * bodies[k, 3] + dz * bodies[k, 2]

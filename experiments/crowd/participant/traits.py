@@ -29,25 +29,25 @@ class Population:
     `benchmarks.crowd_participants`).
     """
 
-    free_speed_m_s: float = 0.53
+    free_speed_m_s: float = 0.52
     free_speed_spread: float = 0.13
     turn_slowing: float = 0.25
     narrow_slowing: float = 0.20
     stride_m: float = 0.72
     shoulder_width_m: float = 0.46
     body_depth_m: float = 0.26
-    margin_m: float = 0.01
+    margin_m: float = 0.005
     margin_spread_m: float = 0.03
-    turn_limit_deg: float = 70.0
+    turn_limit_deg: float = 78.0
     turn_s: float = 0.28
-    wander_m: float = 0.045
+    wander_m: float = 0.03
     wander_s: float = 1.2
-    swing_rad: float = 0.30
-    spread_rad: float = 0.16
+    swing_rad: float = 0.36
+    spread_rad: float = 0.38
     tuck: float = 0.15
     tuck_spread: float = 0.10
-    squeeze: float = 4.0
-    easy_gap_m: float = 0.75
+    squeeze: float = 6.0
+    easy_gap_m: float = 0.80
     taste_person: float = 0.30
     taste_trial: float = 0.20
     reading_s: float = 2.2
@@ -56,9 +56,9 @@ class Population:
     caution_forgotten_s: float = 2400.0
     alarm_per_s: float = 0.5
     alarm_forgotten_s: float = 12.0
-    caution_margin_m: float = 0.06
-    caution_tuck: float = 0.45
-    caution_wander: float = 0.25
+    caution_margin_m: float = 0.05
+    caution_tuck: float = 0.35
+    caution_wander: float = 0.60
     alarm_slowing: float = 0.10
 
 
