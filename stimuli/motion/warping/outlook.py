@@ -9,6 +9,7 @@ import numpy as np
 from lab.geometry import Pose, Vector, quat_multiply, rotate, unit
 from stimuli.motion.errors import MotionError
 from stimuli.motion.warping.raster_kernels import (
+    BOTH_SIDES,
     EYE,
     LAMP,
     NEAR_M,
@@ -99,9 +100,9 @@ def depth_of(meshes: Sequence[StaticMesh], eye: Floats, height: int, width: int)
         points, triangles = _cut_at_eye(mesh, eye)
         screen = np.empty_like(points)
         project_points(points, eye, width, height, screen)
-        labels: Bytes = np.zeros(len(triangles), dtype=np.uint8)
+        labels: Bytes = np.full(len(triangles), BOTH_SIDES, dtype=np.uint8)
         draw(
-            points, screen, triangles, labels, True, ids, nearness, 0.0, NO_LAMPS, nothing,
+            points, screen, triangles, labels, ids, nearness, 0.0, NO_LAMPS, nothing,
             np.zeros((0, EYE)), 0.0,
         )  # fmt: skip
     return nearness

@@ -11,11 +11,12 @@ import numpy.typing as npt
 
 from lab.geometry import Pose, Vector, rotate
 from stimuli.characters.body_parts import GROUPS, PART_INDEX, PARTS
-from stimuli.characters.character import Character, SkinnedMesh
+from stimuli.characters.character import Character, Material, SkinnedMesh
 from stimuli.motion.errors import MotionError
 from stimuli.motion.skeleton import Skeleton
 from stimuli.motion.warping.outlook import Outlook
 from stimuli.motion.warping.raster_kernels import (
+    BOTH_SIDES,
     Bytes,
     Floats,
     joint_matrices,
@@ -44,7 +45,9 @@ class Moving:
 
 @dataclass(frozen=True, eq=False)
 class SeenBody:
-    """A skinned body as the buffer's kernels read it."""
+    """A skinned body as the buffer's kernels read it: `labels` are parts, plus `BOTH_SIDES` where
+    a triangle is seen from behind as well.
+    """
 
     skeleton: Skeleton
     rest: Floats
@@ -74,22 +77,29 @@ class SeenBody:
         return known
 
 
-def seen_body(mesh: SkinnedMesh, skeleton: Skeleton) -> SeenBody:
-    """Pack one level of detail of a character."""
+def seen_body(
+    mesh: SkinnedMesh, skeleton: Skeleton, materials: Sequence[Material] = ()
+) -> SeenBody:
+    """Pack one level of detail of a character; hair and cloth are seen from both sides."""
+    both = np.array([m.double_sided for m in materials] or [False])
+    material = mesh.triangle_material if materials else np.zeros(len(mesh.triangles), np.uint8)
     return SeenBody(
         skeleton=skeleton,
         rest=np.ascontiguousarray(mesh.vertices_m, dtype=np.float64),
         joints=np.ascontiguousarray(mesh.joints, dtype=np.uint8),
         weights=np.ascontiguousarray(mesh.weights, dtype=np.float64),
         triangles=np.ascontiguousarray(mesh.triangles, dtype=np.int32),
-        labels=np.ascontiguousarray(mesh.triangle_part, dtype=np.uint8),
+        labels=np.ascontiguousarray(
+            mesh.triangle_part + BOTH_SIDES * both[material], dtype=np.uint8
+        ),
     )
 
 
 def body_of(character: Character, *, most_triangles: int = 8000) -> SeenBody:
     """Pack the most detailed level of a character with at most so many triangles."""
     fitting = [m for m in character.levels if len(m.triangles) <= most_triangles]
-    return seen_body((fitting or character.levels[-1:])[0], character.skeleton)
+    mesh = (fitting or character.levels[-1:])[0]
+    return seen_body(mesh, character.skeleton, character.materials)
 
 
 def holding(body: SeenBody, thing: StaticMesh, joint: str, grip: Pose) -> SeenBody:

@@ -20,6 +20,8 @@ Floats = npt.NDArray[np.float64]
 NEAR_M: Final = 0.05
 EYE: Final = 19
 """Length of a packed camera: position 3, rows of world-to-camera 9, tangents 4, spare 3."""
+BOTH_SIDES: Final = 128
+"""Added to the label of a triangle that is seen from behind as well."""
 LAMP: Final = 9
 """Length of a packed lamp: intensity, position 3, direction 3, cosine of half angle, falls off."""
 
@@ -126,14 +128,14 @@ def _illumination(
 
 @compiled
 def draw(
-    points: Floats, screen: Floats, triangles: Ints, labels: Bytes, both_sides: bool,
+    points: Floats, screen: Floats, triangles: Ints, labels: Bytes,
     ids: Bytes, nearness: Floats, ambient: float, lamps: Floats, maps: Floats, map_eyes: Floats,
     least_light: float,
 ) -> None:  # fmt: skip
     """Draw triangles (t, 3) with `labels` (t,) over what `ids` and `nearness` (h, w) hold.
 
     A triangle in less light than `least_light` hides what is behind it and counts as nobody (0).
-    Faces seen from behind are left out unless `both_sides`.
+    Faces seen from behind are left out unless their label has `BOTH_SIDES`.
     """
     height, width = ids.shape
     for t in range(triangles.shape[0]):
@@ -147,8 +149,9 @@ def draw(
         if area == 0.0:
             continue
         if area < 0.0:
-            if not both_sides:
+            if labels[t] < BOTH_SIDES:
                 continue
+            ib, ic = ic, ib
             xb, yb, wb, xc, yc, wc = xc, yc, wc, xb, yb, wb
             area = -area
         # Pixel centres are at halves; the lowest column whose centre may lie inside.
@@ -160,7 +163,7 @@ def draw(
         r1 = min(height - 1, int(np.floor(max(ya, yb, yc) - 0.5)))
         if r0 > r1:
             continue
-        label = labels[t]
+        label = np.uint8(labels[t] & (BOTH_SIDES - 1))
         lit = -1
         for r in range(r0, r1 + 1):
             y = r + 0.5
@@ -211,7 +214,7 @@ def perceive(
     still_ids = np.zeros((height, width), dtype=np.uint8)
     still_near = behind.copy()
     draw(
-        points, screen, still_triangles, still_labels, False, still_ids, still_near, ambient,
+        points, screen, still_triangles, still_labels, still_ids, still_near, ambient,
         lamps, maps, map_eyes, least_light,
     )  # fmt: skip
     nearness = np.empty_like(behind)
@@ -221,7 +224,7 @@ def perceive(
         nearness[:] = still_near
         ids[k][:] = still_ids
         draw(
-            points, screen, moved_triangles, moved_labels, False, ids[k], nearness, ambient,
+            points, screen, moved_triangles, moved_labels, ids[k], nearness, ambient,
             lamps, maps, map_eyes, least_light,
         )  # fmt: skip
 
