@@ -10,7 +10,7 @@ from statistics import median
 
 from cli.device_states import is_installed
 from cli.doctor_findings import Finding
-from devices.driver_facts import FACTS, Library, facts_of
+from devices.driver_facts import FACTS, LSL, Library, facts_of
 from lab.clock import NS_PER_MS, Clock
 from lab.config import LabConfig
 from recording.provenance import provenance
@@ -46,6 +46,8 @@ def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
 def libraries(lab: LabConfig) -> tuple[Finding, ...]:
     """Return versions and licences of what drivers need; missing ones matter if a role asks."""
     wanted = {facts_of(d.driver).library for d in lab.devices.values() if not d.simulated}
+    if lab.sync.lsl:
+        wanted.add(LSL)
     known = sorted(
         {f.library for f in FACTS.values() if f.library is not None}, key=lambda k: k.distribution
     )

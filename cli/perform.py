@@ -155,13 +155,7 @@ def _perform_part(
     part_dir = folder.begin_part(clock)
     recorder: Recorder | None = None
     try:
-        recorder = Recorder(
-            part_dir,
-            clock,
-            threaded=not clock.is_virtual,
-            max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
-            is_simulated=folder.manifest.is_simulated,
-        )
+        recorder = _recorder(request, folder, part_dir)
         with _guarded(devices, clock) as guarded:
             setup = _setup(request, guarded, folder, plan, progress, recorder)
             Session(setup).run()
@@ -177,6 +171,38 @@ def _perform_part(
         _end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
         raise
     _end_part(clock, folder, recorder, "complete", "", None)
+
+
+def _recorder(request: Request, folder: SessionFolder, part_dir: Path) -> Recorder:
+    """Return the part's recorder; one that streams to LSL too where the lab wants that."""
+    clock, simulated = request.clock, folder.manifest.is_simulated
+    if request.config.sync.lsl and not clock.is_virtual:  # virtual time cannot be streamed
+        from cli.lsl_announcer import AnnouncingRecorder, scope_of, set_scope
+
+        set_scope(scope_of(request.config.sync, request.study.name))
+        return AnnouncingRecorder(part_dir, clock, is_simulated=simulated)
+    return Recorder(
+        part_dir,
+        clock,
+        threaded=not clock.is_virtual,
+        max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
+        is_simulated=simulated,
+    )
+
+
+def _announce(request: Request, devices: _Devices, folder: SessionFolder, at: Recorder) -> None:
+    """Announce the open devices' streams where the recorder streams to LSL."""
+    if not request.config.sync.lsl or request.clock.is_virtual:
+        return
+    from cli.lsl_announcer import AnnouncingRecorder, scope_of
+
+    assert isinstance(at, AnnouncingRecorder)  # noqa: S101 - made above, for this
+    at.announce(
+        devices.rig.by_role(),
+        scope_of(request.config.sync, request.study.name),
+        source=f"{request.study.name}-{request.participant_label}-{request.session:03d}",
+        is_simulated=folder.manifest.is_simulated,
+    )
 
 
 @contextmanager
@@ -218,7 +244,7 @@ def _setup(
         timing=request.timing,
         lost_device_s=request.lost_device_s,
         on_trial=request.on_trial,
-        on_open=lambda infos: _describe(request, devices, folder, infos),
+        on_open=lambda infos: _describe(request, devices, folder, recorder, infos),
         on_validation=lambda found: folder.describe(
             calibrations=[*folder.manifest.calibrations, found]
         ),
@@ -226,10 +252,15 @@ def _setup(
 
 
 def _describe(
-    request: Request, devices: _Devices, folder: SessionFolder, infos: tuple[DeviceInfo, ...]
+    request: Request,
+    devices: _Devices,
+    folder: SessionFolder,
+    recorder: Recorder,
+    infos: tuple[DeviceInfo, ...],
 ) -> None:
-    """Keep who the devices are, and in real time what the doctor says of the lab."""
+    """Keep who the devices are, and in real time what the doctor says; announce their streams."""
     folder.describe(devices=infos)
+    _announce(request, devices, folder, recorder)
     if not request.clock.is_virtual:  # a simulated study's files depend on its seed alone
         part_dir = folder.path / folder.manifest.parts[-1].folder
         save_with_session(part_dir, request.config, request.clock, devices.rig.by_role())

@@ -50,6 +50,17 @@ class Display(_Part):
     window_height_px: int = Field(default=720, ge=120, le=16384)
 
 
+class Sync(_Part):
+    """Whether sessions stream to Lab Streaming Layer while they run, and who may meet them.
+
+    Without `session_id` the study's name keeps studies apart on one network.
+    """
+
+    lsl: bool = False
+    this_computer_only: bool = False
+    session_id: str = ""
+
+
 class Privacy(_Part):
     """What participants agreed to; the version is recorded with every session."""
 
@@ -82,6 +93,7 @@ class LabConfig(BaseModel):
     room: Room
     display: Display
     privacy: Privacy
+    sync: Sync = Sync()
     devices: Mapping[str, DeviceConfig]
     wording: Mapping[str, Path]
     path: Path
@@ -102,6 +114,7 @@ class _File(_Part):
     room: Room = Room()
     display: Display = Display()
     privacy: Privacy
+    sync: Sync = Sync()
     devices: dict[str, Any] = Field(min_length=1)
     wording: dict[str, str] = Field(default_factory=dict)
 
@@ -164,6 +177,7 @@ def _validated(document: Document, option_models: OptionModels | None) -> LabCon
         room=file.room,
         display=file.display,
         privacy=file.privacy,
+        sync=file.sync,
         devices=entries,
         wording={name: _absolute(document.path, text) for name, text in file.wording.items()},
         path=document.path.absolute(),
