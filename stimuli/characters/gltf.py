@@ -86,6 +86,8 @@ def _imported(file: GltfFile, name: str, gender: Gender) -> Character:
             materials.append(_material(file, surface, kind))
         parts.append(_at_rest(file, figure, rig, surface, kind, keys[key], eyes))
     mesh = joined(parts)
+    first = thinned(mesh, LEVEL_TRIANGLES[0])
+    lighter = (matched(thinned(mesh, n), first) for n in LEVEL_TRIANGLES[1:])
     stature = float(np.ptp(points[:, 1]))
     radius = float(np.mean([eye.radius_m for eye in eyes.values()]))
     closed = closed_surface(mesh, rig.skeleton)
@@ -97,7 +99,7 @@ def _imported(file: GltfFile, name: str, gender: Gender) -> Character:
         stature_m=round(stature, 4),
         age_years=None,
         skeleton=rig.skeleton,
-        levels=tuple(matched(thinned(mesh, n), mesh) for n in LEVEL_TRIANGLES),
+        levels=(first, *lighter),
         materials=tuple(materials),
         capsules=fitted_capsules(rig.skeleton, closed),
         eyeball=Eyeball(

@@ -81,11 +81,13 @@ def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMes
             slopes[:, p] = (errors(probe, _PROBE_STEP_M)[0] - coarse) / _PROBE_M
         damped = slopes.T @ slopes + _DAMPING * np.eye(len(PARTS))
         step = np.clip(-np.linalg.solve(damped, slopes.T @ error), -_STEP_M, _STEP_M)
-        tried = [
-            (np.abs(e).max(), s, e, v)
-            for s in (np.clip(sides + k * step, -_MOST_M, _MOST_M) for k in (1.0, 0.5, 0.25))
-            for e, v in (errors(s),)
-        ]
+        tried = []
+        for k in (1.0, 0.5, 0.25):
+            s = np.clip(sides + k * step, -_MOST_M, _MOST_M)
+            e, v = errors(s)
+            tried.append((np.abs(e).max(), s, e, v))
+            if tried[-1][0] < np.abs(error).max():
+                break
         worst, s, e, v = min(tried, key=lambda row: float(row[0]))
         if worst >= np.abs(error).max():
             break

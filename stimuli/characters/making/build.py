@@ -25,8 +25,9 @@ from stimuli.characters.making.cutting import clipped
 from stimuli.characters.making.eyes import eyeballs, lashes, mouth_pieces
 from stimuli.characters.making.fabrics import fabric
 from stimuli.characters.making.figure import Figure, figure_of
-from stimuli.characters.making.hair import STYLES, THINNINGS, Locks, locks, ribbons, shell, streaks
+from stimuli.characters.making.hair import STYLES, Locks, drawn, locks, shell, streaks
 from stimuli.characters.making.makehuman import BODY_VERTICES, MakeHuman
+from stimuli.characters.making.mantle import Sheet
 from stimuli.characters.making.pieces import Piece, kept, triangulated
 from stimuli.characters.making.recipes import Garment, Recipe
 from stimuli.characters.making.shoes import SOLE_M, shoe_field, shoes
@@ -157,7 +158,7 @@ def clothed(
 def levels_of(
     figure: Figure,
     pieces: Sequence[Piece],
-    hair: Sequence[Locks],
+    hair: Sequence[Locks | Sheet],
     materials: Sequence[Material],
 ) -> tuple[SkinnedMesh, ...]:
     """Return all levels: surfaces are thinned, of the hair fewer and wider locks are drawn."""
@@ -166,11 +167,13 @@ def levels_of(
     bulk = [piece for piece in pieces if piece.material not in ("teeth", "lash")]
     far = assembled(figure, bulk, materials)
     levels: list[SkinnedMesh] = []
-    for n, thinning in zip(LEVEL_TRIANGLES, THINNINGS, strict=True):
-        locks_mesh = assembled(figure, [ribbons(figure, g, thinning) for g in hair], materials)
+    for level, n in enumerate(LEVEL_TRIANGLES):
+        # Of the sheets only the two outer ones are seen from afar.
+        some = [g for i, g in enumerate(hair) if not (level and i == 0 and isinstance(g, Sheet))]
+        locks_mesh = assembled(figure, [drawn(figure, g, level) for g in some], materials)
         n_rest = n - len(locks_mesh.triangles)
-        mesh = joined([thinned(far if levels else whole, n_rest), locks_mesh])
-        levels.append(matched(mesh, levels[0]) if levels else mesh)
+        mesh = joined([thinned(far if level else whole, n_rest), locks_mesh])
+        levels.append(matched(mesh, levels[0]) if level else mesh)
     return tuple(levels)
 
 

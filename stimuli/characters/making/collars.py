@@ -122,20 +122,65 @@ def _folded_collar(figure: Figure, cloth: Piece, ring: Indices, tone: Vector) ->
     opens = (angle > 0.16) & (angle < 2 * np.pi - 0.16)
     points, weights, angle = points[opens], weights[opens], angle[opens]
     centre = np.array([0.0, 0.0, neck[2]]) + np.array([0.0, points[:, 1].mean(), 0.0])
-    out = unit((points - centre) * np.array([1.0, 0.0, 1.0]))
+    scale = figure.stature_m / 1.72
+    front = np.exp(-((np.minimum(angle, 2 * np.pi - angle) / 0.55) ** 2))
+    height = scale * (0.036 - 0.010 * front)
+    low = _by_the_neck(figure, angle, points[:, 1] + 0.45 * height, 0.0045)
+    top = _by_the_neck(figure, angle, points[:, 1] + height, 0.0055)
+    out = unit((top - centre) * np.array([1.0, 0.0, 1.0]))
+    # Above the open top button the edges lean apart.
+    apart = 0.011 * front * np.where(angle < np.pi, 1.0, -1.0)
+    low[:, 0] += 0.3 * apart
+    top[:, 0] += apart
+    # The fall lies on the cloth round the neckline.
+    reach = scale * (0.021 + 0.012 * front)
+    under = points + 0.5 * reach[:, None] * out
+    lying = _on_surface(cloth, under - np.array([0.0, 1.0, 0.0]) * (0.25 * reach)[:, None])
+    lying += 0.0055 * _nearest_normals(cloth, lying)
+    lying[:, 0] += 0.8 * apart
     up = np.array([0.0, 1.0, 0.0])
-    front = np.exp(-((np.minimum(angle, 2 * np.pi - angle) / 0.55) ** 2))[:, None]
-    stand = points + (0.030 - 0.010 * front) * up + 0.001 * out
     rows = [
-        points - 0.004 * up + 0.002 * out,
-        stand - 0.008 * up,
-        stand,
-        stand + 0.004 * out + 0.001 * up,
-        stand + 0.009 * out - 0.014 * up,
-        stand + (0.014 + 0.006 * front) * out - (0.034 + 0.030 * front) * up,
+        points - 0.004 * up - 0.001 * out,
+        points + 0.001 * up,
+        low,
+        top,
+        top + 0.003 * out + 0.0022 * up,
+        top + 0.0075 * out - 0.003 * up,
+        0.45 * top + 0.55 * lying + 0.008 * out,
+        lying + 0.001 * out,
+        lying - 0.0015 * out - 0.002 * up,
     ]
     sheet = _outwards(_sheet(rows, weights, tone, cloth.material, closed=False), centre)
     return _textured(figure, sheet)
+
+
+def _by_the_neck(figure: Figure, angle: Vector, heights: Vector, clearance_m: float) -> Vector:
+    """Return points (n, 3) round the neck, at angles from the front towards +x, off its skin."""
+    neck, head = figure.at("neck"), figure.at("head")
+
+    def axis(y: Vector) -> Vector:
+        up = np.clip((y - neck[1]) / (head[1] - neck[1]), -0.3, 1.0)
+        line: Vector = neck + up[:, None] * (head - neck)
+        return line
+
+    body = figure.body_m
+    body = body[np.abs(body[:, 1] - heights.mean()) < 0.12]
+    d = body - axis(body[:, 1])
+    radius = np.hypot(d[:, 0], d[:, 2])
+    body, d, radius = body[radius < 0.12], d[radius < 0.12], radius[radius < 0.12]
+    around = np.arctan2(d[:, 0], -d[:, 2])
+    turn = (around[None] - angle[:, None] + np.pi) % (2 * np.pi) - np.pi
+    near = (turn / 0.22) ** 2 + ((body[None, :, 1] - heights[:, None]) / 0.008) ** 2
+    share = np.exp(-near) + 1e-9
+    wide = (share * radius).sum(axis=1) / share.sum(axis=1) + clearance_m
+    for _ in range(3):
+        inner = 0.5 * wide[1:-1] + 0.25 * (wide[:-2] + wide[2:])
+        wide = np.concatenate([wide[:1], inner, wide[-1:]])
+    points = axis(heights)
+    points[:, 0] += wide * np.sin(angle)
+    points[:, 1] = heights
+    points[:, 2] -= wide * np.cos(angle)
+    return points
 
 
 def _front_line(cloth: Piece, x: float, heights: Vector) -> tuple[Vector, Vector, Vector]:

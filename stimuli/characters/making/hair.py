@@ -11,6 +11,7 @@ from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.making.cutting import clipped
 from stimuli.characters.making.figure import Figure
 from stimuli.characters.making.hairline import hairline_field
+from stimuli.characters.making.mantle import Fall, Sheet, mantle, sheet_piece
 from stimuli.characters.making.noise import noise
 from stimuli.characters.making.pieces import Piece, vertex_normals
 
@@ -34,12 +35,16 @@ class Style:
     tie: str = "none"
     rows: int = 9
     wave_m: float = 0.004
+    fall: Fall | None = None
 
 
 STYLES = {
-    "long": Style("fall", 0.44, 330, 0.016, 0.012, part_m=0.012, rows=12, wave_m=0.008),
-    "shoulder": Style("fall", 0.30, 330, 0.015, 0.013, part_m=-0.02, rows=11, wave_m=0.010),
-    "bob": Style("fall", 0.20, 330, 0.015, 0.014, part_m=0.018, rows=9, wave_m=0.004),
+    "long": Style("fall", 0.50, 0, 0.007, 0.012, fall=Fall(0.58, 0.012, 0.013, 0.16, 0.085,
+                  0.0045, 18)),
+    "shoulder": Style("fall", 0.36, 0, 0.007, 0.013, fall=Fall(0.47, -0.022, 0.014, 0.14, 0.07,
+                      0.005, 16)),
+    "bob": Style("fall", 0.26, 0, 0.007, 0.014, fall=Fall(0.32, 0.020, 0.016, 0.22, 0.02,
+                 0.003, 14)),
     "bun": Style("back", 0.30, 260, 0.013, 0.008, tie="bun", rows=10, wave_m=0.001),
     "ponytail": Style("back", 0.30, 260, 0.013, 0.009, tie="tail", rows=10, wave_m=0.002),
     "curly": Style("out", 0.036, 640, 0.008, 0.042, curl_m=0.008, rows=7),
@@ -76,8 +81,9 @@ def shell(figure: Figure, body: Piece, colour: Vector, style: Style, seed: int) 
     d = piece.vertices_m - crown
     around = np.arctan2(d[:, 0], -d[:, 2])[piece.triangles]
     around = around[:, :1] + (around - around[:, :1] + np.pi) % (2 * np.pi) - np.pi
-    down = np.arctan2(np.hypot(d[:, 0], d[:, 2]), d[:, 1])[piece.triangles]
-    uv = np.stack([around / (2 * np.pi) * 12, down * 0.6], axis=-1)
+    inside = -hairline_field(figure, piece.vertices_m, style.receding)[piece.triangles]
+    # Roots are thin along the hairline; farther up the cap is whole.
+    uv = np.stack([around / (2 * np.pi) * 12, np.clip(inside / 0.08, 0, 0.5)], axis=-1)
     part = np.full(len(piece.triangles), PART_INDEX["scalp"])
     return replace(piece, part=part, corner_uv=uv)
 
@@ -248,12 +254,16 @@ class Locks:
 def locks(
     figure: Figure, body: Piece, worn: list[Piece], colour: Vector, style: Style, seed: int,
     grey: float = 0.0,
-) -> list[Locks]:  # fmt: skip
-    """Return all locks, with what ties them."""
+) -> list[Locks | Sheet]:  # fmt: skip
+    """Return all locks and sheets, with what ties them."""
     rng = np.random.default_rng(seed + 1000)
+    if style.fall is not None:
+        sheets, line, out = mantle(figure, body, worn, colour, style.fall, seed, grey)
+        loose = _coloured(line, out, style.width_m, colour, rng, grey)
+        return [*sheets, loose]
     roots, normals = _roots(figure, body, style, rng)
     line, out = _grown(figure, style, roots, normals, body, worn, rng)
-    groups = [_coloured(line, out, style.width_m, colour, rng, grey)]
+    groups: list[Locks | Sheet] = [_coloured(line, out, style.width_m, colour, rng, grey)]
     if style.tie == "bun":
         groups.append(_bun(figure, style, colour, rng, grey))
     if style.tie == "tail":
@@ -271,6 +281,15 @@ def _coloured(
     tones[greyed] = tones[greyed] * 0.5 + 0.5 * np.array([0.72, 0.71, 0.70])
     width = 0.5 * width_m * rng.uniform(0.75, 1.25, n)
     return Locks(line, out, tones, rng.normal(1.0, 0.10, n), width, rng.random(n))
+
+
+def drawn(figure: Figure, group: Locks | Sheet, level: int) -> Piece:
+    """Return locks or a sheet as they are drawn at a level of detail."""
+    if isinstance(group, Sheet):
+        shape = group.line.shape[:2]
+        weights = hair_weights(figure, group.line.reshape(-1, 3)).reshape(*shape, -1)
+        return sheet_piece(figure, group, weights, *((1, 1), (3, 2), (6, 3))[level])
+    return ribbons(figure, group, THINNINGS[level])
 
 
 def ribbons(figure: Figure, group: Locks, thinning: Thinning = THINNINGS[0]) -> Piece:
@@ -295,10 +314,8 @@ def ribbons(figure: Figure, group: Locks, thinning: Thinning = THINNINGS[0]) -> 
     tint = group.tint[keep][:, None] * (0.80 + 0.28 * share)
     tone = tint[:, :, None, None] * group.colour[keep][:, None, None, :] * np.ones((n, rows, 2, 1))
     start = group.start[keep][:, None, None]
-    reach = np.linalg.norm(np.diff(line, axis=1), axis=-1).cumsum(axis=1)
-    reach = np.concatenate([np.zeros((n, 1)), reach], axis=1)
-    u = start + np.broadcast_to(np.array([0.0, 0.30 * thinning.wider]), (n, rows, 2))
-    v = np.broadcast_to(start + reach[..., None] / 0.25, (n, rows, 2))
+    u = start + np.broadcast_to(np.array([0.0, 0.16 * thinning.wider]), (n, rows, 2))
+    v = np.broadcast_to(0.02 + 0.96 * share[None, :, None], (n, rows, 2))
     uv = np.stack([u, v], axis=-1).reshape(-1, 2)
     vertices = edges.reshape(-1, 3)
     return Piece(
@@ -370,13 +387,25 @@ def _tail(
 
 
 def streaks(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
-    """Return the texture of hair: fine bright and dark lines along the lock."""
-    n = 256
+    """Return the texture of hair (h, w, 4): strands side by side, roots above, tips below.
+
+    Strands begin and end unevenly, so that hairlines and ends are not cut with a knife.
+    """
+    n, strands = 256, 48
     columns = np.zeros(n)
-    for waves, share in ((5, 0.25), (17, 0.35), (47, 0.35), (101, 0.25)):
+    for waves, share in ((5, 0.2), (17, 0.3), (47, 0.4), (101, 0.3)):
         knots = rng.uniform(-1, 1, waves)
         columns += share * np.interp(np.arange(n), np.linspace(0, n, waves + 1), [*knots, knots[0]])
-    drift = (6 * np.sin(np.linspace(0, 2 * np.pi, n, endpoint=False))).astype(np.int64)
+    drift = (4 * np.sin(np.linspace(0, 2 * np.pi, n, endpoint=False))).astype(np.int64)
     rows = np.stack([np.roll(columns, d) for d in drift])
-    grey = np.clip(0.86 + 0.20 * rows, 0, 1)
-    return np.repeat(np.round(255 * grey)[..., None], 3, axis=2).astype(np.uint8)
+    grey = np.clip(0.84 + 0.22 * rows, 0, 1)
+    v, u = np.mgrid[0:n, 0:n] / n
+    strand = np.floor(u * strands).astype(np.int64)
+    across = np.abs(u * strands - strand - 0.5) * 2
+    clump = np.repeat(rng.uniform(0, 1, strands // 4), 4)
+    begins = (0.09 * rng.uniform(0, 1, strands) ** 1.5)[strand]
+    ends = (1.0 - 0.16 * clump - 0.14 * rng.uniform(0, 1, strands))[strand]
+    whole = np.minimum((v - begins) / 0.05, (ends - v) / 0.16)
+    alpha = np.clip((whole * 1.6 - across) / 0.35 + 0.5, 0, 1)
+    tone = np.repeat(grey[..., None], 3, axis=2)
+    return np.round(255 * np.concatenate([tone, alpha[..., None]], axis=2)).astype(np.uint8)

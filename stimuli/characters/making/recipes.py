@@ -57,7 +57,9 @@ def _shape(
     **build: float,
 ) -> Shape:  # fmt: skip
     sex: Literal["female", "male"] = "female" if gender == "f" else "male"
-    return Shape(sex, age, origins=origins, details=details, **build)
+    # The base mesh's mouth hangs; with this much lift a face at rest looks neutral.
+    at_rest = {"mouth/mouth-angles-up": 0.35, **details}
+    return Shape(sex, age, origins=origins, details=at_rest, **build)
 
 
 CAST: tuple[Recipe, ...] = (

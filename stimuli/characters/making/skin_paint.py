@@ -112,10 +112,11 @@ def _aged(colour: Vector, q: Vector, face: Face) -> Vector:
         return colour
     x, y, z = np.abs(q[:, 0]), q[:, 1], q[:, 2]
     front = np.clip((0.03 - z) / 0.03, 0, 1)
-    wave = y + 0.0018 * np.sin(q[:, 0] * 90) + 0.001 * np.sin(q[:, 0] * 230)
+    wave = y + 0.0012 * np.sin(q[:, 0] * 70) + 0.0012 * noise(q, 45, 83)
+    broken = np.clip(0.75 + 0.6 * noise(q, 55, 84), 0, 1)
     lines = np.zeros(len(q))
     for height in (0.047, 0.056, 0.065):
-        lines += _bump(wave - height, 0.0011) * np.clip((0.042 - x) / 0.015, 0, 1)
+        lines += 0.6 * broken * _bump(wave - height, 0.0014) * np.clip((0.042 - x) / 0.015, 0, 1)
     for slope in (-0.45, 0.0, 0.42):
         away = y + 0.002 - slope * (x - 0.046)
         lines += 0.7 * _bump(away, 0.0009) * _bump(x - 0.056, 0.008)
