@@ -11,7 +11,12 @@ from experiments.waving.design import (
     STUDY,
     WavingParameters,
 )
-from experiments.waving.intake import SessionIntake, questionnaire, take_in
+from experiments.waving.intake import (
+    SessionIntake,
+    provenance_of,
+    questionnaire,
+    take_in,
+)
 from experiments.waving.participant import WavingParticipant
 from experiments.waving.study import WavingStudy
 from experiments.waving.study_outputs import analyse_study
@@ -71,7 +76,12 @@ class WavingBundle:
         example: Recording | None,
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""
-        return analyse_study(sessions, out_dir, is_simulated=is_simulated)
+        return analyse_study(
+            sessions,
+            out_dir,
+            is_simulated=is_simulated,
+            provenance=provenance_of(sessions, commands),
+        )
 
 
 MAKE_STUDY = WavingBundle

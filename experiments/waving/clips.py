@@ -94,7 +94,7 @@ def study_wave(
     if warps and params.increment > 0:
         clip, record = _warped(base, clerk, target_place, heading, params.increment)
     waving = Waving(clerk, clip, heading, params.before_s, FADE_S)
-    return StudyWave(waving, _digest(clip.root_m, clip.orientation_wxyz), record)
+    return StudyWave(waving, digest_of(clip.root_m, clip.orientation_wxyz), record)
 
 
 @lru_cache(maxsize=8)
@@ -177,11 +177,11 @@ def _warped(
     said = json.dumps(
         [[asdict(t) for t in targets], UNITS, asdict(SETTINGS), heading, clerk], sort_keys=True
     )
-    key = _digest(
+    key = digest_of(
         base.root_m, base.orientation_wxyz, body.rest, body.triangles, view.eye, view.behind,
         view.lamps, view.maps, said=said + _warping_code(),
     )  # fmt: skip
-    kept = _read(key)
+    kept = read_kept(key)
     if kept is None:
         stood = in_place(base, places.place(clerk).floor_m, heading)
         found = warp_clip(stood, body, view, targets, units_named(UNITS), SETTINGS)
@@ -194,7 +194,7 @@ def _warped(
                 np.degrees(np.abs(found.omega_rad).max()),
             ]),
         }  # fmt: skip
-        _write(key, kept)
+        keep(key, kept)
     turns = base.orientation_wxyz.copy()
     turns[:, 1:] = kept["orientation_wxyz"]
     return replace(base, orientation_wxyz=turns), WarpRecord(key, *map(float, kept["numbers"]))
@@ -206,7 +206,8 @@ def _share(value: Vector, original: Vector) -> float:
     return float(value.sum()) / whole if whole > 0 else float("nan")
 
 
-def _digest(*arrays: npt.NDArray[Any], said: str = "") -> str:
+def digest_of(*arrays: npt.NDArray[Any], said: str = "") -> str:
+    """Return the SHA-256 of arrays and words."""
     found = hashlib.sha256(said.encode())
     for array in arrays:
         found.update(np.ascontiguousarray(array).tobytes())
@@ -228,7 +229,8 @@ def cache_folder() -> Path:
     return Path(tempfile.gettempdir()) / "visavis-waving"
 
 
-def _read(key: str) -> dict[str, npt.NDArray[Any]] | None:
+def read_kept(key: str) -> dict[str, npt.NDArray[Any]] | None:
+    """Return what was kept under a key, None when there is nothing or it cannot be read."""
     path = cache_folder() / f"{key}.npz"
     try:
         with np.load(path, allow_pickle=False) as kept:
@@ -237,7 +239,7 @@ def _read(key: str) -> dict[str, npt.NDArray[Any]] | None:
         return None
 
 
-def _write(key: str, what: dict[str, npt.NDArray[Any]]) -> None:
+def keep(key: str, what: dict[str, npt.NDArray[Any]]) -> None:
     """Keep something; a folder that cannot be written to costs time only."""
     folder = cache_folder()
     try:

@@ -39,7 +39,7 @@ from stimuli.scenes.office import (
     shift_m,
 )
 
-_PERSON, _TRIAL, _BODY, _ANSWER = range(4)
+_PERSON, TRIAL_STREAM, _BODY, _ANSWER = range(4)
 TURN_S: Final = 0.45
 HEAD_SHARE: Final = 0.6
 """Of a gaze shift that the head takes over."""
@@ -217,7 +217,7 @@ class WavingParticipant:
             eye = self._heads(np.zeros(1))[0][0] - shift_m(scene.participant_place)
             evidence = evidence_of(scene.waving, scene.participant_place, eye, self._gaze)
             own = [c.name for c in CUSTOMERS].index(scene.participant_place)
-            rng = self.rng(_TRIAL, self._stretch)
+            rng = self.rng(TRIAL_STREAM, self._stretch)
             self._judgement = judge(
                 evidence, own, self.person, self.population, rng, effect=self._effect
             )

@@ -15,6 +15,8 @@ import numpy.typing as npt
 from experiments.waving.clips import (
     MIDDLE_ABOVE_HIPS_M,
     VIEW_RADIUS_M,
+    body_mesh,
+    digest_of,
     eye_at,
     in_place,
     seen_body_of,
@@ -22,10 +24,12 @@ from experiments.waving.clips import (
 )
 from lab.geometry import Vector, rotate
 from stimuli.characters.body_parts import PARTS
+from stimuli.dressing.office import PARTS as ROLES
 from stimuli.motion.clip import Clip
 from stimuli.motion.skeleton import forward
 from stimuli.motion.warping.outlook import Outlook
 from stimuli.motion.warping.perceived import mask_of, perceived
+from stimuli.rooms.office import office
 from stimuli.scenes import office as places
 from stimuli.scenes.office import Waving
 
@@ -35,8 +39,8 @@ LOOKS: Final = 6
 """Moments of a wave that are looked at."""
 REACH_PX: Final = 96
 CUES: Final = ("eyes", "head", "torso", "hand")
-CUE_PARTS: Final = (("eyes",), ("head",), ("torso", "neck"), ("right_hand", "right_forearm"))
-REACH_PARTS: Final = ("head", "right_hand")
+CUE_PARTS: Final = (("eyes",), ("face", "eyes"), ("torso", "neck"), ("right_hand", "right_forearm"))
+REACH_PARTS: Final = ("face", "eyes", "right_hand")
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,3 +163,16 @@ def _pointing(clip: Clip, times: Vector, gaze: Vector) -> tuple[Vector, Vector]:
         ):
             front[k] += rotate(body.orientation_wxyz[skeleton.index(joint)], axis) / len(times)
     return head, np.array([_bearing_deg(gaze), *(_bearing_deg(f) for f in front)])
+
+
+@cache
+def surroundings_sha256() -> str:
+    """Return the hash of everything that decides what can be seen of a given wave."""
+    meshes = [p.mesh for p in office().props] + [body_mesh(role) for role in ROLES]
+    bodies = [seen_body_of(c.name) for c in places.CLERKS]
+    return digest_of(
+        *(m.vertices_m for m in meshes),
+        *(b.rest for b in bodies),
+        *(eye_at(c.name) for c in places.CUSTOMERS),
+        said="|".join(map(str, (PIXELS_PER_DEG, LOOKS, REACH_PX, CUE_PARTS, REACH_PARTS))),
+    )

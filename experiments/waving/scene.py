@@ -83,6 +83,19 @@ def office_eyes(
     return replace(eyes, targets_m=targets, follows_observer=follows, turn_ns=turn_ns)
 
 
+def gaze_of(waving: Waving, participant_place: str, target_place: str) -> Vector:
+    """Return where the waving clerk's eyes point (3,), at a participant who stands still."""
+    scene = OfficeScene(
+        name="gaze", agents=agents_in(participant_place, waving),
+        participant_place=participant_place, waving=waving, seed=SCENE_SEED,
+    )  # fmt: skip
+    eyes = office_eyes(scene, target_place, 0, 1.0, 0.0)
+    standing = eye_at(participant_place) + shift_m(participant_place)
+    gaze, _, _ = eyes.at(10 * NS_PER_S, standing)
+    pointing: Vector = gaze[roles_of(participant_place).index(waving.clerk)]
+    return pointing
+
+
 def customer_eyes(scene: OfficeScene, target_place: str) -> Vector:
     """Return the eyes (3,) of a virtual customer in the tracked room."""
     for agent in scene.agents:
