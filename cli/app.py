@@ -7,7 +7,6 @@ from typing import Annotated, TypeVar
 import typer
 from rich.console import Console
 
-from devices.option_models import OPTION_MODELS
 from lab.config import LabConfig, load_config, with_devices
 from lab.errors import ConfigError, UsageError
 
@@ -54,7 +53,9 @@ def load_lab(path: Path | None, devices: str | None = None) -> LabConfig:
             f"no lab configuration at {path}; run `visavis init` to write one, "
             "or give its path with --config"
         )
-    config = load_config(path, OPTION_MODELS)
+    from devices.option_models import option_models  # pydantic, only for commands that need it
+
+    config = load_config(path, option_models())
     if devices is None:
         return config
     if devices not in ("sim", "real"):

@@ -4,6 +4,7 @@ Options are what stands beside `driver` and `simulated`; their names carry their
 """
 
 from collections.abc import Mapping
+from importlib.metadata import entry_points
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -11,6 +12,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from devices.band_options import BAND_OPTION_MODELS
 from devices.body_options import BODY_OPTION_MODELS
 from devices.gaze_options import GAZE_OPTION_MODELS
+from devices.registry import BUILT_IN, driver_names
+
+ENTRY_POINT_GROUP = "visavis.driver_options"
+"""Installed packages describe their drivers' options under this entry-point group."""
 
 
 class _Options(BaseModel):
@@ -91,3 +96,18 @@ OPTION_MODELS: Mapping[str, type[BaseModel]] = {
     "simulated_responses": SimulatedResponsesOptions,
 }
 """Options by driver name, for every driver that ships with Visavis."""
+
+
+class NoOptions(_Options):
+    """Options of a driver whose package describes none."""
+
+
+def option_models() -> Mapping[str, type[BaseModel]]:
+    """Return the options of every driver known here, those of installed packages included."""
+    described = {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}
+    others = {
+        name: described[name].load() if name in described else NoOptions
+        for name in driver_names()
+        if name not in BUILT_IN
+    }
+    return {**others, **OPTION_MODELS}

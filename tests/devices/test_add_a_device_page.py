@@ -1,0 +1,83 @@
+"""What docs/add-a-device.md tells a newcomer to write passes the suite, as it stands there."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "add-a-device.md"
+BLOCK = re.compile(r"^```python\n# (pedal/\w+\.py)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+TESTS_ON_THE_PAGE = 9
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("page")
+    blocks = BLOCK.findall(PAGE.read_text("utf-8"))
+    (folder / "pedal").mkdir()
+    (folder / "pedal" / "__init__.py").touch()
+    for name, text in blocks:
+        (folder / name).write_text(text, "utf-8")
+    installed = folder / "pedal-1.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: pedal\nVersion: 1\n")
+    points = re.search(r"^```toml\n(.*?)^```$", PAGE.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    groups = re.sub(r'\[project\.entry-points\."([\w.]+)"\]', r"[\1]", points[1])
+    lines = [line.replace('"', "") for line in groups.splitlines() if not line.startswith("#")]
+    (installed / "entry_points.txt").write_text("\n".join(lines))
+    return folder
+
+
+def run(package, *arguments):
+    path = os.pathsep.join((str(package), str(ROOT)))
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=package,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        timeout=110,
+    )
+
+
+def test_what_the_page_says_passes_the_suite(package):
+    done = run(package, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider", "pedal")
+    assert f"{TESTS_ON_THE_PAGE} passed" in done.stdout, done.stdout + done.stderr
+
+
+def test_suite_names_the_promise_that_a_newcomer_breaks(package, tmp_path):
+    broken = tmp_path / "pedal"
+    broken.mkdir()
+    for file in (package / "pedal").glob("*.py"):
+        text = file.read_text("utf-8")
+        (broken / file.name).write_text(
+            text.replace("        self._seq += len(rows)\n", ""), "utf-8"
+        )
+    done = run(tmp_path, "-m", "pytest", "-q", "-p", "no:cacheprovider", "pedal")
+    assert "broken promise: seq rises across batches" in done.stdout
+
+
+def test_driver_of_another_package_stands_in_the_configuration(package):
+    (package / "lab_config.yaml").write_text(
+        "lab: L\ndata_root: data\nkey_root: keys\nprivacy: {consent_version: '1'}\n"
+        "devices:\n  responses: {driver: pedal, port: nowhere}\n"
+    )
+    listed = run(package, "-m", "cli.main", "devices", "list")
+    assert re.search(r"responses\s+pedal\s+ready", listed.stdout), listed.stdout + listed.stderr
+    tested = run(package, "-m", "cli.main", "devices", "test", "--seconds", "0.5")
+    assert tested.returncode == 4
+    assert "cannot open nowhere" in tested.stdout
+
+
+def test_wrong_option_of_another_package_is_refused_with_its_line(package):
+    (package / "wrong.yaml").write_text(
+        "lab: L\ndata_root: data\nkey_root: keys\nprivacy: {consent_version: '1'}\n"
+        "devices:\n  responses: {driver: pedal, porrt: COM7}\n"
+    )
+    refused = run(package, "-m", "cli.main", "devices", "list", "--config", "wrong.yaml")
+    assert refused.returncode == 2
+    assert "did you mean 'port'" in refused.stderr
