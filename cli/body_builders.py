@@ -20,6 +20,7 @@ from devices.drivers.openvr_controllers import OpenVrControllers
 from devices.drivers.openvr_headset import OpenVrHeadset
 from devices.drivers.openvr_library import OpenVrLibrary
 from devices.drivers.openvr_trackers import OpenVrTrackers
+from devices.drivers.openxr_controllers import OpenXrControllers
 from devices.drivers.openxr_gaze import OpenXrGaze
 from devices.drivers.openxr_headset import OpenXrHeadset
 from devices.drivers.openxr_library import OpenXrLibrary
@@ -97,6 +98,8 @@ def build_openxr(
     wire = wires.messages(role, shared["openxr"].transport)
     if device.driver == "openxr_headset":
         return OpenXrHeadset(role, wire, clock)
+    if device.driver == "openxr_controllers":
+        return OpenXrControllers(role, wire, clock, **options)
     return OpenXrGaze(role, wire, clock, **options)
 
 
@@ -186,6 +189,7 @@ BODY_BUILDERS: Mapping[str, Builder] = {
     "openvr_controllers": build_openvr,
     "openvr_headset": build_openvr,
     "openvr_trackers": build_openvr,
+    "openxr_controllers": build_openxr,
     "openxr_gaze": build_openxr,
     "openxr_headset": build_openxr,
     "xsens": build_body_tracker,

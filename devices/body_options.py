@@ -25,7 +25,16 @@ class OpenXrHeadsetOptions(OpenVrHeadsetOptions):
 
 
 class OpenVrControllersOptions(_Options):
-    """Options of `openvr_controllers`: the study's control -> "left trigger", "any grip"."""
+    """Options of `openvr_controllers`: the study's control -> "left trigger", "any grip",
+    "right trigger axis"; `rays` records where the controllers point.
+    """
+
+    controls: dict[str, str] = Field(default_factory=dict)
+    rays: bool = True
+
+
+class OpenXrControllersOptions(_Options):
+    """Options of `openxr_controllers`: the study's control -> "left select", "any menu"."""
 
     controls: dict[str, str] = Field(default_factory=dict)
 
@@ -88,6 +97,7 @@ BODY_OPTION_MODELS: Mapping[str, type[BaseModel]] = {
     "lsl_body": LslBodyOptions,
     "natnet": NatNetOptions,
     "openvr_controllers": OpenVrControllersOptions,
+    "openxr_controllers": OpenXrControllersOptions,
     "openvr_headset": OpenVrHeadsetOptions,
     "openvr_trackers": OpenVrTrackersOptions,
     "openxr_gaze": OpenXrGazeOptions,

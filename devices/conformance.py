@@ -162,9 +162,9 @@ def check_response_input(make: Callable[[], ResponseInput], let_pass: LetPass) -
     """Check that every response names a control."""
     device = make()
     batches = collect(device, let_pass)
-    _promise(device.describe()[0].fields == RESPONSES.fields, "the stream has RESPONSES' fields")
+    _promise(device.describe()[0].fields == RESPONSES.fields, "the first stream has its fields")
     _promise(len(device.controls) > 0, "there is a control")
-    for batch in batches:
+    for batch in (b for b in batches if b.schema.fields == RESPONSES.fields):
         known = batch.values["control"] < len(device.controls)
         _promise(bool(known.all()), "every response names a known control")
     device.close()

@@ -259,7 +259,7 @@ RESPONSES = StreamSchema(
 
 POINTER = StreamSchema(
     name="pointer",
-    nominal_rate_hz=90.0,
+    nominal_rate_hz=0.0,
     fields=(
         Field("hand", "u1", "", description="0 left, 1 right"),
         Field("position_m", "f4", "m", "world", (3,), "where the ray starts"),

@@ -18,6 +18,7 @@ BUILT_IN: dict[str, str] = {
     "openvr_controllers": "devices.drivers.openvr_controllers:OpenVrControllers",
     "openvr_headset": "devices.drivers.openvr_headset:OpenVrHeadset",
     "openvr_trackers": "devices.drivers.openvr_trackers:OpenVrTrackers",
+    "openxr_controllers": "devices.drivers.openxr_controllers:OpenXrControllers",
     "openxr_gaze": "devices.drivers.openxr_gaze:OpenXrGaze",
     "openxr_headset": "devices.drivers.openxr_headset:OpenXrHeadset",
     "eyelink": "devices.drivers.eyelink:EyeLink",

@@ -1,16 +1,16 @@
-"""Take button presses of OpenVR controllers, and let them buzz.
+"""Take buttons, axes and rays of OpenVR controllers, and let them buzz.
 
-The runtime's events say how old they are; a press bears the time at which it happened. Axes are
-not delivered: a trigger counts as pressed where the runtime says so.
+The runtime's events say how old they are; a press bears the time at which it happened. Axes and
+poses have no time of their own: they bear that of asking, once per `poll`.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import msgpack
-import numpy as np
 
 from devices.contracts import (
+    POINTER,
     RESPONSES,
     ClockPair,
     DeviceInfo,
@@ -20,12 +20,13 @@ from devices.contracts import (
     Sink,
 )
 from devices.drivers import openvr_codec as codec
+from devices.drivers.controller_rows import Change, Levels, Ray, ray_batch, response_batch
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ConfigError, DeviceDisconnected, DeviceError
-from lab.schema import SampleBatch, StreamSchema
+from lab.schema import StreamSchema
 
 REMEDY = "switch the controllers on and look at SteamVR"
 DEFAULT_CONTROLS: Mapping[str, str] = {
@@ -35,6 +36,9 @@ DEFAULT_CONTROLS: Mapping[str, str] = {
     "trackpad": "any trackpad",
     "a": "any a",
 }
+AXES = {"trigger axis": 2, "trackpad x": 0, "trackpad y": 1}
+"""Axis -> its place among x and y of the runtime's axes (openvr.h, k_EButton_Axis)."""
+TWO_SIDED = frozenset({"trackpad x", "trackpad y"})
 HANDS = {"left": codec.LEFT_HAND, "right": codec.RIGHT_HAND, "any": 0}
 RECONNECT_EVERY_NS = NS_PER_S // 2
 LONGEST_PULSE_US = 3999
@@ -44,7 +48,9 @@ LOW_BATTERY_01 = 0.2
 class OpenVrControllers:
     """Follow the `ResponseInput` contract over the controllers of an OpenVR runtime.
 
-    `controls` maps the experiment's names to a hand and a button: "left grip", "any trigger".
+    `controls` maps the experiment's names to a hand and a button or axis: "left grip", "any
+    trigger", "right trigger axis". A trackpad's axes run from 0 (left, bottom) to 1. With `rays`
+    there is a second stream, `POINTER`.
     """
 
     def __init__(
@@ -54,6 +60,7 @@ class OpenVrControllers:
         clock: Clock,
         *,
         controls: Mapping[str, str] | None = None,
+        rays: bool = False,
     ) -> None:
         chosen = dict(controls) if controls else dict(DEFAULT_CONTROLS)
         self.controls = tuple(chosen)
@@ -63,6 +70,10 @@ class OpenVrControllers:
         self._life = Lifecycle(role)
         self._meter = StreamMeter(0.0)
         self._sink: Sink | None = None
+        self._rays = rays
+        self._has_axes = any(part in AXES for _, part in self._wanted)
+        self._levels = Levels()
+        self._ray_seq = 0
         self._hand_of: dict[int, int] = {}
         self._batteries: dict[str, float] = {}
         self._retry_ns = 0
@@ -99,15 +110,16 @@ class OpenVrControllers:
         self._life.state = DeviceState.OPEN
 
     def describe(self) -> tuple[StreamSchema, ...]:
-        """Return the response stream."""
-        return (RESPONSES,)
+        """Return the responses and, where wanted, the rays."""
+        return (RESPONSES, POINTER) if self._rays else (RESPONSES,)
 
     def start(self, sink: Sink) -> None:
         """Begin delivering; earlier presses are gone."""
         self._life.require("start", DeviceState.OPEN)
         self._transport.receive(0.0)
         self._sink = sink
-        self._seq = 0
+        self._seq = self._ray_seq = 0
+        self._levels = Levels()
         self._meter = StreamMeter(0.0)
         self._life.state = DeviceState.STREAMING
 
@@ -117,16 +129,19 @@ class OpenVrControllers:
             self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
             self._reconnect()
             return 0
-        rows: list[tuple[int, int, int, float]] = []
+        rows: list[Change] = []
         for message in self._transport.receive(timeout_s):
             self._take(message, rows)
+        if self._has_axes and self._hand_of:
+            self._take_axes(rows)
+        told = self._tell_rays() if self._rays else 0
         if rows and self._sink is not None:
             self._deliver(rows)
         if self.state is DeviceState.FAULT:
             raise DeviceDisconnected(
                 "the OpenVR runtime was closed", role=self.info.role, remedy=REMEDY
             )
-        return len(rows)
+        return len(rows) + told
 
     def stop(self) -> None:
         """Stop delivering."""
@@ -141,9 +156,13 @@ class OpenVrControllers:
         self._life.state = DeviceState.CLOSED
 
     def health(self) -> Health:
-        """Report presses so far and the weakest battery when it was last looked at."""
+        """Report rows so far and the weakest battery when it was last looked at."""
         health = self._meter.health(self.state, self._clock.now_ns())
-        return replace(health, battery_01=min(self._batteries.values(), default=None))
+        return replace(
+            health,
+            received=health.received + self._ray_seq,
+            battery_01=min(self._batteries.values(), default=None),
+        )
 
     def check(self) -> tuple[Fault, ...]:
         """Tell missing controllers and weak batteries."""
@@ -182,7 +201,7 @@ class OpenVrControllers:
         self._hand_of = {row[0]: row[2] for row in rows}
         self._batteries = {row[3]: row[6] for row in rows if row[6] is not None}
 
-    def _take(self, message: Message, rows: list[tuple[int, int, int, float]]) -> None:
+    def _take(self, message: Message, rows: list[Change]) -> None:
         event = codec.decode_event(message.frames[-1])
         if event is None:
             return
@@ -197,17 +216,46 @@ class OpenVrControllers:
                 if button == event.button and wanted_hand in (0, hand):
                     rows.append((t_ns, message.t_host_ns, control, float(event.kind == "press")))
 
-    def _deliver(self, rows: list[tuple[int, int, int, float]]) -> None:
-        stamps, arrivals, controls, pressed = zip(*rows, strict=True)
-        values = np.empty(len(rows), RESPONSES.dtype)
-        values["control"] = controls
-        values["value_01"] = pressed
-        seq = np.arange(self._seq, self._seq + len(rows))
-        self._seq += len(rows)
-        self._meter.update(stamps, arrivals[-1])
+    def _take_axes(self, rows: list[Change]) -> None:
+        slots = " ".join(str(slot) for slot in self._hand_of)
+        exchange = self._transport.request((b"axes", slots.encode()), 1.0)
+        if exchange.frames[0] or len(exchange.frames) < 2:
+            return
+        found = [
+            (self._hand_of.get(slot), axes) for slot, axes in msgpack.unpackb(exchange.frames[1])
+        ]
+        for control, (wanted_hand, part) in enumerate(self._wanted):
+            levels = [
+                axes[AXES[part]]
+                for hand, axes in found
+                if part in AXES and axes is not None and wanted_hand in (0, hand)
+            ]
+            if levels:
+                level = max(levels, key=abs)
+                level = (level + 1.0) / 2.0 if part in TWO_SIDED else level
+                level = min(max(level, 0.0), 1.0)
+                if self._levels.changed(control, level, axis=True):
+                    rows.append((exchange.t_receive_ns, exchange.t_receive_ns, control, level))
+
+    def _tell_rays(self) -> int:
+        exchange = self._transport.request((b"poses",), 1.0)
+        if exchange.frames[0] or len(exchange.frames) < 2 or self._sink is None:
+            return 0
+        poses = codec.decode_poses(exchange.frames[1])
+        rays: list[Ray] = [None, None]
+        for slot, hand in self._hand_of.items():
+            if hand in (codec.LEFT_HAND, codec.RIGHT_HAND) and slot < len(poses):
+                rays[hand - codec.LEFT_HAND] = codec.decode_pose(poses[slot])
+        t_ns = exchange.t_receive_ns
+        self._sink(ray_batch(self._ray_seq, t_ns, t_ns, rays))
+        self._ray_seq += len(rays)
+        return len(rays)
+
+    def _deliver(self, rows: list[Change]) -> None:
+        self._meter.update([row[0] for row in rows], rows[-1][1])
         if self._sink is not None:
-            t_device, t_host = np.array(stamps, np.int64), np.array(arrivals, np.int64)
-            self._sink(SampleBatch(RESPONSES, seq, t_device, t_host, values))
+            self._sink(response_batch(self._seq, rows))
+        self._seq += len(rows)
 
     def _reconnect(self) -> None:
         now_ns = self._clock.now_ns()
@@ -226,8 +274,8 @@ class OpenVrControllers:
 
 def _parsed(role: str, name: str, text: str) -> tuple[int, str]:
     hand, _, button = text.partition(" ")
-    if hand not in HANDS or button not in codec.BUTTONS.values():
-        buttons = ", ".join(codec.BUTTONS.values())
+    if hand not in HANDS or button not in (*codec.BUTTONS.values(), *AXES):
+        buttons = ", ".join((*codec.BUTTONS.values(), *AXES))
         raise ConfigError(
             f"{role}: control {name!r} is {text!r}; say left, right or any and one of {buttons}"
         )

@@ -6,7 +6,7 @@ its arguments) with an answer (the name of the error, empty for none, then what 
 filled in); events arrive as messages. A `TeeTransport` around it thus writes a `.wire` log.
 
 Requests: `runtime`, `devices`, `display`, `eye 0`, `eye 1`, `wait_poses`, `poses`, `activity`,
-`submit 0`, `submit 1`, `haptic`.
+`submit 0`, `submit 1`, `axes`, `haptic`.
 """
 
 import ctypes
@@ -70,6 +70,7 @@ class OpenVrLibrary:
             "poses": self._present_poses,
             "activity": self._activity,
             "submit": self._submit,
+            "axes": self._axes,
             "haptic": self._haptic,
         }
 
@@ -240,6 +241,16 @@ class OpenVrLibrary:
         )
         vr.error_code.CompositorError.check_error_value(error)
         return ()
+
+    def _axes(self, frames: Frames) -> Frames:
+        """Return the axes of the controllers in the slots named: x and y of five each."""
+        found = []
+        for slot in (int(part) for part in frames[1].split()):
+            known, state = self._system.getControllerState(slot)
+            numbers = [float(v) for axis in state.rAxis for v in (axis.x, axis.y)]
+            found.append([slot, numbers if known else None])
+        packed: bytes = msgpack.packb(found)
+        return (packed,)
 
     def _haptic(self, frames: Frames) -> Frames:
         slot, microseconds = (int(part) for part in frames[1].split())

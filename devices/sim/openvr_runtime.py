@@ -135,6 +135,7 @@ class SimulatedVrRuntime:
         self.on_image: Callable[[int, npt.NDArray[np.uint8]], None] | None = None
         self.submissions: list[Submission] = []
         self.failure: Exception | None = None
+        self.axes: dict[int, dict[int, tuple[float, float]]] = {}
         self._body = body
         self._clock = clock
         self._rng = np.random.default_rng([seed, 0x0B])
@@ -466,6 +467,14 @@ class SimulatedVrRuntime:
     def _activity(self, slot: int) -> int:
         return 3 if self._in_standby else 1
 
+    def _controller_state(self, slot: int, state: Any, size: int) -> bool:
+        device = self._device(slot)
+        if device is None or device.kind != CONTROLLER or not device.is_connected:
+            return False
+        for axis, (x, y) in self.axes.get(slot, {}).items():
+            state.contents.rAxis[axis].x, state.contents.rAxis[axis].y = x, y
+        return True
+
     def _haptic(self, slot: int, axis: int, microseconds: int) -> None:
         self._refusals.haptics.append((slot, microseconds))
 
@@ -492,6 +501,7 @@ class SimulatedVrRuntime:
             "getBoolTrackedDeviceProperty": self._bool_property,
             "getFloatTrackedDeviceProperty": self._float_property,
             "pollNextEvent": self._poll_event,
+            "getControllerState": self._controller_state,
             "triggerHapticPulse": self._haptic,
         }
         compositor: dict[str, Callable[..., Any]] = {

@@ -35,6 +35,7 @@ from lab.errors import DeviceNotFound
 EPOCH_NS = 7_000_000_000_000
 """What the runtime's clock shows when the session's shows zero."""
 
+MILLI_HZ = 1000
 RUNTIME_NAME = b"Visavis simulated OpenXR"
 SUCCESS, EVENT_UNAVAILABLE = 0, 4
 API_VERSION_UNSUPPORTED, FORM_FACTOR_UNAVAILABLE = -4, -35
@@ -72,7 +73,7 @@ class SimulatedXrRuntime:
         self._body = body
         self._clock = clock
         self._gaze_period_ns = round(NS_PER_S / gaze_rate_hz)
-        self._frame_period_ns = round(NS_PER_S / display_rate_hz)
+        self._rate_milli_hz = round(display_rate_hz * MILLI_HZ)
         self._faults = faults if faults is not None else FaultSchedule()
         self._supports_gaze = supports_gaze
         self._tells_sample_time = tells_sample_time
@@ -86,7 +87,7 @@ class SimulatedXrRuntime:
         self.images = SimulatedImages(self._new_handle)
         self.hands = SimulatedHands(body, clock.now_ns, self._has_focus)
         self.hands.allocate_with(self._new_handle)
-        self._last_frame_ns: int | None = None
+        self._last_frame = -1
         self._keep: list[Any] = []
         self._before: str | None = None
         self._folder: tempfile.TemporaryDirectory[str] | None = None
@@ -264,11 +265,10 @@ class SimulatedXrRuntime:
     def _xr_WaitFrame(self, session: Any, info: Any, state: Any) -> int:
         if not self._running:
             return SESSION_NOT_RUNNING
-        period, now_ns = self._frame_period_ns, self._clock.now_ns()
-        due = -(-now_ns // period) * period
-        if self._last_frame_ns is not None:
-            due = max(due, self._last_frame_ns + period)
-        self._last_frame_ns = due
+        scale, rate = NS_PER_S * MILLI_HZ, self._rate_milli_hz
+        frame = max(-(-self._clock.now_ns() * rate // scale), self._last_frame + 1)
+        self._last_frame = frame
+        due, period = frame * scale // rate, round(scale / rate)
         self._clock.sleep_until_ns(due)
         numbers = ctypes.cast(ctypes.byref(state.contents, 16), ctypes.POINTER(ctypes.c_int64))
         numbers[0], numbers[1] = due + 2 * period + EPOCH_NS, period

@@ -20,7 +20,7 @@ from devices.pump import Pump
 from devices.wirelog import ReplayTransport, TeeTransport
 from lab.clock import NS_PER_S, SimClock, SystemClock
 from lab.errors import ConfigError, DeviceDisconnected
-from lab.geometry import Pose, quat_from_yaw_pitch_deg
+from lab.geometry import Pose, quat_from_yaw_pitch_deg, rotate
 from tests.devices.bodies import FixatingBody
 from tests.devices.body_rigs import WalkingBody
 from tests.devices.openvr_rigs import passer, simulated_runtime
@@ -129,6 +129,44 @@ def test_a_pulse_reaches_the_controller_of_that_hand():
         device.pulse("right", 1500)
         device.pulse("any", 500)
         assert runtime.haptic_pulses == ((2, 1500), (1, 500), (2, 500))
+
+
+def test_an_axis_is_told_when_it_moves_and_presses_once_past_the_middle():
+    def make(wire, clock):
+        return controllers(
+            wire, clock, controls={"pull": "right trigger axis", "x": "any trackpad x"}
+        )
+
+    with running(make) as (device, runtime, _clock, batches):
+        for pulled in (0.0, 0.004, 0.3, 0.301, 1.0, 0.0):
+            runtime.axes[2] = {1: (pulled, 0.0), 0: (-1.0, 0.5)}
+            device.poll(0.0)
+        rows = np.concatenate([b.values for b in batches])
+        assert rows[rows["control"] == 0]["value_01"].tolist() == pytest.approx([0.3, 1.0, 0.0])
+        assert rows[rows["control"] == 1]["value_01"].tolist() == []
+        runtime.axes[2] = {0: (1.0, 0.0)}
+        device.poll(0.0)
+        assert batches[-1].values["value_01"].tolist() == [1.0]
+
+
+def test_rays_are_the_controllers_own_poses_left_hand_first():
+    body = FixatingBody()
+
+    def make(wire, clock):
+        return controllers(wire, clock, rays=True)
+
+    with running(make, body=body) as (device, runtime, clock, batches):
+        assert [schema.name for schema in device.describe()] == ["responses", "pointer"]
+        assert device.poll(0.0) == 2
+        place, turn = body.head(clock.now_ns())
+        (batch,) = batches
+        assert batch.values["hand"].tolist() == [0, 1]
+        expected = [place + rotate(turn, np.array([x, -0.45, -0.3])) for x in (-0.25, 0.25)]
+        np.testing.assert_allclose(batch.values["position_m"], expected, atol=1e-6)
+        runtime.devices[1].is_connected = False
+        device.poll(0.0)
+        assert batches[-1].values["valid"].tolist() == [False, True]
+        assert np.isnan(batches[-1].values["position_m"][0]).all()
 
 
 def test_headset_and_controllers_share_the_runtime_and_both_hear_its_end():
