@@ -61,18 +61,20 @@ STANDING_EYE_M: Final = 1.62
 """Where a customer's eyes are supposed when a clerk aims at the place of a virtual one."""
 
 BYSTANDERS: Final = (
-    Place("bystander_left", -0.12, -2.7, -70.0),
-    Place("bystander_middle", 1.56, -2.7, 25.0),
-    Place("bystander_right", 2.12, -3.0, 115.0),
+    Place("bystander_left", 0.84, -2.2, -70.0),
+    Place("bystander_middle", 2.04, -2.5, 25.0),
+    Place("bystander_right", 2.68, -2.2, 115.0),
 )
-"""Agents who stand in between and talk or telephone."""
+"""Agents who stand in between and talk, type or telephone."""
 PLANTS: Final = (
-    Place("plant_left", -2.2, -3.0, 0.0),
-    Place("plant_middle", -1.32, -3.4, 0.0),
-    Place("plant_near", 1.08, -3.3, 0.0),
-    Place("plant_right", 1.96, -3.6, 0.0),
+    Place("plant_1", -1.88, -2.7, 0.0),
+    Place("plant_2", -1.48, -3.2, 0.0),
+    Place("plant_3", -0.44, -3.4, 0.0),
+    Place("plant_4", 0.60, -3.7, 0.0),
+    Place("plant_5", 1.00, -3.2, 0.0),
+    Place("plant_6", 2.20, -3.6, 0.0),
 )
-SHELVES: Final = (Place("shelf_middle", 0.2, -3.5, 180.0),)
+SHELVES: Final = (Place("shelf", 1.40, -3.5, 180.0),)
 PILLAR: Final = Place("pillar", 3.55, -1.9, 0.0)
 ROOM_LOW_M: Final = (-4.6, -7.2)
 ROOM_HIGH_M: Final = (4.6, 2.4)

@@ -1,0 +1,131 @@
+"""One trial of the waving study, frame by frame, without devices."""
+
+import numpy as np
+import pytest
+
+from experiments.waving import trial as trials
+from experiments.waving.clips import base_clip, study_wave
+from experiments.waving.design import WavingParameters, plan_session
+from experiments.waving.pointing import middle_of, turn_towards
+from lab.clock import NS_PER_S
+from lab.geometry import Pose, unit
+from protocol.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
+from stimuli.scenes.office import OfficeScene
+
+QUICK = WavingParameters(before_s=0.3, wave_s=0.4, after_s=0.1, increment=0.0)
+FRAME_NS = NS_PER_S // 90
+
+
+def first_trial(params=QUICK):
+    return next(t for t in plan_session(0, 1, params=params).trials if not t.is_practice)
+
+
+class Answering:
+    """Perform a plan; after some frames of a question, press or point as told."""
+
+    def __init__(self, plan, *, point_at=None, press=(), operator="me"):
+        self.marks, self.shown, self.asked = [], [], []
+        self.row = None
+        self._point_at, self._press, self._operator = point_at, press, operator
+        self._t_ns = self._waited = 0
+        self._perform(plan)
+
+    def _perform(self, plan):
+        step = next(plan)
+        try:
+            while True:
+                step = plan.send(self._reply(step))
+        except StopIteration as end:
+            self.row = end.value
+
+    def _reply(self, step):
+        if isinstance(step, Show):
+            self.shown.append(step.view)
+        elif isinstance(step, Mark):
+            self.marks.append(step)
+        elif isinstance(step, Ask):
+            self.asked.append(step)
+            return Answered(self._operator if len(step.options) == 5 else "7", self._t_ns)
+        elif isinstance(step, NextFrame):
+            return self._frame()
+        return None
+
+    def _frame(self):
+        self._t_ns += FRAME_NS
+        panel = getattr(self.shown[-1], "panel", None) if self.shown else None
+        self._waited = 0 if panel is None else self._waited + 1
+        eye = np.array([0.0, 1.6, 0.0])
+        turn = np.array([1.0, 0.0, 0.0, 0.0])
+        pressed = ()
+        if panel is not None and self._waited > 5:
+            if self._point_at is not None:
+                turn = turn_towards(unit(middle_of(panel, self._point_at) - eye))
+            if self._waited > 10:
+                pressed, self._waited = tuple(self._press), 0
+        return FrameView(self._t_ns, self._t_ns, Pose(eye, turn), True, None, pressed)
+
+
+def test_a_pointed_choice_is_taken_by_the_trigger():
+    done = Answering(trials.run_trial(first_trial(), QUICK), point_at=2, press=("trigger",))
+    assert ("place_3", 3, "ray", "ray") == (
+        done.row["who"],
+        done.row["realism"],
+        done.row["who_by"],
+        done.row["realism_by"],
+    )
+    assert done.row["is_right"] == (first_trial().factors["target_place"] == "place_3")
+
+
+def test_digits_of_a_response_device_answer_directly():
+    done = Answering(trials.run_trial(first_trial(), QUICK), press=("5",))
+    assert ("place_5", 5, "keys") == (done.row["who"], done.row["realism"], done.row["who_by"])
+
+
+def test_a_trigger_that_points_at_nothing_answers_nothing_and_the_operator_is_asked():
+    params = WavingParameters(
+        before_s=0.3, wave_s=0.4, after_s=0.1, increment=0.0, answer_limit_s=0.5
+    )
+    done = Answering(trials.run_trial(first_trial(params), params), press=("trigger",))
+    assert ["who", "realism"] == [ask.question_id for ask in done.asked]
+    assert ("operator", 7) == (done.row["who_by"], done.row["realism"])
+
+
+def test_with_the_keyboard_questions_go_to_the_terminal_at_once():
+    params = WavingParameters(
+        before_s=0.3, wave_s=0.4, after_s=0.1, increment=0.0, answer_by="keyboard"
+    )
+    done = Answering(trials.run_trial(first_trial(params), params))
+    assert "keyboard" == done.row["who_by"]
+    assert done.row["who"] == first_trial(params).factors["participant_place"]
+
+
+def test_the_scene_lasts_as_planned_and_nothing_is_asked_before():
+    done = Answering(trials.run_trial(first_trial(), QUICK), press=("1",))
+    lit = [v for v in done.shown if isinstance(v.scene, OfficeScene)]
+    first = next(i for i, v in enumerate(lit) if v.panel is not None)
+    assert QUICK.scene_s == pytest.approx((lit[first].t_ns - lit[1].t_ns) / NS_PER_S, abs=0.03)
+
+
+def test_it_is_dark_after_the_last_answer():
+    done = Answering(trials.run_trial(first_trial(), QUICK), press=("1",))
+    assert 0.0 == done.shown[-1].scene.brightness_01
+
+
+def test_the_record_holds_what_the_wave_was_made_of():
+    done = Answering(trials.run_trial(first_trial(), QUICK), press=("1",))
+    wave = next(m for m in done.marks if m.name == "wave").payload
+    assert wave["wave_sha256"] == done.row["wave_sha256"]
+    assert {"clerk", "heading_deg", "wave_start_s", "wave_s", "is_warped"} <= set(wave)
+
+
+def test_the_whole_body_is_turned_towards_the_addressee():
+    wave = study_wave("clerk_left", "place_5", "orientation", QUICK).waving
+    assert 180 + 43.26 == pytest.approx(wave.heading_deg, abs=0.1)
+    assert np.array_equal(
+        wave.clip.orientation_wxyz, base_clip("clerk_left", QUICK.wave_s).orientation_wxyz
+    )
+
+
+def test_both_techniques_are_the_same_wave_without_an_increment():
+    one, other = (study_wave("clerk_left", "place_2", t, QUICK) for t in ("orientation", "warping"))
+    assert one.sha256 == other.sha256
