@@ -13,6 +13,7 @@ from cli import (
     participant_commands,
     power_commands,
     preview_commands,
+    replay_commands,
     session_commands,
     statistics_commands,
     study_commands,
@@ -31,6 +32,7 @@ COMMAND_MODULES = (
     doctor_commands,
     power_commands,
     preview_commands,
+    replay_commands,
     statistics_commands,
     character_commands,
 )

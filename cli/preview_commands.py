@@ -69,7 +69,7 @@ def preview(
             raise UsageError(f"there is no folder {path.parent}; make it first")
     if at < 0 or seconds <= 0 or not 1 <= rate <= 240:
         raise UsageError("--at counts from 0, --seconds from above 0, --rate from 1 to 240")
-    size_px = _size(size)
+    size_px = picture_size(size)
     if study == PEOPLE:
         if sheet is None:
             raise UsageError("preview people needs --sheet FILE")
@@ -213,7 +213,12 @@ def _play(showing: _Showing) -> None:
         display.close()
 
 
-def _size(text: str) -> tuple[int, int]:
+def picture_size(text: str) -> tuple[int, int]:
+    """Return width and height of "960x600", made even.
+
+    Raises:
+        UsageError: it is no size, or none that can be drawn.
+    """
     width, _, height = text.partition("x")
     if not (width.isdigit() and height.isdigit() and 64 <= int(width) <= 7680):
         raise UsageError(f"--size {text!r}; write width x height in pixels, such as 960x600")

@@ -63,6 +63,34 @@ def pulse_rows(recording: Recording) -> list[dict[str, Any]]:
     return rows
 
 
+def contact_spans(recording: Recording) -> list[dict[str, Any]]:
+    """Return one row per contact on a band's segment: role, begin_ns, end_ns, trial, vibrates.
+
+    `end_ns` is None where the contact's end was not recorded.
+    """
+    events = recording.events()
+    rows: list[dict[str, Any]] = []
+    open_at: dict[tuple[int, str], dict[str, Any]] = {}
+    for event in events[events["name"].isin(["contact_begin", "contact_end"])].to_dict("records"):
+        payload = event["payload"]
+        key = (int(event["recording_part"]), str(payload["role"]))
+        if event["name"] == "contact_end":
+            row = open_at.pop(key, None)
+            if row is not None:
+                row["end_ns"] = int(payload["t_contact_ns"])
+            continue
+        row = {
+            "role": key[1],
+            "trial_id": str(payload["trial_id"]),
+            "begin_ns": int(payload["t_contact_ns"]),
+            "end_ns": None,
+            "vibrates": bool(payload["vibrates"]),
+        }
+        rows.append(row)
+        open_at[key] = row
+    return rows
+
+
 def _commands(recording: Recording, part: int, role: str) -> pd.DataFrame:
     arrays = recording.stream_arrays(f"haptics_{role}", part=part)
     table = pd.DataFrame(

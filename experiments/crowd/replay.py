@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from analysis.gait import resampled
 from lab.clock import NS_PER_MS, NS_PER_S
-from lab.errors import DataError
+from lab.errors import DataError, UsageError
 from lab.geometry import Vector
 from recording.reader import Recording
 from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M
@@ -78,11 +78,24 @@ def crowd_from_record(configuration: int, people: str) -> Crowd:
     )
 
 
-def walks(recording: Recording, *, step_ns: int = STEP_NS) -> list[Walk]:
-    """Return every complete walk of a session, training left out, in order of performance.
+@dataclass(frozen=True, eq=False)
+class WalkRecord:
+    """What a session recorded of one finished walk, before its body is read."""
+
+    row: Mapping[str, Any]
+    crowd: Crowd
+
+    @property
+    def trial_id(self) -> str:
+        """The trial's identifier."""
+        return str(self.row["trial_id"])
+
+
+def walk_records(recording: Recording, *, practice: bool = False) -> list[WalkRecord]:
+    """Return every complete walk of a session in order of performance, with or without training.
 
     Raises:
-        DataError: the crowd of a walk was not recorded, or the body tracker lacks joints.
+        DataError: the crowd of a walk was not recorded.
     """
     trials = recording.trials()
     if trials.empty:
@@ -93,7 +106,7 @@ def walks(recording: Recording, *, step_ns: int = STEP_NS) -> list[Walk]:
         people[event["recording_part"], event["payload"]["trial_id"]] = event["payload"]["people"]
     found = []
     for row in trials[trials["status"] == "complete"].to_dict("records"):
-        if row["is_practice"] or row.get("t_end_ns") is None:
+        if (row["is_practice"] and not practice) or row.get("t_end_ns") is None:
             continue
         key = (int(row["recording_part"]), str(row["trial_id"]))
         if key not in people:
@@ -102,11 +115,43 @@ def walks(recording: Recording, *, step_ns: int = STEP_NS) -> list[Walk]:
                 "this study, leave the session out"
             )
         crowd = crowd_from_record(int(row["configuration"]), people[key])
-        found.append(_walk(recording, {str(k): v for k, v in row.items()}, crowd, step_ns))
+        found.append(WalkRecord({str(k): v for k, v in row.items()}, crowd))
     return found
 
 
-def _walk(recording: Recording, row: dict[str, Any], crowd: Crowd, step_ns: int) -> Walk:
+def walks(recording: Recording, *, step_ns: int = STEP_NS) -> list[Walk]:
+    """Return every complete walk of a session, training left out, in order of performance.
+
+    Raises:
+        DataError: the crowd of a walk was not recorded, or the body tracker lacks joints.
+    """
+    return [load_walk(recording, record, step_ns=step_ns) for record in walk_records(recording)]
+
+
+def walk_of(recording: Recording, trial_id: str, *, step_ns: int = STEP_NS) -> Walk:
+    """Return one complete walk of a session, training included.
+
+    Raises:
+        UsageError: there is no such walk; the message names those there are.
+        DataError: as `walks`.
+    """
+    records = walk_records(recording, practice=True)
+    for record in records:
+        if record.trial_id == trial_id:
+            return load_walk(recording, record, step_ns=step_ns)
+    known = ", ".join(r.trial_id for r in records) or "none"
+    raise UsageError(
+        f"{recording.path} holds no finished walk {trial_id!r}; finished walks: {known}"
+    )
+
+
+def load_walk(recording: Recording, record: WalkRecord, *, step_ns: int = STEP_NS) -> Walk:
+    """Return a walk with the participant's body at every step.
+
+    Raises:
+        DataError: the body tracker lacks joints, or recorded nothing that can be read.
+    """
+    row, crowd = record.row, record.crowd
     start_ns, end_ns = int(row["t_start_ns"]), int(row["t_end_ns"])
     part = int(row["recording_part"])
     arrays = recording.stream_arrays(
