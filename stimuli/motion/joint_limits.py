@@ -11,7 +11,6 @@ toes are ours. Eyes keep to 30° (`stimuli.gaze.behaviour`).
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from lab.geometry import Vector, quat_multiply
 from stimuli.motion.rotations import mirrored_quat, quat_exp, quat_log, same_hemisphere
@@ -61,33 +60,32 @@ _ALL = np.array([_range_of(name) for name in _NAMES])
 LOWER_DEG: Final[Vector] = _ALL[..., 0]
 """Least angles (55, 3) about x, y, z; the hips are free."""
 UPPER_DEG: Final[Vector] = _ALL[..., 1]
-_RIGHT = np.array([name.startswith("right_") for name in _NAMES])
+IS_RIGHT: Final = np.array([name.startswith("right_") for name in _NAMES])
 _ALONG_X = np.array(
     [any(part in name for part in ("shoulder", "_arm", "hand", "proximal", "middle_", "distal"))
      or name.endswith("_middle") for name in _NAMES]
 )  # fmt: skip
-_BONE = np.where(_ALONG_X, 0, 1)
+BONE_AXIS: Final = np.where(_ALONG_X, 0, 1)
+"""Which axis (55,) the bone of each joint runs along."""
 for _table in (LOWER_DEG, UPPER_DEG):
     _table.setflags(write=False)
 
 
-Joints = npt.NDArray[np.int64] | slice
-"""Which of the 55 joints an array holds; by default all, in order."""
-
-
-def _as_left(turns_wxyz: Vector, joints: Joints) -> Vector:
+def _as_left(turns_wxyz: Vector) -> Vector:
     """Reflect the joints of the right side."""
-    return np.where(_RIGHT[joints, None], mirrored_quat(turns_wxyz), turns_wxyz)
+    return np.where(IS_RIGHT[:, None], mirrored_quat(turns_wxyz), turns_wxyz)
 
 
-def joint_angles_deg(turns_wxyz: Vector, joints: Joints = slice(None)) -> Vector:
+def joint_angles_deg(turns_wxyz: Vector) -> Vector:
     """Return the angles (..., 55, 3) about x, y, z of turns (..., 55, 4), as for the left side."""
-    q, bone = _as_left(turns_wxyz, joints), _BONE[joints]
-    along = np.take_along_axis(q[..., 1:], np.broadcast_to(bone[:, None], (*q.shape[:-1], 1)), -1)
+    q = _as_left(turns_wxyz)
+    along = np.take_along_axis(
+        q[..., 1:], np.broadcast_to(BONE_AXIS[:, None], (*q.shape[:-1], 1)), -1
+    )
     half = np.arctan2(along, q[..., :1])
     # A twist beyond half a turn is the other way round.
     half = (half + np.pi / 2) % np.pi - np.pi / 2
-    axis = np.eye(3)[bone]
+    axis = np.eye(3)[BONE_AXIS]
     twist = np.concatenate([np.cos(half), np.sin(half) * axis], axis=-1)
     swing = quat_multiply(q, twist * np.array([1.0, -1.0, -1.0, -1.0]))
     swing = same_hemisphere(swing, np.array([1.0, 0.0, 0.0, 0.0]))
@@ -95,11 +93,12 @@ def joint_angles_deg(turns_wxyz: Vector, joints: Joints = slice(None)) -> Vector
     return angles
 
 
-def turns_of_angles(angles_deg: Vector, joints: Joints = slice(None)) -> Vector:
+def turns_of_angles(angles_deg: Vector) -> Vector:
     """Return turns (..., 55, 4) of angles (..., 55, 3); the inverse of `joint_angles_deg`."""
     half = np.radians(angles_deg) / 2.0
-    twist = half * np.eye(3)[_BONE[joints]]
-    return _as_left(quat_multiply(quat_exp(half - twist), quat_exp(twist)), joints)
+    axis = np.eye(3)[BONE_AXIS]
+    twist = half * axis
+    return _as_left(quat_multiply(quat_exp(half - twist), quat_exp(twist)))
 
 
 def beyond_deg(turns_wxyz: Vector) -> Vector:
@@ -109,9 +108,9 @@ def beyond_deg(turns_wxyz: Vector) -> Vector:
     return out
 
 
-def clamped(turns_wxyz: Vector, joints: Joints = slice(None)) -> Vector:
+def clamped(turns_wxyz: Vector) -> Vector:
     """Return turns (..., 55, 4) held within the ranges; those within are returned as they are."""
-    angles = joint_angles_deg(turns_wxyz, joints)
-    within = np.clip(angles, LOWER_DEG[joints], UPPER_DEG[joints])
-    inside = (within == angles).all(axis=-1, keepdims=True)
-    return np.where(inside, turns_wxyz, turns_of_angles(within, joints))
+    angles = joint_angles_deg(turns_wxyz)
+    held = turns_of_angles(np.clip(angles, LOWER_DEG, UPPER_DEG))
+    inside = (beyond_deg(turns_wxyz) == 0.0).all(axis=-1, keepdims=True)
+    return np.where(inside, turns_wxyz, held)

@@ -14,13 +14,12 @@ import numpy as np
 
 from lab.geometry import Vector
 from stimuli.motion.errors import MotionError
-from stimuli.motion.joint_limits import clamped
 from stimuli.motion.skeleton import Skeleton
 from stimuli.motion.warping.features import FeatureTarget, grain_of, pixel_of, values_of
 from stimuli.motion.warping.outlook import Outlook
 from stimuli.motion.warping.perceived import SeenBody, perceived
 from stimuli.motion.warping.raster_kernels import Bytes
-from stimuli.motion.warping.units import WarpingUnit, joints_of, turned_by
+from stimuli.motion.warping.units import WarpingUnit, turned_by
 
 FEWEST_PX: Final = 24
 
@@ -107,15 +106,8 @@ class Outcome:
 def warped_turns(
     skeleton: Skeleton, units: tuple[WarpingUnit, ...], local_wxyz: Vector, omega_rad: Vector
 ) -> Vector:
-    """Return turns (..., 55, 4) of a pose for offsets (..., w), held within joint limits."""
-    warped = turned_by(skeleton, units, local_wxyz, omega_rad)
-    if not omega_rad.any():
-        return warped
-    joints = joints_of(skeleton, units)
-    turned = warped[..., joints, :]
-    moved = (turned != local_wxyz[..., joints, :]).any(axis=-1, keepdims=True)
-    warped[..., joints, :] = np.where(moved, clamped(turned, joints), turned)
-    return warped
+    """Return turns (n, 55, 4) of a pose for offsets (n, w), held within joint limits."""
+    return turned_by(skeleton, units, local_wxyz, omega_rad, held=True)
 
 
 def see(

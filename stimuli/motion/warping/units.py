@@ -11,9 +11,13 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector, quat_multiply
+from lab.geometry import Vector
 from stimuli.motion.errors import MotionError
-from stimuli.motion.skeleton import Skeleton
+from stimuli.motion.joint_limits import BONE_AXIS, IS_RIGHT, LOWER_DEG, UPPER_DEG
+from stimuli.motion.skeleton import Skeleton, canonical_skeleton
+from stimuli.motion.warping.turning_kernels import turn_joints
+
+Index = npt.NDArray[np.int64]
 
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 _TRUNK: Final = (("spine", 0.33), ("chest", 0.33), ("upper_chest", 0.34))
@@ -89,40 +93,47 @@ def units_named(names: tuple[str, ...]) -> tuple[WarpingUnit, ...]:
 
 
 @lru_cache(maxsize=64)
-def _turning(names: tuple[str, ...], units: tuple[WarpingUnit, ...]) -> npt.NDArray[np.float64]:
-    """Return (w, joints, 3): the rotation vector each joint takes per radian of a unit."""
-    turning = np.zeros((len(units), len(names), 3))
+def _handles(
+    skeleton_names: tuple[str, ...], units: tuple[WarpingUnit, ...]
+) -> tuple[Index, Vector, Vector, Vector, Index, npt.NDArray[np.bool_]]:
+    """Return what the kernel needs to turn these units.
+
+    Joints (m,) they turn, the rotation vector (w, m, 3) each takes per radian of a unit, least
+    and largest angle (m, 3) in degrees, the axis (m,) of the bone, and which are on the right.
+    """
+    turning = np.zeros((len(units), len(skeleton_names), 3))
     for k, unit in enumerate(units):
         for joint, share in unit.shares:
-            if joint not in names:
+            if joint not in skeleton_names:
                 raise MotionError(
                     f"warping unit {unit.name!r} turns {joint!r}, which the skeleton lacks; leave "
                     "the unit out or use a canonical skeleton"
                 )
-            turning[k, names.index(joint)] += share * np.array(unit.axis)
-    return turning
-
-
-def joints_of(skeleton: Skeleton, units: tuple[WarpingUnit, ...]) -> npt.NDArray[np.int64]:
-    """Return which joints these units turn, ascending."""
-    return np.flatnonzero(_turning(skeleton.names, units).any(axis=(0, 2)))
+            turning[k, skeleton_names.index(joint)] += share * np.array(unit.axis)
+    joints = np.flatnonzero(turning.any(axis=(0, 2)))
+    canonical = canonical_skeleton().names
+    known = np.array([canonical.index(skeleton_names[j]) for j in joints], dtype=np.int64)
+    return (
+        joints, np.ascontiguousarray(turning[:, joints]), LOWER_DEG[known], UPPER_DEG[known],
+        BONE_AXIS[known], IS_RIGHT[known],
+    )  # fmt: skip
 
 
 def turned_by(
-    skeleton: Skeleton, units: tuple[WarpingUnit, ...], local_wxyz: Vector, omega_rad: Vector
-) -> Vector:
-    """Add offsets (..., w) in radians to turns (..., 55, 4); offsets of 0 change no bit.
+    skeleton: Skeleton, units: tuple[WarpingUnit, ...], local_wxyz: Vector, omega_rad: Vector,
+    *, held: bool = False,
+) -> Vector:  # fmt: skip
+    """Add offsets (n, w) or (w,) in radians to turns (55, 4); offsets of 0 change no bit.
 
-    Several units on one joint add as rotation vectors, so their order does not matter.
+    Several units on one joint add as rotation vectors, so their order does not matter. `held`
+    keeps the joints that were moved within their limits.
     """
-    turning = _turning(skeleton.names, units)
-    moved = joints_of(skeleton, units)
-    vectors = np.tensordot(omega_rad, turning[:, moved], axes=1)
-    angle = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    half = angle / 2
-    offset = np.concatenate([np.cos(half), vectors * np.sinc(half / np.pi) / 2], axis=-1)
-    warped = np.broadcast_to(local_wxyz, (*omega_rad.shape[:-1], *local_wxyz.shape[-2:])).copy()
-    turned = quat_multiply(warped[..., moved, :], offset)
-    still = angle == 0.0
-    warped[..., moved, :] = np.where(still, warped[..., moved, :], turned)
-    return warped
+    joints, turning, low, high, bone, right = _handles(skeleton.names, units)
+    offsets = np.ascontiguousarray(omega_rad, dtype=np.float64).reshape(-1, len(units))
+    warped = np.empty((len(offsets), *local_wxyz.shape))
+    warped[:] = local_wxyz
+    turn_joints(
+        np.ascontiguousarray(local_wxyz), offsets, joints, turning, low, high, bone, right, held,
+        warped,
+    )  # fmt: skip
+    return warped.reshape(*omega_rad.shape[:-1], *local_wxyz.shape)

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stimuli.motion.errors import MotionError
+from stimuli.motion.joint_limits import beyond_deg, clamped
 from stimuli.motion.warping.clips import smoothed, warp_clip
 from stimuli.motion.warping.control import (
     ControlSettings,
@@ -221,3 +222,21 @@ def test_wanted_features_stay_shares(original, change):
     target = (FeatureTarget("coverage", ("face",), change),)
     wanted = wanted_features(target, np.array([original]))
     assert 0 <= wanted[0] <= 1
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**31 - 1), size=st.floats(0.01, 1.2))
+def test_held_turns_are_those_of_the_joint_limits(seed, size):
+    rng = np.random.default_rng(seed)
+    skeleton, units = box_person().skeleton, units_named(("all",))
+    _, turns = arm_raised()
+    omega = size * rng.standard_normal((3, 22))
+    free = turned_by(skeleton, units, turns, omega)
+    held = turned_by(skeleton, units, turns, omega, held=True)
+    moved = (free != turns).any(axis=-1)
+    # Turns of opposite sign are the same turn.
+    expected = clamped(free)
+    same = np.abs(np.sum(expected * held, axis=-1))
+    np.testing.assert_allclose(1.0, same[moved], atol=1e-9)
+    np.testing.assert_array_equal(np.broadcast_to(turns, held.shape)[~moved], held[~moved])
+    assert beyond_deg(held)[moved].max() < 1e-6

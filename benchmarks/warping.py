@@ -1,0 +1,207 @@
+"""Measure visual motion warping: renders, control steps, how soon targets are met, frame times.
+
+    python -m benchmarks.warping [--seconds 10] [--json]
+
+A control step over all 22 units draws 45 poses at 128 × 128 and measures three features of each.
+Steps of one core are counted in CPU time, so that other work on the machine does not matter; those
+of two cores in the least wall time of many. The load of 4 000 triangles is a sample of those of
+the 6 000-triangle level of a character, the latter being given beside it. "Ratio" is limit /
+value, or value / limit where more is better. Targets of the presets are met when what is left is
+a tenth of the wanted change or within what the buffer can tell; frame times are wall time of a
+loop at 90 Hz that poses twelve people, with the controller beside it and without: they mean
+something on an idle machine only.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from lab.clock import NS_PER_S, StopWatch, SystemClock, cpu_time_s
+from stimuli.characters.cast import load_character
+from stimuli.motion.build import build_of_character
+from stimuli.motion.kinds import Idle, Wave
+from stimuli.motion.people import PeopleMotion, Person
+from stimuli.motion.warping.cases import CASES, StagedCase, case_named, staged
+from stimuli.motion.warping.control import (
+    ControlSettings,
+    Situation,
+    control_step,
+    damped_solution,
+    scale_of,
+    see,
+    steer,
+    wanted_features,
+)
+from stimuli.motion.warping.features import FeatureTarget
+from stimuli.motion.warping.online import OnlineWarp
+from stimuli.motion.warping.outlook import outlook
+from stimuli.motion.warping.perceived import SeenBody, body_of, perceived
+from stimuli.motion.warping.units import units_named
+
+Row = dict[str, object]
+SIZE_PX = 128
+ONE_CORE_HZ, TWO_CORES_HZ, P99_MS = 60.0, 100.0, 11.0
+TARGETS = (
+    FeatureTarget("coverage", ("face", "hands"), 0.25),
+    FeatureTarget("horizontal_extension", ("arms",), 0.1),
+    FeatureTarget("vertical_extension", ("arms",), 0.0),
+)
+
+
+def row(
+    name: str, value: float, unit: str, limit: float | None = None, *, more: bool = True
+) -> Row:
+    """Return one line of the table; `more` says that more is better."""
+    ratio = None
+    if limit is not None and value > 0:
+        ratio = float(f"{(value / limit if more else limit / value):.3g}")
+    return {"name": name, "value": float(f"{value:.3g}"), "unit": unit, "limit": limit,
+            "ratio": ratio}  # fmt: skip
+
+
+def least_s(call: Callable[[], object], now_s: Callable[[], float], rounds: int = 60) -> float:
+    """Return the least seconds of one call by a clock."""
+    call()
+    best = np.inf
+    for _ in range(rounds):
+        began_s = now_s()
+        call()
+        best = min(best, now_s() - began_s)
+    return float(best)
+
+
+def sampled_body(body: SeenBody, count: int) -> SeenBody:
+    """Return a body with so many of its triangles, chosen evenly."""
+    kept = np.linspace(0, len(body.triangles) - 1, count).astype(int)
+    return replace(body, triangles=body.triangles[kept], labels=body.labels[kept])
+
+
+def situation_of(stage: StagedCase, body: SeenBody) -> Situation:
+    """Return a moment of a case with all units and three features."""
+    pose = stage.clip.at(0.7)
+    view = outlook(stage.view.camera, SIZE_PX)
+    return Situation(body, view, TARGETS, units_named(("all",)), pose.root_m, pose.orientation_wxyz)
+
+
+def steps(stage: StagedCase) -> list[Row]:
+    """Control steps a second, and what they consist of."""
+    rows: list[Row] = []
+    level = body_of(stage.character)
+    for body in (sampled_body(level, 4000), level):
+        rows += _steps_of(situation_of(stage, body))
+    jacobian = np.random.default_rng(1).normal(size=(3, 22))
+    solve_s = least_s(lambda: damped_solution(jacobian, np.ones(3), 0.2), StopWatch().elapsed_s)
+    rows.append(row("one damped solution", solve_s * 1e6, "µs"))
+    return rows
+
+
+def _steps_of(moment: Situation) -> list[Row]:
+    n, body = len(moment.units), moment.body
+    original = see(moment, np.zeros((1, n)))[0]
+    wanted, scale = wanted_features(TARGETS, original), scale_of(moment, original)
+    one, two, omega = ControlSettings(), ControlSettings(threads=2), np.full(n, 0.05)
+    one_s = least_s(lambda: control_step(moment, omega, wanted, scale, one), cpu_time_s)
+    with ThreadPoolExecutor(2) as pool:
+        two_s = least_s(
+            lambda: control_step(moment, omega, wanted, scale, two, pool),
+            StopWatch().elapsed_s, 200,
+        )  # fmt: skip
+    roots = np.repeat(moment.root_m[None], 45, axis=0)
+    turns = np.repeat(moment.local_wxyz[None], 45, axis=0)
+    turns[:, 0] = np.array([[np.cos(a), 0, np.sin(a), 0] for a in np.linspace(0, 0.1, 45)])
+    all_s = least_s(lambda: perceived(body, moment.view, roots, turns), cpu_time_s, 20)
+    count = f"{len(body.triangles)} triangles"
+    return [
+        row(f"control steps, one core, {count}", 1 / one_s, "1/s", ONE_CORE_HZ),
+        row(f"control steps, two cores, {count}", 1 / two_s, "1/s", TWO_CORES_HZ),
+        row(f"renders in them, one core, {count}", (2 * n + 1) / one_s, "1/s"),
+        row(f"renders of poses that share nothing, {count}", 45 / all_s, "1/s"),
+    ]
+
+
+def presets(moments: Sequence[float] = (0.2, 0.7, 1.2)) -> list[Row]:
+    """Share of the wanted change that is left after five steps, per preset."""
+    who = load_character("anna")
+    five, many = ControlSettings(most_steps=5), ControlSettings(most_steps=30)
+    rows: list[Row] = []
+    for case in CASES.values():
+        stage = staged(case, who)
+        met, reachable = [], []
+        for t_s in moments:
+            pose = stage.clip.at(t_s)
+            moment = Situation(
+                stage.body, stage.view, case.targets, stage.units, pose.root_m,
+                pose.orientation_wxyz,
+            )  # fmt: skip
+            found = steer(moment, five)
+            met.append(found.is_reached)
+            reachable.append(found.is_reached or steer(moment, many).is_reached)
+        rows.append(
+            row(f"{case.name}: poses within 10 % in 5 steps (of {sum(reachable)} reachable)",
+                float(sum(met)), f"of {len(moments)}")
+        )  # fmt: skip
+    return rows
+
+
+def frame_times(stage: StagedCase, seconds: float) -> list[Row]:
+    """Wall time of frames at 90 Hz, with the controller beside and without."""
+    build = build_of_character(stage.character)
+    people = PeopleMotion((
+        Person(build, Wave(hand="both"), 5),
+        *(Person(build, Idle(), k, (float(k), 0.0, 2.0)) for k in range(11)),
+    ))  # fmt: skip
+    rows: list[Row] = []
+    for beside in (False, True):
+        clock = SystemClock()
+        warp = OnlineWarp(
+            stage.body, TARGETS, units_named(("all",)), lambda c: outlook(c, SIZE_PX), clock=clock
+        )
+        work_ms: list[float] = []
+        begun = clock.now_ns()
+        for k in range(round(seconds * 90)):
+            clock.sleep_until_ns(begun + k * NS_PER_S // 90)
+            watch = StopWatch()
+            pose = people.at(k / 90)
+            if beside:
+                warp.turns(
+                    clock.now_ns(), pose.root_m[0], pose.orientation_wxyz[0], stage.view.camera
+                )
+            work_ms.append(watch.elapsed_s() * 1e3)
+        solutions = warp.state.steps
+        warp.close()
+        how = "with the controller beside" if beside else "without a controller"
+        rows += [
+            row(f"frame work {how}, median", float(np.median(work_ms)), "ms"),
+            row(f"frame work {how}, p99", float(np.quantile(work_ms, 0.99)), "ms", P99_MS,
+                more=False),
+        ]  # fmt: skip
+        if beside:
+            rows.append(row("solutions of the controller", solutions / seconds, "1/s"))
+    return rows
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description="Measure visual motion warping.")
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--json", action="store_true")
+    chosen = parser.parse_args(arguments)
+    stage = staged(case_named("view_change"), load_character("anna"))
+    rows = [*steps(stage), *frame_times(stage, chosen.seconds), *presets()]
+    if chosen.json:
+        json.dump(rows, sys.stdout, indent=2)
+        print()
+        return 0
+    for r in rows:
+        limit = "" if r["limit"] is None else f"limit {r['limit']:<6} ratio {r['ratio']}"
+        print(f"{r['name']:<72} {r['value']:>9} {r['unit']:<5} {limit}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
