@@ -102,7 +102,7 @@ class CrowdParticipant:
         self._doing = _STANDING
         self._until_row = MOST_ROWS
         self._way, self._way_side = self._still, self._side
-        self._scene = None
+        # the crowd last seen may still stand on the display: it is no new one
         self.track: str | None = None
         self._bands.clear()
 
