@@ -213,10 +213,14 @@ class FrameLoop:
         batches = []
         while self._body_inbox:
             batches.append(self._body_inbox.popleft())
-        values = np.concatenate([batch.values for batch in batches])
+        if len(batches) == 1:
+            values, t_ns = batches[0].values, batches[0].t_host_ns
+        else:
+            values = np.concatenate([batch.values for batch in batches])
+            t_ns = np.concatenate([batch.t_host_ns for batch in batches])
         return BodyView(
             self._rig.segments,
-            np.concatenate([batch.t_host_ns for batch in batches]),
+            t_ns,
             values["position_m"].astype(np.float64),
             values["orientation_wxyz"].astype(np.float64),
             values["valid"],

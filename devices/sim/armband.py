@@ -83,6 +83,7 @@ class ArmbandSimulator:
         self._rng = np.random.default_rng(seed)
         self._body = body
         self._faults = faults if faults is not None else FaultSchedule()
+        self._is_sound = not self._faults.faults
         self._towards_band, self._towards_host = (
             _Way(self._rng, baud, latency_ms * NS_PER_MS, jitter_ms * NS_PER_MS) for _ in range(2)
         )
@@ -95,8 +96,8 @@ class ArmbandSimulator:
             self.firmware.version = int(version.text)
         self._inbound: deque[tuple[int, bytes]] = deque()
         self._outbound: deque[Chunk] = deque()
-        self._levels_01 = np.zeros(len(self.firmware.duties))
-        self._felt_01 = np.zeros_like(self._levels_01)
+        self._levels_01 = [0.0] * len(self.firmware.duties)
+        self._felt_01 = [0.0] * len(self.firmware.duties)
         self.duty_log: list[tuple[int, tuple[int, ...]]] = []
 
     def connect(self, t_ns: int) -> None:
@@ -117,11 +118,12 @@ class ArmbandSimulator:
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
         """Do what is due and return what has reached the host."""
         self.advance(until_ns)
-        if self._is_away(until_ns):
-            raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
-        if self._faults.active("burst", until_ns):
-            return ()
-        arrived = []
+        if not self._is_sound:
+            if self._is_away(until_ns):
+                raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
+            if self._faults.active("burst", until_ns):
+                return ()
+        arrived: list[Chunk] = []
         while self._outbound and self._outbound[0].t_host_ns <= until_ns:
             arrived.append(self._outbound.popleft())
         return arrived
@@ -143,9 +145,12 @@ class ArmbandSimulator:
 
     def _step(self, elapsed_ns: int) -> None:
         now_ns = self._at_ns
-        targets_01 = np.array(self.firmware.duties) / HIGHEST_DUTY
+        targets_01 = [duty / HIGHEST_DUTY for duty in self.firmware.duties]
         left = math.exp(-elapsed_ns / self._rise_ns)
-        self._levels_01 = targets_01 + (self._levels_01 - targets_01) * left
+        levels_01 = [
+            target + (level - target) * left
+            for target, level in zip(targets_01, self._levels_01, strict=True)
+        ]
         while self._inbound and self._inbound[0][0] <= now_ns:
             arrival_ns, data = self._inbound.popleft()
             self._say(self.firmware.feed(data, self._device_us(arrival_ns)), arrival_ns)
@@ -153,16 +158,21 @@ class ArmbandSimulator:
         duties = self.firmware.duties
         if not self.duty_log or self.duty_log[-1][1] != duties:
             self.duty_log.append((now_ns, duties))
-        self._levels_01[(targets_01 == 0) & (self._levels_01 < FELT_STEP_01)] = 0.0
-        moved = np.abs(self._levels_01 - self._felt_01) >= FELT_STEP_01
-        ended = (self._levels_01 == 0) & (self._felt_01 > 0)
-        if moved.any() or ended.any():
-            self._felt_01 = self._levels_01.copy()
+        felt_01 = self._felt_01
+        is_new = False
+        for motor, level in enumerate(levels_01):
+            if level < FELT_STEP_01 and targets_01[motor] == 0:
+                level = levels_01[motor] = 0.0
+            felt = felt_01[motor]
+            is_new |= abs(level - felt) >= FELT_STEP_01 or (level == 0 and felt > 0)
+        self._levels_01 = levels_01
+        if is_new:
+            self._felt_01 = levels_01.copy()
             if self._body is not None:
-                self._body.feel(self._role, self._felt_01.tolist(), now_ns)
+                self._body.feel(self._role, levels_01.copy(), now_ns)
 
     def _is_busy(self) -> bool:
-        return self.firmware.is_running or bool(self._levels_01.any())
+        return self.firmware.is_running or any(self._levels_01)
 
     def _say(self, data: bytes, t_ns: int) -> None:
         if not data or self._faults.active("mute", t_ns):
@@ -172,15 +182,16 @@ class ArmbandSimulator:
 
     def _damaged(self, data: bytes, t_ns: int) -> list[bytes]:
         """Return the pieces of these bytes that travel on: none, one, damaged, or twice."""
-        rng = self._rng
-        if (fault := self._faults.active("loss", t_ns)) and rng.random() < fault.amount:
-            return []
-        if (fault := self._faults.active("garbage", t_ns)) and rng.random() < fault.amount:
-            noise = bytearray(data)
-            noise[int(rng.integers(len(noise)))] ^= int(rng.integers(1, 256))
-            data = bytes(noise)
-        if (fault := self._faults.active("duplicate", t_ns)) and rng.random() < fault.amount:
-            return [data, data]
+        rng, faults = self._rng, self._faults
+        if not self._is_sound:
+            if (fault := faults.active("loss", t_ns)) and rng.random() < fault.amount:
+                return []
+            if (fault := faults.active("garbage", t_ns)) and rng.random() < fault.amount:
+                noise = bytearray(data)
+                noise[int(rng.integers(len(noise)))] ^= int(rng.integers(1, 256))
+                data = bytes(noise)
+            if (fault := faults.active("duplicate", t_ns)) and rng.random() < fault.amount:
+                return [data, data]
         if len(data) > 2 and rng.random() < 0.5:  # links cut and join as they like
             cut = int(rng.integers(1, len(data)))
             return [data[:cut], data[cut:]]
@@ -191,6 +202,8 @@ class ArmbandSimulator:
 
     def _device_us(self, t_ns: int) -> int:
         elapsed_ns = (t_ns - self._origin_ns) * self._rate
+        if self._is_sound:
+            return round(elapsed_ns / 1000)
         for fault in self._faults.of_kind("drift"):
             elapsed_ns += max(0, t_ns - fault.start_ns) * fault.amount * 1e-6
         for fault in self._faults.of_kind("clock_jump"):

@@ -6,15 +6,14 @@ of the time since then and of their seeds, both recorded, so every pose can be r
 
 import json
 from collections.abc import Generator
-from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
 import numpy as np
 
 from experiments.crowd.design import CrowdParameters
 from experiments.crowd.haptics import BandOrder, ContactAnswer
+from experiments.crowd.tracking import TrackingWatch, never_tracked
 from lab.clock import NS_PER_MS, NS_PER_S
-from lab.geometry import Vector
 from protocol.plan import Trial
 from protocol.steps import (
     Answered,
@@ -32,7 +31,6 @@ from protocol.steps import (
     Step,
     TrialInterrupted,
 )
-from stimuli.contact.body import ARM_JOINTS
 from stimuli.scenes.station_crowd import (
     EMPTY_STATION,
     START_M,
@@ -40,7 +38,6 @@ from stimuli.scenes.station_crowd import (
     CrowdFrame,
     CrowdScene,
     can_read,
-    in_room,
     station_crowd,
 )
 
@@ -50,35 +47,6 @@ TRACKS: Final = tuple(str(number) for number in range(1, 13))
 _NEXT = NextFrame()
 _NO_GAZE = np.empty((0, 3))
 _NO_EYES = np.empty(0)
-
-
-@dataclass
-class _Tracking:
-    """What went wrong with the body's tracking in a trial, in ns of lost time."""
-
-    last_ns: int
-    silent_ns: int = 0
-    part_lost_samples: int = 0
-    frozen_ns: int = 0
-    outside_samples: int = 0
-    samples: int = 0
-    still_since_ns: int = 0
-    last_place: Vector = field(default_factory=lambda: np.zeros(3))
-
-    def flags(self) -> list[str]:
-        """Name what an analyst must know."""
-        found = []
-        if self.samples == 0:
-            found.append("body_never_tracked")
-        elif self.silent_ns:
-            found.append("body_silent")
-        if self.part_lost_samples:
-            found.append("body_part_lost")
-        if self.frozen_ns:
-            found.append("body_frozen")
-        if self.outside_samples:
-            found.append("left_room")
-        return found
 
 
 def track_of(trial: Trial) -> str:
@@ -135,15 +103,16 @@ def _walk(
     yield Mark("scene_on", {"trial_id": trial.trial_id, "scene_name": scene.name})
     limit_ns = start_ns + round(params.limit_s * NS_PER_S)
     quiet_ns = round(params.quiet_after_ms * NS_PER_MS)
-    tracking = _Tracking(start_ns, still_since_ns=start_ns)
     contacts: ContactAnswer | None = None
+    watch: TrackingWatch | None = None
     board_ns: int | None = None
     begun = frames = 0
     while True:
         frames += 1
         now_ns = view.t_ns
         if view.body is not None:
-            if contacts is None:
+            if contacts is None or watch is None:
+                watch = TrackingWatch(start_ns, quiet_ns, view.body.segments)
                 contacts = ContactAnswer(
                     crowd,
                     view.body.segments,
@@ -152,8 +121,8 @@ def _walk(
                     update_hz=params.haptic_update_hz,
                 )
                 contacts.fit(view.body.position_m[0])
-            orders = _answers(contacts, tracking, view.body, start_ns, quiet_ns)
-        elif contacts is not None and now_ns - tracking.last_ns > quiet_ns:
+            orders = _answers(contacts, watch, view.body)
+        elif contacts is not None and watch is not None and watch.is_silent(now_ns):
             orders = contacts.silence(now_ns)
         else:
             orders = []
@@ -187,9 +156,10 @@ def _walk(
             yield Mark("contact_end", _contact_row(trial, order, vibrates))
             if vibrates:
                 yield _step_of(order, params)
-    if tracking.samples and view.t_ns - tracking.last_ns > quiet_ns:
-        tracking.silent_ns += view.t_ns - tracking.last_ns
-    flags = tracking.flags()
+    columns, flags = never_tracked()
+    if watch is not None:
+        watch.end(view.t_ns)
+        columns, flags = watch.row(), watch.flags()
     if not came_back:
         flags.append("not_back_in_time")
     return {
@@ -200,11 +170,7 @@ def _walk(
         "track": track,
         "contacts_online": begun,
         "scene_frames": frames,
-        "body_samples": tracking.samples,
-        "body_silent_ms": tracking.silent_ns / NS_PER_MS,
-        "body_frozen_ms": tracking.frozen_ns / NS_PER_MS,
-        "body_part_lost_samples": tracking.part_lost_samples,
-        "outside_room_samples": tracking.outside_samples,
+        **columns,
         "walk_flags": ";".join(flags),
     }
 
@@ -216,39 +182,17 @@ def _frame() -> Frames:
     return view
 
 
-def _answers(
-    contacts: ContactAnswer, tracking: _Tracking, body: BodyView, start_ns: int, quiet_ns: int
-) -> list[BandOrder]:
-    """Compare every sample with the crowd; note what is odd about the tracking."""
+def _answers(contacts: ContactAnswer, watch: TrackingWatch, body: BodyView) -> list[BandOrder]:
+    """Compare every sample with the crowd, if the tracker is to be believed."""
     orders: list[BandOrder] = []
-    arms = [body.segments.index(name) for name in ARM_JOINTS]
-    hips = body.segments.index("hips")
     for i, t_ns in enumerate(body.t_ns.tolist()):
-        if t_ns < start_ns:
+        if t_ns < watch.start_ns:
             continue
-        gap_ns = t_ns - tracking.last_ns
-        if gap_ns > quiet_ns:
-            tracking.silent_ns += gap_ns
-        tracking.samples += 1
-        hands = body.position_m[i, arms]
-        place = hands.sum(axis=0)
-        if np.array_equal(place, tracking.last_place):
-            if t_ns - tracking.still_since_ns > quiet_ns:
-                tracking.frozen_ns += gap_ns
-                orders += contacts.silence(t_ns)
-                tracking.last_ns = t_ns
-                continue
+        if watch.believes(body, i, t_ns):
+            crowd_t_s = (t_ns - watch.start_ns) / NS_PER_S
+            orders += contacts.sample(t_ns, crowd_t_s, body.position_m[i], body.orientation_wxyz[i])
         else:
-            tracking.still_since_ns, tracking.last_place = t_ns, place
-        tracking.last_ns = t_ns
-        if not body.valid[i].all():
-            tracking.part_lost_samples += 1
-        at = body.position_m[i, hips]
-        if np.isfinite(at).all() and not in_room(at[[0, 2]]):
-            tracking.outside_samples += 1
-        orders += contacts.sample(
-            t_ns, (t_ns - start_ns) / NS_PER_S, body.position_m[i], body.orientation_wxyz[i]
-        )
+            orders += contacts.silence(t_ns)
     return orders
 
 

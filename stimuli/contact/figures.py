@@ -73,15 +73,17 @@ _FINGERS: Final = 1.6
 """The hand's capsule ends at this many times the way from the wrist to the knuckle."""
 _BANDS: Final = ("hips", "spine", "upper_chest")
 _TRUNK: Final = (*_BANDS, "chest")
-_ROUNDS: Final = 6
+_ROUNDS: Final = 5
+_EVERY: Final = 4
+"""Of the surface's vertices every fourth is enough to fit nineteen capsules."""
 
 
 @cache
 def _capsules(person: Character) -> tuple[Vector, Vector, Vector]:
     """Return starts, ends (19, 3) and radii (19,) fitted to a character's closed surface."""
     mesh, skeleton = collision_mesh(person), person.skeleton
-    points = mesh.vertices_m.astype(np.float64)
-    owner = _owners(person)
+    points = mesh.vertices_m[::_EVERY].astype(np.float64)
+    owner = _owners(person)[::_EVERY]
     rest = {name: skeleton.rest_m[skeleton.index(name)] for name in BODY_JOINTS}
     trunk = points[np.isin(owner, [BODY_JOINTS.index(name) for name in _TRUNK])]
     starts, ends, radii = np.empty((19, 3)), np.empty((19, 3)), np.empty(19)

@@ -28,6 +28,7 @@ from experiments.crowd.participant.walking import (
     X,
     Z,
     advance,
+    walker_head,
     walker_poses,
 )
 from lab.errors import DataError
@@ -43,7 +44,6 @@ EYES_M: Final = (0.0, 0.061 * REFERENCE_STATURE_M, -0.053 * REFERENCE_STATURE_M)
 GIVE_UP_S: Final = 10.0
 _N_PERSON, _N_TASTE, _N_WALK, _N_ANSWER = range(4)
 _JOINTS = frozenset(BODY_JOINTS)
-_HEAD = BODY_JOINTS.index("head")
 _STANDING, _OUT, _READING, _BACK, _HOME = range(5)
 _ARRIVED_M = 0.06
 
@@ -74,6 +74,7 @@ class CrowdParticipant:
         self._stretch = 0
         self._fit = 0
         self._bands: dict[str, float] = {}
+        self._whole: Sequence[str] = BODY_JOINTS
         self._instructed: Vector | None = None
         self._scene: CrowdScene | None = None
         self._ways: tuple[tuple[Way, Vector], ...] = ()
@@ -155,14 +156,29 @@ class CrowdParticipant:
 
     def head(self, t_ns: int) -> tuple[Vector, Vector]:
         """Return position (3,) in metres and orientation (4,) (w, x, y, z) in world."""
-        positions, worlds = self._pose(np.array([t_ns]))
-        orientation = worlds[0, _HEAD]
-        return positions[0, _HEAD] + rotate(orientation, self._eyes_m), orientation
+        self._advance(t_ns)
+        position, orientation = np.empty(3), np.empty(4)
+        walker_head(
+            self._states,
+            self._row_of(t_ns),
+            self.person.stature_m,
+            float(self.person.traits[SPREAD]),
+            self._parents,
+            self._offsets,
+            self._eyes_m,
+            position,
+            orientation,
+        )
+        return position, orientation
 
     def segments(
         self, names: Sequence[str], t_ns: npt.NDArray[np.int64]
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Return true positions (t, n, 3) and orientations (t, n, 4) of segments in world."""
+        is_whole = names is self._whole or tuple(names) == BODY_JOINTS
+        if is_whole:
+            self._whole = names
+            return self._pose(np.asarray(t_ns))
         if not _JOINTS.issuperset(names):
             unknown = [name for name in names if name not in _JOINTS]
             raise DataError(
@@ -170,8 +186,6 @@ class CrowdParticipant:
                 f"it has {', '.join(BODY_JOINTS)}"
             )
         positions, worlds = self._pose(np.asarray(t_ns))
-        if tuple(names) == BODY_JOINTS:
-            return positions, worlds
         index = [BODY_JOINTS.index(name) for name in names]
         return positions[:, index], worlds[:, index]
 
@@ -211,7 +225,7 @@ class CrowdParticipant:
         positions, worlds = np.empty((n, N_JOINTS, 3)), np.empty((n, N_JOINTS, 4))
         if n:
             self._advance(int(t_ns[-1]))
-            rows = np.clip((t_ns - self._origin_ns) / STEP_NS, 0, self._row)
+            rows = np.array([self._row_of(t) for t in t_ns.tolist()])
             walker_poses(
                 self._states,
                 rows,
@@ -223,6 +237,9 @@ class CrowdParticipant:
                 worlds,
             )
         return positions, worlds
+
+    def _row_of(self, t_ns: int) -> float:
+        return min(max((t_ns - self._origin_ns) / STEP_NS, 0.0), float(self._row))
 
     def _until_row_at(self, t_ns: int, seconds: float) -> int:
         return int((t_ns - self._origin_ns) / STEP_NS + 100 * seconds)

@@ -281,3 +281,29 @@ def walker_poses(
             positions[i : i + 1],
             worlds[i : i + 1],
         )
+
+
+@compiled
+def walker_head(
+    states: Vector,
+    row: float,
+    stature_m: float,
+    spread: float,
+    parents: npt.NDArray[np.int64],
+    offsets_m: Vector,
+    eyes_m: Vector,
+    middle: Vector,
+    orientation: Vector,
+) -> None:
+    """Write the middle between the eyes (3,) and the head's turn (4,) at a fractional row."""
+    rows = np.empty(1)
+    rows[0] = row
+    position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
+    walker_poses(states, rows, stature_m, spread, parents, offsets_m, position, world)
+    w, x, y, z = world[0, _HEAD, 0], world[0, _HEAD, 1], world[0, _HEAD, 2], world[0, _HEAD, 3]
+    vx, vy, vz = eyes_m[0], eyes_m[1], eyes_m[2]
+    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    middle[0] = position[0, _HEAD, 0] + vx + w * tx + y * tz - z * ty
+    middle[1] = position[0, _HEAD, 1] + vy + w * ty + z * tx - x * tz
+    middle[2] = position[0, _HEAD, 2] + vz + w * tz + x * ty - y * tx
+    orientation[0], orientation[1], orientation[2], orientation[3] = w, x, y, z

@@ -1,0 +1,138 @@
+"""Watch the body tracker during a walk: what was silent, frozen, lost, or outside the room."""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.clock import NS_PER_MS
+from lab.compiled import compiled
+from lab.geometry import Vector
+from protocol.steps import BodyView, Scalar
+from stimuli.contact.body import ARM_JOINTS
+from stimuli.scenes.station_crowd import ROOM_SIDE_M
+
+_SAME: Final = 1
+_PART_LOST: Final = 2
+_OUTSIDE: Final = 4
+
+
+@dataclass
+class TrackingWatch:
+    """What went wrong with the body's tracking in a walk; times of loss in ns.
+
+    After `quiet_ns` without a sample, or with samples that repeat bit for bit, nothing the
+    tracker says is believed.
+    """
+
+    start_ns: int
+    quiet_ns: int
+    segments: tuple[str, ...]
+    samples: int = 0
+    silent_ns: int = 0
+    frozen_ns: int = 0
+    part_lost_samples: int = 0
+    outside_samples: int = 0
+    last_ns: int = field(init=False)
+    _still_since_ns: int = field(init=False)
+    _place: Vector = field(default_factory=lambda: np.zeros(3))
+    _arms: npt.NDArray[np.int64] = field(init=False)
+    _hips: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.last_ns = self._still_since_ns = self.start_ns
+        self._arms = np.array([self.segments.index(name) for name in ARM_JOINTS])
+        self._hips = self.segments.index("hips")
+
+    def believes(self, body: BodyView, i: int, t_ns: int) -> bool:
+        """Take note of sample i, at `t_ns`; tell whether it is of a moving, live body."""
+        gap_ns = t_ns - self.last_ns
+        self.last_ns = t_ns
+        if gap_ns > self.quiet_ns:
+            self.silent_ns += gap_ns
+        self.samples += 1
+        found = _look(
+            body.position_m[i], body.valid[i], self._arms, self._hips, ROOM_SIDE_M / 2, self._place
+        )
+        if not found & _SAME:
+            self._still_since_ns = t_ns
+        elif t_ns - self._still_since_ns > self.quiet_ns:
+            self.frozen_ns += gap_ns
+            return False
+        self.part_lost_samples += bool(found & _PART_LOST)
+        self.outside_samples += bool(found & _OUTSIDE)
+        return True
+
+    def is_silent(self, t_ns: int) -> bool:
+        """Tell whether the tracker has said nothing for too long."""
+        return t_ns - self.last_ns > self.quiet_ns
+
+    def end(self, t_ns: int) -> None:
+        """Count the silence that lasted until the walk's end."""
+        if self.is_silent(t_ns):
+            self.silent_ns += t_ns - self.last_ns
+
+    def row(self) -> dict[str, Scalar | None]:
+        """Return the columns of the trial's row."""
+        return {
+            "body_samples": self.samples,
+            "body_silent_ms": self.silent_ns / NS_PER_MS,
+            "body_frozen_ms": self.frozen_ns / NS_PER_MS,
+            "body_part_lost_samples": self.part_lost_samples,
+            "outside_room_samples": self.outside_samples,
+        }
+
+    def flags(self) -> list[str]:
+        """Name what an analyst must know."""
+        marks = (
+            ("body_silent", self.silent_ns),
+            ("body_part_lost", self.part_lost_samples),
+            ("body_frozen", self.frozen_ns),
+            ("left_room", self.outside_samples),
+        )
+        return [name for name, amount in marks if amount]
+
+
+def never_tracked() -> tuple[dict[str, Scalar | None], list[str]]:
+    """Return columns and flags of a walk during which no sample came."""
+    columns = dict.fromkeys(
+        (
+            "body_samples",
+            "body_silent_ms",
+            "body_frozen_ms",
+            "body_part_lost_samples",
+            "outside_room_samples",
+        )
+    )
+    return {**columns, "body_samples": 0}, ["body_never_tracked"]
+
+
+@compiled
+def _look(
+    position: Vector,
+    valid: npt.NDArray[np.bool_],
+    arms: npt.NDArray[np.int64],
+    hips: int,
+    half_m: float,
+    place: Vector,
+) -> int:
+    """Return bits: the arms are exactly where they were, a segment is lost, out of the room.
+
+    `place` (3,), the sum of the arms' joints, is renewed where they moved.
+    """
+    found = _SAME
+    for axis in range(3):
+        total = 0.0
+        for k in range(arms.shape[0]):
+            total += position[arms[k], axis]
+        if total != place[axis]:
+            found = 0
+            place[axis] = total
+    for k in range(valid.shape[0]):
+        if not valid[k]:
+            found |= _PART_LOST
+    x, z = position[hips, 0], position[hips, 2]
+    if np.isfinite(x) and np.isfinite(z) and max(abs(x), abs(z)) > half_m:
+        found |= _OUTSIDE
+    return found
