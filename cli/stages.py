@@ -4,6 +4,7 @@ import importlib
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, cast
 
+from devices.contracts import BodyTracker
 from lab.clock import Clock
 from lab.config import LabConfig
 from lab.errors import ConfigError
@@ -16,6 +17,7 @@ from stimuli.scene import SceneFrame
 
 if TYPE_CHECKING:
     from stage.drawn_stage import Display
+    from stage.own_body import OwnBody
 
 DRESSERS = {
     "stare": "stimuli.dressing.audience:audience_picture",
@@ -81,6 +83,7 @@ def build_stage(
             clock,
             viewers=viewers,
             asks=asks,
+            own_body=_own_body(config, rig),
         )
     window_px = (config.display.window_width_px, config.display.window_height_px)
     if show == "window":
@@ -97,6 +100,7 @@ def build_stage(
         viewers=viewers,
         mirror=Mirror(window),
         asks=asks,
+        own_body=_own_body(config, rig),
     )
 
 
@@ -106,6 +110,18 @@ def _show_images(rig: Rig) -> bool:
     if prepare is not None:
         prepare()
     return prepare is not None
+
+
+def _own_body(config: LabConfig, rig: Rig) -> "OwnBody | None":
+    """Return the body participants see as their own; None without a tracker, or if not wanted."""
+    tracker = rig.others.get("body_tracker")
+    gender = config.display.own_body
+    if gender == "none" or not isinstance(tracker, BodyTracker):
+        return None
+    from stage.own_body import OwnBody
+    from stimuli.dressing.casting import default_casting
+
+    return OwnBody(default_casting(f"{gender}_01"), tracker.segments)
 
 
 def _one_eye(size_px: tuple[int, int]) -> Views:

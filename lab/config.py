@@ -41,11 +41,13 @@ class Room(_Part):
 
 class Display(_Part):
     """Where the scene is drawn: nowhere (geometry only), in a window, in the headset, or as
-    pictures that nobody sees (offscreen); and where questionnaires are asked.
+    pictures that nobody sees (offscreen); where questionnaires are asked; and as whom
+    participants see themselves where a body tracker follows them.
     """
 
     show: Literal["none", "window", "headset", "offscreen"] = "none"
     questions: Literal["terminal", "headset"] = "terminal"
+    own_body: Literal["none", "female", "male"] = "none"
     window_width_px: int = Field(default=1280, ge=160, le=16384)
     window_height_px: int = Field(default=720, ge=120, le=16384)
 

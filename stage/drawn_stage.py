@@ -13,8 +13,17 @@ from lab.geometry import Pose, Vector, quat_multiply, rotate
 from lab.schema import SampleBatch, StreamSchema
 from stage.contracts import Viewer
 from stage.errors import StageError
-from stage.frame_truth import DrawnFrame, drawn_schema, picture_crc32, read_row, truth_row
+from stage.frame_truth import (
+    DRAWN_VIEWS,
+    DrawnFrame,
+    drawn_schema,
+    picture_crc32,
+    read_row,
+    truth_row,
+    views_row,
+)
 from stage.mirror import Mirror, gaze_on_eye
+from stage.own_body import OwnBody
 from stage.renderer import Image, Renderer
 from stage.targets import EyeTarget
 from stimuli.characters.character import MORPHS
@@ -87,6 +96,7 @@ class DrawnStage:
         viewers: Sequence[Viewer] = (),
         mirror: Mirror | None = None,
         asks: bool = False,
+        own_body: OwnBody | None = None,
     ) -> None:
         self._dresser = dresser
         self._open_renderer = open_renderer
@@ -95,19 +105,20 @@ class DrawnStage:
         self._viewers = tuple(viewers)
         self._mirror = mirror
         self.asks = asks
+        self._own_body = own_body
         self._renderer: Renderer | None = None
         self._targets: list[EyeTarget] = []
         self._views: Sequence[EyeView] = ()
         self._schema = drawn_schema(display.people_count, display.rate_hz)
         self._sink: Callable[[SampleBatch], None] | None = None
-        self._seq = 0
+        self._seq = self._views_seq = 0
         self._retry_ns = 0
         self._trouble: StageError | None = None
 
     @property
     def schemas(self) -> tuple[StreamSchema, ...]:
-        """The stream of drawn frames."""
-        return (self._schema,)
+        """The stream of drawn frames, and that of how they are drawn."""
+        return (self._schema, DRAWN_VIEWS)
 
     def start(self, sink: Callable[[SampleBatch], None]) -> None:
         """Log what is drawn from now on."""
@@ -130,6 +141,8 @@ class DrawnStage:
             return ()
         view = as_drawn(view, frame.predicted_display_ns)
         picture = self._picture(view)
+        if self._own_body is not None:
+            picture = self._own_body.worn(picture, head)
         try:
             renderer = self._ready()
             cameras = [eye_camera(head, eye) for eye in self._views]
@@ -169,7 +182,9 @@ class DrawnStage:
         return [target.read() for target in self._targets]
 
     def watch(self, role: str, batch: SampleBatch) -> None:
-        """Take the participant's gaze for the mirror."""
+        """Take the participant's gaze for the mirror, their body for their own."""
+        if role == "body_tracker" and self._own_body is not None:
+            self._own_body.take(batch)
         if role == "eye_tracker" and self._mirror is not None and self._views:
             self._mirror.gaze_01 = gaze_on_eye(batch.values[-1], self._views[0])
 
@@ -208,6 +223,10 @@ class DrawnStage:
             quality, context = self._renderer.quality, self._renderer.context
             size_px = self._display.size_px()
             self._targets = [EyeTarget(context, size_px, quality.samples) for _ in self._views]
+            if self._sink is not None:
+                now_ns = self._clock.now_ns()
+                self._sink(views_row(self._views_seq, self._views, size_px, quality, now_ns))
+                self._views_seq += 1
         return self._renderer
 
     def _fail(self, problem: StageError, now_ns: int) -> None:

@@ -1,17 +1,40 @@
 """What was drawn in a frame, as rows of a recording's stream."""
 
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from lab.frame import FrameInfo
+from lab.frame import EyeView, FrameInfo
 from lab.geometry import Pose, Vector
 from lab.schema import Field, SampleBatch, StreamSchema
+from stage.renderer import Quality
 from stimuli.picture import Picture
 
 OUT_OF_VIEW, ABSENT = -1, -2
+MOST_EYES = 2
+SHADOWS: tuple[Literal["maps", "blobs", "none"], ...] = ("maps", "blobs", "none")
+
+DRAWN_VIEWS = StreamSchema(
+    name="drawn_views",
+    nominal_rate_hz=0.0,
+    fields=(
+        Field("eyes", "u1", "", description="how many pictures a frame has, left eye first"),
+        Field("offset_m", "f8", "m", "head", (MOST_EYES, 3), "from the head's pose to each eye"),
+        Field("orientation_wxyz", "f8", "1", "head", (MOST_EYES, 4), "of each eye's view"),
+        Field("tangents", "f8", "1", "", (MOST_EYES, 4), "bounds: left, right, bottom, top"),
+        Field("size_px", "i4", "", "", (2,), "width and height of a picture"),
+        Field("samples", "u1", "", description="per pixel; 0 without smoothing"),
+        Field("shadows", "u1", "", description="index into: maps, blobs, none"),
+        Field("shadow_map_px", "u4", "", description="side of a shadow map"),
+        Field("shadow_softness_m", "f8", "m", description="of shadows' edges"),
+        Field("fast", "?", "", description="light computed at vertices"),
+    ),
+)
+"""How pictures are made from a frame on; a row whenever drawing begins."""
 
 
 def drawn_schema(people_count: int, rate_hz: float) -> StreamSchema:
@@ -97,6 +120,49 @@ def truth_row(
         np.array([drawn.t_drawn_ns], np.int64),
         values,
     )
+
+
+def views_row(
+    seq: int, views: Sequence[EyeView], size_px: tuple[int, int], quality: Quality, t_ns: int
+) -> SampleBatch:
+    """Return the row that says how pictures are made from now on."""
+    values = np.zeros(1, DRAWN_VIEWS.dtype)
+    row = values[0]
+    row["eyes"], row["size_px"] = len(views), size_px
+    for i, view in enumerate(views[:MOST_EYES]):
+        row["offset_m"][i], row["orientation_wxyz"][i] = view.offset_m, view.orientation_wxyz
+        row["tangents"][i] = (
+            view.tangent_left, view.tangent_right, view.tangent_bottom, view.tangent_top,
+        )  # fmt: skip
+    row["samples"], row["fast"] = quality.samples, quality.fast
+    row["shadows"] = SHADOWS.index(quality.shadows)
+    row["shadow_map_px"] = quality.shadow_map_px
+    row["shadow_softness_m"] = quality.shadow_softness_m
+    stamp = np.array([t_ns], np.int64)
+    return SampleBatch(DRAWN_VIEWS, np.array([seq], np.int64), stamp, stamp, values)
+
+
+def read_views(row: np.void) -> tuple[tuple[EyeView, ...], tuple[int, int], Quality]:
+    """Return the eyes, the pictures' size and the quality of a row of `DRAWN_VIEWS`."""
+    views = tuple(
+        EyeView(
+            (float(x), float(y), float(z)),
+            (float(w), float(i), float(j), float(k)),
+            *(float(t) for t in row["tangents"][eye]),
+        )
+        for eye, ((x, y, z), (w, i, j, k)) in enumerate(
+            zip(row["offset_m"], row["orientation_wxyz"], strict=True)
+        )
+        if eye < int(row["eyes"])
+    )
+    quality = Quality(
+        samples=int(row["samples"]),
+        shadows=SHADOWS[int(row["shadows"])],
+        shadow_map_px=int(row["shadow_map_px"]),
+        shadow_softness_m=float(row["shadow_softness_m"]),
+        fast=bool(row["fast"]),
+    )
+    return views, (int(row["size_px"][0]), int(row["size_px"][1])), quality
 
 
 def read_row(row: np.void) -> tuple[Pose, npt.NDArray[np.int64]]:

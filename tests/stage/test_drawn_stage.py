@@ -11,10 +11,13 @@ from lab.geometry import Pose, quat_from_yaw_pitch_deg
 from lab.schema import SampleBatch
 from stage.drawn_stage import Display, DrawnStage, as_drawn, default_views, eye_camera
 from stage.errors import StageError
+from stage.frame_truth import read_views
+from stage.own_body import OwnBody
 from stage.renderer import Renderer
 from stimuli.picture import Picture
 from stimuli.scene import Agent, Scene, SceneFrame
 from tests.stage import figures
+from tests.stage.test_own_body import SEGMENTS, sample
 
 SIZE = (60, 72)
 HEAD = Pose(np.array([0.05, 1.55, 0.4]), quat_from_yaw_pitch_deg(4.0, -3.0))
@@ -53,7 +56,7 @@ def _stage(
 ) -> DrawnStage:
     display = Display(default_views, lambda: size_px, people_count=4)
     stage = DrawnStage(_dressed, _renderer, display, clock, viewers=[watcher])
-    stage.start(rows.append)
+    stage.start(lambda batch: rows.append(batch) if batch.schema.name == "drawn" else None)
     return stage
 
 
@@ -133,7 +136,7 @@ def test_lost_driver_shows_nothing_and_comes_back() -> None:
 
     display = Display(default_views, lambda: SIZE, people_count=3)
     stage = DrawnStage(_dressed, reopened, display, clock, viewers=[watcher])
-    stage.start(rows.append)
+    stage.start(lambda batch: rows.append(batch) if batch.schema.name == "drawn" else None)
     assert len(stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)) == 2
     stage._renderer.draw = _failing
     assert stage.draw(_scene(), FrameInfo(1, 0, 0), HEAD) == ()
@@ -167,3 +170,35 @@ def test_dark_scene_is_black_but_for_its_mark() -> None:
     left, _ = stage.images()
     stage.close()
     assert 0 < (left.max(axis=2) > 0).mean() < 0.05
+
+
+def test_own_body_is_drawn_once_it_is_tracked_and_logged_as_one_person_more() -> None:
+    rows: list[SampleBatch] = []
+    display = Display(default_views, lambda: SIZE, people_count=4)
+    own_body = OwnBody(figures.picture(1).cast[0], SEGMENTS)
+    stage = DrawnStage(_dressed, _renderer, display, SimClock(), own_body=own_body)
+    stage.start(lambda batch: rows.append(batch) if batch.schema.name == "drawn" else None)
+    for i in range(2):
+        stage.draw(_scene(), FrameInfo(i, i, i), HEAD)
+        stage.watch("body_tracker", sample())
+    stage.close()
+    assert [-2, False] == [
+        int(rows[0].values[0]["level"][3]),
+        int(rows[1].values[0]["level"][3]) == -2,
+    ]
+
+
+def test_how_pictures_are_made_is_logged_when_drawing_begins() -> None:
+    views: list[SampleBatch] = []
+    display = Display(default_views, lambda: SIZE, people_count=4)
+    stage = DrawnStage(_dressed, _renderer, display, SimClock())
+    stage.start(lambda batch: views.append(batch) if batch.schema.name == "drawn_views" else None)
+    for i in range(2):
+        stage.draw(_scene(), FrameInfo(i, i, i), HEAD)
+    quality = stage._renderer.quality
+    stage.close()
+    (batch,) = views
+    eyes, size_px, recorded = read_views(batch.values[0])
+    assert default_views() == eyes
+    assert size_px == SIZE
+    assert replace(recorded, detail=quality.detail) == quality

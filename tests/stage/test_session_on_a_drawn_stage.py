@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import cli.perform
+from cli.redraw import recorded_frame, redraw
 from cli.stages import DRESSERS, dresser_of
 from lab.clock import NS_PER_S, Clock
-from lab.errors import ConfigError, DeviceError
+from lab.errors import ConfigError, DeviceError, UsageError
 from lab.frame import FrameInfo
 from lab.geometry import Pose
 from stage.contracts import GeometryStage, Viewer
@@ -18,8 +19,9 @@ from stage.errors import StageError
 from stage.renderer import LIGHTEST, Image, Renderer
 from stimuli.scene import SceneFrame
 from tests.faults.sessions import TRIALS, events, lab, perform
+from tests.stage.sessions import perform_training
 
-EVERY = 120
+EVERY = 15
 
 
 class _NowAndThen(DrawnStage):
@@ -61,7 +63,7 @@ def test_recorded_frames_redraw_as_they_were(
         return stage
 
     monkeypatch.setattr(cli.perform, "build_stage", build)
-    recording = perform(lab(tmp_path))
+    recording = perform_training(lab(tmp_path))
     assert recording.status == "complete"
     (stage,) = made
     drawn = recording.stream_arrays("drawn")
@@ -69,14 +71,13 @@ def test_recorded_frames_redraw_as_they_were(
     assert drawn["drawn"].all()
     with_people = np.flatnonzero((drawn["level"] >= 0).sum(axis=1) >= 8)
     assert len(with_people) > 3
-    row = np.zeros(1, stage.schemas[0].dtype)[0]
-    for i in with_people[:3]:
-        for name in row.dtype.names:
-            row[name] = drawn[name][i]
-        view, before = stage.kept[i]
-        for old, new in zip(before, stage.redraw(view, row), strict=True):
-            assert np.abs(old.astype(int) - new.astype(int)).max() <= 1
     stage.close()
+    for i in with_people[[0, len(with_people) // 2, -1]]:
+        again = redraw(recording, int(drawn["frame"][i]))
+        for old, new in zip(stage.kept[i][1], again, strict=True):
+            assert np.abs(old.astype(int) - new.astype(int)).max() <= 1
+    with pytest.raises(UsageError, match="was not drawn"):
+        recorded_frame(recording, int(drawn["frame"][0]) + 1)
 
 
 class _Failing(GeometryStage):

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stage.mirror import gaze_in_picture
+from devices.contracts import GAZE
+from lab.frame import EyeView
+from stage.mirror import gaze_in_picture, gaze_on_eye
 
 SHOW = """
 import numpy as np
@@ -77,3 +79,15 @@ def test_gaze_falls_where_the_frustum_says() -> None:
     assert gaze_in_picture(np.array([-1.0, -0.8, -1.0]), tangents) == pytest.approx((-1.0, -1.0))
     assert gaze_in_picture(np.array([0.0, 0.0, 1.0]), tangents) is None
     assert gaze_in_picture(np.full(3, np.nan), tangents) is None
+
+
+def test_gaze_ring_follows_the_eye_of_the_picture_and_goes_with_the_gaze() -> None:
+    eye = EyeView((-0.03, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), -1.0, 1.0, -1.0, 1.0)
+    sample = np.zeros(1, GAZE.dtype)[0]
+    sample["direction_head"] = (0.5, 0.0, -1.0)
+    sample["left_direction_head"] = (0.0, 0.25, -1.0)
+    assert gaze_on_eye(sample, eye) is None
+    sample["valid"] = True
+    assert gaze_on_eye(sample, eye) == pytest.approx((0.5, 0.0))
+    sample["left_valid"] = True
+    assert gaze_on_eye(sample, eye) == pytest.approx((0.0, 0.25))

@@ -1,0 +1,35 @@
+"""redraw: a recorded frame drawn again, from the recording alone."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from cli.app import app, console
+from cli.session_commands import require_session
+from lab.errors import UsageError
+from recording.reader import Recording
+
+
+@app.command()
+def redraw(
+    session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
+    frame: Annotated[int, typer.Option(help="Number of the frame, as in the stream `drawn`.")],
+    png: Annotated[Path, typer.Option(help="Write both eyes side by side.")],
+    part: Annotated[int | None, typer.Option(help="Part of a resumed session.")] = None,
+) -> None:
+    """Draw what a participant was shown in one frame, as it was.
+
+    Example: visavis redraw data/simulated/stare/sub-S07H/ses-001 --frame 4711 --png frame.png
+    """
+    from PIL import Image
+
+    from cli.redraw import redraw as draw_again
+
+    require_session(session_path)
+    if png.exists():
+        raise UsageError(f"{png} exists already; choose another name")
+    images = draw_again(Recording(session_path), frame, part=part)
+    Image.fromarray(np.concatenate(images, axis=1)).save(png)
+    console.print(f"written [b]{png}[/]", soft_wrap=True)

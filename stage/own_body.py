@@ -1,0 +1,130 @@
+"""The participant's own body: a character of their size, moved by a body tracker, without a head.
+
+The eyes look from where the head would be, so it is left out, and the body stands so that its
+eyes are above or below the participant's, a little behind: nobody sees into their own collar.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from lab.geometry import Pose, Vector, quat_conjugate, quat_multiply, rotate
+from lab.schema import SampleBatch
+from stimuli.characters.body_parts import GROUPS, PART_INDEX
+from stimuli.characters.character import MORPHS, Character, SkinnedMesh
+from stimuli.characters.sizing import SMALLEST_M, TALLEST_M, sized
+from stimuli.motion.skeleton import forward
+from stimuli.picture import Picture, PosedPeople
+
+HIDDEN_PARTS = (*GROUPS["head"], "neck")
+EYES_BEHIND_M = 0.07
+FARTHEST_SHIFT_M = 0.4
+"""A body farther than this from the headset is left where the tracker has it."""
+
+
+class OwnBody:
+    """Follow a body tracker's samples; stand in pictures as one person more.
+
+    `segments` are the tracker's, in its order. The size is taken from the first sample in which
+    enough of the body is tracked: its bones against the character's.
+    """
+
+    def __init__(self, character: Character, segments: tuple[str, ...]) -> None:
+        self._character = headless(character)
+        joints = character.skeleton.index_of
+        self._tracked = [(i, joints[name]) for i, name in enumerate(segments) if name in joints]
+        parents = character.skeleton.parents
+        sample_of = {joint: i for i, joint in self._tracked}
+        self._bones = [
+            (i, sample_of[int(parents[j])], float(np.linalg.norm(character.skeleton.offsets_m[j])))
+            for i, j in self._tracked
+            if int(parents[j]) in sample_of
+        ]
+        self._root = sample_of.get(0)
+        self._sized: Character | None = None
+        self._row: np.void | None = None
+
+    @property
+    def stature_m(self) -> float | None:
+        """How tall the body is made; None while nothing has been measured."""
+        return None if self._sized is None else self._sized.stature_m
+
+    def take(self, batch: SampleBatch) -> None:
+        """Take the tracker's newest sample; one whose hips are lost changes nothing."""
+        row = batch.values[-1]
+        if self._root is None or not row["valid"][self._root]:
+            return
+        self._row = row
+        if self._sized is None:
+            self._measure(row)
+
+    def worn(self, picture: Picture, head: Pose) -> Picture:
+        """Return the picture with the body in it; the same while nothing is tracked or lit."""
+        row, character = self._row, self._sized
+        if row is None or character is None or picture.brightness_01 <= 0.0:
+            return picture
+        skeleton = character.skeleton
+        n = len(skeleton.names)
+        turns = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+        known = {j: i for i, j in self._tracked if row["valid"][i]}
+        for joint in range(n):
+            if joint in known:
+                turns[joint] = row["orientation_wxyz"][known[joint]].astype(np.float64)
+            elif joint:
+                turns[joint] = turns[skeleton.parents[joint]]
+        local = turns.copy()
+        local[1:] = quat_multiply(quat_conjugate(turns[skeleton.parents[1:]]), turns[1:])
+        root = row["position_m"][self._root].astype(np.float64)
+        root = root + self._shift(character, root, local, head)
+        people = picture.people
+        mine = np.zeros((1, len(MORPHS)))
+        return replace(
+            picture,
+            cast=(*picture.cast, character),
+            people=PosedPeople(
+                np.concatenate([people.root_m, root[None]]),
+                np.concatenate([people.orientation_wxyz, local[None]]),
+                np.concatenate([people.morphs_01, mine]),
+            ),
+        )
+
+    # ---- private --------------------------------------------------------------------------
+
+    def _measure(self, row: np.void) -> None:
+        measured, usual = 0.0, 0.0
+        for child, parent, length_m in self._bones:
+            if row["valid"][child] and row["valid"][parent]:
+                apart = row["position_m"][child] - row["position_m"][parent]
+                measured += float(np.linalg.norm(apart))
+                usual += length_m
+        stature_m = self._character.stature_m * (measured / usual if usual > 0.5 else 0.0)
+        if SMALLEST_M <= stature_m <= TALLEST_M:
+            self._sized = sized(self._character, round(stature_m, 3))
+
+    @staticmethod
+    def _shift(character: Character, root: Vector, local: Vector, head: Pose) -> Vector:
+        """Return the way (3,) on the floor that brings the body's eyes behind the headset."""
+        skeleton = character.skeleton
+        placed = forward(skeleton, root[None], local[None])
+        eyes = [skeleton.index_of[name] for name in ("left_eye", "right_eye")]
+        middle = placed.position_m[0, eyes].mean(axis=0)
+        backward = rotate(local[0], np.array([0.0, 0.0, EYES_BEHIND_M]))
+        shift: Vector = (head.position_m + backward - middle) * np.array([1.0, 0.0, 1.0])
+        return shift if np.linalg.norm(shift) <= FARTHEST_SHIFT_M else np.zeros(3)
+
+
+def headless(character: Character) -> Character:
+    """Return a character without head and neck; everything else is as it was."""
+    hidden = [PART_INDEX[part] for part in HIDDEN_PARTS]
+    levels = tuple(_without(mesh, hidden) for mesh in character.levels)
+    return replace(character, name=f"{character.name}_headless", levels=levels)
+
+
+def _without(mesh: SkinnedMesh, hidden: list[int]) -> SkinnedMesh:
+    kept = ~np.isin(mesh.triangle_part, hidden)
+    return replace(
+        mesh,
+        triangles=mesh.triangles[kept],
+        triangle_part=mesh.triangle_part[kept],
+        triangle_material=mesh.triangle_material[kept],
+    )

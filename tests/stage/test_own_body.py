@@ -1,0 +1,124 @@
+"""The participant's own body: their size, their posture, no head, and only where it is tracked."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from devices.contracts import body_schema
+from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg, quat_multiply, rotate
+from lab.schema import SampleBatch
+from stage.own_body import EYES_BEHIND_M, OwnBody, headless
+from stimuli.characters.body_parts import GROUPS, PART_INDEX
+from stimuli.characters.character import Character
+from stimuli.motion.skeleton import forward
+from tests.stage import figures
+
+SEGMENTS = (
+    "hips", "spine", "upper_chest", "neck", "head",
+    "left_upper_arm", "left_lower_arm", "left_hand",
+    "left_upper_leg", "left_lower_leg", "left_foot",
+)  # fmt: skip
+WALK_TO = np.array([2.0, 0.0, -1.0])
+
+
+def character() -> Character:
+    return figures.picture(1).cast[0]
+
+
+def sample(scale: float = 1.0, *, lost: tuple[str, ...] = (), arm_deg: float = 0.0) -> SampleBatch:
+    """Return a person `scale` times the character's size who raises the left upper arm."""
+    skeleton = character().skeleton
+    index = [skeleton.index_of[name] for name in SEGMENTS]
+    local = np.tile([1.0, 0.0, 0.0, 0.0], (1, len(skeleton.names), 1))
+    local[0, 0] = quat_from_yaw_pitch_deg(30.0, 0.0)
+    local[0, skeleton.index_of["left_upper_arm"]] = quat_from_yaw_pitch_deg(arm_deg, 0.0)
+    placed = forward(
+        replace(skeleton, offsets_m=scale * skeleton.offsets_m, tips_m=scale * skeleton.tips_m),
+        np.array([[0.0, 0.95 * scale, 0.0]]) + WALK_TO, local,
+    )  # fmt: skip
+    schema = body_schema(SEGMENTS, 100.0)
+    values = np.zeros(1, schema.dtype)
+    values["position_m"][0] = placed.position_m[0, index]
+    values["orientation_wxyz"][0] = placed.orientation_wxyz[0, index]
+    values["valid"][0] = [name not in lost for name in SEGMENTS]
+    values["position_m"][0][~values["valid"][0]] = np.nan
+    zero = np.zeros(1, np.int64)
+    return SampleBatch(schema, zero, zero, zero, values)
+
+
+def head_of(scale: float) -> Pose:
+    return Pose(WALK_TO + np.array([0.0, 1.6 * scale, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+def shape_of(body: OwnBody, scale: float = 1.0) -> tuple[Vector, Vector]:
+    picture = body.worn(figures.picture(2), head_of(scale))
+    mine = picture.cast[-1]
+    placed = forward(
+        mine.skeleton, picture.people.root_m[-1:], picture.people.orientation_wxyz[-1:]
+    )
+    return placed.position_m[0], placed.orientation_wxyz[0]
+
+
+@pytest.mark.parametrize("scale", [0.85, 1.0, 1.12])
+def test_body_is_as_tall_as_its_participant(scale: float) -> None:
+    body = OwnBody(character(), SEGMENTS)
+    assert body.stature_m is None
+    body.take(sample(scale))
+    assert body.stature_m == pytest.approx(scale * character().stature_m, abs=2e-3)
+
+
+def test_tracked_joints_turn_as_they_are_tracked_and_fingers_with_their_hand() -> None:
+    body = OwnBody(character(), SEGMENTS)
+    body.take(sample(arm_deg=40.0))
+    _, turns = shape_of(body)
+    names = character().skeleton.index_of
+    hips = quat_from_yaw_pitch_deg(30.0, 0.0)
+    raised = quat_multiply(hips, quat_from_yaw_pitch_deg(40.0, 0.0))
+    for name, expected in (
+        ("hips", hips), ("left_upper_arm", raised), ("left_hand", raised),
+        ("left_index_proximal", raised), ("right_hand", hips),
+    ):  # fmt: skip
+        assert abs(float(turns[names[name]] @ expected)) == pytest.approx(1.0, abs=1e-6), name
+
+
+def test_eyes_of_the_body_are_right_behind_those_of_its_participant() -> None:
+    body = OwnBody(character(), SEGMENTS)
+    body.take(sample())
+    places, _ = shape_of(body)
+    names = character().skeleton.index_of
+    middle = (places[names["left_eye"]] + places[names["right_eye"]]) / 2
+    back = rotate(quat_from_yaw_pitch_deg(30.0, 0.0), np.array([0.0, 0.0, EYES_BEHIND_M]))
+    expected = head_of(1.0).position_m + back
+    assert middle[[0, 2]] == pytest.approx(expected[[0, 2]], abs=1e-6)
+
+
+def test_nobody_is_added_before_the_hips_are_tracked_or_in_the_dark() -> None:
+    body = OwnBody(character(), SEGMENTS)
+    picture = figures.picture(2)
+    body.take(sample(lost=("hips",)))
+    assert body.worn(picture, head_of(1.0)) is picture
+    body.take(sample())
+    dark = replace(picture, brightness_01=0.0)
+    assert body.worn(dark, head_of(1.0)) is dark
+    assert len(body.worn(picture, head_of(1.0)).cast) == 3
+
+
+def test_lost_segment_keeps_to_its_parent() -> None:
+    body = OwnBody(character(), SEGMENTS)
+    body.take(sample())
+    body.take(sample(lost=("left_hand", "left_lower_arm"), arm_deg=40.0))
+    places, turns = shape_of(body)
+    names = character().skeleton.index_of
+    assert np.isfinite(places).all()
+    same = turns[names["left_hand"]] @ turns[names["left_upper_arm"]]
+    assert abs(float(same)) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_headless_body_has_everything_but_head_and_neck() -> None:
+    hidden = {PART_INDEX[p] for p in (*GROUPS["head"], "neck")}
+    whole, without = character(), headless(character())
+    for before, after in zip(whole.levels, without.levels, strict=True):
+        assert not hidden & set(after.triangle_part.tolist())
+        kept = ~np.isin(before.triangle_part, list(hidden))
+        assert kept.sum() == len(after.triangles) > 0
