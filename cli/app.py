@@ -7,6 +7,7 @@ from typing import Annotated, TypeVar
 import typer
 from rich.console import Console
 
+from cli.command_table import LazyGroup
 from lab.config import LabConfig, load_config, with_devices
 from lab.errors import ConfigError, UsageError
 
@@ -18,12 +19,19 @@ errors = Console(stderr=True)
 
 app = typer.Typer(
     name="visavis",
+    cls=LazyGroup,
     help="Run virtual-reality perception experiments: plan, run, simulate, check, analyse.",
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     add_completion=False,
 )
+
+
+@app.callback()
+def _every_command() -> None:
+    """Hold what all commands share: nothing; it makes a group of even one loaded command."""
+
 
 ConfigOption = Annotated[
     Path | None,

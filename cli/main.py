@@ -5,37 +5,9 @@ import sys
 from collections.abc import Sequence
 from types import FrameType
 
-from cli import (
-    character_commands,
-    data_commands,
-    devices_commands,
-    doctor_commands,
-    participant_commands,
-    power_commands,
-    preview_commands,
-    replay_commands,
-    session_commands,
-    statistics_commands,
-    study_commands,
-    warp_commands,
-)
 from cli.app import app, errors
 from lab.errors import LabError
 
-COMMAND_MODULES = (
-    session_commands,
-    study_commands,
-    warp_commands,
-    participant_commands,
-    data_commands,
-    devices_commands,
-    doctor_commands,
-    power_commands,
-    preview_commands,
-    replay_commands,
-    statistics_commands,
-    character_commands,
-)
 EXIT_INTERRUPTED = 130
 EXIT_INTERNAL = 1
 

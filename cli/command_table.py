@@ -1,0 +1,121 @@
+"""Which module holds which command, so that a command starts without importing the others.
+
+A new command is a line here; `tests/cli/test_command_table.py` compares the lines with the modules.
+"""
+
+import difflib
+import importlib
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import typer
+import typer.main
+from typer.core import TyperCommand, TyperGroup
+
+
+class Entry(NamedTuple):
+    """The module below `cli` that registers a command, and the first line of its help."""
+
+    module: str
+    help: str
+
+
+COMMANDS: Mapping[str, Entry] = {
+    "init": Entry("data_commands", "Write a lab_config.yaml to start from: everything simulated."),
+    "doctor": Entry(
+        "doctor_commands", "Say in one screen what is there, what is missing and what to do."
+    ),
+    "devices": Entry("devices_commands", "What devices there are, and whether they work."),
+    "participant": Entry(
+        "participant_commands", "Issue, list and withdraw participant identifiers."
+    ),
+    "plan": Entry("session_commands", "Show the order of all trials before anything runs."),
+    "run": Entry("session_commands", "Perform one session on the devices of lab_config.yaml."),
+    "resume": Entry(
+        "session_commands",
+        "Go on with an interrupted session: instructions, calibration, then the trials left.",
+    ),
+    "check": Entry(
+        "session_commands", "Can they leave? Compare what was planned with what was recorded."
+    ),
+    "recover": Entry(
+        "session_commands", "Take stock of a crashed session; raw files are never changed."
+    ),
+    "preview": Entry(
+        "preview_commands",
+        "Show a trial as its participant sees it: a simulated participant performs it.",
+    ),
+    "redraw": Entry(
+        "redraw_commands", "Draw what a participant was shown in one frame, as it was."
+    ),
+    "demo": Entry("study_commands", "Simulate a small stare-in-the-crowd study and analyse it."),
+    "simulate": Entry(
+        "study_commands", "Simulate a whole study on the virtual clock, on all cores."
+    ),
+    "replay": Entry(
+        "replay_commands",
+        "Film a recorded walk of the crowd study: from above, the body, contacts, vibrations.",
+    ),
+    "analyse": Entry(
+        "study_commands", "Write one tidy row per trial, statistics, figures and the report."
+    ),
+    "report": Entry(
+        "study_commands", "Make the study's self-contained HTML report and say where it lies."
+    ),
+    "power": Entry(
+        "power_commands",
+        "Find the number of participants a study needs, by simulating it many times.",
+    ),
+    "stats": Entry(
+        "statistics_commands",
+        "Test a table: print table, sentences, decision path and contrasts; write them with "
+        "figures.",
+    ),
+    "warp": Entry(
+        "warp_commands", "Warp a motion so that an observer perceives more or less of it."
+    ),
+    "character": Entry("character_commands", "People for scenes: list them, import your own."),
+    "import": Entry("data_commands", "Read data recorded by other programs."),
+    "export": Entry(
+        "data_commands",
+        "Copy a session into files that other programs read; the recording is not touched.",
+    ),
+}
+"""Commands in the order of the help."""
+
+
+class LazyGroup(TyperGroup):
+    """Import a command's module when the command is asked for; list them without any import."""
+
+    _is_listing = False
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command; while the help is written, one that knows its first line only."""
+        if cmd_name not in COMMANDS:
+            near = difflib.get_close_matches(cmd_name, COMMANDS, n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]!r}?" if near else "see visavis --help"
+            ctx.fail(f"there is no command {cmd_name!r}; {hint}")
+        if self._is_listing:
+            return TyperCommand(cmd_name, help=COMMANDS[cmd_name].help)
+        return load_command(cmd_name)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help from the table."""
+        self._is_listing = True
+        try:
+            super().format_help(ctx, formatter)
+        finally:
+            self._is_listing = False
+
+
+def load_command(name: str) -> Any:
+    """Import the module of a command and return the command it registers."""
+    importlib.import_module(f"cli.{COMMANDS[name].module}")
+    from cli.app import app
+
+    registered: Any = typer.main.get_group(app)
+    return registered.commands[name]
