@@ -1,5 +1,6 @@
 """How much of each body part is seen from afar: what a lighter mesh must not change."""
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy.typing as npt
 
 from lab.compiled import compiled
 from lab.geometry import Vector
-from stimuli.characters.body_parts import PARTS
+from stimuli.characters.body_parts import PART_INDEX, PARTS
 from stimuli.characters.character import SkinnedMesh
 
 SIDE_DEG: Final = 40.0
@@ -43,19 +44,22 @@ def visible_area_m2(
     vertices_m: npt.NDArray[np.float32] | None = None,
     yaw_deg: float = 0.0,
     step_m: float = 0.002,
+    within_m: npt.NDArray[np.float32] | None = None,
 ) -> dict[str, float]:
     """Return the square metres of each part seen from far away, by parallel rays `step_m` apart.
 
     `vertices_m` are posed vertices; at rest when None. The observer stands in front (−z), or
-    `yaw_deg` towards the person's left of that.
+    `yaw_deg` towards the person's left of that. Rays pass where the points `within_m` (n, 3)
+    lie, everywhere when None.
     """
     vertices = np.asarray(mesh.vertices_m if vertices_m is None else vertices_m, dtype=np.float64)
     s, c = np.sin(np.radians(yaw_deg)), np.cos(np.radians(yaw_deg))
-    across = c * vertices[:, 0] - s * vertices[:, 2]
-    depth = c * vertices[:, 2] + s * vertices[:, 0]
-    x = (across - across.min()) / step_m + 1.3
-    y = (vertices[:, 1] - vertices[:, 1].min()) / step_m + 1.3
-    shape = (int(y.max()) + 3, int(x.max()) + 3)
+    view = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+    across, up, depth = view @ vertices.T
+    frame = (view @ (vertices if within_m is None else within_m).T)[:2]
+    low, high = frame.min(axis=1), frame.max(axis=1)
+    x, y = (across - low[0]) / step_m + 1.3, (up - low[1]) / step_m + 1.3
+    shape = (int((high[1] - low[1]) / step_m) + 4, int((high[0] - low[0]) / step_m) + 4)
     seen = np.zeros(shape, dtype=np.uint8)
     nearest = np.full(shape, np.inf)
     _draw(x, y, depth, mesh.triangles, mesh.triangle_part, nearest, seen)
@@ -70,4 +74,24 @@ def seen_areas_m2(
     from `SIDE_DEG` to either side.
     """
     views = [visible_area_m2(mesh, vertices_m, yaw, step_m) for yaw in (-SIDE_DEG, 0.0, SIDE_DEG)]
-    return np.array([np.mean([view.get(part, 0.0) for view in views]) for part in PARTS])
+    areas = np.array([np.mean([view.get(part, 0.0) for view in views]) for part in PARTS])
+    # Eyes are small: they are seen again, alone with what may hide them, by finer rays.
+    points = mesh.vertices_m if vertices_m is None else vertices_m
+    eyes = np.isin(mesh.triangle_part, (PART_INDEX["left_eye"], PART_INDEX["right_eye"]))
+    if not eyes.any():
+        return areas
+    corners = points[mesh.triangles]
+    low, high = (f(corners[eyes], axis=(0, 1)) for f in (np.min, np.max))
+    reach = (high[0] - low[0]) * np.array([0.4, 0.15, 4.0])
+    near = ((corners.max(axis=1) > low - reach) & (corners.min(axis=1) < high + reach)).all(axis=1)
+    part = replace(mesh, triangles=mesh.triangles[near], triangle_part=mesh.triangle_part[near])
+    used, index = np.unique(part.triangles, return_inverse=True)
+    part = replace(part, triangles=index.reshape(-1, 3).astype(np.int32))
+    ball = points[np.unique(mesh.triangles[eyes])]
+    views = [
+        visible_area_m2(part, points[used], yaw, step_m / 5, ball)
+        for yaw in (-SIDE_DEG, 0.0, SIDE_DEG)
+    ]
+    for eye in ("left_eye", "right_eye"):
+        areas[PART_INDEX[eye]] = np.mean([view[eye] for view in views])
+    return areas

@@ -17,8 +17,14 @@ from stimuli.characters.errors import CharacterError
 LEVEL_TRIANGLES = (26000, 6000, 2000)
 _HEAD = [PART_INDEX[p] for p in ("face", "left_eye", "right_eye", "scalp", "neck")]
 _HEAD_IMPORTANCE = 1.7
-_SMALLEST_M2 = 5e-4
-"""Parts that are seen smaller than this on average (eyes) are not matched."""
+_EYES = (PART_INDEX["left_eye"], PART_INDEX["right_eye"])
+_EYE_SHARES = (0.014, 0.06)
+"""Shares of the triangles that eyeballs and lids get."""
+_KEEPS_ALL = 12000
+"""Levels with fewer triangles drop what lies deep in the sockets."""
+_LID_M = 0.006
+_LEAST_M2 = 5e-4
+"""Parts that are seen smaller than this on average are not matched; eyes always are."""
 _GOOD = 0.012
 _PROBE_M, _PROBE_STEP_M, _STEP_M, _MOST_M, _DAMPING = 0.002, 0.004, 0.004, 0.014, 400.0
 Indices = npt.NDArray[np.int64]
@@ -37,17 +43,58 @@ def thinned(mesh: SkinnedMesh, n_triangles: int) -> SkinnedMesh:
     if total <= n_triangles:
         return mesh
     apart = _split_by_part(mesh)
-    on_head = np.isin(apart.triangle_part, _HEAD)
-    n_head = int(on_head.sum())
-    share = n_head * _HEAD_IMPORTANCE / (n_head * _HEAD_IMPORTANCE + (total - n_head))
-    for_head = min(round(share * n_triangles), n_head)
-    locked = _between(apart, on_head)
+    eyes, lids, hidden = _round_the_eyes(apart)
+    if n_triangles < _KEEPS_ALL:
+        shown = ~hidden
+        apart = replace(
+            apart,
+            triangles=apart.triangles[shown],
+            triangle_part=apart.triangle_part[shown],
+            triangle_material=apart.triangle_material[shown],
+        )
+        eyes, lids = eyes[shown], lids[shown]
+    on_head = np.isin(apart.triangle_part, _HEAD) & ~eyes & ~lids
+    group = np.select([eyes, lids, on_head], [0, 1, 2], 3)
+    count = np.bincount(group, minlength=4)
+    wanted = count.copy()
+    for k, share in enumerate(_EYE_SHARES):
+        wanted[k] = min(count[k], round(share * n_triangles) + 16)
+    left = n_triangles - int(wanted[:2].sum())
+    share = count[2] * _HEAD_IMPORTANCE / max(count[2] * _HEAD_IMPORTANCE + count[3], 1)
+    wanted[2] = min(round(share * left), count[2])
+    wanted[3] = left - wanted[2]
+    locked = _between(apart, group)
     thin = [
-        _thin(apart, apart.triangles[chosen], n, locked)
-        for chosen, n in ((on_head, for_head), (~on_head, n_triangles - for_head))
-        if chosen.any()
+        _thin(apart, apart.triangles[group == k], int(wanted[k]), locked)
+        for k in range(4)
+        if count[k]
     ]
     return _compacted(apart, np.concatenate(thin))
+
+
+def _round_the_eyes(
+    mesh: SkinnedMesh,
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """Tell which triangles (t,) are eyeballs, which are lids, and which lie deep in the socket."""
+    middle = mesh.vertices_m[mesh.triangles].mean(axis=1)
+    eyes = np.zeros(len(middle), dtype=bool)
+    lids, hidden = eyes.copy(), eyes.copy()
+    for side in ("left_eye", "right_eye"):
+        mine = mesh.triangle_part == PART_INDEX[side]
+        if not mine.any():
+            continue
+        points = mesh.vertices_m[np.unique(mesh.triangles[mine])]
+        centre = (points.min(axis=0) + points.max(axis=0)) / 2
+        radius = float(np.ptp(points, axis=0).max()) / 2
+        d = middle - centre
+        near = (mesh.triangle_part == PART_INDEX["face"]) & (
+            np.linalg.norm(d, axis=1) < radius + _LID_M
+        )
+        behind = d[:, 2] > -0.1 * radius
+        eyes |= mine
+        lids |= near
+        hidden |= behind & (mine | (near & (np.linalg.norm(d, axis=1) < 1.05 * radius)))
+    return eyes, lids, hidden
 
 
 def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMesh:
@@ -58,14 +105,18 @@ def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMes
     measured, and the smallest moves that mend all of them are made.
     """
     wanted = seen_areas_m2(full)
-    parts = np.flatnonzero(wanted > _SMALLEST_M2)
-    # Eyes stay the spheres they are.
-    moved = [p for p in range(1, len(PARTS)) if PARTS[p] not in ("left_eye", "right_eye")]
+    parts = np.flatnonzero(
+        wanted > np.where(np.isin(np.arange(len(PARTS)), _EYES), 2e-5, _LEAST_M2)
+    )
+    moved = range(1, len(PARTS))
     normals, place, uses = _shared_normals(thin)
+    ways = uses[:, :, None] * normals[:, None]
+    for eye in _EYES:
+        ways[:, eye] = _opening(thin, place, eye, len(uses))
     sides = np.zeros(len(PARTS))
 
     def errors(sides: Vector, step_m: float = 0.002) -> tuple[Vector, npt.NDArray[np.float32]]:
-        out = (uses @ sides)[:, None] * normals
+        out = np.einsum("vpk,p->vk", ways, sides)
         vertices = (thin.vertices_m + out[place]).astype(np.float32)
         return seen_areas_m2(thin, vertices, step_m)[parts] / wanted[parts] - 1, vertices
 
@@ -93,6 +144,25 @@ def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMes
             break
         sides, error, best = s, e, v
     return replace(thin, vertices_m=best)
+
+
+def _opening(mesh: SkinnedMesh, place: Indices, eye: int, n_places: int) -> Vector:
+    """Return how places (p, 3) move when the lids of an eye open: eyes stay the spheres they are,
+    but rims of lids that thinning has straightened are put back.
+    """
+    ways = np.zeros((n_places, 3))
+    ball = np.unique(mesh.triangles[mesh.triangle_part == eye])
+    if not len(ball):
+        return ways
+    points = mesh.vertices_m[ball]
+    radius = float(np.ptp(points[:, 0])) / 2
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    centre[2] = points[:, 2].min() + radius
+    face = np.unique(mesh.triangles[mesh.triangle_part == PART_INDEX["face"]])
+    d = mesh.vertices_m[face] - centre
+    near = np.clip(1.5 - (np.linalg.norm(d, axis=1) - radius) / _LID_M, 0, 1) * (d[:, 2] < 0)
+    ways[place[face], 1] = near * np.clip(d[:, 1] / (0.15 * radius), -1, 1)
+    return ways
 
 
 def _shared_normals(mesh: SkinnedMesh) -> tuple[Vector, Indices, Vector]:
@@ -174,17 +244,16 @@ def _copies(mesh: SkinnedMesh, source: Indices) -> SkinnedMesh:
     )
 
 
-def _between(mesh: SkinnedMesh, chosen: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Tell which vertices (v,) stand where chosen and other triangles meet."""
+def _between(mesh: SkinnedMesh, group: Indices) -> npt.NDArray[np.bool_]:
+    """Tell which vertices (v,) stand where triangles of different groups (t,) meet."""
     places = np.round(mesh.vertices_m * 1e5).astype(np.int64) + (1 << 20)
     codes = (places[:, 0] << 42) | (places[:, 1] << 21) | places[:, 2]
     _, place = np.unique(codes, return_inverse=True)
-    sides = np.zeros((2, int(place.max()) + 1), dtype=bool)
+    of_place = np.zeros((int(group.max()) + 1, int(place.max()) + 1), dtype=bool)
     for k in range(3):
-        sides[0, place[mesh.triangles[chosen, k]]] = True
-        sides[1, place[mesh.triangles[~chosen, k]]] = True
-    both: npt.NDArray[np.bool_] = (sides[0] & sides[1])[place]
-    return both
+        of_place[group, place[mesh.triangles[:, k]]] = True
+    several: npt.NDArray[np.bool_] = (of_place.sum(axis=0) > 1)[place]
+    return several
 
 
 def _thin(

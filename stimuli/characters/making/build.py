@@ -25,7 +25,8 @@ from stimuli.characters.making.cutting import clipped
 from stimuli.characters.making.eyes import eyeballs, lashes, mouth_pieces
 from stimuli.characters.making.fabrics import fabric
 from stimuli.characters.making.figure import Figure, figure_of
-from stimuli.characters.making.hair import STYLES, Locks, drawn, locks, shell, streaks
+from stimuli.characters.making.hair import STYLES, Locks, drawn, locks, shell
+from stimuli.characters.making.hair_texture import streaks
 from stimuli.characters.making.makehuman import BODY_VERTICES, MakeHuman
 from stimuli.characters.making.mantle import Sheet
 from stimuli.characters.making.pieces import Piece, kept, triangulated

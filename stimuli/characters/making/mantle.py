@@ -164,7 +164,7 @@ def mantle(
         tone = 1 + 0.07 * clumps + 0.05 * knots[1] + 0.05 * (layer - 1)
         tones = np.tile(colour, (_GUIDES, 1))
         greyed = rng.random(_GUIDES) < 0.6 * grey
-        tones[greyed] = 0.6 * tones[greyed] + 0.4 * np.array([0.75, 0.74, 0.73])
+        tones[greyed] = 0.75 * tones[greyed] + 0.25 * np.array([0.80, 0.79, 0.78])
         sheets.append(Sheet(lines, out, tones * tone[:, None]))
     top = sheets[-1]
     n = 46

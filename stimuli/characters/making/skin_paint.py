@@ -57,7 +57,7 @@ def painted(
     colour[:, 1:] *= (1 - 0.014 * middle - 0.012 * coarse)[:, None]
     colour = _flushed(colour, q, face, coarse)
     hollow = canvas.spread(hollows(body), pixels)
-    deep = np.clip(hollow, 0, 1) * (0.16 + 0.16 * face.lines) - 0.05 * np.clip(-hollow, 0, 1)
+    deep = np.clip(hollow, 0, 1) * (0.14 + 0.07 * face.lines) - 0.05 * np.clip(-hollow, 0, 1)
     colour *= 1 - deep[:, None] * np.array([0.75, 1.0, 1.05])
     colour = _aged(colour, q, face)
     colour = _mouth(colour, canvas, pixels, q, face)
