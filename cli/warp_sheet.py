@@ -1,6 +1,7 @@
 """Pictures of a warp: the motion before and after as the observer sees it, and its features."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -11,19 +12,21 @@ from PIL import Image, ImageDraw, ImageFont
 from lab.geometry import Vector
 from stage.errors import StageError
 from stage.renderer import Renderer
-from stimuli.characters.body_parts import PARTS
+from stimuli.characters.body_parts import PART_INDEX, PARTS
 from stimuli.characters.character import MORPHS, Character
-from stimuli.motion.clip import Clip
+from stimuli.motion.clip import Clip, Frames
 from stimuli.motion.warping.clips import WarpedClip
 from stimuli.motion.warping.outlook import Outlook
-from stimuli.motion.warping.perceived import SeenBody, perceived
-from stimuli.picture import Light, Picture, PosedPeople, Room, StaticMesh
+from stimuli.motion.warping.perceived import SeenBody, perceived, posed_points
+from stimuli.motion.warping.raster_kernels import BOTH_SIDES
+from stimuli.picture import Light, Picture, PosedPeople, Prop, Room, StaticMesh
 from stimuli.rooms import surfaces
 from stimuli.rooms.furniture import level, placed
 
 COLUMNS = 6
 TILE_PX = 300
 LABEL_PX = 34
+HELD_SRGB = (40, 70, 120)
 Tile = npt.NDArray[np.uint8]
 
 
@@ -38,7 +41,7 @@ def write_sheet(
     times = np.linspace(0.05, 0.95, COLUMNS) * before.duration_s
     drawn = True
     try:
-        rows = _people(who, (before, after), view, things, times)
+        rows = _people(who, (before, after), body, view, things, times)
     except StageError:
         rows, drawn = _parts((before, after), body, view, times), False
     sheet = Image.new("RGB", (COLUMNS * TILE_PX, 2 * (TILE_PX + LABEL_PX)), (250, 250, 250))
@@ -55,8 +58,8 @@ def write_sheet(
 
 
 def _people(
-    who: Character, clips: Sequence[Clip], view: Outlook, things: Sequence[StaticMesh],
-    times: Vector,
+    who: Character, clips: Sequence[Clip], body: SeenBody, view: Outlook,
+    things: Sequence[StaticMesh], times: Vector,
 ) -> list[list[Tile]]:  # fmt: skip
     floor = level(
         "floor", (-6, -6), (6, 6), 0.0, (176, 174, 170), surfaces.plaster(3), roughness_01=0.9
@@ -73,17 +76,38 @@ def _people(
     with Renderer() as renderer:
         return [
             [
-                renderer.image(_picture(room, who, clip, float(t)), view.camera, (TILE_PX,) * 2)
+                renderer.image(
+                    _picture(room, who, clip, body, float(t)), view.camera, (TILE_PX,) * 2
+                )
                 for t in times
             ]
             for clip in clips
         ]
 
 
-def _picture(room: Room, who: Character, clip: Clip, t_s: float) -> Picture:
+def _picture(room: Room, who: Character, clip: Clip, body: SeenBody, t_s: float) -> Picture:
     pose = clip.at(t_s)
+    room = replace(room, props=(*room.props, *_held(body, pose)))
     people = PosedPeople(pose.root_m[None], pose.orientation_wxyz[None], np.zeros((1, len(MORPHS))))
     return Picture(round(t_s * 1e9), room, (who,), people)
+
+
+def _held(body: SeenBody, pose: Frames) -> tuple[Prop, ...]:
+    """Return what the body holds where it is in a pose."""
+    held = body.labels % BOTH_SIDES == PART_INDEX["held_object"]
+    if not held.any():
+        return ()
+    corners = posed_points(body, pose.root_m, pose.orientation_wxyz)[body.triangles[held]]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    count = 3 * len(corners)
+    mesh = StaticMesh(
+        corners.reshape(-1, 3).astype(np.float32),
+        np.repeat(normals, 3, axis=0).astype(np.float32),
+        np.tile(np.array(HELD_SRGB, dtype=np.uint8), (count, 1)),
+        np.arange(count, dtype=np.int32).reshape(-1, 3),
+    )
+    return (placed("held", mesh, (0, 0, 0), 0.0),)
 
 
 def _parts(clips: Sequence[Clip], body: SeenBody, view: Outlook, times: Vector) -> list[list[Tile]]:

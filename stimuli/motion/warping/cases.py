@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from lab.geometry import Pose, Vector, quat_multiply
+from lab.geometry import Pose, Vector, quat_multiply, rotate
 from stimuli.characters.character import Character
 from stimuli.motion.baking import baked
 from stimuli.motion.build import build_of_character
@@ -57,7 +57,7 @@ def _cover(parts: tuple[str, ...], change: float) -> FeatureTarget:
 
 
 def _board() -> tuple[StaticMesh, ...]:
-    return (box((0.62, 1.15, -1.0), (0.62, 1.05, 0.04), (150, 120, 90)),)
+    return (box((0.60, 1.15, -1.0), (0.84, 1.05, 0.04), (150, 120, 90)),)
 
 
 def _slats() -> tuple[StaticMesh, ...]:
@@ -116,14 +116,15 @@ CASES: Final[dict[str, Case]] = {
         ),
         Case(
             "out_of_shade", "wave where a canopy keeps the light from the hand",
-            Wave(hand="right"), 0.0, 3.2, (_cover(("right_hand", "right_forearm"), 0.4),),
-            ("spine", "right_arm"), _shade, _shade_lamps,
+            Wave(hand="right"), 0.0, 3.2,
+            (_cover(("right_hand", "right_forearm"), 0.4), _cover(("face",), 0.0)),
+            ("spine", "neck_head", "right_arm"), _shade, _shade_lamps,
         ),
         Case(
             "hide", "hide behind a low wall while the eyes stay visible", Crouch(depth_01=0.45),
             0.0, 3.0,
             (_cover(("torso", "arms"), -0.4), FeatureTarget("coverage", ("eyes",), 0.0, 0.3)),
-            ("spine", "neck_head", "arms"), _low_wall,
+            ("spine_bend", "head_nod", "arms"), _low_wall,
         ),
         Case(
             "introvert", "talk with smaller gestures", Talk(), 15.0, 2.6,
@@ -186,7 +187,9 @@ def grip_of_tablet(character: Character, clip: Clip) -> Pose:
     turn = place.orientation_wxyz[hand]
     inverse = turn * np.array([1.0, -1.0, -1.0, -1.0])
     facing_front = np.array([0.0, 0.0, 1.0, 0.0])  # half a turn about y: the screen to −z
-    return Pose(np.array([0.10, -0.03, -0.02]), quat_multiply(inverse, facing_front))
+    before_fingers = rotate(inverse, np.array([0.0, 0.02, -0.07]))
+    palm = np.array([0.10, -0.03, -0.02])
+    return Pose(palm + before_fingers, quat_multiply(inverse, facing_front))
 
 
 def staged(case: Case, character: Character, *, size_px: int = SIZE_PX) -> StagedCase:
