@@ -63,7 +63,7 @@ class OpenXrHeadset:
         self._pending: deque[SampleBatch] = deque()
         self._retry_ns = 0
         self._lost = self._refused = ""
-        self._shows_images = False
+        self._shows_images = self._unfocused = False
         self.info = DeviceInfo(
             role=role,
             driver="openxr_headset",
@@ -138,6 +138,7 @@ class OpenXrHeadset:
             self._clock.sleep_until_ns(exchange.t_receive_ns)  # a replay has yet to get there
             error, *rest = exchange.frames
             if not error and rest and len(rest[0]) == FRAME.size:
+                self._unfocused = rest[1:] == [b"0"]
                 return self._begin(FRAME.unpack(rest[0]), exchange.t_receive_ns)
             self._lost = f"lost the OpenXR session: {error.decode() or 'an unreadable answer'}"
             self._life.state = DeviceState.FAULT
@@ -218,17 +219,22 @@ class OpenXrHeadset:
         return replace(health, received=health.received + self._timing_rows)
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell a lost session and lost tracking."""
+        """Tell a lost session, lost tracking, a lost focus and refused images."""
         role = self.info.role
         if self.state is DeviceState.FAULT:
             return (Fault(role, "blocking", self._lost, REMEDY),)
         if self._refused:
             text = f"images were refused: {self._refused}"
             return (Fault(role, "blocking", text, REMEDY),)
+        faults = []
         if self._untracked:
             remedy = "put the headset on and check its tracking"
-            return (Fault(role, "blocking", "the headset is not tracked", remedy),)
-        return ()
+            faults.append(Fault(role, "blocking", "the headset is not tracked", remedy))
+        if self._unfocused:
+            remedy = "close the runtime's menu and other VR programs; put the headset on"
+            text = "the session has not got the focus: participants see something else"
+            faults.append(Fault(role, "blocking", text, remedy))
+        return tuple(faults)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return nothing: the runtime's times are converted to this computer's clock."""

@@ -23,7 +23,8 @@ from devices.drivers.openxr_graphics import (
     GraphicsBinding,
     ask_graphics_requirements,
 )
-from devices.transports import Exchange, Frames, Message
+from devices.drivers.openxr_wire import OpenXrTransport
+from devices.transports import Frames
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceNotFound
 
@@ -78,11 +79,11 @@ class OpenXrLibrary:
             "buzz": self._buzz,
         }
 
-    def transport(self) -> "OpenXrTransport":
+    def transport(self) -> OpenXrTransport:
         """Return a wire for one more device."""
         return OpenXrTransport(self)
 
-    def attach(self, user: "OpenXrTransport", deadline_s: float) -> None:
+    def attach(self, user: OpenXrTransport, deadline_s: float) -> None:
         """Begin the session when it is the first; raises DeviceNotFound with what to do."""
         if self._instance is None:
             try:
@@ -93,7 +94,7 @@ class OpenXrLibrary:
         if user not in self._users:
             self._users.append(user)
 
-    def detach(self, user: "OpenXrTransport") -> None:
+    def detach(self, user: OpenXrTransport) -> None:
         """End the session when it is the last."""
         if user in self._users:
             self._users.remove(user)
@@ -354,7 +355,11 @@ class OpenXrLibrary:
         if self._images is None:
             self._end_frame()
         host_ns, now = self._now()
-        return (FRAME.pack(host_ns, now, predicted, period, flags, *_numbers(pose)),)
+        packed = FRAME.pack(host_ns, now, predicted, period, flags, *_numbers(pose))
+        has_focus = bool(self.states) and self.states[-1] == int(
+            self._xr.SessionState.FOCUSED.value
+        )
+        return packed, b"1" if has_focus else b"0"
 
     def _show(self, frames: Frames) -> Frames:
         """End the frame with two new images, or with those before."""
@@ -392,49 +397,6 @@ class OpenXrLibrary:
 
 class _Refused(Exception):
     """Something that the runtime was not even asked for."""
-
-
-class OpenXrTransport:
-    """One device's wire to the shared session; follows `MessageTransport`."""
-
-    kind = "openxr"
-
-    def __init__(self, library: OpenXrLibrary) -> None:
-        self._library = library
-        self._clock = library.clock
-
-    @property
-    def is_simulated(self) -> bool:
-        """Tell whether our simulated runtime answers; known once open."""
-        return self._library.is_simulated
-
-    def open(self, deadline_s: float) -> None:
-        """Begin the session."""
-        self._library.attach(self, deadline_s)
-
-    def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Make a call and return what the runtime answered."""
-        sent_ns = self._clock.now_ns()
-        answer = self._library.call(frames)
-        return Exchange(answer, sent_ns, self._clock.now_ns())
-
-    def post(self, frames: Frames) -> None:
-        """Make a call whose answer nobody needs."""
-        self._library.call(frames)
-
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: everything is asked for."""
-
-    def receive(self, timeout_s: float) -> Sequence[Message]:
-        """Return nothing: the session's events are dealt with here."""
-        return []
-
-    def send(self, port: int, frames: Frames) -> None:
-        """Do nothing: there is nothing to publish to."""
-
-    def close(self) -> None:
-        """Leave the session; the last one ends it."""
-        self._library.detach(self)
 
 
 def _numbers(pose: Any) -> tuple[float, ...]:

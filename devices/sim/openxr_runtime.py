@@ -82,7 +82,7 @@ class SimulatedXrRuntime:
         self._spaces: dict[int, int] = {}
         self._handles = FIRST_HANDLE
         self._running = self._lost = self._is_headless = False
-        self._waited = self._begun = False
+        self._waited = self._begun = self._away = False
         self._display_time = self._frames_ended = 0
         self.images = SimulatedImages(self._new_handle)
         self.hands = SimulatedHands(body, clock.now_ns, self._has_focus)
@@ -209,6 +209,10 @@ class SimulatedXrRuntime:
         if self._active("disconnect") and not self._lost:
             self._lost = True
             self._states.append(LOSS_PENDING)
+        away = self._running and self._active("standby")
+        if away != self._away and not self._states:
+            self._away = away
+            self._states.append(VISIBLE if away else FOCUSED)
         if not self._states:
             return EVENT_UNAVAILABLE
         changed = self._xr.EventDataSessionStateChanged

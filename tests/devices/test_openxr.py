@@ -192,6 +192,17 @@ def test_a_headless_session_refuses_images_and_says_what_to_set():
             headset.submit(frame, (1, 2))
 
 
+def test_a_session_without_the_focus_is_a_fault_until_it_has_it_back():
+    fault = {"kind": "standby", "start_s": 0.2, "duration_s": 0.3}
+    with running(OpenXrHeadset, fault) as (headset, _, _, _):
+        frames(headset, 5)
+        assert not headset.check()
+        frames(headset, 20)
+        assert "has not got the focus" in " ".join(f.message for f in headset.check())
+        frames(headset, 30)
+        assert not headset.check()
+
+
 def test_a_lost_session_is_told_and_frames_go_on_until_it_is_back():
     fault = {"kind": "disconnect", "start_s": 0.2, "duration_s": 0.5}
     with running(OpenXrHeadset, fault) as (headset, _, _, batches):
