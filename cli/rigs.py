@@ -17,7 +17,7 @@ ESSENTIAL_ROLES = ("headset", "eye_tracker")
 
 _GAZE = ("eyelink", "fove", "gazepoint", "hid_gaze", "lsl_gaze", "neon", "tobii_lsl")
 _BODY = ("lsl_body", "natnet", "openvr_controllers", "openvr_headset", "openvr_trackers",
-         "openxr_gaze", "openxr_headset", "xsens")  # fmt: skip
+         "openxr_controllers", "openxr_gaze", "openxr_headset", "xsens")  # fmt: skip
 _BANDS = ("ascii_armband", "bhaptics", "ble_armband", "hid_armband", "neosensory_buzz",
           "serial_armband", "simulated_armband", "spp_armband", "usb_armband", "vhp_sleeve",
           "vhp_slim")  # fmt: skip

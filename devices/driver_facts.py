@@ -60,6 +60,7 @@ FACTS: Mapping[str, DriverFacts] = {
     "openxr_headset": DriverFacts("headset", "OpenXR", OPENXR, runtime="openxr"),
     "openvr_headset": DriverFacts("headset", "OpenVR", OPENVR, runtime="openvr"),
     "openvr_controllers": DriverFacts("responses", "OpenVR", OPENVR, runtime="openvr"),
+    "openxr_controllers": DriverFacts("responses", "OpenXR", OPENXR, runtime="openxr"),
     "openvr_trackers": DriverFacts("body tracker", "OpenVR", OPENVR, runtime="openvr"),
     "xsens": DriverFacts("body tracker", "UDP", udp_in=("UDP {port}",)),
     "natnet": DriverFacts("body tracker", "UDP", udp_in=("UDP {data_port}",)),

@@ -19,7 +19,13 @@ from tests.devices.every_driver import capture, check_on_replay, checks_of
 FOLDER = Path(__file__).resolve().parent
 EXPECTED = FOLDER / "decoded.json"
 SECONDS = 0.5
-SHORTER_S = {"openvr_trackers": 0.12, "xsens": 0.3, "pupil_core": 0.3, "natnet": 0.3}
+SHORTER_S = {
+    "openvr_trackers": 0.12,
+    "openvr_controllers": 0.12,
+    "xsens": 0.3,
+    "pupil_core": 0.3,
+    "natnet": 0.3,
+}
 FRAMES = 12
 
 
