@@ -36,10 +36,10 @@ COMMANDS: Mapping[str, Entry] = {
         "Go on with an interrupted session: instructions, calibration, then the trials left.",
     ),
     "check": Entry(
-        "session_commands", "Can they leave? Compare what was planned with what was recorded."
+        "checking_commands", "Can they leave? Compare what was planned with what was recorded."
     ),
     "recover": Entry(
-        "session_commands", "Take stock of a crashed session; raw files are never changed."
+        "checking_commands", "Take stock of a crashed session; raw files are never changed."
     ),
     "preview": Entry(
         "preview_commands",

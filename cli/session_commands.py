@@ -1,4 +1,4 @@
-"""plan, run, resume, check, recover: one session."""
+"""plan, run, resume: one session."""
 
 import json
 import shlex
@@ -12,7 +12,6 @@ import typer
 from rich.table import Table
 
 from analysis.session_check import check_session
-from analysis.session_verdict import Level, SessionCheck
 from cli.app import (
     ConfigOption,
     DevicesOption,
@@ -23,6 +22,8 @@ from cli.app import (
     errors,
     load_lab,
 )
+from cli.checking_commands import print_check
+from cli.checking_commands import require_session as require_session
 from cli.operator_screen import TerminalOperator
 from cli.perform import Request, perform_new, perform_rest
 from cli.questions import TerminalRespondent
@@ -37,10 +38,8 @@ from protocol.operator import Operator, UnattendedOperator
 from protocol.plan import SessionPlan
 from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir, study_dir
 from recording.reader import Recording
-from recording.recovery import recover as recover_session
 
 DEFAULT_SEED = 1
-EXIT_RED = 5
 SIMULATED_PREFIX = "S"
 
 ParticipantOption = Annotated[
@@ -54,22 +53,6 @@ FastOption = Annotated[
     bool, typer.Option("--fast", help="Virtual clock: seconds instead of minutes; simulated only.")
 ]
 BlindOption = Annotated[bool, typer.Option("--blind", help="Hide conditions from the operator.")]
-
-
-def require_session(path: Path) -> None:
-    """Refuse a path that is no session's folder, naming the sessions nearby.
-
-    Raises:
-        UsageError: it has no manifest.
-    """
-    if (path / "manifest.json").exists():
-        return
-    near = sorted(p.parent for p in path.parent.glob("*/manifest.json"))
-    near += sorted(p.parent for p in path.glob("*/manifest.json"))
-    hint = "\n  ".join(str(p) for p in near[:6])
-    raise UsageError(
-        f"{path} is no session" + (f"; there are\n  {hint}" if near else "; give a folder ses-…")
-    )
 
 
 def ledger_of(config: LabConfig, study: str, *, simulated: bool) -> Ledger:
@@ -318,7 +301,7 @@ def _perform(
             errors.print(f"[yellow]{error}[/]", soft_wrap=True)
             _print_way_on(path)
             raise typer.Exit(error.exit_code) from error
-    _print_check(check_session(Recording(path)), path)
+    print_check(check_session(Recording(path)), path)
 
 
 def _print_way_on(path: Path) -> None:
@@ -344,111 +327,3 @@ def _let_signals_end(screen: TerminalOperator) -> None:
 
     signal.signal(signal.SIGINT, end)
     signal.signal(signal.SIGTERM, end)
-
-
-# ---- after the session -----------------------------------------------------------------------
-
-
-@app.command()
-def check(
-    session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
-    trials: Annotated[bool, typer.Option("--trials", help="List every trial.")] = False,
-    as_json: JsonOption = False,
-) -> None:
-    """Can they leave? Compare what was planned with what was recorded.
-
-    Example: visavis check data/simulated/stare/sub-S07H/ses-001
-    """
-    require_session(session_path)
-    verdict = check_session(Recording(session_path))
-    if as_json:
-        content = {**asdict(verdict), "redo": verdict.redo, "verdict": verdict.level.name.lower()}
-        typer.echo(json.dumps(content, ensure_ascii=False, indent=1))
-    else:
-        _print_check(verdict, session_path, list_trials=trials)
-    if verdict.level is Level.RED:
-        raise typer.Exit(EXIT_RED)
-
-
-STYLE = {Level.GREEN: "green", Level.AMBER: "yellow", Level.RED: "bold red"}
-ANSWER = {
-    Level.GREEN: "They can leave.",
-    Level.AMBER: "They can leave once you have looked at this.",
-    Level.RED: "Keep them here.",
-}
-
-
-def _print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False) -> None:
-    mark = "  [magenta]SIMULATED[/]" if verdict.is_simulated else ""
-    console.print(
-        f"[{STYLE[verdict.level]}]{verdict.level.name}  {ANSWER[verdict.level]}[/]"
-        f"  participant {verdict.participant}{mark}"
-    )
-    table = Table(box=None, pad_edge=False)
-    for name in ("", "what", "finding"):
-        table.add_column(name)
-    for finding in verdict.findings:
-        dot = f"[{STYLE[finding.level]}]●[/]"
-        table.add_row(dot, finding.subject, finding.message)
-    console.print(table)
-    streams = Table("stream", "samples", "expected", "rate", "longest gap", box=None)
-    for s in verdict.streams:
-        streams.add_row(
-            s.stream,
-            str(s.rows),
-            "–" if s.expected is None else str(s.expected),
-            "–" if s.rate_hz is None else f"{s.rate_hz:.1f} Hz",
-            "–" if s.longest_gap_ms is None else f"{s.longest_gap_ms:.0f} ms",
-            style=STYLE[s.level] if s.level is not Level.GREEN else "",
-        )
-    console.print(streams)
-    if list_trials:
-        rows = Table("trial", "block", "status", "attempts", "gaze valid/received/expected")
-        for t in verdict.trials:
-            counts = (
-                "–"
-                if t.gaze_expected is None
-                else f"{t.gaze_valid}/{t.gaze_received}/{t.gaze_expected}"
-            )
-            rows.add_row(
-                t.trial_id,
-                str(t.block),
-                t.status,
-                str(t.attempts),
-                counts,
-                style="" if t.gaze_level is Level.GREEN else STYLE[t.gaze_level],
-            )
-        console.print(rows)
-    for step in verdict.redo:
-        console.print(f"[bold]→ {step}[/]")
-    console.print(f"[dim]{path}[/]", soft_wrap=True)
-
-
-@app.command()
-def recover(
-    session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
-    as_json: JsonOption = False,
-) -> None:
-    """Take stock of a crashed session; raw files are never changed.
-
-    Example: visavis recover data/simulated/stare/sub-S07H/ses-001
-    """
-    require_session(session_path)
-    report = recover_session(session_path)
-    if as_json:
-        typer.echo(json.dumps(asdict(report), default=str, ensure_ascii=False, indent=1))
-        return
-    console.print(f"[b]{report.trials}[/b] finished trials are safe in {session_path}")
-    for part in report.parts:
-        console.print(f"part {part.number}: {part.status}")
-        for stream in part.streams:
-            console.print(f"  {stream.name}: {stream.rows} rows")
-        for problem in part.problems:
-            console.print(f"  [yellow]{problem}[/]")
-    status = Recording(session_path).status
-    verb = (
-        "Complete; look at it with: visavis check"
-        if status == "complete"
-        else ("Continue with: visavis resume")
-    )
-    console.print(f"{verb} {session_path}", soft_wrap=True)

@@ -1,0 +1,138 @@
+"""check, recover: what a session left behind."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from analysis.session_check import check_session
+from analysis.session_verdict import Level, SessionCheck
+from cli.app import JsonOption, app, console
+from lab.errors import UsageError
+from recording.reader import Recording
+from recording.recovery import recover as recover_session
+
+EXIT_RED = 5
+STYLE = {Level.GREEN: "green", Level.AMBER: "yellow", Level.RED: "bold red"}
+ANSWER = {
+    Level.GREEN: "They can leave.",
+    Level.AMBER: "They can leave once you have looked at this.",
+    Level.RED: "Keep them here.",
+}
+
+
+def require_session(path: Path) -> None:
+    """Refuse a path that is no session's folder, naming the sessions nearby.
+
+    Raises:
+        UsageError: it has no manifest.
+    """
+    if (path / "manifest.json").exists():
+        return
+    near = sorted(p.parent for p in path.parent.glob("*/manifest.json"))
+    near += sorted(p.parent for p in path.glob("*/manifest.json"))
+    hint = "\n  ".join(str(p) for p in near[:6])
+    raise UsageError(
+        f"{path} is no session" + (f"; there are\n  {hint}" if near else "; give a folder ses-…")
+    )
+
+
+@app.command()
+def check(
+    session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
+    trials: Annotated[bool, typer.Option("--trials", help="List every trial.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Can they leave? Compare what was planned with what was recorded.
+
+    Example: visavis check data/simulated/stare/sub-S07H/ses-001
+    """
+    require_session(session_path)
+    verdict = check_session(Recording(session_path))
+    if as_json:
+        content = {**asdict(verdict), "redo": verdict.redo, "verdict": verdict.level.name.lower()}
+        typer.echo(json.dumps(content, ensure_ascii=False, indent=1))
+    else:
+        print_check(verdict, session_path, list_trials=trials)
+    if verdict.level is Level.RED:
+        raise typer.Exit(EXIT_RED)
+
+
+def print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False) -> None:
+    """Print a verdict: its findings, its streams, and what to redo."""
+    mark = "  [magenta]SIMULATED[/]" if verdict.is_simulated else ""
+    console.print(
+        f"[{STYLE[verdict.level]}]{verdict.level.name}  {ANSWER[verdict.level]}[/]"
+        f"  participant {verdict.participant}{mark}"
+    )
+    table = Table(box=None, pad_edge=False)
+    for name in ("", "what", "finding"):
+        table.add_column(name)
+    for finding in verdict.findings:
+        dot = f"[{STYLE[finding.level]}]●[/]"
+        table.add_row(dot, finding.subject, finding.message)
+    console.print(table)
+    streams = Table("stream", "samples", "expected", "rate", "longest gap", box=None)
+    for s in verdict.streams:
+        streams.add_row(
+            s.stream,
+            str(s.rows),
+            "–" if s.expected is None else str(s.expected),
+            "–" if s.rate_hz is None else f"{s.rate_hz:.1f} Hz",
+            "–" if s.longest_gap_ms is None else f"{s.longest_gap_ms:.0f} ms",
+            style=STYLE[s.level] if s.level is not Level.GREEN else "",
+        )
+    console.print(streams)
+    if list_trials:
+        rows = Table("trial", "block", "status", "attempts", "gaze valid/received/expected")
+        for t in verdict.trials:
+            counts = (
+                "–"
+                if t.gaze_expected is None
+                else f"{t.gaze_valid}/{t.gaze_received}/{t.gaze_expected}"
+            )
+            rows.add_row(
+                t.trial_id,
+                str(t.block),
+                t.status,
+                str(t.attempts),
+                counts,
+                style="" if t.gaze_level is Level.GREEN else STYLE[t.gaze_level],
+            )
+        console.print(rows)
+    for step in verdict.redo:
+        console.print(f"[bold]→ {step}[/]")
+    console.print(f"[dim]{path}[/]", soft_wrap=True)
+
+
+@app.command()
+def recover(
+    session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
+    as_json: JsonOption = False,
+) -> None:
+    """Take stock of a crashed session; raw files are never changed.
+
+    Example: visavis recover data/simulated/stare/sub-S07H/ses-001
+    """
+    require_session(session_path)
+    report = recover_session(session_path)
+    if as_json:
+        typer.echo(json.dumps(asdict(report), default=str, ensure_ascii=False, indent=1))
+        return
+    console.print(f"[b]{report.trials}[/b] finished trials are safe in {session_path}")
+    for part in report.parts:
+        console.print(f"part {part.number}: {part.status}")
+        for stream in part.streams:
+            console.print(f"  {stream.name}: {stream.rows} rows")
+        for problem in part.problems:
+            console.print(f"  [yellow]{problem}[/]")
+    status = Recording(session_path).status
+    verb = (
+        "Complete; look at it with: visavis check"
+        if status == "complete"
+        else ("Continue with: visavis resume")
+    )
+    console.print(f"{verb} {session_path}", soft_wrap=True)
