@@ -1,6 +1,7 @@
 """Pictures of a preview: from where they look, what is written on them, sheets of them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
@@ -21,6 +22,8 @@ ORBIT_DEG_PER_S = 12.0
 SIMULATED = "simulated"
 """What stands on every picture."""
 TITLE_PX = 40
+CUT_AT_M = 2.75
+"""Height above which a view from above shows nothing."""
 
 
 class Viewpoint(StrEnum):
@@ -34,7 +37,9 @@ class Viewpoint(StrEnum):
 def camera_of(
     view: Viewpoint, picture: Picture, head: Pose, aspect: float, *, passed_s: float
 ) -> Camera:
-    """Return the camera of a viewpoint; those from outside hold the people and the head."""
+    """Return the camera of a viewpoint; those from outside hold the people and the head, and cut
+    away the ceiling or the walls that stand before them.
+    """
     if view is Viewpoint.EYES:
         return _framed(head, EYES_TANGENT, aspect)
     points = np.concatenate([picture.people.root_m, head.position_m[None]])
@@ -44,11 +49,13 @@ def camera_of(
     if view is Viewpoint.ABOVE:
         height = radius / AROUND_TANGENT
         towards = np.array([0.0, -height, -0.02])
-        return _framed(_looking(middle - towards, towards), AROUND_TANGENT, aspect)
+        camera = _framed(_looking(middle - towards, towards), AROUND_TANGENT, aspect)
+        return replace(camera, near_m=max(camera.near_m, height + middle[1] - CUT_AT_M))
     back = min(radius / AROUND_TANGENT, 3.4 + radius)
     angle = np.radians(ORBIT_START_DEG + ORBIT_DEG_PER_S * passed_s)
     place = middle + np.array([np.sin(angle) * back, 1.4 + 0.12 * back, np.cos(angle) * back])
-    return _framed(_looking(place, middle - place), AROUND_TANGENT, aspect)
+    camera = _framed(_looking(place, middle - place), AROUND_TANGENT, aspect)
+    return replace(camera, near_m=max(camera.near_m, back - radius - 0.7))
 
 
 def face_camera(eyes_m: Vector, yaw_deg: float, aspect: float) -> Camera:

@@ -1,6 +1,6 @@
 """The cast on the graphics card: one mesh per character and level, one row of matrices each."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,13 +12,21 @@ from stage.glsl_people import SKINNED_BYTES, SKINNED_LAYOUT
 from stage.joint_rows import JointRows
 from stage.programs import UNITS
 from stage.textures import Textures
-from stage.vertices import PERSON_LAYOUT, PersonVertices, Run, person_vertices
+from stage.vertices import (
+    PERSON_LAYOUT,
+    PersonVertices,
+    Run,
+    TextureArray,
+    person_vertices,
+)
 from stimuli.characters.character import Character
 
 
 @dataclass(eq=False)
 class _LevelOnCard:
-    """One level of one character: `skinned` holds `copies` of it, `indices` the runs of each."""
+    """One level of one character: `skinned` holds `copies` of it, `indices` the runs of each,
+    `whole` copy after copy.
+    """
 
     built: PersonVertices
     vertices: moderngl.Buffer
@@ -26,10 +34,23 @@ class _LevelOnCard:
     members: moderngl.Buffer
     skinned: moderngl.Buffer | None = None
     indices: moderngl.Buffer | None = None
+    whole: moderngl.Buffer | None = None
     copies: int = 0
     skinning: dict[int, moderngl.VertexArray] = field(default_factory=dict)
     arrays: dict[int, moderngl.VertexArray] = field(default_factory=dict)
+    outlines: dict[int, moderngl.VertexArray] = field(default_factory=dict)
     drawn: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Call:
+    """One draw call."""
+
+    array: moderngl.VertexArray
+    texture: TextureArray | None
+    double_sided: bool
+    count: int
+    first: int
 
 
 class CharacterMeshes:
@@ -68,6 +89,7 @@ class CrowdBuffers:
         self._nowhere = context.simple_framebuffer((1, 1))
         self._people_of: list[npt.NDArray[np.int64]] = []
         self._levels: list[tuple[_LevelOnCard, ...]] = []
+        self._calls: dict[Hashable, list[_Call]] = {}
         of_character: dict[int, list[int]] = {}
         for i, character in enumerate(cast):
             of_character.setdefault(id(character), []).append(i)
@@ -98,6 +120,7 @@ class CrowdBuffers:
             for k, on_card in enumerate(levels):
                 members = tuple(seen[at == k].tolist())
                 if members != on_card.drawn:
+                    self._calls.clear()
                     on_card.drawn = members
                     if members:
                         on_card.members.write(np.array(members, np.int32))
@@ -116,26 +139,46 @@ class CrowdBuffers:
                 _made(on_card.skinned), moderngl.POINTS, vertices=count, instances=n
             )
 
-    def draw(self, program_of: Callable[[Run], moderngl.Program]) -> None:
-        """Draw everyone skinned."""
-        context = self._context
-        cull: bool | None = None
+    def draw(self, program_of: Callable[[Run], moderngl.Program], key: Hashable) -> None:
+        """Draw everyone skinned; `program_of` answers the same as long as `key` is the same."""
+        context, textures, unit = self._context, self._textures, UNITS["picture"]
+        calls = self._calls.get(key)
+        if calls is None:
+            calls = self._calls[key] = self._listed(program_of)
+        both: bool | None = None
+        for call in calls:
+            if both is not call.double_sided:
+                both = call.double_sided
+                (context.disable if both else context.enable)(moderngl.CULL_FACE)
+            textures.use(call.texture, unit)
+            call.array.render(vertices=call.count, first=call.first)
+
+    def _listed(self, program_of: Callable[[Run], moderngl.Program]) -> list[_Call]:
+        """Return the draw calls, one program after the other: changing it costs most."""
+        found: dict[tuple[int, bool], list[_Call]] = {}
         for on_card in self._chosen():
             n = len(on_card.drawn)
             for run in on_card.built.runs:
-                if cull is not (not run.double_sided):
-                    cull = not run.double_sided
-                    (context.enable if cull else context.disable)(moderngl.CULL_FACE)
-                self._textures.use(run.texture, UNITS["picture"])
-                array = self._array(program_of(run), on_card)
-                array.render(vertices=run.count * n, first=run.first * on_card.copies)
+                program = program_of(run)
+                call = _Call(
+                    self._array(program, on_card),
+                    run.texture,
+                    run.double_sided,
+                    run.count * n,
+                    run.first * on_card.copies,
+                )
+                found.setdefault((id(program), run.double_sided), []).append(call)
+        return [call for alike in found.values() for call in alike]
 
     def draw_outlines(self, program: moderngl.Program) -> None:
         """Draw everyone skinned into a shadow map."""
         for on_card in self._chosen():
-            array, n = self._array(program, on_card), len(on_card.drawn)
-            for run in on_card.built.runs:
-                array.render(vertices=run.count * n, first=run.first * on_card.copies)
+            array = on_card.outlines.get(id(program))
+            if array is None:
+                array = on_card.outlines[id(program)] = self._made_array(
+                    program, on_card, on_card.whole
+                )
+            array.render(vertices=len(on_card.built.indices) * len(on_card.drawn))
 
     def _chosen(self) -> Iterator[_LevelOnCard]:
         for levels in self._levels:
@@ -146,6 +189,7 @@ class CrowdBuffers:
     def _grow(self, on_card: _LevelOnCard, copies: int) -> None:
         """Make room for so many people of this look."""
         _release_copies(on_card)
+        self._calls.clear()
         count = len(on_card.built.vertices)
         step = np.arange(copies, dtype=np.int32)[:, None] * count
         indices = on_card.built.indices
@@ -154,6 +198,7 @@ class CrowdBuffers:
             for run in on_card.built.runs
         ]
         on_card.indices = self._context.buffer(np.concatenate(blocks).astype(np.int32).tobytes())
+        on_card.whole = self._context.buffer((step + indices).astype(np.int32).tobytes())
         on_card.skinned = self._context.buffer(reserve=count * copies * SKINNED_BYTES)
         on_card.copies = copies
 
@@ -174,11 +219,18 @@ class CrowdBuffers:
     def _array(self, program: moderngl.Program, on_card: _LevelOnCard) -> moderngl.VertexArray:
         array = on_card.arrays.get(id(program))
         if array is None:
-            content: list[tuple[Any, ...]] = [(on_card.skinned, *SKINNED_LAYOUT)]
-            array = on_card.arrays[id(program)] = self._context.vertex_array(
-                program, content, on_card.indices, index_element_size=4, skip_errors=True
+            array = on_card.arrays[id(program)] = self._made_array(
+                program, on_card, on_card.indices
             )
         return array
+
+    def _made_array(
+        self, program: moderngl.Program, on_card: _LevelOnCard, indices: moderngl.Buffer | None
+    ) -> moderngl.VertexArray:
+        content: list[tuple[Any, ...]] = [(on_card.skinned, *SKINNED_LAYOUT)]
+        return self._context.vertex_array(
+            program, content, indices, index_element_size=4, skip_errors=True
+        )
 
     def release(self) -> None:
         """Free the card's memory."""
@@ -195,13 +247,14 @@ class CrowdBuffers:
 
 
 def _release_copies(on_card: _LevelOnCard) -> None:
-    for array in on_card.arrays.values():
-        array.release()
-    on_card.arrays.clear()
-    for buffer in (on_card.skinned, on_card.indices):
+    for arrays in (on_card.arrays, on_card.outlines):
+        for array in arrays.values():
+            array.release()
+        arrays.clear()
+    for buffer in (on_card.skinned, on_card.indices, on_card.whole):
         if buffer is not None:
             buffer.release()
-    on_card.skinned = on_card.indices = None
+    on_card.skinned = on_card.indices = on_card.whole = None
 
 
 def _made(buffer: moderngl.Buffer | None) -> moderngl.Buffer:

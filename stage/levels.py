@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lab.geometry import Vector, rotate
+from lab.geometry import Vector
+from stage.projection import axes
 from stimuli.picture import Camera
 
 BODY_RADIUS_M = 1.25
@@ -60,5 +61,6 @@ def _planes(camera: Camera) -> Vector:
             [0.0, 0.0, -1.0],
         ]
     )
-    local /= np.linalg.norm(local, axis=1, keepdims=True)
-    return rotate(camera.pose.orientation_wxyz, local)
+    local /= np.sqrt((local * local).sum(axis=1, keepdims=True))
+    planes: Vector = local @ axes(camera.pose).T
+    return planes

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lab.geometry import Pose, Vector, rotate, unit
+from lab.geometry import Pose, Vector, unit
 from stimuli.picture import Camera
 
 
@@ -22,7 +22,14 @@ def projection(camera: Camera) -> Vector:
 
 def axes(pose: Pose) -> Vector:
     """Return the axes of a pose as columns (3, 3)."""
-    return rotate(pose.orientation_wxyz, np.eye(3)).T
+    w, x, y, z = np.asarray(pose.orientation_wxyz).tolist()
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
 
 def world_from(pose: Pose) -> Vector:

@@ -29,6 +29,7 @@ from stimuli.picture import Camera, Picture, Prop, Room
 FRAME_BYTES = 96
 ROOMS_KEPT = 4
 VERTEX_LIT_EDGE_M = 1.0
+LIT_STEP_M = 0.5
 CASTS_KEPT = 3
 GL_SAMPLE_ALPHA_TO_COVERAGE = 0x809E
 
@@ -85,6 +86,7 @@ class Renderer:
         self._things: dict[int, tuple[Prop, PropBuffers]] = {}
         self._levels: dict[int, npt.NDArray[np.int64]] = {}
         self._targets: dict[tuple[int, int], EyeTarget] = {}
+        self._lit_before: tuple[object, Room, tuple[ShadowView, ...], bytes] | None = None
         self._overlays = Overlays(ctx)
         self._shadow_maps: list[tuple[moderngl.Texture, moderngl.Framebuffer]] = []
         self._closed = False
@@ -225,17 +227,8 @@ class Renderer:
 
     def light(self, picture: Picture, crowd: CrowdBuffers) -> None:
         """Send the lamps, move people into their poses, draw the shadow maps."""
-        views: tuple[ShadowView, ...] = ()
-        if self.quality.shadows == "maps":
-            low, high = self._lit_box(picture, crowd)
-            views = shadow_views(
-                picture.room,
-                low,
-                high,
-                map_px=self.quality.shadow_map_px,
-                softness_m=self.quality.shadow_softness_m,
-            )
-        self._lighting.write(lighting_block(picture.room, views))
+        views, block = self._lit(picture, crowd)
+        self._lighting.write(block)
         self._lighting.bind_to_uniform_block(1)
         self._frame.bind_to_uniform_block(0)
         if crowd.cast:
@@ -268,7 +261,7 @@ class Renderer:
         for placed in picture.moving:
             self._thing(placed.prop).draw(room_program, world_from(placed.pose))
         if crowd.cast:
-            crowd.draw(people_program)
+            crowd.draw(people_program, (light, identity))
 
     def crowd_of(self, picture: Picture) -> CrowdBuffers:
         """Return the cast's buffers."""
@@ -292,13 +285,37 @@ class Renderer:
     def _casts(self, room: Room) -> bool:
         return self._with_maps() and any(lamp.casts_shadow for lamp in room.lights)
 
+    def _lit(self, picture: Picture, crowd: CrowdBuffers) -> tuple[tuple[ShadowView, ...], bytes]:
+        """Return the views of shadow maps and the lamps as the shaders read them."""
+        key: tuple[object, ...] = (id(picture.room),)
+        with_maps = self._casts(picture.room)
+        if with_maps:
+            low, high = self._lit_box(picture, crowd)
+            key = (*key, *low.tolist(), *high.tolist())
+        if self._lit_before is None or self._lit_before[0] != key:
+            views: tuple[ShadowView, ...] = ()
+            if with_maps:
+                views = shadow_views(
+                    picture.room,
+                    low,
+                    high,
+                    map_px=self.quality.shadow_map_px,
+                    softness_m=self.quality.shadow_softness_m,
+                )
+            self._lit_before = key, picture.room, views, lighting_block(picture.room, views)
+        return self._lit_before[2:]
+
     def _lit_box(self, picture: Picture, crowd: CrowdBuffers) -> tuple[Vector, Vector]:
-        """Return the box around everyone, within the room; shadows are finest where people are."""
+        """Return the box around everyone, within the room; shadows are finest where people are.
+
+        It grows and shrinks in steps, so that shadows do not swim while people walk.
+        """
         room = self._room(picture.room)
         if not crowd.cast:
             return room.low_m.astype(np.float64), room.high_m.astype(np.float64)
         hips = crowd.joints.watched_m[:, 0]
-        low, high = hips.min(axis=0) - 1.5, hips.max(axis=0) + 1.5
+        low = LIT_STEP_M * np.floor((hips.min(axis=0) - 1.5) / LIT_STEP_M)
+        high = LIT_STEP_M * np.ceil((hips.max(axis=0) + 1.5) / LIT_STEP_M)
         return np.maximum(low, room.low_m), np.minimum(high, room.high_m)
 
     def _draw_shadows(

@@ -5,7 +5,7 @@ holds a hand to the ear. Periods of 2 to 20 s and amplitudes of millimetres to a
 ours; phases differ by person.
 """
 
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -24,6 +24,8 @@ N_JOINTS: Final = len(BODY_JOINTS)
 N_PERSON: Final = 16
 _CHANCE: Final = slice(5, 15)
 _FIGURE: Final = 15
+_RIGHT_SHARE: Final = 0.8
+"""The telephone is in the right hand of eight in ten."""
 
 
 def people_of(crowd: Crowd) -> Vector:
@@ -40,6 +42,14 @@ def people_of(crowd: Crowd) -> Vector:
         row[_CHANCE] = np.random.default_rng(seed).random(10)
     people[:, _FIGURE] = crowd.character
     return people
+
+
+def telephone_sides(people: Vector) -> list[Literal["left", "right"] | None]:
+    """Return in which hand each of these rows (n, 16) holds a telephone; None for who waits."""
+    return [
+        None if row[4] <= 0.5 else "right" if row[_CHANCE][9] < _RIGHT_SHARE else "left"
+        for row in people
+    ]
 
 
 @compiled
@@ -88,8 +98,7 @@ def idle_turns(
     hang_joint(local, _LEFT_ARM, 1.0, hang, 0.06 * sway, bend)
     hang_joint(local, _RIGHT_ARM, -1.0, hang, -0.05 * sway, bend)
     if person[4] > 0.5:
-        # the telephone is in the right hand of eight in ten
-        if p[9] < 0.8:
+        if p[9] < _RIGHT_SHARE:
             hang_joint(local, _RIGHT_ARM, -1.0, 1.20 + 0.02 * breath, 0.55, 2.45 + 0.03 * sway)
         else:
             hang_joint(local, _LEFT_ARM, 1.0, 1.20 + 0.02 * breath, 0.55, 2.45 + 0.03 * sway)

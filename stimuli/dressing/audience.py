@@ -8,14 +8,19 @@ import numpy as np
 from stimuli.characters.character import Character
 from stimuli.dressing.casting import Casting, build_of, default_casting
 from stimuli.gaze.turning import Aimed
+from stimuli.motion.build import Build
 from stimuli.motion.kinds import Idle, Sit
 from stimuli.motion.people import HeldHeads, PeopleMotion, Person
 from stimuli.motion.seating import seated_under_eyes
+from stimuli.motion.skeleton import forward
 from stimuli.picture import Picture, Room
-from stimuli.rooms.audience_room import audience_room, step_height_m
-from stimuli.scene import SceneFrame
+from stimuli.rooms.audience_room import audience_room, room_before_m, step_height_m
+from stimuli.scene import Agent, SceneFrame
 from stimuli.scenes import audience
 
+HABITS = 12
+"""How many ways of sitting are tried for the one that keeps the feet on the step."""
+TOE_M = 0.07
 FACING_OF_SPEAKER = np.array([0.0, 1.2, -2.5]) - audience.SPEAKER_EYE_M * np.array([1.0, 0.74, 1.0])
 
 
@@ -35,9 +40,7 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
     for i, (agent, character) in enumerate(zip(agents, cast, strict=True)):
         hip = agent.eye_centre_m - 0.16 * agent.facing
         floor = step_height_m(hip)
-        person = seated_under_eyes(
-            build_of(character), agent.eye_centre_m, facing=agent.facing, seed=i, floor_m=floor
-        )
+        person = _seated(build_of(character), agent, i, floor)
         people.append(person)
         if isinstance(person.does, Sit):
             seats[agent.place] = floor + person.does.seat_m
@@ -53,6 +56,21 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
         audience_room(seats), (*cast, speaker),
         PeopleMotion(tuple(people), HeldHeads(eyes, facing)),
     )  # fmt: skip
+
+
+def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
+    """Return a sitter of the habits that keep the feet best on their step."""
+    found: list[tuple[float, Person]] = []
+    for habit in range(HABITS):
+        person = seated_under_eyes(
+            build, agent.eye_centre_m, facing=agent.facing, seed=seed + 100 * habit, floor_m=floor_m
+        )
+        people = PeopleMotion((person,)).at(0.0)
+        at = forward(build.skeleton, people.root_m[0], people.orientation_wxyz[0]).position_m
+        toes = at[[build.skeleton.index(f"{side}_toes") for side in ("left", "right")]]
+        ahead = TOE_M * agent.facing * np.array([1.0, 0.0, 1.0])
+        found.append((min(room_before_m(toe + ahead, floor_m) for toe in toes), person))
+    return max(found, key=lambda one: one[0])[1]
 
 
 def audience_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> Picture:

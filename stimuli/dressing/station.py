@@ -8,8 +8,9 @@ import numpy as np
 from lab.geometry import Vector
 from stimuli.characters.character import MORPHS, Character
 from stimuli.contact.body import BODY_JOINTS
-from stimuli.contact.idle import crowd_turns, people_of
+from stimuli.contact.idle import crowd_turns, people_of, telephone_sides
 from stimuli.dressing.casting import Casting, build_of, default_casting
+from stimuli.dressing.telephone import holding_telephone
 from stimuli.motion.kinds import Idle
 from stimuli.motion.people import PeopleMotion, Person
 from stimuli.motion.posture import B_STAND
@@ -29,16 +30,22 @@ class _Set:
 
 @lru_cache(maxsize=16)
 def _set_of(crowd: Crowd, casting: Casting) -> _Set:
-    cast = tuple(casting(CHARACTERS[c]) for c in crowd.character.tolist())
+    bare = [casting(CHARACTERS[c]) for c in crowd.character.tolist()]
     people = tuple(
         Person(build_of(character), Idle(arms="hanging"), int(seed) % 2**31)
-        for character, seed in zip(cast, crowd.seed, strict=True)
+        for character, seed in zip(bare, crowd.seed, strict=True)
+    )
+    rows = people_of(crowd)
+    sides = telephone_sides(rows)
+    cast = tuple(
+        character if side is None else holding_telephone(character, side)
+        for character, side in zip(bare, sides, strict=True)
     )
     index = cast[0].skeleton.index_of
     return _Set(
         cast=cast,
-        people=people_of(crowd),
-        hips_m=np.array([build_of(c).lengths_m[B_STAND] for c in cast]),
+        people=rows,
+        hips_m=np.array([build_of(c).lengths_m[B_STAND] for c in bare]),
         relaxed=PeopleMotion(people),
         body=tuple(index[name] for name in BODY_JOINTS),
     )

@@ -5,7 +5,9 @@ there decide how high each chair must be.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -13,19 +15,30 @@ import numpy as np
 from lab.geometry import Vector, direction_from_yaw_pitch_deg, yaw_pitch_deg_of
 from stimuli.picture import Light, Prop, Room, StaticMesh
 from stimuli.rooms import furniture, surfaces
-from stimuli.rooms.solids import box, cylinder, flat, joined, moved
+from stimuli.rooms.solids import Srgb, box, cylinder, flat, joined, moved
 from stimuli.scenes import audience
 
 STEPS_TURN_DEG: Final = audience.PARTICIPANT_TURN_DEG - audience.AUDIENCE_TURN_DEG
 """The steps run across this direction, left of the participant's view axis."""
-STEP_EDGES_M: Final = (1.0, 1.82, 2.79, 3.63, 5.2)
+STEP_EDGES_M: Final = (1.0, 1.77, 2.70, 3.54, 5.2)
 """Where the steps begin along that direction, from below the participant's eyes."""
-STEP_HEIGHTS_M: Final = (0.0, 0.33, 0.66, 0.92)
+STEP_HEIGHTS_M: Final = (0.0, 0.25, 0.57, 0.83)
 HIP_BEHIND_EYES_M: Final = 0.16
 """How far a seated person's hips are behind the midpoint of the eyes."""
 CEILING_M: Final = 3.6
+DESK_DEPTH_M: Final = 0.30
+"""How far the desk before the first row reaches from its far edge towards the participant."""
 SEAT_M: Final = 0.45
 SEAT_CLOTHS: Final = ((74, 88, 112), (96, 84, 92), (82, 98, 88))
+
+
+def room_before_m(point_m: Vector, floor_m: float) -> float:
+    """Return how far a toe at a point is behind the edge of the step of that height; on the floor,
+    behind the desk.
+    """
+    depth = float(point_m @ direction_from_yaw_pitch_deg(STEPS_TURN_DEG, 0.0))
+    begin = STEP_EDGES_M[STEP_HEIGHTS_M.index(floor_m)]
+    return depth - begin + (DESK_DEPTH_M - 0.06 if floor_m == 0.0 else 0.0)
 
 
 def step_height_m(point_m: Vector) -> float:
@@ -83,6 +96,7 @@ def _shell(turn: float) -> list[Prop]:
         "ceiling", low, high, CEILING_M, (232, 231, 228), surfaces.tiles(5, 3, joint=0.88),
         faces_up=False, uv_m=1.8,
     )  # fmt: skip
+    ceiling = replace(ceiling, emission_01=0.45)  # lit by what floor and walls give back
     around = furniture.walls(
         "room", (low[0], 0, low[1]), (high[0], CEILING_M, high[1]), (206, 203, 194),
         surfaces.plaster(4),
@@ -163,26 +177,50 @@ def _steps(turn: float) -> list[Prop]:
 
 
 def _front() -> list[Prop]:
-    """Return the wooden front before the first row, where the geometry has its beams."""
-    parts, rails = [], []
-    beams = [o for o in audience.stage_front_occluders() if o.start_m[1] > 0.6]
-    for beam in beams:
-        start, end = beam.start_m, beam.end_m
-        top = start[1] + beam.radius_m
-        middle, span = (start + end) / 2, end - start
-        length = float(np.linalg.norm(span))
-        yaw = float(np.degrees(np.arctan2(-span[2], span[0])))
-        panel = box((0, (top - 0.04) / 2, 0), (length, top - 0.04, 0.05), (150, 110, 72), uv_m=1.0)
-        rail = box((0, top - 0.02, 0), (length + 0.06, 0.04, 0.12), furniture.DARK_WOOD,
-                   chamfer_m=0.008, uv_m=0.7)  # fmt: skip
-        at = (middle[0], 0.0, middle[2])
-        parts.append(moved(panel, at, yaw_deg=yaw))
-        rails.append(moved(rail, at, yaw_deg=yaw))
+    """Return the desk before the first row: its far edge hides what the beams of the geometry
+    hide, and the first row's legs are below it.
+    """
+    left, right = audience.stage_front_occluders()[:2]
+    top = float(left.start_m[1] + left.radius_m)
+    line = [p * np.array([1.0, 0.0, 1.0]) for p in (left.start_m, left.end_m, right.end_m)]
+    tops, panels = [], []
+    for i in range(2):
+        far, near = (_beside(line, i, d) for d in (-0.06, DESK_DEPTH_M + 0.06))
+        tops.append(_slab(far, near, top - 0.04, top, furniture.DARK_WOOD, uv_m=0.7))
+        far, near = (_beside(line, i, DESK_DEPTH_M + d) for d in (-0.015, 0.015))
+        panels.append(_slab(far, near, 0.0, top - 0.04, (150, 110, 72), uv_m=1.0))
     return [
-        furniture.placed("front", joined(*parts), (0, 0, 0), 0.0, surfaces.planks(25, 6)),
-        furniture.placed("front_rail", joined(*rails), (0, 0, 0), 0.0, surfaces.planks(26, 2),
+        furniture.placed("front", joined(*panels), (0, 0, 0), 0.0, surfaces.planks(25, 6)),
+        furniture.placed("front_rail", joined(*tops), (0, 0, 0), 0.0, surfaces.planks(26, 2),
                          roughness_01=0.4),
     ]  # fmt: skip
+
+
+def _beside(line: list[Vector], part: int, shift_m: float) -> tuple[Vector, Vector]:
+    """Return the ends of a part of a bent line shifted towards the participant, mitred."""
+    spans = [b - a for a, b in pairwise(line)]
+    across = [np.array([-s[2], 0.0, s[0]]) / np.linalg.norm(s) for s in spans]
+    bend = (across[0] + across[1]) / (1.0 + across[0] @ across[1])
+    moved_line = (
+        line[0] + shift_m * across[0], line[1] + shift_m * bend, line[2] + shift_m * across[1],
+    )  # fmt: skip
+    return moved_line[part], moved_line[part + 1]
+
+
+def _slab(
+    far: tuple[Vector, Vector], near: tuple[Vector, Vector], low_m: float, high_m: float,
+    colour: Srgb, *, uv_m: float,
+) -> StaticMesh:  # fmt: skip
+    """Return an upright prism over the ground between two edges, each from left to right."""
+    span = far[1] - far[0]
+    length, depth = float(np.linalg.norm(span)), float(np.linalg.norm(near[0] - far[0]))
+    straight = box((0, 0, 0), (length, high_m - low_m, depth), colour, uv_m=uv_m)
+    x, y, z = straight.vertices_m.T.astype(np.float64)
+    u, w = (x / length + 0.5)[:, None], (z / depth + 0.5)[:, None]
+    corners = (1 - w) * ((1 - u) * far[0] + u * far[1]) + w * ((1 - u) * near[0] + u * near[1])
+    corners[:, 1] = y + (low_m + high_m) / 2
+    turned = moved(straight, yaw_deg=float(np.degrees(np.arctan2(-span[2], span[0]))))
+    return replace(turned, vertices_m=corners.astype(np.float32))
 
 
 def _speaker_place() -> list[Prop]:

@@ -27,9 +27,9 @@ def chair(
         box((0, seat_m + 0.33, 0.245), (0.43, 0.34, 0.04), cloth, chamfer_m=0.015, uv_m=0.3),
     )
     legs = [
-        cylinder((x, 0, z), (0.93 * x, seat_m - pad, 0.93 * z), 0.013, STEEL, sides=10)
+        cylinder((x, 0, z), (0.93 * x, seat_m - pad, 0.93 * top_z), 0.013, STEEL, sides=10)
         for x in (-0.21, 0.21)
-        for z in (-0.19, 0.23)
+        for z, top_z in ((-0.19, -0.19), (0.17, 0.23))
     ]
     posts = [
         cylinder((x, seat_m - pad, 0.235), (x, seat_m + 0.45, 0.27), 0.012, STEEL, sides=10)

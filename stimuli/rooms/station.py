@@ -25,6 +25,7 @@ PLATFORM_M: Final = 4.2
 """Depth of a platform beyond the columns."""
 CROWN_M: Final = 5.9
 BOARD_SIZE_M: Final = (1.7, 1.0)
+STATION_NAME: Final = "LINDEN SQUARE"
 STONE: Srgb = (206, 198, 186)
 PALE: Srgb = (232, 228, 220)
 RED_STONE: Srgb = (136, 72, 62)
@@ -40,15 +41,17 @@ def station() -> Room:
             *_benches(),
         ),
         lights=(
-            Light(
-                "spot", np.array([26.0, 24.6, 22.4]), position_m=np.array([0.6, 5.6, 0.8]),
-                direction=np.array([0.0, -1.0, 0.0]), half_angle_deg=75.0, casts_shadow=True,
-            ),
-            Light("point", np.array([9.0, 8.5, 7.7]), position_m=np.array([0.0, 4.6, -9.0])),
-            Light("point", np.array([7.0, 6.6, 6.0]), position_m=np.array([0.0, 4.6, 9.5])),
+            # Many lamps in a row throw one soft shadow each; together they act like this.
+            Light("sun", np.array([0.44, 0.42, 0.385]),
+                  direction=np.array([0.30, -1.0, -0.22]), casts_shadow=True),
+            Light("point", np.array([6.5, 6.2, 5.6]), position_m=np.array([0.0, 4.9, -2.5])),
+            Light("point", np.array([6.5, 6.2, 5.6]), position_m=np.array([0.0, 4.9, -12.5])),
+            Light("point", np.array([6.5, 6.2, 5.6]), position_m=np.array([0.0, 4.9, 7.5])),
+            Light("point", np.array([7.5, 7.5, 7.3]), position_m=np.array([-9.0, 4.2, -2.5])),
+            Light("point", np.array([7.5, 7.5, 7.3]), position_m=np.array([9.0, 4.2, -2.5])),
         ),
-        sky=np.array([0.42, 0.41, 0.38]),
-        ground=np.array([0.36, 0.335, 0.30]),
+        sky=np.array([0.42, 0.41, 0.385]),
+        ground=np.array([0.39, 0.365, 0.33]),
         background_srgb=(16, 16, 18),
     )  # fmt: skip
 
@@ -63,7 +66,7 @@ def board_pose() -> Pose:
 def board_face(track: str | None) -> PlacedProp:
     """Return the lit face of the timetable board; the track's number only when `track` is given."""
     amber, pale, dim = (255, 186, 60), (222, 226, 230), (96, 98, 104)
-    shown = track if track is not None else "– –"
+    shown = track if track is not None else "- -"
     picture = surfaces.lettering(
         [
             ("DEPARTURES", 58, pale),
@@ -316,8 +319,11 @@ def _tracks() -> list[Prop]:
         wall = flat((s * (edge + 3.4), -1.2, z0 if s > 0 else z1), (0, 0, s * length),
                     (0, 6.2, 0), (206, 206, 200), uv_m=1.6)  # fmt: skip
         far_walls.append(wall)
-        names += [box((s * (edge + 3.36), 1.7, z), (0.04, 0.42, 3.0), (44, 66, 110))
-                  for z in (-12.0, -2.0, 8.0)]  # fmt: skip
+        names += [
+            flat((s * (edge + 3.37), 1.45, z - s * 1.6), (0, 0, s * 3.2), (0, 0.5, 0),
+                 (255, 255, 255))
+            for z in (-12.0, -2.0, 8.0)
+        ]  # fmt: skip
     return [
         furniture.placed("track_beds", joined(*beds), (0, 0, 0), 0.0, casts_shadow=False),
         furniture.placed("rails", joined(*rails), (0, 0, 0), 0.0, casts_shadow=False,
@@ -325,8 +331,15 @@ def _tracks() -> list[Prop]:
         furniture.placed("far_walls", joined(*far_walls), (0, 0, 0), 0.0,
                          surfaces.tiles(39, 8, joint=0.82), casts_shadow=False,
                          roughness_01=0.3),
-        furniture.placed("signs", joined(*names), (0, 0, 0), 0.0, casts_shadow=False),
+        furniture.placed("signs", joined(*names), (0, 0, 0), 0.0, _name_sign(), emission_01=0.45,
+                         casts_shadow=False),
     ]  # fmt: skip
+
+
+def _name_sign() -> surfaces.Texture:
+    return surfaces.lettering(
+        [(STATION_NAME, 84, (244, 245, 246))], (896, 140), (30, 58, 118), margin_px=22
+    )
 
 
 def _board_case() -> list[Prop]:

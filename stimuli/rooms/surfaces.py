@@ -96,7 +96,7 @@ def marble(seed: int) -> Texture:
 def plaster(seed: int) -> Texture:
     """Return a painted wall: nearly even, slightly mottled."""
     rng = np.random.default_rng(seed)
-    return _texture(0.95 + 0.018 * _grain(rng))
+    return _texture(0.95 + 0.007 * _grain(rng))
 
 
 @lru_cache(maxsize=8)
