@@ -1,0 +1,70 @@
+"""The body that simulated sensors measure: the contract of a simulated participant."""
+
+from collections.abc import Iterator, Sequence
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.geometry import Vector
+
+EYES_DTYPE = np.dtype(
+    [
+        ("left_direction_head", "f8", (3,)),
+        ("right_direction_head", "f8", (3,)),
+        ("openness_01", "f8"),
+        ("pupil_mm", "f8"),
+    ]
+)
+"""What a simulated eye tracker's camera would see of two eyes at an instant."""
+
+
+class Body(Protocol):
+    """What simulated sensors measure: one body, so that eyes, head and hands agree.
+
+    Times are session nanoseconds; calls come with non-decreasing times.
+    """
+
+    def eyes(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
+        """Return true eye states, shape (n,), dtype `EYES_DTYPE`; directions converge on the
+        point looked at and are unit vectors in the head frame.
+        """
+        ...
+
+    def head(self, t_ns: int) -> tuple[Vector, Vector]:
+        """Return position (3,) in metres and orientation (4,) (w, x, y, z) in world."""
+        ...
+
+    def stretch(self) -> int:
+        """Return the number of the present stretch of behaviour (a trial, a validation).
+
+        Simulators draw their noise from (their seed, stretch), anew whenever it changes, so
+        that a stretch performed again gives the same samples.
+        """
+        ...
+
+    def fit(self) -> int:
+        """Return how the headset sits; it changes when it is taken off and put on again.
+
+        The systematic error of a simulated eye tracker is drawn from (its seed, fit).
+        """
+        ...
+
+    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
+        """Yield (t_ns, control, value) of response-device actions since the last call."""
+        ...
+
+
+@runtime_checkable
+class MovingBody(Body, Protocol):
+    """A body whose limbs are tracked and whose skin feels an armband."""
+
+    def segments(
+        self, names: Sequence[str], t_ns: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return true positions (t, n, 3) and orientations (t, n, 4) of segments in world."""
+        ...
+
+    def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
+        """Take in what the motors of the band worn as `role` do from `t_ns` on."""
+        ...
