@@ -4,7 +4,7 @@ import difflib
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Protocol, cast, runtime_checkable
 
 from lab.config import LabConfig
 from lab.errors import UsageError
@@ -65,6 +65,21 @@ class Study(Protocol):
         example: Recording | None,
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""
+        ...
+
+
+@runtime_checkable
+class PiecewiseStudy(Protocol):
+    """A study whose sessions take long to measure: trial by trial, kept in a store."""
+
+    def measure_all(
+        self,
+        sessions: Sequence[Path],
+        store: Path,
+        run: Any,
+        on_walk: Callable[[int, int], None],
+    ) -> list[Any]:
+        """Take in sessions; `run` does jobs anywhere, `on_walk` is told how many are done."""
         ...
 
 

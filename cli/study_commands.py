@@ -1,6 +1,8 @@
 """simulate, analyse, report, demo: a whole study."""
 
 import webbrowser
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,11 +18,13 @@ from rich.progress import (
 )
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab
+from cli.replicate_runners import on_scheduler, on_this_machine
 from cli.session_commands import DEFAULT_SEED, SIMULATED_PREFIX
 from cli.simulation import SimulationTask, in_parallel, measure_one, simulate_one, worker_count
-from cli.studies import find_study
+from cli.studies import PiecewiseStudy, find_study
 from cli.study_folder import (
     DERIVED,
+    MEASURED,
     StudySettings,
     one_per_participant,
     read_settings,
@@ -39,6 +43,12 @@ DEMO_PARTICIPANTS = 8
 
 ProcessesOption = Annotated[
     int | None, typer.Option("--processes", help="Processes to use; one per core when left out.")
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler", help="Measure on the workers of this Dask scheduler (tcp://…) instead."
+    ),
 ]
 StudyFolder = Annotated[Path, typer.Argument(help="Folder of a study (holds sub-…/ses-…).")]
 
@@ -151,18 +161,26 @@ def analyse(
         bool, typer.Option("--allow-mixture", help="Take simulated and real data together.")
     ] = False,
     processes: ProcessesOption = None,
+    scheduler: SchedulerOption = None,
 ) -> None:
     """Write one tidy row per trial, statistics, figures and the report.
 
     Example: visavis analyse data/simulated/stare
     """
-    report_path = analyse_study(folder, output, mixture=mixture, processes=processes)
+    report_path = analyse_study(
+        folder, output, mixture=mixture, processes=processes, scheduler=scheduler
+    )
     console.print(f"tables, figures and report in [b]{report_path.parent}[/]", soft_wrap=True)
     console.print(f"report: [b]{report_path}[/]", soft_wrap=True)
 
 
 def analyse_study(
-    folder: Path, output: Path | None, *, mixture: bool, processes: int | None
+    folder: Path,
+    output: Path | None,
+    *,
+    mixture: bool,
+    processes: int | None,
+    scheduler: str | None = None,
 ) -> Path:
     """Measure every session of a study and analyse them together; return the report's path."""
     folder = folder.resolve()
@@ -184,17 +202,14 @@ def analyse_study(
         )
     study = names.pop()
     watch = StopWatch()
-    measured: dict[int, Any] = {}
-    with _progress() as bar:
-        line = bar.add_task("measuring", total=len(sessions))
-        jobs = [(study, s) for s in sessions]
-        for number, result in in_parallel(measure_one, jobs, worker_count(processes)):
-            measured[number] = result
-            bar.advance(line)
-    ordered = [measured[i] for i in range(len(sessions))]
     out_dir = output.resolve() if output is not None else folder / DERIVED
     out_dir.mkdir(parents=True, exist_ok=True)
-    report_path = find_study(study).analyse(
+    chosen = find_study(study)
+    if isinstance(chosen, PiecewiseStudy):
+        ordered = _measured_piecewise(chosen, sessions, folder, processes, scheduler)
+    else:
+        ordered = _measured(study, sessions, processes, scheduler)
+    report_path = chosen.analyse(
         ordered,
         out_dir,
         is_simulated=True in kinds,
@@ -203,6 +218,46 @@ def analyse_study(
     )
     console.print(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
     return report_path
+
+
+def _measured(
+    study: str, sessions: Sequence[Path], processes: int | None, scheduler: str | None
+) -> list[Any]:
+    """Measure session by session, on this machine."""
+    if scheduler is not None:
+        raise UsageError(
+            f"sessions of {study} are measured in seconds on this machine; leave --scheduler out"
+        )
+    measured: dict[int, Any] = {}
+    with _progress() as bar:
+        line = bar.add_task("measuring", total=len(sessions))
+        jobs = [(study, s) for s in sessions]
+        for number, result in in_parallel(measure_one, jobs, worker_count(processes)):
+            measured[number] = result
+            bar.advance(line)
+    return [measured[i] for i in range(len(sessions))]
+
+
+def _measured_piecewise(
+    study: PiecewiseStudy,
+    sessions: Sequence[Path],
+    folder: Path,
+    processes: int | None,
+    scheduler: str | None,
+) -> list[Any]:
+    """Measure walk by walk, here or on a scheduler; walks measured before are kept."""
+    if scheduler is not None:
+        run = partial(on_scheduler, address=scheduler)
+    else:
+        run = partial(on_this_machine, processes=worker_count(processes))
+    with _progress() as bar:
+        line = bar.add_task("measuring", total=None)
+        return study.measure_all(
+            sessions,
+            folder / DERIVED / MEASURED,
+            run,
+            lambda done, of: bar.update(line, completed=done, total=of),
+        )
 
 
 def _from_root(folder: Path) -> str:

@@ -11,6 +11,8 @@ from recording.reader import Recording
 
 SETTINGS_NAME = "study.json"
 DERIVED = "derived"
+MEASURED = "measured"
+"""In `derived`: walks measured one by one, kept so that a stop loses at most one."""
 
 
 @dataclass(frozen=True)

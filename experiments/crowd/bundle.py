@@ -1,12 +1,13 @@
 """The crowd study as the command line uses it: made, measured, analysed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from experiments.crowd.design import DEFAULT_PARAMETERS, QUESTIONNAIRES, STUDY, CrowdParameters
 from experiments.crowd.intake import SessionIntake, take_in
+from experiments.crowd.measuring import Runner, measure_sessions
 from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.study import CrowdStudy
 from experiments.crowd.study_outputs import analyse_study
@@ -55,6 +56,16 @@ class CrowdBundle:
     def measure(self, recording: Recording) -> SessionIntake:
         """Take in one session: trials measured from the recording alone, answers scored."""
         return take_in(recording)
+
+    def measure_all(
+        self,
+        sessions: Sequence[Path],
+        store: Path,
+        run: Runner,
+        on_walk: Callable[[int, int], None],
+    ) -> list[SessionIntake]:
+        """Take in sessions walk by walk; what `store` holds already is not measured again."""
+        return measure_sessions(sessions, store, run, on_walk=on_walk)
 
     def analyse(
         self,

@@ -1,13 +1,30 @@
 """Collisions of a recorded walk: common volumes every 10 ms, then one row per collision."""
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 
-from analysis.collisions import Rule, common_volume, find_collisions, nearest_part, speed_at
-from experiments.crowd.body_mesh import Detail, body_mesh
+from analysis.collisions import (
+    ClosedMesh,
+    Rule,
+    Settings,
+    common_volume,
+    find_collisions,
+    nearest_part,
+    speed_at,
+)
 from experiments.crowd.replay import Walk
+from experiments.crowd.surfaces import (
+    MeshSurface,
+    Surface,
+    avatar_of,
+    crowd_surfaces,
+    own_surface,
+    own_surfaces,
+    person_surface,
+)
+from experiments.crowd.walk_kernel import volumes_of_walk
 from lab.geometry import Vector
 from stimuli.contact.body import CAPSULE_JOINTS, capsule_body
 from stimuli.contact.common import volumes_along
@@ -15,54 +32,64 @@ from stimuli.contact.figures import crowd_figures
 from stimuli.contact.idle import N_JOINTS, place_person
 from stimuli.contact.touch import REACH_M, TouchSensor
 
-Surface: TypeAlias = Literal["fine", "light", "capsules"]
-
 CAPSULE_CELL_M: Final = 0.0125
+SURFACE_REACH_M: Final = REACH_M + 0.15
+"""No part of an idle person's surface is farther than this from where they stand."""
 SIDE_OF: Final = {"left": "left", "right": "right"}
+_FINE_ENOUGH: Final = Settings()
 
 
 @dataclass(frozen=True, eq=False)
 class WalkVolumes:
     """Common volumes of a walk: `volume_m3` (n, people), NaN where the body was lost.
 
-    `surface` says what bodies were measured: a body mesh, `fine` or `light`, or `capsules`.
+    `surface` says what bodies were measured: those of the `characters`, bodies built round
+    capsules (`fine`, `light`), or the `capsules` themselves. `avatar` plays the participant.
     """
 
     volume_m3: Vector
     rule: Rule
     surface: Surface
+    avatar: str
 
 
-def walk_volumes(walk: Walk, *, rule: Rule = "volume", surface: Surface = "fine") -> WalkVolumes:
+def walk_volumes(
+    walk: Walk,
+    *,
+    rule: Rule = "volume",
+    surface: Surface = "characters",
+    sex: str | None = None,
+) -> WalkVolumes:
     """Measure what participant and every person have in common at every step of a walk.
 
-    A touch of capsules comes first, as the meshes lie inside them; then the surfaces are posed
-    and measured by the rule.
+    Bodies whose boxes do not meet, piece by piece, share nothing; the others are posed and
+    measured by the rule. `sex` chooses the participant's body.
     """
+    avatar = avatar_of(sex, walk.stature_m)
     if surface == "capsules":
-        return WalkVolumes(_capsule_volumes(walk), rule, surface)
-    n = len(walk.t_ns)
-    volumes = np.zeros((n, len(walk.crowd)))
-    whole = capsule_body(1.0)
-    sensor = TouchSensor(walk.crowd)
-    radius = walk.stature_m * whole.radius_m
-    lost = ~np.isfinite(walk.position_m).all(axis=(1, 2))
-    volumes[lost] = np.nan
-    poser = _Poser(walk)
-    crowd_t_s = walk.crowd_t_s
-    scaled = capsule_body(walk.stature_m)
-    for i in np.flatnonzero(~lost):
-        position, turn = walk.position_m[i], walk.orientation_wxyz[i]
-        starts, ends = scaled.posed(position, turn)
-        touched = {t.person for t in sensor.touches(starts, ends, radius, float(crowd_t_s[i]))}
-        if not touched:
-            continue
-        mesh = body_mesh(surface)
-        own = mesh.posed(position, turn, walk.stature_m)
-        for person in touched:
-            other = poser.mesh(person, float(crowd_t_s[i]), surface)
-            volumes[i, person] = common_volume(own, other, rule).volume_m3
-    return WalkVolumes(volumes, rule, surface)
+        return WalkVolumes(_capsule_volumes(walk), rule, surface, avatar)
+    volumes = np.empty((len(walk.t_ns), len(walk.crowd)))
+    volumes_of_walk(
+        np.ascontiguousarray(walk.position_m),
+        np.ascontiguousarray(walk.orientation_wxyz),
+        walk.crowd_t_s,
+        own_surfaces(surface, avatar),
+        walk.stature_m / own_surface(surface, avatar)[1],
+        walk.people,
+        crowd_figures(),
+        crowd_surfaces(surface),
+        SURFACE_REACH_M,
+        _FINE_ENOUGH.cell_m,
+        _FINE_ENOUGH.refine_below_m3,
+        _FINE_ENOUGH.fine_columns,
+        rule != "volume",
+        volumes,
+    )
+    if rule != "volume":
+        poser = _Poser(walk, surface, avatar)
+        for i, person in np.argwhere(volumes == 1.0).tolist():
+            volumes[i, person] = common_volume(poser.own(i), poser.other(i, person), rule).volume_m3
+    return WalkVolumes(volumes, rule, surface, avatar)
 
 
 def _capsule_volumes(walk: Walk) -> Vector:
@@ -89,7 +116,9 @@ def collision_rows(walk: Walk, measured: WalkVolumes) -> list[dict[str, Any]]:
     """Return one row per collision, uncounted ones included, in order of their start."""
     rows = []
     place = walk.place_m
-    poser = _Poser(walk)
+    poser = None
+    if measured.surface != "capsules":
+        poser = _Poser(walk, measured.surface, measured.avatar)
     sensor = TouchSensor(walk.crowd)
     body = capsule_body(walk.stature_m)
     start_ns = int(walk.row["t_start_ns"])
@@ -98,8 +127,9 @@ def collision_rows(walk: Walk, measured: WalkVolumes) -> list[dict[str, Any]]:
         i = index[found.peak_ns]
         starts, ends = body.posed(walk.position_m[i], walk.orientation_wxyz[i])
         centre = np.full(3, np.nan)
-        if measured.surface != "capsules":
-            centre = _centre_at(walk, poser, i, found.character, measured.surface)
+        if poser is not None:
+            shared = common_volume(poser.own(i), poser.other(i, found.character))
+            centre = shared.centre_m
         part = _part_at(walk, sensor, i, found.character, centre, starts, ends, body.radius_m)
         side, _, rest = part.partition("_")
         rows.append(
@@ -124,12 +154,6 @@ def collision_rows(walk: Walk, measured: WalkVolumes) -> list[dict[str, Any]]:
     return rows
 
 
-def _centre_at(walk: Walk, poser: "_Poser", i: int, person: int, surface: Detail) -> Vector:
-    """Return the middle of what participant and person have in common at a step."""
-    own = body_mesh(surface).posed(walk.position_m[i], walk.orientation_wxyz[i], walk.stature_m)
-    return common_volume(own, poser.mesh(person, float(walk.crowd_t_s[i]), surface)).centre_m
-
-
 def _part_at(
     walk: Walk,
     sensor: TouchSensor,
@@ -151,27 +175,37 @@ def _part_at(
 
 
 class _Poser:
-    """Pose people of a walk's crowd at a time, as capsules or as meshes."""
+    """Pose the surfaces of a walk: the participant's, and those of people at a step."""
 
-    def __init__(self, walk: Walk) -> None:
-        self._people = walk.people
-        self._figures = crowd_figures()
+    def __init__(self, walk: Walk, surface: MeshSurface, avatar: str) -> None:
+        self._walk, self._surface = walk, surface
+        self._own, size_m = own_surface(surface, avatar)
+        self._scale = walk.stature_m / size_m
+        self._people, self._t_s = walk.people, walk.crowd_t_s
+        self._step, self._mesh = -1, ClosedMesh(np.empty((0, 3)), np.empty((0, 3), np.int32))
         self._root, self._local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
         self._position, self._world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
 
-    def _place(self, person: int, t_s: float) -> tuple[Vector, Vector]:
+    def own(self, step: int) -> ClosedMesh:
+        """Return the participant's surface."""
+        if step != self._step:
+            walk = self._walk
+            self._step = step
+            self._mesh = self._own.posed(
+                walk.position_m[step], walk.orientation_wxyz[step], self._scale
+            )
+        return self._mesh
+
+    def other(self, step: int, person: int) -> ClosedMesh:
+        """Return a person's surface."""
         place_person(
             self._people[person],
-            t_s,
-            self._figures,
+            float(self._t_s[step]),
+            crowd_figures(),
             self._root,
             self._local,
             self._position,
             self._world,
         )
-        return self._position[0], self._world[0]
-
-    def mesh(self, person: int, t_s: float, detail: Detail) -> Any:
-        """Return a person's closed mesh."""
-        figure = int(self._people[person, 15])
-        return body_mesh(detail, figure).posed(*self._place(person, t_s), 1.0)
+        surface = person_surface(int(self._walk.crowd.character[person]), self._surface)
+        return surface.posed(self._position[0], self._world[0])

@@ -38,13 +38,20 @@ class SessionIntake:
     blocks: list[dict[str, Any]] = field(default_factory=list)
 
 
-def take_in(recording: Recording, params: MeasureParameters = DEFAULT_MEASURES) -> SessionIntake:
-    """Measure every walk of a session from its recording."""
+def take_in(
+    recording: Recording,
+    params: MeasureParameters = DEFAULT_MEASURES,
+    *,
+    measured: list[MeasuredWalk] | None = None,
+) -> SessionIntake:
+    """Measure every walk of a session from its recording, or take those `measured` before."""
     manifest = recording.manifest
     person, blocks = answers_of(recording)
     step_m = step_length_m(person.get("gender"))
     pulses = pulse_rows(recording)
-    measured = [measure_walk(walk, step_m, params) for walk in walks(recording)]
+    sex = person.get("gender")
+    if measured is None:
+        measured = [measure_walk(walk, step_m, params, sex=sex) for walk in walks(recording)]
     for one in measured:
         one.row["is_simulated"] = recording.is_simulated
         own = [p for p in pulses if p["trial_id"] == one.row["trial_id"]]

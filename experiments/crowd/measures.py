@@ -5,14 +5,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from analysis.cells import CellPath, Triangulation, triangulate
+from analysis.cells import CellError, CellPath, Triangulation, triangulate
 from analysis.cells import walk as walk_cells
 from analysis.collisions import Rule
 from analysis.gait import clearance_m, crossing_angles_deg, walk_measures
-from experiments.crowd.collision_measures import Surface, collision_rows, walk_volumes
+from experiments.crowd.collision_measures import collision_rows, walk_volumes
 from experiments.crowd.replay import Walk
+from experiments.crowd.surfaces import Surface
 from lab.geometry import Vector
-from stimuli.scenes.station_crowd import BOARD_M, Crowd
+from stimuli.scenes.station_crowd import BOARD_M, Crowd, in_room
 
 JITTER_SEED: Final = 20200
 
@@ -25,7 +26,7 @@ class MeasureParameters:
     """
 
     rule: Rule = "volume"
-    surface: Surface = "fine"
+    surface: Surface = "characters"
 
 
 DEFAULT_MEASURES: Final = MeasureParameters()
@@ -58,27 +59,47 @@ def cells_of(walk: Walk) -> tuple[Triangulation, CellPath]:
 
 
 def measure_walk(
-    walk: Walk, step_m: float, params: MeasureParameters = DEFAULT_MEASURES
+    walk: Walk,
+    step_m: float,
+    params: MeasureParameters = DEFAULT_MEASURES,
+    *,
+    sex: str | None = None,
 ) -> MeasuredWalk:
     """Measure a walk from its recording alone; `step_m` is left out round the stop.
 
-    A walk whose body was never tracked has missing measures and no rows; it is flagged.
+    What cannot be measured is missing, and `flags` say why: a body never tracked, tracking lost
+    for a while, a way out of the room, people at one place (no cells). `sex` chooses the body.
     """
     row = {**walk.row, "measure_rule": params.rule, "measure_surface": params.surface}
     lost = np.asarray(~np.isfinite(walk.position_m).all(axis=(1, 2)))
     row["lost_01"] = float(lost.mean()) if len(lost) else 1.0
-    if len(walk.t_ns) < 3 or not np.isfinite(walk.place_m).all(axis=1).any():
+    flags = [text for text in str(walk.row.get("flags") or "").split(";") if text]
+    place = walk.place_m[np.isfinite(walk.place_m).all(axis=1)]
+    if len(walk.t_ns) < 3 or not len(place):
+        row["flags"] = ";".join([*flags, "not_measured_body_never_tracked"])
         return MeasuredWalk(row, [], [], (), np.empty((0, 2)))
-    volumes = walk_volumes(walk, rule=params.rule, surface=params.surface)
+    if lost.any():
+        flags.append("measured_with_gaps")
+    if not in_room(place).all():
+        flags.append("left_room")
+    try:
+        triangulation, path = cells_of(walk)
+    except CellError as problem:
+        flags.append("no_cells")
+        row["cells_problem"] = str(problem)
+        triangulation, path = None, CellPath((), (), (0,), 0)
+    row["flags"] = ";".join(dict.fromkeys(flags))
+    volumes = walk_volumes(walk, rule=params.rule, surface=params.surface, sex=sex)
     collisions = collision_rows(walk, volumes)
     counted = [c for c in collisions if c["counted"]]
-    triangulation, path = cells_of(walk)
-    to_gap, to_way = crossing_angles_deg(
-        triangulation,
-        path,
-        walk.joint("left_upper_arm")[:, [0, 2]],
-        walk.joint("right_upper_arm")[:, [0, 2]],
-    )
+    to_gap = to_way = np.empty(0)
+    if triangulation is not None:
+        to_gap, to_way = crossing_angles_deg(
+            triangulation,
+            path,
+            walk.joint("left_upper_arm")[:, [0, 2]],
+            walk.joint("right_upper_arm")[:, [0, 2]],
+        )
     inner = np.array([c.before is not None or c.after is not None for c in path.crossings], bool)
     crossings: list[dict[str, Any]] = [
         {
@@ -87,8 +108,8 @@ def measure_walk(
             "second": c.edge[1],
             "x_m": c.at_m[0],
             "z_m": c.at_m[1],
-            "t_s": c.s * 0.01,
-            "centres_apart_m": _apart(triangulation, c.edge),
+            "t_s": float(np.interp(c.s, np.arange(len(walk.t_ns)), walk.crowd_t_s)),
+            "centres_apart_m": _apart(walk.crowd.position_m, c.edge),
             "shoulders_to_gap_deg": float(to_gap[k]),
             "shoulders_to_way_deg": float(to_way[k]),
         }
@@ -108,7 +129,7 @@ def measure_walk(
         "arm_collisions": sum(
             c["body_part"] in ("upper_arm", "lower_arm", "hand") for c in counted
         ),
-        "crossings": len(crossings),
+        "crossings": len(crossings) if triangulation is not None else None,
         "shoulders_to_gap_deg": _mean([c["shoulders_to_gap_deg"] for c in crossings]),
         "shoulders_to_way_deg": _mean([c["shoulders_to_way_deg"] for c in crossings]),
         "speed_m_s": gait.speed_m_s,
@@ -120,14 +141,14 @@ def measure_walk(
         "hesitation_s": gait.hesitation_s,
         "clearance_mean_m": float(np.nanmean(clear)),
         "clearance_min_m": float(np.nanmin(clear)),
-        "cells": len(path.cell_set),
+        "cells": len(path.cell_set) if triangulation is not None else None,
         "step_m": step_m,
     }
     return MeasuredWalk(row, collisions, crossings, path.cells, walk.place_m[::10])
 
 
-def _apart(triangulation: Triangulation, edge: tuple[int, int]) -> float:
-    a, b = triangulation.positions_m[list(edge)]
+def _apart(positions_m: Vector, edge: tuple[int, int]) -> float:
+    a, b = positions_m[list(edge)]
     return float(np.linalg.norm(b - a))
 
 

@@ -1,0 +1,221 @@
+"""Closed surfaces moved by joints, many of them in one table for compiled kernels.
+
+Linear blend skinning. A cheap and strict test comes before any volume: every piece of a surface
+(the vertices that one joint moves most) lies in the box of its images by the joints that move it,
+because a blended vertex lies between its images. Where no boxes meet, nothing is shared.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.collisions.errors import MalformedMesh
+from analysis.collisions.meshes import ClosedMesh, Faces
+from lab.compiled import compiled
+from lab.geometry import Vector
+
+Bones = npt.NDArray[np.int16]
+Index = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class SkinnedBody:
+    """One closed surface at rest with what moves it.
+
+    `rest_m` (v, 3) and `faces` (f, 3); `bones` (v, 4) joints with `weights` (v, 4) that sum to 1;
+    `joints_m` (j, 3) where the joints are at rest, their axes those of the world.
+    """
+
+    rest_m: Vector
+    faces: Faces
+    bones: Bones
+    weights: Vector
+    joints_m: Vector
+
+    def __post_init__(self) -> None:
+        v = len(self.rest_m)
+        if self.bones.shape != (v, 4) or self.weights.shape != (v, 4):
+            raise MalformedMesh(
+                f"{v} vertices with bones {self.bones.shape} and weights {self.weights.shape}; "
+                "give four of each a vertex"
+            )
+        if v and not np.allclose(self.weights.sum(axis=1), 1, atol=1e-3):
+            row = int(np.abs(self.weights.sum(axis=1) - 1).argmax())
+            raise MalformedMesh(
+                f"weights of vertex {row} sum to {self.weights[row].sum():g}; make them sum to 1"
+            )
+
+    def posed(self, position_m: Vector, orientation_wxyz: Vector, scale: float = 1.0) -> ClosedMesh:
+        """Return the surface at joints (j, 3) and (j, 4) in world, at `scale` times its size."""
+        vertices = np.empty_like(self.rest_m)
+        moves = np.empty((len(self.joints_m), 3, 4))
+        joint_moves(position_m, orientation_wxyz, self.joints_m, scale, moves)
+        skin_vertices(self.rest_m, self.bones, self.weights, moves, vertices)
+        return ClosedMesh(vertices, self.faces)
+
+
+class Bodies(NamedTuple):
+    """k surfaces one after the other; those of body i are `begin[i]` to `begin[i + 1]` of each.
+
+    `vertex`, `face` and `piece` are these beginnings (k + 1,); `joints_m` (k, j, 3). A piece
+    belongs to a `group` of its body, is moved by one `joint`, and holds at rest what lies within
+    `half_m` of `centre_m`; `groups` (k,) counts them.
+    """
+
+    vertex: Index
+    rest_m: Vector
+    bones: Bones
+    weights: Vector
+    face: Index
+    faces: Faces
+    joints_m: Vector
+    piece: Index
+    group: Index
+    joint: Index
+    centre_m: Vector
+    half_m: Vector
+    groups: Index
+
+
+def pack(bodies: Sequence[SkinnedBody]) -> Bodies:
+    """Put surfaces with the same joints into one table."""
+    pieces = [_pieces(body) for body in bodies]
+
+    def beginnings(sizes: Sequence[int]) -> Index:
+        return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+
+    return Bodies(
+        vertex=beginnings([len(b.rest_m) for b in bodies]),
+        rest_m=np.concatenate([b.rest_m for b in bodies]),
+        bones=np.concatenate([b.bones for b in bodies]),
+        weights=np.concatenate([b.weights for b in bodies]),
+        face=beginnings([len(b.faces) for b in bodies]),
+        faces=np.concatenate([b.faces for b in bodies]),
+        joints_m=np.array([b.joints_m for b in bodies]),
+        piece=beginnings([len(p[0]) for p in pieces]),
+        group=np.concatenate([p[0] for p in pieces]),
+        joint=np.concatenate([p[1] for p in pieces]),
+        centre_m=np.concatenate([p[2] for p in pieces]),
+        half_m=np.concatenate([p[3] for p in pieces]),
+        groups=np.array([p[0].max() + 1 for p in pieces], np.int64),
+    )
+
+
+def _pieces(body: SkinnedBody) -> tuple[Index, Index, Vector, Vector]:
+    strongest = body.bones[np.arange(len(body.bones)), body.weights.argmax(axis=1)]
+    groups, joints, centres, halves = [], [], [], []
+    for number, bone in enumerate(np.unique(strongest).tolist()):
+        members = np.flatnonzero(strongest == bone)
+        moved = body.bones[members]
+        weighted = body.weights[members] > 0
+        for joint in np.unique(moved[weighted]).tolist():
+            own = members[((moved == joint) & weighted).any(axis=1)]
+            low, high = body.rest_m[own].min(axis=0), body.rest_m[own].max(axis=0)
+            groups.append(number)
+            joints.append(joint)
+            centres.append((low + high) / 2)
+            halves.append((high - low) / 2)
+    return np.array(groups), np.array(joints), np.array(centres), np.array(halves)
+
+
+@compiled
+def joint_moves(
+    position: Vector, world: Vector, joints_m: Vector, scale: float, moves: Vector
+) -> None:
+    """Write what takes points at rest to world, (j, 3, 4), from joints (j, 3) and (j, 4)."""
+    for j in range(position.shape[0]):
+        w, x, y, z = world[j, 0], world[j, 1], world[j, 2], world[j, 3]
+        m = moves[j]
+        m[0, 0], m[0, 1], m[0, 2] = (
+            1 - 2 * (y * y + z * z),
+            2 * (x * y - w * z),
+            2 * (x * z + w * y),
+        )
+        m[1, 0], m[1, 1], m[1, 2] = (
+            2 * (x * y + w * z),
+            1 - 2 * (x * x + z * z),
+            2 * (y * z - w * x),
+        )
+        m[2, 0], m[2, 1], m[2, 2] = (
+            2 * (x * z - w * y),
+            2 * (y * z + w * x),
+            1 - 2 * (x * x + y * y),
+        )
+        for r in range(3):
+            for c in range(3):
+                m[r, c] *= scale
+            m[r, 3] = position[j, r] - (
+                m[r, 0] * joints_m[j, 0] + m[r, 1] * joints_m[j, 1] + m[r, 2] * joints_m[j, 2]
+            )
+
+
+@compiled
+def skin_vertices(rest: Vector, bones: Bones, weights: Vector, moves: Vector, out: Vector) -> None:
+    """Write vertices (v, 3) moved by the blend of their four joints."""
+    for v in range(rest.shape[0]):
+        x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
+        px = py = pz = 0.0
+        for k in range(4):
+            w = weights[v, k]
+            if w == 0.0:
+                continue
+            m = moves[bones[v, k]]
+            px += w * (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
+            py += w * (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
+            pz += w * (m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
+        out[v, 0], out[v, 1], out[v, 2] = px, py, pz
+
+
+@compiled
+def group_boxes(
+    group: Index,
+    joint: Index,
+    centre_m: Vector,
+    half_m: Vector,
+    n_groups: int,
+    moves: Vector,
+    boxes: Vector,
+    whole: Vector,
+) -> None:
+    """Write the boxes (g, 6) that hold the posed groups, and the one (6,) that holds them all."""
+    for g in range(n_groups):
+        for c in range(3):
+            boxes[g, c], boxes[g, c + 3] = np.inf, -np.inf
+    for q in range(group.shape[0]):
+        g, m = group[q], moves[joint[q]]
+        for r in range(3):
+            at = m[r, 3]
+            reach = 0.0
+            for c in range(3):
+                at += m[r, c] * centre_m[q, c]
+                reach += abs(m[r, c]) * half_m[q, c]
+            boxes[g, r] = min(boxes[g, r], at - reach)
+            boxes[g, r + 3] = max(boxes[g, r + 3], at + reach)
+    for c in range(3):
+        whole[c], whole[c + 3] = np.inf, -np.inf
+    for g in range(n_groups):
+        for c in range(3):
+            whole[c] = min(whole[c], boxes[g, c])
+            whole[c + 3] = max(whole[c + 3], boxes[g, c + 3])
+
+
+@compiled
+def boxes_meet(a: Vector, b: Vector) -> bool:
+    """Tell whether two boxes (6,) share volume."""
+    return bool(
+        a[0] < b[3] and b[0] < a[3] and a[1] < b[4] and b[1] < a[4] and a[2] < b[5] and b[2] < a[5]
+    )
+
+
+@compiled
+def any_boxes_meet(a: Vector, n_a: int, b: Vector, n_b: int, whole_b: Vector) -> bool:
+    """Tell whether any of the first boxes of `a` meets any of `b`."""
+    for i in range(n_a):
+        if boxes_meet(a[i], whole_b):
+            for j in range(n_b):
+                if boxes_meet(a[i], b[j]):
+                    return True
+    return False

@@ -1,0 +1,112 @@
+"""The bodies that collisions are measured on: those of the characters, or built round capsules."""
+
+from functools import cache
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from analysis.collisions import ClosedMesh, closed_mesh, enclosed_volume_m3
+from analysis.collisions.skinned import Bodies, SkinnedBody, pack
+from experiments.crowd.body_mesh import body_mesh
+from lab.geometry import Vector
+from stimuli.characters.character import Character, SkinnedMesh
+from stimuli.characters.closing import collision_mesh, is_closed
+from stimuli.contact.body import BODY_JOINTS
+from stimuli.dressing.casting import default_casting
+from stimuli.scenes.station_crowd import CHARACTERS
+
+Surface: TypeAlias = Literal["characters", "fine", "light", "capsules"]
+MeshSurface: TypeAlias = Literal["characters", "fine", "light"]
+
+AVATARS: Final = {"woman": "female_01", "man": "male_01"}
+"""Who embodies a participant; people of neither or unknown sex the one nearer in stature."""
+_LEAST_M3: Final = 1e-3
+
+
+@cache
+def crowd_surfaces(surface: MeshSurface) -> Bodies:
+    """Return the surfaces of those who play `CHARACTERS`, in that order."""
+    return pack([person_surface(k, surface) for k in range(len(CHARACTERS))])
+
+
+@cache
+def person_surface(figure: int, surface: MeshSurface) -> SkinnedBody:
+    """Return the surface of one of `CHARACTERS` in that person's own size."""
+    if surface == "characters":
+        return character_surface(default_casting(CHARACTERS[figure]))
+    return _round_capsules(figure, surface)
+
+
+@cache
+def own_surface(surface: MeshSurface, avatar: str) -> tuple[SkinnedBody, float]:
+    """Return the participant's surface and the stature it has at scale 1."""
+    if surface == "characters":
+        character = default_casting(avatar)
+        return character_surface(character), character.stature_m
+    return _round_capsules(None, surface), 1.0
+
+
+@cache
+def own_surfaces(surface: MeshSurface, avatar: str) -> Bodies:
+    """Return the participant's surface as a table of one."""
+    return pack([own_surface(surface, avatar)[0]])
+
+
+def avatar_of(sex: str | None, stature_m: float) -> str:
+    """Return the part whose body a participant has: by sex, else by stature."""
+    if sex in AVATARS:
+        return AVATARS[sex]
+    return min(AVATARS.values(), key=lambda part: abs(default_casting(part).stature_m - stature_m))
+
+
+@cache
+def character_surface(character: Character) -> SkinnedBody:
+    """Return a character's closed surface, moved by the joints of the body alone.
+
+    Fingers go with the hand, the face with the head. The surface is checked as it is loaded and
+    repaired where that is safe.
+
+    Raises:
+        CollisionError: it is open, has no inside, or holds no volume, with the character's name.
+    """
+    mesh, skeleton = collision_mesh(character), character.skeleton
+    checked = checked_surface(mesh, character.name)
+    column = {skeleton.index(name): i for i, name in enumerate(BODY_JOINTS)}
+    to_body = np.empty(len(skeleton.names), np.int16)
+    for joint in range(len(to_body)):
+        at = joint
+        while at not in column:
+            at = int(skeleton.parents[at])
+        to_body[joint] = column[at]
+    weights = mesh.weights.astype(np.float64)
+    weights /= weights.sum(axis=1, keepdims=True)
+    joints_m: Vector = np.array([skeleton.rest_m[skeleton.index(name)] for name in BODY_JOINTS])
+    return SkinnedBody(checked.vertices_m, checked.faces, to_body[mesh.joints], weights, joints_m)
+
+
+def checked_surface(mesh: SkinnedMesh, name: str) -> ClosedMesh:
+    """Return a surface that encloses a body, mended where that is safe.
+
+    Raises:
+        CollisionError: it cannot be mended; the message names the character and the place.
+    """
+    given = ClosedMesh(
+        np.ascontiguousarray(mesh.vertices_m, np.float64),
+        np.ascontiguousarray(mesh.triangles, np.int32),
+    )
+    if is_closed(mesh) and enclosed_volume_m3(given) > _LEAST_M3:
+        return given
+    return closed_mesh(given.vertices_m, given.faces, name=f"collision mesh of {name}")
+
+
+def _round_capsules(figure: int | None, surface: MeshSurface) -> SkinnedBody:
+    """Return a surface round the capsules of contact, each rigid with its joint."""
+    mesh = body_mesh("fine" if surface == "fine" else "light", figure)
+    n = len(mesh.vertices_m)
+    bones = np.zeros((n, 4), np.int16)
+    bones[:, 0] = mesh.column
+    weights = np.zeros((n, 4))
+    weights[:, 0] = 1.0
+    # vertices are given from their joint, so joints at rest stand at the origin
+    joints_m = np.zeros((len(BODY_JOINTS), 3))
+    return SkinnedBody(mesh.vertices_m, mesh.faces, bones, weights, joints_m)

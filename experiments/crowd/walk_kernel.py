@@ -1,0 +1,98 @@
+"""Every step of a walk against everybody near: posed, culled, skinned, measured, in one kernel."""
+
+import numpy as np
+
+from analysis.collisions.pair import measure_pair
+from analysis.collisions.skinned import (
+    Bodies,
+    any_boxes_meet,
+    boxes_meet,
+    group_boxes,
+    joint_moves,
+    skin_vertices,
+)
+from lab.compiled import compiled
+from lab.geometry import Vector
+from stimuli.contact.figures import Figures
+from stimuli.contact.idle import N_JOINTS, place_person
+
+
+@compiled
+def volumes_of_walk(
+    positions: Vector,
+    worlds: Vector,
+    crowd_t_s: Vector,
+    own: Bodies,
+    own_scale: float,
+    people: Vector,
+    figures: Figures,
+    others: Bodies,
+    reach_m: float,
+    cell_m: float,
+    refine_below_m3: float,
+    fine_columns: int,
+    only_near: bool,
+    volumes: Vector,
+) -> None:
+    """Write the common volume (n, people) of a moving body with everybody, step by step.
+
+    `positions` (n, 22, 3) and `worlds` (n, 22, 4) move `own`, the one surface of a participant;
+    person p has surface `people[p, 15]` of `others`. Steps with a lost joint are NaN. With
+    `only_near` nothing is measured: 1 stands where boxes meet.
+    """
+    most = 0
+    for k in range(others.groups.shape[0]):
+        most = max(most, others.vertex[k + 1] - others.vertex[k])
+    theirs_m = np.empty((most, 3))
+    own_m = np.empty((own.rest_m.shape[0], 3))
+    own_moves, moves = np.empty((N_JOINTS, 3, 4)), np.empty((N_JOINTS, 3, 4))
+    own_boxes, boxes = np.empty((N_JOINTS, 6)), np.empty((N_JOINTS, 6))
+    own_whole, whole = np.empty(6), np.empty(6)
+    root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
+    position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
+    for i in range(positions.shape[0]):
+        if not np.isfinite(positions[i].sum() + worlds[i].sum()):
+            volumes[i] = np.nan
+            continue
+        joint_moves(positions[i], worlds[i], own.joints_m[0], own_scale, own_moves)
+        group_boxes(
+            own.group, own.joint, own.centre_m, own.half_m, own.groups[0], own_moves,
+            own_boxes, own_whole,
+        )  # fmt: skip
+        is_skinned = False
+        for p in range(people.shape[0]):
+            volumes[i, p] = 0.0
+            dx = max(own_whole[0] - people[p, 0], 0.0, people[p, 0] - own_whole[3])
+            dz = max(own_whole[2] - people[p, 1], 0.0, people[p, 1] - own_whole[5])
+            if dx * dx + dz * dz > reach_m * reach_m:
+                continue
+            who = int(people[p, 15])
+            place_person(people[p], crowd_t_s[i], figures, root, local, position, world)
+            joint_moves(position[0], world[0], others.joints_m[who], 1.0, moves)
+            q0, q1 = others.piece[who], others.piece[who + 1]
+            n = others.groups[who]
+            group_boxes(
+                others.group[q0:q1], others.joint[q0:q1], others.centre_m[q0:q1],
+                others.half_m[q0:q1], n, moves, boxes, whole,
+            )  # fmt: skip
+            if not boxes_meet(own_whole, whole):
+                continue
+            if not any_boxes_meet(own_boxes, own.groups[0], boxes, n, whole):
+                continue
+            if only_near:
+                volumes[i, p] = 1.0
+                continue
+            if not is_skinned:
+                skin_vertices(own.rest_m, own.bones, own.weights, own_moves, own_m)
+                is_skinned = True
+            v0, v1 = others.vertex[who], others.vertex[who + 1]
+            f0, f1 = others.face[who], others.face[who + 1]
+            mesh_m = theirs_m[: v1 - v0]
+            skin_vertices(
+                others.rest_m[v0:v1], others.bones[v0:v1], others.weights[v0:v1], moves, mesh_m
+            )
+            found = measure_pair(
+                own_m, own.faces, mesh_m, others.faces[f0:f1],
+                cell_m, refine_below_m3, fine_columns,
+            )  # fmt: skip
+            volumes[i, p] = found[0]

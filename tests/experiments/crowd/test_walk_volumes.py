@@ -1,0 +1,195 @@
+"""Volumes along a walk: the fast way equals the plain one, culls lose nothing, gaps stay gaps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.collisions import (
+    MalformedMesh,
+    NonFiniteMesh,
+    OpenMesh,
+    common_volume,
+    enclosed_volume_m3,
+)
+from analysis.collisions.skinned import SkinnedBody, group_boxes, joint_moves, pack
+from experiments.crowd.collision_measures import SURFACE_REACH_M, collision_rows, walk_volumes
+from experiments.crowd.measures import MeasureParameters, measure_walk
+from experiments.crowd.surfaces import (
+    avatar_of,
+    checked_surface,
+    crowd_surfaces,
+    own_surface,
+    person_surface,
+)
+from stimuli.characters.closing import collision_mesh
+from stimuli.contact.idle import crowd_poses, people_of
+from stimuli.dressing.casting import default_casting
+from stimuli.scenes.station_crowd import CHARACTERS, station_crowd
+from tests.experiments.crowd.synthetic_body import STATURE_M, carried, nowhere_near
+
+SURFACES = ("characters", "light")
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return carried(2.0, step_s=0.05)
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+def test_the_kernel_equals_measuring_every_pair_one_by_one(walk, surface):
+    measured = walk_volumes(walk, surface=surface).volume_m3
+    assert (measured > 1e-6).sum() > 10
+    own, size_m = own_surface(surface, avatar_of(None, STATURE_M))
+    people = people_of(walk.crowd)
+    for i in range(0, len(walk.t_ns), 8):
+        mesh = own.posed(walk.position_m[i], walk.orientation_wxyz[i], STATURE_M / size_m)
+        position, turn = crowd_poses(people, float(walk.crowd_t_s[i]))
+        near = np.linalg.norm(walk.crowd.position_m - walk.place_m[i], axis=1) < 1.6
+        for person in np.flatnonzero(near).tolist():
+            other = person_surface(int(walk.crowd.character[person]), surface)
+            plain = common_volume(mesh, other.posed(position[person], turn[person])).volume_m3
+            assert plain == pytest.approx(measured[i, person], rel=1e-9, abs=1e-12)
+        assert not measured[i, ~near].any()
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+def test_boxes_of_pieces_hold_every_posed_vertex(surface):
+    body = person_surface(2, surface)
+    packed = pack([body])
+    position, turn = crowd_poses(people_of(station_crowd(3)), 12.3)
+    moves, boxes, whole = np.empty((22, 3, 4)), np.empty((22, 6)), np.empty(6)
+    for joints, turns in zip(position[:6], turn[:6], strict=True):
+        vertices = body.posed(joints, turns).vertices_m
+        joint_moves(joints, turns, body.joints_m, 1.0, moves)
+        group_boxes(
+            packed.group, packed.joint, packed.centre_m, packed.half_m, int(packed.groups[0]),
+            moves, boxes, whole,
+        )  # fmt: skip
+        n = int(packed.groups[0])
+        inside = (
+            (vertices[:, None] >= boxes[:n, :3] - 1e-9)
+            & (vertices[:, None] <= boxes[:n, 3:] + 1e-9)
+        ).all(axis=2)
+        assert inside.any(axis=1).all()
+        assert (vertices.min(axis=0) >= whole[:3] - 1e-9).all()
+
+
+def test_nobody_reaches_farther_than_the_search_does():
+    crowd = station_crowd(4)
+    people = people_of(crowd)
+    for t_s in (0.0, 7.7, 31.0):
+        position, turn = crowd_poses(people, t_s)
+        for person in range(0, len(crowd), 5):
+            body = person_surface(int(crowd.character[person]), "characters")
+            at = body.posed(position[person], turn[person]).vertices_m[:, [0, 2]]
+            reach = np.linalg.norm(at - crowd.position_m[person], axis=1).max()
+            assert reach < SURFACE_REACH_M
+
+
+def test_every_character_is_a_closed_body_of_a_persons_volume():
+    packed = crowd_surfaces("characters")
+    assert len(CHARACTERS) == len(packed.groups)
+    for k in range(len(CHARACTERS)):
+        body = person_surface(k, "characters")
+        position, turn = crowd_poses(people_of(station_crowd(1))[:1], 0.0)
+        assert 0.03 < enclosed_volume_m3(body.posed(position[0], turn[0])) < 0.13
+
+
+def test_an_open_character_is_refused_by_name():
+    mesh = collision_mesh(default_casting("female_01"))
+    high = mesh.vertices_m[mesh.triangles][:, :, 1].mean(axis=1)
+    headless = replace(mesh, triangles=mesh.triangles[high < np.quantile(high, 0.95)])
+    with pytest.raises(OpenMesh, match="collision mesh of nobody"):
+        checked_surface(headless, "nobody")
+
+
+def test_an_inverted_character_is_turned_right_again():
+    mesh = collision_mesh(default_casting("male_02"))
+    mended = checked_surface(replace(mesh, triangles=mesh.triangles[:, ::-1].copy()), "inverted")
+    assert 0.03 < enclosed_volume_m3(mended) < 0.13
+    assert mended.repairs
+
+
+def test_a_character_with_a_lost_vertex_is_refused():
+    mesh = collision_mesh(default_casting("male_02"))
+    vertices = mesh.vertices_m.copy()
+    vertices[7] = np.nan
+    with pytest.raises(NonFiniteMesh, match="vertex 7"):
+        checked_surface(replace(mesh, vertices_m=vertices), "lost")
+
+
+def test_weights_that_do_not_sum_to_one_are_refused():
+    body = person_surface(0, "light")
+    with pytest.raises(MalformedMesh, match="make them sum to 1"):
+        SkinnedBody(body.rest_m, body.faces, body.bones, body.weights / 2, body.joints_m)
+
+
+def test_steps_without_a_tracked_joint_are_missing_and_cut_collisions(walk):
+    whole = walk_volumes(walk, surface="light")
+    person = int(np.nanargmax(whole.volume_m3.max(axis=0)))
+    step = int(whole.volume_m3[:, person].argmax())
+    hole = replace(walk, position_m=walk.position_m.copy())
+    hole.position_m[step, 9] = np.nan
+    measured = walk_volumes(hole, surface="light")
+    assert np.isnan(measured.volume_m3[step]).all()
+    assert np.isfinite(np.delete(measured.volume_m3, step, axis=0)).all()
+    cut = [c for c in collision_rows(hole, measured) if c["person"] == person]
+    assert any(c["cut"] for c in cut)
+
+
+@pytest.mark.parametrize("rule", ["centres", "published"])
+def test_other_rules_are_named_and_published_ones_read_more(walk, rule):
+    short = carried(0.3, step_s=0.05, begin=(-2.0, 2.1), end=(-1.8, 1.9))
+    plain = walk_volumes(short, surface="light").volume_m3
+    other = walk_volumes(short, rule=rule, surface="light")
+    assert rule == other.rule
+    assert {rule} == {c["rule"] for c in collision_rows(short, other)} or not plain.any()
+    if rule == "published":
+        assert other.volume_m3.sum() >= plain.sum()
+    else:
+        assert other.volume_m3.sum() == pytest.approx(plain.sum(), rel=0.5, abs=2e-4)
+
+
+def test_nobody_near_means_no_collision_and_no_missing_value():
+    place = nowhere_near()
+    measured = walk_volumes(carried(0.2, begin=place, end=place), surface="light")
+    assert not measured.volume_m3.any()
+
+
+LIGHT = MeasureParameters(surface="light")
+
+
+def test_a_body_never_tracked_is_flagged_and_nothing_is_invented(walk):
+    lost = replace(walk, position_m=np.full_like(walk.position_m, np.nan))
+    row = measure_walk(lost, 0.7, LIGHT).row
+    assert "not_measured_body_never_tracked" in row["flags"]
+    assert row["lost_01"] == 1
+    assert "collisions" not in row
+
+
+def test_a_walk_out_of_the_room_is_flagged():
+    out = carried(1.0, begin=(4.0, 4.5), end=(6.0, 4.5), step_s=0.05)
+    assert "left_room" in measure_walk(out, 0.7, LIGHT).row["flags"]
+
+
+def test_people_at_one_place_leave_cells_missing_with_the_reason():
+    crowd = station_crowd(1)
+    twice = crowd.position_m.copy()
+    twice[5] = twice[6]
+    measured = measure_walk(
+        carried(1.0, step_s=0.05, crowd=replace(crowd, position_m=twice)), 0.7, LIGHT
+    )
+    assert "no_cells" in measured.row["flags"]
+    assert measured.row["cells"] is None
+    assert measured.row["shoulders_to_gap_deg"] is None
+    assert "same place" in measured.row["cells_problem"]
+    assert np.isfinite(measured.row["speed_m_s"])
+
+
+def test_gaps_are_flagged_and_counted(walk):
+    hole = replace(walk, position_m=walk.position_m.copy())
+    hole.position_m[3:6] = np.nan
+    row = measure_walk(hole, 0.7, LIGHT).row
+    assert "measured_with_gaps" in row["flags"]
+    assert row["lost_01"] == pytest.approx(3 / len(walk.t_ns))
