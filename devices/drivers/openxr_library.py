@@ -5,7 +5,7 @@ before it was opened: then it is bound to the OpenGL context that is current. A 
 (its name, its arguments) with an answer (the name of the error, empty for none, then packed
 numbers), so that a `TeeTransport` around the transport writes a `.wire` log. One session serves
 every device of the process. Times are XrTime (ns) as the runtime gives them, next to the same
-instant on the session's clock by XR_KHR_convert_timespec_time, which reads CLOCK_MONOTONIC.
+instant on the session's clock (`devices.drivers.openxr_time`).
 
 Requests: `images`, `runtime`, `gaze`, `hands`, `frame`, `show`, `views`, `buzz`.
 """
@@ -23,6 +23,7 @@ from devices.drivers.openxr_graphics import (
     GraphicsBinding,
     ask_graphics_requirements,
 )
+from devices.drivers.openxr_time import RuntimeTime, performance_counter, time_extension
 from devices.drivers.openxr_wire import OpenXrTransport
 from devices.transports import Frames
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
@@ -30,7 +31,6 @@ from lab.errors import DeviceNotFound
 
 HEADLESS = "XR_MND_headless"
 EYE_GAZE = "XR_EXT_eye_gaze_interaction"
-TIMESPEC = "XR_KHR_convert_timespec_time"
 SIMULATED_RUNTIME = "Visavis"
 
 LOCATED = struct.Struct("<qqqQ7f")
@@ -52,8 +52,10 @@ _NO_RUNTIME = (
 class OpenXrLibrary:
     """The session of this process with the runtime, counted: the last to close ends it."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, *, counter: Callable[[], int] = performance_counter) -> None:
         self.clock = clock
+        self._counter = counter
+        self._time: RuntimeTime | None = None
         self.is_simulated = False
         self.version = ""
         self.offers_gaze = False
@@ -149,22 +151,23 @@ class OpenXrLibrary:
         xr = self._xr
         offered = {p.extension_name for p in xr.enumerate_instance_extension_properties()}
         offered = {n.decode() if isinstance(n, bytes) else n for n in offered}
-        for needed in (TIMESPEC,) if self._shows_images else (HEADLESS, TIMESPEC):
-            if needed not in offered:
-                raise DeviceNotFound(
-                    f"the OpenXR runtime does not offer {needed}",
-                    remedy="use SteamVR or Monado as the OpenXR runtime, or another driver"
-                    + ("; with display.show: headset none is needed" * (needed == HEADLESS)),
-                )
+        if not self._shows_images and HEADLESS not in offered:
+            raise DeviceNotFound(
+                f"the OpenXR runtime does not offer {HEADLESS}",
+                remedy="show images in the headset (display.show: headset), which does without; or "
+                "use SteamVR or Monado as the OpenXR runtime",
+            )
+        timing = time_extension(offered)
         self._binding = GraphicsBinding(offered) if self._shows_images else None
         way = (HEADLESS,) if self._binding is None else self._binding.extensions
-        enabled = [*way, TIMESPEC, *([EYE_GAZE] if EYE_GAZE in offered else [])]
+        enabled = [*way, timing, *([EYE_GAZE] if EYE_GAZE in offered else [])]
         application = xr.ApplicationInfo(
             application_name="Visavis", api_version=xr.Version(1, 0, 0)
         )
         self._instance = xr.create_instance(
             xr.InstanceCreateInfo(application_info=application, enabled_extension_names=enabled)
         )
+        self._time = RuntimeTime(xr, self._instance, self.clock, timing, self._counter)
         properties = xr.get_instance_properties(self._instance)
         name = properties.runtime_name
         self.version = name.decode() if isinstance(name, bytes) else str(name)
@@ -265,7 +268,7 @@ class OpenXrLibrary:
         images, self._images, self._begun = self._images, None, None
         if images is not None:
             images.close()
-        self._session, self._actions, self._binding = None, None, None
+        self._session, self._actions, self._binding, self._time = None, None, None, None
         self._spaces, self.states, self._running = {}, [], False
         if instance is not None:
             self._xr.destroy_instance(instance)
@@ -273,10 +276,10 @@ class OpenXrLibrary:
     # ---- calls ----------------------------------------------------------------------------
 
     def _now(self) -> tuple[int, int]:
-        xr = self._xr
-        now_ns = self.clock.now_ns()
-        stamp = xr.timespec(now_ns // NS_PER_S, now_ns % NS_PER_S)
-        return now_ns, int(xr.convert_timespec_time_to_time_khr(self._instance, stamp).value)
+        """Return one instant on the session's clock and on the runtime's."""
+        if self._time is None:
+            raise _Refused("NotConnected")
+        return self._time.now()
 
     def _runtime(self, _: Frames) -> Frames:
         packed: bytes = msgpack.packb([self.version, self.offers_gaze])

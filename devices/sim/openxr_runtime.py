@@ -24,7 +24,8 @@ import numpy as np
 
 from devices.contracts import Body
 from devices.drivers.openxr_graphics import EGL, OPENGL
-from devices.drivers.openxr_library import EYE_GAZE, HEADLESS, TIMESPEC, OpenXrLibrary
+from devices.drivers.openxr_library import EYE_GAZE, HEADLESS, OpenXrLibrary
+from devices.drivers.openxr_time import FROM_COUNTER, TIMESPEC
 from devices.sim.faults import FaultSchedule
 from devices.sim.native_build import build_library
 from devices.sim.openxr_hands import SimulatedHands
@@ -35,7 +36,7 @@ from lab.errors import DeviceNotFound
 EPOCH_NS = 7_000_000_000_000
 """What the runtime's clock shows when the session's shows zero."""
 
-MILLI_HZ = 1000
+MILLI_HZ, TICK_NS = 1000, 100
 RUNTIME_NAME = b"Visavis simulated OpenXR"
 SUCCESS, EVENT_UNAVAILABLE = 0, 4
 API_VERSION_UNSUPPORTED, FORM_FACTOR_UNAVAILABLE = -4, -35
@@ -67,6 +68,7 @@ class SimulatedXrRuntime:
         faults: FaultSchedule | None = None,
         supports_gaze: bool = True,
         tells_sample_time: bool = True,
+        time_extension: str = TIMESPEC,
     ) -> None:
         self.failure: Exception | None = None
         self.calls: list[str] = []
@@ -77,6 +79,7 @@ class SimulatedXrRuntime:
         self._faults = faults if faults is not None else FaultSchedule()
         self._supports_gaze = supports_gaze
         self._tells_sample_time = tells_sample_time
+        self._time_extension = time_extension
         self._origin_ns = clock.now_ns()
         self._states: deque[int] = deque()
         self._spaces: dict[int, int] = {}
@@ -134,7 +137,7 @@ class SimulatedXrRuntime:
 
     def library(self) -> OpenXrLibrary:
         """Return the real library, which will find this runtime."""
-        return OpenXrLibrary(self._clock)
+        return OpenXrLibrary(self._clock, counter=lambda: self._clock.now_ns() // TICK_NS)
 
     def end(self) -> None:
         """End the session from the runtime's side, as when its program is closed."""
@@ -145,7 +148,7 @@ class SimulatedXrRuntime:
     def _xr_EnumerateInstanceExtensionProperties(
         self, layer: Any, capacity: int, count: Any, properties: Any
     ) -> int:
-        names = (HEADLESS, TIMESPEC, EYE_GAZE, OPENGL, EGL)
+        names = (HEADLESS, self._time_extension, EYE_GAZE, OPENGL, EGL)
         count[0] = len(names)
         if capacity and properties:
             for i, name in enumerate(names):
@@ -301,6 +304,12 @@ class SimulatedXrRuntime:
         ctypes.cast(time, ctypes.POINTER(ctypes.c_int64))[0] = shown
         return SUCCESS
 
+    def _xr_ConvertWin32PerformanceCounterToTimeKHR(
+        self, instance: Any, ticks: Any, time: Any
+    ) -> int:
+        time[0] = ticks[0] * TICK_NS + EPOCH_NS
+        return SUCCESS
+
     # ---- inside -----------------------------------------------------------------------------
 
     def _gaze_at(self, at_ns: int, location: Any) -> tuple[list[float], list[float]] | None:
@@ -367,7 +376,7 @@ class SimulatedXrRuntime:
         return int(ctypes.cast(handle, ctypes.c_void_p).value or 0)
 
     def _offer(self, name: str, function: Callable[..., int]) -> None:
-        prototype = getattr(self._xr, f"PFN_{name}")
+        prototype = getattr(self._xr, f"PFN_{name}", FROM_COUNTER)
 
         def call(*args: Any) -> int:
             self.calls.append(name)

@@ -9,6 +9,7 @@ from devices.conformance import check_batches, check_eye_tracker, check_headset,
 from devices.contracts import DeviceState
 from devices.drivers.openxr_gaze import OpenXrGaze
 from devices.drivers.openxr_headset import OpenXrHeadset
+from devices.drivers.openxr_time import PERFORMANCE_COUNTER
 from devices.sim.faults import FaultSchedule
 from devices.sim.native_build import find_compiler
 from devices.sim.openxr_runtime import EPOCH_NS, SimulatedXrRuntime
@@ -126,6 +127,20 @@ def test_the_samples_own_time_is_kept_and_a_sample_comes_once():
         assert (np.diff(stamps) > 0).all()
         pairs = device.clock_pairs()
         assert pairs[-1].device_ns - pairs[-1].host_send_ns == EPOCH_NS
+
+
+def test_windows_runtimes_tell_the_time_by_the_performance_counter():
+    body = FixatingBody(10.0, 5.0)
+    with running(OpenXrGaze, body=body, time_extension=PERFORMANCE_COUNTER) as (
+        device, runtime, clock, batches,
+    ):  # fmt: skip
+        poll(device, clock, 0.2)
+        assert "xrConvertWin32PerformanceCounterToTimeKHR" in runtime.calls
+        assert "xrConvertTimespecTimeToTimeKHR" not in runtime.calls
+        pairs = device.clock_pairs()
+        off_ns = [pair.device_ns - pair.host_send_ns - EPOCH_NS for pair in pairs]
+        assert -100 < min(off_ns) <= max(off_ns) <= 0
+        assert column(batches, "valid").all()
 
 
 def test_without_a_sample_time_the_time_of_asking_stands():

@@ -1,0 +1,85 @@
+"""What an OpenXR runtime's clock shows at an instant of the session's clock.
+
+Linux runtimes convert CLOCK_MONOTONIC (XR_KHR_convert_timespec_time), those of Windows its
+performance counter (XR_KHR_win32_convert_performance_counter_time).
+"""
+
+import ctypes
+import platform
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from lab.clock import NS_PER_S, Clock
+from lab.errors import DeviceNotFound
+
+TIMESPEC = "XR_KHR_convert_timespec_time"
+PERFORMANCE_COUNTER = "XR_KHR_win32_convert_performance_counter_time"
+
+FROM_COUNTER = ctypes.CFUNCTYPE(
+    ctypes.c_int32, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int64), ctypes.POINTER(ctypes.c_int64)
+)
+"""xrConvertWin32PerformanceCounterToTimeKHR, which pyopenxr declares on Windows alone."""
+
+
+def time_extension(offered: Iterable[str]) -> str:
+    """Return the extension that converts this computer's clock.
+
+    Raises:
+        DeviceNotFound: the runtime offers none.
+    """
+    names = (TIMESPEC, PERFORMANCE_COUNTER)
+    known = [name for name in names if name in offered]
+    if known:
+        return known[-1] if platform.system() == "Windows" else known[0]
+    raise DeviceNotFound(
+        f"the OpenXR runtime offers neither {' nor '.join(names)}, so its times mean nothing here",
+        remedy="use SteamVR or Monado as the OpenXR runtime, or another driver",
+    )
+
+
+class RuntimeTime:
+    """Ask a runtime for its time; `counter` reads the performance counter where that is used."""
+
+    def __init__(
+        self, xr: Any, instance: Any, clock: Clock, extension: str, counter: Callable[[], int]
+    ) -> None:
+        self._xr = xr
+        self._instance = instance
+        self._clock = clock
+        self._counter = counter
+        self._convert: Any = None
+        if extension == PERFORMANCE_COUNTER:
+            name = "xrConvertWin32PerformanceCounterToTimeKHR"
+            address = xr.get_instance_proc_addr(instance, name)
+            self._convert = ctypes.cast(address, FROM_COUNTER)
+
+    def now(self) -> tuple[int, int]:
+        """Return the session's clock in ns and the runtime's XrTime of the same instant."""
+        xr, now_ns = self._xr, self._clock.now_ns()
+        if self._convert is None:
+            stamp = xr.timespec(now_ns // NS_PER_S, now_ns % NS_PER_S)
+            return now_ns, int(xr.convert_timespec_time_to_time_khr(self._instance, stamp).value)
+        ticks, found = ctypes.c_int64(self._counter()), ctypes.c_int64()
+        instance = ctypes.cast(self._instance, ctypes.c_void_p)
+        result = self._convert(instance, ctypes.byref(ticks), ctypes.byref(found))
+        problem = xr.check_result(xr.Result(result))
+        if problem.is_exception():
+            raise problem
+        return now_ns, int(found.value)
+
+
+def performance_counter() -> int:
+    """Return the ticks of the Windows performance counter.
+
+    Raises:
+        DeviceNotFound: this is not Windows.
+    """
+    windows = getattr(ctypes, "windll", None)
+    if windows is None:
+        raise DeviceNotFound(
+            "this OpenXR runtime tells its time by the Windows performance counter alone",
+            remedy="use a runtime made for this system",
+        )
+    ticks = ctypes.c_int64()
+    windows.kernel32.QueryPerformanceCounter(ctypes.byref(ticks))
+    return int(ticks.value)
