@@ -76,13 +76,14 @@ def warp(
         stage = staged(case_named(case), who)
         motion, body, view = stage.clip, stage.body, stage.view
         targets, allowed, things = stage.case.targets, stage.units, stage.case.things()
+        lamps = stage.case.lamps()
     else:
         if observer is None or not feature:
             raise UsageError("give --observer X,Y,Z and at least one --feature, or a --case")
         targets = tuple(parse_feature(text) for text in feature)
         allowed = units_named(tuple(name.strip() for name in units.split(",")))
         motion, body, view = _posed(clip, who, _point(observer), seconds, unit_m)
-        things = ()
+        things, lamps = (), ()
     settings = ControlSettings(threads=threads)
     with Progress(console=console, transient=True, disable=as_json) as bar:
         task = bar.add_task("warping", total=None)
@@ -94,7 +95,7 @@ def warp(
     bvh, own, sheet, curves, record = (output / name for name in OUT_NAMES)
     write_bvh(bvh, bvh_of_clip(warped.clip))
     write_clip(own, warped.clip)
-    drawn = write_sheet(sheet, who, motion, warped.clip, body, view, things)
+    drawn = write_sheet(sheet, who, motion, warped.clip, body, view, things, lamps)
     write_curves(curves, warped)
     summary = {
         "clip": clip if case is None else f"case {case}",
@@ -108,6 +109,9 @@ def warp(
         "wanted": warped.wanted.mean(axis=0).tolist(),
         "reached": warped.reached.mean(axis=0).tolist(),
         "reached_share_01": float(warped.is_reached.mean()),
+        "pose_reached_share_01": float(warped.pose_reached.mean()),
+        "frame_s": warped.frame_s.tolist(),
+        "frame_is_reached": warped.is_reached.tolist(),
     }
     record.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     if as_json:

@@ -27,21 +27,22 @@ COLUMNS = 6
 TILE_PX = 300
 LABEL_PX = 34
 HELD_SRGB = (40, 70, 120)
+DAYLIGHT = Light("sun", np.full(3, 0.75), direction=np.array([0.35, -0.8, 0.55]), casts_shadow=True)
 Tile = npt.NDArray[np.uint8]
 
 
 def write_sheet(
     path: Path, who: Character, before: Clip, after: Clip, body: SeenBody, view: Outlook,
-    things: Sequence[StaticMesh],
+    things: Sequence[StaticMesh], lamps: Sequence[Light] = (),
 ) -> bool:  # fmt: skip
     """Draw both clips at even times, one row each; tell whether people could be drawn.
 
-    Without OpenGL the rows show the perceived parts in colours.
+    `lamps` burn instead of daylight. Without OpenGL the rows show the perceived parts in colours.
     """
     times = np.linspace(0.05, 0.95, COLUMNS) * before.duration_s
     drawn = True
     try:
-        rows = _people(who, (before, after), body, view, things, times)
+        rows = _people(who, (before, after), body, view, things, lamps, times)
     except StageError:
         rows, drawn = _parts((before, after), body, view, times), False
     sheet = Image.new("RGB", (COLUMNS * TILE_PX, 2 * (TILE_PX + LABEL_PX)), (250, 250, 250))
@@ -59,7 +60,7 @@ def write_sheet(
 
 def _people(
     who: Character, clips: Sequence[Clip], body: SeenBody, view: Outlook,
-    things: Sequence[StaticMesh], times: Vector,
+    things: Sequence[StaticMesh], lamps: Sequence[Light], times: Vector,
 ) -> list[list[Tile]]:  # fmt: skip
     floor = level(
         "floor", (-6, -6), (6, 6), 0.0, (176, 174, 170), surfaces.plaster(3), roughness_01=0.9
@@ -67,11 +68,8 @@ def _people(
     room = Room(
         "sheet",
         (floor, *(placed(f"thing_{i}", m, (0, 0, 0), 0.0) for i, m in enumerate(things))),
-        (
-            Light("sun", np.full(3, 0.75), direction=np.array([0.35, -0.8, 0.55]),
-                  casts_shadow=True),
-        ),
-        np.full(3, 0.55), np.full(3, 0.42), (196, 202, 208),
+        tuple(replace(lamp, casts_shadow=True) for lamp in lamps) or (DAYLIGHT,),
+        np.full(3, 0.1 if lamps else 0.55), np.full(3, 0.08 if lamps else 0.42), (196, 202, 208),
     )  # fmt: skip
     with Renderer() as renderer:
         return [
