@@ -1,4 +1,5 @@
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,8 @@ from stimuli.motion.warping.perceived import (
     posed_points,
     refuse_observer_inside,
 )
+from stimuli.motion.warping.raster_kernels import BOTH_SIDES
+from stimuli.motion.warping.units import turned_by, units_named
 from stimuli.picture import Light
 from stimuli.rooms.solids import box
 from tests.stimuli.warping.bodies import arm_raised, box_person
@@ -94,6 +97,33 @@ def test_two_threads_see_what_one_sees():
     with ThreadPoolExecutor(2) as pool:
         two = perceived(box_person(), view_from(), roots, rows, pool=pool, threads=2)
     np.testing.assert_array_equal(one, two)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 2**31 - 1), yaw=st.floats(-90, 90))
+def test_poses_drawn_together_are_those_drawn_alone(seed, yaw):
+    # Triangles that stay where they are in the first pose are drawn once for many poses.
+    rng = np.random.default_rng(seed)
+    root, turns = arm_raised()
+    units, view = units_named(("all",)), view_from(yaw, size=64)
+    omega = np.zeros((8, 22))
+    omega[np.arange(8), rng.integers(0, 22, 8)] = rng.normal(0, 0.4, 8)
+    omega += rng.normal(0, 0.2, 22) * rng.integers(0, 2)
+    rows = turned_by(box_person().skeleton, units, turns, omega)
+    together = perceived(box_person(), view, np.repeat(root[None], 8, axis=0), rows)
+    alone = [perceived(box_person(), view, root[None], row[None])[0] for row in rows]
+    np.testing.assert_array_equal(np.array(alone), together)
+
+
+def test_cloth_is_seen_from_behind_and_skin_is_not():
+    root, turns = arm_raised()
+    inside_out = replace(box_person(), triangles=box_person().triangles[:, ::-1].copy())
+    cloth = replace(inside_out, labels=inside_out.labels + np.uint8(BOTH_SIDES))
+    skin, both = (seen(view_from(), b, (root, turns)) for b in (inside_out, cloth))
+    whole = seen(view_from())
+    assert both.max() <= max(PART_INDEX.values())
+    np.testing.assert_array_equal(whole > 0, both > 0)
+    assert (skin != whole).any()
 
 
 def test_body_half_as_large_at_half_the_distance_looks_the_same():

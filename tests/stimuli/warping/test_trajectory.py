@@ -6,7 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stimuli.motion.clip import Clip
+from stimuli.motion.errors import MotionError
 from stimuli.motion.joint_limits import beyond_deg
+from stimuli.motion.skeleton import Skeleton
 from stimuli.motion.warping.clips import warp_clip
 from stimuli.motion.warping.control import ControlSettings
 from stimuli.motion.warping.features import FeatureTarget, grain_of
@@ -133,3 +135,20 @@ def test_grain_of_an_area_is_at_least_a_pixel_and_less_than_the_area_itself(valu
     pixel = 1 / 128**2
     grain = grain_of(target, value, (128, 128))
     assert pixel <= grain <= max(pixel, value)
+
+
+def test_clip_without_frames_is_refused():
+    clip = waving_clip()
+    with pytest.raises(MotionError, match="does not fit"):
+        Clip(clip.skeleton, clip.frame_s, clip.root_m[:0], clip.orientation_wxyz[:0])
+
+
+def test_clip_of_another_skeleton_or_without_target_is_refused():
+    clip, body = waving_clip(), box_person()
+    target = (FeatureTarget("coverage", ("face",), 0.1),)
+    with pytest.raises(MotionError, match="at least one feature"):
+        warp_clip(clip, body, view_from(), (), units_named(("all",)))
+    few = Skeleton(("hips",), np.array([-1]), np.zeros((1, 3)), np.full((1, 3), np.nan))
+    other = Clip(few, 0.1, clip.root_m[:2], clip.orientation_wxyz[:2, :1])
+    with pytest.raises(MotionError, match="different joints"):
+        warp_clip(other, body, view_from(), target, units_named(("all",)))
