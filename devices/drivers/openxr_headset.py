@@ -43,6 +43,8 @@ VALID = 0b0011
 TRACKED = 0b1100
 RECONNECT_EVERY_NS = NS_PER_S // 2
 CALL_TIMEOUT_S = 5.0
+USUAL_EYE_PX = (1440, 1600)
+"""Until the runtime has been asked; only a session with graphics asks."""
 
 _HEAD_ROW = struct.Struct("<3f4f?")
 _LOST_ROW = _HEAD_ROW.pack(*[math.nan] * 7, False)
@@ -55,6 +57,7 @@ class OpenXrHeadset:
         self, role: str, transport: MessageTransport, clock: Clock, *, display_rate_hz: float = 90
     ) -> None:
         self.display_rate_hz = float(display_rate_hz)
+        self.render_size_px = USUAL_EYE_PX
         self._transport = transport
         self._clock = clock
         self._life = Lifecycle(role)
@@ -96,6 +99,9 @@ class OpenXrHeadset:
             self._transport.open(deadline_s)
             name = msgpack.unpackb(self._answer("runtime"))[0]
             self._learn_views()
+            if self._shows_images:
+                width, height = msgpack.unpackb(self._answer("size"))
+                self.render_size_px = (int(width), int(height))
             period_ns = FRAME.unpack(self._answer("frame"))[3]
         except DeviceError as problem:
             self._transport.close()

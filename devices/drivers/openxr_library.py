@@ -7,7 +7,7 @@ numbers), so that a `TeeTransport` around the transport writes a `.wire` log. On
 every device of the process. Times are XrTime (ns) as the runtime gives them, next to the same
 instant on the session's clock (`devices.drivers.openxr_time`).
 
-Requests: `images`, `runtime`, `gaze`, `hands`, `frame`, `show`, `views`, `buzz`.
+Requests: `images`, `runtime`, `gaze`, `hands`, `frame`, `show`, `views`, `size`, `buzz`.
 """
 
 import ctypes
@@ -63,6 +63,7 @@ class OpenXrLibrary:
         self._users: list[OpenXrTransport] = []
         self._xr: Any = None
         self._instance: Any = None
+        self._system: Any = None
         self._session: Any = None
         self._spaces: dict[str, Any] = {}
         self._actions: OpenXrActions | None = None
@@ -78,6 +79,7 @@ class OpenXrLibrary:
             "frame": self._frame,
             "show": self._show,
             "views": self._views,
+            "size": self._size,
             "buzz": self._buzz,
         }
 
@@ -175,6 +177,7 @@ class OpenXrLibrary:
         system = xr.get_system(
             self._instance, xr.SystemGetInfo(form_factor=xr.FormFactor.HEAD_MOUNTED_DISPLAY)
         )
+        self._system = system
         self.offers_gaze = EYE_GAZE in enabled and self._supports_gaze(system)
         link = None
         if self._binding is not None:
@@ -372,6 +375,15 @@ class OpenXrLibrary:
             raise _Refused(problem)
         self._end_frame(self._images.layers)
         return ()
+
+    def _size(self, _: Frames) -> Frames:
+        """Return the width and height the runtime recommends for an eye's image."""
+        xr = self._xr
+        kind = xr.ViewConfigurationType.PRIMARY_STEREO
+        view = xr.enumerate_view_configuration_views(self._instance, self._system, kind)[0]
+        size = [view.recommended_image_rect_width, view.recommended_image_rect_height]
+        packed: bytes = msgpack.packb([int(n) for n in size])
+        return (packed,)
 
     def _views(self, _: Frames) -> Frames:
         xr = self._xr

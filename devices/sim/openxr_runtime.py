@@ -47,6 +47,7 @@ ALL_VALID_AND_TRACKED = 0b1111
 STAGE, VIEW, GAZE, FIRST_HAND = 3, 1, 99, 100
 FIRST_HANDLE = 0x1000
 VIEW_ANGLES_RAD = (-0.87, 0.82, -0.85, 0.86)
+RENDER_SIZE_PX = (1512, 1680)
 IPD_M = 0.063
 
 
@@ -253,6 +254,16 @@ class SimulatedXrRuntime:
             position, turn = self._body.head(max(0, at_ns))
             found = None if lost else (position.tolist(), turn.tolist())
         self._write(location, found)
+        return SUCCESS
+
+    def _xr_EnumerateViewConfigurationViews(
+        self, instance: Any, system: Any, kind: Any, capacity: int, count: Any, views: Any
+    ) -> int:
+        count[0] = 2
+        if capacity >= 2 and views:
+            for eye in range(2):
+                views[eye].recommended_image_rect_width = RENDER_SIZE_PX[0]
+                views[eye].recommended_image_rect_height = RENDER_SIZE_PX[1]
         return SUCCESS
 
     def _xr_LocateViews(

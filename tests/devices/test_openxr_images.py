@@ -9,6 +9,7 @@ from devices.conformance import check_headset, check_lifecycle
 from devices.contracts import DeviceState
 from devices.drivers.openxr_gaze import OpenXrGaze
 from devices.drivers.openxr_headset import OpenXrHeadset
+from devices.sim.openxr_runtime import RENDER_SIZE_PX
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import DeviceDisconnected, DeviceError
 from lab.geometry import quat_from_yaw_pitch_deg
@@ -120,6 +121,7 @@ def test_a_session_with_graphics_gets_the_focus_by_keeping_up_frames(context):
     with showing() as (headset, runtime, _, _):
         assert runtime.calls.index("xrEndFrame") < runtime.calls.index("xrLocateViews")
         assert "display" in headset.info.capabilities
+        assert headset.render_size_px == RENDER_SIZE_PX
         assert headset.state is DeviceState.STREAMING
 
 
