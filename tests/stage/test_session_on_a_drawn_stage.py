@@ -19,7 +19,7 @@ from stage.errors import StageError
 from stage.renderer import LIGHTEST, Image, Renderer
 from stimuli.scene import SceneFrame
 from tests.faults.sessions import TRIALS, events, lab, perform
-from tests.stage.sessions import perform_training
+from tests.stage.sessions import perform_shortest
 
 EVERY = 15
 
@@ -63,7 +63,7 @@ def test_recorded_frames_redraw_as_they_were(
         return stage
 
     monkeypatch.setattr(cli.perform, "build_stage", build)
-    recording = perform_training(lab(tmp_path))
+    recording = perform_shortest(lab(tmp_path))
     assert recording.status == "complete"
     (stage,) = made
     drawn = recording.stream_arrays("drawn")
