@@ -15,14 +15,19 @@ from devices.sim.shared_body import SharedBody
 from devices.stream_figures import ClockFigures, StreamFigures, clock_figures, stream_figures
 from lab.clock import NS_PER_S, Clock
 from lab.config import DeviceConfig
-from lab.errors import LabError
+from lab.errors import DeviceTimeout, LabError
 from lab.schema import SampleBatch
 
 OPEN_DEADLINE_S = 5.0
+SIMULATED_OPEN_S = 20.0
+"""A simulator on real sockets compiles its kernels at first, on a busy computer for long."""
+
 STEP_NS = NS_PER_S // 100
 SEED = 1
 SETTLE_S = 0.5
 """Not measured at the beginning of a capture: connections and threads come up."""
+
+BUSY_REMEDY = "it is simulated here, so this computer is too busy: close other programs"
 
 Tick = Callable[[float], None]
 
@@ -91,10 +96,12 @@ def _start(
     for config in devices:
         try:
             device = build_device(config, clock, body, SEED, stack, wires)
-            device.open(OPEN_DEADLINE_S)
+            device.open(SIMULATED_OPEN_S if config.simulated else OPEN_DEADLINE_S)
         except LabError as problem:
             remedy = str(getattr(problem, "remedy", ""))
             text = str(problem).removesuffix(f"; {remedy}").removeprefix(f"{config.role}: ")
+            if config.simulated and isinstance(problem, DeviceTimeout):
+                remedy = BUSY_REMEDY
             done[config.role] = replace(done[config.role], error=text, remedy=remedy)
             continue
         stack.callback(device.close)

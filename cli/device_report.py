@@ -19,7 +19,7 @@ def print_trials(trials: Sequence[Trial]) -> None:
         if not trial.error:
             _print_streaming(trial)
     if any(s.delay_ms is not None and not s.delay_is_absolute for t in trials for s in t.streams):
-        _say("[dim]≥ over the quickest sample: the device answers no time requests[/]")
+        _say("[dim]≥: above the quickest sample, as the device answers no time requests[/]")
     for trial in trials:
         if trial.error:
             _say(f"[red]✗[/] [b]{trial.role}[/] ({trial.driver}): {escape(trial.error)}")
@@ -60,7 +60,7 @@ def _advise(remedy: str, indent: int = 2) -> None:
 
 def _lines(s: StreamFigures) -> list[str]:
     if not s.nominal_rate_hz:
-        return [f"{s.samples} rows (comes when something happens)"]
+        return [f"{s.samples} rows (whenever something happens)"]
     if not s.samples:
         return [f"[red]nothing came[/], expected {s.nominal_rate_hz:g} a second"]
     rate = "rate unknown"

@@ -133,8 +133,6 @@ class ReportArmbandOptions(_BandOptions):
 class BleArmbandOptions(_BleBandOptions):
     """Options of `ble_armband`: our own protocol over Bluetooth LE."""
 
-    name: str = "Visavis"
-
 
 class SppArmbandOptions(_BandOptions):
     """Options of `spp_armband`: our own protocol over Bluetooth classic's serial port."""

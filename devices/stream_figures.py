@@ -77,7 +77,8 @@ def stream_figures(
         longest_ms = float(steps.max() / NS_PER_MS)
     jitter_ms = delay_ms = late_ms = None
     enough = count >= FEWEST_FOR_FIGURES and np.unique(device).size >= FEWEST_FOR_FIGURES
-    if known and enough and schema.nominal_rate_hz > 0:
+    is_own = known and not np.array_equal(device, host)  # else it is stamped by our own clock
+    if is_own and enough and schema.nominal_rate_hz > 0:
         fit = steady_fit(pairs) if pairs else fit_one_way(device, host)
         delays = (host - fit.to_host_ns(device)) / NS_PER_MS
         jitter_ms = float(np.std(delays))

@@ -6,11 +6,9 @@ False and bear no device time. While a motor runs, a thread of its own watches b
 that a pump that died leaves no motor on; when the computer itself dies, only the band can help.
 """
 
-import atexit
 import contextlib
 import math
 import threading
-import weakref
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -36,6 +34,7 @@ from devices.drivers.armband_ledger import (
 from devices.drivers.band_course import LONGEST_TTL_MS, Limits
 from devices.drivers.band_language import BandLanguage, Condition, Notice, Ready, Refused
 from devices.drivers.band_traffic import BandTraffic
+from devices.drivers.open_bands import open_bands
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
@@ -52,8 +51,6 @@ REMEDY = "check that the band is switched on, charged and plugged in or paired"
 
 HOST_SIDE_ONLY = "host_side_safety_only"
 """Capability of a band that goes on vibrating when this computer fails; see `check`."""
-
-_open_bands: "weakref.WeakSet[HostTimedBand]" = weakref.WeakSet()
 
 
 class HostTimedBand:
@@ -139,7 +136,7 @@ class HostTimedBand:
             raise type(problem)(message, role=self._role, remedy=problem.remedy) from problem
         self.info = replace(self.info, transport=self._link.kind)
         self._life.state = DeviceState.OPEN
-        _open_bands.add(self)
+        open_bands.add(self)
 
     def describe(self) -> tuple[StreamSchema, ...]:
         """Return the commands' stream and the band's own."""
@@ -198,7 +195,7 @@ class HostTimedBand:
         self._sink = None
         self._link.close()
         self._life.state = DeviceState.CLOSED
-        _open_bands.discard(self)
+        open_bands.discard(self)
 
     def health(self) -> Health:
         """Report rows delivered and the battery where the band tells it."""
@@ -392,12 +389,3 @@ class HostTimedBand:
             self._retry_ns = self._clock.now_ns() + RETRY_NS
             self._link.close()
         return self._deliver()
-
-
-def silence_every_open_band() -> None:
-    """Silence whatever band is open; registered to run when the interpreter ends."""
-    for band in list(_open_bands):
-        band.silence()
-
-
-atexit.register(silence_every_open_band)

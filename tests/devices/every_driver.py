@@ -24,6 +24,7 @@ NEEDED = {
     "openvr_trackers": {"worn": {"LHR-0A": "left_hand"}},
     "lsl_body": {"objects": {"Wand": "right_hand"}},
     "natnet": {"multicast_group": ""},
+    "ble_armband": {"name": "Visavis"},
     "spp_armband": {"address": "00:11:22:33:44:55"},
 }
 LATER_NS = 3600 * NS_PER_S
