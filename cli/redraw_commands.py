@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from cli.app import app, console
-from cli.session_commands import require_session
+from cli.checking_commands import require_session
 from lab.errors import UsageError
 from recording.reader import Recording
 
