@@ -87,7 +87,10 @@ def _shown(value: object) -> str:
 def export(
     session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
     format_name: Annotated[
-        str, typer.Option("--format", help="parquet (streams, with trials as CSV), bids or xdf.")
+        str,
+        typer.Option(
+            "--format", help="parquet (streams, with trials as CSV), bids, xdf or pedpy (walks)."
+        ),
     ] = "parquet",
     output: Annotated[Path, typer.Option("--output", "-o", help="Where to write.")] = Path(
         "exported"
@@ -97,9 +100,14 @@ def export(
 
     Example: visavis export data/simulated/stare/sub-S07H/ses-001 --format bids -o out/bids
     """
-    from recording.export import export_session
+    if format_name == "pedpy":
+        from experiments.crowd.pedestrian_export import export_walks
 
-    written = export_session(session_path, format_name, output)
+        written = export_walks(session_path, output)
+    else:
+        from recording.export import export_session
+
+        written = export_session(session_path, format_name, output)
     console.print(f"{len(written)} files in [b]{output}[/]", soft_wrap=True)
 
 

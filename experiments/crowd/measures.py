@@ -10,6 +10,7 @@ from analysis.cells import walk as walk_cells
 from analysis.collisions import Rule
 from analysis.gait import clearance_m, crossing_angles_deg, walk_measures
 from experiments.crowd.collision_measures import collision_rows, walk_volumes
+from experiments.crowd.pedestrian import has_pedpy, pedestrian_measures
 from experiments.crowd.replay import Walk
 from experiments.crowd.surfaces import Surface
 from lab.geometry import Vector
@@ -143,8 +144,20 @@ def measure_walk(
         "clearance_min_m": float(np.nanmin(clear)),
         "cells": len(path.cell_set) if triangulation is not None else None,
         "step_m": step_m,
+        **_pedestrian(walk),
     }
     return MeasuredWalk(row, collisions, crossings, path.cells, walk.place_m[::10])
+
+
+def _pedestrian(walk: Walk) -> dict[str, float | None]:
+    """Return density and individual speed over the walk; None where PedPy is not installed."""
+    if not has_pedpy():
+        return {"density_per_m2": None, "individual_speed_m_s": None}
+    found = pedestrian_measures(walk)
+    return {
+        "density_per_m2": _mean(found.density_per_m2.tolist()),
+        "individual_speed_m_s": _mean(found.speed_m_s.tolist()),
+    }
 
 
 def _apart(positions_m: Vector, edge: tuple[int, int]) -> float:

@@ -1,0 +1,36 @@
+"""Export the walks of a session to files that PedPy reads."""
+
+from pathlib import Path
+
+from experiments.crowd.design import STUDY
+from experiments.crowd.pedestrian import write_pedpy_files
+from experiments.crowd.replay import load_walk, walk_records
+from lab.errors import UsageError
+from recording.reader import Recording
+
+
+def export_walks(session: Path, output: Path) -> tuple[Path, ...]:
+    """Write every finished walk as text, sqlite and (with h5py) HDF5; return what was written.
+
+    Files of simulated sessions say so in their names.
+
+    Raises:
+        UsageError: the session is of another study, or holds no finished walk.
+    """
+    if not (session / "manifest.json").exists():
+        raise UsageError(f"{session} is no session (ses-…): it has no manifest.json")
+    recording = Recording(session)
+    if recording.manifest.study != STUDY:
+        raise UsageError(
+            f"{session} is a session of {recording.manifest.study}; only walks of the crowd study "
+            "can be exported for PedPy"
+        )
+    records = walk_records(recording)
+    if not records:
+        raise UsageError(f"{session} holds no finished walk")
+    mark = "_simulated" if recording.is_simulated else ""
+    written: list[Path] = []
+    for record in records:
+        name = f"sub-{recording.manifest.participant}_{record.trial_id}{mark}"
+        written += write_pedpy_files(load_walk(recording, record), output, name)
+    return tuple(written)
