@@ -23,6 +23,7 @@ _EYE_SHARES = (0.014, 0.06)
 _KEEPS_ALL = 12000
 """Levels with fewer triangles drop what lies deep in the sockets."""
 _LID_M = 0.006
+_UV_WEIGHT = 0.3
 _LEAST_M2 = 5e-4
 """Parts that are seen smaller than this on average are not matched; eyes always are."""
 _GOOD = 0.012
@@ -276,6 +277,12 @@ def _thin(
         (mesh.colour_srgb[used] / 255).astype(np.float32),
     ]
     weights = [0.01, 0.01, 0.01, 0.02, 0.02, 0.02]
+    if mesh.uv is not None and np.abs(mesh.uv[used] - 0.5).max() > 0:
+        # Places in a picture must not swim: lips would take on the colour of the mouth's inside.
+        # Cloth that repeats may; it reaches beyond the picture.
+        once = (np.abs(mesh.uv[used] - 0.5) <= 0.51).all(axis=1, keepdims=True)
+        attributes.append(np.where(once, mesh.uv[used], 0.0).astype(np.float32))
+        weights += [_UV_WEIGHT, _UV_WEIGHT]
     values = np.ascontiguousarray(np.concatenate(attributes, axis=1), dtype=np.float32)
     result = np.zeros_like(indices)
     count = meshoptimizer.simplify_with_attributes(

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from lab.geometry import Vector
 from stimuli.characters.capsules import fitted_capsules
@@ -29,10 +30,10 @@ from stimuli.characters.making.hair import STYLES, Locks, drawn, locks, shell
 from stimuli.characters.making.hair_texture import streaks
 from stimuli.characters.making.makehuman import BODY_VERTICES, MakeHuman
 from stimuli.characters.making.mantle import Sheet
-from stimuli.characters.making.pieces import Piece, kept, triangulated
+from stimuli.characters.making.pieces import Piece, kept, triangulated, vertex_normals
 from stimuli.characters.making.recipes import Garment, Recipe
 from stimuli.characters.making.shoes import SOLE_M, shoe_field, shoes
-from stimuli.characters.making.skin_canvas import SkinCanvas
+from stimuli.characters.making.skin_canvas import SIZE, SkinCanvas
 from stimuli.characters.making.skin_paint import base_colour, painted
 from stimuli.characters.tagging import face_of_head, parts_of_weights
 
@@ -106,6 +107,23 @@ def body_piece(figure: Figure, colour: Vector, morphs: dict[str, Vector]) -> Pie
     )
 
 
+def mouth_apart(body: Piece, canvas: SkinCanvas, shown: npt.NDArray[np.bool_]) -> list[Piece]:
+    """Return the skin that shows and the inside of the mouth, which has no picture: so lips keep
+    their own colour however few triangles are left of them.
+    """
+    if body.corner_uv is None:
+        return [kept(body, shown)]
+    column, row = np.clip((body.corner_uv.mean(axis=1) * SIZE).astype(np.int64), 0, SIZE - 1).T
+    inside = canvas.mask("mpfb_inside-mouth", row * SIZE + column) > 0.5
+    mouth = replace(
+        kept(body, shown & inside),
+        material="mouth",
+        corner_uv=None,
+    )
+    dark = np.tile([0.33, 0.13, 0.12], (len(mouth.vertices_m), 1))
+    return [kept(body, shown & ~inside), replace(mouth, colour=dark)]
+
+
 def closed_body(figure: Figure, body: Piece) -> SkinnedMesh:
     """Return the bare body as one closed surface of about 15,000 triangles."""
     bare = replace(body, corner_uv=None, morphs={})
@@ -120,8 +138,10 @@ def closed_body(figure: Figure, body: Piece) -> SkinnedMesh:
 
 def clothed(
     figure: Figure, tailor: Tailor, stuff: Stuff, recipe: Recipe, body: Piece, seed: int
-) -> tuple[list[Piece], Vector]:
-    """Return everything worn, and metres outside all of it for the body's vertices."""
+) -> tuple[list[Piece], list[Piece], Vector]:
+    """Return everything worn, the same for coarse levels, and metres outside all of it for the
+    body's vertices.
+    """
     upper, lower = recipe.garments
     lines, p = stuff.lines, body.vertices_m
     cut = cut_of(upper)
@@ -130,16 +150,21 @@ def clothed(
     coat = top(figure, stuff, upper, seed)
     pieces = [finished(figure, coat, tone, cut.thickness_m)]
     pieces += collar(figure, coat, upper, tone)
+    far = list(pieces)
     fields = [top_field(figure, lines, cut, p, body.weights)]
     if cut.open_m:
         inner = Garment("tee", upper.second, cut={"sleeve": 0.2, "hem": 0.5, "neck": 0.004})
         shirt = replace(top(figure, stuff, inner, seed + 2), material="under")
-        # Only what the open front shows is kept, or coarse levels would let it poke through.
+        # Only what the open front shows is kept; of coarse levels less still, and that deeper, or
+        # it would poke through.
         under = top_field(figure, lines, cut, shirt.vertices_m, shirt.weights)
-        hidden = np.maximum(-0.04 - under, lines.waist - 0.05 - shirt.vertices_m[:, 1])
-        shown = clipped(shirt, hidden)
-        pieces.append(finished(figure, shown, rgb(upper.second), 0.002))
-        pieces += collar(figure, shirt, replace(inner, kind="shirt"), rgb(upper.second))
+        low_m = lines.waist - 0.05 - shirt.vertices_m[:, 1]
+        turnover = collar(figure, shirt, replace(inner, kind="shirt"), rgb(upper.second))
+        for some, reach_m, depth_m in ((pieces, 0.04, 0.0), (far, 0.012, 0.007)):
+            shown = clipped(shirt, np.maximum(-reach_m - under, low_m))
+            in_m = depth_m * vertex_normals(shown.vertices_m, shown.triangles)
+            shown = replace(shown, vertices_m=shown.vertices_m - in_m)
+            some += [finished(figure, shown, rgb(upper.second), 0.002), *turnover]
         fields.append(top_field(figure, lines, cut_of(inner), p, body.weights))
     waist = lines.hip + cut.hem * (lines.crotch - lines.hip) + 0.06
     tone, _ = fabric(lower.pattern, rgb(lower.colour), rgb(lower.second), rng)
@@ -149,23 +174,26 @@ def clothed(
     else:
         below = trousers(figure, stuff, lower, waist, seed + 1)
         down_to = lines.ankle - 0.015
-    pieces.append(finished(figure, below, tone, 0.003))
     fields.append(np.maximum(p[:, 1] - waist, down_to - p[:, 1]))
-    pieces += shoes(figure, stuff, recipe.shoes, rgb(recipe.shoe_colour))
     fields.append(shoe_field(figure, stuff, recipe.shoes, p))
-    return pieces, np.asarray(np.minimum.reduce(fields))
+    lower_half = [
+        finished(figure, below, tone, 0.003),
+        *shoes(figure, stuff, recipe.shoes, rgb(recipe.shoe_colour)),
+    ]
+    return pieces + lower_half, far + lower_half, np.asarray(np.minimum.reduce(fields))
 
 
 def levels_of(
     figure: Figure,
     pieces: Sequence[Piece],
+    from_afar: Sequence[Piece],
     hair: Sequence[Locks | Sheet],
     materials: Sequence[Material],
 ) -> tuple[SkinnedMesh, ...]:
     """Return all levels: surfaces are thinned, of the hair fewer and wider locks are drawn."""
     whole = assembled(figure, pieces, materials)
     # Teeth and lashes are smaller than what thinning leaves: from afar they would poke out.
-    bulk = [piece for piece in pieces if piece.material not in ("teeth", "lash")]
+    bulk = [piece for piece in from_afar if piece.material not in ("teeth", "lash")]
     far = assembled(figure, bulk, materials)
     levels: list[SkinnedMesh] = []
     for level, n in enumerate(LEVEL_TRIANGLES):
@@ -186,19 +214,18 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
     morphs = face_morphs(figure)
     body = body_piece(figure, base_colour(recipe.face), morphs)
     closed = closed_body(figure, body)
-    worn, covered = clothed(figure, workshop.tailor, stuff, recipe, body, seed)
+    worn, worn_far, covered = clothed(figure, workshop.tailor, stuff, recipe, body, seed)
     bare = np.asarray((covered >= -0.02)[body.triangles].any(axis=1))
     rng = np.random.default_rng(seed)
     style = STYLES[recipe.hair]
     hair_colour = rgb(recipe.face.hair)
     cloth = [piece for piece in worn if piece.material != "shoe"]
-    pieces = [
-        kept(body, bare),
+    own = [
+        *mouth_apart(body, workshop.canvas, bare),
         *eyeballs(figure),
         *mouth_pieces(figure),
         *lashes(figure, rgb(recipe.face.brow) * 0.4, morphs),
         shell(figure, body, hair_colour, style, seed),
-        *worn,
     ]
     skin = painted(figure, workshop.canvas, body, bare, recipe.face, style.receding, seed)
     upper, lower = recipe.garments
@@ -209,6 +236,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         Material("skin", "skin", 0.55, skin),
         Material("eye", "eye", 0.1),
         Material("teeth", "teeth", 0.3),
+        Material("mouth", "teeth", 0.5),
         Material("lash", "lash", 0.8, double_sided=True),
         Material("hair", "hair", 0.6, streaks(rng), double_sided=True),
         Material("top", "cloth", 0.9, weave[upper.kind], double_sided=True),
@@ -217,7 +245,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         Material("shoe", "leather", 0.5, double_sided=True),
     )
     hair = locks(figure, body, cloth, hair_colour, style, seed, recipe.face.grey)
-    levels = levels_of(figure, pieces, hair, materials)
+    levels = levels_of(figure, own + worn, own + worn_far, hair, materials)
     mesh = levels[0]
     stature = float(closed.vertices_m[:, 1].max() - mesh.vertices_m[:, 1].min())
     return Character(

@@ -100,8 +100,10 @@ def _band(figure: Figure, cloth: Piece, ring: Indices, tone: Vector, height_m: f
     centre = points.mean(axis=0)
     out = unit((points - centre) * np.array([1.0, 0.0, 1.0]))
     up = unit(np.array([0.0, 1.0, 0.0]) - 0.45 * out)
+    low = _on_surface(cloth, points + 0.0035 * out - 1.2 * height_m * up)
     rows = [
-        points + 0.0035 * out - 0.9 * height_m * up,
+        low - 0.002 * _nearest_normals(cloth, low),
+        low + 0.003 * _nearest_normals(cloth, low),
         points + 0.003 * out + 0.1 * height_m * up,
         points + 0.002 * out + 0.5 * height_m * up,
         points - 0.001 * out + 0.55 * height_m * up,

@@ -63,7 +63,7 @@ def mouth_pieces(figure: Figure) -> list[Piece]:
     opened = np.zeros_like(figure.vertices_m)
     opened[jaw.vertices] = jaw.delta_m
     # Behind closed lips nothing of them may show at the corners.
-    back = 0.0022 * figure.stature_m / 1.72
+    back = 0.0050 * figure.stature_m / 1.72
     inside = figure.vertices_m * np.array([0.88, 1.0, 1.0]) + np.array([0.0, 0.0, back])
     for name, tone in tones.items():
         triangles = triangulated(figure.source.quads(f"helper-{name}"))
