@@ -56,6 +56,8 @@ class Pump:
         self.device = device
         self._sink = sink
         self._clock = clock
+        self.tap: Sink | None = None
+        """Called with every batch when it arrives, in whatever thread polls the device."""
         self._queue: deque[SampleBatch] = deque()
         self._events: deque[PumpEvent] = deque()
         self._thread: threading.Thread | None = None
@@ -169,7 +171,14 @@ class Pump:
         health = self.device.health()
         return replace(health, reconnects=self._reconnects, dropped=self._dropped)
 
+    @property
+    def is_threaded(self) -> bool:
+        """Tell whether a thread of its own polls the device."""
+        return self._thread is not None
+
     def _take(self, batch: SampleBatch) -> None:
+        if self.tap is not None:
+            self.tap(batch)
         if len(self._queue) >= QUEUE_BATCHES:
             self._dropped += len(batch)
             return

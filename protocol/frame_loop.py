@@ -1,7 +1,10 @@
 """One frame after another: draw, wait, take samples, evaluate gaze, record."""
 
+import threading
 from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -16,7 +19,7 @@ from protocol.observation import GazeObserver
 from protocol.rig import RunningRig
 from protocol.row_buffer import RowBuffer
 from protocol.states import SessionState, StateMachine
-from protocol.steps import BodyView, FrameView
+from protocol.steps import BodyView, FrameView, Play, Silence
 from protocol.streams import FRAMES, gaze_targets_schema, scene_states_schema
 from recording.writer import Recorder
 from stage.contracts import Stage
@@ -25,6 +28,9 @@ from stimuli.scene import Scene, SceneFrame
 STATE_CODES = {state: code for code, state in enumerate(SessionState)}
 HOLD_REAL_NS = 50 * NS_PER_MS
 HOLD_VIRTUAL_NS = NS_PER_S
+BEFORE_FRAME_NS = NS_PER_MS // 10
+"""A frame is not kept waiting for a body sample that comes with it."""
+Answer: TypeAlias = Callable[[BodyView], Sequence[Play | Silence]]
 UPRIGHT = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
@@ -67,6 +73,9 @@ class FrameLoop:
         self._head_inbox: deque[SampleBatch] = deque()
         self._press_inbox: deque[SampleBatch] = deque()
         self._body_inbox: deque[SampleBatch] = deque()
+        self._reflex: Answer | None = None
+        self._reflex_lock = threading.Lock()
+        self._body_period_ns: int | None = None
         self._levels_01: dict[int, float] = {}
         self._rays: dict[int, Pose] = {}
         self._view: SceneFrame | None = None
@@ -164,7 +173,35 @@ class FrameLoop:
         self._targets.flush()
         self._scene_states.flush()
 
+    def set_reflex(self, answer: Answer | None) -> None:
+        """Answer body samples when they arrive from now on; see `protocol.steps.Reflex`."""
+        with self._reflex_lock:
+            self._reflex = answer
+        self._body_period_ns = None if answer is None else self._rig.body_period_ns
+        self._rig.tap_body(None if answer is None else self._answer)
+
+    def _answer(self, batch: SampleBatch) -> None:
+        # the lock lets nothing be commanded once the reflex has been ended
+        with self._reflex_lock:
+            if self._reflex is None:
+                return
+            for step in self._reflex(self._body_view([batch])):
+                if isinstance(step, Play):
+                    self._rig.play(step)
+                else:
+                    self._rig.silence(step.role)
+
+    def _attend(self, period_ns: int) -> None:
+        """Take body samples between two frames, at the times when they are there."""
+        frame_ns = round(NS_PER_S / self._rig.headset.display_rate_hz)
+        until_ns = self._frame.t_ns + frame_ns - BEFORE_FRAME_NS
+        while (due_ns := (self._clock.now_ns() // period_ns + 1) * period_ns) < until_ns:
+            self._clock.sleep_until_ns(due_ns)
+            self._rig.step_body()
+
     def _wait_frame(self) -> FrameInfo:
+        if self._body_period_ns is not None:
+            self._attend(self._body_period_ns)
         frame = self._rig.headset.wait_frame()
         self.frames_done += 1
         self.frames_dropped += frame.dropped
@@ -213,6 +250,9 @@ class FrameLoop:
         batches = []
         while self._body_inbox:
             batches.append(self._body_inbox.popleft())
+        return self._body_view(batches)
+
+    def _body_view(self, batches: Sequence[SampleBatch]) -> BodyView:
         if len(batches) == 1:
             values, t_ns = batches[0].values, batches[0].t_host_ns
         else:

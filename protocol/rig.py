@@ -15,7 +15,7 @@ from devices.contracts import (
     ResponseInput,
 )
 from devices.pump import Pump
-from lab.clock import Clock
+from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceError
 from lab.schema import SampleBatch, StreamSchema
 from protocol.steps import Play, Vibrate
@@ -146,6 +146,29 @@ class RunningRig:
             band.keep_alive()
         if self._rig.on_step is not None:
             self._rig.on_step()
+
+    def tap_body(self, tap: Callable[[SampleBatch], None] | None) -> None:
+        """Hand every batch of the body tracker to `tap` when it arrives; None ends it."""
+        pump = self._pumps.get("body_tracker")
+        if pump is not None:
+            pump.tap = tap
+
+    def step_body(self) -> None:
+        """Let the body tracker alone deliver what has arrived."""
+        self._pumps["body_tracker"].step()
+
+    @property
+    def body_period_ns(self) -> int | None:
+        """Spacing of the body's samples where nothing but the loop itself polls for them.
+
+        None where the tracker has a thread, where a real headset paces the loop, or where there
+        is no tracker.
+        """
+        pump = self._pumps.get("body_tracker")
+        if pump is None or pump.is_threaded or not self._rig.headset.info.is_simulated:
+            return None
+        rate_hz = pump.device.describe()[0].nominal_rate_hz
+        return round(NS_PER_S / rate_hz) if rate_hz > 0 else None
 
     def controls(self) -> tuple[str, ...]:
         """Return the names of the response device's controls; empty without one."""

@@ -3,10 +3,10 @@
 A plan is a generator: it yields steps and receives a `FrameView` whenever it asked for the next
 frame, so gaze-contingent logic is a plain loop. It returns the trial's result row. The session
 aborts a plan by throwing `TrialInterrupted` into it, so `finally` blocks still run and may yield
-`Mark`, `Vibrate` and `Silence`, never `NextFrame`.
+`Mark`, `Vibrate`, `Silence` and `Reflex`, never `NextFrame`.
 """
 
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -139,7 +139,19 @@ class Answered:
     t_ns: int
 
 
-Step: TypeAlias = Show | Mark | Vibrate | Play | Silence | Ask | NextFrame
+@dataclass(frozen=True, slots=True)
+class Reflex:
+    """Answer every sample of the body tracker when it arrives, not only at the next frame.
+
+    `answer` is given what arrived and returns what the bands shall do at once; it may be called
+    from the tracker's thread, must not block, and sees every sample that a `FrameView` brings
+    later. None ends it. One reflex holds until another takes its place.
+    """
+
+    answer: Callable[[BodyView], Sequence[Play | Silence]] | None
+
+
+Step: TypeAlias = Show | Mark | Vibrate | Play | Silence | Reflex | Ask | NextFrame
 Plan: TypeAlias = Generator[Step, FrameView | Answered | None, Row]
 
 

@@ -21,6 +21,7 @@ from protocol.steps import (
     NextFrame,
     Plan,
     Play,
+    Reflex,
     Row,
     Show,
     Silence,
@@ -193,6 +194,8 @@ class TrialRunner:
                 self._rig.play(step)
             case Silence(role):
                 self._rig.silence(role)
+            case Reflex(answer):
+                loop.set_reflex(answer)
             case _:
                 raise TypeError(f"a plan yielded {step!r}, which is no step")
         return None

@@ -56,7 +56,7 @@ def pulse_rows(recording: Recording) -> list[dict[str, Any]]:
             "motors": payload["motors"],
             "t_contact_ns": contact_ns,
             "held_ms": None,
-            **_fate(commands.get((part, role)), int(event["t_ns"]), contact_ns),
+            **_fate(commands.get((part, role)), contact_ns),
         }
         rows.append(row)
         open_at[part, role] = row
@@ -115,7 +115,7 @@ def _commands(recording: Recording, part: int, role: str) -> pd.DataFrame:
     return table[table["kind"] == PATTERN].sort_values("t_commanded_ns").reset_index(drop=True)
 
 
-def _fate(commands: pd.DataFrame | None, t_ns: int, contact_ns: int) -> dict[str, Any]:
+def _fate(commands: pd.DataFrame | None, contact_ns: int) -> dict[str, Any]:
     nothing = {
         "commanded_ms": None,
         "sent_ms": None,
@@ -126,8 +126,8 @@ def _fate(commands: pd.DataFrame | None, t_ns: int, contact_ns: int) -> dict[str
     if commands is None or commands.empty:
         return nothing
     asked = commands["t_commanded_ns"].to_numpy(np.int64)
-    at = int(np.searchsorted(asked, t_ns))
-    if at == len(asked) or asked[at] - t_ns > ASKED_WITHIN_NS:
+    at = int(np.searchsorted(asked, contact_ns))
+    if at == len(asked) or asked[at] - contact_ns > ASKED_WITHIN_NS:
         return nothing
     row = commands.iloc[at]
     heard = bool(row["acknowledged"])

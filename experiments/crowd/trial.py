@@ -11,19 +11,18 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from experiments.crowd.design import CrowdParameters
-from experiments.crowd.haptics import BandOrder, ContactAnswer
-from experiments.crowd.tracking import TrackingWatch, never_tracked
+from experiments.crowd.haptics import BandOrder
+from experiments.crowd.reflex import ContactReflex
 from lab.clock import NS_PER_MS, NS_PER_S
 from protocol.plan import Trial
 from protocol.steps import (
     Answered,
     Ask,
-    BodyView,
     FrameView,
     Mark,
     NextFrame,
     Plan,
-    Play,
+    Reflex,
     Row,
     Scalar,
     Show,
@@ -81,6 +80,7 @@ def run_trial(trial: Trial, params: CrowdParameters) -> Plan:
     try:
         row = yield from _walk(trial, params)
     except TrialInterrupted:
+        yield Reflex(None)
         yield Silence()
         raise
     yield Silence()
@@ -103,34 +103,18 @@ def _walk(
     yield Mark("scene_on", {"trial_id": trial.trial_id, "scene_name": scene.name})
     limit_ns = start_ns + round(params.limit_s * NS_PER_S)
     quiet_ns = round(params.quiet_after_ms * NS_PER_MS)
-    contacts: ContactAnswer | None = None
-    watch: TrackingWatch | None = None
+    contacts = ContactReflex(crowd, start_ns, quiet_ns, params, vibrates=vibrates)
+    yield Reflex(contacts.answer)
     board_ns: int | None = None
     begun = frames = 0
     while True:
         frames += 1
         now_ns = view.t_ns
-        if view.body is not None:
-            if contacts is None or watch is None:
-                watch = TrackingWatch(start_ns, quiet_ns, view.body.segments)
-                contacts = ContactAnswer(
-                    crowd,
-                    view.body.segments,
-                    params.vibration,
-                    nearest_motor=params.nearest_motor,
-                    update_hz=params.haptic_update_hz,
-                )
-                contacts.fit(view.body.position_m[0])
-            orders = _answers(contacts, watch, view.body)
-        elif contacts is not None and watch is not None and watch.is_silent(now_ns):
-            orders = contacts.silence(now_ns)
-        else:
-            orders = []
-        for order in orders:
+        for step in contacts.look_after(now_ns):
+            yield step
+        for order in contacts.taken():
             begun += order.kind == "begin"
             yield Mark(f"contact_{order.kind}", _contact_row(trial, order, vibrates))
-            if vibrates:
-                yield _step_of(order, params)
         x, _, z = view.head.position_m.tolist()
         reads = can_read(x, z) and view.head_valid
         if reads and board_ns is None:
@@ -151,15 +135,13 @@ def _walk(
             )
         )
         view = yield from _frame()
-    if contacts is not None:
-        for order in contacts.silence(view.t_ns):
-            yield Mark("contact_end", _contact_row(trial, order, vibrates))
-            if vibrates:
-                yield _step_of(order, params)
-    columns, flags = never_tracked()
-    if watch is not None:
-        watch.end(view.t_ns)
-        columns, flags = watch.row(), watch.flags()
+    yield Reflex(None)
+    for step in contacts.end(view.t_ns):
+        yield step
+    for order in contacts.taken():
+        begun += order.kind == "begin"
+        yield Mark(f"contact_{order.kind}", _contact_row(trial, order, vibrates))
+    columns, flags = contacts.account()
     if not came_back:
         flags.append("not_back_in_time")
     return {
@@ -180,26 +162,6 @@ def _frame() -> Frames:
     if not isinstance(view, FrameView):
         raise TypeError(f"a plan that asked for a frame was sent {view!r}")
     return view
-
-
-def _answers(contacts: ContactAnswer, watch: TrackingWatch, body: BodyView) -> list[BandOrder]:
-    """Compare every sample with the crowd, if the tracker is to be believed."""
-    orders: list[BandOrder] = []
-    for i, t_ns in enumerate(body.t_ns.tolist()):
-        if t_ns < watch.start_ns:
-            continue
-        if watch.believes(body, i, t_ns):
-            crowd_t_s = (t_ns - watch.start_ns) / NS_PER_S
-            orders += contacts.sample(t_ns, crowd_t_s, body.position_m[i], body.orientation_wxyz[i])
-        else:
-            orders += contacts.silence(t_ns)
-    return orders
-
-
-def _step_of(order: BandOrder, params: CrowdParameters) -> Step:
-    if order.kind == "end":
-        return Silence(order.role)
-    return Play(order.role, params.vibration, order.motors)
 
 
 def _contact_row(trial: Trial, order: BandOrder, vibrates: bool) -> dict[str, Scalar | None]:

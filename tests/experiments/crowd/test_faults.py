@@ -11,7 +11,7 @@ from experiments.crowd.replay import walks
 from experiments.crowd.trial import run_trial
 from lab.errors import DesignError
 from protocol.plan import Trial
-from protocol.steps import NextFrame, Silence, TrialInterrupted
+from protocol.steps import NextFrame, Reflex, Silence, TrialInterrupted
 from tests.experiments.crowd.sessions import session
 
 QUICK = MeasureParameters(surface="capsules")
@@ -90,7 +90,8 @@ def test_a_control_group_never_vibrates(tmp_path):
 def test_an_interrupted_walk_silences_every_band():
     plan = run_trial(HAPTIC_TRIAL, CrowdParameters())
     assert isinstance(next(plan), NextFrame)
-    assert plan.throw(TrialInterrupted("operator")) == Silence()
+    assert plan.throw(TrialInterrupted("operator")) == Reflex(None)
+    assert next(plan) == Silence()
     with pytest.raises(TrialInterrupted):
         next(plan)
 

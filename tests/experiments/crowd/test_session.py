@@ -96,6 +96,11 @@ def test_every_pulse_tells_commanded_sent_acknowledged_and_risen_in_order(intake
     assert (pulses["risen_ms"] > pulses["sent_ms"] + 25).all()
 
 
+def test_commands_leave_less_than_five_milliseconds_after_the_sample_that_shows_contact(intake):
+    pulses = tables_of([intake])["pulses"]
+    assert (pulses["sent_ms"] < 5).all()
+
+
 def test_presence_and_embodiment_are_asked_after_every_block(intake):
     blocks = tables_of([intake])["blocks"]
     assert list(CONDITIONS) == blocks["condition"].tolist()

@@ -1,0 +1,125 @@
+"""What the bands are told the moment a body sample shows contact, and when they fall silent."""
+
+import numpy as np
+import pytest
+
+from experiments.crowd.design import CrowdParameters
+from experiments.crowd.haptics import BAND_ROLES, MOTORS
+from experiments.crowd.reflex import ContactReflex
+from lab.clock import NS_PER_MS
+from protocol.steps import BodyView, Play, Silence
+from stimuli.contact.body import BODY_JOINTS
+from stimuli.contact.idle import crowd_poses, people_of
+from stimuli.scenes.station_crowd import station_crowd
+
+CROWD = station_crowd(1)
+STEP_NS = 10 * NS_PER_MS
+QUIET_NS = 150 * NS_PER_MS
+FAR_M = np.array([40.0, 0.0, 0.0])
+
+
+def body_at(t_ns, *, away=False, lost=(), shift_m=0.0):
+    """Return a sample of someone who stands exactly where person 0 stands, or far away."""
+    position, turn = crowd_poses(people_of(CROWD)[:1], 0.0)
+    position = position + (FAR_M if away else 0.0) + shift_m
+    valid = np.ones((1, len(BODY_JOINTS)), bool)
+    for name in lost:
+        valid[0, BODY_JOINTS.index(name)] = False
+        position[0, BODY_JOINTS.index(name)] = np.nan
+    return BodyView(BODY_JOINTS, np.array([t_ns]), position, turn, valid)
+
+
+def reflex(*, vibrates=True, **parameters):
+    return ContactReflex(CROWD, 0, QUIET_NS, CrowdParameters(**parameters), vibrates=vibrates)
+
+
+def test_every_band_whose_segment_touches_starts_the_pattern_at_once():
+    steps = reflex().answer(body_at(STEP_NS))
+    assert {step.role for step in steps} == set(BAND_ROLES)
+    published = CrowdParameters().vibration
+    assert (published.name, published.low_hz, published.high_hz) == ("sine", 57.0, 126.0)
+    assert published.modulation_hz == 10.0
+    assert all(step == Play(step.role, published, MOTORS) for step in steps)
+
+
+def test_the_end_of_contact_silences_each_band():
+    contact = reflex()
+    contact.answer(body_at(STEP_NS))
+    assert {Silence(r) for r in BAND_ROLES} == set(contact.answer(body_at(2 * STEP_NS, away=True)))
+
+
+def test_lasting_contact_renews_the_pattern_before_it_runs_out_and_not_sooner():
+    contact = reflex()
+    answered = [
+        t_ns
+        for t_ns in range(STEP_NS, 250 * STEP_NS, STEP_NS)
+        if contact.answer(body_at(t_ns, shift_m=1e-6 * (t_ns // STEP_NS)))
+    ]
+    assert answered == [STEP_NS, STEP_NS + 1850 * NS_PER_MS]
+
+
+def test_samples_before_the_walk_command_nothing():
+    assert reflex().answer(body_at(-STEP_NS)) == []
+
+
+def test_a_tracker_that_repeats_itself_silences_and_is_counted():
+    contact = reflex()
+    steps = [contact.answer(body_at(k * STEP_NS)) for k in range(1, 20)]
+    assert len(steps[0]) == 4
+    silent = [k for k, some in enumerate(steps) if any(isinstance(s, Silence) for s in some)]
+    assert silent == [16]
+    columns, flags = contact.account()
+    assert flags == ["body_frozen"]
+    assert columns["body_frozen_ms"] == pytest.approx(30.0)
+
+
+def test_a_tracker_that_falls_silent_silences_the_bands():
+    contact = reflex()
+    contact.answer(body_at(STEP_NS))
+    assert contact.look_after(STEP_NS + QUIET_NS) == []
+    assert len(contact.look_after(STEP_NS + QUIET_NS + 1)) == 4
+    contact.end(STEP_NS + 400 * NS_PER_MS)
+    columns, flags = contact.account()
+    assert flags == ["body_silent"]
+    assert columns["body_silent_ms"] == pytest.approx(400.0)
+
+
+def test_a_lost_segment_touches_nothing_and_is_counted():
+    contact = reflex()
+    steps = contact.answer(body_at(STEP_NS, lost=("left_upper_arm",)))
+    assert "armband_left_upper_arm" not in {step.role for step in steps}
+    assert contact.account()[0]["body_part_lost_samples"] == 1
+
+
+def test_a_walk_that_ends_in_contact_ends_silent():
+    contact = reflex()
+    contact.answer(body_at(STEP_NS))
+    assert {Silence(role) for role in BAND_ROLES} == set(contact.end(2 * STEP_NS))
+    assert contact.end(3 * STEP_NS) == []
+
+
+def test_without_vibration_contacts_are_noted_and_nothing_is_commanded():
+    contact = reflex(vibrates=False)
+    assert contact.answer(body_at(STEP_NS)) == []
+    assert {order.role for order in contact.taken()} == set(BAND_ROLES)
+    assert contact.taken() == []
+
+
+def test_the_nearest_motor_alone_is_driven_where_that_is_chosen():
+    steps = reflex(nearest_motor=True).answer(body_at(STEP_NS))
+    assert len(steps) == 4
+    assert all(len(step.motors) == 1 and step.motors[0] in MOTORS for step in steps)
+
+
+def test_a_slow_link_looks_only_four_times_a_second():
+    contact = reflex(haptic_update_hz=4.0)
+    assert contact.answer(body_at(STEP_NS, away=True)) == []
+    assert contact.answer(body_at(2 * STEP_NS)) == []
+    assert len(contact.answer(body_at(26 * STEP_NS, shift_m=1e-6))) == 4
+
+
+def test_a_walk_without_any_sample_says_so():
+    columns, flags = reflex().account()
+    assert flags == ["body_never_tracked"]
+    assert columns["body_samples"] == 0
+    assert columns["body_silent_ms"] is None
