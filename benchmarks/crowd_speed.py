@@ -1,0 +1,89 @@
+"""Measure how long the walks of a whole crowd study take, posing and skinning included.
+
+    python -m benchmarks.crowd_speed [--walks N] [--surface characters] [--json]
+
+Walks are simulated in memory, then measured as recordings are: bodies of 15,000 triangles posed
+every 10 ms, volumes, collisions, cells, gait. CPU time on one thread, as the machine may be busy;
+the study (23 people × 24 walks) is extrapolated by walked seconds to two cores. Ratio is limit /
+value: 1 or more is within the limit.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.gait import resampled
+from experiments.crowd.design import plan_session
+from experiments.crowd.measures import MeasureParameters, measure_walk
+from experiments.crowd.participant.participant import CrowdParticipant
+from experiments.crowd.quick_study import quick_walk
+from experiments.crowd.replay import STEP_NS, Walk
+from lab.clock import NS_PER_S, cpu_time_s
+
+PEOPLE, WALKS_EACH, CORES = 23, 24, 2
+WALK_S = 60.0
+LIMIT_MIN = 40.0
+STEP_M = 0.7
+
+
+def simulated_walks(n: int) -> list[Walk]:
+    """Return the first walks of one simulated participant, each through another crowd."""
+    participant = CrowdParticipant(0, 1, effect=True)
+    found = []
+    now_ns = 0
+    for trial in plan_session(0, 1).trials:
+        if trial.is_practice:
+            continue
+        quick = quick_walk(participant, trial, now_ns)
+        t_ns = np.rint(quick.t_s * NS_PER_S).astype(np.int64)
+        now_ns += int(t_ns[-1]) + 4 * NS_PER_S
+        grid = np.arange(0, t_ns[-1], STEP_NS, dtype=np.int64)
+        position, turn = resampled(t_ns, quick.position_m, quick.orientation_wxyz, grid)
+        row = {"t_start_ns": 0, "trial_id": trial.trial_id, **trial.factors}
+        found.append(Walk(trial.trial_id, row, quick.crowd, grid, position, turn, quick.stature_m))
+        if len(found) == n:
+            break
+    return found
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table; return 1 when the limit is missed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--walks", type=int, default=3)
+    parser.add_argument("--surface", default="characters", choices=("characters", "fine", "light"))
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    options = parser.parse_args(arguments)
+    params = MeasureParameters(surface=options.surface)
+    walks = simulated_walks(options.walks + 1)
+    measure_walk(walks[0], STEP_M, params)  # compiles, loads characters
+    began_s = cpu_time_s()
+    measured = [measure_walk(walk, STEP_M, params) for walk in walks[1:]]
+    cpu_s = cpu_time_s() - began_s
+    walked_s = sum(len(walk.t_ns) * 0.01 for walk in walks[1:])
+    per_walk_s = cpu_s / walked_s * WALK_S
+    study_min = per_walk_s * PEOPLE * WALKS_EACH / CORES / 60
+    actual_min = cpu_s / len(measured) * PEOPLE * WALKS_EACH / CORES / 60
+    collisions = sum(m.row["collisions"] for m in measured) / len(measured)
+    rows = [
+        ("CPU per 10 ms step", cpu_s / walked_s * 10, "ms", None),
+        ("CPU per walk of a minute", per_walk_s, "s", None),
+        ("walks measured, mean length", walked_s / len(measured), "s", None),
+        ("collisions per walk", collisions, "", None),
+        ("study of 23 × 24 walks of a minute on two cores", study_min, "min", LIMIT_MIN),
+        ("the same at the length walked here", actual_min, "min", None),
+    ]
+    if options.json:
+        keys = ("name", "value", "unit", "limit")
+        print(json.dumps([dict(zip(keys, row, strict=True)) for row in rows], indent=1))
+    else:
+        for name, value, unit, limit in rows:
+            against = "" if limit is None else f"limit {limit:g}  ratio {limit / value:.2f}"
+            print(f"{name:<50} {value:>9.3f} {unit:<4} {against}")
+    return 1 if study_min > LIMIT_MIN else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
