@@ -1,10 +1,11 @@
 """preview: any trial of any study as pictures, a film, or in a window, before anyone is invited."""
 
 import bisect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,9 @@ from lab.clock import NS_PER_S, SystemClock
 from lab.errors import UsageError
 from stimuli.picture import Camera, Picture
 from stimuli.scene import SceneFrame
+
+if TYPE_CHECKING:
+    from stage.renderer import Renderer
 
 PEOPLE = "people"
 """Said instead of a study: everybody's face."""
@@ -161,12 +165,11 @@ def _write_sheet(showing: _Showing, path: Path) -> None:
 
 def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> None:
     from stage.movie import open_movie
-    from stage.renderer import Renderer
 
     frames = spread(showing.frames(most_s), rate_hz, most_s)
     label = f"{SIMULATED}  ·  {showing.label}"
     with (
-        Renderer() as renderer,
+        _film_renderer() as renderer,
         open_movie(path, showing.size_px, rate_hz) as film,
         Progress(console=console, transient=True) as bar,
     ):
@@ -174,6 +177,21 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
             image: npt.NDArray[np.uint8] = renderer.image(*showing.at(seen), showing.size_px)
             film.add(np.asarray(labelled(image, label)))
     _written(path, f", {len(frames) / rate_hz:.1f} s")
+
+
+@contextmanager
+def _film_renderer() -> "Iterator[Renderer]":
+    """Open a renderer; where a processor draws, without the smoothing that takes it so long."""
+    from stage.context import draws_on_processor, offscreen_context
+    from stage.renderer import Quality, Renderer
+
+    context = offscreen_context()
+    try:
+        quality = Quality(samples=0) if draws_on_processor(context) else Quality()
+        with Renderer(context, quality=quality) as renderer:
+            yield renderer
+    finally:
+        context.release()
 
 
 def _play(showing: _Showing) -> None:
