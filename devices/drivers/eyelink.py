@@ -75,7 +75,7 @@ class EyeLink(GazeDevice):
             late_ms = (self._clock.now_ns() - t_host_ns) / 1e6
             self._transport.send(0, (f"{-late_ms:.1f} {text}".encode(),))
 
-        self._on_wire(send)
+        self._wire.do(send)
 
     def _connect(self, deadline_ns: int) -> None:
         version = self._ask((b"version",), deadline_ns).frames[1].decode("utf-8", "replace")

@@ -59,7 +59,7 @@ class Fove(GazeDevice):
             self._must_be_ok(b"start_calibration", "start its calibration")
             self._calibrating = True
 
-        self._on_wire(begin)
+        self._wire.do(begin)
 
     def end_calibration(self, deadline_s: float) -> CalibrationOutcome:
         """Wait for the runtime's verdict; its quality is kept as the message."""

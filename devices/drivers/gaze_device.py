@@ -4,13 +4,9 @@ A driver adds a codec and says how to connect, what a message holds and which ve
 wires are `devices.transports.MessageTransport`s, so each can be teed to a `.wire` log and replayed.
 """
 
-import threading
 from abc import ABC, abstractmethod
-from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Future
-from concurrent.futures import TimeoutError as NoAnswerInTime
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,9 +20,12 @@ from devices.contracts import (
     Health,
     Sink,
 )
+from devices.drivers.exchange_log import ExchangeLog
 from devices.drivers.gaze_clock import OneWayClock
+from devices.drivers.gaze_findings import Counts, eye_faults, stream_faults
 from devices.drivers.gaze_rays import Sample, rows_to_values
-from devices.drivers.pupil_faults import EYES_LOST_BELOW_01, FEWEST_SAMPLES, SeenEyes
+from devices.drivers.pupil_faults import SeenEyes
+from devices.drivers.wire_thread import WireThread
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import Exchange, Frames, Message, MessageTransport
@@ -40,9 +39,6 @@ ATTEMPT_EVERY_NS = 500 * NS_PER_MS
 ATTEMPT_S = 0.4
 COMMAND_TIMEOUT_S = 2.0
 RECENT_BATCHES = 90
-RECENT_EXCHANGES = 60
-PAIR_JUMP_NS = 20 * NS_PER_MS
-ANSWERS_MISSED_NS = 3 * NS_PER_S
 EVERYTHING = (b"",)
 
 
@@ -55,16 +51,6 @@ class Make:
     model: str
     remedy: str
     capabilities: frozenset[str]
-
-
-@dataclass
-class Counts:
-    """What a driver noticed since start; `notes` are faults that hold until removed."""
-
-    malformed: int = 0
-    lost: int = 0
-    clock_jumps_ms: list[float] = field(default_factory=list)
-    notes: dict[str, Fault] = field(default_factory=dict)
 
 
 class GazeDevice(ABC):
@@ -98,13 +84,11 @@ class GazeDevice(ABC):
         self._sink: Sink | None = None
         self._counts = Counts()
         self._calibration: CalibrationOutcome | None = None
-        self._pairs: list[ClockPair] = []
-        self._pairs_since_jump = 0
-        self._polling_thread: int | None = None
+        self._exchanges = ExchangeLog()
+        self._wire = WireThread(role, remedy=make.remedy, timeout_s=COMMAND_TIMEOUT_S)
         self._asked_ns: int | None = None
         self._counter: int | None = None
         self._next_exchange_ns = self._heard_ns = self._attempt_ns = 0
-        self._mailbox: deque[tuple[Callable[[], None], Future[None]]] = deque()
         self.info = DeviceInfo(
             role=role,
             driver=make.driver,
@@ -155,8 +139,7 @@ class GazeDevice(ABC):
         """Open the wire and say hello; raises DeviceError with a remedy."""
         self._life.require("open", DeviceState.CLOSED)
         deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
-        self._pairs = []
-        self._pairs_since_jump = 0
+        self._exchanges.clear()
         self._counts = Counts()
         try:
             self._transport.open(deadline_s)
@@ -185,12 +168,9 @@ class GazeDevice(ABC):
         """Decode what came; see the contract. While the peer is gone, try again."""
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
-            self._polling_thread = threading.get_ident()
-            self._run_mailbox()
+            self._wire.claim()
             return self._reconnect(timeout_s)
-        self._polling_thread = threading.get_ident()
-        if self._mailbox:
-            self._run_mailbox()
+        self._wire.claim()
         try:
             messages = self._transport.receive(timeout_s)
         except DeviceDisconnected as gone:
@@ -215,20 +195,20 @@ class GazeDevice(ABC):
         """Stop delivering; the wire stays open."""
         self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
         self._sink = None
-        self._polling_thread = None
+        self._wire.release()
         self._life.state = DeviceState.OPEN
 
     def close(self) -> None:
         """Close the wire; idempotent."""
         self._sink = None
-        self._polling_thread = None
+        self._wire.release()
         self._transport.close()
         self._life.state = DeviceState.CLOSED
 
     def health(self) -> Health:
         """Report deliveries and the clock fit: exchanges, else the lower envelope of arrivals."""
         health = self._meter.health(self.state, self._clock.now_ns())
-        pairs = self._recent_pairs()
+        pairs = self._exchanges.recent
         fit = fit_clock(pairs) if pairs else self._one_way.fit()
         if fit is None:
             return health
@@ -238,36 +218,25 @@ class GazeDevice(ABC):
 
     def check(self) -> tuple[Fault, ...]:
         """Name everything odd about stream, clock and tracker since start."""
-        role, counts, meter = self.info.role, self._counts, self._meter
-        faults = [*counts.notes.values(), *self._own_faults()]
-
-        def warn(message: str, remedy: str) -> None:
-            faults.append(Fault(role, "warning", message, remedy))
-
-        if counts.malformed:
-            text = f"{counts.malformed} messages could not be read"
-            warn(text, "keep the .wire log and report it")
-        if counts.lost:
-            warn(f"{counts.lost} samples were lost on the way", "check cable, network and load")
-        jumps_ms = counts.clock_jumps_ms if self._pairs else self._one_way.jumps_ms
-        if jumps_ms:
-            text = (
-                f"the tracker's clock jumped {len(jumps_ms)} times, last by {jumps_ms[-1]:.0f} ms"
-            )
-            warn(text, "stop other programs that set the tracker's clock")
-        for count, what in ((meter.repeated, "repeated"), (meter.backward, "backward")):
-            if count:
-                warn(f"{count} {what} time stamps", "restart the tracker if they go on")
-        if self._asked_ns is not None:
-            waited_ns = self._clock.now_ns() - self._asked_ns
-            if waited_ns > ANSWERS_MISSED_NS:
-                text = f"no answer to time requests for {waited_ns / NS_PER_S:.0f} s"
-                warn(text, self._make.remedy)
-        return (*faults, *self._lost_eyes())
+        waited_ns = 0 if self._asked_ns is None else self._clock.now_ns() - self._asked_ns
+        one_way = not self._exchanges.pairs
+        return (
+            *self._counts.notes.values(),
+            *self._own_faults(),
+            *stream_faults(
+                self.info.role,
+                self._counts,
+                self._meter,
+                jumps_ms=self._one_way.jumps_ms if one_way else self._counts.clock_jumps_ms,
+                unanswered_s=waited_ns / NS_PER_S,
+                remedy=self._make.remedy,
+            ),
+            *eye_faults(self.info.role, self._recent),
+        )
 
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return every time exchange since open; empty for a one-way device."""
-        return tuple(self._pairs)
+        return tuple(self._exchanges.pairs)
 
     def begin_calibration(self) -> None:
         """Refuse: this tracker is not calibrated from here."""
@@ -304,16 +273,13 @@ class GazeDevice(ABC):
 
     def _add_pair(self, pair: ClockPair) -> None:
         self._asked_ns = None
-        if self._pairs:
-            moved_ns = abs(_offset(pair) - _offset(self._pairs[-1]))
-            if moved_ns > PAIR_JUMP_NS + pair.host_receive_ns - pair.host_send_ns:
-                self._counts.clock_jumps_ms.append(moved_ns / NS_PER_MS)
-                self._pairs_since_jump = len(self._pairs)
-        self._pairs.append(pair)
+        jump_ms = self._exchanges.add(pair)
+        if jump_ms is not None:
+            self._counts.clock_jumps_ms.append(jump_ms)
 
     def _to_device_ns(self, t_host_ns: int) -> int:
         """Map a host time to the device's clock; the time itself while nothing is known."""
-        pairs = self._recent_pairs()
+        pairs = self._exchanges.recent
         if pairs:
             return t_host_ns - offset_ns(pairs)
         fit = self._one_way.fit()
@@ -332,22 +298,6 @@ class GazeDevice(ABC):
     def _blocking(self, message: str, remedy: str) -> Fault:
         return Fault(self.info.role, "blocking", message, remedy)
 
-    def _on_wire(self, command: Callable[[], None]) -> None:
-        """Run in the thread that polls: a wire is not shared between threads."""
-        if not self._polls_elsewhere():
-            command()
-            return
-        done: Future[None] = Future()
-        self._mailbox.append((command, done))
-        try:
-            done.result(timeout=COMMAND_TIMEOUT_S)
-        except NoAnswerInTime as cause:
-            raise DeviceTimeout(
-                "the device thread did not take a command",
-                role=self.info.role,
-                remedy=self._make.remedy,
-            ) from cause
-
     def _wait_until(self, reached: Callable[[], bool], deadline_ns: int, what: str) -> None:
         """Keep polling until something is reached; raises DeviceTimeout at the deadline."""
         while not reached():
@@ -356,7 +306,7 @@ class GazeDevice(ABC):
                 raise DeviceTimeout(
                     f"no {what} in time", role=self.info.role, remedy=self._make.remedy
                 )
-            if self._polls_elsewhere():
+            if self._wire.is_elsewhere:
                 self._clock.sleep_until_ns(now_ns + 5 * NS_PER_MS)
             elif self._life.state is DeviceState.STREAMING:
                 self.poll(0.02)
@@ -465,40 +415,9 @@ class GazeDevice(ABC):
         if timeout_s > 0:
             self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
 
-    def _recent_pairs(self) -> list[ClockPair]:
-        return self._pairs[max(self._pairs_since_jump, len(self._pairs) - RECENT_EXCHANGES) :]
-
     def _named(self, problem: DeviceError) -> DeviceError:
         if problem.role:
             return problem
         message = str(problem).removesuffix(f"; {problem.remedy}")
         remedy = problem.remedy or self._make.remedy
         return type(problem)(message, role=self.info.role, remedy=remedy)
-
-    def _lost_eyes(self) -> list[Fault]:
-        recent = self._recent
-        if recent.samples < FEWEST_SAMPLES:
-            return []
-        counts = {"left": recent.left, "right": recent.right}
-        lost = [eye for eye, n in counts.items() if n / recent.samples < EYES_LOST_BELOW_01]
-        remedy = "adjust the tracker and its wearer, then calibrate again"
-        if len(lost) == len(counts):
-            return [self._blocking("neither eye is seen", remedy)]
-        return [self._warning(f"the {eye} eye is not seen", remedy) for eye in lost]
-
-    def _polls_elsewhere(self) -> bool:
-        return self._polling_thread not in (None, threading.get_ident())
-
-    def _run_mailbox(self) -> None:
-        while self._mailbox:
-            command, done = self._mailbox.popleft()
-            try:
-                command()
-            except DeviceError as problem:
-                done.set_exception(problem)
-            else:
-                done.set_result(None)
-
-
-def _offset(pair: ClockPair) -> int:
-    return (pair.host_send_ns + pair.host_receive_ns) // 2 - pair.device_ns

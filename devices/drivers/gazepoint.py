@@ -147,4 +147,4 @@ class Gazepoint(GazeDevice):
         self._calibration = CalibrationOutcome(enough, text, mean_deg)
 
     def _post(self, line: bytes) -> None:
-        self._on_wire(lambda: self._transport.post((line,)))
+        self._wire.do(lambda: self._transport.post((line,)))

@@ -83,7 +83,7 @@ class Neon(GazeDevice):
         """Send an event stamped on the phone's clock; it stands in the phone's recording."""
         self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
         frames: Frames = (b"event", text.encode(), str(self._to_device_ns(t_host_ns)).encode())
-        self._on_wire(lambda: self._transport.send(0, frames))
+        self._wire.do(lambda: self._transport.send(0, frames))
 
     def _connect(self, deadline_ns: int) -> None:
         self._packet = None
@@ -103,7 +103,7 @@ class Neon(GazeDevice):
         for _ in range(self._opening_exchanges):
             exchange = self._ask((b"time",), deadline_ns)
             self._take_echo(exchange.frames, exchange.t_send_ns, exchange.t_receive_ns)
-        if not self._pairs and self._opening_exchanges:
+        if not self._exchanges.pairs and self._opening_exchanges:
             raise DeviceError(
                 "the phone did not answer a time echo", role=self.info.role, remedy=REMEDY
             )

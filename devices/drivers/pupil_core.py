@@ -5,11 +5,7 @@ Capture's clock is never set: offsets come from repeated `t` requests, all of th
 stream has no sample counter, so `seq` counts what arrived and loss shows in the stamps alone.
 """
 
-import threading
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
-from concurrent.futures import TimeoutError as NoAnswerInTime
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -26,8 +22,10 @@ from devices.contracts import (
     Sink,
 )
 from devices.drivers import pupil_codec as codec
+from devices.drivers.exchange_log import ExchangeLog
 from devices.drivers.pupil_faults import Findings, SeenEyes, describe
 from devices.drivers.pupil_layout import GazeDecoder
+from devices.drivers.wire_thread import WireThread
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import Frames, Message, MessageTransport
@@ -53,9 +51,7 @@ OLDEST_VERSION = (2, 0)
 TOPICS = (codec.GAZE_TOPIC, codec.NOTIFY_TOPIC)
 RECONNECT_WINDOW_NS = 250 * NS_PER_MS
 POSTS_BEFORE_LOST = 3
-CLOCK_JUMP_NS = 20 * NS_PER_MS
 COMMAND_TIMEOUT_S = 1.0
-RECENT_EXCHANGES = 60
 RECENT_BATCHES = 90
 
 ROW_BYTES = GAZE.dtype.itemsize
@@ -97,13 +93,11 @@ class PupilCore:
         self._schema = StreamSchema(GAZE.name, GAZE.fields, rate_hz, GAZE.version)
         self._sink: Sink | None = None
         self._publish_port = 0
-        self._pairs: list[ClockPair] = []
-        self._pairs_since_jump = 0
+        self._exchanges = ExchangeLog()
         self._offset_of: tuple[int, int] | None = None
         self._references: list[dict[str, Any]] = []
         self._outcome: CalibrationOutcome | None = None
-        self._polling_thread: int | None = None
-        self._mailbox: deque[tuple[Callable[[], None], Future[None]]] = deque()
+        self._wire = WireThread(role, remedy=REMEDY, timeout_s=2 * COMMAND_TIMEOUT_S)
         self._attempt_ends_ns: int | None = None
         self.info = DeviceInfo(
             role=role,
@@ -127,8 +121,7 @@ class PupilCore:
         """Ask for version and ports, and take the first time exchanges."""
         self._life.require("open", DeviceState.CLOSED)
         deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
-        self._pairs = []
-        self._pairs_since_jump = 0
+        self._exchanges.clear()
         self._offset_of = None
         self._findings = Findings()
         try:
@@ -166,9 +159,7 @@ class PupilCore:
         if life.state is not DeviceState.STREAMING:
             life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
             return self._reconnect(timeout_s)
-        self._polling_thread = threading.get_ident()
-        if self._mailbox:
-            self._run_mailbox()
+        self._wire.claim()
         messages = self._transport.receive(timeout_s)
         delivered = self._take(messages) if messages else 0
         now_ns = self._clock.now_ns()
@@ -180,20 +171,20 @@ class PupilCore:
         """Stop delivering; the connection stays."""
         self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
         self._sink = None
-        self._polling_thread = None
+        self._wire.release()
         self._life.state = DeviceState.OPEN
 
     def close(self) -> None:
         """Close the connection; idempotent."""
         self._sink = None
-        self._polling_thread = None
+        self._wire.release()
         self._transport.close()
         self._life.state = DeviceState.CLOSED
 
     def health(self) -> Health:
         """Report deliveries and the clock fit of the recent exchanges."""
         health = self._meter.health(self.state, self._clock.now_ns())
-        pairs = self._recent_pairs()
+        pairs = self._exchanges.recent
         if not pairs:
             return health
         fit = fit_clock(pairs)
@@ -214,7 +205,7 @@ class PupilCore:
 
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return every time exchange since open; stamps before a clock jump included."""
-        return tuple(self._pairs)
+        return tuple(self._exchanges.pairs)
 
     def begin_calibration(self) -> None:
         """Start the 3-D headset calibration; targets follow by `add_reference`."""
@@ -255,7 +246,7 @@ class PupilCore:
                     role=self.info.role,
                     remedy="look at Pupil Capture's log, then calibrate again",
                 )
-            if self._polls_elsewhere():
+            if self._wire.is_elsewhere:
                 self._clock.sleep_until_ns(now_ns + 5 * NS_PER_MS)
             else:
                 self.poll(0.02)
@@ -267,7 +258,7 @@ class PupilCore:
         self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
         device_ns = t_host_ns - self._offset_ns()
         frames = codec.encode_annotation(text, device_ns)
-        self._on_wire(lambda: self._transport.send(self._publish_port, frames))
+        self._wire.do(lambda: self._transport.send(self._publish_port, frames))
 
     # ---- receiving ------------------------------------------------------------------------
 
@@ -394,23 +385,16 @@ class PupilCore:
         return 0
 
     def _add_pair(self, pair: ClockPair) -> None:
-        if self._pairs:
-            moved_ns = abs(_offset(pair) - _offset(self._pairs[-1]))
-            waited_ns = pair.host_receive_ns - pair.host_send_ns
-            if moved_ns > CLOCK_JUMP_NS + waited_ns:
-                self._findings.clock_jumps_ms.append(moved_ns / NS_PER_MS)
-                self._pairs_since_jump = len(self._pairs)
-        self._pairs.append(pair)
+        jump_ms = self._exchanges.add(pair)
+        if jump_ms is not None:
+            self._findings.clock_jumps_ms.append(jump_ms)
 
     def _offset_ns(self) -> int:
         """Return the host-minus-device offset, worked out once per time exchange."""
         known = self._offset_of
-        if known is None or known[0] != len(self._pairs):
-            known = self._offset_of = (len(self._pairs), offset_ns(self._recent_pairs()))
+        if known is None or known[0] != len(self._exchanges):
+            known = self._offset_of = (len(self._exchanges), offset_ns(self._exchanges.recent))
         return known[1]
-
-    def _recent_pairs(self) -> list[ClockPair]:
-        return self._pairs[max(self._pairs_since_jump, len(self._pairs) - RECENT_EXCHANGES) :]
 
     def _request_time(self, deadline_ns: int) -> None:
         exchange = self._transport.request((b"t",), self._left_s(deadline_ns))
@@ -466,35 +450,4 @@ class PupilCore:
                     f"refused {subject!r}: {answer[:80]!r}", role=self.info.role, remedy=REMEDY
                 )
 
-        self._on_wire(send)
-
-    def _on_wire(self, command: Callable[[], None]) -> None:
-        """Run in the thread that polls: sockets must not be shared between threads."""
-        if not self._polls_elsewhere():
-            command()
-            return
-        done: Future[None] = Future()
-        self._mailbox.append((command, done))
-        try:
-            done.result(timeout=2 * COMMAND_TIMEOUT_S)
-        except NoAnswerInTime as cause:
-            raise DeviceTimeout(
-                "the device thread did not take a command", role=self.info.role, remedy=REMEDY
-            ) from cause
-
-    def _polls_elsewhere(self) -> bool:
-        return self._polling_thread not in (None, threading.get_ident())
-
-    def _run_mailbox(self) -> None:
-        while self._mailbox:
-            command, done = self._mailbox.popleft()
-            try:
-                command()
-            except DeviceError as problem:
-                done.set_exception(problem)
-            else:
-                done.set_result(None)
-
-
-def _offset(pair: ClockPair) -> int:
-    return (pair.host_send_ns + pair.host_receive_ns) // 2 - pair.device_ns
+        self._wire.do(send)

@@ -1,0 +1,43 @@
+"""Keep a device's time exchanges, and notice when its clock has jumped between two of them."""
+
+from devices.contracts import ClockPair
+from lab.clock import NS_PER_MS
+
+JUMP_NS = 20 * NS_PER_MS
+RECENT = 60
+
+
+class ExchangeLog:
+    """Every exchange since open; `recent` are those that one straight line fits."""
+
+    def __init__(self) -> None:
+        self.pairs: list[ClockPair] = []
+        self._since_jump = 0
+
+    def __len__(self) -> int:
+        return len(self.pairs)
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self.pairs = []
+        self._since_jump = 0
+
+    def add(self, pair: ClockPair) -> float | None:
+        """Keep an exchange; return by how many milliseconds the clock has jumped, if it has."""
+        jump_ms = None
+        if self.pairs:
+            moved_ns = abs(_offset(pair) - _offset(self.pairs[-1]))
+            if moved_ns > JUMP_NS + pair.host_receive_ns - pair.host_send_ns:
+                jump_ms = moved_ns / NS_PER_MS
+                self._since_jump = len(self.pairs)
+        self.pairs.append(pair)
+        return jump_ms
+
+    @property
+    def recent(self) -> list[ClockPair]:
+        """The last exchanges, none from before a jump."""
+        return self.pairs[max(self._since_jump, len(self.pairs) - RECENT) :]
+
+
+def _offset(pair: ClockPair) -> int:
+    return (pair.host_send_ns + pair.host_receive_ns) // 2 - pair.device_ns
