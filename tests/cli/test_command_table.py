@@ -3,10 +3,12 @@
 import importlib
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from typer.main import get_group
 
+import cli
 from cli.app import app
 from cli.command_table import COMMANDS
 
@@ -22,6 +24,11 @@ def registered():
 
 def test_every_registered_command_is_in_the_table(registered):
     assert set(COMMANDS) == set(registered)
+
+
+def test_every_command_module_is_in_the_table():
+    modules = {path.stem for path in Path(cli.__file__).parent.glob("*_commands.py")}
+    assert modules == {entry.module for entry in COMMANDS.values()}
 
 
 @pytest.mark.parametrize("name", COMMANDS)
