@@ -5,9 +5,9 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from cli.app import ConfigOption, StudyArgument, app, console, load_lab
+from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, load_lab
 from cli.rigs import is_simulated
-from cli.session_commands import DEFAULT_SEED, DevicesOption, ledger_of
+from cli.session_commands import DEFAULT_SEED, ledger_of
 from cli.studies import find_study
 from cli.study_folder import StudySettings, settle
 from lab.errors import UsageError

@@ -16,7 +16,6 @@ from stimuli.characters.making.clothes import (
     Tailor,
     cut_of,
     finished,
-    skirt,
     top,
     top_field,
     trousers,
@@ -137,7 +136,7 @@ def closed_body(figure: Figure, body: Piece) -> SkinnedMesh:
 
 
 def clothed(
-    figure: Figure, tailor: Tailor, stuff: Stuff, recipe: Recipe, body: Piece, seed: int
+    figure: Figure, stuff: Stuff, recipe: Recipe, body: Piece, seed: int
 ) -> tuple[list[Piece], list[Piece], Vector]:
     """Return everything worn, the same for coarse levels, and metres outside all of it for the
     body's vertices.
@@ -168,12 +167,8 @@ def clothed(
         fields.append(top_field(figure, lines, cut_of(inner), p, body.weights))
     waist = lines.hip + cut.hem * (lines.crotch - lines.hip) + 0.06
     tone, _ = fabric(lower.pattern, rgb(lower.colour), rgb(lower.second), rng)
-    if lower.kind == "skirt":
-        below = skirt(figure, tailor, lower, waist, seed)
-        down_to = lines.knee - 0.06
-    else:
-        below = trousers(figure, stuff, lower, waist, seed + 1)
-        down_to = lines.ankle - 0.015
+    below = trousers(figure, stuff, lower, waist, seed + 1)
+    down_to = lines.ankle - 0.015
     fields.append(np.maximum(p[:, 1] - waist, down_to - p[:, 1]))
     fields.append(shoe_field(figure, stuff, recipe.shoes, p))
     lower_half = [
@@ -214,7 +209,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
     morphs = face_morphs(figure)
     body = body_piece(figure, base_colour(recipe.face), morphs)
     closed = closed_body(figure, body)
-    worn, worn_far, covered = clothed(figure, workshop.tailor, stuff, recipe, body, seed)
+    worn, worn_far, covered = clothed(figure, stuff, recipe, body, seed)
     bare = np.asarray((covered >= -0.02)[body.triangles].any(axis=1))
     rng = np.random.default_rng(seed)
     style = STYLES[recipe.hair]

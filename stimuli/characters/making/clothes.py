@@ -1,10 +1,9 @@
-"""Clothes cut from the base mesh's tights: tops with sleeves, trousers and skirts."""
+"""Clothes cut from the base mesh's tights: tops with sleeves, and trousers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from lab.geometry import Vector, unit
 from stimuli.characters.making.cloth_places import (
@@ -19,7 +18,6 @@ from stimuli.characters.making.figure import Figure
 from stimuli.characters.making.makehuman import MakeHuman
 from stimuli.characters.making.pieces import (
     Piece,
-    Refinement,
     refined,
     triangulated,
     vertex_normals,
@@ -74,20 +72,16 @@ class Stuff:
 
 
 class Tailor:
-    """Holds what is the same for everybody: the refinement of tights and skirt."""
+    """Holds what is the same for everybody: the refinement of the tights."""
 
     def __init__(self, source: MakeHuman) -> None:
-        self._source = source
-        self._patterns: dict[str, tuple[npt.NDArray[np.int64], Refinement, Vector]] = {}
-        for group in ("helper-tights", "helper-skirt"):
-            used, quads = np.unique(source.quads(group), return_inverse=True)
-            refinement = refined(quads.reshape(-1, 4), len(used))
-            weights = refinement.matrix @ source.weights[used]
-            self._patterns[group] = (used, refinement, weights)
+        used, quads = np.unique(source.quads("helper-tights"), return_inverse=True)
+        refinement = refined(quads.reshape(-1, 4), len(used))
+        self._pattern = (used, refinement, refinement.matrix @ source.weights[used])
 
-    def stuff(self, figure: Figure, group: str = "helper-tights") -> Stuff:
-        """Return a helper mesh of a figure, refined, white."""
-        used, refinement, weights = self._patterns[group]
+    def stuff(self, figure: Figure) -> Stuff:
+        """Return the tights of a figure, refined, white."""
+        used, refinement, weights = self._pattern
         vertices = refinement.matrix @ figure.vertices_m[used]
         triangles = triangulated(refinement.quads)
         parts = parts_of_weights(weights, triangles, figure.rig.skeleton.names)
@@ -206,22 +200,6 @@ def trousers(figure: Figure, stuff: Stuff, garment: Garment, top_m: float, seed:
         )
     piece = replace(piece, vertices_m=vertices)
     return replace(piece, vertices_m=_folded(figure, piece, seed, 0.004))
-
-
-def skirt(figure: Figure, tailor: Tailor, garment: Garment, top_m: float, seed: int) -> Piece:
-    """Return a skirt down to just below the knee."""
-    stuff = tailor.stuff(figure, "helper-skirt")
-    piece = replace(stuff.piece, material="bottom")
-    hem = stuff.lines.knee + garment.cut.get("hem_m", -0.06)
-    piece = clipped(piece, np.maximum(piece.vertices_m[:, 1] - top_m, hem - piece.vertices_m[:, 1]))
-    piece = replace(piece, vertices_m=hanging(piece, 8, 0.012))
-    p = piece.vertices_m
-    down = np.clip((top_m - p[:, 1]) / (top_m - hem), 0, 1)
-    centre = figure.at("hips")
-    angle = np.arctan2(p[:, 0], -(p[:, 2] - centre[2]))
-    flare = 0.035 * down + 0.012 * down * np.sin(angle * 11 + seed)
-    radial = unit((p - centre) * np.array([1.0, 0.0, 1.0]))
-    return replace(piece, vertices_m=p + flare[:, None] * radial)
 
 
 def finished(figure: Figure, piece: Piece, colour: Vector, thickness_m: float) -> Piece:
