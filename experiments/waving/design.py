@@ -40,7 +40,7 @@ class WavingParameters:
     `increment` is how much more coverage of head and hand the warped wave shall have, `warp_from`
     what it starts from: the wave "oriented" to the addressee, or the one to the "front".
     Answers come by "ray" or "keyboard"; a ray that has not answered after `answer_limit_s` gives
-    over to the operator.
+    over to the operator. With fewer `clerks` than three the others never wave: a pilot.
     """
 
     before_s: float = 1.0
@@ -52,6 +52,7 @@ class WavingParameters:
     answer_by: str = "ray"
     answer_limit_s: float = 30.0
     blocks: int = 3
+    clerks: int = 3
 
     def __post_init__(self) -> None:
         problems = []
@@ -67,6 +68,8 @@ class WavingParameters:
             problems.append(f"answer_by {self.answer_by!r} is none of {', '.join(ANSWER_WAYS)}")
         if self.blocks not in (1, 2, 3, 6):
             problems.append("blocks is 1, 2, 3 or 6, so that they are equally long")
+        if not 1 <= self.clerks <= len(CLERKS):
+            problems.append(f"clerks is 1 to {len(CLERKS)}")
         if problems:
             raise DesignError(f"waving: {'; '.join(problems)}")
 
@@ -87,7 +90,7 @@ def design_of(params: WavingParameters = DEFAULT_PARAMETERS) -> Design:
         factors=(
             Factor("technique", TECHNIQUES),
             Factor("direction", DIRECTIONS),
-            Factor("clerk", tuple(c.name for c in CLERKS)),
+            Factor("clerk", tuple(c.name for c in CLERKS[: params.clerks])),
             Factor("participant_place", PARTICIPANT_PLACES),
         ),
         blocks=params.blocks,

@@ -1,0 +1,133 @@
+"""Hold simulated participants of the waving study against the published results.
+
+    python -m benchmarks.waving_participants [--seeds 100] [--participants 16] [--session]
+
+Over the quick path (`experiments.waving.quick_study`): what can be seen of the 54 waves is
+rendered once, people and answers are drawn anew for every seed. Prints mean accuracies beside
+the published ones and how often each effect is significant; `--session` also times a whole
+simulated session of 54 trials in processor seconds. `--json` for machines.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from experiments.waving import published
+from experiments.waving.analysis import ALPHA, TERMS, effects_of
+from experiments.waving.design import DIRECTIONS, TECHNIQUES
+from experiments.waving.measures import cell_means
+from experiments.waving.quick_study import evidence_for, quick_study, stimuli
+from lab.clock import cpu_time_s
+
+MEAN_LIMIT = 0.08
+SHARE_LIMITS = {
+    ("accuracy", "technique"): ("at least", 0.50),
+    ("accuracy", "direction"): ("at least", 0.90),
+    ("accuracy", "technique:direction"): ("at most", 0.12),
+    ("realism", "technique"): ("at most", 0.12),
+}
+"""Shares of studies: nominal means 5 %, of which 100 studies show up to 11 by chance."""
+SESSION_LIMIT_S = 60.0
+
+
+def study_rows(seeds: range, participants: int) -> list[dict[str, object]]:
+    """Return rows of name, value, published or limit, and whether it holds."""
+    means: dict[str, list[float]] = {}
+    hits: dict[tuple[str, str], int] = {}
+    for seed in seeds:
+        table = cell_means(quick_study(participants, seed))
+        for technique in TECHNIQUES:
+            chosen = table[table["technique"] == technique]
+            people = chosen.groupby("participant")["accuracy"].mean()
+            means.setdefault(f"accuracy {technique}", []).append(float(people.mean()))
+            means.setdefault(f"SD {technique}", []).append(float(people.std(ddof=1)))
+            means.setdefault(f"cell SD {technique}", []).append(float(chosen["accuracy"].std()))
+            for direction in DIRECTIONS:
+                cell = chosen[chosen["direction"] == direction]
+                name = f"accuracy {technique} {direction}"
+                means.setdefault(name, []).append(float(cell["accuracy"].mean()))
+        for direction in DIRECTIONS:
+            cell = table[table["direction"] == direction]
+            means.setdefault(f"realism {direction}", []).append(float(cell["realism"].mean()))
+        for measure in ("accuracy", "realism"):
+            for effect in effects_of(table, measure).effects:
+                key = (measure, effect.name)
+                hits[key] = hits.get(key, 0) + int(effect.p_used < ALPHA)
+    rows: list[dict[str, object]] = []
+    for name, values in means.items():
+        row: dict[str, object] = {"name": name, "value": float(np.mean(values))}
+        row |= {"spread": float(np.std(values))}
+        for technique in TECHNIQUES:
+            mean, sd = published.MEAN_ACCURACY[technique]
+            if name == f"accuracy {technique}":
+                holds = abs(float(np.mean(values)) - mean) <= MEAN_LIMIT
+                row |= {"beside": f"published {mean}", "holds": holds}
+            if name in (f"SD {technique}", f"cell SD {technique}"):
+                row |= {"beside": f"published {sd}, over what is not said"}
+        rows.append(row)
+    for measure in ("accuracy", "realism"):
+        for term in TERMS:
+            share = hits[measure, term] / len(seeds)
+            row = {"name": f"{measure}, {term} significant", "value": share}
+            if (measure, term) in SHARE_LIMITS:
+                word, limit = SHARE_LIMITS[measure, term]
+                holds = share >= limit if word == "at least" else share <= limit
+                row |= {"beside": f"{word} {limit}", "holds": holds}
+            rows.append(row)
+    return rows
+
+
+def session_row() -> dict[str, object]:
+    """Return the processor time of one whole simulated session, waves being there already."""
+    from cli.perform import perform_new, simulated_request
+    from cli.studies import find_study
+    from devices.option_models import OPTION_MODELS
+    from lab.config import load_config
+
+    study = find_study("waving")
+    config = load_config(Path(__file__).resolve().parents[1] / "lab_config.yaml", OPTION_MODELS)
+    with tempfile.TemporaryDirectory() as folder:
+        config = config.model_copy(update={"data_root": Path(folder)})
+        request = simulated_request(
+            study, study.experiment({}), config, label="S01B", index=0, seed=1
+        )
+        before_s = cpu_time_s()
+        perform_new(request)
+        took_s = cpu_time_s() - before_s
+    return {
+        "name": "a session of 54 trials, processor seconds",
+        "value": took_s,
+        "beside": f"at most {SESSION_LIMIT_S:g}",
+        "holds": took_s <= SESSION_LIMIT_S,
+    }
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print the rows; exit with 1 when one does not hold."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=100)
+    parser.add_argument("--participants", type=int, default=16)
+    parser.add_argument("--session", action="store_true")
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args(arguments)
+    for stimulus in stimuli():
+        evidence_for(stimulus)
+    rows = study_rows(range(given.seeds), given.participants)
+    if given.session:
+        rows.append(session_row())
+    if given.json:
+        print(json.dumps(rows, indent=1))
+    else:
+        for row in rows:
+            holds = {True: "holds", False: "DOES NOT HOLD", None: ""}[row.get("holds")]
+            print(f"{row['name']!s:<44} {row['value']:8.3f}  {row.get('beside', '')!s:<40} {holds}")
+    return 0 if all(row.get("holds", True) for row in rows) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
