@@ -58,27 +58,27 @@ class _Watching(GeometryStage):
         return super().draw(view, frame, head)
 
 
-class _OneTrial:
-    """An experiment whose plan has a single trial, without calibration."""
+class _FewTrials:
+    """An experiment whose plan has only these trials, without calibration."""
 
-    def __init__(self, experiment: Experiment, trial_id: str) -> None:
-        self._experiment, self._trial_id = experiment, trial_id
+    def __init__(self, experiment: Experiment, trial_ids: frozenset[str]) -> None:
+        self._experiment, self._trial_ids = experiment, trial_ids
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._experiment, name)
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
-        """Return the plan with that trial alone."""
+        """Return the plan with those trials alone."""
         plan = self._experiment.plan(participant_index, seed, group)
         blocks = tuple(
             replace(
                 block,
-                trials=tuple(t for t in block.trials if t.trial_id == self._trial_id),
+                trials=tuple(t for t in block.trials if t.trial_id in self._trial_ids),
                 questionnaires=(),
                 calibrate=False,
             )
             for block in plan.blocks
-            if any(t.trial_id == self._trial_id for t in block.trials)
+            if any(t.trial_id in self._trial_ids for t in block.trials)
         )
         return replace(plan, blocks=blocks, questionnaires=())
 
@@ -99,18 +99,23 @@ def trial_of(experiment: Experiment, number: int, index: int, seed: int) -> Tria
 
 
 class Capture:
-    """A trial of somebody's plan, to be performed; `frames` grow while it is.
+    """A trial of somebody's plan, and `following` more, to be performed; `frames` grow while it
+    is.
 
     Raises:
         UsageError: the plan has no such trial.
     """
 
     def __init__(
-        self, study: Study, config: LabConfig, *, number: int, index: int, seed: int
-    ) -> None:
+        self, study: Study, config: LabConfig, *, number: int, index: int, seed: int,
+        following: int = 0,
+    ) -> None:  # fmt: skip
         self._study, self._config, self._index, self._seed = study, config, index, seed
         self._experiment = study.experiment({})
         self.trial = trial_of(self._experiment, number, index, seed)
+        planned = self._experiment.plan(index, seed).trials
+        first = planned.index(self.trial)
+        self._wanted = frozenset(t.trial_id for t in planned[first : first + 1 + following])
         self.frames: list[Seen] = []
         self.is_whole = False
         self._left = threading.Event()
@@ -128,7 +133,7 @@ class Capture:
         with tempfile.TemporaryDirectory(prefix="preview") as folder:
             request = simulated_request(
                 self._study,
-                cast(Experiment, _OneTrial(self._experiment, self.trial.trial_id)),
+                cast(Experiment, _FewTrials(self._experiment, self._wanted)),
                 self._config.model_copy(update={"data_root": Path(folder)}),
                 label=f"{self._index:02d}",
                 index=self._index,

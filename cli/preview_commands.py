@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 PEOPLE = "people"
 """Said instead of a study: everybody's face."""
 SHEET_COLUMNS, SHEET_ROWS = 4, 3
+FOLLOWING = 5
+"""How many trials a film goes on with when the one asked for is shorter than the film."""
 
 
 @app.command()
@@ -52,7 +54,9 @@ def preview(
         bool, typer.Option("--window", help="Show it in a window; so too when nothing is asked.")
     ] = False,
     at: Annotated[float, typer.Option(help="Seconds into the trial, for --png.")] = 3.0,
-    seconds: Annotated[float, typer.Option(help="At most so long, for --video.")] = 20.0,
+    seconds: Annotated[
+        float, typer.Option(help="How long a film goes on, trial after trial.")
+    ] = 20.0,
     rate: Annotated[int, typer.Option(help="Pictures a second of a film.")] = 25,
     size: Annotated[str, typer.Option(help="Width x height in pixels.")] = "960x600",
     config: ConfigOption = None,
@@ -87,7 +91,8 @@ def preview(
     chosen = find_study(study)
     dress = dresser_of(chosen.name)
     lab = load_lab(config, "sim")
-    capture = Capture(chosen, lab, number=trial, index=participant, seed=seed)
+    following = FOLLOWING if video is not None else 0
+    capture = Capture(chosen, lab, number=trial, index=participant, seed=seed, following=following)
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
     label = f"{study} {capture.trial.trial_id}  {factors}"
     showing = _Showing(capture, dress, view, size_px, label)
@@ -167,7 +172,7 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
     from stage.movie import open_movie
 
     frames = spread(showing.frames(most_s), rate_hz, most_s)
-    label = f"{SIMULATED}  ·  {showing.label}"
+    label = f"{SIMULATED}  ·  from {showing.label} on"
     with (
         _film_renderer() as renderer,
         open_movie(path, showing.size_px, rate_hz) as film,
