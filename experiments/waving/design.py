@@ -99,13 +99,13 @@ def design_of(params: WavingParameters = DEFAULT_PARAMETERS) -> Design:
             {
                 "technique": ORIENTATION,
                 "direction": "self",
-                "clerk": "clerk_middle",
+                "clerk": CLERKS[params.clerks // 2].name,
                 "participant_place": "place_3",
             },
             {
                 "technique": WARPING,
                 "direction": "left",
-                "clerk": "clerk_left",
+                "clerk": CLERKS[0].name,
                 "participant_place": "place_3",
             },
         ),

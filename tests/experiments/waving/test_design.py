@@ -56,3 +56,9 @@ def test_places_stand_from_left_to_right():
 def test_impossible_parameters_are_refused_by_name(wrong):
     with pytest.raises(DesignError, match=next(iter(wrong))):
         WavingParameters(**wrong)
+
+
+@pytest.mark.parametrize("clerks", [1, 2, 3])
+def test_a_pilot_with_fewer_clerks_has_fewer_trials_and_the_same_training(clerks):
+    plan = plan_session(0, 3, params=WavingParameters(clerks=clerks))
+    assert 2 + 18 * clerks == len(plan.trials)
