@@ -22,6 +22,9 @@ RUN_STEPS_HZ = 2.85
 WALK_SHIFT_M, RUN_SHIFT_M = 0.095, 0.06
 """How much farther back than the hips' middle of stance a footprint's ankle lies, for legs of
 0.86 m: the foot lands on the heel and leaves from the ball."""
+LONGEST_STEP = 1.02
+"""Steps of walkers are at most so many leg lengths, or hips would stretch too far; faster walkers
+take quicker ones."""
 REACH = 0.984
 """No leg is stretched farther than to this share of its length."""
 
@@ -33,7 +36,8 @@ def free_step_m(speed_mps: float, leg_m: float, runs: bool) -> float:
         # Shorter legs and higher speeds take quicker steps.
         quicker = np.sqrt(0.86 / leg_m) * (1.0 + 0.10 * max(0.0, speed_mps - 2.5))
         return float(speed_mps / (RUN_STEPS_HZ * quicker))
-    return float(np.sqrt(WALK_RATIO_M_PER_STEP_MIN * (leg_m / 0.86) * 60.0 * speed_mps))
+    chosen = np.sqrt(WALK_RATIO_M_PER_STEP_MIN * (leg_m / 0.86) * 60.0 * speed_mps)
+    return float(min(chosen, LONGEST_STEP * leg_m))
 
 
 @compiled
@@ -42,7 +46,10 @@ def step_m(speed_mps: float, leg_m: float, distance_m: float, runs: bool) -> flo
     free = free_step_m(speed_mps, leg_m, runs)
     if not np.isfinite(distance_m):
         return free
-    return float(distance_m / max(1.0, np.round(distance_m / free)))
+    steps = max(1.0, np.round(distance_m / free))
+    if not runs and distance_m / steps > LONGEST_STEP * leg_m:
+        steps += 1.0
+    return float(distance_m / steps)
 
 
 @compiled
