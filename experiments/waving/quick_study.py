@@ -2,7 +2,7 @@
 
 People, judgements and measures are those of a session; only the head stands still where a
 customer's head is supposed, so that every wave has to be rendered once.
-`tests/experiments/waving/test_quick_study.py` holds it to a session.
+`tests/experiments/waving/test_session.py` holds it to a session.
 """
 
 from collections.abc import Callable
