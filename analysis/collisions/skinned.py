@@ -2,7 +2,8 @@
 
 Linear blend skinning. A cheap and strict test comes before any volume: every piece of a surface
 (the vertices that one joint moves most) lies in the box of its images by the joints that move it,
-because a blended vertex lies between its images. Where no boxes meet, nothing is shared.
+because a blended vertex lies between its images. Where no boxes meet, nothing is shared. Once
+posed, the boxes of the faces of each slice of a piece are tighter and are asked again.
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,10 @@ from lab.geometry import Vector
 
 Bones = npt.NDArray[np.int16]
 Index = npt.NDArray[np.int64]
+
+SLICE_M = 0.08
+"""Pieces are cut into slices so thick across their longest side at rest; each is a ring or a cap of
+the surface, so its box holds what lies inside, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +67,8 @@ class Bodies(NamedTuple):
 
     `vertex`, `face` and `piece` are these beginnings (k + 1,); `joints_m` (k, j, 3). A piece
     belongs to a `group` of its body, is moved by one `joint`, and holds at rest what lies within
-    `half_m` of `centre_m`; `groups` (k,) counts them.
+    `half_m` of `centre_m`; `groups` (k,) counts them. `corner` are vertices, the corners of
+    the faces of every slice of a group, `slice` which; `corners` their beginnings (k + 1,).
     """
 
     vertex: Index
@@ -78,11 +84,16 @@ class Bodies(NamedTuple):
     centre_m: Vector
     half_m: Vector
     groups: Index
+    corners: Index
+    corner: Faces
+    slice: Faces
+    slices: Index
 
 
 def pack(bodies: Sequence[SkinnedBody]) -> Bodies:
     """Put surfaces with the same joints into one table."""
     pieces = [_pieces(body) for body in bodies]
+    corners = [_corners(body) for body in bodies]
 
     def beginnings(sizes: Sequence[int]) -> Index:
         return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
@@ -101,11 +112,39 @@ def pack(bodies: Sequence[SkinnedBody]) -> Bodies:
         centre_m=np.concatenate([p[2] for p in pieces]),
         half_m=np.concatenate([p[3] for p in pieces]),
         groups=np.array([p[0].max() + 1 for p in pieces], np.int64),
+        corners=beginnings([len(c[0]) for c in corners]),
+        corner=np.concatenate([c[0] for c in corners]),
+        slice=np.concatenate([c[1] for c in corners]),
+        slices=np.array([c[1].max() + 1 for c in corners], np.int64),
     )
 
 
+def _strongest(body: SkinnedBody) -> Bones:
+    strongest: Bones = body.bones[np.arange(len(body.bones)), body.weights.argmax(axis=1)]
+    return strongest
+
+
+def _corners(body: SkinnedBody) -> tuple[Faces, Faces]:
+    """Return the corners of the faces of every slice, each once, and the slice; by slice.
+
+    A face belongs to the slice of its first corner, so every face lies in a box whole.
+    """
+    strongest = _strongest(body)
+    key = np.zeros((len(strongest), 2), np.int64)
+    for bone in np.unique(strongest).tolist():
+        members = np.flatnonzero(strongest == bone)
+        rest_m = body.rest_m[members]
+        axis = int(np.ptp(rest_m, axis=0).argmax())
+        key[members, 0] = bone
+        key[members, 1] = np.floor((rest_m[:, axis] - rest_m[:, axis].min()) / SLICE_M)
+    slices = np.unique(key, axis=0, return_inverse=True)[1].ravel()
+    both = np.stack([np.repeat(slices[body.faces[:, 0]], 3), body.faces.ravel()], axis=1)
+    both = np.unique(both, axis=0).astype(np.int32)
+    return np.ascontiguousarray(both[:, 1]), np.ascontiguousarray(both[:, 0])
+
+
 def _pieces(body: SkinnedBody) -> tuple[Index, Index, Vector, Vector]:
-    strongest = body.bones[np.arange(len(body.bones)), body.weights.argmax(axis=1)]
+    strongest = _strongest(body)
     groups, joints, centres, halves = [], [], [], []
     for number, bone in enumerate(np.unique(strongest).tolist()):
         members = np.flatnonzero(strongest == bone)
@@ -200,6 +239,21 @@ def group_boxes(
         for c in range(3):
             whole[c] = min(whole[c], boxes[g, c])
             whole[c + 3] = max(whole[c + 3], boxes[g, c + 3])
+
+
+@compiled
+def posed_boxes(
+    vertices_m: Vector, corner: Faces, piece: Faces, n_slices: int, boxes: Vector
+) -> None:
+    """Write the boxes (s, 6) of the faces of each slice of a posed body."""
+    for g in range(n_slices):
+        for c in range(3):
+            boxes[g, c], boxes[g, c + 3] = np.inf, -np.inf
+    for k in range(corner.shape[0]):
+        v, box = vertices_m[corner[k]], boxes[piece[k]]
+        for c in range(3):
+            box[c] = min(box[c], v[c])
+            box[c + 3] = max(box[c + 3], v[c])
 
 
 @compiled

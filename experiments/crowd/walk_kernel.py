@@ -9,6 +9,7 @@ from analysis.collisions.skinned import (
     boxes_meet,
     group_boxes,
     joint_moves,
+    posed_boxes,
     skin_vertices,
 )
 from lab.compiled import compiled
@@ -47,6 +48,7 @@ def volumes_of_walk(
     own_m = np.empty((own.rest_m.shape[0], 3))
     own_moves, moves = np.empty((N_JOINTS, 3, 4)), np.empty((N_JOINTS, 3, 4))
     own_boxes, boxes = np.empty((N_JOINTS, 6)), np.empty((N_JOINTS, 6))
+    own_tight, tight = np.empty((own.slices[0], 6)), np.empty((others.slices.max(), 6))
     own_whole, whole = np.empty(6), np.empty(6)
     root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
     position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
@@ -84,6 +86,7 @@ def volumes_of_walk(
                 continue
             if not is_skinned:
                 skin_vertices(own.rest_m, own.bones, own.weights, own_moves, own_m)
+                posed_boxes(own_m, own.corner, own.slice, own.slices[0], own_tight)
                 is_skinned = True
             v0, v1 = others.vertex[who], others.vertex[who + 1]
             f0, f1 = others.face[who], others.face[who + 1]
@@ -91,6 +94,11 @@ def volumes_of_walk(
             skin_vertices(
                 others.rest_m[v0:v1], others.bones[v0:v1], others.weights[v0:v1], moves, mesh_m
             )
+            n = others.slices[who]
+            c0, c1 = others.corners[who], others.corners[who + 1]
+            posed_boxes(mesh_m, others.corner[c0:c1], others.slice[c0:c1], n, tight)
+            if not any_boxes_meet(own_tight, own.slices[0], tight, n, whole):
+                continue
             found = measure_pair(
                 own_m, own.faces, mesh_m, others.faces[f0:f1],
                 cell_m, refine_below_m3, fine_columns,
