@@ -9,7 +9,8 @@ FRAME_BLOCK = """
 layout(std140) uniform Frame {
     mat4 view_projection;
     vec4 eye_m;          // xyz: the eye in world
-    vec4 tone;           // x: brightness, y: catch-light strength, z: alpha threshold
+    vec4 tone;           // x: brightness, y: catch-light strength, z: alpha threshold,
+                         // w: brightness of the display's codes
 };
 """
 
@@ -120,6 +121,29 @@ vec3 encoded(vec3 linear) {
     return mix(12.92 * x, 1.055 * pow(max(x, 1e-5), vec3(1.0 / 2.4)) - 0.055,
                step(0.0031308, x));
 }
+
+// What vertices hand to pixels that work in the display's codes: without a texture the colour
+// itself; with one the factor of its codes, as codes go nearly with the 2.2nd root of light.
+vec3 in_codes(vec3 linear) {
+#ifdef TEXTURED
+    return pow(max(linear, 0.0), vec3(1.0 / 2.2));
+#else
+    return encoded(shown(linear));
+#endif
+}
+
+// The curve of `shown`, for codes.
+vec3 shown_codes(vec3 codes) {
+    vec3 beyond = max(codes - 0.735, 0.0) / 0.265;
+    vec3 falling = 1.0 / (1.0 + beyond * (1.0 + beyond * (0.5 + beyond * 0.1667)));
+    return (min(codes, 0.735) + 0.265 * (1.0 - falling)) * tone.w;
+}
+
+#ifdef CUT_OUT
+#define CUT(alpha) if ((alpha) < tone.z) discard;
+#else
+#define CUT(alpha)
+#endif
 """
 )
 
@@ -129,14 +153,39 @@ vec3 decoded(vec3 srgb) {
 }
 """
 
-OUTPUT_COLOUR = """
+TEXEL = """
+// Fast textures hold codes, the others light.
+vec4 texel_of(sampler2D map, vec2 at) {
+    vec4 texel = texture(map, at);
+#if defined(CODE_TEXTURES) && !defined(IN_CODES)
+    texel.rgb = decoded(texel.rgb);
+#endif
+    return texel;
+}
+"""
+
+OUTPUT_COLOUR = (
+    TEXEL
+    + """
 layout(location = 0) out vec4 pixel;
 void deliver(vec3 linear, float alpha, uint person, uint part, float distance_m) {
     pixel = vec4(encoded(shown(linear)), alpha);
 }
+void deliver_lit(vec3 light, vec4 texel, uint person, uint part, float distance_m) {
+#if defined(IN_CODES) && defined(TEXTURED)
+    pixel = vec4(shown_codes(light * texel.rgb), texel.a);
+#elif defined(IN_CODES)
+    pixel = vec4(light, texel.a);
+#else
+    deliver(light * texel.rgb, texel.a, person, part, distance_m);
+#endif
+}
 """
+)
 
-OUTPUT_IDENTITY = """
+OUTPUT_IDENTITY = (
+    TEXEL
+    + """
 layout(location = 0) out uvec2 identity;
 layout(location = 1) out vec2 measured;
 void deliver(vec3 linear, float alpha, uint person, uint part, float distance_m) {
@@ -144,7 +193,11 @@ void deliver(vec3 linear, float alpha, uint person, uint part, float distance_m)
     identity = uvec2(person, part);
     measured = vec2(dot(shown(linear), vec3(0.2126, 0.7152, 0.0722)), distance_m);
 }
+void deliver_lit(vec3 light, vec4 texel, uint person, uint part, float distance_m) {
+    deliver(light * texel.rgb, texel.a, person, part, distance_m);
+}
 """
+)
 
 
 def lamp_constants(kinds: Sequence[int], shadow_of: Sequence[int]) -> str:

@@ -1,6 +1,6 @@
 """Skin, eyes, hair and cloth, in GLSL: skinning from a texture of joint matrices, and shading."""
 
-from stage.glsl_lighting import DECODED, FRAME_BLOCK, LIGHTING
+from stage.glsl_lighting import DECODED, LIGHTING
 
 SHADERS = {
     "skin": "KIND_SKIN",
@@ -73,10 +73,10 @@ void main() {
     out_normal = normalize(out_normal);
     out_albedo = decoded(in_colour.rgb);
 #ifdef VERTEX_LIT
-    uint kind = in_surface.x;
-    vec3 wrap = kind == 0u ? vec3(0.34, 0.17, 0.11) : vec3(0.12);
-    vec3 here = lit(out_albedo, wrap, out_place, out_normal, vec3(0.0), 1.0, 0.0);
-    if (kind != 1u && kind != 2u && kind < 128u) out_albedo = here;
+    uint kind = in_surface.x & 127u;
+    vec3 wrap = kind == 0u ? vec3(0.34, 0.17, 0.11) : kind == 2u ? vec3(0.3) : vec3(0.12);
+    if (kind != 1u)
+        out_albedo = lit(out_albedo, wrap, out_place, out_normal, vec3(0.0), 1.0, 0.0);
 #endif
     out_surface = in_surface.x | in_surface.y << 8 | in_surface.z << 16 | in_surface.w << 24;
     out_person = uint(in_person) + 1u;
@@ -94,7 +94,7 @@ SKINNED_LAYOUT = ("3f4 3f4 3f4 3f4 4u1 1u4", "in_place", "in_normal", "in_detail
                   "in_surface", "in_person")  # fmt: skip
 
 VERTEX = (
-    FRAME_BLOCK
+    LIGHTING
     + """
 in vec3 in_place;
 in vec3 in_normal;
@@ -113,6 +113,9 @@ void main() {
     normal = in_normal;
     detail = in_detail;
     albedo_here = in_albedo;
+#ifdef IN_CODES
+    albedo_here = in_codes(in_albedo);
+#endif
     surface = in_surface;
     person = in_person;
     gl_Position = view_projection * vec4(in_place, 1.0);
@@ -128,6 +131,7 @@ void main() { gl_Position = shadow_projection * vec4(in_place, 1.0); }
 
 FRAGMENT = (
     LIGHTING
+    + DECODED
     + """
 uniform sampler2D picture;
 in vec3 place;
@@ -209,7 +213,13 @@ vec3 hair_surface(vec3 albedo, vec3 n, vec3 view, float roughness) {
 
 #ifdef VERTEX_LIT
 void main() {
-    deliver(albedo_here, 1.0, person, surface.z, length(eye_m.xyz - place));
+#ifdef TEXTURED
+    vec4 texel = texel_of(picture, detail.xy);
+    CUT(texel.a)
+    deliver_lit(albedo_here, texel, person, surface.z, length(eye_m.xyz - place));
+#else
+    deliver_lit(albedo_here, vec4(1.0), person, surface.z, length(eye_m.xyz - place));
+#endif
 }
 #else
 void main() {
@@ -222,10 +232,10 @@ void main() {
     vec3 albedo = albedo_here;
     float alpha = 1.0;
 #ifdef TEXTURED
-    vec4 texel = texture(picture, detail.xy);
+    vec4 texel = texel_of(picture, detail.xy);
     albedo *= texel.rgb;
     alpha = texel.a;
-    if (alpha < tone.z) discard;
+    CUT(alpha)
 #endif
 #if defined(KIND_SKIN)
     float grazing = 1.0 - max(dot(n, view), 0.0);

@@ -28,6 +28,9 @@ void main() {
     vec3 here = lit(albedo_here, vec3(0.0), place, n, vec3(0.0), 1.0, 0.0);
     albedo_here = mix(here, albedo_here, in_look.y);
 #endif
+#ifdef IN_CODES
+    albedo_here = in_codes(albedo_here);
+#endif
     uv = in_uv;
     gl_Position = view_projection * world;
 }
@@ -43,6 +46,7 @@ void main() { gl_Position = shadow_projection * world_from_prop * vec4(in_place_
 
 FRAGMENT = (
     LIGHTING
+    + DECODED
     + """
 uniform sampler2D picture;
 in vec3 place;
@@ -56,22 +60,20 @@ flat in vec2 look;
 void main() {
     vec3 path = eye_m.xyz - place;
     float distance_m = length(path);
-    vec3 albedo = albedo_here;
-    float alpha = 1.0;
+    vec4 texel = vec4(1.0);
 #ifdef TEXTURED
-    vec4 texel = texture(picture, uv);
-    albedo *= texel.rgb;
-    alpha = texel.a;
-    if (alpha < tone.z) discard;
+    texel = texel_of(picture, uv);
+    CUT(texel.a)
 #endif
 #ifdef VERTEX_LIT
-    deliver(albedo, alpha, 0u, 0u, distance_m);
+    deliver_lit(albedo_here, texel, 0u, 0u, distance_m);
 #else
+    vec3 albedo = albedo_here * texel.rgb;
     vec3 n = normalize(gl_FrontFacing ? normal : -normal);
     float smoothness = 1.0 - look.x;
     vec3 result = lit(albedo, vec3(0.0), place, n, path / distance_m,
                       mix(6.0, 120.0, smoothness * smoothness), 0.25 * smoothness * smoothness);
-    deliver(mix(result, albedo, look.y), alpha, 0u, 0u, distance_m);
+    deliver(mix(result, albedo, look.y), texel.a, 0u, 0u, distance_m);
 #endif
 }
 """

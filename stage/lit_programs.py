@@ -16,13 +16,16 @@ class LitPrograms:
 
     def __init__(self, context: moderngl.Context, *, fast: bool, shadows: bool) -> None:
         self._context = context
-        self._common = (("FAST_TONE",) if fast else ()) + (("SHADOWS",) if shadows else ())
+        self._common = (("FAST_TONE", "CODE_TEXTURES") if fast else ()) + (
+            ("SHADOWS",) if shadows else ()
+        )
         self._fast = fast
         self._made: dict[tuple[object, ...], moderngl.Program] = {}
 
     def lit(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
         """Return the program for triangles that look like `run` under these lamps."""
-        key = (family, run.kind, run.texture is None, lamps, identity)
+        channels = 0 if run.texture is None else run.texture.shape[2]
+        key = (family, run.kind, channels, lamps, identity)
         found = self._made.get(key)
         if found is None:
             found = self._made[key] = self._compile(family, run, lamps, identity=identity)
@@ -59,18 +62,21 @@ class LitPrograms:
         self._made.clear()
 
     def _vertex_lit(self, family: Family, run: Run) -> bool:
-        by_vertex = run.kind not in ("eye", "hair") and run.texture is None
-        return self._fast and (family == "room" or by_vertex)
+        return self._fast and (family == "room" or run.kind != "eye")
 
     def _compile(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
         source = glsl_people if family == "people" else glsl_room
         defines = [*self._common]
         if run.texture is not None:
             defines.append("TEXTURED")
+            if run.texture.shape[2] == 4:
+                defines.append("CUT_OUT")
         if run.kind in glsl_people.SHADERS:
             defines.append(glsl_people.SHADERS[run.kind])
         if self._vertex_lit(family, run):
             defines.append("VERTEX_LIT")
+            if not identity:
+                defines.append("IN_CODES")
         if run.kind == "cloth" or (family == "room" and self._fast):
             defines.append("NO_SHINE")
         output = glsl_lighting.OUTPUT_IDENTITY if identity else glsl_lighting.OUTPUT_COLOUR

@@ -76,7 +76,7 @@ class Renderer:
         self.quality = Quality() if quality is None else quality
         self.drawn = Drawn(np.zeros(0, np.int64), np.zeros(0))
         ctx = self.context
-        self._textures = Textures(ctx, 1.0 if self.quality.fast else 8.0)
+        self._textures = Textures(ctx, fast=self.quality.fast)
         self._meshes = CharacterMeshes()
         self._frame = ctx.buffer(reserve=FRAME_BYTES, dynamic=True)
         self._lighting = ctx.buffer(reserve=LIGHTING_BYTES, dynamic=True)
@@ -241,7 +241,7 @@ class Renderer:
         block = np.zeros(24, np.float32)
         block[:16] = matrix.T.ravel()
         block[16:19] = camera.pose.position_m
-        block[20:23] = (brightness_01, 1.0, alpha_threshold)
+        block[20:24] = (brightness_01, 1.0, alpha_threshold, max(brightness_01, 0.0) ** (1 / 2.2))
         self._frame.write(block)
         self._frame.bind_to_uniform_block(0)
 
@@ -257,11 +257,12 @@ class Renderer:
         def people_program(run: Run) -> moderngl.Program:
             return self._programs.lit("people", run, light, identity=identity)
 
+        # People first: they hide much of the room, which is then not computed.
+        if crowd.cast:
+            crowd.draw(people_program, (light, identity))
         self._room(picture.room).draw(room_program)
         for placed in picture.moving:
             self._thing(placed.prop).draw(room_program, world_from(placed.pose))
-        if crowd.cast:
-            crowd.draw(people_program, (light, identity))
 
     def crowd_of(self, picture: Picture) -> CrowdBuffers:
         """Return the cast's buffers."""

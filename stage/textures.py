@@ -9,11 +9,14 @@ GL_SRGB8, GL_SRGB8_ALPHA8 = 0x8C41, 0x8C43
 
 
 class Textures:
-    """Textures by the array they come from; kept while the renderer lives."""
+    """Textures by the array they come from; kept while the renderer lives.
 
-    def __init__(self, context: moderngl.Context, sharpness: float) -> None:
+    Fast ones hold the display's codes, so that no tap is decoded, and are read from one size.
+    """
+
+    def __init__(self, context: moderngl.Context, *, fast: bool) -> None:
         self._context = context
-        self._sharpness = sharpness
+        self._fast = fast
         self._made: dict[int, tuple[TextureArray, moderngl.Texture]] = {}
 
     def use(self, picture: TextureArray | None, unit: int) -> None:
@@ -25,16 +28,20 @@ class Textures:
         found = self._made.get(id(picture))
         if found is None:
             height, width, channels = picture.shape
+            decoding = GL_SRGB8 if channels == 3 else GL_SRGB8_ALPHA8
             texture = self._context.texture(
                 (width, height),
                 channels,
                 np.ascontiguousarray(picture).tobytes(),
                 alignment=1,
-                internal_format=GL_SRGB8 if channels == 3 else GL_SRGB8_ALPHA8,
+                internal_format=None if self._fast else decoding,
             )
             texture.build_mipmaps()
-            texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-            texture.anisotropy = self._sharpness
+            smaller = (
+                moderngl.LINEAR_MIPMAP_NEAREST if self._fast else moderngl.LINEAR_MIPMAP_LINEAR
+            )
+            texture.filter = (smaller, moderngl.LINEAR)
+            texture.anisotropy = 1.0 if self._fast else 8.0
             found = self._made[id(picture)] = (picture, texture)
         return found[1]
 
