@@ -21,19 +21,21 @@ class Population:
 
     A cue of n pixels is read with an error of `blur_deg` (`pixels` / n) ^ `sharpness` and
     `looseness_deg` together (per cue: eyes, face, torso, hand). `reach_power` is how much it
-    counts that a customer can see the wave; `self_bias` is in log odds, `skill_sd` of log error.
+    counts that a customer can see the wave, of whom sees less than `least_reach_01` as much as of
+    who sees just that; `self_bias` is in log odds, `skill_sd` of log error.
     Realism falls with what is hidden and rises with feeling addressed. Fitted to the published
     means by `benchmarks.waving_participants`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (4.9, 5.7, 13.5, 9.6)
+    blur_deg: tuple[float, float, float, float] = (6.8, 2.1, 29.0, 4.1)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (1.4, 5.4, 32.0, 40.0)
-    sharpness: float = 0.9
-    reach_power: float = 5.0
-    least_reach_01: float = 0.074
-    self_bias: float = 1.72
-    skill_sd: float = 0.8
+    looseness_deg: tuple[float, float, float, float] = (1.1, 0.89, 79.0, 24.0)
+    sharpness: float = 1.8
+    reach_power: float = 5.6
+    least_reach_01: float = 0.61
+    self_bias: float = 1.0
+    self_bias_sd: float = 0.12
+    skill_sd: float = 0.55
     lapse_01: float = 0.02
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
@@ -64,7 +66,7 @@ def draw_person(population: Population, rng: np.random.Generator) -> Person:
     """Draw somebody."""
     return Person(
         blur=float(np.exp(population.skill_sd * rng.standard_normal())),
-        self_bias=population.self_bias + 0.3 * float(rng.standard_normal()),
+        self_bias=population.self_bias + population.self_bias_sd * float(rng.standard_normal()),
         realism=population.realism_mean
         + population.realism_person_sd * float(rng.standard_normal()),
         speed=float(np.exp(0.25 * rng.standard_normal())),
