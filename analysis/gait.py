@@ -32,8 +32,8 @@ class WalkMeasures:
     (the published measure), `speed_whole_m_s` over all, `path_m` the length of the way over the
     ground (low-pass filtered below 1 Hz by averaging over a stride would be shorter), `time_s`
     from first to last sample, `stop_s` what was left out, `hesitations` stretches slower than
-    0.1 m/s for at least 0.5 s outside the stop, `hesitation_s` their sum, `lost_s` untracked
-    time.
+    0.1 m/s for at least 0.5 s outside the stop once walking has begun, `hesitation_s` their sum,
+    `lost_s` untracked time.
     """
 
     speed_m_s: float
@@ -135,7 +135,9 @@ def walk_measures(
             away = np.linalg.norm(place_m - nearest, axis=1) > step_m
         walking &= away[:-1] & away[1:]
     slow = _smooth(np.where(known, speed, np.nan), dt_s) < HESITATION_BELOW_M_S
-    runs = _runs(slow & walking)
+    moving = np.flatnonzero(known & ~slow)
+    begun = moving[0] if len(moving) else len(known)
+    runs = [(a, b) for a, b in _runs(slow & walking) if a >= begun]
     long = [float(dt_s[a:b].sum()) for a, b in runs]
     long = [s for s in long if s >= HESITATION_AT_LEAST_S]
     return WalkMeasures(

@@ -1,5 +1,6 @@
 """Friedman's test with Kendall's W, and signed-rank post-hocs."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -39,9 +40,14 @@ class Friedman(Result):
         """Return the result as an APA sentence."""
         return (
             f"χ²({self.df}) = {number(self.chi2)}, {p_text(self.p)}, Kendall's "
-            f"W = {number(self.kendall_w)}, n = {self.provenance.n} "
-            f"(Iman-Davenport {f_text(self.F, *self.F_df)}, {p_text(self.p_f)})"
+            f"W = {number(self.kendall_w)}, n = {self.provenance.n}{self._by_f()}"
         )
+
+    def _by_f(self) -> str:
+        """Return Iman and Davenport's test; nothing where all ranks agree and F has no bound."""
+        if not math.isfinite(self.F):
+            return ""
+        return f" (Iman-Davenport {f_text(self.F, *self.F_df)}, {p_text(self.p_f)})"
 
     def row(self) -> Row:
         """Return the result as one flat table row."""

@@ -152,11 +152,12 @@ def sentence_of(found: MeasureComparison, pair: tuple[str, str]) -> str:
     values = [decimal(found.means[k], found.measure.digits) for k in (a, b)]
     test = next(t for t in found.pairs if t.pair == pair)
     verdict = "differs" if found.differs(pair) else "does not differ significantly"
-    unit = f" {unit}" if unit else ""
+    unit = f" {unit}" if unit not in ("", "°") else unit
+    over_blocks = found.test.test.sentence().removeprefix("block: ")
     return (
         f"{label} {verdict} between {pair[0]} ({BLOCK_NAMES[pair[0]]}) and {pair[1]}: "
-        f"{values[0]}{unit} and {values[1]}{unit}, n = {len(found.people)}, over blocks "
-        f"{found.test.test.sentence()}; post-hoc adjusted p {_equals(test.p)}."
+        f"{values[0]}{unit} and {values[1]}{unit}, n = {len(found.people)}; over blocks, "
+        f"{over_blocks}; post-hoc adjusted p {_equals(test.p)}."
     )
 
 

@@ -65,8 +65,8 @@ def method_paragraphs(analysis: CrowdAnalysis) -> tuple[str, ...]:
         "Walking speed leaves out what lies within one step "
         f"({STEP_LENGTH_M['man']} m men, {STEP_LENGTH_M['woman']} m women) of the point nearest "
         f"the board. A hesitation is slower than {HESITATION_BELOW_M_S} m/s for at least "
-        f"{HESITATION_AT_LEAST_S} s outside that stop. Clearance is the distance to the nearest "
-        "person's centre.",
+        f"{HESITATION_AT_LEAST_S} s outside that stop, once walking has begun. "
+        "Clearance is the distance to the nearest person's centre.",
         "Statistics are of each person's mean over the walks of a block. α = "
         f"{threshold(p.alpha)}. {RULE} Bounds of equal paths: ±{p.dice_bound:g} in Dice, "
         f"±{percentage(p.path_bound_01, 0)} of the path length; fixed before looking.",
