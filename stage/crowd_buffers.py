@@ -57,19 +57,23 @@ class CharacterMeshes:
     """Vertices of characters, built once per character and kept while the renderer lives."""
 
     def __init__(self) -> None:
-        self._built: dict[int, tuple[Character, tuple[PersonVertices, ...]]] = {}
+        self._built: dict[tuple[int, int], tuple[Character, PersonVertices]] = {}
 
-    def of(self, character: Character) -> tuple[PersonVertices, ...]:
-        """Return the levels of a character as vertices."""
-        found = self._built.get(id(character))
+    def of(self, character: Character, level: int) -> PersonVertices:
+        """Return a level of a character as vertices."""
+        key = id(character), level
+        found = self._built.get(key)
         if found is None:
-            levels = tuple(person_vertices(character, mesh) for mesh in character.levels)
-            found = self._built[id(character)] = (character, levels)
+            vertices = person_vertices(character, character.levels[level])
+            found = self._built[key] = (character, vertices)
         return found[1]
 
 
 class CrowdBuffers:
-    """Everyone of one cast. `pose` writes the frame's matrices, `choose` who is drawn how."""
+    """Everyone of one cast. `pose` writes the frame's matrices, `choose` who is drawn how.
+
+    Levels finer than `finest` are sent to the card when first chosen, the others at once.
+    """
 
     def __init__(
         self,
@@ -77,8 +81,10 @@ class CrowdBuffers:
         cast: tuple[Character, ...],
         meshes: CharacterMeshes,
         textures: Textures,
+        finest: int = 0,
     ) -> None:
         self._context = context
+        self._meshes = meshes
         self._textures = textures
         self.cast = cast
         self.joints = JointRows(cast)
@@ -88,17 +94,24 @@ class CrowdBuffers:
         self._matrices.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._nowhere = context.simple_framebuffer((1, 1))
         self._people_of: list[npt.NDArray[np.int64]] = []
-        self._levels: list[tuple[_LevelOnCard, ...]] = []
+        self._levels: list[list[_LevelOnCard | None]] = []
         self._calls: dict[Hashable, list[_Call]] = {}
         of_character: dict[int, list[int]] = {}
         for i, character in enumerate(cast):
             of_character.setdefault(id(character), []).append(i)
         for members in of_character.values():
             self._people_of.append(np.array(members, np.int64))
-            levels = meshes.of(cast[members[0]])
-            self._levels.append(tuple(self._upload(level, len(members)) for level in levels))
+            count = len(cast[members[0]].levels)
+            first = min(finest, count - 1)
+            self._levels.append(
+                [
+                    self._sent(members[0], k, len(members)) if k >= first else None
+                    for k in range(count)
+                ]
+            )
 
-    def _upload(self, level: PersonVertices, capacity: int) -> _LevelOnCard:
+    def _sent(self, person: int, k: int, capacity: int) -> _LevelOnCard:
+        level = self._meshes.of(self.cast[person], k)
         context, rows = self._context, len(level.deltas)
         deltas = context.texture((8, rows), 4, level.deltas.tobytes(), dtype="f4")
         deltas.filter = (moderngl.NEAREST, moderngl.NEAREST)
@@ -117,8 +130,13 @@ class CrowdBuffers:
         for people, levels in zip(self._people_of, self._levels, strict=True):
             seen = people[drawn[people]]
             at = level[seen]
-            for k, on_card in enumerate(levels):
+            for k in range(len(levels)):
+                on_card = levels[k]
                 members = tuple(seen[at == k].tolist())
+                if on_card is None:
+                    if not members:
+                        continue
+                    on_card = levels[k] = self._sent(int(people[0]), k, len(people))
                 if members != on_card.drawn:
                     self._calls.clear()
                     on_card.drawn = members
@@ -183,7 +201,7 @@ class CrowdBuffers:
     def _chosen(self) -> Iterator[_LevelOnCard]:
         for levels in self._levels:
             for on_card in levels:
-                if on_card.drawn:
+                if on_card is not None and on_card.drawn:
                     yield on_card
 
     def _grow(self, on_card: _LevelOnCard, copies: int) -> None:
@@ -238,6 +256,8 @@ class CrowdBuffers:
         self._nowhere.release()
         for levels in self._levels:
             for on_card in levels:
+                if on_card is None:
+                    continue
                 _release_copies(on_card)
                 for array in on_card.skinning.values():
                     array.release()

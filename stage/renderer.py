@@ -359,7 +359,9 @@ class Renderer:
                 oldest = self._crowds.pop(next(iter(self._crowds)))
                 self._levels.pop(id(oldest), None)
                 oldest.release()
-            found = CrowdBuffers(self.context, cast, self._meshes, self._textures)
+            found = CrowdBuffers(
+                self.context, cast, self._meshes, self._textures, self.quality.detail.finest
+            )
             self._crowds[key] = found
         return found
 
