@@ -34,7 +34,7 @@ def check_session(recording: Recording, limits: CheckLimits | None = None) -> Se
         *_recording_findings(recording),
         *_trial_findings(trials),
         *_stream_findings(streams),
-        *_calibration_findings(events, limits),
+        *_calibration_findings(plan, events, limits),
         *_questionnaire_findings(plan, events),
         *_deviation_findings(events, recording),
     ]
@@ -236,8 +236,13 @@ def _stream_findings(streams: list[StreamCheck]) -> list[Finding]:
 # ---- calibration -----------------------------------------------------------------------------
 
 
-def _calibration_findings(events: pd.DataFrame, limits: CheckLimits) -> list[Finding]:
+def _calibration_findings(
+    plan: Mapping[str, Any], events: pd.DataFrame, limits: CheckLimits
+) -> list[Finding]:
     validations = list(events.loc[events["name"] == "validation", "payload"])
+    blocks = plan.get("blocks", [])
+    if not validations and blocks and not any(b.get("calibrate", True) for b in blocks):
+        return []  # a study without gaze
     if not validations:
         return [
             Finding(

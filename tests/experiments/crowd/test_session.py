@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from analysis.session_check import check_session
 from experiments.crowd.design import CONDITIONS
 from experiments.crowd.haptics import BAND_ROLES
 from experiments.crowd.intake import take_in
@@ -107,3 +108,9 @@ def test_presence_and_embodiment_are_asked_after_every_block(intake):
     for scale in ("presence", "agency", "change", "ownership"):
         assert blocks[scale].between(1, 7).all()
     assert {"age", "gender"} <= set(intake.person)
+
+
+def test_a_study_without_gaze_is_not_asked_for_a_calibration(recording):
+    subjects = {f.subject for f in check_session(recording).findings}
+    assert "recording" in subjects
+    assert "calibration" not in subjects
