@@ -87,6 +87,7 @@ class WavingParticipant:
         """Begin a new stretch of behaviour at this session time: look ahead, the hand down."""
         self._stretch, self._origin_ns = stretch, t_ns
         self._looks: list[tuple[float, Vector]] = [(-10.0, np.array(AHEAD_M))]
+        self._aimed = np.zeros((0, 2))
         self._points: list[tuple[float, Vector]] = [(-10.0, np.array(HAND_REST))]
         self._presses: list[tuple[int, str, float]] = []
         self._scene: OfficeScene | None = None
@@ -161,7 +162,7 @@ class WavingParticipant:
                 f"it has {', '.join(BODY_JOINTS)}"
             )
         t_s = (t_ns - self._origin_ns) / NS_PER_S
-        head, _ = self._heads(t_s)
+        head = self._positions(t_s)
         rows = [BODY_JOINTS.index(name) for name in names]
         lean = head - self._eye
         positions = self._standing[rows] + lean[:, None, :]
@@ -171,8 +172,7 @@ class WavingParticipant:
             k = list(names).index("right_hand")
             hand = np.array(HAND_AT_M) + lean
             positions[:, k] = hand
-            for i, t in enumerate(t_s.tolist()):
-                turns[i, k] = _fingers_to(unit(self._moving(self._points, t, POINT_S) - hand[i]))
+            turns[:, k] = _fingers_to(unit(_moving(self._points, t_s, POINT_S) - hand))
         return positions, turns
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
@@ -197,6 +197,7 @@ class WavingParticipant:
         return (t_ns - self._origin_ns) / NS_PER_S
 
     def _look(self, t_s: float, point_m: Vector) -> None:
+        self._aimed = np.zeros((0, 2))
         self._looks = [look for look in self._looks if look[0] < t_s]
         self._looks.append((t_s, point_m))
 
@@ -240,39 +241,33 @@ class WavingParticipant:
         self._presses += [(press_ns, "trigger", 1.0), (press_ns + NS_PER_S // 10, "trigger", 0.0)]
 
     def _heads(self, t_s: Vector) -> tuple[Vector, Vector]:
-        phases = self._sway
-        wave = np.sin(2 * np.pi * np.array([0.13, 0.11, 0.17]) * t_s[:, None] + phases[:3])
-        position = self._eye + SWAY_M * wave
-        angles = np.zeros((len(t_s), 2))
-        before: Vector | None = None
-        for start_s, point in self._looks:
-            way = point - self._eye
-            aim = np.array(
-                [np.arctan2(-way[0], -way[2]), np.arctan2(way[1], np.hypot(way[0], way[2]))]
-            )
-            if before is None:
-                angles += HEAD_SHARE * aim
-            else:
-                share = _smooth((t_s - start_s) / TURN_S)
-                angles += HEAD_SHARE * share[:, None] * (aim - before)
-            before = aim
-        y, p = angles[:, 0] / 2, angles[:, 1] / 2
+        aims = self._aims
+        angles = np.broadcast_to(aims[0], (len(t_s), 2))
+        if len(aims) > 1:
+            starts = np.array([start for start, _ in self._looks[1:]])
+            angles = angles + _smooth((t_s[:, None] - starts) / TURN_S) @ np.diff(aims, axis=0)
+        y, p = HEAD_SHARE * angles.T / 2
         cy, sy, cp, sp = np.cos(y), np.sin(y), np.cos(p), np.sin(p)
-        return position, np.stack([cy * cp, cy * sp, sy * cp, -sy * sp], axis=1)
+        return self._positions(t_s), np.stack([cy * cp, cy * sp, sy * cp, -sy * sp], axis=1)
+
+    def _positions(self, t_s: Vector) -> Vector:
+        wave = np.sin(2 * np.pi * np.array([0.13, 0.11, 0.17]) * t_s[:, None] + self._sway[:3])
+        found: Vector = self._eye + SWAY_M * wave
+        return found
+
+    @property
+    def _aims(self) -> Vector:
+        """Yaw and pitch (n, 2) in radians of what is looked at one after the other."""
+        if len(self._aimed) != len(self._looks):
+            x, y, z = (np.array([point for _, point in self._looks]) - self._eye).T
+            self._aimed = np.stack([np.arctan2(-x, -z), np.arctan2(y, np.hypot(x, z))], axis=1)
+        return self._aimed
 
     def _targets(self, t_s: Vector) -> Vector:
         starts = np.array([start for start, _ in self._looks])
         points = np.array([point for _, point in self._looks])
         found: Vector = points[np.searchsorted(starts, t_s, side="right").clip(1) - 1]
         return found
-
-    @staticmethod
-    def _moving(keys: list[tuple[float, Vector]], t_s: float, takes_s: float) -> Vector:
-        point = keys[0][1]
-        for start_s, goal in keys[1:]:
-            share = float(_smooth(np.array((t_s - start_s) / takes_s)))
-            point = point + share * (goal - point)
-        return point
 
     @cached_property
     def _standing(self) -> Vector:
@@ -288,9 +283,19 @@ def _smooth(share: Vector) -> Vector:
     return course
 
 
+def _moving(keys: list[tuple[float, Vector]], t_s: Vector, takes_s: float) -> Vector:
+    """Return where something is (t, 3) that goes from key to key in `takes_s`."""
+    point = np.broadcast_to(keys[0][1], (len(t_s), 3))
+    for start_s, goal in keys[1:]:
+        point = point + _smooth((t_s - start_s) / takes_s)[:, None] * (goal - point)
+    return point
+
+
 def _fingers_to(direction: Vector) -> Vector:
-    """Return the turn (4,) of a right hand whose fingers point along a unit direction (3,)."""
-    axis = np.cross(ALONG_FINGERS, direction)
-    found = np.array([1.0 + float(ALONG_FINGERS @ direction), *axis])
-    length = float(np.linalg.norm(found))
-    return np.array([0.0, 0.0, 1.0, 0.0]) if length < 1e-9 else found / length
+    """Return turns (t, 4) of a right hand whose fingers point along unit directions (t, 3)."""
+    found = np.empty((len(direction), 4))
+    found[:, 0] = 1.0 + direction @ ALONG_FINGERS
+    found[:, 1:] = np.cross(ALONG_FINGERS, direction)
+    length = np.linalg.norm(found, axis=1, keepdims=True)
+    backwards = np.array([0.0, 0.0, 1.0, 0.0])
+    return np.where(length < 1e-9, backwards, found / np.maximum(length, 1e-9))
