@@ -110,20 +110,20 @@ def _summary(analysis: WavingAnalysis, pictures: Mapping[str, Picture]) -> Secti
         _verdict(
             analysis, "accuracy", "technique",
             f"Waves are understood better with {NAMES[better]}",
-            "No difference between techniques in accuracy",
+            "No difference in accuracy found between techniques",
         ),
         _verdict(
             analysis, "accuracy", "direction", "Accuracy depends on the direction",
-            "Accuracy does not depend on the direction",
+            "No effect of direction on accuracy found",
         ),
         _verdict(
             analysis, "accuracy", "technique:direction",
             "The advantage differs between directions",
-            "The techniques' difference is the same in all directions",
+            "No difference found between directions in what technique changes",
         ),
         _verdict(
             analysis, "realism", "technique", "The techniques differ in realism",
-            "Both techniques are equally realistic",
+            "No difference in realism found between techniques",
         ),
     )  # fmt: skip
     blocks: list[Block] = [Verdicts(verdicts), _beside_published(analysis), pictures["accuracy"]]
@@ -131,7 +131,8 @@ def _summary(analysis: WavingAnalysis, pictures: Mapping[str, Picture]) -> Secti
         blocks.append(
             Paragraph(
                 f"With {counted(analysis.n_participants, 'participant')} instead of the source's "
-                f"{published.PARTICIPANTS}, verdicts that differ mainly reflect lower power."
+                f"{published.PARTICIPANTS}, power is lower and verdicts are unsteady: none shows "
+                "that there is no effect."
             )
         )
     return Section("summary", "Result", tuple(blocks))
