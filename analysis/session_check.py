@@ -274,6 +274,8 @@ def _drift_finding(
     starts: list[Mapping[str, Any]], end: Mapping[str, Any], limits: CheckLimits
 ) -> Finding:
     end_deg = end["accuracy_deg"]
+    if end_deg is None and end["accepted"] and not end.get("points"):
+        return Finding(Level.GREEN, "calibration", str(end["reason"]))
     if end_deg is None:
         return Finding(Level.RED, "calibration", "all gaze was lost in the final validation")
     start_deg = starts[-1]["accuracy_deg"] if starts else None
