@@ -54,8 +54,9 @@ def role_states(lab: LabConfig) -> tuple[RoleState, ...]:
             needs = missing if facts.runtime in ("openvr", "openxr") else ""
             state = f"simulated, {needs}" if needs else "simulated"
         else:
-            state = missing or "ready to be tested"
             needs = missing
+            state = f"needs {RUNTIMES[facts.runtime]}" if facts.runtime else "ready to be tested"
+            state = missing or state
         found.append(RoleState(role, device.driver, device.simulated, not needs, state))
     return tuple(found)
 

@@ -1,7 +1,7 @@
 """devices: list, test, identify, capture, replay."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -102,8 +102,11 @@ def identify(role: RoleArgument, config: ConfigOption = None) -> None:
     lab = load_lab(config)
     bands = [name for name in lab.devices if name.startswith("armband_")]
     if role not in bands:
+        from lab.yaml_lines import did_you_mean
+
+        hint = did_you_mean(role, bands)
         known = ", ".join(bands) or "none: add one under devices in the configuration"
-        raise UsageError(f"{role!r} is no armband of {lab.path}; its armbands: {known}")
+        raise UsageError(f"{role!r} is no armband of {lab.path}{hint or '.'} Its armbands: {known}")
     told = buzz(_device(lab, role), SystemClock())
     console.print(told, soft_wrap=True)
 
@@ -142,8 +145,9 @@ def capture_wire(
     wires.end()
     if not trials[0].error and not wires.is_captured:
         raise UsageError(
-            f"{role}: {device.driver} has no wire that could be captured; capture a role whose "
-            "driver has one (see `visavis devices list`)"
+            f"{role}: {device.driver} has no wire that could be captured here; drivers of other "
+            "packages keep captures themselves, those of Visavis with a wire are captured "
+            "(see `visavis devices list`)"
         )
     print_trials(trials)
     if trials[0].error:
@@ -185,7 +189,8 @@ def replay(
     def is_over() -> bool:
         return wires.playing is not None and wires.playing.is_finished
 
-    trials = capture([device], clock, LONGEST_S, wires=wires, is_over=is_over)
+    played = capture([device], clock, LONGEST_S, wires=wires, is_over=is_over)
+    trials = tuple(replace(trial, simulated=log.is_simulated) for trial in played)
     if as_json:
         typer.echo(_as_json([asdict(t) for t in trials]))
     else:

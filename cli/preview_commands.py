@@ -18,6 +18,7 @@ from cli.preview_pictures import (
     SIMULATED,
     Viewpoint,
     camera_of,
+    check_picture_name,
     contact_sheet,
     labelled,
     simulated_panel,
@@ -75,6 +76,9 @@ def preview(
             raise UsageError(f"{path} exists already; choose another name")
         if path is not None and not path.parent.is_dir():
             raise UsageError(f"there is no folder {path.parent}; make it first")
+    for path in (png, sheet):
+        if path is not None:
+            check_picture_name(path)
     if at < 0 or seconds <= 0 or not 1 <= rate <= 240:
         raise UsageError("--at counts from 0, --seconds from above 0, --rate from 1 to 240")
     size_px = picture_size(size)

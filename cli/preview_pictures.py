@@ -3,11 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from enum import StrEnum
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
+from lab.errors import UsageError
 from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg, rotate, unit, yaw_pitch_deg_of
 from stimuli.picture import Camera, Panel, Picture
 
@@ -110,3 +112,13 @@ def _looking(place: Vector, towards: Vector) -> Pose:
 
 def _framed(pose: Pose, top: float, aspect: float) -> Camera:
     return Camera(pose, -top * aspect, top * aspect, -top, top)
+
+
+def check_picture_name(path: Path) -> None:
+    """Refuse a picture whose kind cannot be written, before anything is drawn.
+
+    Raises:
+        UsageError: the name ends neither in .png nor in .jpg.
+    """
+    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise UsageError(f"{path}: pictures are written as .png or .jpg; give it such a name")

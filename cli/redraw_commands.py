@@ -8,6 +8,7 @@ import typer
 
 from cli.app import app, console
 from cli.checking_commands import require_session
+from cli.preview_pictures import check_picture_name
 from lab.errors import UsageError
 from recording.reader import Recording
 
@@ -28,6 +29,7 @@ def redraw(
     from cli.redraw import redraw as draw_again
 
     require_session(session_path)
+    check_picture_name(png)
     if png.exists():
         raise UsageError(f"{png} exists already; choose another name")
     images = draw_again(Recording(session_path), frame, part=part)

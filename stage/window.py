@@ -20,7 +20,8 @@ class Window:
         if not glfw.init():
             raise StageError(
                 "no window can be opened: there is no screen",
-                remedy="log in on a desktop, or set display.show to none in lab_config.yaml",
+                remedy="log in on a desktop; without one previews go to --png, --sheet or --video, "
+                "and sessions take display.show: none or offscreen in lab_config.yaml",
             )
         glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, 3)
         glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, 3)

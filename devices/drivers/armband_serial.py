@@ -4,6 +4,7 @@ Ports are found by what is plugged in (vendor, product, serial number), never by
 """
 
 import contextlib
+import os
 import threading
 from collections.abc import Sequence
 from typing import Any
@@ -77,7 +78,9 @@ class SerialLink:
                 opened.dtr = False
             opened.open()
         except (serial.SerialException, OSError, ValueError) as cause:
-            raise DeviceNotFound(f"cannot open {name}: {cause}", remedy=REMEDY) from cause
+            errno = cause.errno if isinstance(cause, OSError) else None
+            why = os.strerror(errno) if errno else str(cause)
+            raise DeviceNotFound(f"cannot open {name}: {why}", remedy=REMEDY) from cause
         self._serial = opened
 
     def write(self, data: bytes) -> int:

@@ -64,6 +64,7 @@ def test_captured_wire_is_played_back_without_its_lab(role: str, tmp_path: Path)
     assert log.note["role"] == role
     (trial,) = json.loads(typed("replay", str(file), "--json").output)
     assert trial["error"] == ""
+    assert trial["simulated"] is True
     assert trial["streams"][0]["samples"] > 0
     if role == "eye_tracker":
         assert trial["streams"][0]["rate_hz"] == pytest.approx(120.0, rel=0.02)

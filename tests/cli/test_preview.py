@@ -117,6 +117,11 @@ def test_a_picture_is_never_overwritten(tmp_path: Path) -> None:
     assert path.read_bytes() == b"kept"
 
 
+def test_a_picture_of_an_unknown_kind_is_refused_before_anything_is_drawn(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"a\.xyz: pictures are written as \.png or \.jpg"):
+        preview("stare", "--png", tmp_path / "a.xyz")
+
+
 def test_performance_begins_with_light_and_ends_when_enough_is_seen(captured: Capture) -> None:
     frames = captured.frames
     assert frames[0].view.scene.brightness_01 > 0
