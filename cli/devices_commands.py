@@ -195,6 +195,10 @@ def replay(
         typer.echo(_as_json([asdict(t) for t in trials]))
     else:
         print_trials(trials)
+        console.print(
+            "the whole wire, from opening to closing; `capture` counts only what it listened to",
+            style="dim", soft_wrap=True,
+        )  # fmt: skip
     if trials[0].error:
         raise typer.Exit(DeviceError.exit_code)
 

@@ -10,6 +10,7 @@ from cli.device_bench import Trial, capture
 from cli.doctor_findings import Finding, worst
 from cli.doctor_machine import computer, libraries, licence_of
 from cli.doctor_wires import RUNTIME_NAMES, RUNTIMES, network, ports, runtimes
+from cli.rigs import ESSENTIAL_ROLES
 from devices.contracts import Device
 from devices.driver_facts import FACTS, facts_of
 from lab.clock import Clock
@@ -119,6 +120,13 @@ def _devices(lab: LabConfig, trials: Sequence[Trial]) -> list[Finding]:
                 continue  # every session calibrates
             level = "missing" if fault.severity == "blocking" else "warning"
             rows.append(Finding(DEVICES, trial.role, level, fault.message, fault.remedy))  # type: ignore[arg-type]  # one of two levels
+    rows += [
+        Finding(
+            DEVICES, role, "missing", "not configured; no study runs without it",
+            f"add {role} with its driver under devices (docs/configuration.md)",
+        )
+        for role in ESSENTIAL_ROLES if role not in lab.devices
+    ]  # fmt: skip
     left = [r for r in lab.devices if r not in by_role]
     if left:
         rows.append(Finding(DEVICES, "simulated", "note", ", ".join(left)))

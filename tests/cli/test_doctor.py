@@ -72,6 +72,15 @@ def test_absent_device_is_missing_with_its_remedy() -> None:
     assert "Not ready" in verdict(report)
 
 
+def test_lab_without_an_essential_role_is_not_ready() -> None:
+    lab = load_lab(CONFIG)
+    rest = {role: d for role, d in lab.devices.items() if role != "eye_tracker"}
+    report = examine(lab.model_copy(update={"devices": rest}), SimClock())
+    (found,) = (f for f in report.findings if f.subject == "eye_tracker")
+    assert found.level == "missing"
+    assert "add eye_tracker with its driver" in found.remedy
+
+
 def test_missing_runtime_is_told_once_and_its_devices_are_not_opened(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
