@@ -101,6 +101,10 @@ class Told:
         os.write(1, b"silent ")
         return 0
 
+# A job in the background of a shell inherits some signals ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+for number in (signal.SIGTERM, signal.SIGHUP):
+    signal.signal(number, signal.SIG_DFL)
 guard = HapticGuard({"arm": Told()}, SimClock())
 guard.__enter__()
 """
