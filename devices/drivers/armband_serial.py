@@ -151,6 +151,10 @@ def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
         for port in ports
         if port.vid is not None
     )
+    unnamed = [port.device for port in ports if port.vid is None]
+    if unnamed:
+        others = f"without a USB identity, to be given as port: {', '.join(unnamed)}"
+        described = f"{described}; {others}" if described else others
     wanted = f"vid {_hex(vid)}, pid {_hex(pid)}, serial {serial_number or 'any'}"
     if fitting:
         raise DeviceNotFound(

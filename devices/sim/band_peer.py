@@ -4,6 +4,7 @@ Travel takes `latency_ms` in each direction and keeps its order. Motors follow t
 once. Not modelled: skin and strap, motor spread and inertia, radio collisions, flow control.
 """
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
 
@@ -16,7 +17,7 @@ from lab.clock import NS_PER_MS, Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound
 
 
-class BandPeer:
+class BandPeer(ABC):
     """The `BytePeer` of one band; a subclass says what its bytes mean.
 
     Faults: late_start, disconnect, loss, duplicate, garbage (of what the host sends), burst,
@@ -51,18 +52,18 @@ class BandPeer:
         self.levels_01: tuple[float, ...] = (0.0,) * motor_count
         self.log: list[tuple[int, tuple[float, ...]]] = []
 
+    @abstractmethod
     def received(self, data: bytes, t_ns: int) -> None:
         """Take bytes that reached the band; for the subclass."""
-        raise NotImplementedError
 
     def due_ns(self) -> int | None:
         """Return when the band does something of its own accord next; for the subclass."""
         return None
 
-    def act(self, t_ns: int) -> None:
+    def act(self, t_ns: int) -> None:  # noqa: B027 - most bands do nothing of their own accord
         """Do what is due of its own accord; for the subclass."""
 
-    def restart(self, t_ns: int) -> None:
+    def restart(self, t_ns: int) -> None:  # noqa: B027 - not every band keeps something
         """Forget what belongs to a connection; for the subclass."""
 
     def connect(self, t_ns: int) -> None:

@@ -4,6 +4,7 @@ The part all gaze simulators share; a simulator adds the bytes of its wire. Not 
 eye images, slow slippage of the headset, a different latency per eye.
 """
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -218,7 +219,7 @@ class GazeSource:
         return (shot, shot) if happens("duplicate", _DUPLICATE) else (shot,)
 
 
-class GazePeer:
+class GazePeer(ABC):
     """The other end of a message wire, fed by a `GazeSource`; a simulator says the bytes.
 
     `to_message` turns a shot into frames (None: nothing is sent); `answer` answers a request.
@@ -230,9 +231,9 @@ class GazePeer:
         self._outbox: deque[Message] = deque()
         self._unsorted = False
 
+    @abstractmethod
     def to_message(self, shot: Shot) -> Frames | None:
         """Return a sample's frames as the device sends them."""
-        raise NotImplementedError
 
     def answer(self, frames: Frames, t_ns: int) -> Frames | None:
         """Answer a request that reaches the device; None when it stays silent."""
