@@ -5,7 +5,7 @@ its own arrival time, so a driver cannot tell simulation from a cable.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 
@@ -78,6 +78,15 @@ class BytePeer(Protocol):
         ...
 
 
+@runtime_checkable
+class ForeseeingPeer(Protocol):
+    """A peer that knows until when nothing of it can reach the host."""
+
+    def quiet_until_ns(self, now_ns: int) -> int:
+        """Return until when the host hears nothing unless it writes; `now_ns` where unknown."""
+        ...
+
+
 class MemoryLink:
     """Connect a driver to a simulator in the same process, on any clock.
 
@@ -111,6 +120,11 @@ class MemoryLink:
             self._clock.sleep_until_ns(min(now_ns + NS_PER_MS, deadline_ns))
             chunks = self._peer.outgoing(self._clock.now_ns())
         return chunks
+
+    def quiet_until_ns(self, now_ns: int) -> int:
+        """Return until when nothing can arrive unless something is written."""
+        peer = self._peer
+        return peer.quiet_until_ns(now_ns) if isinstance(peer, ForeseeingPeer) else now_ns
 
     def close(self) -> None:
         """Do nothing: the peer keeps its own time."""

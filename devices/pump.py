@@ -2,13 +2,15 @@
 
 On a real clock a thread polls the device and `step` hands over what it brought; on a virtual
 clock, and for what is simulated in this process, `step` polls by itself. Either way the sink
-runs in the caller's thread, once per frame.
+runs in the caller's thread, once per frame. A device that knows when its wire brings something
+next (`Foreseeing`) is left alone until then on a virtual clock.
 """
 
 import threading
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Protocol, runtime_checkable
 
 from devices.contracts import Device, DeviceState, Fault, Health, Sink
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
@@ -45,6 +47,18 @@ class PumpEvent:
     gap_ms: float | None = None
 
 
+@runtime_checkable
+class Foreseeing(Protocol):
+    """A device that can tell until when polling it would do nothing."""
+
+    def due_ns(self) -> int:
+        """Return a session time before which `poll` has nothing to do; 0 where unknown.
+
+        It holds until the device is told something: a command may make it earlier.
+        """
+        ...
+
+
 class Pump:
     """Own the delivery of one open device from `start` to `stop`.
 
@@ -64,6 +78,9 @@ class Pump:
         self._stopping = threading.Event()
         self._running = False
         self._role = device.info.role
+        self._due_ns: Callable[[], int] = _always
+        if clock.is_virtual and isinstance(device, Foreseeing):
+            self._due_ns = device.due_ns
         self._silence_ns: int | None = None
         self._quiet: Literal["", "silent", "stalled"] = ""
         self._last_ns = 0
@@ -124,7 +141,7 @@ class Pump:
 
     def step(self) -> int:
         """Hand everything that arrived to the sink; return the number of samples."""
-        if self._running and self._thread is None:
+        if self._running and self._thread is None and self._due_ns() <= self._clock.now_ns():
             self._poll(0.0)
         delivered = self._hand_over() if self._queue else 0
         if self._running and self._silence_ns is not None:
@@ -280,6 +297,10 @@ class Pump:
         self._events.append(
             PumpEvent(self._clock.now_ns(), self._role, kind, severity, message, remedy, gap_ms)
         )
+
+
+def _always() -> int:
+    return 0
 
 
 _SILENCE_REMEDY = "look at the device and its program; the session goes on when data come back"

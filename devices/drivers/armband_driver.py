@@ -135,12 +135,17 @@ class ArmbandDriver:
         self._sink = sink
         self._life.state = DeviceState.STREAMING
 
+    def due_ns(self) -> int:
+        """Return when there is something to read or to send; see `devices.pump.Foreseeing`."""
+        return self._traffic.due_ns if self._life.state is DeviceState.STREAMING else 0
+
     def poll(self, timeout_s: float) -> int:
         """Take answers, refresh what should hold, give up what was lost, deliver rows."""
         life = self._life
         if life.state is DeviceState.FAULT:
             return self._reconnect(timeout_s)
-        life.require("poll", DeviceState.STREAMING)
+        if life.state is not DeviceState.STREAMING:
+            life.require("poll", DeviceState.STREAMING)
         try:
             self._traffic.read(timeout_s)
             self._traffic.keep_up()
@@ -305,7 +310,7 @@ class ArmbandDriver:
     def _deliver(self) -> int:
         rows, told = self._traffic.collect()
         sink = self._sink
-        if sink is None:
+        if sink is None or not (rows or told):
             return 0
         if rows:
             self._meter.update([row.t_device_ns for row in rows], rows[-1].t_host_ns)

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from devices.byte_links import ByteLink
+from devices.byte_links import ByteLink, ForeseeingPeer
 from devices.contracts import BAND_EVENTS, PATTERN_NAMES, ClockPair, VibrationPattern
 from devices.drivers import armband_codec as codec
 from devices.drivers.armband_codec import Answer
@@ -57,7 +57,8 @@ class Traffic:
     """Everything that goes to one band and comes from it, from one connection to the next.
 
     `running_seq` numbers the command that drives the motors (None: silent), `drive` is what a
-    setting asked; both hold until `runs_until_ns`.
+    setting asked; both hold until `runs_until_ns`. Before `due_ns` there is nothing to read or to
+    send unless a command comes; 0 where that is unknown.
     """
 
     def __init__(
@@ -73,6 +74,7 @@ class Traffic:
         self._dialect = dialect
         self._clock = clock
         self._spacing_ns = spacing_ns
+        self._foresees = link if isinstance(link, ForeseeingPeer) else None
         self._wire = threading.RLock()
         self._seq = 0
         self._micros = DeviceMicros()
@@ -91,6 +93,7 @@ class Traffic:
         self._drive: Drive | None = None
         self._running_seq: int | None = None
         self._runs_until_ns = 0
+        self.due_ns = 0
         self._number = 0
         self._latest_ns = -(2**63)
         self._alive_ns = now_ns
@@ -117,6 +120,7 @@ class Traffic:
     def set(self, drive: Drive, ttl_ms: int) -> int:
         """Send a setting, or let it wait its turn; a newer one takes the place of one waiting."""
         now_ns = self._clock.now_ns()
+        self.due_ns = 0
         with self._wire:
             self._alive_ns = now_ns
             command = self._new(SET, now_ns, drive)
@@ -190,10 +194,19 @@ class Traffic:
             quiet_ns = now_ns - self._unheard_since_ns
             if self._unheard_writes >= LOST_AFTER_WRITES and quiet_ns > LOST_NS:
                 raise DeviceDisconnected(f"no answer for {quiet_ns / NS_PER_S:.1f} s")
+            self.due_ns = self._foreseen_ns(now_ns)
+
+    def _foreseen_ns(self, now_ns: int) -> int:
+        if self._foresees is None or self._under_way or self._waiting or self._unheard_writes:
+            return 0
+        if self._running_seq is not None:
+            return 0
+        return min(self._spoke_ns + IDLE_REFRESH_NS, self._foresees.quiet_until_ns(now_ns))
 
     def lose(self) -> None:
         """Give up everything under way: the band is gone."""
         now_ns = self._clock.now_ns()
+        self.due_ns = 0
         with self._wire:
             self.is_away = True
             self._drop_waiting(now_ns)
@@ -278,6 +291,7 @@ class Traffic:
 
     def _send(self, command: Command) -> None:
         """Write a command; what cannot be written is given up, and `keep_up` raises."""
+        self.due_ns = 0
         command.tries += 1
         command.t_write_ns = self._clock.now_ns()
         if self.is_away:

@@ -128,6 +128,17 @@ class ArmbandSimulator:
             arrived.append(self._outbound.popleft())
         return arrived
 
+    def quiet_until_ns(self, now_ns: int) -> int:
+        """Return until when nothing of the band's can arrive; `now_ns` while motors or faults run.
+
+        That its battery or its heat has changed it tells at the next word from the host.
+        """
+        if not self._is_sound or self._is_busy():
+            return now_ns
+        due_ns = [chunk.t_host_ns for chunk in self._outbound]
+        due_ns += [arrival_ns for arrival_ns, _ in self._inbound]
+        return min(due_ns, default=now_ns + NS_PER_S)
+
     def advance(self, t_ns: int) -> None:
         """Run firmware and motors up to this session time."""
         while self._at_ns < t_ns:

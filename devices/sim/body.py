@@ -114,36 +114,40 @@ class SimulatedBodyTracker:
         self._first = self._next
         self._life.state = DeviceState.STREAMING
 
+    def due_ns(self) -> int:
+        """Return when the next sample is taken; see `devices.pump.Foreseeing`."""
+        return 0 if self._faults.faults else self._next * self._period_ns
+
     def poll(self, timeout_s: float) -> int:
         """Measure every instant that has passed since the last call."""
-        self._life.require("poll", DeviceState.STREAMING)
+        if self._life.state is not DeviceState.STREAMING:
+            self._life.require("poll", DeviceState.STREAMING)
         now_ns = self._clock.now_ns()
-        since_ns = now_ns - self._origin_ns
-        faults = self._faults
-        if faults.faults and faults.active("disconnect", since_ns):
-            self._next = now_ns // self._period_ns + 1
-            raise DeviceDisconnected("the simulated body tracker is away", role=self.info.role)
+        faults = self._faults.faults
         last = now_ns // self._period_ns
+        if faults and self._faults.active("disconnect", now_ns - self._origin_ns):
+            self._next = last + 1
+            raise DeviceDisconnected("the simulated body tracker is away", role=self.info.role)
         first = max(self._next, last - MOST_BACKLOG_NS // self._period_ns)
         n = last - first + 1
         if n <= 0 or self._sink is None:
             return 0
         self._next = last + 1
-        stamps = np.arange(first, last + 1, dtype=np.int64) * self._period_ns
-        values = empty_values(self._schema, int(n))
+        numbers = np.arange(first, last + 1, dtype=np.int64)
+        stamps, seq = numbers * self._period_ns, numbers - self._first
+        values = np.empty(n, self._schema.dtype)
         position, orientation = self._body.segments(self.segments, stamps)
         values["position_m"], values["orientation_wxyz"] = position, orientation
         values["valid"] = True
-        keep = np.ones(int(n), bool)
-        if faults.faults:
+        if faults:
             keep = self._spoil(values, stamps - self._origin_ns)
-        if not keep.any():
-            return 0
-        self._last = values[keep][-1:].copy()
-        seq = (np.arange(first, last + 1) - self._first)[keep]
-        self._meter.update(stamps[keep].tolist(), int(stamps[-1]))
-        self._sink(SampleBatch(self._schema, seq, stamps[keep], stamps[keep], values[keep]))
-        return int(keep.sum())
+            if not keep.any():
+                return 0
+            stamps, seq, values = stamps[keep], seq[keep], values[keep]
+            self._last = values[-1:].copy()
+        self._meter.update(stamps.tolist(), last * self._period_ns)
+        self._sink(SampleBatch(self._schema, seq, stamps, stamps, values))
+        return len(values)
 
     def stop(self) -> None:
         """Stop measuring."""

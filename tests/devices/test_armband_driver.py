@@ -325,6 +325,36 @@ def test_simulation_repeats_bit_for_bit():
     assert rows() == rows()
 
 
+def test_pump_that_waits_for_what_is_due_delivers_what_polling_every_frame_does():
+    def session(*, every_frame):
+        band, polls = Band(), []
+        polled = band.driver.poll
+        band.driver.poll = lambda timeout_s: polls.append(timeout_s) or polled(timeout_s)
+        band.driver.open(2.0)
+        pump = Pump(band.driver, band.batches.append, band.clock)
+        pump.start()
+        for frame in range(900):
+            band.clock.sleep_until_ns(band.clock.now_ns() + NS_PER_S // 90)
+            band.driver.keep_alive()
+            if frame % 300 == 100:
+                band.driver.play(CONTACT_PATTERN, (0, 2))
+            if frame % 300 == 130:
+                band.driver.silence()
+            if frame == 300:
+                band.driver.set_amplitudes(ON, 500)
+            if every_frame:
+                band.driver.poll(0.0)
+            pump.step()
+        rows = [(b.t_host_ns.tolist(), b.seq.tolist(), b.values.tobytes()) for b in band.batches]
+        return rows, band.peer.duty_log, len(polls)
+
+    every_rows, every_duties, every_polls = session(every_frame=True)
+    rows, duties, polls = session(every_frame=False)
+
+    assert (rows, duties) == (every_rows, every_duties)
+    assert polls < every_polls / 2
+
+
 def test_clock_is_found_within_a_fifth_of_a_millisecond_after_two_minutes_of_drift_and_jitter():
     band = Band({"kind": "drift", "amount": 50.0}, jitter_ms=5.0).start()
     band.run(120.0)

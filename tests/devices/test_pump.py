@@ -83,6 +83,26 @@ def made(script=()):
     return device, pump, clock, got
 
 
+class ForeseeingToy(ToyDevice):
+    """Brings something every 50 ms, and knows it."""
+
+    def due_ns(self):
+        return (self.polls_ns[-1] if self.polls_ns else 0) + 50_000_000
+
+
+def test_device_that_knows_when_something_is_due_is_not_polled_before():
+    clock, got = SimClock(), []
+    device = ForeseeingToy(clock)
+    pump = Pump(device, got.append, clock)
+    pump.start()
+
+    run(pump, clock, 0.5)
+
+    assert device.polls_ns == [50_000_000 * k for k in range(1, 11)]
+    assert len(got) == 10
+    assert pump.faults() == ()
+
+
 def test_step_polls_once_and_hands_over_in_order():
     _, pump, clock, got = made()
 
