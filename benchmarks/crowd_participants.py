@@ -1,22 +1,25 @@
 """Hold simulated participants of the crowd study against the published figures.
 
     python -m benchmarks.crowd_participants [--seeds 50] [--participants 23] [--processes 2]
-                                            [--control-seeds 10] [--json]
+                                            [--control-seeds 10] [--keep FILE] [--json]
 
 Over the quick path (`experiments.crowd.quick_study`). Prints mean and spread of every measure
 beside the published ones, the limits of a quarter, the share of seeds in which each part of the
-published pattern returns, and the same shares with the vibration disconnected.
+published pattern returns, and the same shares with the vibration disconnected. Studies done are
+kept in FILE, one line each, and not simulated again; participants with other traits are.
 """
 
 import argparse
 import json
 import os
 import sys
+import zlib
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
 from functools import partial
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -24,6 +27,7 @@ from scipy.stats import ttest_rel
 
 from analysis.cells import dice
 from experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC
+from experiments.crowd.participant.traits import DEFAULT_POPULATION
 from experiments.crowd.quick_study import QuickStudy, block_means, quick_study
 from lab.clock import StopWatch
 from lab.geometry import Vector
@@ -125,22 +129,48 @@ def path_similarity(study: QuickStudy, seed: int) -> dict[str, float]:
 
 
 def simulate_studies(
-    seeds: Sequence[int], participants: int, processes: int, *, effect: bool
+    seeds: Sequence[int], participants: int, processes: int, *, effect: bool, keep: Path | None
 ) -> list[SeedOutcome]:
-    """Simulate studies side by side, at low priority; the order of `seeds` is kept."""
+    """Simulate studies side by side, at low priority; the order of `seeds` is kept.
+
+    With `keep`, studies found there are not simulated again, and new ones are added as they come.
+    """
+    kind = f"{zlib.crc32(repr((DEFAULT_POPULATION, participants, effect)).encode()):08x}"
+    done = {} if keep is None else _kept(keep, kind)
     one = partial(simulate_seed, participants=participants, effect=effect)
-    outcomes = []
     watch = StopWatch()
+    label = "with" if effect else "without"
     with ProcessPoolExecutor(processes, get_context("spawn"), _yield_to_others) as pool:
-        for outcome in pool.map(one, seeds):
-            outcomes.append(outcome)
-            sys.stderr.write(
-                f"\r{'with' if effect else 'without'} vibration: {len(outcomes)} of {len(seeds)} "
-                f"studies, {watch.elapsed_s():.0f} s "
+        running = {pool.submit(one, seed): seed for seed in seeds if seed not in done}
+        for future in as_completed(running):
+            outcome = future.result()
+            done[outcome.seed] = outcome
+            if keep is not None:
+                with keep.open("a", encoding="utf-8") as lines:
+                    lines.write(json.dumps({"kind": kind, **asdict(outcome)}) + "\n")
+            mean, sd = outcome.mean["collisions"], outcome.sd["collisions"]
+            print(
+                f"{label} vibration, seed {outcome.seed}: collisions "
+                + ", ".join(f"{m:.1f} ({s:.1f})" for m, s in zip(mean, sd, strict=True))
+                + f"; {sum(seed in done for seed in seeds)} of {len(seeds)} studies, "
+                f"{watch.elapsed_s():.0f} s",
+                file=sys.stderr,
+                flush=True,
             )
-            sys.stderr.flush()
-    sys.stderr.write("\n")
-    return outcomes
+    return [done[seed] for seed in seeds]
+
+
+def _kept(keep: Path, kind: str) -> dict[int, SeedOutcome]:
+    if not keep.exists():
+        return {}
+    found = {}
+    for line in keep.read_text(encoding="utf-8").splitlines():
+        raw = json.loads(line)
+        if raw.pop("kind") == kind:
+            for part in ("mean", "sd"):
+                raw[part] = {name: tuple(values) for name, values in raw[part].items()}
+            found[raw["seed"]] = SeedOutcome(**raw)
+    return found
 
 
 def _yield_to_others() -> None:
@@ -213,11 +243,15 @@ def main() -> None:
     parser.add_argument("--control-seeds", type=int, default=10)
     parser.add_argument("--participants", type=int, default=23)
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--keep", type=Path, help="file of studies done; made when missing")
     parser.add_argument("--json", action="store_true")
     chosen = parser.parse_args()
     seeds = range(chosen.first_seed, chosen.first_seed + chosen.seeds)
     simulate = partial(
-        simulate_studies, participants=chosen.participants, processes=chosen.processes
+        simulate_studies,
+        participants=chosen.participants,
+        processes=chosen.processes,
+        keep=chosen.keep,
     )
     outcomes = simulate(seeds, effect=True)
     control = simulate(seeds[: chosen.control_seeds], effect=False) if chosen.control_seeds else []
