@@ -14,6 +14,7 @@ from protocol.experiment import Experiment
 from protocol.rig import Rig
 
 ESSENTIAL_ROLES = ("headset", "eye_tracker")
+"""What a lab is expected to have; a study may do without the eye tracker."""
 
 _GAZE = ("eyelink", "fove", "gazepoint", "hid_gaze", "lsl_gaze", "neon", "tobii_lsl")
 _BODY = ("lsl_body", "natnet", "openvr_controllers", "openvr_headset", "openvr_trackers",
@@ -40,20 +41,19 @@ def build_rig(
     """Build every device the configuration names; what needs closing goes on `stack`.
 
     Raises:
-        ConfigError: an essential role is missing, or a simulated device has no body to measure.
+        ConfigError: there is no headset, or a simulated device has no body to measure.
         DeviceNotFound: the configuration wants a real device that has no driver yet.
     """
-    missing = [r for r in ESSENTIAL_ROLES if r not in config.devices]
-    if missing:
+    if "headset" not in config.devices:
         raise ConfigError(
-            f"{config.path}: devices has no {' and no '.join(missing)}; "
+            f"{config.path}: devices has no headset; "
             "add the role with its driver (see docs/configuration.md)"
         )
     made: dict[str, Device] = {}
     for role, device in config.devices.items():
         made[role] = build_device(device, clock, body, seed, stack)
-    headset, eye_tracker = made.pop("headset"), made.pop("eye_tracker")
-    return Rig(_as_headset(headset), _as_eye_tracker(eye_tracker), made)
+    headset, tracker = made.pop("headset"), made.pop("eye_tracker", None)
+    return Rig(_as_headset(headset), None if tracker is None else _as_eye_tracker(tracker), made)
 
 
 def devices_for(config: LabConfig, experiment: Experiment) -> LabConfig:
@@ -69,7 +69,7 @@ def devices_for(config: LabConfig, experiment: Experiment) -> LabConfig:
             f"{config.path}: {experiment.name} needs {', '.join(missing)} under devices; add the "
             "role with its driver (see docs/configuration.md)"
         )
-    kept = {*ESSENTIAL_ROLES, "responses", *needed, *useful}
+    kept = {"headset", "responses", *needed, *useful}
     devices = {role: d for role, d in config.devices.items() if role in kept}
     return config.model_copy(update={"devices": devices})
 

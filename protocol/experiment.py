@@ -38,7 +38,7 @@ class Experiment(Protocol):
 
     @property
     def needed_roles(self) -> tuple[str, ...]:
-        """Devices the study cannot do without, beside headset and eye tracker."""
+        """Devices the study cannot do without, beside the headset."""
         ...
 
     @property

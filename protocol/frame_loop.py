@@ -42,7 +42,7 @@ class FrameLoop:
         experiment: Experiment,
         rig: RunningRig,
         headset_rate_hz: float,
-        gaze_rate_hz: float,
+        gaze_rate_hz: float | None,
         controls: tuple[str, ...],
         stage: Stage,
         recorder: Recorder,
@@ -52,10 +52,12 @@ class FrameLoop:
         hold_ns = HOLD_VIRTUAL_NS if clock.is_virtual else HOLD_REAL_NS
         m = experiment.agent_count
         frames = replace(FRAMES, nominal_rate_hz=headset_rate_hz)
-        targets = gaze_targets_schema(m, gaze_rate_hz)
+        targets = gaze_targets_schema(m, gaze_rate_hz or 0.0)
         scene_states = scene_states_schema(m)
-        for schema in (frames, targets, scene_states):
+        for schema in (frames, scene_states):
             recorder.declare(schema)
+        if gaze_rate_hz is not None:
+            recorder.declare(targets)
         for schema in stage.schemas:
             recorder.declare(schema)
         stage.start(recorder.append)

@@ -214,6 +214,7 @@ class GazeObserver:
         self._poses = 0
         self._scene: Scene | None = None
         self._geometry: SceneGeometry | None = None
+        self._empty = _no_gaze(0)
         self.received = 0
         self.valid = 0
 
@@ -233,6 +234,7 @@ class GazeObserver:
         """State the scene on display, in which coming samples are evaluated."""
         if scene is not self._scene:
             self._scene = scene
+            self._empty = _no_gaze(len(scene.agents))
             self._geometry = SceneGeometry.from_scene(scene)
 
     def observe(self, frame_index: int, t_frame_ns: int) -> GazeView:
@@ -240,7 +242,7 @@ class GazeObserver:
         batch = self._gather() if self._inbox else None
         geometry = self._geometry
         if batch is None or geometry is None:
-            return self._nothing()
+            return self._empty
         n = batch.seq.shape[0]
         targets = self._targets
         t_ns = np.empty(n, np.int64)
@@ -296,16 +298,16 @@ class GazeObserver:
             np.concatenate([b.values for b in batches]),
         )
 
-    def _nothing(self) -> GazeView:
-        m = len(self._scene.agents) if self._scene is not None else 0
-        empty = np.empty((0, m))
-        return GazeView(
-            np.empty(0, dtype=np.int64),
-            np.empty(0, dtype=np.bool_),
-            np.empty((0, 3)),
-            np.empty((0, 3)),
-            empty,
-            empty,
-            empty,
-            np.empty(0, dtype=np.int16),
-        )
+
+def _no_gaze(agent_count: int) -> GazeView:
+    empty = np.empty((0, agent_count))
+    return GazeView(
+        np.empty(0, dtype=np.int64),
+        np.empty(0, dtype=np.bool_),
+        np.empty((0, 3)),
+        np.empty((0, 3)),
+        empty,
+        empty,
+        empty,
+        np.empty(0, dtype=np.int16),
+    )

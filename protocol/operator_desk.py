@@ -56,7 +56,6 @@ class OperatorDesk:
         loop: FrameLoop,
         rig: RunningRig,
         states: StateMachine,
-        gaze_rate_hz: float,
     ) -> None:
         self._setup = setup
         self._loop = loop
@@ -64,7 +63,6 @@ class OperatorDesk:
         self._states = states
         self._operator = setup.operator
         self._recorder = setup.recorder
-        self._gaze_rate_hz = gaze_rate_hz
         self._pending: set[Action] = set()
         self._advance = False
         self._faults: tuple[Fault, ...] = ()

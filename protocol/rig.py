@@ -25,19 +25,20 @@ OPEN_DEADLINE_S = 10.0
 
 @dataclass(frozen=True)
 class Rig:
-    """The devices by role; `headset` paces the session, `eye_tracker` delivers gaze.
+    """The devices by role; `headset` paces the session, `eye_tracker` delivers gaze where wanted.
 
     `on_step` is called once per frame, for whoever watches that the session's loop goes round.
     """
 
     headset: Headset
-    eye_tracker: EyeTracker
+    eye_tracker: EyeTracker | None
     others: Mapping[str, Device]
     on_step: Callable[[], None] | None = None
 
     def by_role(self) -> dict[str, Device]:
         """Return every device in the fixed order in which it is stepped."""
-        return {"headset": self.headset, "eye_tracker": self.eye_tracker, **self.others}
+        tracker = {} if self.eye_tracker is None else {"eye_tracker": self.eye_tracker}
+        return {"headset": self.headset, **tracker, **self.others}
 
 
 class RunningRig:
@@ -65,9 +66,15 @@ class RunningRig:
         return self._rig.headset
 
     @property
-    def eye_tracker(self) -> EyeTracker:
-        """The device that delivers gaze."""
+    def eye_tracker(self) -> EyeTracker | None:
+        """The device that delivers gaze; None in a study that does without."""
         return self._rig.eye_tracker
+
+    @property
+    def gaze_rate_hz(self) -> float | None:
+        """Nominal rate of gaze; None without an eye tracker."""
+        tracker = self._rig.eye_tracker
+        return None if tracker is None else tracker.describe()[0].nominal_rate_hz
 
     def _sink_of(
         self, role: str, sink: Callable[[str, SampleBatch], None]

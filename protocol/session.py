@@ -4,7 +4,7 @@ from collections import deque
 
 from devices.contracts import CalibrationOutcome
 from lab.clock import NS_PER_S
-from lab.errors import DeviceError, LabError, RecordingError, SessionAborted, UsageError
+from lab.errors import ConfigError, DeviceError, LabError, RecordingError, SessionAborted
 from protocol.calibration_record import CalibrationInForce
 from protocol.experiment import Respondent
 from protocol.frame_loop import FrameLoop
@@ -12,16 +12,13 @@ from protocol.gaze_setup import GazeSetup
 from protocol.operator import Action
 from protocol.operator_desk import LOST_STREAM_NS, OperatorDesk
 from protocol.panel_questions import PanelRespondent
-from protocol.plan import Block, Trial, asked_after
+from protocol.plan import Block, Trial
 from protocol.progress import left_of
-from protocol.questionnaires import Question, Questionnaire, read_answer
+from protocol.questioning import Questioning
 from protocol.rig import RunningRig
 from protocol.session_setup import SessionSetup
 from protocol.states import SessionState, StateMachine
 from protocol.trial_runner import Outcome, TrialRunner
-
-MOST_ASKED = 3
-"""How often a question is put when the answer is none of the possible ones."""
 
 MAX_CALIBRATIONS = 3
 """Attempts before the session goes on with the best it got and says so (gaze.md section 5)."""
@@ -63,12 +60,11 @@ class Session:
                 self._recorder.declare(schema)
             if setup.on_open is not None:
                 setup.on_open(rig.infos())
-            gaze_rate_hz = rig.eye_tracker.describe()[0].nominal_rate_hz
             loop = FrameLoop(
                 setup.experiment,
                 rig,
                 rig.headset.display_rate_hz,
-                gaze_rate_hz,
+                rig.gaze_rate_hz,
                 rig.controls(),
                 setup.stage,
                 self._recorder,
@@ -78,18 +74,12 @@ class Session:
             deliver.append(loop)
             self._loop = loop
             self._rig = rig
-            self._gaze_rate_hz = gaze_rate_hz
-            self._desk = OperatorDesk(setup, loop, rig, self._states, gaze_rate_hz)
-            self._respondent = self._asking()
-            self._runner = TrialRunner(setup, loop, self._desk, rig, gaze_rate_hz)
-            self._gaze_setup = GazeSetup(
-                setup.experiment,
-                loop,
-                rig.eye_tracker,
-                self._participant,
-                self._desk.next_frame,
-                setup.timing,
-            )
+            self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
+            self._desk = OperatorDesk(setup, loop, rig, self._states)
+            self._questioning = Questioning(setup, loop, self._asking())
+            self._runner = TrialRunner(setup, loop, self._desk, rig)
+            if any(block.calibrate for block in setup.plan.blocks):
+                self._gaze_setup = self._made_gaze_setup()
             for fault in rig.preflight():
                 self._desk.report(fault)
             rig.start()
@@ -127,6 +117,22 @@ class Session:
             self._participant,
         )
 
+    def _made_gaze_setup(self) -> GazeSetup:
+        setup, tracker = self._setup, self._rig.eye_tracker
+        if tracker is None:
+            raise ConfigError(
+                f"{setup.experiment.name} calibrates gaze, but no eye_tracker is configured; "
+                "add the role with its driver under devices in lab_config.yaml"
+            )
+        return GazeSetup(
+            setup.experiment,
+            self._loop,
+            tracker,
+            self._participant,
+            self._desk.next_frame,
+            setup.timing,
+        )
+
     # ---- the course of the session -----------------------------------------------------------
 
     def _perform(self) -> None:
@@ -149,14 +155,16 @@ class Session:
                     self._take_break(block)
                 begun = True
                 self._perform_block(block, trials)
-            self._ask_after(block)
+            if self._questioning.is_due(block):
+                self._states.move(SessionState.QUESTIONNAIRE)
+                self._questioning.ask_after(block)
         if begun:
             self._validate_at_end()
         elif not setup.progress.validated_at_end:
             # The tracker was started anew: what it shows now says nothing of the trials before.
             self._recorder.event("end_validation_missed", self._loop.t_ns)
         self._states.move(SessionState.QUESTIONNAIRE)
-        self._ask_questionnaires()
+        self._questioning.ask_at_end()
         self._states.move(SessionState.FINISHED)
         self._recorder.event("session_end", self._loop.t_ns)
 
@@ -350,53 +358,6 @@ class Session:
         if self._participant is not None:
             self._participant.prepare(STRETCH_CALIBRATION + stretch, self._loop.t_ns)
             self._desk.next_frame()  # targets are placed before the head as it now is
-
-    # ---- questions ---------------------------------------------------------------------------
-
-    def _ask_after(self, block: Block) -> None:
-        """Ask what belongs to the end of a block, under names such as "presence@2"."""
-        asked = [q for q in self._setup.questionnaires if q.name in block.questionnaires]
-        left = [q for q in asked if asked_after(q.name, block) not in self._setup.progress.answered]
-        if not left:
-            return
-        self._states.move(SessionState.QUESTIONNAIRE)
-        self._loop.show_scene(self._setup.experiment.blank(None))
-        for questionnaire in left:
-            self._ask_questionnaire(questionnaire, asked_after(questionnaire.name, block))
-
-    def _ask_questionnaires(self) -> None:
-        self._loop.show_scene(self._setup.experiment.blank(None))
-        of_blocks = {name for block in self._setup.plan.blocks for name in block.questionnaires}
-        for questionnaire in self._setup.questionnaires:
-            if questionnaire.name not in {*self._setup.progress.answered, *of_blocks}:
-                self._ask_questionnaire(questionnaire, questionnaire.name)
-
-    def _ask_questionnaire(self, questionnaire: Questionnaire, name: str) -> None:
-        for question in questionnaire.questions():
-            if (name, question.question_id) in self._setup.progress.answers:
-                continue
-            answer = self._ask(question)
-            self._recorder.event(
-                "answer",
-                self._loop.t_ns,
-                questionnaire=name,
-                question=question.question_id,
-                answer=answer,
-            )
-        self._recorder.event("questionnaire_complete", self._loop.t_ns, questionnaire=name)
-        self._recorder.checkpoint(timeout_s=5.0)
-
-    def _ask(self, question: Question) -> str | None:
-        prompt = question.prompt
-        for _ in range(MOST_ASKED):
-            answer = self._respondent.answer(question.question_id, prompt, question.options)
-            try:
-                read_answer(question, answer)
-            except UsageError as refusal:
-                prompt = f"{question.prompt}\n({refusal}; Enter leaves it out)"
-            else:
-                return answer
-        return None
 
 
 def _error(calibration: CalibrationInForce) -> float:

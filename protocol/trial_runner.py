@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from devices.contracts import ClockPair
 from lab.clock import NS_PER_S
 from lab.clock_fit import latest_quick, offset_ns
 from lab.schema import SampleBatch
@@ -53,17 +54,16 @@ class TrialRunner:
         loop: FrameLoop,
         desk: OperatorDesk,
         rig: RunningRig,
-        gaze_rate_hz: float,
     ) -> None:
         self._setup = setup
         self._loop = loop
         self._desk = desk
         self._rig = rig
-        self._gaze_rate_hz = gaze_rate_hz
+        self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
         self._attempts = dict(setup.progress.attempts)
         self._exchanges_told = 0
         self.finished = len(setup.progress.finished)
-        rates_hz = (rig.headset.display_rate_hz, gaze_rate_hz)
+        rates_hz = (rig.headset.display_rate_hz, self._gaze_rate_hz)
         self._grid_ns = NS_PER_S // 10 if all(r % 10 == 0 for r in rates_hz) else NS_PER_S
         desk.trials_done = self.finished
 
@@ -133,7 +133,7 @@ class TrialRunner:
                 **self._delivered(before, start_ns),
                 **{f"{eye}_eye_seen_01": share_01 for eye, share_01 in seen_01.items()},
                 **(calibration.columns(start_ns) if calibration else NO_CALIBRATION),
-                "clock_offset_ns": loop.observer.clock_offset_ns,
+                "clock_offset_ns": loop.observer.clock_offset_ns if self._rig.eye_tracker else None,
             }
         )
         desk.end_trial(trial)
@@ -202,7 +202,7 @@ class TrialRunner:
 
     def record_exchanges(self) -> None:
         """Note the time exchanges with the eye tracker since the last call, as an event."""
-        pairs = self._rig.eye_tracker.clock_pairs()
+        pairs = self._exchanges()
         new, self._exchanges_told = pairs[self._exchanges_told :], len(pairs)
         if new:
             self._setup.recorder.event(
@@ -215,10 +215,14 @@ class TrialRunner:
             )
 
     def _set_clock_offset(self) -> None:
-        pairs = self._rig.eye_tracker.clock_pairs()[-RECENT_EXCHANGES:]
+        pairs = self._exchanges()[-RECENT_EXCHANGES:]
         self.record_exchanges()
         if pairs:
             self._loop.observer.clock_offset_ns = offset_ns(latest_quick(pairs))
+
+    def _exchanges(self) -> Sequence[ClockPair]:
+        tracker = self._rig.eye_tracker
+        return () if tracker is None else tracker.clock_pairs()
 
     def _counts(self) -> tuple[int, int, int, int]:
         loop = self._loop

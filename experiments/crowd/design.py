@@ -56,7 +56,8 @@ class CrowdParameters:
     `haptic_update_hz` looks at contacts only so often (the source's link: 4), 0 at every sample.
     `quiet_after_ms` silences the bands when the body tracker says nothing or stands still.
     `limit_s` ends a walk that does not come back. `with_control_group` adds the second group.
-    `tracking_side_m` is the side of the tracked area.
+    `tracking_side_m` is the side of the tracked area. `record_gaze` connects the lab's eye tracker
+    too, which the study does not need.
     """
 
     pattern: str = "published"
@@ -72,6 +73,7 @@ class CrowdParameters:
     configurations: int = CONFIGURATIONS
     with_control_group: bool = False
     tracking_side_m: float = ROOM_SIDE_M
+    record_gaze: bool = False
 
     def __post_init__(self) -> None:
         problems = []

@@ -46,8 +46,8 @@ class CrowdStudy:
 
     @property
     def useful_roles(self) -> tuple[str, ...]:
-        """Nothing more."""
-        return ()
+        """An eye tracker where the study's `record_gaze` wants it: nothing here measures gaze."""
+        return ("eye_tracker",) if self.params.record_gaze else ()
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return everything one participant will do."""

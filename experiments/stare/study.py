@@ -39,8 +39,8 @@ class StareStudy:
 
     @property
     def needed_roles(self) -> tuple[str, ...]:
-        """Nothing beside headset and eye tracker."""
-        return ()
+        """Where one looks is what the study measures."""
+        return ("eye_tracker",)
 
     @property
     def useful_roles(self) -> tuple[str, ...]:

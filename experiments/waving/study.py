@@ -41,13 +41,13 @@ class WavingStudy:
 
     @property
     def needed_roles(self) -> tuple[str, ...]:
-        """Nothing beside headset and eye tracker."""
+        """Nothing beside the headset."""
         return ()
 
     @property
     def useful_roles(self) -> tuple[str, ...]:
-        """A tracked hand points better than a head."""
-        return ("body_tracker",)
+        """A tracked hand points better than a head; gaze is recorded along."""
+        return ("eye_tracker", "body_tracker")
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return everything one participant will do; the study has no groups."""

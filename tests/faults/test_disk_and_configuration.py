@@ -2,6 +2,7 @@ import errno
 import os
 import subprocess
 import sys
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import pytest
 
 from cli.app import load_lab
 from cli.perform import perform_new
-from cli.rigs import build_rig
+from cli.rigs import build_rig, devices_for
+from cli.studies import find_study
 from lab.clock import SimClock
 from lab.errors import ConfigError, RecordingError, UsageError
 from recording import durable
@@ -151,8 +153,10 @@ def test_an_unknown_fault_is_told_before_a_session_is_made(tmp_path: Path) -> No
 def test_a_missing_role_is_named() -> None:
     config = load_lab(CONFIG)
     without = config.model_copy(update={"devices": {"headset": config.devices["headset"]}})
-    with pytest.raises(ConfigError, match="devices has no eye_tracker"):
-        build_rig(without, SimClock(), None, 1, None)  # type: ignore[arg-type]  # not reached
+    with pytest.raises(ConfigError, match="stare needs eye_tracker under devices"):
+        devices_for(without, find_study("stare").experiment({}))
+    with pytest.raises(ConfigError, match="devices has no headset"):
+        build_rig(config.model_copy(update={"devices": {}}), SimClock(), None, 1, ExitStack())
 
 
 @pytest.mark.slow

@@ -114,3 +114,20 @@ def test_a_study_without_gaze_is_not_asked_for_a_calibration(recording):
     subjects = {f.subject for f in check_session(recording).findings}
     assert "recording" in subjects
     assert "calibration" not in subjects
+
+
+def test_no_eye_tracker_is_connected_and_no_walk_is_flagged_for_one(recording):
+    assert "eye_tracker" not in {device["role"] for device in recording.manifest.devices}
+    assert not {"gaze", "gaze_targets"} & set(recording.stream_names)
+    assert [""] * len(recording.trials()) == recording.trials()["flags"].tolist()
+
+
+def test_gaze_is_recorded_where_the_study_is_told_to_and_walks_stay_the_same(recording, tmp_path):
+    both = session(tmp_path, record_gaze=True)
+
+    def walks(of):
+        rows = of.trials()
+        return [(rows[column] - rows["t_start_ns"]).tolist() for column in ("t_end_ns", "board_ns")]
+
+    assert {"gaze", "gaze_targets"} <= set(both.stream_names)
+    assert walks(recording) == walks(both)
