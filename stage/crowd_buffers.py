@@ -70,7 +70,8 @@ class CharacterMeshes:
 
 
 class CrowdBuffers:
-    """Everyone of one cast. `pose` writes the frame's matrices, `choose` who is drawn how.
+    """Everyone of one cast. `pose` writes the frame's matrices, `choose` who is drawn how;
+    `level_before` is what was chosen last.
 
     Levels finer than `finest` are sent to the card when first chosen, the others at once.
     """
@@ -89,6 +90,7 @@ class CrowdBuffers:
         self.cast = cast
         self.joints = JointRows(cast)
         self.level_count = np.array([len(c.levels) for c in cast], np.int64)
+        self.level_before = np.full(len(cast), -1, np.int64)
         n, width = self.joints.rows.shape[:2]
         self._matrices = context.texture((width, max(n, 1)), 4, dtype="f4")
         self._matrices.filter = (moderngl.NEAREST, moderngl.NEAREST)

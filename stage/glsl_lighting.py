@@ -107,7 +107,7 @@ vec3 shown(vec3 linear) {
     float most = max(x.r, max(x.g, x.b));
     float mapped = min(most, 0.5) + 0.5 * (1.0 - exp(-max(most - 0.5, 0.0) / 0.5));
     vec3 apart = min(x, 0.5) + 0.5 * (1.0 - exp(-max(x - 0.5, 0.0) / 0.5));
-    return mix(apart, x * (mapped / max(most, 1e-4)), 0.7) * tone.x;
+    return mix(apart, x * (mapped / max(most, 1e-4)), 0.7);
 }
 
 vec3 encoded(vec3 linear) {
@@ -122,8 +122,9 @@ vec3 encoded(vec3 linear) {
                step(0.0031308, x));
 }
 
-// What vertices hand to pixels that work in the display's codes: without a texture the colour
-// itself; with one the factor of its codes, as codes go nearly with the 2.2nd root of light.
+// What vertices hand to pixels that work in the display's codes, at full brightness: without a
+// texture the colour itself; with one the factor of its codes, as codes go nearly with the 2.2nd
+// root of light. `vertex_light` does the same on the processor.
 vec3 in_codes(vec3 linear) {
 #ifdef TEXTURED
     return pow(max(linear, 0.0), vec3(1.0 / 2.2));
@@ -155,8 +156,7 @@ vec3 decoded(vec3 srgb) {
 
 TEXEL = """
 // Fast textures hold codes, the others light.
-vec4 texel_of(sampler2D map, vec2 at) {
-    vec4 texel = texture(map, at);
+vec4 texel_of(vec4 texel) {
 #if defined(CODE_TEXTURES) && !defined(IN_CODES)
     texel.rgb = decoded(texel.rgb);
 #endif
@@ -169,7 +169,7 @@ OUTPUT_COLOUR = (
     + """
 layout(location = 0) out vec4 pixel;
 void deliver(vec3 linear, float alpha, uint person, uint part, float distance_m) {
-    pixel = vec4(encoded(shown(linear)), alpha);
+    pixel = vec4(encoded(shown(linear) * tone.x), alpha);
 }
 void deliver_lit(vec3 light, vec4 texel, uint person, uint part, float distance_m) {
 #if defined(IN_CODES) && defined(TEXTURED)
@@ -191,7 +191,7 @@ layout(location = 1) out vec2 measured;
 void deliver(vec3 linear, float alpha, uint person, uint part, float distance_m) {
     if (alpha < 0.5) discard;
     identity = uvec2(person, part);
-    measured = vec2(dot(shown(linear), vec3(0.2126, 0.7152, 0.0722)), distance_m);
+    measured = vec2(tone.x * dot(shown(linear), vec3(0.2126, 0.7152, 0.0722)), distance_m);
 }
 void deliver_lit(vec3 light, vec4 texel, uint person, uint part, float distance_m) {
     deliver(light * texel.rgb, texel.a, person, part, distance_m);

@@ -72,12 +72,6 @@ void main() {
     out_detail = in_detail;
     out_normal = normalize(out_normal);
     out_albedo = decoded(in_colour.rgb);
-#ifdef VERTEX_LIT
-    uint kind = in_surface.x & 127u;
-    vec3 wrap = kind == 0u ? vec3(0.34, 0.17, 0.11) : kind == 2u ? vec3(0.3) : vec3(0.12);
-    if (kind != 1u)
-        out_albedo = lit(out_albedo, wrap, out_place, out_normal, vec3(0.0), 1.0, 0.0);
-#endif
     out_surface = in_surface.x | in_surface.y << 8 | in_surface.z << 16 | in_surface.w << 24;
     out_person = uint(in_person) + 1u;
     gl_Position = vec4(0.0);
@@ -113,8 +107,40 @@ void main() {
     normal = in_normal;
     detail = in_detail;
     albedo_here = in_albedo;
-#ifdef IN_CODES
-    albedo_here = in_codes(in_albedo);
+    surface = in_surface;
+    person = in_person;
+    gl_Position = view_projection * vec4(in_place, 1.0);
+}
+"""
+)
+
+LIT_VERTEX = (
+    LIGHTING
+    + DECODED
+    + """
+in vec3 in_place;
+in vec3 in_light;   // of eyes, which pixels light, the normal
+in vec3 in_detail;  // of textured surfaces the layer last
+in vec4 in_colour;
+in uvec4 in_surface;
+in uint in_person;
+out vec3 place;
+out vec3 normal;
+out vec3 detail;
+out vec3 albedo_here;
+flat out uvec4 surface;
+flat out uint person;
+void main() {
+    place = in_place;
+    normal = in_light;
+    detail = in_detail;
+#ifdef VERTEX_LIT
+    albedo_here = in_light;
+#if defined(IN_CODES) && !defined(TEXTURED)
+    albedo_here *= tone.w;
+#endif
+#else
+    albedo_here = decoded(in_colour.rgb);
 #endif
     surface = in_surface;
     person = in_person;
@@ -122,6 +148,7 @@ void main() {
 }
 """
 )
+"""For people whom the processor has skinned and lit."""
 
 SHADOW_VERTEX = """
 uniform mat4 shadow_projection;
@@ -133,7 +160,13 @@ FRAGMENT = (
     LIGHTING
     + DECODED
     + """
+#ifdef LAYERED
+uniform sampler2DArray picture;
+#define PICTURED_AT detail
+#else
 uniform sampler2D picture;
+#define PICTURED_AT detail.xy
+#endif
 in vec3 place;
 in vec3 normal;
 in vec3 detail;
@@ -214,7 +247,7 @@ vec3 hair_surface(vec3 albedo, vec3 n, vec3 view, float roughness) {
 #ifdef VERTEX_LIT
 void main() {
 #ifdef TEXTURED
-    vec4 texel = texel_of(picture, detail.xy);
+    vec4 texel = texel_of(texture(picture, PICTURED_AT));
     CUT(texel.a)
     deliver_lit(albedo_here, texel, person, surface.z, length(eye_m.xyz - place));
 #else
@@ -232,7 +265,7 @@ void main() {
     vec3 albedo = albedo_here;
     float alpha = 1.0;
 #ifdef TEXTURED
-    vec4 texel = texel_of(picture, detail.xy);
+    vec4 texel = texel_of(texture(picture, PICTURED_AT));
     albedo *= texel.rgb;
     alpha = texel.a;
     CUT(alpha)

@@ -12,6 +12,9 @@ in vec4 in_normal;
 in vec4 in_colour;
 in vec4 in_look;
 in vec2 in_uv;
+#ifdef BAKED
+in vec3 in_light;
+#endif
 out vec3 place;
 out vec3 normal;
 out vec3 albedo_here;
@@ -23,13 +26,18 @@ void main() {
     normal = mat3(world_from_prop) * in_normal.xyz;
     albedo_here = decoded(in_colour.rgb);
     look = in_look.xy;
-#ifdef VERTEX_LIT
+#if defined(BAKED)
+    albedo_here = in_light;
+#elif defined(VERTEX_LIT)
     vec3 n = normalize(normal);
     vec3 here = lit(albedo_here, vec3(0.0), place, n, vec3(0.0), 1.0, 0.0);
     albedo_here = mix(here, albedo_here, in_look.y);
-#endif
 #ifdef IN_CODES
     albedo_here = in_codes(albedo_here);
+#endif
+#endif
+#if defined(IN_CODES) && !defined(TEXTURED)
+    albedo_here *= tone.w;
 #endif
     uv = in_uv;
     gl_Position = view_projection * world;
@@ -62,7 +70,7 @@ void main() {
     float distance_m = length(path);
     vec4 texel = vec4(1.0);
 #ifdef TEXTURED
-    texel = texel_of(picture, uv);
+    texel = texel_of(texture(picture, uv));
     CUT(texel.a)
 #endif
 #ifdef VERTEX_LIT

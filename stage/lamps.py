@@ -90,11 +90,8 @@ def lighting_block(room: Room, shadows: tuple[ShadowView, ...]) -> bytes:
     lamps = np.zeros((3, MOST_LIGHTS, 4), np.float32)
     map_of = {view.light: k for k, view in enumerate(shadows)}
     for i, light in enumerate(lights):
-        if light.kind != "sun":
-            lamps[0, i, :3] = _given(light.position_m, light)
+        lamps[0, i, :3], lamps[1, i, :3] = lamp_place(light), lamp_axis(light)
         lamps[0, i, 3] = KIND_NUMBERS[light.kind]
-        if light.kind != "point":
-            lamps[1, i, :3] = unit(np.asarray(_given(light.direction, light), np.float64))
         lamps[1, i, 3] = np.cos(np.radians(light.half_angle_deg))
         lamps[2, i, :3] = light.intensity
         lamps[2, i, 3] = map_of.get(i, -1)
@@ -104,6 +101,26 @@ def lighting_block(room: Room, shadows: tuple[ShadowView, ...]) -> bytes:
         matrices[k] = view.from_world.T
         shapes[k, 0] = view.softness_texels
     return b"".join(part.tobytes() for part in (head, lamps, matrices, shapes))
+
+
+def lamp_place(light: Light) -> Vector:
+    """Return where a lamp stands; zero for a sun.
+
+    Raises:
+        StageError: it has no place.
+    """
+    return np.zeros(3) if light.kind == "sun" else _given(light.position_m, light)
+
+
+def lamp_axis(light: Light) -> Vector:
+    """Return the unit direction a lamp shines along; zero for a point.
+
+    Raises:
+        StageError: it has no direction.
+    """
+    if light.kind == "point":
+        return np.zeros(3)
+    return unit(np.asarray(_given(light.direction, light), np.float64))
 
 
 def _given(vector: Vector | None, light: Light) -> Vector:

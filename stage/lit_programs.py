@@ -8,7 +8,8 @@ from stage import glsl_lighting, glsl_people, glsl_room
 from stage.programs import compile_program
 from stage.vertices import Run
 
-Family = Literal["people", "room"]
+Family = Literal["people", "lit_people", "room", "baked_room"]
+"""People skinned by the card or lit by the processor; things lit as drawn or beforehand."""
 
 
 class LitPrograms:
@@ -39,9 +40,9 @@ class LitPrograms:
             self._made[key] = compile_program(self._context, vertex, glsl_people.SHADOW_FRAGMENT)
         return self._made[key]
 
-    def skinning(self, lamps: str) -> moderngl.Program:
-        """Return the program that moves people into their poses; the fast one lights them too."""
-        key = ("skinning", lamps if self._fast else "")
+    def skinning(self) -> moderngl.Program:
+        """Return the program that moves people into their poses."""
+        key = ("skinning",)
         if key not in self._made:
             self._made[key] = compile_program(
                 self._context,
@@ -49,8 +50,7 @@ class LitPrograms:
                 None,
                 "MORPHS",
                 "NO_SHINE",
-                *(("VERTEX_LIT",) if self._fast else ()),
-                constants=lamps if self._fast else glsl_lighting.lamp_constants((), ()),
+                constants=glsl_lighting.lamp_constants((), ()),
                 varyings=glsl_people.SKINNED_VARYINGS,
             )
         return self._made[key]
@@ -61,24 +61,27 @@ class LitPrograms:
             program.release()
         self._made.clear()
 
-    def _vertex_lit(self, family: Family, run: Run) -> bool:
-        return self._fast and (family == "room" or run.kind != "eye")
-
     def _compile(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
-        source = glsl_people if family == "people" else glsl_room
+        is_room = family in ("room", "baked_room")
+        source = glsl_room if is_room else glsl_people
+        vertex = glsl_people.LIT_VERTEX if family == "lit_people" else source.VERTEX
         defines = [*self._common]
         if run.texture is not None:
             defines.append("TEXTURED")
             if run.texture.shape[2] == 4:
                 defines.append("CUT_OUT")
+            if family == "lit_people":
+                defines.append("LAYERED")
         if run.kind in glsl_people.SHADERS:
             defines.append(glsl_people.SHADERS[run.kind])
-        if self._vertex_lit(family, run):
+        if self._fast and (is_room or run.kind != "eye"):
             defines.append("VERTEX_LIT")
             if not identity:
                 defines.append("IN_CODES")
-        if run.kind == "cloth" or (family == "room" and self._fast):
+        if family == "baked_room":
+            defines.append("BAKED")
+        if run.kind == "cloth" or (is_room and self._fast):
             defines.append("NO_SHINE")
         output = glsl_lighting.OUTPUT_IDENTITY if identity else glsl_lighting.OUTPUT_COLOUR
         fragment = source.FRAGMENT.replace("//OUTPUT//", output)
-        return compile_program(self._context, source.VERTEX, fragment, *defines, constants=lamps)
+        return compile_program(self._context, vertex, fragment, *defines, constants=lamps)

@@ -14,7 +14,9 @@ from stimuli.picture import Camera, Panel, Picture
 
 MARK_HALF_DEG = 0.45
 BLOB_RADIUS_M = 0.30
-ANKLE_M = 0.075
+ANKLE_M = 0.07
+ABOVE_FLOOR = -2.0, -4.0
+"""Depth offset that keeps the shade of feet off the floor it lies on."""
 PANELS_KEPT = 24
 
 
@@ -68,7 +70,12 @@ class Overlays:
         context.disable(moderngl.CULL_FACE)
         context.enable(moderngl.BLEND)
         context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        # Shades overlap: they must not hide each other.
+        context.fbo.depth_mask = False
+        context.polygon_offset = ABOVE_FLOOR
         array.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=n)
+        context.polygon_offset = 0.0, 0.0
+        context.fbo.depth_mask = True
         context.disable(moderngl.BLEND)
         context.enable(moderngl.CULL_FACE)
 

@@ -7,27 +7,35 @@ import moderngl
 import numpy as np
 
 from lab.geometry import Vector
+from stage.baked_room import baked_room
 from stage.programs import UNITS, set_bytes
 from stage.projection import for_gl
 from stage.textures import Textures
 from stage.vertices import ROOM_LAYOUT, Run, room_vertices
-from stimuli.picture import Prop
+from stimuli.picture import Prop, Room
 
 STILL = np.eye(4)
 
 
 class PropBuffers:
-    """Props that keep their places against each other."""
+    """Props that keep their places against each other; `lit_by` a room once and for all, or as
+    they are drawn.
+    """
 
     def __init__(
         self,
         context: moderngl.Context,
         props: tuple[Prop, ...],
         textures: Textures,
-        longest_edge_m: float | None = None,
+        lit_by: Room | None = None,
     ) -> None:
         self._context, self._textures = context, textures
-        laid_out = room_vertices(props, longest_edge_m)
+        laid_out = room_vertices(props)
+        self._light: moderngl.Buffer | None = None
+        if lit_by is not None and len(laid_out.indices):
+            baked = baked_room(laid_out, lit_by)
+            laid_out = baked.vertices
+            self._light = context.buffer(baked.light.tobytes())
         self._runs = tuple(run for run in laid_out.runs if run.count)
         self._casting = laid_out.casting
         self._empty = not len(laid_out.indices)
@@ -68,6 +76,8 @@ class PropBuffers:
         array = self._arrays.get(id(program))
         if array is None:
             content: list[tuple[Any, ...]] = [(self._vertices, *ROOM_LAYOUT)]
+            if self._light is not None:
+                content.append((self._light, "3f4", "in_light"))
             array = self._arrays[id(program)] = self._context.vertex_array(
                 program, content, self._indices, index_element_size=4, skip_errors=True
             )
@@ -78,6 +88,9 @@ class PropBuffers:
         for array in self._arrays.values():
             array.release()
         self._arrays.clear()
+        if self._light is not None:
+            self._light.release()
+            self._light = None
         if not self._empty:
             self._vertices.release()
             self._indices.release()

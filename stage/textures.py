@@ -1,11 +1,15 @@
 """Pictures on surfaces, sent to the graphics card once."""
 
+from collections.abc import Iterable
+
 import moderngl
 import numpy as np
+from PIL import Image
 
 from stage.vertices import TextureArray
 
 GL_SRGB8, GL_SRGB8_ALPHA8 = 0x8C41, 0x8C43
+LARGEST_LAYER_PX = 512
 
 
 class Textures:
@@ -50,3 +54,55 @@ class Textures:
         for _, texture in self._made.values():
             texture.release()
         self._made.clear()
+
+
+class Layers:
+    """Pictures in the display's codes as layers of a few arrays, one per shape, so that many
+    surfaces are drawn by one call. Sides beyond 512 pixels are halved until they fit.
+    """
+
+    def __init__(self, context: moderngl.Context, pictures: Iterable[TextureArray]) -> None:
+        self._place: dict[int, tuple[int, int]] = {}
+        self._kept: list[TextureArray] = []
+        shapes: list[tuple[int, ...]] = []
+        stacks: list[list[TextureArray]] = []
+        for picture in pictures:
+            if id(picture) in self._place:
+                continue
+            small = _at_most(picture, LARGEST_LAYER_PX)
+            if small.shape not in shapes:
+                shapes.append(small.shape)
+                stacks.append([])
+            at = shapes.index(small.shape)
+            self._place[id(picture)] = at, len(stacks[at])
+            stacks[at].append(small)
+            self._kept.append(picture)
+        self.arrays = [_layered(context, stack) for stack in stacks]
+        self.channels = [shape[2] for shape in shapes]
+
+    def place(self, picture: TextureArray) -> tuple[int, int]:
+        """Return the array a picture is in, and its layer."""
+        return self._place[id(picture)]
+
+    def release(self) -> None:
+        """Free the card's memory."""
+        for array in self.arrays:
+            array.release()
+
+
+def _at_most(picture: TextureArray, side_px: int) -> TextureArray:
+    factor = 1
+    while max(picture.shape[:2]) > side_px * factor:
+        factor *= 2
+    if factor == 1:
+        return picture
+    return np.asarray(Image.fromarray(picture).reduce(factor))
+
+
+def _layered(context: moderngl.Context, stack: list[TextureArray]) -> moderngl.TextureArray:
+    height, width, channels = stack[0].shape
+    pixels = b"".join(np.ascontiguousarray(layer).tobytes() for layer in stack)
+    array = context.texture_array((width, height, len(stack)), channels, pixels, alignment=1)
+    array.build_mipmaps()
+    array.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
+    return array

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from stage.glsl_people import KINDS, SHADERS
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.character import MORPHS, Character, Material, SkinnedMesh
-from stimuli.picture import Prop, StaticMesh
+from stimuli.picture import Prop
 
 PERSON_VERTEX = np.dtype(
     [
@@ -35,8 +35,6 @@ ROOM_VERTEX = np.dtype(
     ]
 )
 ROOM_LAYOUT = ("3f4 4f2 4f1 4f1 2f4", "in_place_m", "in_normal", "in_colour", "in_look", "in_uv")
-
-MOST_CUTS = 5
 
 TextureArray = npt.NDArray[np.uint8]
 
@@ -188,32 +186,8 @@ def _morph_rows(
     return deltas if len(deltas) else np.zeros((1, 8, 4), np.float32)
 
 
-def _finer(mesh: StaticMesh, longest_m: float) -> StaticMesh:
-    """Return a mesh whose triangles have no edge beyond `longest_m`, all cut in four alike."""
-    vertices, normals = mesh.vertices_m, mesh.normals
-    colour, uv = mesh.colour_srgb.astype(np.float32), mesh.uv
-    triangles = mesh.triangles
-    for _ in range(MOST_CUTS):
-        corners = vertices[triangles]
-        edges = corners - np.roll(corners, 1, axis=1)
-        if not len(edges) or np.linalg.norm(edges, axis=2).max() <= longest_m:
-            break
-        a, b, c = triangles.T
-        pairs = np.sort(np.concatenate([np.stack(p, 1) for p in ((a, b), (b, c), (c, a))]), axis=1)
-        unique, middle = np.unique(pairs, axis=0, return_inverse=True)
-        ab, bc, ca = (middle.ravel() + len(vertices)).reshape(3, -1).astype(np.int32)
-        vertices, normals, colour = (
-            np.concatenate([v, v[unique].mean(axis=1)]) for v in (vertices, normals, colour)
-        )
-        uv = None if uv is None else np.concatenate([uv, uv[unique].mean(axis=1)])
-        triangles = np.concatenate(
-            [np.stack(t, axis=1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-        )
-    return StaticMesh(vertices, normals, np.round(colour).astype(np.uint8), triangles, uv)
-
-
-def room_vertices(props: tuple[Prop, ...], longest_edge_m: float | None = None) -> RoomVertices:
-    """Join props that share a texture into runs; cut edges longer than `longest_edge_m`."""
+def room_vertices(props: tuple[Prop, ...]) -> RoomVertices:
+    """Join props that share a texture into runs."""
     groups: dict[tuple[int, bool], list[Prop]] = {}
     for prop in props:
         texture = prop.material.texture_srgb if prop.mesh.uv is not None else None
@@ -225,8 +199,6 @@ def room_vertices(props: tuple[Prop, ...], longest_edge_m: float | None = None) 
         count = 0
         for prop in members:
             mesh = prop.mesh
-            if longest_edge_m is not None:
-                mesh = _finer(mesh, longest_edge_m)
             out = np.zeros(len(mesh.vertices_m), ROOM_VERTEX)
             out["place_m"] = mesh.vertices_m
             out["normal"][:, :3] = mesh.normals

@@ -1,0 +1,282 @@
+"""Light at vertices, computed on the processor: Lambert's law of `glsl_lighting`, without shine.
+
+Processors that draw have no shader units to spare: one compiled loop moves, lights and encodes
+every vertex once, whatever the number of eyes.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.compiled import compiled
+from stage.lamps import KIND_NUMBERS, lamp_axis, lamp_place
+from stimuli.picture import Room
+
+Floats = npt.NDArray[np.float32]
+EYE_KIND = 1
+"""Kind of the vertices whose light pixels compute: they get their normal instead."""
+_ROOT_STEPS = 1024
+_roots = np.arange(4 * _ROOT_STEPS) / _ROOT_STEPS
+_linear = np.minimum(_roots, 1.0) ** 2
+CODES_OF_ROOT: Floats = np.where(
+    _linear <= 0.0031308, 12.92 * _linear, 1.055 * np.maximum(_linear, 1e-5) ** (1 / 2.4) - 0.055
+).astype(np.float32)
+"""The display's codes (0 to 1) by the square root of the light, in steps of 1/1024."""
+FACTORS_OF_ROOT: Floats = (_roots ** (2 / 2.2)).astype(np.float32)
+"""What light does to a texture's codes, by the square root of the light, in steps of 1/1024."""
+
+
+def lamp_rows(room: Room) -> tuple[Floats, Floats]:
+    """Return the lamps (k, 12): kind, place, axis, cosine of the half angle and where it is full
+    inside, colour at one metre; and the ambient light (2, 3) from above and below.
+    """
+    rows = np.zeros((len(room.lights), 12), np.float32)
+    for row, light in zip(rows, room.lights, strict=True):
+        cosine = float(np.cos(np.radians(light.half_angle_deg)))
+        row[0] = KIND_NUMBERS[light.kind]
+        row[1:4], row[4:7] = lamp_place(light), lamp_axis(light)
+        row[7], row[8] = cosine, 1.0 / (0.3 * max(1.0 - cosine, 1e-6))
+        row[9:12] = light.intensity
+    return rows, np.array([room.sky, room.ground], np.float32)
+
+
+@compiled
+def _lit(
+    px: np.float32, py: np.float32, pz: np.float32, nx: np.float32, ny: np.float32, nz: np.float32,
+    wr: np.float32, wg: np.float32, wb: np.float32, sr: np.float32, sg: np.float32, sb: np.float32,
+    lamps: Floats, ambient: Floats,
+) -> tuple[np.float32, np.float32, np.float32]:  # fmt: skip
+    """Return the light that a surface gives back, before its own colour; it bleeds round edges
+    by `w` and is spread by `s`, one number a colour.
+    """
+    up = np.float32(0.5) + np.float32(0.5) * ny
+    r = ambient[1, 0] + (ambient[0, 0] - ambient[1, 0]) * up
+    g = ambient[1, 1] + (ambient[0, 1] - ambient[1, 1]) * up
+    b = ambient[1, 2] + (ambient[0, 2] - ambient[1, 2]) * up
+    one = np.float32(1.0)
+    for i in range(lamps.shape[0]):
+        share = one
+        if lamps[i, 0] == 0:
+            tx, ty, tz = -lamps[i, 4], -lamps[i, 5], -lamps[i, 6]
+        else:
+            tx, ty, tz = lamps[i, 1] - px, lamps[i, 2] - py, lamps[i, 3] - pz
+            squared = max(tx * tx + ty * ty + tz * tz, np.float32(0.04))
+            share = one / squared
+            near = np.sqrt(share)
+            tx, ty, tz = tx * near, ty * near, tz * near
+            if lamps[i, 0] == 1:
+                along = -(tx * lamps[i, 4] + ty * lamps[i, 5] + tz * lamps[i, 6])
+                t = min(max((along - lamps[i, 7]) * lamps[i, 8], np.float32(0.0)), one)
+                share *= t * t * (np.float32(3.0) - np.float32(2.0) * t)
+        cosine = nx * tx + ny * ty + nz * tz
+        r += lamps[i, 9] * share * max((cosine + wr) * sr, np.float32(0.0))
+        g += lamps[i, 10] * share * max((cosine + wg) * sg, np.float32(0.0))
+        b += lamps[i, 11] * share * max((cosine + wb) * sb, np.float32(0.0))
+    return r, g, b
+
+
+@compiled
+def _looked_up(table: Floats, linear: np.float32) -> np.float32:
+    at = np.int64(np.sqrt(max(linear, np.float32(0.0))) * np.float32(1024.0) + np.float32(0.5))
+    found: np.float32 = table[min(at, table.shape[0] - 1)]
+    return found
+
+
+@compiled
+def _falling(x: np.float32) -> np.float32:
+    half = np.float32(0.5)
+    gone: np.float32 = np.exp(-max(x - half, np.float32(0.0)) / half)
+    return half - half * gone
+
+
+@compiled
+def _in_codes(
+    r: np.float32, g: np.float32, b: np.float32, textured: bool, codes: Floats, factors: Floats
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Return light as pixels that work in codes want it: see `in_codes` in `glsl_lighting`."""
+    if textured:
+        return _looked_up(factors, r), _looked_up(factors, g), _looked_up(factors, b)
+    most = max(r, max(g, b))
+    half = np.float32(0.5)
+    if most > half:
+        gain = (half + _falling(most)) / most
+        own, shared = np.float32(0.3), np.float32(0.7)
+        r = own * (min(r, half) + _falling(r)) + shared * gain * r
+        g = own * (min(g, half) + _falling(g)) + shared * gain * g
+        b = own * (min(b, half) + _falling(b)) + shared * gain * b
+    return _looked_up(codes, r), _looked_up(codes, g), _looked_up(codes, b)
+
+
+@compiled
+def light_points(
+    place: Floats,
+    normal: Floats,
+    albedo: Floats,
+    emission: Floats,
+    textured: npt.NDArray[np.bool_],
+    lamps: Floats,
+    ambient: Floats,
+    codes: Floats,
+    factors: Floats,
+    out: Floats,
+) -> None:
+    """Write what still points (n, 3) of these colours look like, in codes at full brightness."""
+    none, one = np.float32(0.0), np.float32(1.0)
+    for v in range(place.shape[0]):
+        nx, ny, nz = normal[v, 0], normal[v, 1], normal[v, 2]
+        share = np.float32(1.0) / np.sqrt(max(nx * nx + ny * ny + nz * nz, np.float32(1e-12)))
+        r, g, b = _lit(
+            place[v, 0], place[v, 1], place[v, 2], nx * share, ny * share, nz * share,
+            none, none, none, one, one, one, lamps, ambient,
+        )  # fmt: skip
+        own = emission[v]
+        r = albedo[v, 0] * (r + (np.float32(1.0) - r) * own)
+        g = albedo[v, 1] * (g + (np.float32(1.0) - g) * own)
+        b = albedo[v, 2] * (b + (np.float32(1.0) - b) * own)
+        out[v, 0], out[v, 1], out[v, 2] = _in_codes(r, g, b, textured[v], codes, factors)
+
+
+@compiled
+def pose_and_light(
+    people: npt.NDArray[np.int64],
+    vertices_of: npt.NDArray[np.int64],
+    slot_of: npt.NDArray[np.int64],
+    plain_of: npt.NDArray[np.bool_],
+    rows: Floats,
+    rest: Floats,
+    normal: Floats,
+    column: npt.NDArray[np.int32],
+    weight: Floats,
+    morph: npt.NDArray[np.int32],
+    deltas: Floats,
+    albedo: Floats,
+    plain_albedo: Floats,
+    wrap: Floats,
+    kind: npt.NDArray[np.uint8],
+    textured: npt.NDArray[np.bool_],
+    lamps: Floats,
+    ambient: Floats,
+    codes: Floats,
+    factors: Floats,
+    encode: bool,
+    out: Floats,
+) -> None:
+    """Write place and light (slot, 6) of everyone in `people`, as linear light or in codes.
+
+    `vertices_of` (n, 2) is each person's stretch of the model arrays, `slot_of` (n,) where it is
+    written; `plain_of` says whose textures are left out for the colours in `plain_albedo`.
+    """
+    face = rows.shape[1] - 2
+    one = np.float32(1.0)
+    for person in people:
+        row, slot, plain = rows[person], slot_of[person], plain_of[person]
+        for v in range(vertices_of[person, 0], vertices_of[person, 1]):
+            x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
+            m = morph[v]
+            if m >= 0:
+                for k in range(6):
+                    w = row[face + k // 4, k % 4]
+                    if w != 0:
+                        x += w * deltas[m, k, 0]
+                        y += w * deltas[m, k, 1]
+                        z += w * deltas[m, k, 2]
+            w, c = weight[v, 0], column[v, 0]
+            a00, a01, a02, a03 = w * row[c, 0], w * row[c, 1], w * row[c, 2], w * row[c, 3]
+            c += 1
+            a10, a11, a12, a13 = w * row[c, 0], w * row[c, 1], w * row[c, 2], w * row[c, 3]
+            c += 1
+            a20, a21, a22, a23 = w * row[c, 0], w * row[c, 1], w * row[c, 2], w * row[c, 3]
+            for k in range(1, 4):
+                w = weight[v, k]
+                if w == 0:
+                    break
+                c = column[v, k]
+                a00 += w * row[c, 0]
+                a01 += w * row[c, 1]
+                a02 += w * row[c, 2]
+                a03 += w * row[c, 3]
+                a10 += w * row[c + 1, 0]
+                a11 += w * row[c + 1, 1]
+                a12 += w * row[c + 1, 2]
+                a13 += w * row[c + 1, 3]
+                a20 += w * row[c + 2, 0]
+                a21 += w * row[c + 2, 1]
+                a22 += w * row[c + 2, 2]
+                a23 += w * row[c + 2, 3]
+            px, py = a00 * x + a01 * y + a02 * z + a03, a10 * x + a11 * y + a12 * z + a13
+            pz = a20 * x + a21 * y + a22 * z + a23
+            nx, ny, nz = normal[v, 0], normal[v, 1], normal[v, 2]
+            nx, ny, nz = (
+                a00 * nx + a01 * ny + a02 * nz,
+                a10 * nx + a11 * ny + a12 * nz,
+                a20 * nx + a21 * ny + a22 * nz,
+            )
+            share = one / np.sqrt(max(nx * nx + ny * ny + nz * nz, np.float32(1e-12)))
+            nx, ny, nz = nx * share, ny * share, nz * share
+            out[slot, 0], out[slot, 1], out[slot, 2] = px, py, pz
+            if kind[v] == EYE_KIND:
+                out[slot, 3], out[slot, 4], out[slot, 5] = nx, ny, nz
+            else:
+                r, g, b = _lit(
+                    px, py, pz, nx, ny, nz, wrap[v, 0], wrap[v, 1], wrap[v, 2],
+                    wrap[v, 3], wrap[v, 4], wrap[v, 5], lamps, ambient,
+                )  # fmt: skip
+                own = plain_albedo if plain else albedo
+                r, g, b = r * own[v, 0], g * own[v, 1], b * own[v, 2]
+                if encode:
+                    r, g, b = _in_codes(r, g, b, textured[v] and not plain, codes, factors)
+                out[slot, 3], out[slot, 4], out[slot, 5] = r, g, b
+            slot += 1
+
+
+@compiled
+def gather_front(
+    people: npt.NDArray[np.int64],
+    model_of: npt.NDArray[np.int64],
+    slot_of: npt.NDArray[np.int64],
+    group_of: npt.NDArray[np.int64],
+    stretches: npt.NDArray[np.int64],
+    triangles: npt.NDArray[np.int32],
+    single_sided: npt.NDArray[np.bool_],
+    posed: Floats,
+    eyes_m: Floats,
+    first: npt.NDArray[np.int64],
+    count: npt.NDArray[np.int64],
+    out: npt.NDArray[np.int32],
+) -> None:
+    """Write the triangles that face any eye, person after person as listed, group by group.
+
+    `stretches` (models, groups, 2) are rows of `triangles` (t, 3), `slot_of` (n,) is added to
+    their vertices, `group_of` (n, groups) says in which group a person's are drawn. Group g is
+    written from row `first[g]` of `out` on; `count` (groups,) is how many it has. With no eyes
+    every triangle is kept.
+    """
+    count[:] = 0
+    for person in people:
+        model, shift = model_of[person], slot_of[person]
+        for g in range(stretches.shape[1]):
+            target = group_of[person, g]
+            at = first[target] + count[target]
+            keep_all = eyes_m.shape[0] == 0 or not single_sided[g]
+            for t in range(stretches[model, g, 0], stretches[model, g, 1]):
+                a, b, c = (
+                    triangles[t, 0] + shift,
+                    triangles[t, 1] + shift,
+                    triangles[t, 2] + shift,
+                )
+                kept = keep_all
+                if not kept:
+                    ax, ay, az = posed[a, 0], posed[a, 1], posed[a, 2]
+                    ux, uy, uz = posed[b, 0] - ax, posed[b, 1] - ay, posed[b, 2] - az
+                    wx, wy, wz = posed[c, 0] - ax, posed[c, 1] - ay, posed[c, 2] - az
+                    nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
+                    for e in range(eyes_m.shape[0]):
+                        towards = (
+                            nx * (eyes_m[e, 0] - ax)
+                            + ny * (eyes_m[e, 1] - ay)
+                            + nz * (eyes_m[e, 2] - az)
+                        )
+                        kept = kept or towards > 0
+                if kept:
+                    out[at, 0], out[at, 1], out[at, 2] = a, b, c
+                    at += 1
+            count[target] = at - first[target]
