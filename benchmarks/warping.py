@@ -7,17 +7,20 @@ Steps of one core are counted in CPU time, so that other work on the machine doe
 of two cores in the least wall time of many. The load of 4 000 triangles is a sample of those of
 the 6 000-triangle level of a character, the latter being given beside it. "Ratio" is limit /
 value, or value / limit where more is better. Targets of the presets are met when what is left is
-a tenth of the wanted change or within what the buffer can tell; frame times are wall time of a
+a tenth of the wanted change or within what the buffer can tell; a preset holds when nine tenths
+of its reachable poses are met in five steps; frame times are wall time of a
 loop at 90 Hz that poses twelve people, with the controller beside it and without: they mean
 something on an idle machine only.
 """
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +32,7 @@ from stimuli.motion.people import PeopleMotion, Person
 from stimuli.motion.warping.cases import CASES, StagedCase, case_named, staged
 from stimuli.motion.warping.control import (
     ControlSettings,
+    Outcome,
     Situation,
     control_step,
     damped_solution,
@@ -45,6 +49,15 @@ from stimuli.motion.warping.units import units_named
 
 Row = dict[str, object]
 SIZE_PX = 128
+ENOUGH_01 = 0.9
+LONG_RUNS: tuple[dict[str, Any], ...] = (
+    {},
+    {"step_cap_deg": 5.0},
+    {"probe_deg": 6.0},
+    {"probe_deg": 2.0, "wide_probe_deg": 24.0},
+    {"error_cap": 1.0, "step_cap_deg": 15.0},
+)
+"""Settings that try for 60 steps what five did not reach."""
 ONE_CORE_HZ, TWO_CORES_HZ, P99_MS = 60.0, 100.0, 11.0
 TARGETS = (
     FeatureTarget("coverage", ("face", "hands"), 0.25),
@@ -124,28 +137,54 @@ def _steps_of(moment: Situation) -> list[Row]:
     ]
 
 
-def presets(moments: Sequence[float] = (0.2, 0.7, 1.2)) -> list[Row]:
-    """Share of the wanted change that is left after five steps, per preset."""
+def presets(moments: int = 10) -> list[Row]:
+    """How many poses come within 10 % of the target in five steps, per preset, of the reachable.
+
+    A pose counts as reachable when any of `LONG_RUNS` reaches it from rest; of those that none
+    reaches, the best share of the wanted change is given.
+    """
     who = load_character("anna")
-    five, many = ControlSettings(most_steps=5), ControlSettings(most_steps=30)
     rows: list[Row] = []
     for case in CASES.values():
         stage = staged(case, who)
-        met, reachable = [], []
-        for t_s in moments:
+        met, reachable, best = 0, 0, []
+        for t_s in np.linspace(0.05, 0.95, moments) * stage.clip.duration_s:
             pose = stage.clip.at(t_s)
             moment = Situation(
                 stage.body, stage.view, case.targets, stage.units, pose.root_m,
                 pose.orientation_wxyz,
             )  # fmt: skip
-            found = steer(moment, five)
-            met.append(found.is_reached)
-            reachable.append(found.is_reached or steer(moment, many).is_reached)
+            if steer(moment, replace(case.settings, most_steps=5)).is_reached:
+                met, reachable = met + 1, reachable + 1
+                continue
+            shares = []
+            for long_run in LONG_RUNS:
+                found = steer(moment, replace(case.settings, most_steps=60, **long_run))
+                shares.append(_least_share(found))
+                if found.is_reached:
+                    reachable += 1
+                    break
+            else:
+                best.append(max(shares))
         rows.append(
-            row(f"{case.name}: poses within 10 % in 5 steps (of {sum(reachable)} reachable)",
-                float(sum(met)), f"of {len(moments)}")
+            row(f"{case.name}: poses within 10 % in 5 steps, of {moments}", met, "poses",
+                math.ceil(ENOUGH_01 * reachable))
+            | {"reachable": reachable}
         )  # fmt: skip
+        if best:
+            said = "unreachable, best share of the wanted change in 60 steps"
+            rows.append(row(f"{case.name}: {said} ({len(best)} poses, median)",
+                            float(np.median(best)), "1"))  # fmt: skip
     return rows
+
+
+def _least_share(found: Outcome) -> float:
+    """Return how much of the wanted change was reached, of the feature that came least far."""
+    wanted = found.wanted - found.original
+    changes = np.abs(wanted) > 0
+    if not changes.any():
+        return 1.0
+    return float(((found.reached - found.original)[changes] / wanted[changes]).min())
 
 
 def frame_times(stage: StagedCase, seconds: float) -> list[Row]:

@@ -1,6 +1,7 @@
 """warp: change what an observer sees of a motion, and show what became of it."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -59,9 +60,8 @@ def warp(
     from stimuli.motion.bvh import write_bvh
     from stimuli.motion.bvh_clip import bvh_of_clip
     from stimuli.motion.clip_file import write_clip
-    from stimuli.motion.warping.cases import CASES, case_named, staged
+    from stimuli.motion.warping.cases import CASES, SEARCHED, case_named, staged
     from stimuli.motion.warping.clips import warp_clip
-    from stimuli.motion.warping.control import ControlSettings
     from stimuli.motion.warping.features import parse_feature
     from stimuli.motion.warping.units import units_named
 
@@ -76,15 +76,15 @@ def warp(
         stage = staged(case_named(case), who)
         motion, body, view = stage.clip, stage.body, stage.view
         targets, allowed, things = stage.case.targets, stage.units, stage.case.things()
-        lamps = stage.case.lamps()
+        lamps, settings = stage.case.lamps(), stage.case.settings
     else:
         if observer is None or not feature:
             raise UsageError("give --observer X,Y,Z and at least one --feature, or a --case")
         targets = tuple(parse_feature(text) for text in feature)
         allowed = units_named(tuple(name.strip() for name in units.split(",")))
         motion, body, view = _posed(clip, who, _point(observer), seconds, unit_m)
-        things, lamps = (), ()
-    settings = ControlSettings(threads=threads)
+        things, lamps, settings = (), (), SEARCHED
+    settings = replace(settings, threads=threads)
     with Progress(console=console, transient=True, disable=as_json) as bar:
         task = bar.add_task("warping", total=None)
         warped = warp_clip(

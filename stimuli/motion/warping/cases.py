@@ -4,7 +4,7 @@ Who looks from where, past what and in which light is ours: the source shows pic
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,6 +18,7 @@ from stimuli.motion.errors import MotionError
 from stimuli.motion.kinds import Crouch, Kind, Talk, Text, Wave
 from stimuli.motion.people import Person
 from stimuli.motion.skeleton import forward
+from stimuli.motion.warping.control import ControlSettings
 from stimuli.motion.warping.features import FeatureTarget
 from stimuli.motion.warping.outlook import Outlook, looking_at, outlook
 from stimuli.motion.warping.perceived import SeenBody, body_of, holding
@@ -30,6 +31,10 @@ VIEW_RADIUS_M: Final = 1.05
 SIZE_PX: Final = 256
 """Extensions are steered, and a face is small: 128 pixels show both too coarsely."""
 EYE_HEIGHT_M: Final = 1.62
+SEARCHED: Final = ControlSettings(
+    search=True, step_cap_deg=10.0, error_cap=0.4, wide_probe_deg=12.0
+)
+"""Of presets: nothing waits for these, and some steer past an edge or by a few pixels."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +42,8 @@ class Case:
     """One preset: a motion, where the observer stands, what is wanted and what may move.
 
     `bearing_deg` is where the observer stands from the character's front, positive to the
-    character's left; `things` stand in world with the character at the origin, facing −z.
+    character's left; `things` stand in world with the character at the origin, facing −z;
+    `settings` are those of the control loop.
     """
 
     name: str
@@ -50,6 +56,7 @@ class Case:
     things: Callable[[], tuple[StaticMesh, ...]] = tuple
     lamps: Callable[[], tuple[Light, ...]] = tuple
     holds_tablet: bool = False
+    settings: ControlSettings = SEARCHED
 
 
 def _cover(parts: tuple[str, ...], change: float) -> FeatureTarget:
@@ -130,7 +137,7 @@ CASES: Final[dict[str, Case]] = {
             "introvert", "talk with smaller gestures", Talk(), 15.0, 2.6,
             (_cover(("face",), -0.1), FeatureTarget("horizontal_extension", ("arms",), -0.15),
              FeatureTarget("vertical_extension", ("arms",), -0.1)),
-            ("spine", "neck_head", "arms"),
+            ("spine", "neck_head", "arms"), settings=replace(SEARCHED, rest_pull=0.01),
         ),
         Case(
             "extravert", "talk with larger gestures", Talk(), 15.0, 2.6,

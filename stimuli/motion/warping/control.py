@@ -15,13 +15,24 @@ import numpy as np
 from lab.geometry import Vector
 from stimuli.motion.errors import MotionError
 from stimuli.motion.skeleton import Skeleton
-from stimuli.motion.warping.features import FeatureTarget, grain_of, pixel_of, values_of
+from stimuli.motion.warping.features import (
+    FeatureTarget,
+    fine_values_of,
+    grain_of,
+    pixel_of,
+    values_of,
+)
 from stimuli.motion.warping.outlook import Outlook
 from stimuli.motion.warping.perceived import SeenBody, perceived
 from stimuli.motion.warping.raster_kernels import Bytes
 from stimuli.motion.warping.units import WarpingUnit, turned_by
 
 FEWEST_PX: Final = 24
+SEARCHED_DAMPING: Final = (0.0625, 0.25, 1.0, 4.0)
+"""Of a searched step: what the damping is multiplied by."""
+SEARCHED_ERROR: Final = (0.0625, 0.125, 0.25, 0.5, 1.0)
+"""Of a searched step: what the error cap is multiplied by."""
+_FAR: Final = 1e6
 
 
 @dataclass(frozen=True)
@@ -33,6 +44,10 @@ class ControlSettings:
     `step_cap_deg` the most a unit turns in a step.
     `rest_pull` is the share of what the target leaves free that a step takes back. `most_steps` a
     pose, `rate_hz` how often the loop runs, `threads` share the renders without changing them.
+
+    `search` renders twenty steps, of `SEARCHED_DAMPING` times the damping and `SEARCHED_ERROR`
+    times the error cap, and takes the best; `wide_probe_deg` adds as many by the differences over
+    a second, wider probe (0 for none), which feels what small ones do not: a hand wholly hidden.
 
     Over time: `smooth_s` is the time constant τ of the filter; a whole clip is then corrected in
     at most `passes` rounds, weighing τ² times the second derivative of the offsets by `smoothness`
@@ -50,6 +65,8 @@ class ControlSettings:
     rest_pull: float = 0.05
     rate_hz: float = 15.0
     threads: int = 1
+    search: bool = False
+    wide_probe_deg: float = 0.0
 
     def __post_init__(self) -> None:
         positive = (
@@ -59,6 +76,10 @@ class ControlSettings:
         )  # fmt: skip
         if not all(np.isfinite(v) and v > 0 for v in positive):
             raise MotionError(f"every parameter of the control loop is above 0; got {self}")
+        if not (np.isfinite(self.wide_probe_deg) and self.wide_probe_deg >= 0):
+            raise MotionError(f"wide_probe_deg is an angle, or 0 for none; got {self}")
+        if self.wide_probe_deg and not self.search:
+            raise MotionError("a wide probe serves a searched step only; set search as well")
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +136,13 @@ def see(
     threads: int = 1,
 ) -> Vector:  # fmt: skip
     """Return the features (n, f) of the pose warped by offsets (n, w)."""
+    return values_of(situation.targets, *_ids(situation, omega_rad, pool, threads))
+
+
+def _ids(
+    situation: Situation, omega_rad: Vector, pool: ThreadPoolExecutor | None, threads: int
+) -> tuple[Bytes, Bytes | None]:
+    """Return what is perceived of the pose under offsets (n, w), and of that a frame earlier."""
 
     def ids(root_m: Vector, local_wxyz: Vector) -> Bytes:
         skeleton = situation.body.skeleton
@@ -125,7 +153,7 @@ def see(
     before = None
     if situation.earlier_root_m is not None and situation.earlier_wxyz is not None:
         before = ids(situation.earlier_root_m, situation.earlier_wxyz)
-    return values_of(situation.targets, ids(situation.root_m, situation.local_wxyz), before)
+    return ids(situation.root_m, situation.local_wxyz), before
 
 
 def capped(error: Vector, cap: float) -> Vector:
@@ -149,29 +177,78 @@ def linearised(
 
     2 w + 1 renders: central differences over the units.
     """
-    n, probe = len(situation.units), np.radians(settings.probe_deg)
-    probes = np.concatenate([np.zeros((1, n)), probe * np.eye(n), -probe * np.eye(n)]) + omega_rad
-    seen = see(situation, probes, pool, settings.threads)
-    return seen[0], ((seen[1 : n + 1] - seen[n + 1 :]) / (2 * probe)).T
+    still = np.zeros((1, len(situation.units)))
+    probes = np.concatenate([still, _probes(situation, settings.probe_deg)]) + omega_rad
+    ids, before = _ids(situation, probes, pool, settings.threads)
+    seen = values_of(situation.targets, ids[:1], None if before is None else before[:1])[0]
+    fine = fine_values_of(situation.targets, ids[1:], None if before is None else before[1:])
+    return seen, _slopes(fine, settings.probe_deg)
+
+
+def _wide_slopes(
+    situation: Situation, omega_rad: Vector, settings: ControlSettings,
+    pool: ThreadPoolExecutor | None,
+) -> Vector:  # fmt: skip
+    """Return derivatives (f, w) per radian over the wide probe: 2 w renders."""
+    probes = _probes(situation, settings.wide_probe_deg) + omega_rad
+    seen = fine_values_of(situation.targets, *_ids(situation, probes, pool, settings.threads))
+    return _slopes(seen, settings.wide_probe_deg)
+
+
+def _probes(situation: Situation, probe_deg: float) -> Vector:
+    """Return one unit after the other turned forth, then back (2 w, w)."""
+    forth = np.radians(probe_deg) * np.eye(len(situation.units))
+    return np.concatenate([forth, -forth])
+
+
+def _slopes(seen: Vector, probe_deg: float) -> Vector:
+    """Return central differences (f, w) per radian of features (2 w, f) seen at the probes."""
+    n = len(seen) // 2
+    found: Vector = ((seen[:n] - seen[n:]) / (2 * np.radians(probe_deg))).T
+    return found
 
 
 def control_step(
     situation: Situation, omega_rad: Vector, wanted: Vector, scale: Vector,
     settings: ControlSettings, pool: ThreadPoolExecutor | None = None,
+    *, tolerance: Vector | None = None,
 ) -> ControlStep:  # fmt: skip
     """Take one step from offsets (w,) towards wanted features (f,): 2 w + 1 renders.
 
-    `scale` (f,) turns features into what the loop steers, see `scale_of`.
+    `scale` (f,) turns features into what the loop steers, see `scale_of`. A searched step makes
+    20 renders more, twice as many and 2 w with a wide probe; it prefers what is within `tolerance`
+    (f,) where that is given.
     """
     seen, jacobian = linearised(situation, omega_rad, settings, pool)
-    asked = capped(scale * (wanted - seen), settings.error_cap)
-    cap = np.radians(settings.step_cap_deg)
-    shares = scale[:, None] * jacobian
-    free = omega_rad - damped_solution(shares, shares @ omega_rad, settings.damping)
-    change = damped_solution(shares, asked, settings.damping) - settings.rest_pull * free
-    turn = np.clip(change, -cap, cap)
+    error = scale * (wanted - seen)
+    asked = capped(error, settings.error_cap)
     reach = np.radians([unit.range_deg for unit in situation.units])
-    return ControlStep(omega_rad, np.clip(omega_rad + turn, -reach, reach), seen, asked)
+
+    def ahead(shares: Vector, step: Vector, damping: float) -> Vector:
+        cap = np.radians(settings.step_cap_deg)
+        free = omega_rad - damped_solution(shares, shares @ omega_rad, damping)
+        change = damped_solution(shares, step, damping) - settings.rest_pull * free
+        turn = np.clip(change, -cap, cap)
+        held: Vector = np.clip(omega_rad + turn, -reach, reach)
+        return held
+
+    if not settings.search:
+        shares = scale[:, None] * jacobian
+        return ControlStep(omega_rad, ahead(shares, asked, settings.damping), seen, asked)
+    jacobians = [jacobian]
+    if settings.wide_probe_deg:
+        jacobians.append(_wide_slopes(situation, omega_rad, settings, pool))
+    asks = [capped(error, settings.error_cap * share) for share in SEARCHED_ERROR]
+    choices = [(j, d, a) for j in jacobians for d in SEARCHED_DAMPING for a in asks]
+    tried = np.array([
+        ahead(scale[:, None] * j, a, settings.damping * damping) for j, damping, a in choices
+    ])  # fmt: skip
+    left = wanted - see(situation, tried, pool, settings.threads)
+    length = np.linalg.norm(scale * left, axis=1)
+    if tolerance is not None:
+        length = np.where((np.abs(left) <= tolerance).all(axis=1), length, length + _FAR)
+    chosen = int(np.argmin(length))
+    return ControlStep(omega_rad, tried[chosen], seen, choices[chosen][2])
 
 
 def wanted_features(targets: tuple[FeatureTarget, ...], original: Vector) -> Vector:
@@ -212,17 +289,22 @@ def steer(
     if is_close(situation.targets, situation.view, wanted, original):
         return Outcome(zero, original, wanted, original, 0, True)
     scale = scale_of(situation, original)
+    tolerance = tolerance_of(situation, original, wanted) if settings.search else None
     omega = zero if start_rad is None else start_rad
-    best, best_seen, least = zero, original, _length(scale * (wanted - original))
+    best, best_seen, least = zero, original, _length(scale * (wanted - original), False)
     taken = 0
     while True:
         # The last look only judges where the last step has led.
         if taken == settings.most_steps:
             seen, ahead = see(situation, omega[None])[0], omega
         else:
-            step = control_step(situation, omega, wanted, scale, settings, pool)
+            step = control_step(
+                situation, omega, wanted, scale, settings, pool, tolerance=tolerance
+            )
             seen, ahead, taken = step.seen, step.next_rad, taken + 1
-        error = _length(scale * (wanted - seen))
+        left = wanted - seen
+        within = tolerance is not None and bool((np.abs(left) <= tolerance).all())
+        error = _length(scale * left, within)
         if error < least:
             best, best_seen, least = omega, seen, error
         close = is_close(situation.targets, situation.view, wanted, seen)
@@ -235,17 +317,26 @@ def steer(
     )  # fmt: skip
 
 
-def _length(error: Vector) -> float:
-    return float(np.linalg.norm(error))
+def _length(error: Vector, within: bool) -> float:
+    """Return how long an error is; one within tolerance counts as shorter than any that is not."""
+    return float(np.linalg.norm(error)) - (_FAR if within else 0.0)
+
+
+def tolerance_of(
+    situation: Situation, original: Vector, wanted: Vector, share: float = 0.1
+) -> Vector:
+    """Return what may be left (f,): a share of the wanted change, or what the buffer can tell."""
+    size = situation.view.size_px
+    grain = np.array(
+        [grain_of(t, float(w), size) for t, w in zip(situation.targets, wanted, strict=True)]
+    )
+    least: Vector = np.maximum(share * np.abs(wanted - original), grain)
+    return least
 
 
 def is_within(
     wanted: Vector, original: Vector, seen: Vector, situation: Situation, share: float = 0.1
 ) -> bool:
     """Tell whether what is left is a tenth of the wanted change, or what the buffer can tell."""
-    size = situation.view.size_px
-    grain = np.array(
-        [grain_of(t, float(w), size) for t, w in zip(situation.targets, wanted, strict=True)]
-    )
-    left = np.abs(wanted - seen)
-    return bool((left <= np.maximum(share * np.abs(wanted - original), grain)).all())
+    tolerance = tolerance_of(situation, original, wanted, share)
+    return bool((np.abs(wanted - seen) <= tolerance).all())

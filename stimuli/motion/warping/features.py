@@ -10,13 +10,21 @@ import numpy.typing as npt
 from lab.geometry import Vector
 from stimuli.motion.errors import MotionError
 from stimuli.motion.warping.perceived import mask_of
-from stimuli.motion.warping.raster_kernels import Bytes, changed, measure
+from stimuli.motion.warping.raster_kernels import (
+    Bytes,
+    changed,
+    fine_extension,
+    measure,
+)
 
 Custom = Callable[[Bytes, npt.NDArray[np.bool_]], float]
 """A feature of a user: perceived parts (h, w) and the wanted ones (256,) to a number."""
 
 BUILT_IN: Final = ("coverage", "horizontal_extension", "vertical_extension", "motion_coverage")
 """Share of pixels, share of width, share of height, share of pixels that changed."""
+
+EDGE_PX: Final = 6.0
+"""Pixels that lie outside of either edge of an extension that is measured finely."""
 
 _CUSTOM: dict[str, Custom] = {}
 
@@ -103,6 +111,25 @@ def values_of(
             values[:, f] = plain[:, f, BUILT_IN.index(target.kind)]
         else:
             values[:, f] = [_CUSTOM[target.kind](one, wanted[f]) for one in ids]
+    return values
+
+
+def fine_values_of(
+    targets: tuple[FeatureTarget, ...], ids: Bytes, before: Bytes | None = None
+) -> Vector:
+    """Measure features (n, f) for their differences: extensions in fractions of a pixel.
+
+    An extension in whole pixels does not change at all under most small turns. Here it ends where
+    `EDGE_PX` pixels are left, which moves as the tip does; it is some pixels shorter.
+    """
+    values = values_of(targets, ids, before)
+    fine = np.empty(len(ids))
+    for f, target in enumerate(targets):
+        if target.kind in ("horizontal_extension", "vertical_extension"):
+            across = target.kind == "horizontal_extension"
+            fine_extension(ids, mask_of(target.parts), across, EDGE_PX, fine)
+            known = np.isfinite(fine)
+            values[known, f] = fine[known] / ids.shape[2 if across else 1]
     return values
 
 

@@ -27,6 +27,8 @@ from tests.stimuli.warping.bodies import arm_raised, box_person, waving_clip
 
 CENTRE = np.array([0.0, 1.1, 0.0])
 CAREFUL = ControlSettings()
+SEARCHED = ControlSettings(search=True, wide_probe_deg=12.0)
+either_way = pytest.mark.parametrize("loop", [CAREFUL, SEARCHED], ids=["plain", "searched"])
 
 
 def situation(change=0.25, *, yaw_deg=50.0, units=("all",), parts=("face", "right_hand"), **more):
@@ -76,23 +78,23 @@ def test_decrease_lowers_what_is_seen():
     assert outcome.reached[0] < 0.85 * outcome.original[0]
 
 
-def test_nothing_perceived_means_nothing_moves_and_no_nan():
+@either_way
+def test_nothing_perceived_means_nothing_moves_and_no_nan(loop):
     wall = box((0, 1.2, -1.2), (8, 8, 0.05), (0, 0, 0))
     hidden = situation(0.5, yaw_deg=0.0, occluders=[wall])
-    outcome = steer(hidden, CAREFUL)
+    outcome = steer(hidden, loop)
     np.testing.assert_array_equal(np.zeros(22), outcome.omega_rad)
     np.testing.assert_array_equal([0.0], outcome.original)
-    step = control_step(
-        hidden, np.zeros(22), np.array([0.2]), scale_of(hidden, np.zeros(1)), CAREFUL
-    )
+    step = control_step(hidden, np.zeros(22), np.array([0.2]), scale_of(hidden, np.zeros(1)), loop)
     assert np.isfinite(step.next_rad).all()
     np.testing.assert_array_equal(np.zeros(22), step.next_rad)
 
 
-def test_target_equal_to_the_present_leaves_the_clip_bit_for_bit():
+@either_way
+def test_target_equal_to_the_present_leaves_the_clip_bit_for_bit(loop):
     clip = waving_clip()
     here = situation(0.0)
-    warped = warp_clip(clip, here.body, here.view, here.targets, here.units)
+    warped = warp_clip(clip, here.body, here.view, here.targets, here.units, loop)
     np.testing.assert_array_equal(clip.orientation_wxyz, warped.clip.orientation_wxyz)
     np.testing.assert_array_equal(clip.root_m, warped.clip.root_m)
     assert warped.is_reached.all()
@@ -126,25 +128,49 @@ def test_damped_solution_is_the_regularised_least_squares_one(rows, seed, dampin
     )
 
 
+@either_way
 @settings(max_examples=10, deadline=None)
 @given(change=st.floats(-1, 2), yaw=st.floats(-90, 90))
-def test_no_step_turns_a_unit_beyond_its_cap_or_range(change, yaw):
+def test_no_step_turns_a_unit_beyond_its_cap_or_range(loop, change, yaw):
     here = situation(change, yaw_deg=yaw)
     scale = scale_of(here, see(here, np.zeros((1, 22)))[0])
     reach = np.radians([u.range_deg for u in here.units])
     omega = 0.98 * reach
-    step = control_step(here, omega, np.array([1.0]), scale, CAREFUL)
-    assert np.abs(step.next_rad - omega).max() <= np.radians(CAREFUL.step_cap_deg) + 1e-12
+    step = control_step(here, omega, np.array([1.0]), scale, loop)
+    assert np.abs(step.next_rad - omega).max() <= np.radians(loop.step_cap_deg) + 1e-12
     assert (np.abs(step.next_rad) <= reach + 1e-12).all()
-    assert np.linalg.norm(step.asked) <= CAREFUL.error_cap + 1e-12
+    assert np.linalg.norm(step.asked) <= loop.error_cap + 1e-12
 
 
-def test_threads_do_not_change_a_warp():
+def test_searched_steps_leave_no_more_than_plain_ones():
+    here = situation(0.4, units=("spine", "neck_head", "right_arm"))
+    plain, searched = (steer(here, replace(loop, most_steps=2)) for loop in (CAREFUL, SEARCHED))
+    assert abs(searched.wanted - searched.reached)[0] <= abs(plain.wanted - plain.reached)[0]
+
+
+def test_wide_probe_finds_a_hand_that_is_wholly_hidden():
+    board = box((0.745, 1.15, -1.0), (0.9, 1.3, 0.04), (0, 0, 0))
+    here = situation(
+        0.25, yaw_deg=0.0, units=("right_arm",), parts=("face", "right_hand"), occluders=[board]
+    )
+    alone = replace(here, targets=(FeatureTarget("coverage", ("right_hand",), 0.0),))
+    assert see(alone, np.zeros((1, 8)))[0, 0] == 0.0
+    assert steer(here, replace(SEARCHED, wide_probe_deg=30.0, step_cap_deg=10.0)).is_reached
+    assert not steer(here, replace(SEARCHED, wide_probe_deg=0.0, step_cap_deg=10.0)).is_reached
+
+
+def test_wide_probe_without_a_searched_step_is_refused():
+    with pytest.raises(MotionError, match="set search as well"):
+        ControlSettings(wide_probe_deg=12.0)
+
+
+@either_way
+def test_threads_do_not_change_a_warp(loop):
     here = situation(0.25)
     one, two = (
         warp_clip(
             waving_clip(), here.body, here.view, here.targets, here.units,
-            replace(CAREFUL, threads=n, rate_hz=3.0),
+            replace(loop, threads=n, rate_hz=3.0),
         )
         for n in (1, 2)
     )  # fmt: skip

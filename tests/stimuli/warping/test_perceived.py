@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from lab.geometry import Pose
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.motion.errors import MotionError
-from stimuli.motion.warping.features import FeatureTarget, parse_feature, values_of
+from stimuli.motion.warping.features import (
+    EDGE_PX,
+    FeatureTarget,
+    fine_values_of,
+    parse_feature,
+    values_of,
+)
 from stimuli.motion.warping.outlook import looking_at, outlook, packed_eye
 from stimuli.motion.warping.perceived import (
     SeenBody,
@@ -265,3 +271,25 @@ def test_observer_inside_the_body_is_refused():
 def test_observer_nearer_than_the_view_is_refused():
     with pytest.raises(MotionError, match="move the observer back"):
         looking_at(CENTRE + np.array([0, 0, 0.5]), CENTRE, 1.0)
+
+
+@given(above=st.integers(0, 8), tip=st.integers(0, 8), tall=st.integers(6, 30))
+def test_extension_measured_finely_grows_with_the_share_of_the_next_row(above, tip, tall):
+    ids = np.zeros((1, 64, 64), dtype=np.uint8)
+    ids[0, 20 : 20 + tall, 10:18] = PART_INDEX["left_hand"]
+    ids[0, 19, 10 : 10 + tip] = PART_INDEX["left_hand"]
+    target = (FeatureTarget("vertical_extension", ("left_hand",), 0.1),)
+    whole, found = values_of(target, ids)[0, 0], fine_values_of(target, ids)[0, 0]
+    short = 2 * EDGE_PX / 8
+    assert (tall + tip / 8 - short) / 64 == pytest.approx(found, abs=0.26 / 64)
+    assert (tall + bool(tip)) / 64 == whole
+    moved = np.roll(ids, above, axis=1)
+    assert found == pytest.approx(fine_values_of(target, moved)[0, 0], abs=1e-12)
+
+
+def test_fine_extension_of_a_few_pixels_is_the_plain_one():
+    ids = np.zeros((1, 16, 16), dtype=np.uint8)
+    ids[0, 4:6, 3:7] = PART_INDEX["left_hand"]
+    for kind in ("horizontal_extension", "vertical_extension", "coverage"):
+        target = (FeatureTarget(kind, ("left_hand",), 0.1),)
+        np.testing.assert_array_equal(values_of(target, ids), fine_values_of(target, ids))
