@@ -145,28 +145,28 @@ class _Showing:
 
 
 def _write_picture(showing: _Showing, path: Path, at_s: float) -> None:
-    from stage.renderer import Renderer
+    from stage.stills import Stills
 
     frames = showing.frames(at_s)
     length_s = showing.passed_s(frames[-1])
     if showing.capture.is_whole and at_s > length_s:
         raise UsageError(f"--at {at_s} s: the trial lasts {length_s:.1f} s")
-    with Renderer() as renderer:
-        image = renderer.image(*showing.at(frames[-1]), showing.size_px)
+    with Stills() as stills:
+        image = stills.image(*showing.at(frames[-1]), showing.size_px)
     labelled(image, f"{SIMULATED}  ·  {showing.label}, {at_s:.1f} s").save(path)
     _written(path)
 
 
 def _write_sheet(showing: _Showing, path: Path) -> None:
-    from stage.renderer import Renderer
+    from stage.stills import Stills
 
     frames = showing.frames()
     width, height = showing.size_px[0] // 2, showing.size_px[1] // 2
     chosen = np.linspace(0.0, 1.0, SHEET_COLUMNS * SHEET_ROWS) * (len(frames) - 1)
     tiles = []
-    with Renderer() as renderer, Progress(console=console, transient=True) as bar:
+    with Stills() as stills, Progress(console=console, transient=True) as bar:
         for k in bar.track(chosen.round().astype(int).tolist(), description="drawing"):
-            image = renderer.image(*showing.at(frames[k]), (width, height))
+            image = stills.image(*showing.at(frames[k]), (width, height))
             tiles.append(labelled(image, f"{SIMULATED}  {showing.passed_s(frames[k]):.1f} s"))
     contact_sheet(tiles, f"{showing.label}  ·  {SIMULATED}", SHEET_COLUMNS).save(path)
     _written(path)

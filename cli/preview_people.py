@@ -5,7 +5,7 @@ from PIL import Image
 
 from cli.preview_pictures import contact_sheet, face_camera, labelled
 from lab.geometry import Vector, unit
-from stage.renderer import Renderer
+from stage.stills import Stills
 from stimuli.characters.cast import load_cast
 from stimuli.characters.character import Character
 from stimuli.dressing.casting import build_of
@@ -23,12 +23,12 @@ COLUMNS = 6
 def people_sheet(size_px: tuple[int, int]) -> Image.Image:
     """Return everybody's face from the front and turned, each `size_px`, with their names."""
     tiles = []
-    with Renderer() as renderer:
+    with Stills() as stills:
         for character in load_cast():
             for yaw_deg in (0.0, TURNED_DEG):
                 picture, eyes_m = portrait(character, yaw_deg)
                 camera = face_camera(eyes_m, yaw_deg, size_px[0] / size_px[1])
-                image = renderer.image(picture, camera, size_px)
+                image = stills.image(picture, camera, size_px)
                 tiles.append(labelled(image, f"{character.name}, {character.stature_m:.2f} m"))
     return contact_sheet(tiles, "everybody at 1.1 m, looking at the camera", COLUMNS)
 

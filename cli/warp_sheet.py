@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from lab.geometry import Vector
 from stage.errors import StageError
-from stage.renderer import Renderer
+from stage.stills import Stills
 from stimuli.characters.body_parts import PART_INDEX, PARTS
 from stimuli.characters.character import MORPHS, Character
 from stimuli.motion.clip import Clip, Frames
@@ -71,12 +71,10 @@ def _people(
         tuple(replace(lamp, casts_shadow=True) for lamp in lamps) or (DAYLIGHT,),
         np.full(3, 0.1 if lamps else 0.55), np.full(3, 0.08 if lamps else 0.42), (196, 202, 208),
     )  # fmt: skip
-    with Renderer() as renderer:
+    with Stills() as stills:
         return [
             [
-                renderer.image(
-                    _picture(room, who, clip, body, float(t)), view.camera, (TILE_PX,) * 2
-                )
+                stills.image(_picture(room, who, clip, body, float(t)), view.camera, (TILE_PX,) * 2)
                 for t in times
             ]
             for clip in clips
