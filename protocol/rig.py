@@ -27,7 +27,8 @@ OPEN_DEADLINE_S = 10.0
 class Rig:
     """The devices by role; `headset` paces the session, `eye_tracker` delivers gaze where wanted.
 
-    `on_step` is called once per frame, for whoever watches that the session's loop goes round.
+    `on_step` is called once per frame, for whoever watches that the session's loop goes round and
+    tells the bands so; without it the rig tells them itself.
     """
 
     headset: Headset
@@ -149,10 +150,11 @@ class RunningRig:
         """Let every device deliver what its wire has brought; nothing to do for threads."""
         for pump in self._in_order:
             pump.step()
-        for band in self._bands.values():
-            band.keep_alive()
         if self._rig.on_step is not None:
             self._rig.on_step()
+            return
+        for band in self._bands.values():
+            band.keep_alive()
 
     def tap_body(self, tap: Callable[[SampleBatch], None] | None) -> None:
         """Hand every batch of the body tracker to `tap` when it arrives; None ends it."""

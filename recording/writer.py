@@ -28,7 +28,7 @@ from recording.summary import (
 __all__ = ["REAL_TIME_BATCH_NS", "VIRTUAL_TIME_BATCH_NS", "CloseStatus", "Recorder"]
 
 REAL_TIME_BATCH_NS = NS_PER_S // 10
-VIRTUAL_TIME_BATCH_NS = NS_PER_S
+VIRTUAL_TIME_BATCH_NS = 4 * NS_PER_S
 _SYNC_EVERY_NS = NS_PER_S
 _STREAM_NAME = re.compile(r"[A-Za-z0-9_-]+")
 _QUEUE_S = 10.0

@@ -89,6 +89,7 @@ class ArmbandSimulator:
         )
         self._rate = 1 + drift_ppm * 1e-6
         self._rise_ns = max(1.0, rise_ms * NS_PER_MS)
+        self._left = math.exp(-STEP_NS / self._rise_ns)
         self._origin_ns = self._at_ns = clock.now_ns()
         self.firmware = ArmbandFirmware(surroundings or Surroundings())
         version = next(iter(self._faults.of_kind("version")), None)
@@ -155,27 +156,24 @@ class ArmbandSimulator:
             self._step(self._at_ns - since_ns)
 
     def _step(self, elapsed_ns: int) -> None:
-        now_ns = self._at_ns
-        targets_01 = [duty / HIGHEST_DUTY for duty in self.firmware.duties]
-        left = math.exp(-elapsed_ns / self._rise_ns)
-        levels_01 = [
-            target + (level - target) * left
-            for target, level in zip(targets_01, self._levels_01, strict=True)
-        ]
-        while self._inbound and self._inbound[0][0] <= now_ns:
-            arrival_ns, data = self._inbound.popleft()
-            self._say(self.firmware.feed(data, self._device_us(arrival_ns)), arrival_ns)
-        self._say(self.firmware.step(self._device_us(now_ns)), now_ns)
-        duties = self.firmware.duties
-        if not self.duty_log or self.duty_log[-1][1] != duties:
-            self.duty_log.append((now_ns, duties))
+        now_ns, firmware = self._at_ns, self.firmware
+        left = self._left if elapsed_ns == STEP_NS else math.exp(-elapsed_ns / self._rise_ns)
+        levels_01 = []
         felt_01 = self._felt_01
         is_new = False
-        for motor, level in enumerate(levels_01):
-            if level < FELT_STEP_01 and targets_01[motor] == 0:
-                level = levels_01[motor] = 0.0
-            felt = felt_01[motor]
-            is_new |= abs(level - felt) >= FELT_STEP_01 or (level == 0 and felt > 0)
+        for duty, before, felt in zip(firmware.duties, self._levels_01, felt_01, strict=True):
+            target = duty / HIGHEST_DUTY
+            level = target + (before - target) * left
+            if level < FELT_STEP_01 and not duty:
+                level = 0.0
+            is_new = is_new or abs(level - felt) >= FELT_STEP_01 or (level == 0 and felt > 0)
+            levels_01.append(level)
+        while self._inbound and self._inbound[0][0] <= now_ns:
+            arrival_ns, data = self._inbound.popleft()
+            self._say(firmware.feed(data, self._device_us(arrival_ns)), arrival_ns)
+        self._say(firmware.step(self._device_us(now_ns)), now_ns)
+        if not self.duty_log or self.duty_log[-1][1] != firmware.duties:
+            self.duty_log.append((now_ns, firmware.duties))
         self._levels_01 = levels_01
         if is_new:
             self._felt_01 = levels_01.copy()

@@ -230,4 +230,5 @@ def _duties(course: _Course, now_us: int) -> tuple[int, ...]:
         rate = float(high)
         if name == SQUARE and turns % 1 >= 0.5:
             on = 0
-    return tuple(duty_of(on, rate) if mask >> motor & 1 else 0 for motor in range(codec.MOTORS))
+    duty = duty_of(on, rate)
+    return tuple([duty if mask >> motor & 1 else 0 for motor in range(codec.MOTORS)])

@@ -230,6 +230,8 @@ class TouchSensor:
     ) -> tuple[Touch, ...]:
         """Return what capsules (m, 3) touch at a time of the crowd, by person, then part."""
         n = self.count(starts_m, ends_m, radii_m, crowd_t_s)
+        if not n:
+            return ()
         return tuple(
             Touch(who[0], who[1], who[2], how[0], (how[1], how[2], how[3]))
             for who, how in zip(self._who[:n].tolist(), self._how[:n].tolist(), strict=True)
