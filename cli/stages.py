@@ -27,8 +27,8 @@ DRESSERS = {
 """What turns the scenes of a study into pictures."""
 OFFSCREEN_PX = (480, 540)
 USUAL_EYE_PX = (1440, 1600)
-EXTRA_PEOPLE = 8
-"""People a picture may hold beside the study's agents: speakers, the participant's own body."""
+EXTRA_PEOPLE = 1
+"""People a picture may hold beside the study's own: the participant's body."""
 
 Views = Callable[[], Sequence[EyeView]]
 
@@ -69,7 +69,7 @@ def build_stage(
     from stage.renderer import LIGHTEST, Renderer
     from stage.window import Window
 
-    n, rate_hz = experiment.agent_count + EXTRA_PEOPLE, rig.headset.display_rate_hz
+    n, rate_hz = experiment.people_count + EXTRA_PEOPLE, rig.headset.display_rate_hz
     dresser = dresser_of(experiment.name)
     if show == "offscreen":
         # An OpenXR session is opened in the context that will draw, so that comes first.

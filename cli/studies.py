@@ -2,7 +2,7 @@
 
 import difflib
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, cast, runtime_checkable
 
@@ -11,7 +11,9 @@ from lab.errors import UsageError
 from protocol.experiment import Experiment, ValidationPoint, ValidationVerdict
 from protocol.participants import SimulatedParticipant
 from protocol.questionnaires import Questionnaire
+from protocol.shown import Shown
 from recording.reader import Recording
+from stimuli.scene import SceneFrame
 
 STUDY_MODULES = {
     "stare": "experiments.stare.bundle",
@@ -80,6 +82,15 @@ class PiecewiseStudy(Protocol):
         on_walk: Callable[[int, int], None],
     ) -> list[Any]:
         """Take in sessions; `run` does jobs anywhere, `on_walk` is told how many are done."""
+        ...
+
+
+@runtime_checkable
+class RedrawableStudy(Protocol):
+    """A study whose frames can be rebuilt from the recording alone."""
+
+    def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
+        """Yield the views that a recorded frame may have shown, the likeliest first."""
         ...
 
 

@@ -27,6 +27,11 @@ class Experiment(Protocol):
         ...
 
     @property
+    def people_count(self) -> int:
+        """At most how many people a picture of it shows, without the participant's own body."""
+        ...
+
+    @property
     def trial_s(self) -> float:
         """Nominal duration of a trial, for the time left on the operator's screen."""
         ...

@@ -1,6 +1,6 @@
 """Show a study's scenes as pictures: both eyes of a headset, a window, or nobody's screen."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import moderngl
@@ -159,14 +159,17 @@ class DrawnStage:
             return ()
         return [target.texture for target in self._targets]
 
-    def redraw(self, view: SceneFrame, row: np.void) -> list[Image]:
-        """Draw a recorded frame again from its scene and its row; return the images, left first.
+    def redraw(self, views: Iterable[SceneFrame], row: np.void) -> list[Image]:
+        """Draw a recorded frame again from its row and the first of `views` whose checksum is the
+        row's; return the images, left first.
 
         Raises:
-            StageError: the scene is not the one that was drawn, or the driver fails.
+            StageError: no view is the one that was drawn, or the driver fails.
         """
-        picture = self._picture(as_drawn(view, int(row["t_scene_ns"])))
-        if picture_crc32(picture) != int(row["picture_crc32"]):
+        pictures = (self._picture(as_drawn(view, int(row["t_scene_ns"]))) for view in views)
+        same = (p for p in pictures if picture_crc32(p) == int(row["picture_crc32"]))
+        picture = next(same, None)
+        if picture is None:
             raise StageError(
                 f"frame {int(row['frame'])} was drawn from another picture than this scene gives",
                 remedy="draw it with the version, cast and configuration of its recording",
@@ -218,11 +221,17 @@ class DrawnStage:
 
     def _ready(self) -> Renderer:
         if self._renderer is None:
-            self._renderer = self._open_renderer()
             self._views = tuple(self._display.views())
-            quality, context = self._renderer.quality, self._renderer.context
             size_px = self._display.size_px()
-            self._targets = [EyeTarget(context, size_px, quality.samples) for _ in self._views]
+            try:
+                self._renderer = self._open_renderer()
+                quality, context = self._renderer.quality, self._renderer.context
+                self._targets = [EyeTarget(context, size_px, quality.samples) for _ in self._views]
+            except moderngl.Error as problem:
+                raise StageError(
+                    f"the graphics driver cannot begin to draw: {problem}",
+                    remedy="close other graphics programs and resume the session",
+                ) from problem
             if self._sink is not None:
                 now_ns = self._clock.now_ns()
                 self._sink(views_row(self._views_seq, self._views, size_px, quality, now_ns))

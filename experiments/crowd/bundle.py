@@ -1,6 +1,6 @@
 """The crowd study as the command line uses it: made, measured, analysed."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,13 +9,16 @@ from experiments.crowd.design import DEFAULT_PARAMETERS, QUESTIONNAIRES, STUDY, 
 from experiments.crowd.intake import SessionIntake, take_in
 from experiments.crowd.measuring import Runner, measure_sessions
 from experiments.crowd.participant.participant import CrowdParticipant
+from experiments.crowd.redrawing import views_of
 from experiments.crowd.study import CrowdStudy
 from experiments.crowd.study_outputs import analyse_study
 from lab.config import LabConfig
 from lab.errors import ConfigError
 from protocol.experiment import ValidationPoint, ValidationVerdict
 from protocol.questionnaires import Questionnaire, load_questionnaire
+from protocol.shown import Shown
 from recording.reader import Recording
+from stimuli.scene import SceneFrame
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,10 @@ class CrowdBundle:
         return ValidationVerdict(
             True, "gaze is not measured in this study", None, None, None, 0, ()
         )
+
+    def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
+        """Yield the views that a frame may have shown, the likeliest first."""
+        return views_of(shown)
 
     def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
         """Return the questionnaires asked after blocks and at the end, in the lab's wording."""

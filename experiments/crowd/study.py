@@ -9,6 +9,7 @@ from lab.geometry import Vector
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
 from stimuli.scene import Scene
+from stimuli.scenes.station_crowd import MOST_PEOPLE
 
 NOMINAL_TRIAL_S = 65.0
 
@@ -28,6 +29,11 @@ class CrowdStudy:
     def agent_count(self) -> int:
         """Width of the recorded gaze columns; the crowd is recorded by its seeds, not as agents."""
         return 1
+
+    @property
+    def people_count(self) -> int:
+        """The densest crowd."""
+        return MOST_PEOPLE
 
     @property
     def trial_s(self) -> float:

@@ -65,7 +65,7 @@ def crowd_record(crowd: Crowd) -> str:
     """Return everything that places a crowd's people at any time, as JSON."""
     return json.dumps(
         {
-            "position_m": np.round(crowd.position_m, 9).tolist(),
+            "position_m": crowd.position_m.tolist(),
             "yaw_rad": crowd.yaw_rad.tolist(),
             "stature_m": crowd.stature_m.tolist(),
             "behaviour": crowd.behaviour.tolist(),

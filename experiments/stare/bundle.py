@@ -1,6 +1,6 @@
 """The stare study as the command line uses it: made, measured, analysed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,9 @@ from lab.config import LabConfig
 from lab.errors import ConfigError
 from protocol.experiment import ValidationPoint, ValidationVerdict
 from protocol.questionnaires import Questionnaire, load_questionnaire
+from protocol.shown import Shown
 from recording.reader import Recording
+from stimuli.scene import SceneFrame
 
 EYES = ("combined", "left", "right")
 
@@ -52,6 +54,10 @@ class StareBundle:
     ) -> ValidationVerdict:
         """Measure a validation per eye; the combined eye decides."""
         return judge_validation(points, rate_hz)
+
+    def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
+        """Yield the view that a frame showed."""
+        yield shown.view
 
     def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
         """Return the questionnaires asked at the end, in the lab's wording."""

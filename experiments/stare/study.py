@@ -28,6 +28,11 @@ class StareStudy:
         return len(PLACES)
 
     @property
+    def people_count(self) -> int:
+        """The audience; a speaker on the stage is one more."""
+        return len(PLACES) + 1
+
+    @property
     def trial_s(self) -> float:
         """Nominal duration of a trial."""
         return self.params.trial_s

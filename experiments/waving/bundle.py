@@ -1,6 +1,6 @@
 """The waving study as the command line uses it: made, measured, analysed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,13 +18,16 @@ from experiments.waving.intake import (
     take_in,
 )
 from experiments.waving.participant import WavingParticipant
+from experiments.waving.redrawing import views_of
 from experiments.waving.study import WavingStudy
 from experiments.waving.study_outputs import analyse_study
 from lab.config import LabConfig
 from lab.errors import ConfigError
 from protocol.experiment import ValidationPoint, ValidationVerdict
 from protocol.questionnaires import Questionnaire
+from protocol.shown import Shown
 from recording.reader import Recording
+from stimuli.scene import SceneFrame
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,10 @@ class WavingBundle:
         return ValidationVerdict(
             True, "gaze is not measured in this study", None, None, None, 0, ()
         )
+
+    def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
+        """Yield the views that a frame may have shown, the likeliest first."""
+        return views_of(shown)
 
     def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
         """Return the questionnaires asked at the end, in the lab's wording."""

@@ -30,6 +30,11 @@ class WavingStudy:
         return len(roles_of("place_3"))
 
     @property
+    def people_count(self) -> int:
+        """Everybody is an agent."""
+        return self.agent_count
+
+    @property
     def trial_s(self) -> float:
         """Usual duration of a scene with its two questions."""
         return self.params.scene_s + ANSWERING_S

@@ -37,6 +37,7 @@ READING_M: Final = (4.35, -4.35)
 """A place (x, z) before the board from which it is comfortably read."""
 READ_WITHIN_M: Final = 2.0
 """The board shows the track number to a participant at most this far away (on the floor)."""
+MOST_PEOPLE: Final = int(SIDE_M**2 * (DENSITY_PER_M2 + DENSITY_WITHIN_PER_M2))
 BODY_WIDTH_M: Final = 0.45
 BODY_DEPTH_M: Final = 0.25
 

@@ -1,14 +1,22 @@
-"""A stare session as short as one can be, for tests that draw it."""
+"""Sessions as short as they can be, drawn now and then, for tests of what was drawn."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from cli.perform import perform_new
 from experiments.stare.design import StareParameters
 from experiments.stare.study import StareStudy
 from lab.config import LabConfig
+from lab.frame import FrameInfo
+from lab.geometry import Pose
 from protocol.plan import SessionPlan
 from recording.reader import Recording
+from stage.contracts import Viewer
+from stage.drawn_stage import DrawnStage
+from stage.renderer import Image
+from stimuli.scene import SceneFrame
 from tests.faults.sessions import request
 
 PARAMETERS = StareParameters(trial_s=6.0, practice_s=2.0, intertrial_s=0.5, repetitions=1)
@@ -35,3 +43,22 @@ def perform_shortest(config: LabConfig, trials_of_blocks: tuple[int, ...] = (1,)
     experiment.trials_of_blocks = trials_of_blocks
     path: Path = perform_new(replace(request(config), experiment=experiment))
     return Recording(path)
+
+
+class NowAndThen(DrawnStage):
+    """Draws one frame in many, to be quick; keeps what it drew."""
+
+    def __init__(self, *arguments: object, viewers: Sequence[Viewer], **options: Any) -> None:
+        self.every = options.pop("every", 15)
+        super().__init__(*arguments, **options)
+        self.watching = viewers
+        self.kept: list[tuple[SceneFrame, list[Image]]] = []
+
+    def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
+        for viewer in self.watching:
+            viewer.see(view, frame.predicted_display_ns)
+        if frame.index % self.every:
+            return ()
+        images = super().draw(view, frame, head)
+        self.kept.append((view, self.images()))
+        return images

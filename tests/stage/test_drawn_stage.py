@@ -90,7 +90,7 @@ def test_redrawn_frame_equals_the_original() -> None:
     stage.close()
     again = _stage([], _Watcher(), clock)
     for (view, images), batch in reversed(list(zip(originals, rows, strict=True))):
-        redrawn = again.redraw(view, batch.values[0])
+        redrawn = again.redraw([view], batch.values[0])
         for before, after in zip(images, redrawn, strict=True):
             assert np.abs(before.astype(int) - after.astype(int)).max() <= 1
     again.close()
@@ -101,7 +101,7 @@ def test_redraw_refuses_another_scene() -> None:
     stage = _stage(rows, _Watcher(), SimClock())
     stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
     with pytest.raises(StageError, match="another picture"):
-        stage.redraw(_scene(eyes_01=0.5), rows[0].values[0])
+        stage.redraw([_scene(eyes_01=0.5)], rows[0].values[0])
     stage.close()
 
 

@@ -14,32 +14,12 @@ from lab.errors import ConfigError, DeviceError, UsageError
 from lab.frame import FrameInfo
 from lab.geometry import Pose
 from stage.contracts import GeometryStage, Viewer
-from stage.drawn_stage import Display, DrawnStage, default_views
+from stage.drawn_stage import Display, default_views
 from stage.errors import StageError
-from stage.renderer import LIGHTEST, Image, Renderer
+from stage.renderer import LIGHTEST, Renderer
 from stimuli.scene import SceneFrame
 from tests.faults.sessions import TRIALS, events, lab, perform
-from tests.stage.sessions import perform_shortest
-
-EVERY = 15
-
-
-class _NowAndThen(DrawnStage):
-    """Draws one frame in many, to be quick; keeps what it drew."""
-
-    def __init__(self, *arguments: object, viewers: Sequence[Viewer], **options: object) -> None:
-        super().__init__(*arguments, **options)
-        self.watching = viewers
-        self.kept: list[tuple[SceneFrame, list[Image]]] = []
-
-    def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
-        for viewer in self.watching:
-            viewer.see(view, frame.predicted_display_ns)
-        if frame.index % EVERY:
-            return ()
-        images = super().draw(view, frame, head)
-        self.kept.append((view, self.images()))
-        return images
+from tests.stage.sessions import NowAndThen, perform_shortest
 
 
 def test_recorded_frames_redraw_as_they_were(
@@ -49,10 +29,10 @@ def test_recorded_frames_redraw_as_they_were(
         Renderer(quality=LIGHTEST).close()
     except StageError as problem:
         pytest.skip(str(problem))
-    made: list[_NowAndThen] = []
+    made: list[NowAndThen] = []
 
-    def build(_: object, __: object, ___: object, clock: Clock, viewers: Sequence[Viewer]) -> _NowAndThen:  # fmt: skip  # noqa: E501 - mirrors build_stage
-        stage = _NowAndThen(
+    def build(_: object, __: object, ___: object, clock: Clock, viewers: Sequence[Viewer]) -> NowAndThen:  # fmt: skip  # noqa: E501 - mirrors build_stage
+        stage = NowAndThen(
             dresser_of("stare"),
             lambda: Renderer(quality=LIGHTEST),
             Display(default_views, lambda: (48, 54), people_count=19),

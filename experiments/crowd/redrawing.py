@@ -1,0 +1,61 @@
+"""Rebuild what a frame of a walk showed from its recording, so that it can be drawn again."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from experiments.crowd.replay import crowd_from_record
+from lab.errors import DataError
+from protocol.shown import Shown
+from stimuli.scene import SceneFrame
+from stimuli.scenes.station_crowd import EMPTY_STATION, CrowdFrame, CrowdScene, can_read
+
+_NO_GAZE, _NO_EYES = np.empty((0, 3)), np.empty(0)
+
+
+def views_of(shown: Shown) -> Iterator[SceneFrame]:
+    """Yield the views that a frame may have shown, the likeliest first.
+
+    Raises:
+        DataError: the crowd that was shown was not recorded.
+    """
+    name = str(shown.description["scene_name"])
+    if name == EMPTY_STATION.name:
+        yield CrowdFrame(EMPTY_STATION, shown.t_scene_ns, _NO_GAZE, _NO_EYES)
+        return
+    if not name.startswith("station_"):
+        yield shown.view
+        return
+    recorded = shown.latest("crowd")
+    if recorded is None:
+        raise DataError(f"{shown.recording.path}: a crowd was shown, but no event 'crowd' tells it")
+    configuration = int(name.removeprefix("station_"))
+    crowd = crowd_from_record(configuration, str(recorded[1]["people"]))
+    scene = CrowdScene(name, agents=(), crowd=crowd)
+    on = shown.latest("scene_on")
+    if on is None or on[0] < shown.since_ns:
+        yield CrowdFrame(scene, shown.t_scene_ns, _NO_GAZE, _NO_EYES)
+        return
+    lit = shown.latest("board_on")
+    x, _, z = shown.head_m.tolist()
+    track = None
+    if lit is not None and lit[0] >= on[0] and can_read(x, z):
+        track = str(lit[1]["track"])
+    # After the walk's last frame the crowd stands still until the next scene.
+    for t_ns in (shown.t_ns, *_ends(shown, on[0])):
+        yield CrowdFrame(
+            scene, shown.t_scene_ns, _NO_GAZE, _NO_EYES, crowd_t_ns=t_ns - on[0], track=track
+        )
+
+
+def _ends(shown: Shown, on_ns: int) -> Iterator[int]:
+    trials = shown.recording.trials()
+    ended = trials[trials["t_start_ns"] == on_ns] if len(trials) else trials
+    if not len(ended):
+        return
+    frames = shown.recording.stream_arrays("frames", t_end_ns=shown.t_ns)
+    mine = frames["recording_part"] == shown.part
+    times = frames["t_host_ns"][mine]
+    before = times[times < int(ended["t_end_ns"].iloc[-1])]
+    if len(before):
+        yield int(before[-1])

@@ -1,0 +1,72 @@
+"""Frames of the crowd and the waving study drawn again from their recordings alone."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cli.perform
+from cli.perform import perform_new, simulated_request
+from cli.redraw import redraw
+from cli.stages import dresser_of
+from cli.studies import find_study
+from devices.option_models import OPTION_MODELS
+from lab.config import load_config
+from recording.reader import Recording
+from stage.drawn_stage import Display, default_views
+from stage.errors import StageError
+from stage.renderer import LIGHTEST, Renderer
+from tests.faults.sessions import CONFIG
+from tests.stage.sessions import NowAndThen
+
+CROWD = {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0}
+WAVING = {
+    "clerks": 1, "increment": 0.0, "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1,
+    "intertrial_s": 0.1, "blocks": 1,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("study", "parameters", "every"), [("crowd", CROWD, 131), ("waving", WAVING, 197)])  # fmt: skip  # noqa: E501 - one case a tuple
+def test_every_drawn_frame_of_a_study_redraws_as_it_was(
+    study: str,
+    parameters: dict[str, Any],
+    every: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    try:
+        Renderer(quality=LIGHTEST).close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    made: list[NowAndThen] = []
+
+    def build(_: object, experiment: Any, *arguments: Any) -> NowAndThen:
+        display = Display(default_views, lambda: (48, 54), experiment.people_count)
+        stage = NowAndThen(
+            dresser_of(study), lambda: Renderer(quality=LIGHTEST), display, arguments[-2],
+            viewers=arguments[-1], every=every,
+        )  # fmt: skip
+        made.append(stage)
+        return stage
+
+    monkeypatch.setattr(cli.perform, "build_stage", build)
+    chosen = find_study(study)
+    config = load_config(CONFIG, OPTION_MODELS).model_copy(update={"data_root": tmp_path})
+    request = simulated_request(
+        chosen, chosen.experiment(parameters), config, label="S01B", index=0, seed=3
+    )
+    recording = Recording(perform_new(request))
+    (stage,) = made
+    drawn = recording.stream_arrays("drawn")
+    stage.close()
+    frames = drawn["frame"].tolist()
+    assert len(stage.kept) == len(frames) > 6
+    seen = (drawn["level"] >= 0).any(axis=1)
+    some = np.linspace(0, seen.sum() - 1, 6).astype(int)
+    chosen_rows = sorted({0, len(frames) - 1, *np.flatnonzero(seen)[some].tolist()})
+    assert seen[chosen_rows].sum() > 2
+    for i in chosen_rows:
+        again = redraw(recording, frames[i])
+        for old, new in zip(stage.kept[i][1], again, strict=True):
+            assert np.abs(old.astype(int) - new.astype(int)).max() <= 1
