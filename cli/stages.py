@@ -63,14 +63,16 @@ def build_stage(
     show, asks = config.display.show, config.display.questions == "headset"
     if show == "none" or (clock.is_virtual and show != "offscreen"):
         return GeometryStage(viewers, asks=asks)
-    from stage.context import offscreen_context
+    from stage.context import draws_on_processor, offscreen_context
     from stage.drawn_stage import Display, DrawnStage, default_views
+    from stage.fades import FadeTimes
     from stage.mirror import Mirror
     from stage.renderer import LIGHTEST, Renderer
     from stage.window import Window
 
     n, rate_hz = experiment.people_count + EXTRA_PEOPLE, rig.headset.display_rate_hz
     dresser = dresser_of(experiment.name)
+    fades = FadeTimes(config.display.fade_out_ms, config.display.fade_in_ms)
     if show == "offscreen":
         # An OpenXR session is opened in the context that will draw, so that comes first.
         context = offscreen_context() if _show_images(rig) else None
@@ -84,6 +86,7 @@ def build_stage(
             viewers=viewers,
             asks=asks,
             own_body=_own_body(config, rig),
+            fades=fades,
         )
     window_px = (config.display.window_width_px, config.display.window_height_px)
     if show == "window":
@@ -92,15 +95,17 @@ def build_stage(
         display = _of_headset(config, rig, n)
         _show_images(rig)
     window = Window(f"Visavis: {experiment.name}", window_px)
+    quality = LIGHTEST if draws_on_processor(window.context) else None
     return DrawnStage(
         dresser,
-        lambda: Renderer(window.context),
+        lambda: Renderer(window.context, quality=quality),
         display,
         clock,
         viewers=viewers,
         mirror=Mirror(window),
         asks=asks,
         own_body=_own_body(config, rig),
+        fades=fades,
     )
 
 

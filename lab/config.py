@@ -41,13 +41,16 @@ class Room(_Part):
 
 class Display(_Part):
     """Where the scene is drawn: nowhere (geometry only), in a window, in the headset, or as
-    pictures that nobody sees (offscreen); where questionnaires are asked; and as whom
-    participants see themselves where a body tracker follows them.
+    pictures that nobody sees (offscreen); where questionnaires are asked; as whom participants see
+    themselves where a body tracker follows them; and how long light takes to go when a scene ends
+    and to come when one begins. A scene that comes slowly has no onset to time from.
     """
 
     show: Literal["none", "window", "headset", "offscreen"] = "none"
     questions: Literal["terminal", "headset"] = "terminal"
     own_body: Literal["none", "female", "male"] = "none"
+    fade_out_ms: float = Field(default=200.0, ge=0, le=3000)
+    fade_in_ms: float = Field(default=0.0, ge=0, le=3000)
     window_width_px: int = Field(default=1280, ge=160, le=16384)
     window_height_px: int = Field(default=720, ge=120, le=16384)
 

@@ -13,6 +13,7 @@ from lab.geometry import Pose, Vector, quat_multiply, rotate
 from lab.schema import SampleBatch, StreamSchema
 from stage.contracts import Viewer
 from stage.errors import StageError
+from stage.fades import Fades, FadeTimes
 from stage.frame_truth import (
     DRAWN_VIEWS,
     DrawnFrame,
@@ -97,6 +98,7 @@ class DrawnStage:
         mirror: Mirror | None = None,
         asks: bool = False,
         own_body: OwnBody | None = None,
+        fades: FadeTimes | None = None,
     ) -> None:
         self._dresser = dresser
         self._open_renderer = open_renderer
@@ -106,6 +108,7 @@ class DrawnStage:
         self._mirror = mirror
         self.asks = asks
         self._own_body = own_body
+        self._fades = Fades(FadeTimes() if fades is None else fades)
         self._renderer: Renderer | None = None
         self._targets: list[EyeTarget] = []
         self._views: Sequence[EyeView] = ()
@@ -140,7 +143,7 @@ class DrawnStage:
         if self._trouble is not None and now_ns < self._retry_ns:
             return ()
         view = as_drawn(view, frame.predicted_display_ns)
-        picture = self._picture(view)
+        picture = self._fades.faded(self._picture(view))
         if self._own_body is not None:
             picture = self._own_body.worn(picture, head)
         try:
