@@ -1,7 +1,7 @@
 """The contract of a simulated participant: a body that sees, and answers when asked."""
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from typing import Protocol, runtime_checkable
 
 from devices.contracts import Body
 from stage.contracts import Viewer
@@ -12,7 +12,7 @@ class SimulatedParticipant(Body, Viewer, Protocol):
 
     It is never told a condition, only what a person is told. All behaviour after `prepare`
     depends on the seed, the stretch and times relative to that moment, not on what came before,
-    so a trial that is performed again gives the same data.
+    so a trial that is performed again gives the same data; the exception is a `Learner`.
     """
 
     def prepare(self, stretch: int, t_ns: int) -> None:
@@ -29,4 +29,20 @@ class SimulatedParticipant(Body, Viewer, Protocol):
 
     def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
         """Answer a question; None when this participant would leave it out."""
+        ...
+
+
+@runtime_checkable
+class Learner(Protocol):
+    """A simulated participant whom earlier trials have changed.
+
+    What it has learned is recorded with every trial, so that a resumed session goes on with it.
+    """
+
+    def memory(self) -> Mapping[str, float]:
+        """Return what has been learned so far, by name."""
+        ...
+
+    def remember(self, memory: Mapping[str, float]) -> None:
+        """Take up what was learned before; to be called ahead of `prepare`."""
         ...

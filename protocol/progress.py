@@ -17,7 +17,7 @@ class Progress:
     `attempts` counts performances of each trial so far, `finished` holds trials that need no
     other, `unfinished` those that were interrupted, in order; `answered` the questionnaires
     already complete, `answers` every (questionnaire, question) that was put; `calibrations` how
-    many validations were stored.
+    many validations were stored; `memory` what a simulated participant had learned.
     """
 
     attempts: Mapping[str, int] = field(default_factory=dict)
@@ -27,6 +27,7 @@ class Progress:
     answers: frozenset[tuple[str, str]] = frozenset()
     calibrations: int = 0
     validated_at_end: bool = False
+    memory: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def is_resumed(self) -> bool:
@@ -43,6 +44,7 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
     answers: set[tuple[str, str]] = set()
     calibrations = 0
     validated_at_end = False
+    memory: dict[str, float] = {}
     for event in events:
         kind = event.get("event")
         if kind == "trial_start":
@@ -68,6 +70,8 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
         elif kind == "validation":
             calibrations += 1
             validated_at_end = validated_at_end or event.get("moment") == "end"
+        elif kind == "participant_memory":
+            memory = {str(name): float(value) for name, value in event["memory"].items()}
     return Progress(
         attempts,
         frozenset(finished),
@@ -76,6 +80,7 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
         frozenset(answers),
         calibrations,
         validated_at_end,
+        memory,
     )
 
 

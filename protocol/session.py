@@ -12,6 +12,7 @@ from protocol.gaze_setup import GazeSetup
 from protocol.operator import Action
 from protocol.operator_desk import LOST_STREAM_NS, OperatorDesk
 from protocol.panel_questions import PanelRespondent
+from protocol.participants import Learner
 from protocol.plan import Block, Trial
 from protocol.progress import left_of
 from protocol.questioning import Questioning
@@ -145,6 +146,8 @@ class Session:
             resumed=setup.progress.is_resumed,
         )
         if self._participant is not None:
+            if setup.progress.memory and isinstance(self._participant, Learner):
+                self._participant.remember(setup.progress.memory)
             self._participant.wear(0)
             self._participant.prepare(0, self._loop.t_ns)
         begun = False

@@ -10,6 +10,7 @@ from lab.schema import SampleBatch
 from protocol.calibration_record import NO_CALIBRATION, CalibrationInForce
 from protocol.frame_loop import FrameLoop
 from protocol.operator_desk import OperatorDesk
+from protocol.participants import Learner
 from protocol.plan import Trial
 from protocol.rig import RunningRig
 from protocol.session_setup import SessionSetup
@@ -111,6 +112,7 @@ class TrialRunner:
         loop.flush()
         if outcome.status != "interrupted":
             self.finished += 1
+        self._note_memory(trial)
         setup.recorder.trial(
             {
                 "participant": setup.participant_label,
@@ -199,6 +201,17 @@ class TrialRunner:
             case _:
                 raise TypeError(f"a plan yielded {step!r}, which is no step")
         return None
+
+    def _note_memory(self, trial: Trial) -> None:
+        """Record what a simulated participant has learned, on the disk with the trial's row."""
+        participant: object = self._setup.participant
+        if isinstance(participant, Learner):
+            self._setup.recorder.event(
+                "participant_memory",
+                self._loop.t_ns,
+                trial_id=trial.trial_id,
+                memory=dict(participant.memory()),
+            )
 
     def record_exchanges(self) -> None:
         """Note the time exchanges with the eye tracker since the last call, as an event."""

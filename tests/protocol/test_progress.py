@@ -55,6 +55,17 @@ def test_a_repeat_asked_for_survives_a_crash() -> None:
     assert ["T02", "T03", "T04", "T01"] == ids(left_of(BLOCK, progress_of(events)))
 
 
+def test_what_a_simulated_participant_learned_last_is_kept():
+    events = [
+        {"event": "participant_memory", "trial_id": "T01", "memory": {"caution": 0.1}},
+        end("T01", "complete"),
+        {"event": "participant_memory", "trial_id": "T02", "memory": {"caution": 0.3}},
+    ]
+
+    assert {"caution": 0.3} == progress_of(events).memory
+    assert {} == Progress().memory
+
+
 def test_a_finished_second_attempt_ends_an_interrupted_trial() -> None:
     events = [
         start("T01"),

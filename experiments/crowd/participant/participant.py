@@ -2,12 +2,12 @@
 
 It receives what the display shows and what the armbands do, and nothing else. What it does not
 model: hesitating, stepping back, changing the way after a contact, tiredness, practice without
-vibration, headset weight. What it has learned from vibrations stays from trial to trial; a
-session that is resumed starts with a person who has forgotten it.
+vibration, headset weight. What it has learned from vibrations stays from trial to trial, and is
+recorded with each, so that a resumed session goes on with it.
 """
 
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -121,6 +121,18 @@ class CrowdParticipant:
             return self.track
         rng = self._rng(_N_ANSWER, zlib.crc32(question_id.encode()), self._stretch)
         return answer_question(self.person, question_id, options, rng)
+
+    # ---- Learner ----
+
+    def memory(self) -> dict[str, float]:
+        """Return what vibrations have taught: caution and alarm, 0 to 1."""
+        row = self._states[self._row]
+        return {"caution": float(row[CAUTION]), "alarm": float(row[ALARM])}
+
+    def remember(self, memory: Mapping[str, float]) -> None:
+        """Take up what was learned in an earlier part of the session."""
+        row = self._states[self._row]
+        row[CAUTION], row[ALARM] = memory["caution"], memory["alarm"]
 
     # ---- Viewer ----
 
