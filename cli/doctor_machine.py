@@ -177,7 +177,9 @@ def _monitors() -> list[str]:
                 found.append(f"{mode.size.width}×{mode.size.height} at {mode.refresh_rate} Hz")
             return found
         finally:
-            glfw.terminate()
+            # A session that draws in a window is using it.
+            if glfw.get_current_context() is None:
+                glfw.terminate()
 
 
 def _short(path: Path) -> str:

@@ -38,7 +38,8 @@ def panel_image(panel: Panel) -> npt.NDArray[np.uint8]:
     if len(boxes):
         bottom = float(boxes[0, 1]) - MARGIN_01 / 2
     margin = round(MARGIN_01 * min(width, height)) + radius // 2
-    _fit(draw, panel.text, (margin, margin, width - margin, round(bottom * height)), height // 9)
+    largest = height // 9 if 3 * height > width else height // 2
+    _fit(draw, panel.text, (margin, margin, width - margin, round(bottom * height)), largest)
     common = min(
         (_largest(draw, choice, _pixels(box, width, height, 12), height // 10)
          for choice, box in zip(panel.choices, boxes, strict=True)),

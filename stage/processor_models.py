@@ -140,7 +140,8 @@ def decoded(codes: npt.NDArray[np.uint8]) -> Floats:
 
 def _side_px(corners: Floats) -> int:
     """Return the side of a thumbnail whose pixels are as large as triangles (t, 3, 2) on it."""
-    edge = float(np.median(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)))
+    length = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    edge = float(np.percentile(length, 75))
     return int(np.clip(round(1 / max(edge, 1e-3)), 1, LARGEST_THUMBNAIL_PX))
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import moderngl
 import numpy as np
 import pytest
 
@@ -149,6 +150,16 @@ def test_lost_driver_shows_nothing_and_comes_back() -> None:
     assert len(watcher.seen) == 4
     assert [bool(b.values[0]["drawn"]) for b in rows] == [True, False, True]
     stage.close()
+
+
+def test_driver_that_cannot_even_begin_pauses_the_session() -> None:
+    def refused() -> Renderer:
+        raise moderngl.Error("cannot create buffer")
+
+    display = Display(default_views, lambda: SIZE, people_count=3)
+    stage = DrawnStage(_dressed, refused, display, SimClock())
+    assert stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD) == ()
+    assert "cannot begin to draw: cannot create buffer" in str(stage.trouble())
 
 
 def _failing(*_: object, **__: object) -> None:

@@ -15,6 +15,7 @@ from stage.mirror import gaze_in_picture, gaze_on_eye
 
 SHOW = """
 import numpy as np
+from cli.doctor_machine import _monitors
 from stage.mirror import Mirror
 from stage.renderer import Renderer
 from stage.targets import EyeTarget
@@ -22,6 +23,7 @@ from stage.window import Window
 from tests.stage import figures
 
 window = Window("test", (320, 240))
+print("screens", len(_monitors()) > 0)  # asked at every session's start: the window stays usable
 renderer = Renderer(window.context)
 target = EyeTarget(window.context, (160, 120), renderer.quality.samples)
 mirror = Mirror(window)
@@ -66,7 +68,8 @@ def test_gaze_point_is_in_the_mirror_and_never_in_the_eye_image() -> None:
     if "needs" in done.stderr or "no window" in done.stderr:
         pytest.skip(done.stderr.strip().splitlines()[-1])
     assert done.returncode == 0, done.stderr
-    words = done.stdout.split()
+    assert "screens True" in done.stdout
+    words = done.stdout.split()[2:]
     assert (float(words[1]), float(words[2])) == pytest.approx((180.0, 240.0), abs=3)
     assert 10 < int(words[4]) < 200
     assert "mirror True" in done.stdout

@@ -1,0 +1,219 @@
+"""People and rooms lit by the processor, against the same lit by shaders."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stage.baked_room import baked_room
+from stage.errors import StageError
+from stage.identity import FAITHFUL, IdentityBuffer, IdentityImages
+from stage.renderer import LIGHTEST, Renderer
+from stage.targets import EyeTarget
+from stage.vertex_light import (
+    CODES_OF_ROOT,
+    FACTORS_OF_ROOT,
+    gather_front,
+    lamp_rows,
+    light_points,
+)
+from stage.vertices import room_vertices
+from stimuli.characters.character import Character
+from stimuli.picture import Light, Picture
+from tests.stage import figures
+
+CHEQUERED = np.kron(
+    np.array([[220, 60], [60, 220]], np.uint8)[..., None] * np.ones(3, np.uint8),
+    np.ones((8, 8, 1), np.uint8),
+)
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Iterator[Renderer]:
+    try:
+        made = Renderer(quality=LIGHTEST)
+    except StageError as problem:
+        pytest.skip(str(problem))
+    with made:
+        yield made
+
+
+def _dressed(character: Character) -> Character:
+    """Return a figure whose clothes have a picture on them, two dozen times a metre."""
+    levels = tuple(
+        replace(mesh, uv=(24 * mesh.vertices_m[:, :2]).astype(np.float32))
+        for mesh in character.levels
+    )
+    materials = tuple(
+        replace(m, texture_srgb=CHEQUERED) if m.kind == "cloth" else m for m in character.materials
+    )
+    return replace(character, levels=levels, materials=materials)
+
+
+def _pictured(n: int = 3) -> Picture:
+    picture = figures.picture(n)
+    return replace(picture, cast=tuple(_dressed(character) for character in picture.cast))
+
+
+def _views(quality_level: int, picture: Picture, *, fast: bool) -> IdentityImages:
+    quality = replace(LIGHTEST if fast else FAITHFUL, shadows="none")
+    try:
+        renderer = Renderer(quality=quality)
+    except StageError as problem:
+        pytest.skip(str(problem))
+    with renderer, IdentityBuffer(renderer) as buffer:
+        cameras = [figures.camera(), figures.camera(place_m=(0.4, 1.2, 0.4), yaw_deg=10)]
+        return buffer.views(picture, cameras, (96, 72), level=quality_level)
+
+
+def test_processor_and_card_see_the_same_people_parts_and_distances() -> None:
+    picture = _pictured()
+    by_card, by_processor = (_views(1, picture, fast=fast) for fast in (False, True))
+    assert np.mean(by_card.person != by_processor.person) < 0.002
+    same = by_card.person == by_processor.person
+    assert np.mean((by_card.part != by_processor.part)[same]) < 0.002
+    apart = np.abs(by_card.distance_m - by_processor.distance_m)[same & (by_card.person > 0)]
+    assert np.percentile(apart, 99) < 0.005
+
+
+def test_processor_lights_cloth_as_the_card_does() -> None:
+    picture = _pictured()
+    by_card, by_processor = (_views(1, picture, fast=fast) for fast in (False, True))
+    # Cloth has no highlights; a sheen at the edges is left out by the processor.
+    cloth = (by_card.person == by_processor.person) & (by_card.person > 0)
+    apart = np.abs(by_card.luminance_01 - by_processor.luminance_01)[cloth]
+    assert np.median(apart) < 0.012
+
+
+def test_patterned_cloth_shows_its_pattern_near_and_its_mean_colour_far(
+    renderer: Renderer,
+) -> None:
+    def contrast(size_px: tuple[int, int]) -> float:
+        image = renderer.image(_pictured(1), figures.camera(half_deg=25), size_px).astype(float)
+        height, width = image.shape[:2]
+        chest = image[
+            int(0.62 * height) : int(0.75 * height), int(0.47 * width) : int(0.53 * width)
+        ]
+        return float(chest[..., 1].std() / chest[..., 1].mean())
+
+    near, far = contrast((640, 480)), contrast((96, 72))
+    assert near > 0.3
+    assert far < 0.15
+
+
+def test_fading_darkens_people_and_room_alike(renderer: Renderer) -> None:
+    camera = figures.camera()
+    full = renderer.image(_pictured(), camera, (160, 120)).astype(float)
+    half = renderer.image(replace(_pictured(), brightness_01=0.5), camera, (160, 120)).astype(float)
+    bright = full.min(axis=2) > 60
+    assert (half[bright] / full[bright]).mean() == pytest.approx(0.5 ** (1 / 2.2), abs=0.02)
+    assert (half[bright] / full[bright]).std() < 0.02
+
+
+def test_drawing_again_gives_the_same_bytes(renderer: Renderer) -> None:
+    camera = figures.camera()
+    first = renderer.image(_pictured(), camera, (160, 120))
+    renderer.image(_pictured(2), figures.camera(yaw_deg=30), (160, 120))
+    assert np.array_equal(first, renderer.image(_pictured(), camera, (160, 120)))
+
+
+def test_people_who_leave_and_come_back_are_drawn_at_their_new_level(renderer: Renderer) -> None:
+    picture, camera = _pictured(2), figures.camera()
+
+    target = EyeTarget(renderer.context, (160, 120), 0)
+    images = []
+    for levels in ([2, 2], [-1, 2], [0, 2], [2, 2]):
+        drawn = renderer.draw(picture, [camera], [target], levels=np.array(levels))
+        assert levels == drawn.level.tolist()
+        images.append(target.read())
+    target.release()
+    assert np.array_equal(images[0], images[3])
+    assert not np.array_equal(images[0], images[1])
+    assert not np.array_equal(images[0], images[2])
+
+
+# ---- kernels --------------------------------------------------------------------------------
+
+
+@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
+def test_only_triangles_that_face_an_eye_are_kept(x: float, y: float, z: float) -> None:
+    eye = np.array([[3 * x, 3 * y, 3 * z + 0.5]], np.float32)
+    posed = np.zeros((3, 6), np.float32)
+    posed[1, 0] = posed[2, 1] = 1.0  # faces +z
+    count, out = np.zeros(1, np.int64), np.zeros((1, 3), np.int32)
+    gather_front(
+        np.array([0]), np.array([0]), np.array([0]), np.array([[0]]), np.array([[[0, 1]]]),
+        np.array([[0, 1, 2]], np.int32), np.array([True]), posed, eye, np.array([0]), count, out,
+    )  # fmt: skip
+    assert count[0] == int(eye[0, 2] > 0)
+
+
+def _lit(place_m: npt.ArrayLike, light: Light, *, textured: bool) -> npt.NDArray[np.float32]:
+    room = replace(figures.plain_room(), lights=(light,), sky=np.zeros(3), ground=np.zeros(3))
+    place = np.asarray(place_m, np.float32).reshape(-1, 3)
+    n, out = len(place), np.zeros((np.size(place) // 3, 3), np.float32)
+    light_points(
+        place, np.tile(np.float32([0, 1, 0]), (n, 1)), np.ones((n, 3), np.float32),
+        np.zeros(n, np.float32), np.full(n, textured), *lamp_rows(room),
+        CODES_OF_ROOT, FACTORS_OF_ROOT, out,
+    )  # fmt: skip
+    return out
+
+
+def test_light_of_a_point_falls_with_the_square_of_the_distance() -> None:
+    lamp = Light("point", np.full(3, 0.4), np.array([0.0, 1.0, 0.0]))
+    near, far = _lit([[0, 0, 0], [0, -1, 0]], lamp, textured=True)
+    assert near**2.2 == pytest.approx(0.4, rel=5e-3)
+    assert far**2.2 == pytest.approx(0.1, rel=5e-3)
+
+
+def test_a_spot_is_dark_outside_its_cone() -> None:
+    lamp = Light("spot", np.ones(3), np.array([0.0, 2.0, 0.0]), np.array([0.0, -1.0, 0.0]), 30.0)
+    inside, outside = _lit([[0, 0, 0], [1.3, 0, 0]], lamp, textured=False)
+    assert inside.min() > 0.4
+    assert outside.max() == 0.0
+
+
+def test_light_in_codes_is_srgb_up_to_a_half() -> None:
+    lamp = Light("sun", np.full(3, 0.2140), direction=np.array([0.0, -1.0, 0.0]))
+    assert _lit([[0, 0, 0]], lamp, textured=False)[0] == pytest.approx(0.5, abs=1.5e-3)
+
+
+def test_a_baked_room_has_vertices_where_the_light_changes_and_keeps_its_surface() -> None:
+    room = figures.plain_room()
+    plain = room_vertices(room.props)
+    baked = baked_room(plain, room)
+    assert len(plain.indices) == sum(run.count for run in plain.runs)
+    assert 60 < len(baked.vertices.indices) // 3 < 2000
+
+    def area_m2(laid_out: object) -> float:
+        vertices, indices = laid_out.vertices, laid_out.indices  # type: ignore[attr-defined]
+        a, b, c = (vertices["place_m"][indices.reshape(-1, 3)[:, k]] for k in range(3))
+        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+    assert area_m2(plain) == pytest.approx(area_m2(baked.vertices), rel=1e-5)
+
+
+def test_edges_of_a_baked_room_at_one_place_are_cut_alike() -> None:
+    room = figures.plain_room()
+    baked = baked_room(room_vertices(room.props), room).vertices
+    corners = np.round(baked.vertices["place_m"][baked.indices] / 1e-3).astype(int)
+    triangles = corners.reshape(-1, 3, 3)
+    edges: dict[tuple[tuple[int, ...], ...], int] = {}
+    for triangle in triangles.tolist():
+        for k in range(3):
+            ends = tuple(sorted((tuple(triangle[k]), tuple(triangle[(k + 1) % 3]))))
+            edges[ends] = edges.get(ends, 0) + 1
+    places = np.unique(corners.reshape(-1, 3), axis=0)
+    for (a, b), times in edges.items():
+        if times > 1:
+            continue
+        # An edge used once is the border of the room: nothing else lies between its ends.
+        line, along = np.subtract(b, a), places - np.array(a)
+        share = along @ line / (line @ line)
+        off = np.linalg.norm(along - share[:, None] * line, axis=1)
+        assert not ((share > 0.01) & (share < 0.99) & (off < 2)).any()
