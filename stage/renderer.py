@@ -28,7 +28,7 @@ from stimuli.picture import Camera, Picture, Room
 
 FRAME_BYTES = 96
 LIT_STEP_M = 0.5
-TEXTURED_PX_PER_M = 85.0
+TEXTURED_PX_PER_M = 55.0
 """The fast quality leaves textures out where vertices lie closer than pixels."""
 GL_SAMPLE_ALPHA_TO_COVERAGE = 0x809E
 
