@@ -31,6 +31,8 @@ TRIALS: Final = (
     Column("target_place", "", "the place waved at, place_1 to place_5 from left to right"),
     Column("t_start_ns", "ns", "session time of the first frame that showed the scene"),
     Column("scene_frames", "1", "display frames that showed the scene before the questions"),
+    Column("eye_height_m", "m", "median height of the tracked head above the floor in the scene"),
+    Column("planned_eye_height_m", "m", "the height that the waves were warped for"),
     Column("who", "", "the place answered; empty when left out"),
     Column("who_by", "", "how it was answered: ray, keys, keyboard or operator"),
     Column("who_ms", "ms", "from the frame that showed the question to the answer"),
@@ -58,6 +60,9 @@ TRIALS: Final = (
 )
 PARTICIPANTS: Final = (
     Column("participant", "", "label from the ledger"),
+    Column("eye_height_m", "m", "median over finished trials; empty where none was tracked"),
+    Column("eye_height_off_m", "m", "this minus the height that the waves were warped for"),
+    Column("eye_height_is_off", "", "farther from it than the study's tolerance"),
     Column("age", "years", "as answered"),
     Column("gender", "", "as answered: 1 woman, 2 man, 3 another, 4 not said"),
     Column("vr_experience", "", "1 none to 5 almost daily"),

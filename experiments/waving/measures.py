@@ -11,6 +11,9 @@ from experiments.waving.design import DIRECTIONS, TECHNIQUES
 from stimuli.scenes.office import CUSTOMERS
 
 PLACES: Final = tuple(c.name for c in CUSTOMERS)
+EYE_HEIGHT_TOLERANCE_M: Final = 0.05
+"""At this distance from the planned eye height a warped wave loses or wins some 3 % of coverage,
+a quarter of what warping adds (`benchmarks.waving_participants --eye-heights`)."""
 MEASURES: Final = ("accuracy", "realism", "response_ms")
 
 
@@ -93,3 +96,24 @@ def relative_confusion(trials: pd.DataFrame) -> pd.DataFrame:
         index=index, columns=["left", "self", "right", "farther"], fill_value=0
     ).reset_index()
     return found
+
+
+def eye_heights(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return each participant's eye height, how far it is from the planned one, whether too far.
+
+    One row per participant; NaN and False where no head was tracked. Empty for recordings that do
+    not have it.
+    """
+    columns = ["participant", "eye_height_m", "eye_height_off_m", "eye_height_is_off"]
+    if not {"eye_height_m", "planned_eye_height_m"} <= set(trials.columns):
+        return pd.DataFrame(columns=columns)
+    done = trials[trials["status"] == "complete"]
+    height = pd.to_numeric(done["eye_height_m"], errors="coerce")
+    off = height - pd.to_numeric(done["planned_eye_height_m"], errors="coerce")
+    frame = pd.DataFrame({
+        "participant": done["participant"], "eye_height_m": height, "eye_height_off_m": off,
+    })  # fmt: skip
+    found = frame.groupby("participant", sort=True).median().reset_index()
+    too_far = found["eye_height_off_m"].abs() > EYE_HEIGHT_TOLERANCE_M
+    table: pd.DataFrame = found.assign(eye_height_is_off=too_far)
+    return table[columns]

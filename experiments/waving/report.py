@@ -32,6 +32,7 @@ from experiments.waving.design import DIRECTIONS, TECHNIQUES, WavingParameters
 from experiments.waving.figures import DIRECTION_NAMES, NAMES
 from experiments.waving.measures import PLACES, relative_confusion
 from experiments.waving.methods_text import REFERENCES, choices, method_paragraphs
+from experiments.waving.report_people import people_section
 
 TITLE = "Waving at whom?"
 TERM_NAMES = {
@@ -75,7 +76,7 @@ def build_report(
             *(_measure(analysis, m, pictures) for m in ("accuracy", "realism")),
             _cells(analysis, pictures),
             _places(analysis, pictures),
-            _people(analysis, people),
+            people_section(analysis, people),
             _methods(params),
             _provenance(provenance),
         ),
@@ -319,38 +320,6 @@ def _places(analysis: WavingAnalysis, pictures: Mapping[str, Picture]) -> Sectio
             ),
         ),
     )
-
-
-def _people(analysis: WavingAnalysis, people: pd.DataFrame) -> Section:
-    blocks: list[Block] = []
-    if "age" in people:
-        ages = pd.to_numeric(people["age"], errors="coerce").dropna().to_numpy(float)
-        if len(ages):
-            sd = float(np.std(ages, ddof=1)) if len(ages) > 1 else None
-            blocks.append(Paragraph(f"Age {mean_sd(float(ages.mean()), sd, 1)} years."))
-    for column, title in (("strategy", "Strategies named"), ("comment", "Comments")):
-        if column in people:
-            said = tuple(
-                f"{p}: {text}"
-                for p, text in zip(people["participant"], people[column], strict=True)
-                if isinstance(text, str) and text
-            )
-            if said:
-                blocks.append(Fold(f"{title}: {len(said)}", (Bullets(said),)))
-    if analysis.left_out:
-        blocks.append(
-            Paragraph(f"Without all cells, and so not compared: {', '.join(analysis.left_out)}.")
-        )
-    how = analysis.analysed["who_by"].value_counts()
-    given = ", ".join(f"{name} {count}" for name, count in how.items())
-    blocks.append(Paragraph(f"Answers were given by: {given}."))
-    done = analysis.trials[~analysis.trials["is_practice"].astype(bool)]
-    other = done.loc[done["status"] != "complete", ["participant", "trial_id", "status", "reason"]]
-    if len(other):
-        rows = tuple(tuple(map(str, r)) for r in other.itertuples(index=False))
-        heads = tuple(Column(h) for h in ("Participant", "Trial", "Status", "Reason"))
-        blocks.append(Fold("Interrupted and skipped trials", (Table(heads, rows, "Trials"),)))
-    return Section("people", "Participants", tuple(blocks))
 
 
 def _methods(params: WavingParameters) -> Section:

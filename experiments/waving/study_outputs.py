@@ -14,7 +14,7 @@ from experiments.waving.data_dictionary import write_dictionary
 from experiments.waving.design import TECHNIQUES, WavingParameters
 from experiments.waving.figures import study_figures
 from experiments.waving.intake import SessionIntake
-from experiments.waving.measures import PLACES
+from experiments.waving.measures import PLACES, eye_heights
 from experiments.waving.report import build_report
 from lab.errors import UsageError
 
@@ -30,7 +30,9 @@ def analyse_study(
 ) -> Path:
     """Analyse a study; write tables, figures and the report, and return the report's path."""
     trials = pd.concat([s.rows for s in sessions], ignore_index=True)
-    people = pd.DataFrame([dict(s.person) for s in sessions])
+    people = pd.DataFrame([dict(s.person) for s in sessions]).merge(
+        eye_heights(trials), on="participant", how="left"
+    )
     kinds = trials[SIMULATED_COLUMN].astype(bool)
     analysis = analyse_rows(
         trials, is_simulated=is_simulated, allow_mixture=is_simulated and not kinds.all()

@@ -27,7 +27,7 @@ from protocol.steps import (
     Step,
 )
 from stimuli.gaze.behaviour import EyeBehaviour
-from stimuli.scenes.office import OfficeFrame, OfficeScene
+from stimuli.scenes.office import STANDING_EYE_M, OfficeFrame, OfficeScene
 
 Frames: TypeAlias = Generator[Step, FrameView | Answered | None, FrameView]
 FOLLOW_STEP_M: Final = 0.01
@@ -79,12 +79,20 @@ def run_trial(trial: Trial, params: WavingParameters) -> Plan:
     yield Mark("scene_on", {"trial_id": trial.trial_id, "scene_name": scene.name})
     yield Mark("wave", {"trial_id": trial.trial_id, **wave_record(wave, params)})
     frames = 0
+    heights: list[float] = []
     until_ns = start_ns + round(params.scene_s * NS_PER_S)
     while view.t_ns < until_ns:
+        if view.head_valid:
+            heights.append(float(view.head.position_m[1]))
         yield office.at(view)
         view = yield from _frame()
         frames += 1
-    row: dict[str, Scalar | None] = {"t_start_ns": start_ns, "scene_frames": frames}
+    row: dict[str, Scalar | None] = {
+        "t_start_ns": start_ns,
+        "scene_frames": frames,
+        "eye_height_m": round(float(np.median(heights)), 4) if heights else None,
+        "planned_eye_height_m": STANDING_EYE_M,
+    }
     for question in (who_question(own), realism_question()):
         answer = yield from _asked(office, question, params, view)
         yield Mark(

@@ -11,9 +11,10 @@ from experiments.waving.analysis import analyse_rows
 from experiments.waving.data_dictionary import TABLES
 from experiments.waving.design import DIRECTIONS, TECHNIQUES, WavingParameters, plan_session
 from experiments.waving.figures import study_figures
-from experiments.waving.measures import cell_means, confusion, relative_confusion
+from experiments.waving.measures import cell_means, confusion, eye_heights, relative_confusion
 from experiments.waving.published import EFFECTS, check_effect, published_effect
 from experiments.waving.report import build_report
+from experiments.waving.report_people import people_section
 from experiments.waving.study_outputs import write_tables
 from lab.errors import DataError
 
@@ -165,3 +166,27 @@ def test_every_column_of_every_table_is_described(analysis, tmp_path):
         described = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
         assert list(described) == list(table.columns)
         assert all(d["Description"] for d in described.values())
+
+
+def of_height(*heights_m):
+    trials = rows(len(heights_m))
+    people = sorted(set(trials["participant"]))
+    own = trials["participant"].map(dict(zip(people, heights_m, strict=True)))
+    return trials.assign(eye_height_m=own, planned_eye_height_m=1.62)
+
+
+def test_eye_height_more_than_the_tolerance_from_the_planned_one_is_marked():
+    table = eye_heights(of_height(1.62, 1.66, 1.68, 1.50, np.nan))
+    np.testing.assert_allclose([0.0, 0.04, 0.06, -0.12, np.nan], table["eye_height_off_m"])
+    assert [False, False, True, True, False] == list(table["eye_height_is_off"])
+
+
+def test_recordings_without_eye_heights_mark_nobody():
+    assert eye_heights(rows(2)).empty
+
+
+def test_report_names_whom_the_waves_were_not_warped_for():
+    trials = of_height(1.62, 1.70, 1.60)
+    said = str(people_section(analyse_rows(trials, is_simulated=True), eye_heights(trials)))
+    assert "S01: 1.70 m (+0.08 m)" in said
+    assert "S02: " not in said

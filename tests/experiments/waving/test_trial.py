@@ -129,3 +129,8 @@ def test_the_whole_body_is_turned_towards_the_addressee():
 def test_both_techniques_are_the_same_wave_without_an_increment():
     one, other = (study_wave("clerk_left", "place_2", t, QUICK) for t in ("orientation", "warping"))
     assert one.sha256 == other.sha256
+
+
+def test_eye_height_is_kept_beside_the_one_the_waves_were_made_for():
+    done = Answering(trials.run_trial(first_trial(), QUICK), press=("1",))
+    assert (1.6, 1.62) == (done.row["eye_height_m"], done.row["planned_eye_height_m"])
