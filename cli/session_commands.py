@@ -116,7 +116,7 @@ def _print_plan(made: SessionPlan, label: str, note: str) -> None:
         table.title_justify = "left"
         names = list(dict.fromkeys(k for t in block.trials for k in t.factors))
         for name in ("trial", *names):
-            table.add_column(name)
+            table.add_column(name.replace("_", " "))  # which may be broken over two lines
         for trial in block.trials:
             table.add_row(trial.trial_id, *(str(trial.factors.get(n, "")) for n in names))
         console.print(table)
@@ -156,7 +156,8 @@ def run(
     if path.exists():
         others = len(list(path.parent.glob("ses-*")))
         done = Recording(path).status == "complete"
-        first = f"look at it: visavis check {path}" if done else f"continue: visavis resume {path}"
+        way_on = f"visavis resume {path}{' --fast' if fast else ''}"
+        first = f"look at it: visavis check {path}" if done else f"continue: {way_on}"
         raise UsageError(
             f"participant {entry.label} already has session {session}; nothing was overwritten\n"
             f"  {first}\n  or run a further one: add --session {others + 1}"
@@ -296,22 +297,22 @@ def _perform(
         except (SessionAborted, DeviceError, RecordingError) as error:
             stack.close()  # the operator's screen goes before anything is printed
             if not isinstance(error, SessionAborted):
-                _print_way_on(path)
+                _print_way_on(path, fast=fast)
                 raise
             errors.print(f"[yellow]{error}[/]", soft_wrap=True)
-            _print_way_on(path)
+            _print_way_on(path, fast=fast)
             raise typer.Exit(error.exit_code) from error
     print_check(check_session(Recording(path)), path)
 
 
-def _print_way_on(path: Path) -> None:
+def _print_way_on(path: Path, *, fast: bool) -> None:
     if not path.exists():
         return
     trials = check_session(Recording(path)).trials
     done = sum(t.status in ("complete", "skipped") for t in trials)
     errors.print(
         f"{done} of {len(trials)} trials are done and kept. Go on with:\n"
-        f"  visavis resume {shlex.quote(str(path))}",
+        f"  visavis resume {shlex.quote(str(path))}{' --fast' if fast else ''}",
         soft_wrap=True,
         highlight=False,
     )

@@ -93,6 +93,9 @@ def _wording(key: str, item: Mapping[str, Any]) -> str:
         return explained
     if kind == "string_type":
         return f"is {value}, which YAML does not read as text; put it in quotes"
+    if kind == "value_error":  # raised by a model of ours, in our own words
+        said = str(item["msg"]).removeprefix("Value error, ")
+        return said if isinstance(value, Mapping) else f"is {value!r}; {said}"
     said = str(item["msg"])
     said = (said[0].lower() + said[1:]).replace("input should", "should")
     unit = unit_of(key)

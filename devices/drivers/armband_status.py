@@ -19,6 +19,10 @@ LOW_01 = 0.2
 DEAD_MAN, EXPIRED, BATTERY_LOW, BATTERY_GOOD, HOT, COOL = 2, 3, 4, 5, 6, 7
 
 
+UNANSWERED = "commands were not acknowledged"
+"""What a fault says of commands given up; a replay makes some, as it asks otherwise at its end."""
+
+
 @dataclass
 class BandStatus:
     """Counts and states since `open`."""
@@ -70,7 +74,7 @@ class BandStatus:
             text = f"silenced itself {self.dead_man_fired} times because no command came"
             found.append(Fault(role, "warning", text, "bring the band nearer, check its cable"))
         if self.unanswered:
-            text = f"{self.unanswered} commands were not acknowledged"
+            text = f"{self.unanswered} {UNANSWERED}"
             found.append(Fault(role, "warning", text, "bring the band nearer, check its cable"))
         for status, count in sorted(self.refusals.items()):
             said = STATUS_TEXTS[status] if status < len(STATUS_TEXTS) else f"status {status}"

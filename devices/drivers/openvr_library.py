@@ -18,6 +18,7 @@ from typing import Any
 
 import msgpack
 
+from devices.drivers.loader_output import loader_output_logged
 from devices.drivers.openvr_codec import MAX_DEVICES, VSYNC
 from devices.transports import Exchange, Frames, Message
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
@@ -134,7 +135,8 @@ class OpenVrLibrary:
                 "the library openvr is not installed", remedy="run: pip install openvr"
             ) from cause
         try:
-            system = openvr.init(APPLICATIONS[self._application])
+            with loader_output_logged("OpenVR"):
+                system = openvr.init(APPLICATIONS[self._application])
             compositor = openvr.VRCompositor() if self._application == "scene" else None
         except openvr.error_code.OpenVRError as cause:
             name = type(cause).__name__

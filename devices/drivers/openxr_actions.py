@@ -163,3 +163,12 @@ class OpenXrActions:
         return self._xr.ActionStateGetInfo(
             action=self._actions[name], subaction_path=self._hand_paths[hand]
         )
+
+
+def supports_gaze(xr: Any, instance: Any, system: Any) -> bool:
+    """Tell whether the headset of a system tracks the eyes."""
+    gaze = xr.SystemEyeGazeInteractionPropertiesEXT()
+    properties = xr.SystemProperties(next=ctypes.cast(ctypes.pointer(gaze), ctypes.c_void_p))
+    result = xr.raw_functions.xrGetSystemProperties(instance, system, ctypes.byref(properties))
+    xr.check_result(xr.Result(result))
+    return bool(gaze.supports_eye_gaze_interaction)

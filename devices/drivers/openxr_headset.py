@@ -28,7 +28,7 @@ from devices.contracts import (
     Sink,
 )
 from devices.drivers.openxr_graphics import packed_images
-from devices.drivers.openxr_library import FRAME
+from devices.drivers.openxr_packing import FRAME
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import MessageTransport

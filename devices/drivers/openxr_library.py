@@ -17,12 +17,20 @@ from typing import Any
 
 import msgpack
 
-from devices.drivers.openxr_actions import BUTTON_STATES, HAND, HANDS, OpenXrActions
+from devices.drivers.loader_output import loader_output_logged
+from devices.drivers.openxr_actions import (
+    BUTTON_STATES,
+    HAND,
+    HANDS,
+    OpenXrActions,
+    supports_gaze,
+)
 from devices.drivers.openxr_graphics import (
     EyeImages,
     GraphicsBinding,
     ask_graphics_requirements,
 )
+from devices.drivers.openxr_packing import FRAME, INSTANT, LOCATED, number, numbers, packed_views
 from devices.drivers.openxr_time import RuntimeTime, performance_counter, time_extension
 from devices.drivers.openxr_wire import OpenXrTransport
 from devices.transports import Frames
@@ -33,20 +41,23 @@ HEADLESS = "XR_MND_headless"
 EYE_GAZE = "XR_EXT_eye_gaze_interaction"
 SIMULATED_RUNTIME = "Visavis"
 
-LOCATED = struct.Struct("<qqqQ7f")
-"""Host ns and XrTime of one instant, XrTime of the sample (0: unknown), location flags, position,
-quaternion (x, y, z, w)."""
-
-INSTANT = struct.Struct("<qq")
-"""Host ns and XrTime of one instant; what comes before the hands."""
-
-FRAME = struct.Struct("<qqqqQ7f")
-"""Host ns and XrTime of one instant, predicted display XrTime, period ns, flags, head pose."""
-
 _NO_RUNTIME = (
     "install the headset's OpenXR runtime, start it once and make it the active one (for eye "
     "trackers the vendor's own runtime rather than SteamVR)"
 )
+
+_REFUSALS = {
+    "RuntimeUnavailableError": ("there is no OpenXR runtime", _NO_RUNTIME),
+    "FormFactorUnavailableError": (
+        "the OpenXR runtime finds no headset",
+        "connect and switch on the headset",
+    ),
+    "ApiVersionUnsupportedError": (
+        "the OpenXR runtime is older than OpenXR 1.0",
+        "update the runtime",
+    ),
+}
+"""What the runtime's errors mean at connecting, and what to do; by the name of the error."""
 
 
 class OpenXrLibrary:
@@ -134,24 +145,15 @@ class OpenXrLibrary:
         self._xr = xr
         try:
             self._begin(deadline_s)
-        except xr.exception.RuntimeUnavailableError as cause:
-            raise DeviceNotFound("there is no OpenXR runtime", remedy=_NO_RUNTIME) from cause
-        except xr.exception.FormFactorUnavailableError as cause:
-            raise DeviceNotFound(
-                "the OpenXR runtime finds no headset", remedy="connect and switch on the headset"
-            ) from cause
-        except xr.exception.ApiVersionUnsupportedError as cause:
-            raise DeviceNotFound(
-                "the OpenXR runtime is older than OpenXR 1.0", remedy="update the runtime"
-            ) from cause
         except xr.exception.XrException as cause:
-            raise DeviceNotFound(
-                f"the OpenXR runtime refused: {type(cause).__name__}", remedy=_NO_RUNTIME
-            ) from cause
+            name = type(cause).__name__
+            told = _REFUSALS.get(name, (f"the OpenXR runtime refused: {name}", _NO_RUNTIME))
+            raise DeviceNotFound(told[0], remedy=told[1]) from cause
 
     def _begin(self, deadline_s: float) -> None:
         xr = self._xr
-        offered = {p.extension_name for p in xr.enumerate_instance_extension_properties()}
+        with loader_output_logged("OpenXR"):
+            offered = {p.extension_name for p in xr.enumerate_instance_extension_properties()}
         offered = {n.decode() if isinstance(n, bytes) else n for n in offered}
         if not self._shows_images and HEADLESS not in offered:
             raise DeviceNotFound(
@@ -166,9 +168,11 @@ class OpenXrLibrary:
         application = xr.ApplicationInfo(
             application_name="Visavis", api_version=xr.Version(1, 0, 0)
         )
-        self._instance = xr.create_instance(
-            xr.InstanceCreateInfo(application_info=application, enabled_extension_names=enabled)
+        wanted = xr.InstanceCreateInfo(
+            application_info=application, enabled_extension_names=enabled
         )
+        with loader_output_logged("OpenXR"):
+            self._instance = xr.create_instance(wanted)
         self._time = RuntimeTime(xr, self._instance, self.clock, timing, self._counter)
         properties = xr.get_instance_properties(self._instance)
         name = properties.runtime_name
@@ -178,7 +182,7 @@ class OpenXrLibrary:
             self._instance, xr.SystemGetInfo(form_factor=xr.FormFactor.HEAD_MOUNTED_DISPLAY)
         )
         self._system = system
-        self.offers_gaze = EYE_GAZE in enabled and self._supports_gaze(system)
+        self.offers_gaze = EYE_GAZE in enabled and supports_gaze(xr, self._instance, system)
         link = None
         if self._binding is not None:
             ask_graphics_requirements(xr, self._instance, system)
@@ -199,16 +203,6 @@ class OpenXrLibrary:
             stage, context = self._spaces["stage"], self._binding.context
             self._images = EyeImages(xr, self._session, stage, context)
         self._await_running(deadline_s)
-
-    def _supports_gaze(self, system: Any) -> bool:
-        xr = self._xr
-        gaze = xr.SystemEyeGazeInteractionPropertiesEXT()
-        properties = xr.SystemProperties(next=ctypes.cast(ctypes.pointer(gaze), ctypes.c_void_p))
-        result = xr.raw_functions.xrGetSystemProperties(
-            self._instance, system, ctypes.byref(properties)
-        )
-        xr.check_result(xr.Result(result))
-        return bool(gaze.supports_eye_gaze_interaction)
 
     def _await_running(self, deadline_s: float) -> None:
         deadline_ns = self.clock.now_ns() + round(deadline_s * NS_PER_S)
@@ -311,7 +305,7 @@ class OpenXrLibrary:
         host_ns, now = self._now()
         sampled = self._xr.EyeGazeSampleTimeEXT()
         flags, pose = self._locate("gaze", "view", now, sampled)
-        packed = LOCATED.pack(host_ns, now, int(_number(sampled.time)), flags, *_numbers(pose))
+        packed = LOCATED.pack(host_ns, now, int(number(sampled.time)), flags, *numbers(pose))
         return (packed,)
 
     def _hands(self, _: Frames) -> Frames:
@@ -326,7 +320,7 @@ class OpenXrLibrary:
             flags, pose = self._locate(f"aim {name}", "stage", now)
             parts.append(BUTTON_STATES.pack(*actions.buttons(hand)))
             known = (pulled is not None, 0.0 if pulled is None else pulled)
-            parts.append(HAND.pack(*known, flags, *_numbers(pose)))
+            parts.append(HAND.pack(*known, flags, *numbers(pose)))
         return (b"".join(parts),)
 
     def _buzz(self, frames: Frames) -> Frames:
@@ -342,7 +336,7 @@ class OpenXrLibrary:
         state = self._xr.wait_frame(self._session)
         self._xr.begin_frame(self._session)
         self._begun = state.predicted_display_time
-        return int(_number(self._begun)), int(_number(state.predicted_display_period))
+        return int(number(self._begun)), int(number(state.predicted_display_period))
 
     def _end_frame(self, layers: Sequence[Any] = ()) -> None:
         xr, begun, self._begun = self._xr, self._begun, None
@@ -361,7 +355,7 @@ class OpenXrLibrary:
         if self._images is None:
             self._end_frame()
         host_ns, now = self._now()
-        packed = FRAME.pack(host_ns, now, predicted, period, flags, *_numbers(pose))
+        packed = FRAME.pack(host_ns, now, predicted, period, flags, *numbers(pose))
         has_focus = bool(self.states) and self.states[-1] == int(
             self._xr.SessionState.FOCUSED.value
         )
@@ -396,28 +390,8 @@ class OpenXrLibrary:
                 space=self._spaces["view"],
             ),
         )
-        rows = [
-            [
-                *_numbers(v.pose),
-                v.fov.angle_left,
-                v.fov.angle_right,
-                v.fov.angle_down,
-                v.fov.angle_up,
-            ]
-            for v in views
-        ]
-        packed: bytes = msgpack.packb([[float(x) for x in row] for row in rows])
-        return (packed,)
+        return (packed_views(views),)
 
 
 class _Refused(Exception):
     """Something that the runtime was not even asked for."""
-
-
-def _numbers(pose: Any) -> tuple[float, ...]:
-    p, q = pose.position, pose.orientation
-    return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
-
-
-def _number(value: Any) -> Any:
-    return value.value if hasattr(value, "value") else value

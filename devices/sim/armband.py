@@ -6,6 +6,7 @@ modelled: skin and strap, motor spread, magnetic coupling, radio collisions.
 """
 
 import math
+import zlib
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -91,7 +92,7 @@ class ArmbandSimulator:
         self._rise_ns = max(1.0, rise_ms * NS_PER_MS)
         self._left = math.exp(-STEP_NS / self._rise_ns)
         self._origin_ns = self._at_ns = clock.now_ns()
-        self.firmware = ArmbandFirmware(surroundings or Surroundings())
+        self.firmware = ArmbandFirmware(surroundings or Surroundings(), serial=serial_of(role))
         version = next(iter(self._faults.of_kind("version")), None)
         if version is not None:
             self.firmware.version = int(version.text)
@@ -219,6 +220,11 @@ class ArmbandSimulator:
             if t_ns >= fault.start_ns:
                 elapsed_ns += fault.amount * NS_PER_S
         return round(elapsed_ns / 1000)
+
+
+def serial_of(role: str) -> str:
+    """Return the serial number of the simulated band worn as `role`: every band has its own."""
+    return f"SIM{zlib.crc32(role.encode()) % 100_000:05d}"
 
 
 def simulated_armband(

@@ -66,6 +66,7 @@ def test_captured_wire_is_played_back_without_its_lab(role: str, tmp_path: Path)
     assert trial["error"] == ""
     assert trial["simulated"] is True
     assert trial["streams"][0]["samples"] > 0
+    assert [] == [f["message"] for f in trial["faults"] if "acknowledged" in f["message"]]
     if role == "eye_tracker":
         assert trial["streams"][0]["rate_hz"] == pytest.approx(120.0, rel=0.02)
 
@@ -94,6 +95,13 @@ def test_wrong_input_is_refused_with_the_way_out(
     with pytest.raises(UsageError, match=way_out):
         typed(*arguments)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_is_no_wire_is_a_wrong_argument(tmp_path: Path) -> None:
+    file = tmp_path / "notes.wire"
+    file.write_bytes(b"junk")
+    with pytest.raises(UsageError, match="no wire log"):
+        typed("replay", str(file))
 
 
 def test_capture_never_overwrites(tmp_path: Path) -> None:

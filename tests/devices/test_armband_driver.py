@@ -19,8 +19,9 @@ from devices.drivers import armband_codec as codec
 from devices.drivers.armband_ledger import DeviceMicros
 from devices.drivers.armband_serial import serial_armband
 from devices.pump import Pump
-from devices.sim.armband import ArmbandSimulator
+from devices.sim.armband import ArmbandSimulator, serial_of
 from devices.sim.faults import FaultSchedule
+from experiments.crowd.haptics import BAND_ROLES
 from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
 from lab.clock_fit import fit_clock
 from lab.errors import (
@@ -78,10 +79,14 @@ class Band:
 def test_open_tells_firmware_serial_and_range():
     band = Band().start()
 
-    assert band.driver.info.serial == "SIM00001"
+    assert band.driver.info.serial == serial_of("arm")
     assert band.driver.info.model == "armband (firmware 1.0)"
     assert band.driver.rate_range_hz == (57.0, 126.0)
     assert band.driver.state is DeviceState.STREAMING
+
+
+def test_simulated_bands_worn_together_have_serial_numbers_of_their_own():
+    assert 4 == len({serial_of(role) for role in BAND_ROLES})
 
 
 def test_set_amplitudes_drives_the_motors_and_is_acknowledged():

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict, Field
 
+from devices.option_models import OPTION_MODELS
 from lab.config import load_config, parse_config, with_devices
 from lab.errors import ConfigError
 
@@ -304,3 +305,15 @@ def refused_lines(text):
     except ConfigError as error:
         return [p.line for p in error.problems]
     return []
+
+
+def test_what_a_model_of_ours_refuses_is_told_in_its_own_words(tmp_path):
+    text = Path(__file__).resolve().parents[2].joinpath("lab_config.yaml").read_text("utf-8")
+    without_address = text.replace(
+        "  armband_left_forearm:\n    driver: simulated_armband",
+        "  armband_left_forearm:\n    driver: ble_armband",
+    )
+    with pytest.raises(ConfigError) as refused:
+        parse_config(without_address, tmp_path / "c.yaml", OPTION_MODELS)
+    assert "armband_left_forearm: give the band's address or the name" in str(refused.value)
+    assert "alue error" not in str(refused.value)
