@@ -140,7 +140,7 @@ class ProcessorCrowd:
         eyes = eyes_m if len(eyes_m) <= MOST_EYES_CULLED else eyes_m[:0]
         self._count = np.zeros(len(at.groups), np.int64)
         gather_front(
-            people, at.model_of, at.slot_of,
+            people, at.model_of, at.slot_of, plain,
             np.where(plain[:, None], at.plain_group, at.own_group), at.stretches, at.triangles,
             at.single_sided, at.posed, np.ascontiguousarray(eyes, np.float32), at.first,
             self._count, at.corners,

@@ -233,6 +233,7 @@ def gather_front(
     people: npt.NDArray[np.int64],
     model_of: npt.NDArray[np.int64],
     slot_of: npt.NDArray[np.int64],
+    plain_of: npt.NDArray[np.bool_],
     group_of: npt.NDArray[np.int64],
     stretches: npt.NDArray[np.int64],
     triangles: npt.NDArray[np.int32],
@@ -247,8 +248,8 @@ def gather_front(
 
     `stretches` (models, groups, 2) are rows of `triangles` (t, 3), `slot_of` (n,) is added to
     their vertices, `group_of` (n, groups) says in which group a person's are drawn. Group g is
-    written from row `first[g]` of `out` on; `count` (groups,) is how many it has. With no eyes
-    every triangle is kept.
+    written from row `first[g]` of `out` on; `count` (groups,) is how many it has. Of plain people
+    sheets have one side, too. With no eyes every triangle is kept.
     """
     count[:] = 0
     for person in people:
@@ -256,7 +257,7 @@ def gather_front(
         for g in range(stretches.shape[1]):
             target = group_of[person, g]
             at = first[target] + count[target]
-            keep_all = eyes_m.shape[0] == 0 or not single_sided[g]
+            keep_all = eyes_m.shape[0] == 0 or not (single_sided[g] or plain_of[person])
             for t in range(stretches[model, g, 0], stretches[model, g, 1]):
                 a, b, c = (
                     triangles[t, 0] + shift,
