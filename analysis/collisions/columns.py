@@ -250,8 +250,8 @@ def columns_in_both(
     column = np.empty(room, np.int32)
     height = np.empty(room)
     change = np.empty(room, np.int8)
-    met_a = alive(place_a, first_a, faces_a, met_a, n_u, high_a)
-    met_b = alive(place_b, first_b, faces_b, met_b, n_u, high_a)
+    met_a = alive(place_a, first_a, faces_a, met_a, n_u, n_v, high_a)
+    met_b = alive(place_b, first_b, faces_b, met_b, n_u, n_v, high_a)
     n = cast(place_a, first_a, faces_a, met_a, n_u, n_v, low_a, high_a, below_a, count,
              column, height, change, 0, 0)  # fmt: skip
     n = cast(place_b, first_b, faces_b, met_b, n_u, n_v, low_a, high_a, below_b, count,

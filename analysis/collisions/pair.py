@@ -5,6 +5,7 @@ import numpy as np
 from analysis.collisions.columns import bounds, columns_in_both, faces_near, sides_of
 from analysis.collisions.contact import crossing_box
 from analysis.collisions.meshes import Faces
+from analysis.collisions.shadow import in_shadow
 from lab.compiled import compiled
 from lab.geometry import Vector
 
@@ -29,26 +30,46 @@ def measure_pair(
     shortest side there and close enough for `columns_wanted` columns. The centre
     is NaN where nothing is common.
     """
-    nothing = np.full(3, np.nan)
     box_a, box_b = bounds(vertices_a), bounds(vertices_b)
     low, high = np.maximum(box_a[0], box_b[0]), np.minimum(box_a[1], box_b[1])
+    return measure_within(
+        vertices_a, faces_a, vertices_b, faces_b, low, high, cell_m, refine_below_m3, columns_wanted
+    )
+
+
+@compiled
+def measure_within(
+    vertices_a: Vector,
+    faces_a: Faces,
+    vertices_b: Vector,
+    faces_b: Faces,
+    low_m: Vector,
+    high_m: Vector,
+    cell_m: float,
+    refine_below_m3: float,
+    columns_wanted: int,
+) -> tuple[float, Vector, float, int, int]:
+    """Measure as `measure_pair` what two bodies share inside a box."""
+    nothing = np.full(3, np.nan)
+    low, high = low_m, high_m
     if low[0] >= high[0] or low[1] >= high[1] or low[2] >= high[2]:
         return 0.0, nothing, cell_m, 0, 0
     axis = longest_side(low, high)  # fewest columns, and most faces lie along them
+    own_a, shape_a = in_shadow(vertices_a, faces_a, axis, low, high)
+    own_b, shape_b = in_shadow(vertices_b, faces_b, axis, low, high)
+    if shape_a.shape[0] == 0 or shape_b.shape[0] == 0:
+        return 0.0, nothing, cell_m, 0, 0
     volume, centre, n, active, shared = measure_box(
-        vertices_a, faces_a, vertices_b, faces_b, axis, low, high, cell_m
+        own_a, shape_a, own_b, shape_b, axis, low, high, cell_m
     )
     if volume >= refine_below_m3:
         return volume, centre, cell_m, n, -1
     if shared[0, axis] > shared[1, axis]:
         return 0.0, nothing, cell_m, 0, 0
     low, high = np.maximum(low, shared[0]), np.minimum(high, shared[1])
-    near_a = faces_near(faces_a, sides_of(vertices_a, low, high))
-    near_b = faces_near(faces_b, sides_of(vertices_b, low, high))
-    met, crossing = crossing_box(
-        vertices_a, faces_a, near_a,
-        vertices_b, faces_b, near_b, low, high,
-    )  # fmt: skip
+    near_a = faces_near(shape_a, sides_of(own_a, low, high))
+    near_b = faces_near(shape_b, sides_of(own_b, low, high))
+    met, crossing = crossing_box(own_a, shape_a, near_a, own_b, shape_b, near_b, low, high)
     if met == 0:
         return volume, centre, cell_m, n, 0
     if n > 0:
@@ -63,8 +84,10 @@ def measure_pair(
     sides = fine_high - fine_low
     footprint = sides[(axis + 1) % 3] * sides[(axis + 2) % 3]
     fine_m = min(cell_m / 2, np.sqrt(footprint / columns_wanted))
+    own_a, shape_a = in_shadow(own_a, shape_a, axis, fine_low, fine_high)
+    own_b, shape_b = in_shadow(own_b, shape_b, axis, fine_low, fine_high)
     volume, centre, n, active, shared = measure_box(
-        vertices_a, faces_a, vertices_b, faces_b, axis, fine_low, fine_high, fine_m
+        own_a, shape_a, own_b, shape_b, axis, fine_low, fine_high, fine_m
     )
     return volume, centre, fine_m, n, met
 

@@ -139,25 +139,26 @@ def alive(
     faces: Faces,
     met: Crossings,
     n_u: int,
+    n_v: int,
     high_w: Vector,
 ) -> Crossings:
-    """Return the faces of `met` that reach below the heights of their tile or its neighbours."""
+    """Return the faces of `met` that reach below the height of a tile in which they lie."""
     across = tiles_across(n_u)
-    near_high = spread(high_w, across, 1.0)
-    low_enough = np.empty(place.shape[0], np.uint8)
-    for k in range(place.shape[0]):
-        tile = np.uint32(tile_of(first[k, 0], first[k, 1], across))
-        low_enough[k] = place[k, 2] < near_high[tile]
     kept = np.empty(met.size + 1, np.int32)
     n = 0
     for i in range(met.size):
         f = np.uint32(met[i])
         a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
-        kept[n] = f
         ra, rb, rc = first[a, 1], first[b, 1], first[c, 1]
         ca, cb, cc = first[a, 0], first[b, 0], first[c, 0]
-        long = (max(ra, rb, rc) - min(ra, rb, rc) >= MARGIN) | (
-            max(ca, cb, cc) - min(ca, cb, cc) >= MARGIN
-        )
-        n += ((low_enough[a] | low_enough[b] | low_enough[c]) > 0) | long
+        low = min(place[a, 2], place[b, 2], place[c, 2])
+        begin = tile_of(max(min(ca, cb, cc), 0), max(min(ra, rb, rc), 0), across)
+        end = tile_of(min(max(ca, cb, cc), n_u) - 1, min(max(ra, rb, rc), n_v) - 1, across)
+        wide = (end - begin) % across
+        reaches = False
+        for row in range(begin, end - wide + 1, across):
+            for tile in range(row, row + wide + 1):
+                reaches |= low < high_w[tile]
+        kept[n] = f
+        n += reaches
     return kept[:n]
