@@ -22,6 +22,7 @@ from stage.processor_models import (
     STILL_LAYOUT,
     Group,
     Model,
+    coarser,
     model,
 )
 from stage.programs import UNITS
@@ -41,11 +42,16 @@ MODEL_ARRAYS = ("rest", "normal", "column", "weight", "morph", "deltas", "albedo
                 "plain_albedo", "wrap", "kind", "textured")  # fmt: skip
 POSED_BYTES = 24
 MOST_EYES_CULLED = 4
+FAR_CELL_M = 0.04
+"""Cells of the surface that become one vertex of people drawn without textures."""
 
 
 @dataclass(frozen=True, eq=False)
 class _LaidOut:
-    """Everybody at one choice of levels: the models' arrays joined, and who uses which part."""
+    """Everybody at one choice of levels: the models' arrays joined, and who uses which part.
+
+    Each of n people is there twice: i is person i seen from near, n + i from far.
+    """
 
     arrays: dict[str, npt.NDArray[Any]]
     triangles: npt.NDArray[np.int32]
@@ -54,8 +60,8 @@ class _LaidOut:
     model_of: Counts
     vertices_of: Counts
     slot_of: Counts
-    own_group: Counts
-    plain_group: Counts
+    plain_of: npt.NDArray[np.bool_]
+    group_of: Counts
     single_sided: npt.NDArray[np.bool_]
     first: Counts
     posed: Floats
@@ -85,7 +91,7 @@ class ProcessorCrowd:
         pictures = (m.texture_srgb for c in cast for m in c.materials if m.kind != "eye")
         self._layers = Layers(context, (p for p in pictures if p is not None))
         self.level_before = np.full(len(cast), -1, np.int64)
-        self._models: dict[tuple[int, int], Model] = {}
+        self._models: dict[tuple[int, int, bool], Model] = {}
         self._laid_out: _LaidOut | None = None
         self._levels: tuple[int, ...] = ()
         self._drawn = np.zeros(0, np.int64)
@@ -116,19 +122,20 @@ class ProcessorCrowd:
     ) -> None:
         """Pose, light and sort everyone drawn, the nearest first; send it.
 
-        Whoever is farther than `textured_to_m` is drawn without textures. `encode` gives the
-        display's codes, otherwise linear light.
+        Whoever is farther than `textured_to_m` is drawn coarser and without textures. `encode`
+        gives the display's codes, otherwise linear light.
         """
         at = self._laid_out
         if at is None:
             return
-        people = self._drawn[np.argsort(distance_m[self._drawn], kind="stable")]
-        plain = distance_m > textured_to_m
+        nearest_first = self._drawn[np.argsort(distance_m[self._drawn], kind="stable")]
+        is_far = distance_m[nearest_first] > textured_to_m
+        people = nearest_first + np.where(is_far, len(self.cast), 0)
         a = at.arrays
 
         def pose(some: Counts) -> None:
             pose_and_light(
-                some, at.vertices_of, at.slot_of, plain, self.joints.rows,
+                some, at.vertices_of, at.slot_of, at.plain_of, self.joints.rows,
                 a["rest"], a["normal"], a["column"], a["weight"], a["morph"], a["deltas"],
                 a["albedo"], a["plain_albedo"], a["wrap"], a["kind"], a["textured"],
                 *lamps, CODES_OF_ROOT, FACTORS_OF_ROOT, encode, at.posed,
@@ -140,12 +147,13 @@ class ProcessorCrowd:
         eyes = eyes_m if len(eyes_m) <= MOST_EYES_CULLED else eyes_m[:0]
         self._count = np.zeros(len(at.groups), np.int64)
         gather_front(
-            people, at.model_of, at.slot_of, plain,
-            np.where(plain[:, None], at.plain_group, at.own_group), at.stretches, at.triangles,
+            people, at.model_of, at.slot_of, at.plain_of, at.group_of, at.stretches, at.triangles,
             at.single_sided, at.posed, np.ascontiguousarray(eyes, np.float32), at.first,
             self._count, at.corners,
         )  # fmt: skip
-        at.moving.write(at.posed)
+        size = np.diff(at.vertices_of, axis=1)[:, 0]
+        for first, last in _stretches(at.slot_of[people], size[people]):
+            at.moving.write(at.posed[first:last], offset=POSED_BYTES * first)
         for first, count in zip(at.first.tolist(), self._count.tolist(), strict=True):
             if count:
                 at.indices.write(at.corners[first : first + count], offset=12 * first)
@@ -177,20 +185,25 @@ class ProcessorCrowd:
             self._laid_out = None
         self._layers.release()
 
-    def _model(self, character: Character, level: int) -> Model:
-        key = id(character), level
+    def _model(self, character: Character, level: int, *, far: bool) -> Model:
+        key = id(character), level, far
         if key not in self._models:
-            self._models[key] = model(self._meshes.of(character, level), self._layers)
+            self._models[key] = (
+                coarser(self._model(character, level, far=False), FAR_CELL_M)
+                if far
+                else model(self._meshes.of(character, level), self._layers)
+            )
         return self._models[key]
 
     def _lay_out(self, levels: tuple[int, ...]) -> _LaidOut:
-        keys = [(id(c), level) for c, level in zip(self.cast, levels, strict=True)]
-        unique = list(dict.fromkeys(keys))
-        by_key = {
-            k: self._model(c, level) for k, c, level in zip(keys, self.cast, levels, strict=True)
-        }
-        models = [by_key[key] for key in unique]
-        model_of = np.array([unique.index(key) for key in keys], np.int64)
+        everyone = [
+            self._model(c, level, far=far)
+            for far in (False, True)
+            for c, level in zip(self.cast, levels, strict=True)
+        ]
+        models = list({id(m): m for m in everyone}.values())
+        number = {id(m): k for k, m in enumerate(models)}
+        model_of = np.array([number[id(m)] for m in everyone], np.int64)
         sizes = np.array([len(m.rest) for m in models], np.int64)
         starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         slots = np.concatenate([[0], np.cumsum(sizes[model_of])]).astype(np.int64)
@@ -209,22 +222,24 @@ class ProcessorCrowd:
                     parts.append(own)
                     total += len(own)
         n, plain = len(self.cast), groups.index(PLAIN)
-        own_group = np.tile(np.arange(len(groups)), (n, 1))
+        own_group = np.arange(len(groups))
         opaque = [
             g.array >= 0 and self._layers.channels[g.array] == 3 and not g.double_sided
             for g in groups
         ]
         plain_group = np.where(np.array(opaque), plain, own_group)
-        most = np.diff(stretches, axis=2)[..., 0][model_of].sum(axis=0)
+        most = np.diff(stretches, axis=2)[..., 0][model_of[:n]].sum(axis=0)
         most[plain] += most[opaque].sum()
         first = np.concatenate([[0], np.cumsum(most)]).astype(np.int64)
         still = np.concatenate([models[k].still for k in model_of])
-        still["person"] = np.repeat(np.arange(1, n + 1), sizes[model_of])
+        still["person"] = np.repeat(np.tile(np.arange(1, n + 1), 2), sizes[model_of])
         context = self._context
         return _LaidOut(
             arrays, np.concatenate(parts), groups, stretches, model_of,
             np.stack([starts[model_of], starts[model_of + 1]], axis=1), slots[:-1],
-            own_group, plain_group, np.array([not g.double_sided for g in groups]), first[:-1],
+            np.repeat([False, True], n),
+            np.concatenate([np.tile(own_group, (n, 1)), np.tile(plain_group, (n, 1))]),
+            np.array([not g.double_sided for g in groups]), first[:-1],
             np.zeros((slots[-1], 6), np.float32), np.zeros((first[-1], 3), np.int32),
             context.buffer(still.tobytes()),
             context.buffer(reserve=int(slots[-1]) * POSED_BYTES, dynamic=True),
@@ -239,6 +254,15 @@ class ProcessorCrowd:
                 program, content, at.indices, index_element_size=4, skip_errors=True
             )
         return array
+
+
+def _stretches(first: Counts, size: Counts) -> list[tuple[int, int]]:
+    """Join stretches that lie next to each other."""
+    order = np.argsort(first)
+    starts, ends = first[order], first[order] + size[order]
+    fresh = np.flatnonzero(np.concatenate([[True], starts[1:] != ends[:-1]]))
+    last = np.concatenate([fresh[1:], [len(starts)]]) - 1
+    return list(zip(starts[fresh].tolist(), ends[last].tolist(), strict=True))
 
 
 def _shift_morphs(arrays: dict[str, npt.NDArray[Any]], models: list[Model]) -> None:

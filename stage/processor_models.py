@@ -1,6 +1,6 @@
 """Levels of characters as the arrays that the processor moves and lights."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -115,6 +115,47 @@ def model(built: PersonVertices, layers: Layers) -> Model:
         textured,
         {group: _local(np.concatenate(parts)) for group, parts in triangles.items()},
     )
+
+
+def coarser(fine: Model, cell_m: float) -> Model:
+    """Return a model for people so far away that vertices within a cell of their surface cannot be
+    told apart: they become one, unless they face different ways or are drawn differently.
+    """
+    group_of = np.zeros(len(fine.rest), np.int64)
+    for k, corners in enumerate(fine.triangles.values()):
+        group_of[corners] = k
+    cell = np.floor(fine.rest / cell_m).astype(np.int64)
+    widest = np.abs(fine.normal).argmax(axis=1)
+    forward = np.take_along_axis(fine.normal, widest[:, None], axis=1)[:, 0] > 0
+    alike = np.stack([*cell.T, widest, forward, group_of, fine.kind], axis=1)
+    # Eyes stay whole: they are small already, and nothing lies behind them.
+    alike[fine.kind == EYE_KIND, 0] = 1000 + np.flatnonzero(fine.kind == EYE_KIND)
+    _, cluster = np.unique(alike, axis=0, return_inverse=True)
+    cluster = cluster.ravel()
+    many = np.bincount(cluster)
+    middle = np.stack([np.bincount(cluster, fine.rest[:, k]) / many for k in range(3)], axis=1)
+    off = np.linalg.norm(fine.rest - middle[cluster], axis=1)
+    order = np.lexsort((off, cluster))
+    first = order[np.searchsorted(cluster[order], np.arange(len(many)))]
+    colour = np.stack(
+        [np.bincount(cluster, fine.plain_albedo[:, k]) / many for k in range(3)], axis=1
+    )
+    kept = np.sort(first)
+    back = np.empty(len(many), np.int32)
+    back[cluster[kept]] = np.arange(len(kept), dtype=np.int32)
+    triangles: dict[Group, npt.NDArray[np.int32]] = {}
+    for group, corners in fine.triangles.items():
+        merged = back[cluster[corners]]
+        a, b, c = np.sort(merged, axis=1).T
+        _, once = np.unique(np.stack([a, b, c], axis=1), axis=0, return_index=True)
+        triangles[group] = merged[np.sort(once[(a != b)[once] & (b != c)[once]])]
+    taken = {
+        f.name: getattr(fine, f.name)[kept]
+        for f in fields(Model)
+        if f.name not in ("deltas", "triangles")
+    }
+    taken["plain_albedo"] = colour[cluster[kept]].astype(np.float32)
+    return Model(**taken, deltas=fine.deltas, triangles=triangles)
 
 
 def _by_place(built: PersonVertices) -> npt.NDArray[np.int64]:

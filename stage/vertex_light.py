@@ -162,13 +162,14 @@ def pose_and_light(
 ) -> None:
     """Write place and light (slot, 6) of everyone in `people`, as linear light or in codes.
 
-    `vertices_of` (n, 2) is each person's stretch of the model arrays, `slot_of` (n,) where it is
-    written; `plain_of` says whose textures are left out for the colours in `plain_albedo`.
+    `vertices_of` (2 n, 2) is each person's stretch of the model arrays, of n seen from near, then
+    of the same from far; `slot_of` (2 n,) is where it is written; `plain_of` says whose textures
+    are left out for the colours in `plain_albedo`.
     """
     face = rows.shape[1] - 2
     one = np.float32(1.0)
     for person in people:
-        row, slot, plain = rows[person], slot_of[person], plain_of[person]
+        row, slot, plain = rows[person % rows.shape[0]], slot_of[person], plain_of[person]
         for v in range(vertices_of[person, 0], vertices_of[person, 1]):
             x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
             m = morph[v]

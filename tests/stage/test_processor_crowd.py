@@ -146,8 +146,9 @@ def test_only_triangles_that_face_an_eye_are_kept(x: float, y: float, z: float) 
     posed[1, 0] = posed[2, 1] = 1.0  # faces +z
     count, out = np.zeros(1, np.int64), np.zeros((1, 3), np.int32)
     gather_front(
-        np.array([0]), np.array([0]), np.array([0]), np.array([False]), np.array([[0]]), np.array([[[0, 1]]]),
-        np.array([[0, 1, 2]], np.int32), np.array([True]), posed, eye, np.array([0]), count, out,
+        np.array([0]), np.array([0]), np.array([0]), np.array([False]), np.array([[0]]),
+        np.array([[[0, 1]]]), np.array([[0, 1, 2]], np.int32), np.array([True]),
+        posed, eye, np.array([0]), count, out,
     )  # fmt: skip
     assert count[0] == int(eye[0, 2] > 0)
 
