@@ -80,8 +80,12 @@ class PiecewiseStudy(Protocol):
         store: Path,
         run: Any,
         on_walk: Callable[[int, int], None],
+        settings: Mapping[str, Any],
     ) -> list[Any]:
-        """Take in sessions; `run` does jobs anywhere, `on_walk` is told how many are done."""
+        """Take in sessions; `run` does jobs anywhere, `on_walk` is told how many are done.
+
+        `settings` say how to measure, by name.
+        """
         ...
 
 

@@ -1,7 +1,7 @@
 """simulate, analyse, report, demo: a whole study."""
 
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -49,6 +49,10 @@ SchedulerOption = Annotated[
     typer.Option(
         "--scheduler", help="Measure on the workers of this Dask scheduler (tcp://…) instead."
     ),
+]
+MeasureOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="Measure another way (crowd): --set rule=published"),
 ]
 StudyFolder = Annotated[Path, typer.Argument(help="Folder of a study (holds sub-…/ses-…).")]
 
@@ -162,13 +166,19 @@ def analyse(
     ] = False,
     processes: ProcessesOption = None,
     scheduler: SchedulerOption = None,
+    measure: MeasureOption = None,
 ) -> None:
     """Write one tidy row per trial, statistics, figures and the report.
 
     Example: visavis analyse data/simulated/stare
     """
     report_path = analyse_study(
-        folder, output, mixture=mixture, processes=processes, scheduler=scheduler
+        folder,
+        output,
+        mixture=mixture,
+        processes=processes,
+        scheduler=scheduler,
+        measure=measure or [],
     )
     console.print(f"tables, figures and report in [b]{report_path.parent}[/]", soft_wrap=True)
     console.print(f"report: [b]{report_path}[/]", soft_wrap=True)
@@ -181,6 +191,7 @@ def analyse_study(
     mixture: bool,
     processes: int | None,
     scheduler: str | None = None,
+    measure: Sequence[str] = (),
 ) -> Path:
     """Measure every session of a study and analyse them together; return the report's path."""
     folder = folder.resolve()
@@ -205,15 +216,21 @@ def analyse_study(
     out_dir = output.resolve() if output is not None else folder / DERIVED
     out_dir.mkdir(parents=True, exist_ok=True)
     chosen = find_study(study)
+    settings = read_parameters(list(measure))
     if isinstance(chosen, PiecewiseStudy):
-        ordered = _measured_piecewise(chosen, sessions, folder, processes, scheduler)
+        ordered = _measured_piecewise(chosen, sessions, folder, processes, scheduler, settings)
+    elif settings:
+        raise UsageError(f"{study} is measured in one way only; leave --set out")
     else:
         ordered = _measured(study, sessions, processes, scheduler)
     report_path = chosen.analyse(
         ordered,
         out_dir,
         is_simulated=True in kinds,
-        commands=(*_origin(folder), f"visavis analyse {_from_root(folder)}"),
+        commands=(
+            *_origin(folder),
+            " ".join(["visavis analyse", _from_root(folder), *(f"--set {m}" for m in measure)]),
+        ),
         example=Recording(sessions[0]),
     )
     console.print(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
@@ -244,6 +261,7 @@ def _measured_piecewise(
     folder: Path,
     processes: int | None,
     scheduler: str | None,
+    settings: Mapping[str, Any],
 ) -> list[Any]:
     """Measure walk by walk, here or on a scheduler; walks measured before are kept."""
     if scheduler is not None:
@@ -257,6 +275,7 @@ def _measured_piecewise(
             folder / DERIVED / MEASURED,
             run,
             lambda done, of: bar.update(line, completed=done, total=of),
+            settings,
         )
 
 
@@ -282,12 +301,13 @@ def report(
     folder: StudyFolder,
     open_it: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
     processes: ProcessesOption = None,
+    measure: MeasureOption = None,
 ) -> None:
     """Make the study's self-contained HTML report and say where it lies.
 
     Example: visavis report data/simulated/stare
     """
-    path = analyse_study(folder, None, mixture=False, processes=processes)
+    path = analyse_study(folder, None, mixture=False, processes=processes, measure=measure or [])
     console.print(f"report: [b]{path}[/]", soft_wrap=True)
     if open_it:
         webbrowser.open(path.as_uri())

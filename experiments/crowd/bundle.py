@@ -7,6 +7,7 @@ from typing import Any
 
 from experiments.crowd.design import DEFAULT_PARAMETERS, QUESTIONNAIRES, STUDY, CrowdParameters
 from experiments.crowd.intake import SessionIntake, take_in
+from experiments.crowd.measures import measure_parameters
 from experiments.crowd.measuring import Runner, measure_sessions
 from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.redrawing import views_of
@@ -70,9 +71,17 @@ class CrowdBundle:
         store: Path,
         run: Runner,
         on_walk: Callable[[int, int], None],
+        settings: Mapping[str, Any],
     ) -> list[SessionIntake]:
-        """Take in sessions walk by walk; what `store` holds already is not measured again."""
-        return measure_sessions(sessions, store, run, on_walk=on_walk)
+        """Take in sessions walk by walk; what `store` holds already is not measured again.
+
+        `settings` are fields of `MeasureParameters` by name.
+
+        Raises:
+            ConfigError: a setting or its value does not exist.
+        """
+        params = measure_parameters(settings)
+        return measure_sessions(sessions, store, run, params=params, on_walk=on_walk)
 
     def analyse(
         self,

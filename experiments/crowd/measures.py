@@ -1,7 +1,8 @@
 """From the recording of one walk to its measures: one row, its collisions, its gap crossings."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from experiments.crowd.collision_measures import collision_rows, walk_volumes
 from experiments.crowd.pedestrian import has_pedpy, pedestrian_measures
 from experiments.crowd.replay import Walk
 from experiments.crowd.surfaces import Surface
+from lab.errors import ConfigError
 from lab.geometry import Vector
 from stimuli.scenes.station_crowd import BOARD_M, Crowd, in_room
 
@@ -31,6 +33,26 @@ class MeasureParameters:
 
 
 DEFAULT_MEASURES: Final = MeasureParameters()
+
+
+def measure_parameters(settings: Mapping[str, Any]) -> MeasureParameters:
+    """Return how to measure, from `rule` and `surface` by name; what is left out stays as usual.
+
+    Raises:
+        ConfigError: a name or a value does not exist.
+    """
+    known: dict[str, tuple[str, ...]] = {"rule": get_args(Rule), "surface": get_args(Surface)}
+    for name, value in settings.items():
+        if name not in known:
+            raise ConfigError(
+                f"a crowd study is not measured by {name!r}; it takes {' and '.join(known)}"
+            )
+        if value not in known[name]:
+            raise ConfigError(f"{name}={value} does not exist; choose {', '.join(known[name])}")
+    found = MeasureParameters(**settings)
+    if found.surface == "capsules" and found.rule != "volume":
+        raise ConfigError("capsules are measured by rule volume alone; choose another surface")
+    return found
 
 
 @dataclass(frozen=True, eq=False)

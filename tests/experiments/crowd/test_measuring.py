@@ -9,7 +9,7 @@ import pytest
 
 from cli.replicate_runners import on_scheduler, on_this_machine
 from experiments.crowd.intake import SessionIntake
-from experiments.crowd.measures import MeasuredWalk, MeasureParameters
+from experiments.crowd.measures import MeasuredWalk, MeasureParameters, measure_parameters
 from experiments.crowd.measuring import (
     WalkJob,
     as_json,
@@ -19,7 +19,7 @@ from experiments.crowd.measuring import (
     measure_sessions,
     read_kept,
 )
-from lab.errors import DataError, UsageError
+from lab.errors import ConfigError, DataError, UsageError
 from recording.reader import Recording
 from tests.experiments.crowd.sessions import session
 
@@ -95,6 +95,26 @@ def test_walks_measured_another_way_are_not_taken_for_these(path, tmp_path):
     )
     assert {"centres"} == {w.row["measure_rule"] for w in other[0].walks}
     assert 6 == len(list(tmp_path.glob("*.json")))
+
+
+def test_settings_of_measuring_are_taken_by_name():
+    assert MeasureParameters("published", "light") == measure_parameters(
+        {"rule": "published", "surface": "light"}
+    )
+    assert MeasureParameters() == measure_parameters({})
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"ruel": "volume"}, "takes rule and surface"),
+        ({"rule": "publishd"}, "choose volume, centres, published"),
+        ({"rule": "published", "surface": "capsules"}, "choose another surface"),
+    ],
+)
+def test_a_setting_of_measuring_that_does_not_exist_is_named(settings, said):
+    with pytest.raises(ConfigError, match=said):
+        measure_parameters(settings)
 
 
 def test_a_scheduler_gives_identical_numbers(path, whole, tmp_path):
