@@ -29,7 +29,7 @@ from cli.perform import Request, perform_new, perform_rest
 from cli.questions import TerminalRespondent
 from cli.rigs import is_simulated
 from cli.studies import Study, find_study
-from cli.study_folder import StudySettings, read_settings, settle
+from cli.study_folder import StudySettings, read_parameters, read_settings, settle
 from lab.clock import SimClock, SystemClock
 from lab.config import LabConfig
 from lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
@@ -51,6 +51,13 @@ SeedOption = Annotated[
 ]
 FastOption = Annotated[
     bool, typer.Option("--fast", help="Virtual clock: seconds instead of minutes; simulated only.")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="Replace a parameter of a new study: --set trial_s=8; kept with its folder.",
+    ),
 ]
 BlindOption = Annotated[bool, typer.Option("--blind", help="Hide conditions from the operator.")]
 
@@ -138,6 +145,7 @@ def run(
     fast: FastOption = False,
     blind: BlindOption = False,
     config: ConfigOption = None,
+    assignments: SetOption = None,
 ) -> None:
     """Perform one session on the devices of lab_config.yaml.
 
@@ -149,7 +157,14 @@ def run(
     if fast and not simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot; add --devices sim")
     folder = study_dir(lab.data_root, study, is_simulated=simulated)
-    wanted = StudySettings(study, DEFAULT_SEED if seed is None else seed, simulated)
+    begun = read_settings(folder)
+    parameters = read_parameters(assignments or [])
+    if begun is not None and not assignments:
+        parameters = begun.parameters
+    chosen.experiment(parameters)
+    wanted = StudySettings(
+        study, DEFAULT_SEED if seed is None else seed, simulated, parameters=parameters
+    )
     settings = settle(folder, wanted, seed_given=seed is not None)
     entry = _entry(lab, chosen, settings, participant, simulated=simulated)
     path = session_dir(lab.data_root, study, entry.label, session, is_simulated=simulated)

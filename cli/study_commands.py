@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-import yaml
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -27,6 +26,7 @@ from cli.study_folder import (
     MEASURED,
     StudySettings,
     one_per_participant,
+    read_parameters,
     read_settings,
     sessions_of,
     settle,
@@ -90,21 +90,6 @@ def simulate(
     folder = simulate_study(lab, wanted, participants, output, processes)
     console.print(f"[magenta]SIMULATED[/] study in [b]{folder}[/]", soft_wrap=True)
     console.print(f"next: visavis analyse {folder}", soft_wrap=True)
-
-
-def read_parameters(assignments: list[str]) -> dict[str, Any]:
-    """Read NAME=VALUE texts; values are numbers, true, false or text as YAML reads them.
-
-    Raises:
-        UsageError: a text is no assignment.
-    """
-    read: dict[str, Any] = {}
-    for text in assignments:
-        name, sign, value = text.partition("=")
-        if not sign or not name.strip():
-            raise UsageError(f"--set takes NAME=VALUE, such as trial_s=8, not {text!r}")
-        read[name.strip()] = yaml.safe_load(value)
-    return read
 
 
 def simulate_study(

@@ -5,6 +5,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from lab.errors import DataError, UsageError
 from recording.durable import replace_file
 from recording.reader import Recording
@@ -25,6 +27,21 @@ class StudySettings:
     effect: bool = True
     parameters: dict[str, Any] = field(default_factory=dict)
     format_version: int = 1
+
+
+def read_parameters(assignments: list[str]) -> dict[str, Any]:
+    """Read NAME=VALUE texts; values are numbers, true, false or text as YAML reads them.
+
+    Raises:
+        UsageError: a text is no assignment.
+    """
+    read: dict[str, Any] = {}
+    for text in assignments:
+        name, sign, value = text.partition("=")
+        if not sign or not name.strip():
+            raise UsageError(f"--set takes NAME=VALUE, such as trial_s=8, not {text!r}")
+        read[name.strip()] = yaml.safe_load(value)
+    return read
 
 
 def read_settings(folder: Path) -> StudySettings | None:
@@ -62,7 +79,10 @@ def settle(folder: Path, wanted: StudySettings, *, seed_given: bool) -> StudySet
             f"order. Leave --seed out, or use another data root"
         )
     if present.effect != wanted.effect or present.parameters != wanted.parameters:
-        raise UsageError(f"{folder} was begun with other settings; choose another --output")
+        raise UsageError(
+            f"{folder} was begun with other settings; leave --set out, or choose another --output "
+            "or data_root"
+        )
     return present
 
 

@@ -20,23 +20,26 @@ class Population:
     """What simulated participants have in common and how they differ (SD between people).
 
     A cue of n pixels is read with an error of `blur_deg` (`pixels` / n) ^ `sharpness` and
-    `looseness_deg` together (per cue: eyes, face, torso, hand). `reach_power` is how much it
-    counts that a customer can see the wave, of whom sees less than `least_reach_01` as much as of
-    who sees just that; `self_bias` is in log odds, `skill_sd` of log error.
-    Realism falls with what is hidden and rises with feeling addressed. Fitted to the published
-    means by `benchmarks.waving_participants`; it knows neither technique nor direction.
+    `looseness_deg` together (per cue: eyes, face, torso, hand), times a factor of the person whose
+    logarithm has an SD of `acuity_sd`. `reach_power` is how much it counts that a customer can see
+    the wave, of whom sees less than `least_reach_01` as much as of who sees just that; `self_bias`
+    is in log odds. `lapse_01` is the usual share of waves that were not attended to, in which any
+    place is answered, `lapse_sd` of its log odds.
+    Realism falls with what is hidden and rises with feeling addressed. Fitted to published values
+    by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (6.8, 2.1, 29.0, 4.1)
+    blur_deg: tuple[float, float, float, float] = (3.0, 1.2, 11.0, 0.92)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (1.1, 0.89, 79.0, 24.0)
-    sharpness: float = 1.8
-    reach_power: float = 5.6
-    least_reach_01: float = 0.61
-    self_bias: float = 1.0
+    looseness_deg: tuple[float, float, float, float] = (3.3, 4.1, 32.0, 25.0)
+    sharpness: float = 2.4
+    reach_power: float = 40.0
+    least_reach_01: float = 0.885
+    self_bias: float = 1.3
     self_bias_sd: float = 0.12
-    skill_sd: float = 0.55
-    lapse_01: float = 0.02
+    acuity_sd: float = 0.9
+    lapse_01: float = 0.015
+    lapse_sd: float = 0.7
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2
@@ -52,10 +55,13 @@ DEFAULT_POPULATION: Final = Population()
 
 @dataclass(frozen=True)
 class Person:
-    """One simulated participant; `blur` multiplies every error of reading a cue."""
+    """One simulated participant; `blur` multiplies every error of reading a cue, `lapse_01` is the
+    share of waves not attended to.
+    """
 
     blur: float
     self_bias: float
+    lapse_01: float
     realism: float
     speed: float
     age: int
@@ -64,15 +70,45 @@ class Person:
 
 def draw_person(population: Population, rng: np.random.Generator) -> Person:
     """Draw somebody."""
+    blur, bias, realism, speed, age = rng.standard_normal(5)
+    is_woman, lapse = rng.random() < 3 / 16, rng.standard_normal()
     return Person(
-        blur=float(np.exp(population.skill_sd * rng.standard_normal())),
-        self_bias=population.self_bias + population.self_bias_sd * float(rng.standard_normal()),
-        realism=population.realism_mean
-        + population.realism_person_sd * float(rng.standard_normal()),
-        speed=float(np.exp(0.25 * rng.standard_normal())),
-        age=int(np.clip(round(25 + 3 * rng.standard_normal()), 18, 60)),
-        gender="woman" if rng.random() < 3 / 16 else "man",
+        blur=float(np.exp(population.acuity_sd * blur)),
+        self_bias=population.self_bias + population.self_bias_sd * float(bias),
+        lapse_01=float(lapse_share(population, lapse)),
+        realism=population.realism_mean + population.realism_person_sd * float(realism),
+        speed=float(np.exp(0.25 * speed)),
+        age=int(np.clip(round(25 + 3 * age), 18, 60)),
+        gender="woman" if is_woman else "man",
     )
+
+
+def lapse_share(population: Population, z: float | Vector) -> float | Vector:
+    """Return the share of waves not attended to by who is z SDs from the usual."""
+    odds = population.lapse_01 / (1 - population.lapse_01) * np.exp(population.lapse_sd * z)
+    share: float | Vector = odds / (1 + odds)
+    return share
+
+
+def noise_deg(pixels: Vector, blur: float | Vector, population: Population) -> Vector:
+    """Return the error (..., 4) with which cues of so many pixels (..., 4) are read."""
+    seen = np.maximum(pixels, 1e-3)
+    sharp = np.array(population.blur_deg) * (np.array(population.pixels) / seen) ** (
+        population.sharpness
+    )
+    error: Vector = blur * np.hypot(sharp, np.array(population.looseness_deg))
+    return error
+
+
+def worth_of(
+    read_deg: Vector, noise: Vector, bearing_deg: Vector, reach_01: Vector, population: Population
+) -> Vector:
+    """Return how plausible each place is (..., 5), in log odds, from what was read (..., 4)."""
+    miss = (read_deg[..., None] - bearing_deg[..., None, :]) / noise[..., None]
+    least = population.least_reach_01
+    worth: Vector = -0.5 * (miss**2).sum(axis=-2)
+    worth = worth + population.reach_power * np.log(np.maximum(reach_01, least))
+    return worth
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,21 +131,16 @@ def judge(
     Without `effect` nothing of the wave is taken in: answers follow leanings alone.
     """
     q = population
-    seen = np.maximum(evidence.pixels, 1e-3)
-    blur = person.blur * np.array(q.blur_deg) * (np.array(q.pixels) / seen) ** q.sharpness
-    loose = np.array(q.looseness_deg)
-    noise = np.hypot(blur, loose)
+    noise = noise_deg(evidence.pixels, person.blur, q)
     read = evidence.pointing_deg + noise * rng.standard_normal(len(noise))
-    miss = (read[:, None] - evidence.bearing_deg) / noise[:, None]
-    worth = -0.5 * (miss**2).sum(axis=0)
-    worth += q.reach_power * np.log(np.maximum(evidence.reach_01, q.least_reach_01))
+    worth = worth_of(read, noise, evidence.bearing_deg, evidence.reach_01, q)
     if not effect:
         worth = rng.gumbel(size=len(worth))
     worth[own_place] += person.self_bias
     likely = np.exp(worth - worth.max())
     probability = likely / likely.sum()
     place = int(np.argmax(probability))
-    if rng.random() < q.lapse_01:
+    if rng.random() < person.lapse_01:
         place = int(rng.integers(len(probability)))
     doubt = float(-(probability * np.log(probability + 1e-12)).sum() / np.log(len(probability)))
     felt = person.realism + effect * q.realism_of_sight * (evidence.visible_01 - 0.7)

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -11,7 +12,8 @@ from typer.testing import CliRunner
 
 from cli.main import app
 from cli.study_commands import read_parameters
-from lab.errors import DataError, UsageError
+from cli.study_folder import StudySettings, settle
+from lab.errors import ConfigError, DataError, UsageError
 
 SHORT = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
 SHORT += ["--set", "repetitions=1"]
@@ -116,6 +118,25 @@ def test_parameters_are_read_as_numbers_and_texts() -> None:
     assert {"trial_s": 8, "name": "x"} == read_parameters(["trial_s=8", "name=x"])
     with pytest.raises(UsageError, match="NAME=VALUE"):
         read_parameters(["trial_s"])
+
+
+def test_a_session_takes_parameters_of_its_study_and_refuses_unknown_ones(tmp_path) -> None:
+    config = tmp_path / "lab_config.yaml"
+    config.write_text((Path(__file__).parents[2] / "lab_config.yaml").read_text())
+    arguments = ["run", "waving", "--participant", "1", "--fast", "--config", str(config)]
+    result = CliRunner().invoke(app, [*arguments, "--set", "answer_bye=keyboard"])
+
+    assert isinstance(result.exception, ConfigError)
+    assert "answer_by" in str(result.exception)
+    assert not (tmp_path / "data").exists()
+
+
+def test_a_study_that_was_begun_keeps_its_parameters(tmp_path: Path) -> None:
+    begun = StudySettings("waving", 1, True, parameters={"answer_by": "keyboard"})
+    assert begun == settle(tmp_path, begun, seed_given=True)
+    other = replace(begun, parameters={})
+    with pytest.raises(UsageError, match="leave --set out"):
+        settle(tmp_path, other, seed_given=True)
 
 
 def test_an_unknown_study_is_answered_with_the_nearest() -> None:

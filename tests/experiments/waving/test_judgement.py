@@ -9,8 +9,8 @@ from experiments.waving.judgement import DEFAULT_POPULATION, Person, draw_person
 from experiments.waving.perception import Evidence
 
 BEARING = np.array([-24.0, -12.5, 0.0, 12.5, 24.0])
-PERSON = Person(1.0, 0.0, 6.0, 1.0, 25, "man")
-CALM = replace(DEFAULT_POPULATION, lapse_01=0.0)
+PERSON = Person(1.0, 0.0, 0.0, 6.0, 1.0, 25, "man")
+CALM = DEFAULT_POPULATION
 MANY = np.array(DEFAULT_POPULATION.pixels)
 
 
@@ -91,3 +91,17 @@ def test_realism_stays_on_the_scale_and_follows_sight():
 def test_the_same_seed_makes_the_same_person():
     one, other = (draw_person(DEFAULT_POPULATION, np.random.default_rng(5)) for _ in range(2))
     assert one == other
+
+
+def test_who_never_attends_answers_any_place():
+    absent = replace(PERSON, lapse_01=1.0)
+    counts = np.bincount(answers(evidence(1, 40 * MANY), person=absent, n=1000), minlength=5)
+    assert (np.abs(counts / 1000 - 0.2) < 0.06).all()
+
+
+def test_shares_not_attended_to_lie_around_the_usual_one():
+    population = replace(DEFAULT_POPULATION, lapse_01=0.1, lapse_sd=1.0)
+    rng = np.random.default_rng(3)
+    shares = [draw_person(population, rng).lapse_01 for _ in range(400)]
+    assert 0.1 == pytest.approx(np.median(shares), abs=0.02)
+    assert 0 < min(shares) < max(shares) < 1

@@ -1,0 +1,286 @@
+"""Fit the constants of the simulated judge of the waving study to the published values.
+
+    python -m benchmarks.waving_fit [--starts 3] [--rounds 60] [--check 40] [--json]
+
+Searches `FREE` of `experiments.waving.judgement.Population` by differential evolution, each start
+from another seed, over expected values: what can be seen of the 54 waves is rendered, then
+`PEOPLE` simulated people read every wave `READINGS` times, the same random numbers for every
+candidate. The loss sums what `loss_terms` names. Prints the constants of the best start, their
+spread between starts, what they give, and the loss of the constants in use; `--check` runs
+the best and those in use through the real analysis, over studies of seeds from `CHECK_SEED` on.
+
+No random number is shared with the evaluation (`benchmarks.waving_participants`, seeds 0 to 99):
+fits draw from `FIT_SEED`, checks from `CHECK_SEED` on. `--starts 1 --rounds 3 --check 0` is a
+short run. The constants in use are those of a full run, rounded to two digits.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import Bounds, differential_evolution
+from scipy.stats import f as f_distribution
+from scipy.stats import ncf
+
+from experiments.waving import published
+from experiments.waving.analysis import ALPHA, TERMS, effects_of
+from experiments.waving.design import DIRECTIONS, TECHNIQUES
+from experiments.waving.judgement import (
+    DEFAULT_POPULATION,
+    Population,
+    lapse_share,
+    noise_deg,
+    worth_of,
+)
+from experiments.waving.measures import cell_means
+from experiments.waving.quick_study import PLACES, evidence_for, quick_study, stimuli
+from lab.geometry import Vector
+from stimuli.scenes.office import neighbour
+
+FIT_SEED, CHECK_SEED = 20_230_000, 50_000
+PEOPLE, READINGS = 160, 8
+REPETITIONS = 9
+SD_WITHIN = 0.02
+"""Means are wanted within about this, SDs between people within one and a half times it."""
+SPAN = 3.0
+"""How many times smaller or larger than at the start a constant may become."""
+FREE = (
+    *(f"blur_deg.{i}" for i in range(4)), *(f"looseness_deg.{i}" for i in range(4)),
+    "sharpness", "reach_power", "least_reach_01", "self_bias", "acuity_sd", "lapse_01", "lapse_sd",
+)  # fmt: skip
+"""What is searched, on a logarithmic scale."""
+
+
+@dataclass(frozen=True, eq=False)
+class Waves:
+    """What can be seen of the waves (s, ...) and the right answers, and random numbers for all:
+    people (p, 2) and readings (p, 1, r, 4).
+    """
+
+    pixels: Vector
+    pointing_deg: Vector
+    bearing_deg: Vector
+    reach_01: Vector
+    own: Vector
+    target: Vector
+    cell: Vector
+    people: Vector
+    readings: Vector
+
+
+def waves_of(seed: int = FIT_SEED) -> Waves:
+    """Render every wave, or read what was rendered, and draw the random numbers."""
+    seen = [evidence_for(s) for s in stimuli()]
+    rng = np.random.default_rng(seed)
+    half = rng.standard_normal((PEOPLE // 2, 2))
+    return Waves(
+        pixels=np.array([e.pixels for e in seen]),
+        pointing_deg=np.array([e.pointing_deg for e in seen]),
+        bearing_deg=np.array([e.bearing_deg for e in seen]),
+        reach_01=np.array([e.reach_01 for e in seen]),
+        own=np.array([PLACES.index(s[3]) for s in stimuli()]),
+        target=np.array([PLACES.index(neighbour(s[3], s[1]).name) for s in stimuli()]),
+        cell=np.array([TECHNIQUES.index(s[0]) * 3 + DIRECTIONS.index(s[1]) for s in stimuli()]),
+        people=np.concatenate([half, -half]),
+        readings=rng.standard_normal((PEOPLE, len(seen), READINGS, 4)),
+    )
+
+
+def population_of(x: Vector) -> Population:
+    """Return the population of a point of the search (logarithms of `FREE`)."""
+    values = dict(zip(FREE, map(float, np.exp(x)), strict=True))
+    four = {
+        name: tuple(values.pop(f"{name}.{i}") for i in range(4))
+        for name in ("blur_deg", "looseness_deg")
+    }
+    return replace(DEFAULT_POPULATION, **four, **values)  # type: ignore[arg-type]  # named floats
+
+
+def point_of(population: Population) -> Vector:
+    """Return the point of the search at a population."""
+    rows = []
+    for name in FREE:
+        field, _, index = name.partition(".")
+        value = getattr(population, field)
+        rows.append(value[int(index)] if index else value)
+    point: Vector = np.log(np.array(rows))
+    return point
+
+
+def right_shares(waves: Waves, population: Population) -> Vector:
+    """Return the probability (p, s) that each person understands each wave."""
+    blur = np.exp(population.acuity_sd * waves.people[:, 0])
+    noise = noise_deg(waves.pixels[None], blur[:, None, None], population)[:, :, None]
+    read = waves.pointing_deg[None, :, None] + noise * waves.readings
+    worth = worth_of(
+        read, noise, waves.bearing_deg[None, :, None], waves.reach_01[None, :, None], population
+    )
+    own = np.eye(len(PLACES))[waves.own]
+    worth = worth + population.self_bias * own[None, :, None]
+    right = (worth.argmax(axis=-1) == waves.target[None, :, None]).mean(axis=2)
+    lapse = np.asarray(lapse_share(population, waves.people[:, 1]))[:, None]
+    shares: Vector = (1 - lapse) * right + lapse / len(PLACES)
+    return shares
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What studies of 16 people come to on average: accuracy (2, 3), SDs between people over a
+    technique's mean and over its cells (2,), and power of technique, direction, interaction.
+    """
+
+    accuracy: Vector
+    sd_people: Vector
+    sd_cells: Vector
+    power: tuple[float, float, float]
+
+
+def expected(waves: Waves, population: Population, people: int = 16) -> Expected:
+    """Return what studies with a population come to, by the normal theory of repeated measures."""
+    shares = right_shares(waves, population)
+    cells = np.stack([shares[:, waves.cell == c].mean(axis=1) for c in range(6)], axis=1)
+    chance = np.stack(
+        [(shares * (1 - shares))[:, waves.cell == c].mean(axis=1) for c in range(6)], axis=1
+    )
+    # p (1 − p) of R readings falls short of the variance by its R-th part, and by as much the
+    # spread of `true` is too large: together they are what a study's own answers scatter.
+    sampled = (chance / REPETITIONS).reshape(-1, 2, 3)
+    true = cells.reshape(-1, 2, 3)
+    means = true.mean(axis=2)
+    sd_people = np.sqrt(means.var(axis=0, ddof=1) + sampled.mean(axis=(0, 2)) / 3)
+    sd_cells = np.sqrt(true.var(axis=(0, 2), ddof=1) + sampled.mean(axis=(0, 2)))
+    gain = means[:, 1] - means[:, 0]
+    technique = people * gain.mean() ** 2 / (gain.var(ddof=1) + 2 * sampled.mean() / 3)
+    by_direction, changes = true.mean(axis=1), true[:, 1] - true[:, 0]
+    return Expected(
+        true.mean(axis=0), sd_people, sd_cells,
+        (
+            _power(technique, 1, people - 1),
+            _power(_spread(by_direction, sampled.mean() / 2, people), 2, 2 * (people - 1)),
+            _power(_spread(changes, 2 * sampled.mean(), people), 2, 2 * (people - 1)),
+        ),
+    )  # fmt: skip
+
+
+def _spread(values: Vector, sampling: float, people: int) -> float:
+    """Return the noncentrality of a factor of three levels from values (p, 3)."""
+    effect = values.mean(axis=0) - values.mean()
+    rest = values - values.mean(axis=1, keepdims=True) - effect
+    error = float((rest**2).sum()) / (2 * (len(values) - 1)) + sampling
+    return people * float((effect**2).sum()) / error
+
+
+def _power(noncentrality: float, df1: int, df2: int) -> float:
+    limit = f_distribution.isf(ALPHA, df1, df2)
+    return float(ncf.sf(limit, df1, df2, max(noncentrality, 1e-9)))
+
+
+def loss_terms(found: Expected, x: Vector, start: Vector) -> dict[str, float]:
+    """Return the parts of the loss; each is about 1 where a wish is missed by its tolerance."""
+    means = found.accuracy.mean(axis=1)
+    wanted = np.array([published.MEAN_ACCURACY[t] for t in TECHNIQUES])
+    power = found.power
+    gains = means[1] > means[0]
+    oneself, left, right = found.accuracy.mean(axis=0)
+    return {
+        "means": float((((means - wanted[:, 0]) / SD_WITHIN) ** 2).sum()),
+        "SD between people": float(
+            (((found.sd_people - wanted[:, 1]) / (1.5 * SD_WITHIN)) ** 2).sum()
+        ),
+        "power of technique": (max(0.0, 0.75 - gains * power[0]) / 0.05) ** 2,
+        "power of direction": (max(0.0, 0.98 - power[1]) / 0.02) ** 2,
+        "interaction beyond chance": (max(0.0, power[2] - 0.07) / 0.02) ** 2,
+        "right is lowest": (max(0.0, float(right - min(oneself, left)) + 0.05) / 0.02) ** 2,
+        "oneself like left": (max(0.0, abs(float(oneself - left)) - 0.05) / 0.05) ** 2,
+        "distance from the start": 0.1 * float(((x - start) ** 2).sum()),
+    }
+
+
+def loss_of(x: Vector, waves: Waves, start: Vector) -> float:
+    """Return the loss at a point of the search."""
+    return sum(loss_terms(expected(waves, population_of(x)), x, start).values())
+
+
+def fitted(waves: Waves, start: Vector, seed: int, rounds: int, size: int = 3) -> Vector:
+    """Search from one seed and return the best point."""
+    # Shares end below 1.
+    most = np.log([0.95 if name.endswith("_01") else np.inf for name in FREE])
+    bounds = Bounds(start - np.log(SPAN), np.minimum(start + np.log(SPAN), most))
+    found = differential_evolution(
+        loss_of, bounds, args=(waves, start), maxiter=rounds, popsize=size, tol=1e-6, x0=start,
+        rng=np.random.default_rng(seed), polish=False,
+    )  # fmt: skip
+    best: Vector = found.x
+    return best
+
+
+def checked(population: Population, studies: int, people: int = 16) -> dict[str, float]:
+    """Return means, SDs and shares of significant effects over simulated studies."""
+    values: dict[str, list[float]] = {}
+    for seed in range(CHECK_SEED, CHECK_SEED + studies):
+        table = cell_means(quick_study(people, seed, population=population))
+        for technique in TECHNIQUES:
+            chosen = table[table["technique"] == technique]
+            each = chosen.groupby("participant")["accuracy"].mean()
+            values.setdefault(f"accuracy {technique}", []).append(float(each.mean()))
+            values.setdefault(f"SD {technique}", []).append(float(each.std(ddof=1)))
+        for effect in effects_of(table, "accuracy").effects:
+            values.setdefault(f"{effect.name} significant", []).append(float(effect.p_used < ALPHA))
+    return {name: float(np.mean(v)) for name, v in values.items()}
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Fit, print, and check what was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--starts", type=int, default=3)
+    parser.add_argument("--rounds", type=int, default=60)
+    parser.add_argument("--check", type=int, default=40)
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args(arguments)
+    waves, start = waves_of(), point_of(DEFAULT_POPULATION)
+    points = [fitted(waves, start, FIT_SEED + 1 + k, given.rounds) for k in range(given.starts)]
+    points.sort(key=lambda x: loss_of(x, waves, start))
+    logs = np.array(points)
+    rows: list[dict[str, object]] = [
+        {
+            "constant": name,
+            "fitted": float(np.exp(logs[0, i])),
+            "lowest": float(np.exp(logs[:, i].min())),
+            "highest": float(np.exp(logs[:, i].max())),
+            "in_use": float(np.exp(start[i])),
+        }
+        for i, name in enumerate(FREE)
+    ]
+    outcomes: dict[str, dict[str, float]] = {}
+    for name, x in (("fitted", points[0]), ("in use", start)):
+        found = expected(waves, population_of(x))
+        terms = loss_terms(found, x, start)
+        outcomes[name] = {
+            "loss": sum(terms.values()),
+            **{f"loss of {term}": value for term, value in terms.items()},
+            **{f"accuracy {t}": float(found.accuracy[i].mean()) for i, t in enumerate(TECHNIQUES)},
+            **{f"SD {t}": float(found.sd_people[i]) for i, t in enumerate(TECHNIQUES)},
+            **{f"SD over cells {t}": float(found.sd_cells[i]) for i, t in enumerate(TECHNIQUES)},
+            **{f"power of {term}": p for term, p in zip(TERMS, found.power, strict=True)},
+        }
+        if given.check:
+            over = checked(population_of(x), given.check)
+            outcomes[name] |= {f"{given.check} studies: {k}": v for k, v in over.items()}
+    if given.json:
+        print(json.dumps({"constants": rows, "outcomes": outcomes}, indent=1))
+        return 0
+    print(f"{'constant':<20}{'fitted':>9}{'lowest':>9}{'highest':>9}{'in use':>9}")
+    for row in rows:
+        numbers = "".join(f"{row[k]:>9.3g}" for k in ("fitted", "lowest", "highest", "in_use"))
+        print(f"{row['constant']!s:<20}{numbers}")
+    print(f"\n{'expected':<46}{'fitted':>9}{'in use':>9}")
+    for name in outcomes["fitted"]:
+        print(f"{name:<46}{outcomes['fitted'][name]:>9.3f}{outcomes['in use'][name]:>9.3f}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
