@@ -28,6 +28,7 @@ from stimuli.picture import Camera, Picture, Room
 
 FRAME_BYTES = 96
 LIT_STEP_M = 0.5
+MOST_OLD_ERRORS = 8
 TEXTURED_PX_PER_M = 55.0
 """The fast quality leaves textures out where vertices lie closer than pixels."""
 GL_SAMPLE_ALPHA_TO_COVERAGE = 0x809E
@@ -109,6 +110,10 @@ class Renderer:
         Raises:
             StageError: the graphics driver failed; what was recorded is not touched.
         """
+        # Headset runtimes, and targets released while bound, leave errors that are not this frame's.
+        for _ in range(MOST_OLD_ERRORS):
+            if self.context.error == "GL_NO_ERROR":
+                break
         try:
             drawn = self._draw(picture, cameras, targets, levels)
         except moderngl.Error as problem:

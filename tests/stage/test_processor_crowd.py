@@ -22,6 +22,7 @@ from stage.vertex_light import (
     light_points,
 )
 from stage.vertices import room_vertices
+from stimuli.characters.cast import load_cast
 from stimuli.characters.character import Character
 from stimuli.picture import Light, Picture
 from tests.stage import figures
@@ -134,6 +135,23 @@ def test_people_who_leave_and_come_back_are_drawn_at_their_new_level(renderer: R
     assert np.array_equal(images[0], images[3])
     assert not np.array_equal(images[0], images[1])
     assert not np.array_equal(images[0], images[2])
+
+
+def test_far_people_look_as_large_as_near_ones_with_fewer_triangles(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cast = load_cast()[:6]
+    places = [(0.9 * (i - 2.5), 0.0, -4.5) for i in range(6)]
+    room = replace(figures.plain_room(), props=(), background_srgb=(0, 255, 0))
+    picture = Picture(0, room, cast, figures.standing(cast, places))
+    seen, shown = [], []
+    for limit in (55.0, 1e-3):
+        monkeypatch.setattr("stage.renderer.TEXTURED_PX_PER_M", limit)
+        image = renderer.image(picture, figures.camera(half_deg=40), (240, 180)).astype(int)
+        seen.append((image != (0, 255, 0)).any(axis=2).sum())
+        shown.append(image[(image != (0, 255, 0)).any(axis=2)].mean(axis=0))
+    assert seen[0] == pytest.approx(seen[1], rel=0.03)
+    assert shown[0] == pytest.approx(shown[1], abs=6)
 
 
 # ---- kernels --------------------------------------------------------------------------------

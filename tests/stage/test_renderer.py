@@ -8,6 +8,7 @@ import pytest
 
 from stage.errors import StageError
 from stage.renderer import Renderer
+from stage.targets import EyeTarget
 from tests.stage import figures
 
 
@@ -27,6 +28,14 @@ def test_people_stand_out_from_the_empty_room(renderer: Renderer) -> None:
     with_people = renderer.image(figures.picture(3), camera, (160, 120))
     changed = np.abs(with_people.astype(int) - without.astype(int)).max(axis=2) > 12
     assert 0.06 < changed.mean() < 0.4
+
+
+def test_errors_that_others_left_behind_are_not_this_frame_s(renderer: Renderer) -> None:
+    camera, picture = figures.camera(), figures.picture(1)
+    for _ in range(2):  # a target released while bound spoils the making of the next
+        target = EyeTarget(renderer.context, (64, 48), 0)
+        renderer.draw(picture, [camera], [target])
+        target.release()
 
 
 def test_black_scene_shows_only_the_mark(renderer: Renderer) -> None:
