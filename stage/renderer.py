@@ -110,7 +110,7 @@ class Renderer:
         Raises:
             StageError: the graphics driver failed; what was recorded is not touched.
         """
-        # Headset runtimes, and targets released while bound, leave errors that are not this frame's.
+        # Headset runtimes, and targets released while bound, leave errors of their own behind.
         for _ in range(MOST_OLD_ERRORS):
             if self.context.error == "GL_NO_ERROR":
                 break
