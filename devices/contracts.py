@@ -182,6 +182,22 @@ class EyeTracker(Device, Protocol):
         ...
 
 
+@runtime_checkable
+class PatientCalibration(Protocol):
+    """What an eye tracker offers whose verdict is awaited while frames go on.
+
+    Together the two do what `EyeTracker.end_calibration` does in one blocking call.
+    """
+
+    def finish_calibration(self) -> None:
+        """Stop collecting; the verdict comes while the device is polled."""
+        ...
+
+    def calibration_verdict(self) -> CalibrationOutcome | None:
+        """Return the tracker's verdict on the calibration begun last; None until it came."""
+        ...
+
+
 # ---- head ---------------------------------------------------------------------------------
 
 

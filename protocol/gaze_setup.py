@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from devices.contracts import CalibrationOutcome, EyeTracker
-from lab.clock import NS_PER_MS
+from devices.contracts import CalibrationOutcome, EyeTracker, PatientCalibration
+from lab.clock import NS_PER_MS, NS_PER_S
+from lab.errors import DeviceTimeout
 from lab.geometry import (
     Vector,
     direction_from_yaw_pitch_deg,
@@ -27,6 +28,9 @@ from protocol.steps import FrameView
 from stimuli.motion.rotations import quat_between
 
 TARGET_DISTANCE_M = 2.0
+VERDICT_WITHIN_S = 10.0
+"""How long a calibration's result is waited for."""
+
 DIAGONAL_15 = 10.65
 """Yaw and pitch (degrees) of a target 15° from the centre on a diagonal."""
 
@@ -91,8 +95,25 @@ class GazeSetup:
                 head = self._loop.head
                 direction = rotate(quat_conjugate(head.orientation_wxyz), mark_m - head.position_m)
                 self._eye_tracker.add_reference(direction / np.linalg.norm(direction), view.t_ns)
-        outcome = self._eye_tracker.end_calibration(deadline_s=10.0)
+        outcome = self._verdict()
         self._clear_target()
+        return outcome
+
+    def _verdict(self) -> CalibrationOutcome:
+        """End the calibration; frames go on where the tracker need not be waited for in a call."""
+        tracker = self._eye_tracker
+        if not isinstance(tracker, PatientCalibration):
+            return tracker.end_calibration(VERDICT_WITHIN_S)
+        tracker.finish_calibration()
+        give_up_ns = self._loop.t_ns + round(VERDICT_WITHIN_S * NS_PER_S)
+        while (outcome := tracker.calibration_verdict()) is None:
+            if self._loop.t_ns >= give_up_ns:
+                raise DeviceTimeout(
+                    f"no calibration result within {VERDICT_WITHIN_S:g} s",
+                    role=tracker.info.role,
+                    remedy="look at the tracker's own program, then calibrate again",
+                )
+            self._next_frame()
         return outcome
 
     def validate(self) -> tuple[ValidationPoint, ...]:

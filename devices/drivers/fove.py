@@ -63,12 +63,20 @@ class Fove(GazeDevice):
 
     def end_calibration(self, deadline_s: float) -> CalibrationOutcome:
         """Wait for the runtime's verdict; its quality is kept as the message."""
-        self._life.require("end_calibration", DeviceState.STREAMING)
+        self.finish_calibration()
         deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
         self._wait_until(lambda: self._calibration is not None, deadline_ns, "calibration result")
-        outcome = self._calibration
+        outcome = self.calibration_verdict()
         assert outcome is not None  # noqa: S101 - awaited above
         return outcome
+
+    def finish_calibration(self) -> None:
+        """Do nothing: the runtime ends its own procedure and tells the verdict when asked."""
+        self._life.require("finish_calibration", DeviceState.STREAMING)
+
+    def calibration_verdict(self) -> CalibrationOutcome | None:
+        """Return the runtime's verdict; None until it came."""
+        return self._calibration
 
     def _connect(self, deadline_ns: int) -> None:
         versions = self._ask((b"versions",), deadline_ns).frames

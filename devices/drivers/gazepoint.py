@@ -71,13 +71,22 @@ class Gazepoint(GazeDevice):
 
     def end_calibration(self, deadline_s: float) -> CalibrationOutcome:
         """Wait for the server's result; its mean error is the vendor's accuracy."""
-        self._life.require("end_calibration", DeviceState.STREAMING)
         deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
+        self.finish_calibration()
         self._wait_until(lambda: self._calibration is not None, deadline_ns, "calibration result")
-        self._post(codec.set_line("CALIBRATE_SHOW", STATE="0"))
-        outcome = self._calibration
+        outcome = self.calibration_verdict()
         assert outcome is not None  # noqa: S101 - awaited above
         return outcome
+
+    def finish_calibration(self) -> None:
+        """Do nothing: the server ends its own procedure and tells the result."""
+        self._life.require("finish_calibration", DeviceState.STREAMING)
+
+    def calibration_verdict(self) -> CalibrationOutcome | None:
+        """Return the server's result, None until it came; its display is then taken away."""
+        if self._calibration is not None:
+            self._post(codec.set_line("CALIBRATE_SHOW", STATE="0"))
+        return self._calibration
 
     def annotate(self, text: str, t_host_ns: int) -> None:
         """Write USER_DATA for one record; it stands at the record that follows, not at the time."""

@@ -234,11 +234,9 @@ class PupilCore:
 
         Raises DeviceTimeout when no verdict comes.
         """
-        self._life.require("end_calibration", DeviceState.STREAMING)
         deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
-        self._notify("calibration.add_ref_data", ref_data=self._references)
-        self._notify("calibration.should_stop")
-        while self._outcome is None:
+        self.finish_calibration()
+        while (outcome := self.calibration_verdict()) is None:
             now_ns = self._clock.now_ns()
             if now_ns >= deadline_ns:
                 raise DeviceTimeout(
@@ -250,7 +248,16 @@ class PupilCore:
                 self._clock.sleep_until_ns(now_ns + 5 * NS_PER_MS)
             else:
                 self.poll(0.02)
-        self._findings.calibrated = self._findings.calibrated or self._outcome.succeeded
+        return outcome
+
+    def finish_calibration(self) -> None:
+        """Send the targets; Capture's verdict comes by `poll`."""
+        self._life.require("finish_calibration", DeviceState.STREAMING)
+        self._notify("calibration.add_ref_data", ref_data=self._references)
+        self._notify("calibration.should_stop")
+
+    def calibration_verdict(self) -> CalibrationOutcome | None:
+        """Return Capture's verdict; None until it came."""
         return self._outcome
 
     def annotate(self, text: str, t_host_ns: int) -> None:
@@ -339,6 +346,7 @@ class PupilCore:
             return
         subject = found["subject"]
         if subject == "calibration.successful":
+            self._findings.calibrated = True
             self._outcome = CalibrationOutcome(succeeded=True, message="successful")
         elif subject == "calibration.failed":
             reason = str(found.get("reason", "no reason given"))
