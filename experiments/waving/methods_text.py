@@ -5,6 +5,7 @@ from typing import Final
 from experiments.waving.clips import SETTINGS, UNITS, WARPED_PARTS
 from experiments.waving.design import DEFAULT_PARAMETERS, WavingParameters
 from experiments.waving.published import IN_WORDS
+from stimuli.scenes.office import STANDING_EYE_M
 
 REFERENCES: Final = (
     "Jovane, A. (2023). Thesis, Université de Rennes, chapter 2 (the study, its published values "
@@ -20,7 +21,8 @@ REFERENCES: Final = (
 
 def method_paragraphs(params: WavingParameters) -> tuple[str, ...]:
     """Return the paragraphs: design, techniques, measures, statistics."""
-    parts = " and ".join("+".join(p) for p in WARPED_PARTS)
+    parts = ", and as much more of ".join(" with ".join(p) for p in WARPED_PARTS).replace("_", " ")
+    units = [u.replace("_", " ") for u in UNITS]
     return (
         "Participants stood in a line of five customers of an office, in one of the three middle "
         "places. Behind people, plants and furniture that hide more on the right than on the "
@@ -37,7 +39,7 @@ def method_paragraphs(params: WavingParameters) -> tuple[str, ...]:
             else "the wave straight ahead "
         )
         + f"was warped to the addressee's view: {100 * params.increment:.0f} % more coverage of "
-        f"{parts}, all warping units of {', '.join(u.replace('_', ' ') for u in UNITS)} allowed "
+        f"{parts}, all warping units of {', '.join(units[:-1])} and {units[-1]} allowed "
         f"to move (probe {SETTINGS.probe_deg:g}°, damping {SETTINGS.damping:g}, at most "
         f"{SETTINGS.most_steps} steps at {SETTINGS.rate_hz:g} Hz, smoothing "
         f"{SETTINGS.smooth_s:g} s). The eyes were led to the addressee by the same controller "
@@ -46,7 +48,7 @@ def method_paragraphs(params: WavingParameters) -> tuple[str, ...]:
         "the median from the question's onset to the answer. Cells of each participant were "
         "compared by a two-way repeated-measures ANOVA on aligned ranks with Tukey contrasts on "
         "ranks aligned for them, α = .05. Participants without all cells were left out.",
-        IN_WORDS,
+        f"What the source says besides its numbers: {IN_WORDS[0].lower()}{IN_WORDS[1:]}",
     )
 
 
@@ -57,6 +59,7 @@ def choices(params: WavingParameters) -> tuple[str, ...]:
         "Nine repetitions are the nine combinations of clerk and own place.",
         "Coverage is wanted of the face, not the whole head: a head in profile covers more.",
         "The warp starts from the wave that is already turned to the addressee.",
+        f"Waves at the participant are warped for eyes {STANDING_EYE_M:g} m above the floor.",
         "An answer is pointed at with a tracked hand, or the head where none is tracked.",
     ]
     if params.warp_from != "oriented":

@@ -40,6 +40,7 @@ TERM_NAMES = {
     "direction": "Direction",
     "technique:direction": "Technique × direction",
 }
+UNITS = {"response_ms": " in ms", "realism": ", 1 to 9"}
 MEASURE_NAMES = {"accuracy": "Accuracy", "realism": "Realism", "response_ms": "Response time"}
 
 
@@ -167,6 +168,7 @@ def _beside_published(analysis: WavingAnalysis) -> Table:
             )
         )  # fmt: skip
     notes = "; ".join(_misfits())
+    notes = notes[:1].upper() + notes[1:]
     return Table(
         (Column("What"), Column("Here"), Column("Published"), Column("Verdicts")),
         tuple(rows),
@@ -187,8 +189,9 @@ def _misfits() -> tuple[str, ...]:
         for name, verdict in check.verdicts.items():
             if not verdict.is_consistent and (effect.term, name) != ("direction", "eta2p"):
                 label = "p" if name == "p" else "partial η²"
+                what = f"{MEASURE_NAMES[effect.measure]}, {TERM_NAMES[effect.term]}".lower()
                 found.append(
-                    f"{effect.measure}, {TERM_NAMES[effect.term].lower()}: {label} printed "
+                    f"{what}: {label} printed "
                     f"{verdict.printed}, {decimal(verdict.computed, 4)} by its F "
                     f"({verdict.remark})"
                 )
@@ -239,7 +242,7 @@ def _means_table(analysis: WavingAnalysis, measure: str) -> Table:
             Column("All directions", "right"),
         ),
         tuple(rows),
-        f"{MEASURE_NAMES[measure]}: mean (SD over participants)",
+        f"{MEASURE_NAMES[measure]}{UNITS.get(measure, '')}: mean (SD over participants)",
     )
 
 

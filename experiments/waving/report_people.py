@@ -8,6 +8,9 @@ from analysis.report.notation import counted, decimal, mean_sd
 from experiments.waving.analysis import WavingAnalysis
 from experiments.waving.measures import EYE_HEIGHT_TOLERANCE_M
 
+GENDERS = {1: "woman", 2: "man", 3: "another", 4: "not said"}
+"""Codes of the demographics questionnaire."""
+
 
 def people_section(analysis: WavingAnalysis, people: pd.DataFrame) -> Section:
     """Return the section on who took part, and how."""
@@ -16,7 +19,9 @@ def people_section(analysis: WavingAnalysis, people: pd.DataFrame) -> Section:
         ages = pd.to_numeric(people["age"], errors="coerce").dropna().to_numpy(float)
         if len(ages):
             sd = float(np.std(ages, ddof=1)) if len(ages) > 1 else None
-            blocks.append(Paragraph(f"Age {mean_sd(float(ages.mean()), sd, 1)} years."))
+            blocks.append(
+                Paragraph(f"Age {mean_sd(float(ages.mean()), sd, 1)} years.{_genders(people)}")
+            )
     for column, title in (("strategy", "Strategies named"), ("comment", "Comments")):
         if column in people:
             said = tuple(
@@ -43,6 +48,16 @@ def people_section(analysis: WavingAnalysis, people: pd.DataFrame) -> Section:
     return Section("people", "Participants", tuple(blocks))
 
 
+def _genders(people: pd.DataFrame) -> str:
+    """Return how many said which gender, empty where nobody was asked."""
+    if "gender" not in people:
+        return ""
+    said = pd.to_numeric(people["gender"], errors="coerce")
+    counts = {name: int((said == code).sum()) for code, name in GENDERS.items()}
+    counts["no answer"] = int(said.isna().sum())
+    return f" Gender: {', '.join(f'{name} {n}' for name, n in counts.items() if n)}."
+
+
 def _eye_heights(people: pd.DataFrame) -> list[Block]:
     """Say for whom the warped waves were not made."""
     if "eye_height_m" not in people or not people["eye_height_m"].notna().any():
@@ -62,7 +77,7 @@ def _eye_heights(people: pd.DataFrame) -> list[Block]:
     text += (
         f" {counted(len(off), 'participant')} differed by more than {EYE_HEIGHT_TOLERANCE_M:g} m, "
         "so that warping added other than the planned coverage for them, less for the taller; "
-        "compare the results without them:"
+        "their trials are analysed with the others:"
     )
     said = tuple(
         f"{p}: {decimal(height)} m ({'+' if by > 0 else '−'}{decimal(abs(by))} m)"

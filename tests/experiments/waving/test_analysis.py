@@ -12,6 +12,7 @@ from experiments.waving.data_dictionary import TABLES
 from experiments.waving.design import DIRECTIONS, TECHNIQUES, WavingParameters, plan_session
 from experiments.waving.figures import study_figures
 from experiments.waving.measures import cell_means, confusion, eye_heights, relative_confusion
+from experiments.waving.methods_text import method_paragraphs
 from experiments.waving.published import EFFECTS, check_effect, published_effect
 from experiments.waving.report import build_report
 from experiments.waving.report_people import people_section
@@ -190,3 +191,13 @@ def test_report_names_whom_the_waves_were_not_warped_for():
     said = str(people_section(analyse_rows(trials, is_simulated=True), eye_heights(trials)))
     assert "S01: 1.70 m (+0.08 m)" in said
     assert "S02: " not in said
+
+
+def test_report_counts_genders_and_missing_answers():
+    people = pd.DataFrame({"participant": list("abcd"), "age": [25] * 4, "gender": [1, 2, 2, None]})
+    said = str(people_section(analyse_rows(rows(3), is_simulated=True), people))
+    assert "Gender: woman 1, man 2, no answer 1." in said
+
+
+def test_report_says_whose_words_the_source_s_are():
+    assert method_paragraphs(WavingParameters())[-1].startswith("What the source says")
