@@ -8,8 +8,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import numpy as np
-
 from lab.clock import NS_PER_S, Clock
 from lab.errors import RecordingError
 from lab.schema import SampleBatch, StreamSchema
@@ -22,7 +20,6 @@ from recording.summary import (
     JournalSummary,
     PartSummary,
     StreamStats,
-    StreamSummary,
 )
 
 __all__ = ["REAL_TIME_BATCH_NS", "VIRTUAL_TIME_BATCH_NS", "CloseStatus", "Recorder"]
@@ -151,24 +148,12 @@ class Recorder:
             self._hold(stream, batch, n, latest)
             return
         with stream.lock:
-            rows = stream.rows
-            start = rows.count
-            end = start + n
-            if end > rows.capacity:
-                stream.dropped += n
+            if not stream.copy_in(batch, n, latest):
                 raise RecordingError(
-                    f"stream {stream.schema.name!r}: the disk is behind by {rows.count} samples, "
-                    f"{n} were dropped ({stream.dropped} in all); end the trial and check the disk"
+                    f"stream {stream.schema.name!r}: the disk is behind by {stream.rows.count} "
+                    f"samples, {n} were dropped ({stream.dropped} in all); end the trial and check "
+                    "the disk"
                 )
-            rows.seq[start:end] = batch.seq
-            rows.t_device_ns[start:end] = batch.t_device_ns
-            rows.t_host_ns[start:end] = batch.t_host_ns
-            rows.opaque[start:end] = batch.values.view(stream.opaque)
-            rows.count = end
-            stream.rows_accepted += n
-            stream.last_t_host_ns = latest
-            if stream.first_t_host_ns is None:
-                stream.first_t_host_ns = int(batch.t_host_ns[0])
 
     def event(self, name: str, t_ns: int, /, **payload: Any) -> None:
         """Note an event; it is written with the next batch."""
@@ -223,20 +208,7 @@ class Recorder:
             self._guarded_quietly(self._finish)
         failure = self._failure
         clean = failure is None
-        streams = tuple(
-            StreamSummary(
-                name=name,
-                file=s.file.path.name,
-                rows=s.rows_written,
-                bytes=s.file.size,
-                dropped=s.dropped,
-                first_t_host_ns=s.first_t_host_ns,
-                last_t_host_ns=s.last_t_host_ns,
-                sha256=s.file.sha256() if clean else "",
-                closed_cleanly=clean,
-            )
-            for name, s in self._streams.items()
-        )
+        streams = tuple(stream.summary(is_clean=clean) for stream in self._streams.values())
         journal = JournalSummary(
             file=JOURNAL_NAME,
             lines=self._lines_written,
@@ -278,43 +250,14 @@ class Recorder:
 
     def _hold(self, stream: OpenStream, batch: SampleBatch, n: int, latest_ns: int) -> None:
         """Keep a batch; write what is held once it spans long enough, or is too much."""
-        held = stream.held
-        if held and stream.held_rows + n > stream.rows.capacity:
+        if stream.held and stream.held_rows + n > stream.rows.capacity:
             self._guarded(self._write_held, stream)
-        if not held:
-            stream.oldest_t_host_ns = int(batch.t_host_ns[0])
-            if stream.first_t_host_ns is None:
-                stream.first_t_host_ns = stream.oldest_t_host_ns
-        # Bytes are the quickest copy of a row or two, and are joined once a second.
-        held.append(
-            (
-                batch.seq.tobytes(),
-                batch.t_device_ns.tobytes(),
-                batch.t_host_ns.tobytes(),
-                batch.values.tobytes(),
-            )
-        )
-        stream.held_rows += n
-        stream.rows_accepted += n
-        stream.last_t_host_ns = latest_ns
+        stream.hold(batch, n, latest_ns)
         if latest_ns - stream.oldest_t_host_ns >= self._max_batch_ns:
             self._guarded(self._write_held, stream)
 
     def _write_held(self, stream: OpenStream) -> None:
-        held, n = stream.held, stream.held_rows
-        if n > stream.rows.capacity:
-            stream.rows = Rows(stream.schema, n)
-        rows = stream.rows
-        seq, t_device_ns, t_host_ns, values = (
-            b"".join(column) for column in zip(*held, strict=True)
-        )
-        rows.seq[:n] = np.frombuffer(seq, np.int64)
-        rows.t_device_ns[:n] = np.frombuffer(t_device_ns, np.int64)
-        rows.t_host_ns[:n] = np.frombuffer(t_host_ns, np.int64)
-        rows.opaque[:n] = np.frombuffer(values, stream.opaque)
-        rows.count = n
-        held.clear()
-        stream.held_rows = 0
+        rows = stream.join_held()
         self._write_rows(stream, rows)
         rows.count = 0
 
