@@ -126,7 +126,9 @@ def _paths(analysis: CrowdAnalysis, pictures: Mapping[str, Picture]) -> Section:
         *maps[:1],
     ]
     if maps[1:]:
-        blocks.append(Fold(f"The other {len(maps) - 1} configurations", tuple(maps[1:])))
+        others = len(maps) - 1
+        title = "The other configuration" if others == 1 else f"The other {others} configurations"
+        blocks.append(Fold(title, tuple(maps[1:])))
     return Section("paths", "Paths and cells", tuple(blocks))
 
 
