@@ -39,6 +39,16 @@ class Command:
     acknowledged: bool = False
 
 
+@dataclass(slots=True)
+class Asked:
+    """A command outside the account that somebody waits for."""
+
+    seq: int
+    t_write_ns: int = 0
+    tries: int = 0
+    answered: bool = False
+
+
 @dataclass(frozen=True, slots=True)
 class BandRow:
     """One row of the `BAND` stream."""

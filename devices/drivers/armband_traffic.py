@@ -7,7 +7,6 @@ come from any thread, even from a signal handler in the midst of another command
 import math
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from devices.byte_links import ByteLink, ForeseeingPeer
 from devices.contracts import BAND_EVENTS, PATTERN_NAMES, ClockPair, VibrationPattern
@@ -19,6 +18,7 @@ from devices.drivers.armband_ledger import (
     PATTERN,
     SET,
     SILENCE,
+    Asked,
     BandRow,
     Command,
     DeviceMicros,
@@ -41,16 +41,6 @@ PATTERN_TAIL_NS = 200 * NS_PER_MS
 REPORT_NS = NS_PER_S
 MOST_PAIRS = 20_000
 BOOT = BAND_EVENTS.index("boot")
-
-
-@dataclass(slots=True)
-class _Asked:
-    """A command outside the account that somebody waits for."""
-
-    seq: int
-    t_write_ns: int = 0
-    tries: int = 0
-    answered: bool = False
 
 
 class Traffic:
@@ -100,7 +90,7 @@ class Traffic:
         self._spoke_ns = self._set_ns = now_ns - NS_PER_S
         self._next_report_ns = now_ns
         self._failure: DeviceError | None = None
-        self._asked: _Asked | None = None
+        self._asked: Asked | None = None
         self._heard()
         self.is_away = False
 
@@ -245,7 +235,7 @@ class Traffic:
     def confirm(self, encode: Callable[[int], bytes], deadline_ns: int) -> None:
         """Send one command again and again until it is answered; raises DeviceTimeout."""
         with self._wire:
-            asked = self._asked = _Asked(self._next_seq())
+            asked = self._asked = Asked(self._next_seq())
         data = encode(asked.seq)
 
         def send() -> None:

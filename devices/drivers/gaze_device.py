@@ -22,9 +22,10 @@ from devices.contracts import (
 )
 from devices.drivers.exchange_log import ExchangeLog
 from devices.drivers.gaze_clock import OneWayClock
-from devices.drivers.gaze_findings import Counts, eye_faults, stream_faults
+from devices.drivers.gaze_findings import Counts, eye_faults, named, stream_faults
 from devices.drivers.gaze_rays import Sample, rows_to_values
 from devices.drivers.pupil_faults import SeenEyes
+from devices.drivers.sample_numbers import SampleNumbers
 from devices.drivers.wire_thread import WireThread
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
@@ -87,7 +88,6 @@ class GazeDevice(ABC):
         self._exchanges = ExchangeLog()
         self._wire = WireThread(role, remedy=make.remedy, timeout_s=COMMAND_TIMEOUT_S)
         self._asked_ns: int | None = None
-        self._counter: int | None = None
         self._next_exchange_ns = self._heard_ns = self._attempt_ns = 0
         self.info = DeviceInfo(
             role=role,
@@ -148,7 +148,7 @@ class GazeDevice(ABC):
             self._connect(deadline_ns)
         except DeviceError as problem:
             self._transport.close()
-            raise self._named(problem) from problem
+            raise named(problem, self.info.role, self._make.remedy) from problem
         self._life.state = DeviceState.OPEN
 
     def describe(self) -> tuple[StreamSchema, ...]:
@@ -175,7 +175,7 @@ class GazeDevice(ABC):
             messages = self._transport.receive(timeout_s)
         except DeviceDisconnected as gone:
             self._lose()
-            raise self._named(gone) from gone
+            raise named(gone, self.info.role, self._make.remedy) from gone
         delivered = self._take(messages) if messages else 0
         now_ns = self._clock.now_ns()
         if now_ns - self._heard_ns > self._lost_after_ns:
@@ -227,6 +227,7 @@ class GazeDevice(ABC):
                 self.info.role,
                 self._counts,
                 self._meter,
+                lost=self._numbers.lost,
                 jumps_ms=self._one_way.jumps_ms if one_way else self._counts.clock_jumps_ms,
                 unanswered_s=waited_ns / NS_PER_S,
                 remedy=self._make.remedy,
@@ -326,9 +327,7 @@ class GazeDevice(ABC):
         self._counts = Counts(notes=self._counts.notes)
         self._one_way = OneWayClock()
         self._recent = SeenEyes(RECENT_BATCHES)
-        self._seq = -1
-        self._counter = None
-        self._most_lost = round(10 * self._schema.nominal_rate_hz)
+        self._numbers = SampleNumbers(round(10 * self._schema.nominal_rate_hz))
         self._heard_ns = now_ns
         self._asked_ns = None
         self._next_exchange_ns = now_ns
@@ -341,7 +340,7 @@ class GazeDevice(ABC):
         seqs: list[int] = []
         for message in messages:
             for sample in self._decode(message):
-                seqs.append(self._next_seq(sample.counter))
+                seqs.append(self._numbers.following(sample.counter))
                 stamps.append(sample.t_device_ns)
                 arrivals.append(message.t_host_ns)
                 rows.append(sample.row)
@@ -367,19 +366,6 @@ class GazeDevice(ABC):
         )
         return len(rows)
 
-    def _next_seq(self, counter: int | None) -> int:
-        step = 1
-        if counter is not None:
-            if self._counter is not None:
-                ahead = counter - self._counter
-                if 1 < ahead <= self._most_lost:
-                    step = ahead
-                    self._counts.lost += ahead - 1
-            if self._counter is None or not -self._most_lost < counter - self._counter <= 0:
-                self._counter = counter
-        self._seq += step
-        return self._seq
-
     def _lose(self) -> None:
         self._life.state = DeviceState.FAULT
         self._attempt_ns = self._clock.now_ns()
@@ -404,7 +390,7 @@ class GazeDevice(ABC):
             return 0
         if not messages:
             return 0
-        self._counter = None
+        self._numbers.reconnected()
         self._heard_ns = self._clock.now_ns()
         delivered = self._take(messages)
         self._life.state = DeviceState.STREAMING
@@ -414,10 +400,3 @@ class GazeDevice(ABC):
     def _pause(self, timeout_s: float) -> None:
         if timeout_s > 0:
             self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
-
-    def _named(self, problem: DeviceError) -> DeviceError:
-        if problem.role:
-            return problem
-        message = str(problem).removesuffix(f"; {problem.remedy}")
-        remedy = problem.remedy or self._make.remedy
-        return type(problem)(message, role=self.info.role, remedy=remedy)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from devices.contracts import Fault
 from devices.drivers.pupil_faults import EYES_LOST_BELOW_01, FEWEST_SAMPLES, SeenEyes
 from devices.meter import StreamMeter
+from lab.errors import DeviceError
 
 ANSWERS_MISSED_S = 3.0
 
@@ -15,7 +16,6 @@ class Counts:
     """What a driver noticed since start; `notes` are faults that hold until removed."""
 
     malformed: int = 0
-    lost: int = 0
     clock_jumps_ms: list[float] = field(default_factory=list)
     notes: dict[str, Fault] = field(default_factory=dict)
 
@@ -25,6 +25,7 @@ def stream_faults(
     counts: Counts,
     meter: StreamMeter,
     *,
+    lost: int,
     jumps_ms: Sequence[float],
     unanswered_s: float,
     remedy: str,
@@ -38,8 +39,8 @@ def stream_faults(
     if counts.malformed:
         text = f"{counts.malformed} messages could not be read"
         warn(text, "keep the .wire log and report it")
-    if counts.lost:
-        warn(f"{counts.lost} samples were lost on the way", "check cable, network and load")
+    if lost:
+        warn(f"{lost} samples were lost on the way", "check cable, network and load")
     if jumps_ms:
         text = f"the tracker's clock jumped {len(jumps_ms)} times, last by {jumps_ms[-1]:.0f} ms"
         warn(text, "stop other programs that set the tracker's clock")
@@ -61,3 +62,11 @@ def eye_faults(role: str, seen: SeenEyes) -> list[Fault]:
     if len(lost) == len(counts):
         return [Fault(role, "blocking", "neither eye is seen", remedy)]
     return [Fault(role, "warning", f"the {eye} eye is not seen", remedy) for eye in lost]
+
+
+def named(problem: DeviceError, role: str, remedy: str) -> DeviceError:
+    """Return the problem with the role's name, and with `remedy` where it has none."""
+    if problem.role:
+        return problem
+    message = str(problem).removesuffix(f"; {problem.remedy}")
+    return type(problem)(message, role=role, remedy=problem.remedy or remedy)

@@ -15,7 +15,7 @@ import platform
 import struct
 import tempfile
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -24,18 +24,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import Body, MovingBody
+from devices.contracts import Body
 from devices.drivers.openvr_library import OpenVrLibrary
 from devices.sim.faults import FaultSchedule
 from devices.sim.image_reader import ImageReader
 from devices.sim.native_build import build_library
+from devices.sim.openvr_tables import table_header
+from devices.sim.openvr_world import CONTROLLER, POSE_BYTES, SimulatedVrDevice, SimulatedVrWorld
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceError, DeviceNotFound
-from lab.geometry import Vector, rotate
+from lab.geometry import Vector
 
 MILLI_HZ = 1000
 MAKER = "Visavis"
-HMD, CONTROLLER, TRACKER, BASE_STATION = 1, 2, 3, 4
 BUTTON_NUMBERS = {
     "system": 0,
     "menu": 1,
@@ -60,30 +61,6 @@ PHOTONS_S = 0.011
 RENDER_SIZE_PX = (960, 1080)
 RAW_TANGENTS = ((-1.39, 1.25, -1.47, 1.46), (-1.25, 1.39, -1.47, 1.46))
 """Left, right, top, bottom of each eye, near those of a first-generation room-scale headset."""
-
-BASE_STATIONS_M = ((-2.0, 2.3, -2.0), (2.0, 2.3, 2.0))
-HANDS = ("left_hand", "right_hand")
-CONTROLLER_OFFSETS_M = ((-0.25, -0.45, -0.3), (0.25, -0.45, -0.3))
-TRACKING_LOST = 201
-_POSE = struct.Struct("<12f 3f 3f i ? ? 2x")
-_LOST_POSE = _POSE.pack(*[0.0] * 18, TRACKING_LOST, False, True)
-_GONE_POSE = _POSE.pack(*[0.0] * 18, 1, False, False)
-_GARBAGE_POSE = _POSE.pack(*[float("nan")] * 18, 200, True, True)
-
-PoseAt = Callable[[int], tuple[Sequence[float], Sequence[float]] | None]
-
-
-@dataclass
-class SimulatedVrDevice:
-    """One slot of the runtime; `pose_at` gives position and (w, x, y, z), None when not seen."""
-
-    kind: int
-    serial: str
-    model: str
-    pose_at: PoseAt
-    role: int = 0
-    is_connected: bool = True
-    battery_01: float | None = None
 
 
 @dataclass
@@ -138,7 +115,6 @@ class SimulatedVrRuntime:
         self.axes: dict[int, dict[int, tuple[float, float]]] = {}
         self._body = body
         self._clock = clock
-        self._rng = np.random.default_rng([seed, 0x0B])
         self._rate_milli_hz = round(display_rate_hz * MILLI_HZ)
         self._faults = faults if faults is not None else FaultSchedule()
         self._origin_ns = clock.now_ns()
@@ -151,8 +127,8 @@ class SimulatedVrRuntime:
         self._in_standby = self._unplugged = False
         self._submitted_eyes: set[int] = set()
         self._reader = ImageReader()
-        self._base_offset_m = np.zeros((len(BASE_STATIONS_M), 3))
-        self.devices = self._make_devices(dict(trackers or {}))
+        self._world = SimulatedVrWorld(body, trackers or {}, self._faults, seed=seed)
+        self.devices = self._world.devices
         self._environment: dict[str, str | None] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._native: Any = None
@@ -234,13 +210,11 @@ class SimulatedVrRuntime:
 
     def move_base_station(self, number: int, offset_m: Vector) -> None:
         """Displace a base station for good."""
-        self._base_offset_m[number] += offset_m
+        self._world.base_offset_m[number] += offset_m
 
     def wear(self, trackers: Mapping[str, str]) -> None:
         """Put more trackers on segments of the body: serial number -> segment."""
-        for serial, segment in trackers.items():
-            made = SimulatedVrDevice(TRACKER, serial, "Simulated tracker", self._worn(segment))
-            self.devices.append(made)
+        self._world.wear(trackers)
         self._name_devices()
 
     @property
@@ -255,80 +229,6 @@ class SimulatedVrRuntime:
         return str(self._native.visavis_vr_last_unmodelled().decode())
 
     # ---- the world -------------------------------------------------------------------------
-
-    def _make_devices(self, trackers: dict[str, str]) -> list[SimulatedVrDevice]:
-        devices = [SimulatedVrDevice(HMD, "LHR-HMD00001", "Simulated HMD", self._head)]
-        for i, side in enumerate(("left", "right")):
-            devices.append(
-                SimulatedVrDevice(
-                    CONTROLLER,
-                    f"LHR-CTRL000{i + 1}",
-                    f"Simulated {side} controller",
-                    self._hand(i),
-                    role=i + 1,
-                    battery_01=0.8,
-                )
-            )
-        for i, place in enumerate(BASE_STATIONS_M):
-            devices.append(
-                SimulatedVrDevice(BASE_STATION, f"LHB-BASE000{i + 1}", "Simulated base station",
-                                  self._base(i, place))
-            )  # fmt: skip
-        for serial, segment in trackers.items():
-            devices.append(
-                SimulatedVrDevice(
-                    TRACKER, serial, "Simulated tracker", self._worn(segment), battery_01=0.9
-                )
-            )
-        return devices
-
-    def _head(self, t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
-        position, orientation = self._body.head(t_ns)
-        return position.tolist(), orientation.tolist()
-
-    def _hand(self, i: int) -> PoseAt:
-        def at(t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
-            if isinstance(self._body, MovingBody):
-                return self._segment(HANDS[i], t_ns)
-            position, orientation = self._body.head(t_ns)
-            offset = rotate(orientation, np.array(CONTROLLER_OFFSETS_M[i]))
-            return (position + offset).tolist(), orientation.tolist()
-
-        return at
-
-    def _worn(self, segment: str) -> PoseAt:
-        return lambda t_ns: self._segment(segment, t_ns)
-
-    def _base(self, i: int, place: Sequence[float]) -> PoseAt:
-        return lambda _: ((np.array(place) + self._base_offset_m[i]).tolist(), (1.0, 0, 0, 0))
-
-    def _segment(self, name: str, t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
-        assert isinstance(self._body, MovingBody)  # noqa: S101 - trackers need limbs
-        positions, orientations = self._body.segments((name,), np.array((t_ns,), np.int64))
-        return positions[0, 0].tolist(), orientations[0, 0].tolist()
-
-    def _poses(self, t_ns: int) -> bytes:
-        self._follow_schedule(t_ns)
-        since_ns = t_ns - self._origin_ns
-        faults = self._faults
-        loss, garbage = faults.active("loss", since_ns), faults.active("garbage", since_ns)
-        dark = faults.active("silence", since_ns) is not None
-        parts = []
-        for device in self.devices:
-            if not device.is_connected:
-                parts.append(_GONE_POSE)
-                continue
-            asleep = device.kind == HMD and self._in_standby
-            dropped = loss is not None and self._rng.random() < loss.amount
-            spoilt = garbage is not None and self._rng.random() < garbage.amount
-            seen = None if dark or asleep or dropped else device.pose_at(t_ns)
-            if spoilt:
-                parts.append(_GARBAGE_POSE)
-            elif seen is None:
-                parts.append(_LOST_POSE)
-            else:
-                parts.append(_pack_pose(*seen))
-        return b"".join(parts) + _GONE_POSE * (64 - len(parts))
 
     def _follow_schedule(self, t_ns: int) -> None:
         since_ns = t_ns - self._origin_ns
@@ -370,8 +270,10 @@ class SimulatedVrRuntime:
         return 0
 
     def _write_poses(self, target: Any, n: int) -> None:
-        raw = self._poses(self._clock.now_ns())[: n * _POSE.size]
-        ctypes.memmove(target, raw, len(raw))
+        now_ns = self._clock.now_ns()
+        self._follow_schedule(now_ns)
+        raw = self._world.poses(now_ns, now_ns - self._origin_ns, asleep=self._in_standby)
+        ctypes.memmove(target, raw, min(n * POSE_BYTES, len(raw)))
 
     def _device_poses(self, universe: int, ahead_s: float, target: Any, n: int) -> None:
         self._write_poses(target, n)
@@ -548,35 +450,6 @@ class SimulatedVrRuntime:
     def _set_environment(self, name: str, value: str) -> None:
         self._environment.setdefault(name, os.environ.get(name))
         os.environ[name] = value
-
-
-def table_header() -> str:
-    """Return C definitions of the function tables, from the package's own."""
-    import openvr
-
-    lines = []
-    for name, table, version in (
-        ("SYSTEM", openvr.IVRSystem_FnTable, openvr.IVRSystem_Version),
-        ("COMPOSITOR", openvr.IVRCompositor_FnTable, openvr.IVRCompositor_Version),
-    ):
-        slots = [slot for slot, _ in table._fields_]
-        listed = " ".join(f"X({name}, {slot})" for slot in slots)
-        lines.append(f"#define {name}_SLOTS(X) {listed}")
-        lines.append(f'#define {name}_VERSION "{version}"')
-        numbered = ", ".join(f"SLOT_{name}_{slot}" for slot in slots)
-        lines.append(f"enum {{ {numbered} }};")
-    return "\n".join(lines) + "\n"
-
-
-def _pack_pose(position: Sequence[float], turn: Sequence[float]) -> bytes:
-    w, i, j, k = turn
-    x, y, z = position
-    return _POSE.pack(
-        1 - 2 * (j * j + k * k), 2 * (i * j - w * k), 2 * (i * k + w * j), x,
-        2 * (i * j + w * k), 1 - 2 * (i * i + k * k), 2 * (j * k - w * i), y,
-        2 * (i * k - w * j), 2 * (j * k + w * i), 1 - 2 * (i * i + j * j), z,
-        0, 0, 0, 0, 0, 0, 200, True, True,
-    )  # fmt: skip
 
 
 def _button_of(control: str) -> tuple[int, str]:

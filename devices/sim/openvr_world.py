@@ -1,0 +1,148 @@
+"""What a simulated OpenVR runtime tracks: headset, controllers, base stations, worn trackers."""
+
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from devices.contracts import Body, MovingBody
+from devices.sim.faults import FaultSchedule
+from lab.geometry import rotate
+
+HMD, CONTROLLER, TRACKER, BASE_STATION = 1, 2, 3, 4
+SLOTS = 64
+BASE_STATIONS_M = ((-2.0, 2.3, -2.0), (2.0, 2.3, 2.0))
+HANDS = ("left_hand", "right_hand")
+CONTROLLER_OFFSETS_M = ((-0.25, -0.45, -0.3), (0.25, -0.45, -0.3))
+TRACKING_LOST = 201
+_POSE = struct.Struct("<12f 3f 3f i ? ? 2x")
+_LOST_POSE = _POSE.pack(*[0.0] * 18, TRACKING_LOST, False, True)
+_GONE_POSE = _POSE.pack(*[0.0] * 18, 1, False, False)
+_GARBAGE_POSE = _POSE.pack(*[float("nan")] * 18, 200, True, True)
+
+POSE_BYTES = _POSE.size
+
+PoseAt = Callable[[int], tuple[Sequence[float], Sequence[float]] | None]
+
+
+@dataclass
+class SimulatedVrDevice:
+    """One slot of the runtime; `pose_at` gives position and (w, x, y, z), None when not seen."""
+
+    kind: int
+    serial: str
+    model: str
+    pose_at: PoseAt
+    role: int = 0
+    is_connected: bool = True
+    battery_01: float | None = None
+
+
+class SimulatedVrWorld:
+    """Every slot of the runtime, and where it is; `base_offset_m` displaces base stations.
+
+    `trackers` maps serial numbers to the segments of a moving body they are worn on.
+    """
+
+    def __init__(
+        self, body: Body, trackers: Mapping[str, str], faults: FaultSchedule, *, seed: int
+    ) -> None:
+        self._body = body
+        self._faults = faults
+        self._rng = np.random.default_rng([seed, 0x0B])
+        self.base_offset_m = np.zeros((len(BASE_STATIONS_M), 3))
+        self.devices = self._make_devices(dict(trackers))
+
+    def wear(self, trackers: Mapping[str, str]) -> None:
+        """Put more trackers on segments of the body: serial number -> segment."""
+        for serial, segment in trackers.items():
+            made = SimulatedVrDevice(TRACKER, serial, "Simulated tracker", self._worn(segment))
+            self.devices.append(made)
+
+    def _make_devices(self, trackers: dict[str, str]) -> list[SimulatedVrDevice]:
+        devices = [SimulatedVrDevice(HMD, "LHR-HMD00001", "Simulated HMD", self._head)]
+        for i, side in enumerate(("left", "right")):
+            devices.append(
+                SimulatedVrDevice(
+                    CONTROLLER,
+                    f"LHR-CTRL000{i + 1}",
+                    f"Simulated {side} controller",
+                    self._hand(i),
+                    role=i + 1,
+                    battery_01=0.8,
+                )
+            )
+        for i, place in enumerate(BASE_STATIONS_M):
+            devices.append(
+                SimulatedVrDevice(BASE_STATION, f"LHB-BASE000{i + 1}", "Simulated base station",
+                                  self._base(i, place))
+            )  # fmt: skip
+        for serial, segment in trackers.items():
+            devices.append(
+                SimulatedVrDevice(
+                    TRACKER, serial, "Simulated tracker", self._worn(segment), battery_01=0.9
+                )
+            )
+        return devices
+
+    def _head(self, t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
+        position, orientation = self._body.head(t_ns)
+        return position.tolist(), orientation.tolist()
+
+    def _hand(self, i: int) -> PoseAt:
+        def at(t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
+            if isinstance(self._body, MovingBody):
+                return self._segment(HANDS[i], t_ns)
+            position, orientation = self._body.head(t_ns)
+            offset = rotate(orientation, np.array(CONTROLLER_OFFSETS_M[i]))
+            return (position + offset).tolist(), orientation.tolist()
+
+        return at
+
+    def _worn(self, segment: str) -> PoseAt:
+        return lambda t_ns: self._segment(segment, t_ns)
+
+    def _base(self, i: int, place: Sequence[float]) -> PoseAt:
+        return lambda _: ((np.array(place) + self.base_offset_m[i]).tolist(), (1.0, 0, 0, 0))
+
+    def _segment(self, name: str, t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
+        assert isinstance(self._body, MovingBody)  # noqa: S101 - trackers need limbs
+        positions, orientations = self._body.segments((name,), np.array((t_ns,), np.int64))
+        return positions[0, 0].tolist(), orientations[0, 0].tolist()
+
+    def poses(self, t_ns: int, since_ns: int, *, asleep: bool) -> bytes:
+        """Return the poses of all 64 slots at a session time, `since_ns` after the start.
+
+        `asleep` is a headset in standby.
+        """
+        faults = self._faults
+        loss, garbage = faults.active("loss", since_ns), faults.active("garbage", since_ns)
+        dark = faults.active("silence", since_ns) is not None
+        parts = []
+        for device in self.devices:
+            if not device.is_connected:
+                parts.append(_GONE_POSE)
+                continue
+            is_asleep = device.kind == HMD and asleep
+            dropped = loss is not None and self._rng.random() < loss.amount
+            spoilt = garbage is not None and self._rng.random() < garbage.amount
+            seen = None if dark or is_asleep or dropped else device.pose_at(t_ns)
+            if spoilt:
+                parts.append(_GARBAGE_POSE)
+            elif seen is None:
+                parts.append(_LOST_POSE)
+            else:
+                parts.append(_pack_pose(*seen))
+        return b"".join(parts) + _GONE_POSE * (SLOTS - len(parts))
+
+
+def _pack_pose(position: Sequence[float], turn: Sequence[float]) -> bytes:
+    w, i, j, k = turn
+    x, y, z = position
+    return _POSE.pack(
+        1 - 2 * (j * j + k * k), 2 * (i * j - w * k), 2 * (i * k + w * j), x,
+        2 * (i * j + w * k), 1 - 2 * (i * i + k * k), 2 * (j * k - w * i), y,
+        2 * (i * k - w * j), 2 * (j * k + w * i), 1 - 2 * (i * i + j * j), z,
+        0, 0, 0, 0, 0, 0, 200, True, True,
+    )  # fmt: skip
