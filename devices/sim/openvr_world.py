@@ -133,11 +133,12 @@ class SimulatedVrWorld:
             elif seen is None:
                 parts.append(_LOST_POSE)
             else:
-                parts.append(_pack_pose(*seen))
+                parts.append(packed_pose(*seen))
         return b"".join(parts) + _GONE_POSE * (SLOTS - len(parts))
 
 
-def _pack_pose(position: Sequence[float], turn: Sequence[float]) -> bytes:
+def packed_pose(position: Sequence[float], turn: Sequence[float]) -> bytes:
+    """Return a tracked pose as the runtime's own structure holds it; `turn` is (w, x, y, z)."""
     w, i, j, k = turn
     x, y, z = position
     return _POSE.pack(

@@ -11,7 +11,7 @@ from devices.conformance import check_headset, check_lifecycle
 from devices.contracts import DeviceState
 from devices.drivers import openvr_codec as codec
 from devices.drivers.openvr_headset import OpenVrHeadset
-from devices.sim import openvr_runtime
+from devices.sim import openvr_runtime, openvr_world
 from devices.wirelog import ReplayTransport, TeeTransport
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound
@@ -268,7 +268,7 @@ def test_a_pose_of_nothing_but_noise_is_lost_not_zero():
 @given(yaw=st.floats(-180, 180), pitch=st.floats(-89, 89))
 def test_matrix_gives_back_its_rotation(yaw, pitch):
     turn = quat_from_yaw_pitch_deg(yaw, pitch)
-    raw = openvr_runtime._pack_pose((1.0, 2.0, 3.0), turn.tolist())
+    raw = openvr_world.packed_pose((1.0, 2.0, 3.0), turn.tolist())
     found = codec.decode_pose(codec.decode_poses(raw)[0])
     assert abs(float(np.dot(found[1], turn))) == pytest.approx(1.0, abs=1e-5)
     assert found[0] == (1.0, 2.0, 3.0)
