@@ -12,7 +12,6 @@ import ctypes
 import json
 import os
 import platform
-import struct
 import tempfile
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -29,33 +28,15 @@ from devices.drivers.openvr_library import OpenVrLibrary
 from devices.sim.faults import FaultSchedule
 from devices.sim.image_reader import ImageReader
 from devices.sim.native_build import build_library
-from devices.sim.openvr_tables import table_header
-from devices.sim.openvr_world import CONTROLLER, POSE_BYTES, SimulatedVrDevice, SimulatedVrWorld
+from devices.sim.openvr_events import button_of, packed_event
+from devices.sim.openvr_tables import FunctionTables, table_header
+from devices.sim.openvr_world import CONTROLLER, POSE_BYTES, SimulatedVrWorld
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceError, DeviceNotFound
 from lab.geometry import Vector
 
 MILLI_HZ = 1000
 MAKER = "Visavis"
-BUTTON_NUMBERS = {
-    "system": 0,
-    "menu": 1,
-    "grip": 2,
-    "a": 7,
-    "worn": 31,
-    "trackpad": 32,
-    "trigger": 33,
-}
-EVENT_NUMBERS = {
-    "activated": 100,
-    "deactivated": 101,
-    "standby": 106,
-    "awake": 107,
-    "press": 200,
-    "release": 201,
-    "quit": 700,
-}
-RIGHT_CONTROLLER_SLOT = 2
 IPD_M = 0.063
 PHOTONS_S = 0.011
 RENDER_SIZE_PX = (960, 1080)
@@ -111,7 +92,6 @@ class SimulatedVrRuntime:
         self.on_submit: Callable[[int, int], None] | None = None
         self.on_image: Callable[[int, npt.NDArray[np.uint8]], None] | None = None
         self.submissions: list[Submission] = []
-        self.failure: Exception | None = None
         self.axes: dict[int, dict[int, tuple[float, float]]] = {}
         self._body = body
         self._clock = clock
@@ -133,7 +113,7 @@ class SimulatedVrRuntime:
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._native: Any = None
         self._openvr: Any = None
-        self._keep: list[Any] = []
+        self._tables: FunctionTables
 
     # ---- life ------------------------------------------------------------------------------
 
@@ -157,6 +137,7 @@ class SimulatedVrRuntime:
         registry.write_text(json.dumps({**paths, "version": 1, "jsonid": "vrpathreg"}))
         self._set_environment("VR_PATHREG_OVERRIDE", str(registry))
         self._native = ctypes.CDLL(str(library))
+        self._tables = FunctionTables(self._native)
         self._fill_tables()
         return self
 
@@ -174,8 +155,8 @@ class SimulatedVrRuntime:
         if self._folder is not None:
             self._folder.cleanup()
             self._folder = None
-        if problem is None and self.failure is not None:
-            raise self.failure
+        if problem is None and self._tables.failure is not None:
+            raise self._tables.failure
 
     def library(self, application: str = "scene") -> OpenVrLibrary:
         """Return the real library, which will find this runtime."""
@@ -216,6 +197,11 @@ class SimulatedVrRuntime:
         """Put more trackers on segments of the body: serial number -> segment."""
         self._world.wear(trackers)
         self._name_devices()
+
+    @property
+    def failure(self) -> Exception | None:
+        """What first went wrong in a function that C code called."""
+        return self._tables.failure
 
     @property
     def haptic_pulses(self) -> tuple[tuple[int, int], ...]:
@@ -320,57 +306,38 @@ class SimulatedVrRuntime:
     def _poll_event(self, event: Any, size: int) -> bool:
         now_ns = self._clock.now_ns()
         for t_ns, control, value in self._body.presses(now_ns):
-            slot, button = _button_of(control)
+            slot, button = button_of(control)
             self.press(slot, button, down=value > 0.5, t_ns=t_ns)
         self._follow_schedule(now_ns)
         if not self._events:
             return False
         t_ns, kind, slot, button = self._events.popleft()
-        raw = bytearray(size)
-        struct.pack_into("<IIf", raw, 0, EVENT_NUMBERS[kind], slot, (now_ns - t_ns) / NS_PER_S)
-        if button:
-            at = 12 if size % 8 == 4 else 16
-            struct.pack_into("<I", raw, at, BUTTON_NUMBERS[button])
-        ctypes.memmove(event, bytes(raw), size)
+        raw = packed_event(size, kind, slot, (now_ns - t_ns) / NS_PER_S, button)
+        ctypes.memmove(event, raw, size)
         return True
 
     def _float_property(self, slot: int, prop: int, error: Any) -> float:
-        device = self._device(slot)
         error[0] = 0
         if prop == 2002:
             return self._rate_milli_hz / MILLI_HZ
         if prop == 2001:
             return PHOTONS_S
+        device = self._world.device(slot)
         if prop == 1012 and device is not None and device.battery_01 is not None:
             return device.battery_01
         error[0] = 4
         return 0.0
 
     def _bool_property(self, slot: int, prop: int, error: Any) -> bool:
-        device = self._device(slot)
+        device = self._world.device(slot)
         error[0] = 0 if prop == 1010 and device is not None else 4
         return device is not None and device.battery_01 is not None
-
-    def _device(self, slot: int) -> SimulatedVrDevice | None:
-        return self.devices[slot] if slot < len(self.devices) else None
-
-    def _class_of(self, slot: int) -> int:
-        device = self._device(slot)
-        return 0 if device is None else device.kind
-
-    def _is_connected(self, slot: int) -> bool:
-        device = self._device(slot)
-        return device is not None and device.is_connected
-
-    def _role_of(self, slot: int) -> int:
-        device = self._device(slot)
-        return 0 if device is None else device.role
 
     def _activity(self, slot: int) -> int:
         return 3 if self._in_standby else 1
 
     def _controller_state(self, slot: int, state: Any, size: int) -> bool:
-        device = self._device(slot)
+        device = self._world.device(slot)
         if device is None or device.kind != CONTROLLER or not device.is_connected:
             return False
         for axis, (x, y) in self.axes.get(slot, {}).items():
@@ -397,9 +364,9 @@ class SimulatedVrRuntime:
             "getTimeSinceLastVsync": self._time_since_vsync,
             "getDeviceToAbsoluteTrackingPose": self._device_poses,
             "getTrackedDeviceActivityLevel": self._activity,
-            "getControllerRoleForTrackedDeviceIndex": self._role_of,
-            "getTrackedDeviceClass": self._class_of,
-            "isTrackedDeviceConnected": self._is_connected,
+            "getControllerRoleForTrackedDeviceIndex": self._world.role_of,
+            "getTrackedDeviceClass": self._world.class_of,
+            "isTrackedDeviceConnected": self._world.is_connected,
             "getBoolTrackedDeviceProperty": self._bool_property,
             "getFloatTrackedDeviceProperty": self._float_property,
             "pollNextEvent": self._poll_event,
@@ -412,15 +379,8 @@ class SimulatedVrRuntime:
             "submit": self._submit,
             "getFrameTiming": self._frame_timing,
         }
-        for number, (table, functions) in enumerate(
-            ((vr.IVRSystem_FnTable, system), (vr.IVRCompositor_FnTable, compositor))
-        ):
-            for slot, (name, prototype) in enumerate(table._fields_):
-                if name in functions:
-                    made = prototype(self._guarded(functions[name], prototype))
-                    self._keep.append(made)
-                    pointer = ctypes.cast(made, ctypes.c_void_p)
-                    self._native.visavis_vr_set_function(number, slot, pointer)
+        self._tables.fill(0, vr.IVRSystem_FnTable, system)
+        self._tables.fill(1, vr.IVRCompositor_FnTable, compositor)
         for eye, sign in ((0, -1.0), (1, 1.0)):
             matrix = (ctypes.c_float * 12)(1, 0, 0, sign * IPD_M / 2, 0, 1, 0, 0, 0, 0, 1, 0)
             tangents = (ctypes.c_float * 4)(*RAW_TANGENTS[eye])
@@ -435,28 +395,9 @@ class SimulatedVrRuntime:
             for which, text in enumerate((device.serial, device.model, MAKER)):
                 self._native.visavis_vr_set_text(slot, which, text.encode())
 
-    def _guarded(self, function: Callable[..., Any], prototype: Any) -> Callable[..., Any]:
-        """Keep what goes wrong in a callback: C cannot pass it on; it is raised at the end."""
-
-        def call(*args: Any) -> Any:
-            try:
-                return function(*args)
-            except Exception as problem:  # the border to C code
-                self.failure = self.failure or problem
-                return None if prototype._restype_ is None else 0
-
-        return call
-
     def _set_environment(self, name: str, value: str) -> None:
         self._environment.setdefault(name, os.environ.get(name))
         os.environ[name] = value
-
-
-def _button_of(control: str) -> tuple[int, str]:
-    """Return slot and button of a body's control: "trigger", "left_grip"."""
-    side, _, button = control.rpartition("_")
-    slot = RIGHT_CONTROLLER_SLOT - 1 if side == "left" else RIGHT_CONTROLLER_SLOT
-    return slot, button
 
 
 def _platform_folder() -> str:

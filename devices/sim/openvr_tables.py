@@ -1,5 +1,39 @@
 """The function tables of OpenVR's interfaces, from the package's own definitions, for C."""
 
+import ctypes
+from collections.abc import Callable, Mapping
+from typing import Any
+
+
+class FunctionTables:
+    """Functions of ours that C code calls; `failure` keeps the first that went wrong in one."""
+
+    def __init__(self, native: Any) -> None:
+        self._native = native
+        self._keep: list[Any] = []
+        self.failure: Exception | None = None
+
+    def fill(self, number: int, table: Any, functions: Mapping[str, Callable[..., Any]]) -> None:
+        """Put functions into the table of an interface, by the names of its slots."""
+        for slot, (name, prototype) in enumerate(table._fields_):
+            if name in functions:
+                made = prototype(self._guarded(functions[name], prototype))
+                self._keep.append(made)
+                pointer = ctypes.cast(made, ctypes.c_void_p)
+                self._native.visavis_vr_set_function(number, slot, pointer)
+
+    def _guarded(self, function: Callable[..., Any], prototype: Any) -> Callable[..., Any]:
+        """Keep what goes wrong in a callback: C cannot pass it on; it is raised at the end."""
+
+        def call(*args: Any) -> Any:
+            try:
+                return function(*args)
+            except Exception as problem:  # the border to C code
+                self.failure = self.failure or problem
+                return None if prototype._restype_ is None else 0
+
+        return call
+
 
 def table_header() -> str:
     """Return C definitions of the function tables, from the package's own."""

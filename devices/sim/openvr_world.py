@@ -54,6 +54,25 @@ class SimulatedVrWorld:
         self.base_offset_m = np.zeros((len(BASE_STATIONS_M), 3))
         self.devices = self._make_devices(dict(trackers))
 
+    def device(self, slot: int) -> SimulatedVrDevice | None:
+        """Return what is at a slot; None when it is empty."""
+        return self.devices[slot] if slot < len(self.devices) else None
+
+    def class_of(self, slot: int) -> int:
+        """Return the kind of device at a slot, 0 for none."""
+        device = self.device(slot)
+        return 0 if device is None else device.kind
+
+    def is_connected(self, slot: int) -> bool:
+        """Tell whether the device at a slot is connected."""
+        device = self.device(slot)
+        return device is not None and device.is_connected
+
+    def role_of(self, slot: int) -> int:
+        """Return which hand the controller at a slot is for: 1 left, 2 right, 0 neither."""
+        device = self.device(slot)
+        return 0 if device is None else device.role
+
     def wear(self, trackers: Mapping[str, str]) -> None:
         """Put more trackers on segments of the body: serial number -> segment."""
         for serial, segment in trackers.items():
