@@ -5,7 +5,7 @@ Capture's clock is never set: offsets come from repeated `t` requests, all of th
 stream has no sample counter, so `seq` counts what arrived and loss shows in the stamps alone.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,6 +23,8 @@ from devices.contracts import (
 )
 from devices.drivers import pupil_codec as codec
 from devices.drivers.exchange_log import ExchangeLog
+from devices.drivers.pupil_answers import ROW_BYTES, check_version, eyes_seen, read_port
+from devices.drivers.pupil_calibration import HmdCalibration
 from devices.drivers.pupil_faults import Findings, SeenEyes, describe
 from devices.drivers.pupil_layout import GazeDecoder
 from devices.drivers.wire_thread import WireThread
@@ -45,18 +47,11 @@ REMEDY = (
     "start Pupil Capture, enable the plug-in Pupil Remote on port 50020, and check address and "
     "firewall"
 )
-OLDEST_VERSION = (2, 0)
-"""The first version whose headset calibration takes 3-D references (HMD3DChoreographyPlugin)."""
-
 TOPICS = (codec.GAZE_TOPIC, codec.NOTIFY_TOPIC)
 RECONNECT_WINDOW_NS = 250 * NS_PER_MS
 POSTS_BEFORE_LOST = 3
 COMMAND_TIMEOUT_S = 1.0
 RECENT_BATCHES = 90
-
-ROW_BYTES = GAZE.dtype.itemsize
-_GAZE_FIELDS: Mapping[str, Any] = GAZE.dtype.fields or {}
-LEFT_VALID_AT, RIGHT_VALID_AT = (_GAZE_FIELDS[f"{eye}_valid"][1] for eye in ("left", "right"))
 
 
 class PupilCore:
@@ -87,16 +82,13 @@ class PupilCore:
         self._interval_ns = round(exchange_interval_s * NS_PER_S)
         self._opening_exchanges = opening_exchanges
         self._lost_after_ns = round(lost_after_s * NS_PER_S)
-        self._half_eyes_mm = eye_distance_mm / 2
-        self._reference_distance_m = reference_distance_m
+        self._calibration = HmdCalibration(self._notify, eye_distance_mm, reference_distance_m)
         self._life = Lifecycle(role)
         self._schema = StreamSchema(GAZE.name, GAZE.fields, rate_hz, GAZE.version)
         self._sink: Sink | None = None
         self._publish_port = 0
         self._exchanges = ExchangeLog()
         self._offset_of: tuple[int, int] | None = None
-        self._references: list[dict[str, Any]] = []
-        self._outcome: CalibrationOutcome | None = None
         self._wire = WireThread(role, remedy=REMEDY, timeout_s=2 * COMMAND_TIMEOUT_S)
         self._attempt_ends_ns: int | None = None
         self.info = DeviceInfo(
@@ -127,12 +119,12 @@ class PupilCore:
         try:
             self._transport.open(deadline_s)
             version = self._ask(b"v", deadline_ns)
-            self._check_version(version)
+            check_version(version, role=self.info.role)
             self.info = replace(
                 self.info, model=f"Core (Capture {version})", transport=self._transport.kind
             )
-            subscribe_port = self._port(self._ask(b"SUB_PORT", deadline_ns), "SUB_PORT")
-            self._publish_port = self._port(self._ask(b"PUB_PORT", deadline_ns), "PUB_PORT")
+            subscribe_port = self._port("SUB_PORT", deadline_ns)
+            self._publish_port = self._port("PUB_PORT", deadline_ns)
             for _ in range(max(1, self._opening_exchanges)):
                 self._request_time(deadline_ns)
             self._transport.subscribe(subscribe_port, TOPICS)
@@ -210,24 +202,12 @@ class PupilCore:
     def begin_calibration(self) -> None:
         """Start the 3-D headset calibration; targets follow by `add_reference`."""
         self._life.require("begin_calibration", DeviceState.STREAMING)
-        self._references = []
-        self._outcome = None
-        half_mm = self._half_eyes_mm
-        self._notify("start_plugin", name="HMD3DChoreographyPlugin", args={})
-        self._notify(
-            "calibration.should_start",
-            translation_eye0=[half_mm, 0.0, 0.0],
-            translation_eye1=[-half_mm, 0.0, 0.0],
-            record=True,
-        )
+        self._calibration.begin()
 
     def add_reference(self, direction_head: Vector, t_host_ns: int) -> None:
         """Keep a target; it is placed at `reference_distance_m` and sent at the end."""
         self._life.require("add_reference", DeviceState.STREAMING)
-        device_ns = t_host_ns - self._offset_ns()
-        self._references.append(
-            codec.encode_reference(direction_head, device_ns, self._reference_distance_m)
-        )
+        self._calibration.add(direction_head, t_host_ns - self._offset_ns())
 
     def end_calibration(self, deadline_s: float) -> CalibrationOutcome:
         """Send the targets and wait for Capture's verdict; samples go on meanwhile.
@@ -253,12 +233,11 @@ class PupilCore:
     def finish_calibration(self) -> None:
         """Send the targets; Capture's verdict comes by `poll`."""
         self._life.require("finish_calibration", DeviceState.STREAMING)
-        self._notify("calibration.add_ref_data", ref_data=self._references)
-        self._notify("calibration.should_stop")
+        self._calibration.finish()
 
     def calibration_verdict(self) -> CalibrationOutcome | None:
         """Return Capture's verdict; None until it came."""
-        return self._outcome
+        return self._calibration.outcome
 
     def annotate(self, text: str, t_host_ns: int) -> None:
         """Publish an annotation stamped on Capture's clock."""
@@ -312,18 +291,14 @@ class PupilCore:
         sink = self._sink
         if not n or sink is None:
             return 0
-        if n < most:
-            rows, stamps = rows[: n * ROW_BYTES], stamps[:n]
-        data = rows.tobytes()
-        self._meter.update(stamps.tolist(), arrivals[-1])
-        self._recent.add(
-            n, sum(data[LEFT_VALID_AT::ROW_BYTES]), sum(data[RIGHT_VALID_AT::ROW_BYTES])
-        )
+        data = rows[: n * ROW_BYTES].tobytes()
+        self._meter.update(stamps[:n].tolist(), arrivals[-1])
+        self._recent.add(n, *eyes_seen(data))
         sink(
             SampleBatch(
                 self._schema,
                 np.array(seqs, np.int64),
-                stamps,
+                stamps[:n],
                 np.array(arrivals, np.int64),
                 np.frombuffer(data, GAZE.dtype),
             )
@@ -344,15 +319,10 @@ class PupilCore:
         if found is None:
             self._findings.malformed += 1
             return
-        subject = found["subject"]
-        if subject == "calibration.successful":
-            self._findings.calibrated = True
-            self._outcome = CalibrationOutcome(succeeded=True, message="successful")
-        elif subject == "calibration.failed":
-            reason = str(found.get("reason", "no reason given"))
-            self._outcome = CalibrationOutcome(succeeded=False, message=reason)
+        if self._calibration.take(found):
+            self._findings.calibrated |= self._calibration.has_succeeded
         else:
-            self._findings.note(subject, found.get("eye_id"))
+            self._findings.note(found["subject"], found.get("eye_id"))
 
     # ---- connection and clock --------------------------------------------------------------
 
@@ -426,25 +396,12 @@ class PupilCore:
             raise DeviceNotFound(str(cause), role=self.info.role, remedy=REMEDY) from cause
         return exchange.frames[0].decode("utf-8", "replace")
 
+    def _port(self, name: str, deadline_ns: int) -> int:
+        answer = self._ask(name.encode(), deadline_ns)
+        return read_port(answer, name, role=self.info.role, remedy=REMEDY)
+
     def _left_s(self, deadline_ns: int) -> float:
         return max(0.001, (deadline_ns - self._clock.now_ns()) / NS_PER_S)
-
-    def _check_version(self, text: str) -> None:
-        version = codec.decode_version(text)
-        if version is None or version < OLDEST_VERSION:
-            oldest = ".".join(str(part) for part in OLDEST_VERSION)
-            raise ProtocolViolation(
-                f"Pupil Capture says it is version {text!r}; this driver needs {oldest} or newer",
-                role=self.info.role,
-                remedy="install a current Pupil Capture",
-            )
-
-    def _port(self, text: str, name: str) -> int:
-        if not text.isascii() or not text.isdigit() or not 0 < int(text) < 2**16:
-            raise ProtocolViolation(
-                f"answered {text[:40]!r} when asked for {name}", role=self.info.role, remedy=REMEDY
-            )
-        return int(text)
 
     # ---- commands ---------------------------------------------------------------------------
 

@@ -1,0 +1,41 @@
+"""What Pupil Capture answers when a driver opens, and what its rows say of the eyes."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from devices.contracts import GAZE
+from devices.drivers import pupil_codec as codec
+from lab.errors import ProtocolViolation
+
+OLDEST_VERSION = (2, 0)
+"""The first version whose headset calibration takes 3-D references (HMD3DChoreographyPlugin)."""
+
+ROW_BYTES = GAZE.dtype.itemsize
+_GAZE_FIELDS: Mapping[str, Any] = GAZE.dtype.fields or {}
+_LEFT_VALID_AT, _RIGHT_VALID_AT = (_GAZE_FIELDS[f"{eye}_valid"][1] for eye in ("left", "right"))
+
+
+def check_version(text: str, *, role: str) -> None:
+    """Raise ProtocolViolation unless this version of Capture can be driven."""
+    version = codec.decode_version(text)
+    if version is None or version < OLDEST_VERSION:
+        oldest = ".".join(str(part) for part in OLDEST_VERSION)
+        raise ProtocolViolation(
+            f"Pupil Capture says it is version {text!r}; this driver needs {oldest} or newer",
+            role=role,
+            remedy="install a current Pupil Capture",
+        )
+
+
+def read_port(text: str, name: str, *, role: str, remedy: str) -> int:
+    """Return the port that Capture answered when asked for `name`; raises ProtocolViolation."""
+    if not text.isascii() or not text.isdigit() or not 0 < int(text) < 2**16:
+        raise ProtocolViolation(
+            f"answered {text[:40]!r} when asked for {name}", role=role, remedy=remedy
+        )
+    return int(text)
+
+
+def eyes_seen(rows: bytes) -> tuple[int, int]:
+    """Return in how many rows of `GAZE` the left and the right eye were seen."""
+    return sum(rows[_LEFT_VALID_AT::ROW_BYTES]), sum(rows[_RIGHT_VALID_AT::ROW_BYTES])
