@@ -28,11 +28,12 @@ from devices.contracts import (
     Sink,
 )
 from devices.drivers import openvr_codec as codec
+from devices.drivers.openvr_display import BaseStations, read_display, timing_row
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import Exchange, MessageTransport
 from lab.clock import NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation
+from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound
 from lab.frame import EyeView, FrameInfo
 from lab.geometry import Pose, rotate
 from lab.schema import SampleBatch, StreamSchema
@@ -49,7 +50,6 @@ COMPOSITOR_REMEDIES = {
     "CompositorError_IsNotSceneApplication": "open the runtime as a scene application",
     "CompositorError_DoNotHaveFocus": "close the other VR program or SteamVR's dashboard",
 }
-MOVED_BASE_STATION_M = 0.005
 BASE_STATIONS_EVERY_NS = 2 * NS_PER_S
 RECONNECT_EVERY_NS = NS_PER_S // 2
 FOCUS_LOST = "CompositorError_DoNotHaveFocus"
@@ -84,9 +84,7 @@ class OpenVrHeadset:
         self._lost = ""
         self._retry_ns = 0
         self._serials: dict[int, str] = {}
-        self._base_slots: tuple[int, ...] = ()
-        self._base_places: dict[str, Array] = {}
-        self._base_moved: dict[str, float] = {}
+        self._bases = BaseStations()
         self._base_due_ns = 0
         self._submit_problem = ""
         self._last_poses = codec.decode_poses(b"")
@@ -259,7 +257,7 @@ class OpenVrHeadset:
             remedy = COMPOSITOR_REMEDIES.get(self._submit_problem, REMEDY)
             text = f"images were refused: {self._submit_problem}"
             faults.append(Fault(role, "blocking", text, remedy))
-        for serial, moved_m in self._base_moved.items():
+        for serial, moved_m in self._bases.moved_m.items():
             text = f"base station {serial} moved by {moved_m * 1e3:.0f} mm"
             remedy = "fix it to its place and run the room setup again"
             faults.append(Fault(role, "warning", text, remedy))
@@ -315,35 +313,11 @@ class OpenVrHeadset:
     def _learn(self) -> None:
         runtime = self._answer("runtime").decode("utf-8", "replace")
         self._learn_devices()
-        try:
-            rate_hz, photons_s, width, height = msgpack.unpackb(self._answer("display"))
-            eyes = [msgpack.unpackb(self._answer(f"eye {eye}")) for eye in (0, 1)]
-        except (ValueError, TypeError) as cause:
-            raise ProtocolViolation(
-                "the runtime's account of the display cannot be read",
-                role=self.info.role,
-                remedy=REMEDY,
-            ) from cause
-        if not 1 <= rate_hz <= 1000:
-            raise ProtocolViolation(
-                f"the runtime says the display runs at {rate_hz} Hz",
-                role=self.info.role,
-                remedy=REMEDY,
-            )
-        self.display_rate_hz = float(rate_hz)
-        self.render_size_px = (int(width), int(height))
-        self._photons_ns = round(photons_s * NS_PER_S)
-        placed = [codec.decode_matrix(matrix) for _, matrix in eyes]
-        if placed[0] is None or placed[1] is None:
-            raise ProtocolViolation(
-                "the runtime gives no places of the eyes", role=self.info.role, remedy=REMEDY
-            )
-        self._midpoint = (np.array(placed[0][0]) + np.array(placed[1][0])) / 2
-        left, right = (
-            _view(tangents, np.array(place[0]) - self._midpoint, place[1])
-            for (tangents, _), place in zip(eyes, (placed[0], placed[1]), strict=True)
-        )
-        self._views = (left, right)
+        eyes = (self._answer("eye 0"), self._answer("eye 1"))
+        found = read_display(self._answer("display"), eyes, role=self.info.role, remedy=REMEDY)
+        self.display_rate_hz, self.render_size_px = found.rate_hz, found.render_size_px
+        self._photons_ns, self._midpoint = found.photons_ns, found.midpoint_m
+        self._views = found.views
         self.info = replace(
             self.info, is_simulated=self._transport.is_simulated, driver_version=f"1 ({runtime})"
         )
@@ -352,7 +326,7 @@ class OpenVrHeadset:
     def _learn_devices(self) -> None:
         rows = msgpack.unpackb(self._answer("devices"))
         self._serials = {row[0]: row[3] for row in rows}
-        self._base_slots = tuple(row[0] for row in rows if row[1] == codec.BASE_STATION)
+        self._bases.slots = {row[0]: row[3] for row in rows if row[1] == codec.BASE_STATION}
         for _, kind, _, serial, model, maker, _ in rows:
             if kind == codec.HMD:
                 self.info = replace(self.info, serial=serial, model=model, vendor=maker)
@@ -391,35 +365,20 @@ class OpenVrHeadset:
         self._seq += 1
         if t_ns >= self._base_due_ns:
             self._base_due_ns = t_ns + BASE_STATIONS_EVERY_NS
-            self._watch_base_stations(poses)
+            self._bases.look(poses)
         return self._frame
 
     def _close_frame(self, timing_raw: bytes) -> None:
         frame = self._frame
         if frame is None:
             return
-        timing = codec.decode_frame_timing(timing_raw)
-        values = np.zeros(1, FRAME_TIMING.dtype)
-        row = values[0]
-        row["frame"] = frame.index
-        row["pose_seq"] = self._seq - 1
-        row["predicted_display_ns"] = frame.predicted_display_ns
-        row["t_submitted_ns"] = self._submitted_ns
-        row["skipped"] = frame.dropped
-        row["render_gpu_ms"] = math.nan
-        if timing is not None:
-            row["timing_known"] = True
-            row["presents"] = timing.presents
-            row["mispresented"] = timing.mispresented
-            row["runtime_dropped"] = timing.dropped
-            row["reprojection_flags"] = timing.reprojection_flags
-            row["render_gpu_ms"] = timing.render_gpu_ms
+        row = timing_row(frame, self._seq - 1, self._submitted_ns, timing_raw)
         self._deliver(
             self._timing_schema,
             self._timing_seq,
             frame.predicted_display_ns,
             self._clock.now_ns(),
-            values.tobytes(),
+            row,
         )
         self._timing_seq += 1
 
@@ -435,17 +394,6 @@ class OpenVrHeadset:
                 np.frombuffer(row, schema.dtype),
             )
         )
-
-    def _watch_base_stations(self, poses: Array) -> None:
-        for slot in self._base_slots:
-            pose = codec.decode_pose(poses[slot]) if slot < len(poses) else None
-            if pose is None:
-                continue
-            serial, place = self._serials[slot], np.array(pose[0])
-            first = self._base_places.setdefault(serial, place)
-            moved_m = float(np.linalg.norm(place - first))
-            if moved_m > MOVED_BASE_STATION_M:
-                self._base_moved[serial] = max(moved_m, self._base_moved.get(serial, 0.0))
 
     def _take_event(self, event: codec.VrEvent) -> None:
         if event.kind == "quit":
@@ -492,16 +440,3 @@ class OpenVrHeadset:
         self._meter, self._timing_rows, self._last_t_ns = meter, rows, last_ns
         self._head_schema, self._timing_schema = schemas
         self._life.state = DeviceState.STREAMING
-
-
-def _view(
-    raw: Sequence[float], offset_m: Array, turn: tuple[float, float, float, float]
-) -> EyeView:
-    """Return the view of getProjectionRaw's left, right, top, bottom.
-
-    In the projection the runtime makes of them its "top" bounds the view below; openvr.h names
-    them for an axis that points down.
-    """
-    left, right, top, bottom = raw
-    x, y, z = (float(v) for v in offset_m)
-    return EyeView((x, y, z), turn, left, right, min(top, bottom), max(top, bottom))
