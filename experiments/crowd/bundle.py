@@ -12,7 +12,6 @@ from experiments.crowd.measuring import Runner, measure_sessions
 from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.redrawing import views_of
 from experiments.crowd.study import CrowdStudy
-from experiments.crowd.study_outputs import analyse_study
 from lab.config import LabConfig
 from lab.errors import ConfigError
 from protocol.experiment import ValidationPoint, ValidationVerdict
@@ -93,6 +92,9 @@ class CrowdBundle:
         example: Recording | None,
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""
+        # Figures take a second to import; sessions and previews do without.
+        from experiments.crowd.study_outputs import analyse_study
+
         return analyse_study(sessions, out_dir, is_simulated=is_simulated, commands=commands)
 
 

@@ -13,8 +13,6 @@ from experiments.stare.design import DEFAULT_PARAMETERS, QUESTIONNAIRES, STUDY, 
 from experiments.stare.intake import SessionIntake, measure_parameters_of, provenance_of, take_in
 from experiments.stare.participant import StareParticipant
 from experiments.stare.study import StareStudy
-from experiments.stare.study_outputs import analyse_study
-from experiments.stare.trial_example import example_of
 from lab.config import LabConfig
 from lab.errors import ConfigError
 from protocol.experiment import ValidationPoint, ValidationVerdict
@@ -77,6 +75,10 @@ class StareBundle:
         example: Recording | None,
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""
+        # Figures take a second to import; sessions and previews do without.
+        from experiments.stare.study_outputs import analyse_study
+        from experiments.stare.trial_example import example_of
+
         outputs = analyse_study(
             pd.concat([s.rows for s in sessions], ignore_index=True),
             pd.DataFrame([s.person for s in sessions]),

@@ -20,7 +20,6 @@ from experiments.waving.intake import (
 from experiments.waving.participant import WavingParticipant
 from experiments.waving.redrawing import views_of
 from experiments.waving.study import WavingStudy
-from experiments.waving.study_outputs import analyse_study
 from lab.config import LabConfig
 from lab.errors import ConfigError
 from protocol.experiment import ValidationPoint, ValidationVerdict
@@ -83,6 +82,9 @@ class WavingBundle:
         example: Recording | None,
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""
+        # Figures take a second to import; sessions and previews do without.
+        from experiments.waving.study_outputs import analyse_study
+
         return analyse_study(
             sessions,
             out_dir,

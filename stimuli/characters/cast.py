@@ -1,5 +1,6 @@
 """The people that come with Visavis, and those a lab has imported."""
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
@@ -20,12 +21,14 @@ def _shipped(name: str) -> Character:
     return read_character(DATA / f"{name}.npz")
 
 
+@cache
 def load_cast() -> tuple[Character, ...]:
     """Return the default cast: six women, then five men, all different adults.
 
     Every call returns the same objects, so a renderer keeps what it has built.
     """
-    return tuple(_shipped(name) for name in cast_names())
+    with ThreadPoolExecutor(2) as pool:  # unpacking leaves the other core free
+        return tuple(pool.map(_shipped, cast_names()))
 
 
 def load_character(name_or_path: str | Path, library: Path | None = None) -> Character:
