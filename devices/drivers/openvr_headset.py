@@ -29,6 +29,7 @@ from devices.contracts import (
 )
 from devices.drivers import openvr_codec as codec
 from devices.drivers.openvr_display import BaseStations, read_display, timing_row
+from devices.drivers.openvr_findings import COMPOSITOR_REMEDIES, FOCUS_LOST, REMEDY, Findings
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import Exchange, MessageTransport
@@ -38,21 +39,8 @@ from lab.frame import EyeView, FrameInfo
 from lab.geometry import Pose, rotate
 from lab.schema import SampleBatch, StreamSchema
 
-REMEDY = "look at SteamVR; start it again if it is not running"
-COMPOSITOR_REMEDIES = {
-    "CompositorError_InvalidTexture": "the images were not textures of the current GL context: "
-    "keep the context current, and submit RGBA8 textures that still exist",
-    "CompositorError_TextureIsOnWrongDevice": "let the graphics card that drives the headset "
-    "draw: choose it for Python in the graphics settings",
-    "CompositorError_TextureUsesUnsupportedFormat": "submit RGBA8 textures without mip maps",
-    "CompositorError_SharedTexturesNotSupported": "update the graphics driver",
-    "CompositorError_AlreadySubmitted": "wait for the next frame before submitting again",
-    "CompositorError_IsNotSceneApplication": "open the runtime as a scene application",
-    "CompositorError_DoNotHaveFocus": "close the other VR program or SteamVR's dashboard",
-}
 BASE_STATIONS_EVERY_NS = 2 * NS_PER_S
 RECONNECT_EVERY_NS = NS_PER_S // 2
-FOCUS_LOST = "CompositorError_DoNotHaveFocus"
 CALL_TIMEOUT_S = 5.0
 
 Array = npt.NDArray[Any]
@@ -80,13 +68,12 @@ class OpenVrHeadset:
         self._midpoint = np.zeros(3)
         self._sink: Sink | None = None
         self._pending: deque[SampleBatch] = deque()
-        self._standby = self._taken_off = self._unfocused = False
+        self._found = Findings()
         self._lost = ""
         self._retry_ns = 0
         self._serials: dict[int, str] = {}
         self._bases = BaseStations()
         self._base_due_ns = 0
-        self._submit_problem = ""
         self._last_poses = codec.decode_poses(b"")
         self.info = DeviceInfo(
             role=role,
@@ -148,8 +135,8 @@ class OpenVrHeadset:
         exchange = self._call("wait_poses")
         self._clock.sleep_until_ns(exchange.t_receive_ns)  # a replay has yet to get there
         error = exchange.frames[0].decode()
-        self._unfocused = error == FOCUS_LOST
-        if error and not self._unfocused:
+        self._found.unfocused = error == FOCUS_LOST
+        if error and not self._found.unfocused:
             self._lose(error)
             return self._wait_without_runtime()
         t_ns = max(exchange.t_receive_ns, self._last_t_ns + 1)
@@ -180,15 +167,15 @@ class OpenVrHeadset:
             frames = (f"submit {eye}".encode(), str(name).encode())
             error = self._transport.request(frames, CALL_TIMEOUT_S).frames[0].decode()
             if error == FOCUS_LOST:
-                self._unfocused = True
+                self._found.unfocused = True
             elif error:
-                self._submit_problem = error
+                self._found.submit_problem = error
                 raise DeviceError(
                     f"the runtime refused the {('left', 'right')[eye]} image: {error}",
                     role=self.info.role,
                     remedy=COMPOSITOR_REMEDIES.get(error, REMEDY),
                 )
-        self._submit_problem = ""
+        self._found.submit_problem = ""
         self._submitted_ns = self._clock.now_ns()
 
     def poll(self, timeout_s: float) -> int:
@@ -238,30 +225,8 @@ class OpenVrHeadset:
 
     def check(self) -> tuple[Fault, ...]:
         """Tell standby, a headset not worn, lost tracking, moved base stations, lost focus."""
-        role, faults = self.info.role, []
-        if self.state is DeviceState.FAULT:
-            faults.append(Fault(role, "blocking", self._lost, REMEDY))
-        if self._standby:
-            remedy = "ask the participant to put the headset on; wake it by moving it"
-            faults.append(Fault(role, "blocking", "no head tracking: in standby", remedy))
-        elif self._taken_off:
-            remedy = "ask the participant to put the headset on"
-            faults.append(Fault(role, "warning", "the headset is not worn", remedy))
-        if self._untracked:
-            remedy = "check that the base stations see the headset, and that it is connected"
-            faults.append(Fault(role, "blocking", "the headset is not tracked", remedy))
-        if self._unfocused:
-            remedy = COMPOSITOR_REMEDIES[FOCUS_LOST]
-            faults.append(Fault(role, "blocking", "another VR program has the display", remedy))
-        if self._submit_problem:
-            remedy = COMPOSITOR_REMEDIES.get(self._submit_problem, REMEDY)
-            text = f"images were refused: {self._submit_problem}"
-            faults.append(Fault(role, "blocking", text, remedy))
-        for serial, moved_m in self._bases.moved_m.items():
-            text = f"base station {serial} moved by {moved_m * 1e3:.0f} mm"
-            remedy = "fix it to its place and run the room setup again"
-            faults.append(Fault(role, "warning", text, remedy))
-        return tuple(faults)
+        lost = self._lost if self.state is DeviceState.FAULT else ""
+        return self._found.faults(self.info.role, lost, self._bases.moved_m)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return nothing: the runtime stamps by this computer's clock."""
@@ -294,7 +259,7 @@ class OpenVrHeadset:
         self._last_count: int | None = None
         self._frame: FrameInfo | None = None
         self._submitted_ns = -1
-        self._untracked = False
+        self._found.untracked = False
 
     def _call(self, name: str) -> Exchange:
         return self._transport.request((name.encode(),), CALL_TIMEOUT_S)
@@ -354,7 +319,7 @@ class OpenVrHeadset:
         self._last_poses = poses
         self._submitted_ns = -1
         pose = codec.decode_pose(poses[0]) if len(poses) else None
-        self._untracked = pose is None
+        self._found.untracked = pose is None
         if pose is None:
             row = _LOST_ROW
         else:
@@ -399,11 +364,11 @@ class OpenVrHeadset:
         if event.kind == "quit":
             self._lose("the runtime was closed")
         elif event.kind in ("standby", "awake"):
-            self._standby = event.kind == "standby"
+            self._found.standby = event.kind == "standby"
         elif event.slot == 0 and event.kind in ("worn", "taken_off"):
-            self._taken_off = event.kind == "taken_off"
+            self._found.taken_off = event.kind == "taken_off"
         elif event.slot == 0 and event.button == "worn":
-            self._taken_off = event.kind == "release"
+            self._found.taken_off = event.kind == "release"
         elif event.kind in ("activated", "deactivated") and self.state is DeviceState.STREAMING:
             self._learn_devices()
 
