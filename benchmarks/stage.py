@@ -25,7 +25,7 @@ from lab.clock import SystemClock, cpu_time_s
 from lab.geometry import Pose, quat_from_yaw_pitch_deg
 from stage.drawn_stage import default_views, eye_camera
 from stage.levels import DetailRule
-from stage.renderer import LIGHTEST, Quality, Renderer
+from stage.renderer import LIGHTEST, ON_PROCESSOR, Quality, Renderer
 from stage.targets import EyeTarget
 from stimuli.characters.cast import load_cast
 from stimuli.characters.character import Material
@@ -139,7 +139,8 @@ def _perform(task: str) -> tuple[float, ...]:
         few = frames_of(12, FULL, 200, read=False)[1]
         return few, frames_of(150, replace(Quality(), samples=4), 200, read=False)[1]
     if task == "offscreen":
-        return (*frames_of(12, LIGHTEST, 40, read=True), *frames_of(150, LIGHTEST, 20, read=True))
+        asked = ((12, LIGHTEST, 40), (150, LIGHTEST, 20), (12, ON_PROCESSOR, 40))
+        return tuple(ms for n, q, times in asked for ms in frames_of(n, q, times, read=True))
     with Renderer(quality=LIGHTEST) as renderer:
         camera = eye_camera(HEAD, default_views()[0])
         return (float(renderer.image(crowd(12)(0.0), camera, EYE_PX).mean()),)
@@ -148,7 +149,7 @@ def _perform(task: str) -> tuple[float, ...]:
 def rows() -> list[Row]:
     """Measure everything."""
     few, many = _in_process("work", {"GALLIUM_NOOP": "1"})
-    wall_few, cpu_few, wall_many, cpu_many = _in_process("offscreen", {})
+    wall_few, cpu_few, wall_many, cpu_many, wall_shown, _ = _in_process("offscreen", {})
     clock = SystemClock()
     t_ns = clock.now_ns()
     _in_process("first", {})
@@ -160,6 +161,7 @@ def rows() -> list[Row]:
         _row("  its CPU time, all threads", cpu_few, "ms", 50.0),
         _row("off-screen, 150 people, stereo", 1e3 / wall_many, "frames/s", 8.0, more=True),
         _row("  its CPU time, all threads", cpu_many, "ms", 250.0),
+        _row("  12 people, the near ones finer", 1e3 / wall_shown, "frames/s", 40.0, more=True),
         _row("first frame after the command", first_s, "s", 3.0),
     ]
 

@@ -207,14 +207,14 @@ def _play(showing: _Showing) -> None:
     """Show the trial in a window at its own speed, again and again, until it is closed."""
     from stage.context import draws_on_processor
     from stage.mirror import Mirror
-    from stage.renderer import LIGHTEST, Quality, Renderer
+    from stage.renderer import ON_PROCESSOR, Quality, Renderer
     from stage.targets import EyeTarget
     from stage.window import Window
 
     display = Window(f"{showing.label}  ·  {SIMULATED}", showing.size_px)
     clock = SystemClock()
     try:
-        quality = LIGHTEST if draws_on_processor(display.context) else Quality()
+        quality = ON_PROCESSOR if draws_on_processor(display.context) else Quality()
         with (
             Meanwhile(showing.capture) as meanwhile,
             Renderer(display.context, quality=quality) as renderer,

@@ -67,7 +67,7 @@ def build_stage(
     from stage.drawn_stage import Display, DrawnStage, default_views
     from stage.fades import FadeTimes
     from stage.mirror import Mirror
-    from stage.renderer import LIGHTEST, Renderer
+    from stage.renderer import ON_PROCESSOR, Renderer
     from stage.window import Window
 
     n, rate_hz = experiment.people_count + EXTRA_PEOPLE, rig.headset.display_rate_hz
@@ -78,7 +78,7 @@ def build_stage(
         context = offscreen_context() if _show_images(rig) else None
         return DrawnStage(
             dresser,
-            lambda: Renderer(context, quality=LIGHTEST),
+            lambda: Renderer(context, quality=ON_PROCESSOR),
             Display(
                 getattr(rig.headset, "eye_views", default_views), lambda: OFFSCREEN_PX, n, rate_hz
             ),
@@ -95,7 +95,7 @@ def build_stage(
         display = _of_headset(config, rig, n)
         _show_images(rig)
     window = Window(f"Visavis: {experiment.name}", window_px)
-    quality = LIGHTEST if draws_on_processor(window.context) else None
+    quality = ON_PROCESSOR if draws_on_processor(window.context) else None
     return DrawnStage(
         dresser,
         lambda: Renderer(window.context, quality=quality),

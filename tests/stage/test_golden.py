@@ -19,7 +19,7 @@ from PIL import Image
 from lab.geometry import Pose, quat_from_yaw_pitch_deg
 from stage.context import draws_on_processor
 from stage.errors import StageError
-from stage.renderer import LIGHTEST, Quality, Renderer
+from stage.renderer import LIGHTEST, ON_PROCESSOR, Quality, Renderer
 from stimuli.dressing.audience import audience_picture
 from stimuli.dressing.station import station_picture
 from stimuli.picture import Camera, Picture
@@ -68,8 +68,8 @@ def _station() -> tuple[Picture, Camera]:
 CASES: dict[str, tuple[Callable[[], tuple[Picture, Camera]], Quality]] = {
     "people": (_people, PLAIN),
     "people_lightest": (_people, LIGHTEST),
-    "audience": (_audience, LIGHTEST),
-    "station": (_station, LIGHTEST),
+    "audience": (_audience, ON_PROCESSOR),
+    "station": (_station, ON_PROCESSOR),
 }
 
 
