@@ -273,3 +273,21 @@ def any_boxes_meet(a: Vector, n_a: int, b: Vector, n_b: int, whole_b: Vector) ->
                 if boxes_meet(a[i], b[j]):
                     return True
     return False
+
+
+@compiled
+def box_of_meetings(a: Vector, n_a: int, b: Vector, n_b: int, whole_b: Vector, box: Vector) -> bool:
+    """Write the box (2, 3) around everything the first boxes of `a` share with those of `b`, and
+    tell whether there is anything.
+    """
+    box[0], box[1] = np.inf, -np.inf
+    for i in range(n_a):
+        if not boxes_meet(a[i], whole_b):
+            continue
+        for j in range(n_b):
+            if not boxes_meet(a[i], b[j]):
+                continue
+            for k in range(3):
+                box[0, k] = min(box[0, k], max(a[i, k], b[j, k]))
+                box[1, k] = max(box[1, k], min(a[i, k + 3], b[j, k + 3]))
+    return bool(box[0, 0] < box[1, 0])

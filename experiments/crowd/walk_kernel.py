@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from analysis.collisions.pair import measure_pair
+from analysis.collisions.pair import measure_within
 from analysis.collisions.skinned import (
     Bodies,
     any_boxes_meet,
+    box_of_meetings,
     boxes_meet,
     group_boxes,
     joint_moves,
@@ -50,6 +51,7 @@ def volumes_of_walk(
     own_boxes, boxes = np.empty((N_JOINTS, 6)), np.empty((N_JOINTS, 6))
     own_tight, tight = np.empty((own.slices[0], 6)), np.empty((others.slices.max(), 6))
     own_whole, whole = np.empty(6), np.empty(6)
+    shared = np.empty((2, 3))
     root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
     position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
     for i in range(positions.shape[0]):
@@ -97,10 +99,10 @@ def volumes_of_walk(
             n = others.slices[who]
             c0, c1 = others.corners[who], others.corners[who + 1]
             posed_boxes(mesh_m, others.corner[c0:c1], others.slice[c0:c1], n, tight)
-            if not any_boxes_meet(own_tight, own.slices[0], tight, n, whole):
+            if not box_of_meetings(own_tight, own.slices[0], tight, n, whole, shared):
                 continue
-            found = measure_pair(
-                own_m, own.faces, mesh_m, others.faces[f0:f1],
+            found = measure_within(
+                own_m, own.faces, mesh_m, others.faces[f0:f1], shared[0], shared[1],
                 cell_m, refine_below_m3, fine_columns,
             )  # fmt: skip
             volumes[i, p] = found[0]

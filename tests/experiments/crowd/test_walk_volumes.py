@@ -37,11 +37,12 @@ def walk():
 
 
 @pytest.mark.parametrize("surface", SURFACES)
-def test_the_kernel_equals_measuring_every_pair_one_by_one(walk, surface):
+def test_the_kernel_is_within_a_grid_s_noise_of_measuring_every_pair_one_by_one(walk, surface):
     measured = walk_volumes(walk, surface=surface).volume_m3
     assert (measured > 1e-6).sum() > 10
     own, size_m = own_surface(surface, avatar_of(None, STATURE_M))
     people = people_of(walk.crowd)
+    here = there = 0.0
     for i in range(0, len(walk.t_ns), 8):
         mesh = own.posed(walk.position_m[i], walk.orientation_wxyz[i], STATURE_M / size_m)
         position, turn = crowd_poses(people, float(walk.crowd_t_s[i]))
@@ -49,8 +50,12 @@ def test_the_kernel_equals_measuring_every_pair_one_by_one(walk, surface):
         for person in np.flatnonzero(near).tolist():
             other = person_surface(int(walk.crowd.character[person]), surface)
             plain = common_volume(mesh, other.posed(position[person], turn[person])).volume_m3
-            assert plain == pytest.approx(measured[i, person], rel=1e-9, abs=1e-12)
+            # Columns are laid through what pieces of the two share, not through whole bodies.
+            assert plain == pytest.approx(measured[i, person], rel=0.06, abs=1e-7)
+            assert (plain > 1e-6) == (measured[i, person] > 1e-6)
+            here, there = here + measured[i, person], there + plain
         assert not measured[i, ~near].any()
+    assert here == pytest.approx(there, rel=0.005)
 
 
 @pytest.mark.parametrize("surface", SURFACES)
