@@ -1,6 +1,6 @@
 """Measure visual motion warping: renders, control steps, how soon targets are met, frame times.
 
-    python -m benchmarks.warping [--seconds 10] [--json]
+    python -m benchmarks.warping [--seconds 10] [--cases NAME ...] [--clips] [--json]
 
 A control step over all 22 units draws 45 poses at 128 × 128 and measures three features of each.
 Steps of one core are counted in CPU time, so that other work on the machine does not matter; those
@@ -11,6 +11,10 @@ a tenth of the wanted change or within what the buffer can tell; a preset holds 
 of its reachable poses are met in five steps; frame times are wall time of a
 loop at 90 Hz that poses twelve people, with the controller beside it and without: they mean
 something on an idle machine only.
+
+`--clips` warps the presets' whole clips instead (a quarter of a minute each) and prints what is
+reached, the largest offset, by how much joint limits are exceeded, and how fast and jerkily the
+joints that were moved turn beside the same joints of the original. `--cases` chooses presets.
 """
 
 import argparse
@@ -27,9 +31,11 @@ import numpy as np
 from lab.clock import NS_PER_S, StopWatch, SystemClock, cpu_time_s
 from stimuli.characters.cast import load_character
 from stimuli.motion.build import build_of_character
+from stimuli.motion.joint_limits import beyond_deg
 from stimuli.motion.kinds import Idle, Wave
 from stimuli.motion.people import PeopleMotion, Person
 from stimuli.motion.warping.cases import CASES, StagedCase, case_named, staged
+from stimuli.motion.warping.clips import warp_clip
 from stimuli.motion.warping.control import (
     ControlSettings,
     Outcome,
@@ -45,11 +51,15 @@ from stimuli.motion.warping.features import FeatureTarget
 from stimuli.motion.warping.online import OnlineWarp
 from stimuli.motion.warping.outlook import outlook
 from stimuli.motion.warping.perceived import SeenBody, body_of, perceived
-from stimuli.motion.warping.units import units_named
+from stimuli.motion.warping.smoothness import peak_turning
+from stimuli.motion.warping.units import WarpingUnit, units_named
 
 Row = dict[str, object]
 SIZE_PX = 128
 ENOUGH_01 = 0.9
+LIVELIER, STILL_JERK_DEG_S3 = 1.5, 5_000.0
+"""The jerk of a warped motion is at most so many times that of its original, or, where that hardly
+moves, a tenth of what a wave has."""
 LONG_RUNS: tuple[dict[str, Any], ...] = (
     {},
     {"step_cap_deg": 5.0},
@@ -137,32 +147,37 @@ def _steps_of(moment: Situation) -> list[Row]:
     ]
 
 
-def presets(moments: int = 10) -> list[Row]:
+def presets(names: Sequence[str], moments: int = 10) -> list[Row]:
     """How many poses come within 10 % of the target in five steps, per preset, of the reachable.
 
     A pose counts as reachable when any of `LONG_RUNS` reaches it from rest; of those that none
-    reaches, the best share of the wanted change is given.
+    reaches, the best share of the wanted change is given; of those that take more steps, the
+    largest offset and that of the trunk. Of all that are missed it is counted how many want more
+    coverage than the resting pose has with nothing in between and all in light.
     """
     who = load_character("anna")
     rows: list[Row] = []
-    for case in CASES.values():
+    for case in map(case_named, names):
         stage = staged(case, who)
-        met, reachable, best = 0, 0, []
+        met, reachable, best, missed, late = 0, 0, [], [], []
         for t_s in np.linspace(0.05, 0.95, moments) * stage.clip.duration_s:
             pose = stage.clip.at(t_s)
             moment = Situation(
                 stage.body, stage.view, case.targets, stage.units, pose.root_m,
                 pose.orientation_wxyz,
             )  # fmt: skip
-            if steer(moment, replace(case.settings, most_steps=5)).is_reached:
+            found = steer(moment, replace(case.settings, most_steps=5))
+            if found.is_reached:
                 met, reachable = met + 1, reachable + 1
                 continue
+            missed.append(_wants_more_than_there_is(moment, found))
             shares = []
             for long_run in LONG_RUNS:
                 found = steer(moment, replace(case.settings, most_steps=60, **long_run))
                 shares.append(_least_share(found))
                 if found.is_reached:
                     reachable += 1
+                    late.append(_offsets_deg(stage.units, found))
                     break
             else:
                 best.append(max(shares))
@@ -171,10 +186,60 @@ def presets(moments: int = 10) -> list[Row]:
                 math.ceil(ENOUGH_01 * reachable))
             | {"reachable": reachable}
         )  # fmt: skip
+        if missed:
+            said = f"of {len(missed)} missed, want more than there is with nothing in between"
+            rows.append(row(f"{case.name}: {said}", sum(missed), "poses"))
+        if late:
+            said = f"{len(late)} reached later, largest offset"
+            largest, trunk = np.array(late).max(axis=0)
+            rows.append(row(f"{case.name}: {said} (of the spine {trunk:.3g})", largest, "°"))
         if best:
             said = "unreachable, best share of the wanted change in 60 steps"
             rows.append(row(f"{case.name}: {said} ({len(best)} poses, median)",
                             float(np.median(best)), "1"))  # fmt: skip
+    return rows
+
+
+def _offsets_deg(units: tuple[WarpingUnit, ...], found: Outcome) -> tuple[float, float]:
+    """Return the largest offset of all units, and of those of the spine."""
+    degrees = np.abs(np.degrees(found.omega_rad))
+    spine = [a for a, unit in zip(degrees, units, strict=True) if unit.name.startswith("spine")]
+    return float(degrees.max()), float(max(spine, default=0.0))
+
+
+def _wants_more_than_there_is(moment: Situation, found: Outcome) -> bool:
+    """Tell whether a coverage is wanted that the resting pose lacks even in the open."""
+    bare = replace(moment, view=outlook(moment.view.camera, moment.view.size_px[1]))
+    there_is = see(bare, np.zeros((1, len(moment.units))))[0]
+    covers = np.array([t.kind == "coverage" for t in moment.targets])
+    return bool((covers & (found.wanted > there_is)).any())
+
+
+def clips(names: Sequence[str]) -> list[Row]:
+    """What whole warped clips reach, and how smoothly, per preset."""
+    who = load_character("anna")
+    rows: list[Row] = []
+    for case in map(case_named, names):
+        stage = staged(case, who)
+        found = warp_clip(
+            stage.clip, stage.body, stage.view, case.targets, stage.units, case.settings
+        )
+        turned = (found.clip.orientation_wxyz != stage.clip.orientation_wxyz).any(axis=-1)
+        moved = tuple(np.array(found.clip.skeleton.names)[turned.any(axis=0)])
+        past = float(beyond_deg(found.clip.orientation_wxyz)[turned].max(initial=0.0))
+        before, after = (peak_turning(clip, moved) for clip in (stage.clip, found.clip))
+        said = f"{case.name}, clip: "
+        rows += [
+            row(said + "poses solved one by one", 100 * float(found.pose_reached.mean()), "%"),
+            row(said + "frames reached", 100 * float(found.is_reached.mean()), "%"),
+            row(said + "largest offset", float(np.degrees(np.abs(found.omega_rad).max())), "°"),
+            row(said + "beyond joint limits", past, "°"),
+            row(said + f"peak speed (original {before.speed_deg_s:.3g})", after.speed_deg_s, "°/s"),
+            row(said + f"peak acceleration (original {before.acceleration_deg_s2:.3g})",
+                after.acceleration_deg_s2, "°/s²"),
+            row(said + f"peak jerk (original {before.jerk_deg_s3:.3g})", after.jerk_deg_s3, "°/s³",
+                round(max(LIVELIER * before.jerk_deg_s3, STILL_JERK_DEG_S3)), more=False),
+        ]  # fmt: skip
     return rows
 
 
@@ -228,10 +293,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description="Measure visual motion warping.")
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--cases", nargs="+", choices=tuple(CASES), default=tuple(CASES))
+    parser.add_argument("--clips", action="store_true")
     parser.add_argument("--json", action="store_true")
     chosen = parser.parse_args(arguments)
-    stage = staged(case_named("view_change"), load_character("anna"))
-    rows = [*steps(stage), *frame_times(stage, chosen.seconds), *presets()]
+    if chosen.clips:
+        rows = clips(chosen.cases)
+    else:
+        stage = staged(case_named("view_change"), load_character("anna"))
+        rows = [*steps(stage), *frame_times(stage, chosen.seconds), *presets(chosen.cases)]
     if chosen.json:
         json.dump(rows, sys.stdout, indent=2)
         print()

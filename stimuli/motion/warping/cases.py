@@ -35,6 +35,8 @@ SEARCHED: Final = ControlSettings(
     search=True, step_cap_deg=10.0, error_cap=0.4, wide_probe_deg=12.0
 )
 """Of presets: nothing waits for these, and some steer past an edge or by a few pixels."""
+STILL: Final = replace(SEARCHED, smoothness=0.1)
+"""For who hardly moves: an offset that follows single pixels would be seen as a tremor."""
 
 
 @dataclass(frozen=True)
@@ -111,11 +113,12 @@ CASES: Final[dict[str, Case]] = {
         Case(
             "show_tablet", "show a tablet to an observer who stands aside", Text(hand="right"),
             -45.0, 2.2, (_cover(("face",), 0.15), _cover(("held_object",), 0.5)),
-            ("spine", "neck_head", "right_arm"), holds_tablet=True,
+            ("spine", "neck_head", "right_arm"), holds_tablet=True, settings=STILL,
         ),
         Case(
             "past_board", "wave past a board that hides the hand", Wave(hand="right"), 0.0, 3.2,
             (_cover(("face", "right_hand"), 0.25),), ("spine", "right_arm"), _board,
+            settings=replace(SEARCHED, wide_probe_deg=15.0),
         ),
         Case(
             "past_slats", "wave past a row of bars", Wave(hand="right"), 0.0, 3.2,
@@ -131,13 +134,13 @@ CASES: Final[dict[str, Case]] = {
             "hide", "hide behind a low wall while the eyes stay visible", Crouch(depth_01=0.45),
             0.0, 3.0,
             (_cover(("torso", "arms"), -0.4), FeatureTarget("coverage", ("eyes",), 0.0, 0.3)),
-            ("spine_bend", "head_nod", "arms"), _low_wall,
+            ("spine_bend", "head_nod", "arms"), _low_wall, settings=STILL,
         ),
         Case(
             "introvert", "talk with smaller gestures", Talk(), 15.0, 2.6,
             (_cover(("face",), -0.1), FeatureTarget("horizontal_extension", ("arms",), -0.15),
              FeatureTarget("vertical_extension", ("arms",), -0.1)),
-            ("spine", "neck_head", "arms"), settings=replace(SEARCHED, rest_pull=0.01),
+            ("spine", "neck_head", "arms"), settings=replace(SEARCHED, rest_pull=0.003),
         ),
         Case(
             "extravert", "talk with larger gestures", Talk(), 15.0, 2.6,
