@@ -257,7 +257,9 @@ class ProcessorCrowd:
 
 
 def _stretches(first: Counts, size: Counts) -> list[tuple[int, int]]:
-    """Join stretches that lie next to each other."""
+    """Join stretches that lie next to each other; of nobody there are none."""
+    if not len(first):
+        return []
     order = np.argsort(first)
     starts, ends = first[order], first[order] + size[order]
     fresh = np.flatnonzero(np.concatenate([[True], starts[1:] != ends[:-1]]))

@@ -75,9 +75,13 @@ def _lit(
 
 
 @compiled
-def _looked_up(table: Floats, linear: np.float32) -> np.float32:
-    at = np.int64(np.sqrt(max(linear, np.float32(0.0))) * np.float32(1024.0) + np.float32(0.5))
-    found: np.float32 = table[min(at, table.shape[0] - 1)]
+def looked_up(table: Floats, linear: np.float32) -> np.float32:
+    """Return a table's entry for light; the last one for light beyond it or that is no number."""
+    last = table.shape[0] - 1
+    root = np.sqrt(max(linear, np.float32(0.0))) * np.float32(1024.0)
+    # Compared before it is made an index: light that is not a number stays inside the table, too.
+    at = np.int64(root + np.float32(0.5)) if root < np.float32(last) else last
+    found: np.float32 = table[at]
     return found
 
 
@@ -94,7 +98,7 @@ def _in_codes(
 ) -> tuple[np.float32, np.float32, np.float32]:
     """Return light as pixels that work in codes want it: see `in_codes` in `glsl_lighting`."""
     if textured:
-        return _looked_up(factors, r), _looked_up(factors, g), _looked_up(factors, b)
+        return looked_up(factors, r), looked_up(factors, g), looked_up(factors, b)
     most = max(r, max(g, b))
     half = np.float32(0.5)
     if most > half:
@@ -103,7 +107,7 @@ def _in_codes(
         r = own * (min(r, half) + _falling(r)) + shared * gain * r
         g = own * (min(g, half) + _falling(g)) + shared * gain * g
         b = own * (min(b, half) + _falling(b)) + shared * gain * b
-    return _looked_up(codes, r), _looked_up(codes, g), _looked_up(codes, b)
+    return looked_up(codes, r), looked_up(codes, g), looked_up(codes, b)
 
 
 @compiled

@@ -20,6 +20,7 @@ from stage.vertex_light import (
     gather_front,
     lamp_rows,
     light_points,
+    looked_up,
 )
 from stage.vertices import room_vertices
 from stimuli.characters.cast import load_cast
@@ -135,6 +136,20 @@ def test_people_who_leave_and_come_back_are_drawn_at_their_new_level(renderer: R
     assert np.array_equal(images[0], images[3])
     assert not np.array_equal(images[0], images[1])
     assert not np.array_equal(images[0], images[2])
+
+
+def test_room_is_drawn_when_everybody_is_out_of_view(renderer: Renderer) -> None:
+    picture, behind = _pictured(), figures.camera(yaw_deg=180)
+    image = renderer.image(picture, behind, (160, 120))
+    assert renderer.drawn.level.tolist() == [-1, -1, -1]
+    assert np.array_equal(image, renderer.image(figures.picture(0), behind, (160, 120)))
+    assert renderer.image(picture, figures.camera(), (160, 120)).std() > image.std()
+
+
+@pytest.mark.parametrize("odd", [np.nan, np.inf, 1e30])
+def test_light_that_is_no_number_is_looked_up_within_the_table(odd: float) -> None:
+    table = np.array([0.0, 0.25, 1.0], np.float32)
+    assert looked_up(table, np.float32(odd)) == 1.0
 
 
 def test_far_people_look_as_large_as_near_ones_with_fewer_triangles(
