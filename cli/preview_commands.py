@@ -4,6 +4,7 @@ import bisect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -79,8 +80,14 @@ def preview(
     for path in (png, sheet):
         if path is not None:
             check_picture_name(path)
-    if at < 0 or seconds <= 0 or not 1 <= rate <= 240:
+    if video is not None:
+        from stage.movie import film_program
+
+        film_program(video)
+    if not (0 <= at < inf and 0 < seconds < inf and 1 <= rate <= 240):
         raise UsageError("--at counts from 0, --seconds from above 0, --rate from 1 to 240")
+    if participant < 1:
+        raise UsageError("--participant counts from 1")
     size_px = picture_size(size)
     if study == PEOPLE:
         if sheet is None:
@@ -247,7 +254,7 @@ def picture_size(text: str) -> tuple[int, int]:
         UsageError: it is no size, or none that can be drawn.
     """
     width, _, height = text.partition("x")
-    if not (width.isdigit() and height.isdigit() and 64 <= int(width) <= 7680):
+    if not (width.isdecimal() and height.isdecimal() and 64 <= int(width) <= 7680):
         raise UsageError(f"--size {text!r}; write width x height in pixels, such as 960x600")
     if not 64 <= int(height) <= 4320:
         raise UsageError(f"--size {text!r}; heights go from 64 to 4320 pixels")

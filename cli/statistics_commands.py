@@ -149,7 +149,7 @@ def stats(
     """
     if test not in TESTS:
         near = difflib.get_close_matches(test, TESTS, n=1, cutoff=0.4)
-        hint = f"; did you mean {near[0]}?" if near else ""
+        hint = f"; did you mean {near[0]}?" if near else "."
         raise UsageError(f"there is no test {test!r}{hint} Known: {', '.join(TESTS)}")
     if missing not in get_args(Missing):
         raise UsageError(f"--missing takes {', '.join(get_args(Missing))}, not {missing!r}")

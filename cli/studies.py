@@ -106,7 +106,7 @@ def find_study(name: str) -> Study:
     """
     if name not in STUDY_MODULES:
         near = difflib.get_close_matches(name, STUDY_MODULES, n=1, cutoff=0.3)
-        hint = f"; did you mean {near[0]}?" if near else ""
+        hint = f"; did you mean {near[0]}?" if near else "."
         raise UsageError(f"there is no study {name!r}{hint} Known: {', '.join(STUDY_MODULES)}")
     module = importlib.import_module(STUDY_MODULES[name])
     make = cast(Callable[[], Study], module.MAKE_STUDY)

@@ -55,9 +55,21 @@ def open_movie(path: Path, size_px: tuple[int, int], rate_hz: int) -> Movie:
     """
     if path.exists():
         raise StageError(f"{path} exists already", remedy="choose another name")
+    program = film_program(path)
+    if program is None:
+        return MotionJpeg(path, size_px, rate_hz)
+    return PipedMovie(program, path, size_px, rate_hz)
+
+
+def film_program(path: Path) -> str | None:
+    """Return the program that writes films of this name, None where none is needed.
+
+    Raises:
+        StageError: the ending is unknown, or the program is not installed.
+    """
     ending = path.suffix.lower()
     if ending == ".avi":
-        return MotionJpeg(path, size_px, rate_hz)
+        return None
     if ending not in (".mp4", ".webm"):
         raise StageError(
             f"{path}: no film of the kind {ending or 'without ending'!r} can be written",
@@ -69,7 +81,7 @@ def open_movie(path: Path, size_px: tuple[int, int], rate_hz: int) -> Movie:
             f"{path}: writing {ending} needs the program ffmpeg, which is not installed",
             remedy="install ffmpeg, or name the film .avi",
         )
-    return PipedMovie(program, path, size_px, rate_hz)
+    return program
 
 
 class MotionJpeg:

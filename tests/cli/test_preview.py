@@ -97,7 +97,11 @@ def test_sheet_of_people_shows_everybody_from_two_sides(
         (("stare", "--trial", 900, "--png", "a.png"), "no trial 900; the plan has 1 to"),
         (("stare", "--png", "missing/a.png"), "no folder missing"),
         (("stare", "--png", "a.png", "--size", "huge"), "write width x height"),
+        (("stare", "--png", "a.png", "--size", "²00x200"), "write width x height"),
         (("stare", "--png", "a.png", "--at", -1), "counts from 0"),
+        (("stare", "--png", "a.png", "--at", "nan"), "counts from 0"),
+        (("stare", "--video", "a.avi", "--seconds", "inf"), "counts from 0"),
+        (("stare", "--png", "a.png", "--participant", 0), "counts from 1"),
         (("people",), "needs --sheet"),
         (("star", "--png", "a.png"), "did you mean stare"),
     ],
@@ -120,6 +124,12 @@ def test_a_picture_is_never_overwritten(tmp_path: Path) -> None:
 def test_a_picture_of_an_unknown_kind_is_refused_before_anything_is_drawn(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"a\.xyz: pictures are written as \.png or \.jpg"):
         preview("stare", "--png", tmp_path / "a.xyz")
+
+
+def test_a_film_of_an_unknown_kind_is_refused_before_anything_is_performed(tmp_path: Path) -> None:
+    with pytest.raises(StageError, match=r"a\.mov: no film of the kind .* name it \.avi"):
+        preview("stare", "--video", tmp_path / "a.mov", "--size", "64x64")
+    assert not list(tmp_path.iterdir())
 
 
 def test_performance_begins_with_light_and_ends_when_enough_is_seen(captured: Capture) -> None:
