@@ -15,9 +15,11 @@ from benchmarks.waving_fit import (
     point_of,
     population_of,
     right_shares,
+    varied,
 )
 from experiments.waving.judgement import DEFAULT_POPULATION, Person, judge, lapse_share
 from experiments.waving.perception import Evidence
+from lab.errors import UsageError
 
 BEARING = np.array([-24.0, -12.5, 0.0, 12.5, 24.0])
 POPULATION = replace(DEFAULT_POPULATION, lapse_01=0.1)
@@ -58,6 +60,17 @@ def test_a_point_of_the_search_is_its_population_again():
     again = population_of(point_of(DEFAULT_POPULATION))
     for name, value in vars(DEFAULT_POPULATION).items():
         assert value == pytest.approx(getattr(again, name))
+
+
+def test_a_variant_differs_in_one_number():
+    assert replace(DEFAULT_POPULATION, reach_power=0.0) == varied("reach_power=0")
+    assert varied(f"acuity_sd={DEFAULT_POPULATION.acuity_sd}") == DEFAULT_POPULATION
+
+
+@pytest.mark.parametrize("text", ["reach_power", "reach_power=much", "blur_deg=1", "reach=0"])
+def test_a_variant_of_no_known_number_is_refused(text):
+    with pytest.raises(UsageError, match="number"):
+        varied(text)
 
 
 def test_a_technique_that_does_harm_has_no_power_that_counts():
