@@ -55,6 +55,10 @@ def import_gltf(path: Path, *, name: str | None = None, gender: Gender | None = 
         raise CharacterError(
             f"{path}: refers to something that is not in it ({e!r}); export it again"
         ) from e
+    except (ValueError, ArithmeticError, AttributeError, RecursionError, MemoryError) as e:
+        raise CharacterError(
+            f"{path}: its numbers contradict each other ({e or type(e).__name__}); export it again"
+        ) from e
 
 
 def _gender(path: Path) -> Gender:

@@ -81,6 +81,8 @@ def read_figure(file: GltfFile) -> Figure:
     ]
     if not surfaces:
         raise CharacterError(f"{file.path}: no mesh hangs on its skin; export mesh and armature")
+    if not all(np.isfinite(surface.vertices_m).all() for surface in surfaces):
+        raise CharacterError(f"{file.path}: some of its points are no numbers; export it again")
     bones = sorted(bound)
     at = np.full((n, 3), np.nan)
     for i in bones:

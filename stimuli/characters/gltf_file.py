@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from stimuli.characters.errors import CharacterError
 
@@ -135,7 +135,7 @@ class GltfFile:
             with Image.open(io.BytesIO(self._view(image["bufferView"]))) as picture:
                 kind = "RGBA" if "A" in picture.getbands() else "RGB"
                 return np.asarray(picture.convert(kind))
-        except UnidentifiedImageError as e:
+        except OSError as e:  # what is no image, and what is cut short
             raise CharacterError(
                 f"{self.path}: a texture cannot be read ({e}); export again"
             ) from e
@@ -186,6 +186,8 @@ def read_glb(path: Path) -> GltfFile:
         tree = json.loads(chunks[b"JSON"])
     except (KeyError, ValueError) as e:
         raise CharacterError(f"{path}: its description is broken ({e}); export it again") from e
+    if not isinstance(tree, dict):
+        raise CharacterError(f"{path}: its description is no glTF; export it again")
     unknown = sorted(set(tree.get("extensionsRequired", [])) - _KNOWN)
     if unknown:
         raise CharacterError(

@@ -1,5 +1,9 @@
+import json
 import os
+import struct
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -108,6 +112,50 @@ def test_broken_files_are_named(tmp_path: Path, glb: Path) -> None:
             import_gltf(tmp_path / name)
     with pytest.raises(CharacterError, match="absent"):
         import_gltf(tmp_path / "absent_M.glb")
+
+
+def _few_joints(tree: dict[str, Any]) -> object:
+    tree["skins"][0]["joints"] = tree["skins"][0]["joints"][:5]
+    return tree
+
+
+def _no_view(tree: dict[str, Any]) -> object:
+    tree["accessors"][0]["bufferView"] = 9999
+    return tree
+
+
+def _less_than_nothing(tree: dict[str, Any]) -> object:
+    tree["accessors"][0]["count"] = -7
+    return tree
+
+
+def _nodes_in_a_circle(tree: dict[str, Any]) -> object:
+    joint = tree["skins"][0]["joints"][0]
+    for i, node in enumerate(tree["nodes"]):
+        node["children"] = [joint] if i == joint else []
+    return tree
+
+
+def _only_a_list(tree: dict[str, Any]) -> object:
+    return [tree]
+
+
+@pytest.mark.parametrize(
+    "spoiled", [_few_joints, _no_view, _less_than_nothing, _nodes_in_a_circle, _only_a_list]
+)
+def test_file_that_contradicts_itself_is_named(
+    tmp_path: Path, glb: Path, spoiled: Callable[[dict[str, Any]], object]
+) -> None:
+    data = glb.read_bytes()
+    length = struct.unpack("<I", data[12:16])[0]
+    text = json.dumps(spoiled(json.loads(data[20 : 20 + length]))).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + length :]
+    head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(rest))
+    path = tmp_path / "odd_M.glb"
+    path.write_bytes(head + struct.pack("<I4s", len(text), b"JSON") + text + rest)
+    with pytest.raises(CharacterError, match=r"odd_M\.glb: .*export"):
+        import_gltf(path)
 
 
 def test_gender_that_the_name_does_not_say_is_asked_for(tmp_path: Path) -> None:
