@@ -1,29 +1,33 @@
 """Draw a frame of a recording again, from what the recording alone says."""
 
+import bisect
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from cli.stages import dresser_of
 from cli.studies import RedrawableStudy, find_study
 from lab.clock import SimClock
 from lab.errors import DataError, UsageError
-from protocol.shown import of_part, shown_in
+from protocol.shown import Shown, of_part, shown_in
 from recording.reader import Recording
 from stage.drawn_stage import Display, DrawnStage
-from stage.frame_truth import read_row, read_views
+from stage.frame_truth import read_views
 from stage.renderer import Image, Renderer
 from stimuli.scene import SceneFrame
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedFrame:
-    """A drawn frame as recorded: what it may have shown (the row's checksum tells which), its row
-    of `drawn` and that of `drawn_views`.
+    """A drawn frame as recorded: what it may have shown (the row's checksum tells which), what was
+    lit last if its light was still going, its row of `drawn` and that of `drawn_views`.
     """
 
     views_shown: tuple[SceneFrame, ...]
+    views_lit: tuple[SceneFrame, ...]
     drawn: np.void
     views: np.void
 
@@ -51,11 +55,32 @@ def recorded_frame(recording: Recording, frame: int, *, part: int | None = None)
     row = _row(recording, "drawn", drawn, int(at[0]))
     views = of_part(recording, "drawn_views", wanted)
     latest = int(np.flatnonzero(views["t_host_ns"] <= drawn["t_host_ns"][at[0]])[-1])
-    head, _ = read_row(row)
-    shown = shown_in(recording, wanted, frame, int(row["t_scene_ns"]), head.position_m)
+
+    def shown(i: int) -> Shown:
+        place, t_scene_ns = drawn["head_position_m"][i], int(drawn["t_scene_ns"][i])
+        return shown_in(recording, wanted, int(drawn["frame"][i]), t_scene_ns, place)
+
+    here = shown(int(at[0]))
+    is_fading = here.scene.brightness_01 <= 0.0 < drawn["brightness_01"][at[0]]
+    before = _last_lit(drawn["brightness_01"], int(at[0]), shown) if is_fading else None
     return RecordedFrame(
-        tuple(study.views_of(shown)), row, _row(recording, "drawn_views", views, latest)
+        tuple(study.views_of(here)),
+        () if before is None else tuple(study.views_of(before)),
+        row,
+        _row(recording, "drawn_views", views, latest),
     )
+
+
+def _last_lit(
+    brightness_01: npt.NDArray[np.float32], at: int, shown: Callable[[int], Shown]
+) -> Shown | None:
+    """Return what was shown in the last lit frame before one whose light is going."""
+    first = at
+    while first > 0 and brightness_01[first - 1] >= brightness_01[first]:
+        first -= 1
+    rows = range(first, at)
+    dark = bisect.bisect_left(rows, True, key=lambda i: shown(i).scene.brightness_01 <= 0.0)
+    return shown(rows[dark - 1]) if dark else None
 
 
 def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list[Image]:
@@ -75,7 +100,7 @@ def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list
         SimClock(),
     )
     try:
-        return stage.redraw(found.views_shown, found.drawn)
+        return stage.redraw(found.views_shown, found.drawn, found.views_lit)
     finally:
         stage.close()
 

@@ -1,6 +1,6 @@
 """Show a study's scenes as pictures: both eyes of a headset, a window, or nobody's screen."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import moderngl
@@ -13,7 +13,7 @@ from lab.geometry import Pose, Vector, quat_multiply, rotate
 from lab.schema import SampleBatch, StreamSchema
 from stage.contracts import Viewer
 from stage.errors import StageError
-from stage.fades import Fades, FadeTimes
+from stage.fades import Fades, FadeTimes, dimmed, fading_out
 from stage.frame_truth import (
     DRAWN_VIEWS,
     DrawnFrame,
@@ -162,14 +162,19 @@ class DrawnStage:
             return ()
         return [target.texture for target in self._targets]
 
-    def redraw(self, views: Iterable[SceneFrame], row: np.void) -> list[Image]:
+    def redraw(
+        self, views: Iterable[SceneFrame], row: np.void, lit: Iterable[SceneFrame] = ()
+    ) -> list[Image]:
         """Draw a recorded frame again from its row and the first of `views` whose checksum is the
         row's; return the images, left first.
+
+        `lit` are what may have been shown last before darkness, at their own moments: their light
+        may still be going.
 
         Raises:
             StageError: no view is the one that was drawn, or the driver fails.
         """
-        pictures = (self._picture(as_drawn(view, int(row["t_scene_ns"]))) for view in views)
+        pictures = self._pictures(views, row, lit)
         same = (p for p in pictures if picture_crc32(p) == int(row["picture_crc32"]))
         picture = next(same, None)
         if picture is None:
@@ -201,6 +206,23 @@ class DrawnStage:
             self._mirror.close()
 
     # ---- private --------------------------------------------------------------------------
+
+    def _pictures(
+        self, views: Iterable[SceneFrame], row: np.void, lit: Iterable[SceneFrame]
+    ) -> Iterator[Picture]:
+        """Yield what a recorded frame may have been: each view, as it came, as others went."""
+        recorded_01 = float(row["brightness_01"])
+        darkness = []
+        for view in views:
+            picture = self._picture(as_drawn(view, int(row["t_scene_ns"])))
+            yield picture
+            if 0.0 < recorded_01 < picture.brightness_01:
+                yield dimmed(picture, recorded_01)
+            if picture.brightness_01 <= 0.0:
+                darkness.append(picture)
+        for view in lit:
+            before = self._picture(as_drawn(view, view.t_ns))
+            yield from (fading_out(before, dark, recorded_01) for dark in darkness)
 
     def _picture(self, view: SceneFrame) -> Picture:
         picture = self._dressed(view)

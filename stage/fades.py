@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from lab.clock import NS_PER_MS
 from stimuli.picture import Picture
 
@@ -40,19 +42,24 @@ class Fades:
             if self._lit_since_ns is None:
                 return picture
             share = _share(picture.t_ns - self._lit_since_ns, self._in_ns)
-            return replace(picture, brightness_01=picture.brightness_01 * share)
+            return dimmed(picture, picture.brightness_01 * share)
         if self._dark_since_ns is None:
             self._dark_since_ns = picture.t_ns
         left = 1.0 - _share(picture.t_ns - self._dark_since_ns, self._out_ns)
         if self._lit is None or left <= 0.0:
             return picture
-        return replace(
-            self._lit,
-            t_ns=picture.t_ns,
-            brightness_01=self._lit.brightness_01 * left,
-            mark_m=picture.mark_m,
-            panels=picture.panels,
-        )
+        return fading_out(self._lit, picture, self._lit.brightness_01 * left)
+
+
+def dimmed(picture: Picture, brightness_01: float) -> Picture:
+    """Return a picture at another brightness, exactly as it is recorded."""
+    return replace(picture, brightness_01=float(np.float32(brightness_01)))
+
+
+def fading_out(lit: Picture, dark: Picture, brightness_01: float) -> Picture:
+    """Return what is left of a lit picture before a dark one with its mark and panels."""
+    still = replace(lit, t_ns=dark.t_ns, mark_m=dark.mark_m, panels=dark.panels)
+    return dimmed(still, brightness_01)
 
 
 def _share(passed_ns: int, whole_ns: int) -> float:

@@ -16,6 +16,7 @@ from lab.geometry import Pose
 from stage.contracts import GeometryStage, Viewer
 from stage.drawn_stage import Display, default_views
 from stage.errors import StageError
+from stage.fades import FadeTimes
 from stage.renderer import LIGHTEST, Renderer
 from stimuli.scene import SceneFrame
 from tests.faults.sessions import TRIALS, events, lab, perform
@@ -38,6 +39,7 @@ def test_recorded_frames_redraw_as_they_were(
             Display(default_views, lambda: (48, 54), people_count=19),
             clock,
             viewers=viewers,
+            fades=FadeTimes(out_ms=1800.0, in_ms=900.0),
         )
         made.append(stage)
         return stage
@@ -52,7 +54,11 @@ def test_recorded_frames_redraw_as_they_were(
     with_people = np.flatnonzero((drawn["level"] >= 0).sum(axis=1) >= 8)
     assert len(with_people) > 3
     stage.close()
-    for i in with_people[[0, len(with_people) // 2, -1]]:
+    fading = np.flatnonzero((drawn["brightness_01"] > 0) & (drawn["brightness_01"] < 1))
+    dimming = fading[np.diff(drawn["brightness_01"], append=0.0)[fading] < 0]
+    assert len(dimming) > 1
+    assert len(fading) > len(dimming)  # light that comes, too
+    for i in {*with_people[[0, len(with_people) // 2, -1]], *fading[:2], *dimming[-2:]}:
         again = redraw(recording, int(drawn["frame"][i]))
         for old, new in zip(stage.kept[i][1], again, strict=True):
             assert np.abs(old.astype(int) - new.astype(int)).max() <= 1
