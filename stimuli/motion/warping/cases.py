@@ -35,6 +35,8 @@ SEARCHED: Final = ControlSettings(
     search=True, step_cap_deg=10.0, error_cap=0.4, wide_probe_deg=12.0
 )
 """Of presets: nothing waits for these, and some steer past an edge or by a few pixels."""
+EVERY_FRAME: Final = replace(SEARCHED, rate_hz=30.0)
+"""Where an edge or another part passes within a frame: as many keys as the clip has frames."""
 STILL: Final = replace(SEARCHED, smoothness=0.1)
 """For who hardly moves: an offset that follows single pixels would be seen as a tremor."""
 
@@ -98,6 +100,7 @@ CASES: Final[dict[str, Case]] = {
             "view_change", "wave with both hands at an observer who stands aside",
             Wave(hand="both"), 50.0, 3.0,
             (_cover(("face", "hands"), 0.25),), ("spine", "neck_head", "arms"),
+            settings=EVERY_FRAME,
         ),
         Case(
             "near", "the same observer in front and near: a smaller gesture will do",
@@ -118,11 +121,12 @@ CASES: Final[dict[str, Case]] = {
         Case(
             "past_board", "wave past a board that hides the hand", Wave(hand="right"), 0.0, 3.2,
             (_cover(("face", "right_hand"), 0.25),), ("spine", "right_arm"), _board,
-            settings=replace(SEARCHED, wide_probe_deg=15.0),
+            settings=replace(EVERY_FRAME, wide_probe_deg=15.0, smoothness=0.03),
         ),
         Case(
             "past_slats", "wave past a row of bars", Wave(hand="right"), 0.0, 3.2,
             (_cover(("face", "right_hand"), 0.2),), ("spine", "neck_head", "right_arm"), _slats,
+            settings=EVERY_FRAME,
         ),
         Case(
             "out_of_shade", "wave where a canopy keeps the light from the hand",
