@@ -91,6 +91,10 @@ class Session:
             except LabError as error:
                 self._end_early(error)
                 raise
+            except BaseException:
+                # Ended from the keyboard, by the system or by a defect: what is held is kept, too.
+                loop.flush()
+                raise
             finally:
                 setup.stage.close()
 

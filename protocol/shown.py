@@ -57,9 +57,7 @@ class Shown:
         return int(row["t_ns"]), dict(row["payload"])
 
 
-def shown_in(
-    recording: Recording, part: int, frame: int, t_scene_ns: int, head_m: Vector
-) -> Shown:
+def shown_in(recording: Recording, part: int, frame: int, t_scene_ns: int, head_m: Vector) -> Shown:
     """Return what was shown when a frame was drawn.
 
     Raises:
@@ -75,7 +73,7 @@ def shown_in(
     k = int(frames["scene_row"][later[0]]) if len(later) else len(states["scene"]) - 1
     scenes = _events(recording, "scene", part)
     numbers = [payload["scene"] for payload in scenes["payload"]]
-    if k < 0 or int(states["scene"][k]) not in numbers:
+    if not 0 <= k < len(states["scene"]) or int(states["scene"][k]) not in numbers:
         raise DataError(f"{recording.path}: the scene of frame {frame} was not recorded")
     row = scenes.iloc[numbers.index(int(states["scene"][k]))]
     n = len(row["payload"]["agents"])

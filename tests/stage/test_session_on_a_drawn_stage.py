@@ -10,16 +10,17 @@ import cli.perform
 from cli.redraw import recorded_frame, redraw
 from cli.stages import DRESSERS, dresser_of
 from lab.clock import NS_PER_S, Clock
-from lab.errors import ConfigError, DeviceError, UsageError
+from lab.errors import ConfigError, DeviceError, SessionAborted, UsageError
 from lab.frame import FrameInfo
 from lab.geometry import Pose
+from recording.reader import Recording
 from stage.contracts import GeometryStage, Viewer
 from stage.drawn_stage import Display, default_views
 from stage.errors import StageError
 from stage.fades import FadeTimes
 from stage.renderer import LIGHTEST, Renderer
 from stimuli.scene import SceneFrame
-from tests.faults.sessions import TRIALS, events, lab, perform
+from tests.faults.sessions import TRIALS, events, lab, path_of, perform
 from tests.stage.sessions import NowAndThen, perform_shortest
 
 
@@ -114,3 +115,44 @@ def test_every_dresser_is_there() -> None:
 def test_study_without_pictures_says_what_to_set() -> None:
     with pytest.raises(ConfigError, match="there are no pictures"):
         dresser_of("unknown")
+
+
+class _Stopped(GeometryStage):
+    """A stage in whose frame the session is ended from outside, or by a defect."""
+
+    def __init__(self, viewers: Sequence[Viewer], problem: BaseException) -> None:
+        super().__init__(viewers)
+        self._problem = problem
+        self.frames: list[int] = []
+
+    def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
+        if frame.t_ns > 23 * NS_PER_S:
+            raise self._problem
+        self.frames.append(frame.index)
+        return super().draw(view, frame, head)
+
+
+@pytest.mark.parametrize(
+    ("problem", "ends_as"),
+    [(KeyboardInterrupt(), SessionAborted), (IndexError("a defect"), IndexError)],
+)
+def test_session_ended_within_a_frame_keeps_every_frame_before_it(
+    problem: BaseException,
+    ends_as: type[Exception],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made: list[_Stopped] = []
+
+    def build(*arguments: object) -> _Stopped:
+        made.append(_Stopped(arguments[-1], problem))
+        return made[0]
+
+    monkeypatch.setattr(cli.perform, "build_stage", build)
+    with pytest.raises(ends_as):
+        perform(lab(tmp_path))
+    recording = Recording(path_of(lab(tmp_path)))
+    frames, states = (recording.stream_arrays(n) for n in ("frames", "scene_states"))
+    drawn = [index for index in made[0].frames if index >= 0]
+    assert drawn[:-1] == frames["frame_index"][: len(drawn) - 1].tolist()
+    assert frames["scene_row"].max() < len(states["scene"])
