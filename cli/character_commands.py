@@ -1,4 +1,4 @@
-"""character import and list: the people at hand, and those of the lab's own."""
+"""character import, list and sheet: the people at hand, and those of the lab's own."""
 
 import json
 from pathlib import Path
@@ -16,9 +16,11 @@ from stimuli.characters.errors import CharacterError
 from stimuli.characters.library import import_characters, library_names
 
 characters = typer.Typer(
-    help="People for scenes: list them, import your own.", no_args_is_help=True
+    help="People for scenes: list them, import your own, look at them.", no_args_is_help=True
 )
 app.add_typer(characters, name="character")
+
+SHEET_TILE_PX = (480, 300)
 
 LibraryOption = Annotated[
     Path | None,
@@ -66,6 +68,39 @@ def list_characters(
             str(row["origin"]),
         )  # fmt: skip
     console.print(table)
+
+
+@characters.command("sheet")
+def sheet_command(
+    png: Annotated[Path, typer.Argument(help="Picture to write.")],
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Whom to draw; all imported ones when left out.")
+    ] = None,
+    config: ConfigOption = None,
+    library: LibraryOption = None,
+) -> None:
+    """Draw people's faces at conversation distance: look at whom you imported before you use them.
+
+    Example: visavis character sheet imported.png
+    """
+    from cli.preview_people import people_sheet
+    from cli.preview_pictures import check_picture_name
+
+    check_picture_name(png)
+    if png.exists():
+        raise UsageError(f"{png} exists already; choose another name")
+    folder = library or library_of(load_lab(config))
+    imported = library_names(folder)
+    wanted = tuple(names or imported)
+    if not wanted:
+        raise UsageError(f"nobody has been imported into {folder}; see visavis character import")
+    strangers = [n for n in wanted if n not in (*imported, *cast_names())]
+    if strangers:
+        known = ", ".join((*imported, *cast_names()))
+        raise UsageError(f"there is no {', '.join(strangers)} in {folder}; known: {known}")
+    people = [load_character(folder / f"{n}.npz" if n in imported else n) for n in wanted]
+    people_sheet(SHEET_TILE_PX, people).save(png)
+    console.print(f"written [b]{png}[/]", soft_wrap=True)
 
 
 @characters.command("import")

@@ -74,7 +74,9 @@ COMMANDS: Mapping[str, Entry] = {
     "warp": Entry(
         "warp_commands", "Warp a motion so that an observer perceives more or less of it."
     ),
-    "character": Entry("character_commands", "People for scenes: list them, import your own."),
+    "character": Entry(
+        "character_commands", "People for scenes: list them, import your own, look at them."
+    ),
     "import": Entry("data_commands", "Read data recorded by other programs."),
     "export": Entry(
         "data_commands",

@@ -1,5 +1,7 @@
 """A close-up of everybody in the cast, from conversation distance."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from PIL import Image
 
@@ -20,11 +22,13 @@ TURNED_DEG = 32.0
 COLUMNS = 6
 
 
-def people_sheet(size_px: tuple[int, int]) -> Image.Image:
-    """Return everybody's face from the front and turned, each `size_px`, with their names."""
+def people_sheet(size_px: tuple[int, int], people: Sequence[Character] = ()) -> Image.Image:
+    """Return faces from the front and turned, each `size_px`, with their names: of the cast when
+    nobody else is given.
+    """
     tiles = []
     with Stills() as stills:
-        for character in load_cast():
+        for character in people or load_cast():
             for yaw_deg in (0.0, TURNED_DEG):
                 picture, eyes_m = portrait(character, yaw_deg)
                 camera = face_camera(eyes_m, yaw_deg, size_px[0] / size_px[1])

@@ -1,0 +1,50 @@
+"""visavis character sheet: faces of those named; refusals before anything is drawn."""
+
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from cli.character_commands import SHEET_TILE_PX
+from cli.main import app
+from cli.preview_pictures import TITLE_PX
+from lab.errors import LabError, UsageError
+from stage.errors import StageError
+from stage.renderer import Renderer
+
+
+def sheet(*arguments: object) -> None:
+    result = CliRunner().invoke(app, ["character", "sheet", *map(str, arguments)])
+    if isinstance(result.exception, LabError):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+
+
+def test_sheet_holds_two_faces_of_everybody_named(tmp_path: Path) -> None:
+    try:
+        Renderer().close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    sheet(tmp_path / "two.png", "anna", "henrik", "--library", tmp_path)
+    with Image.open(tmp_path / "two.png") as drawn:
+        assert drawn.height == TITLE_PX + SHEET_TILE_PX[1]
+        left, right = (drawn.crop((x, TITLE_PX, x + 480, TITLE_PX + 260)) for x in (0, 960))
+        assert len(left.convert("RGB").getcolors(10**6) or ()) > 500
+        assert left.tobytes() != right.tobytes()
+
+
+def test_nobody_imported_is_said_with_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="see visavis character import"):
+        sheet(tmp_path / "all.png", "--library", tmp_path)
+
+
+def test_stranger_is_named_beside_those_known(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"there is no bob .* known: anna"):
+        sheet(tmp_path / "bob.png", "bob", "--library", tmp_path)
+
+
+def test_picture_that_exists_is_not_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "old.png").write_bytes(b"old")
+    with pytest.raises(UsageError, match="exists already"):
+        sheet(tmp_path / "old.png", "anna", "--library", tmp_path)
