@@ -6,7 +6,7 @@ rejected before it is shaded.
 
 from collections.abc import Callable, Hashable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import moderngl
@@ -16,12 +16,13 @@ import numpy.typing as npt
 from lab.geometry import Vector
 from stage.crowd_buffers import CharacterMeshes
 from stage.joint_rows import JointRows
+from stage.processor_layout import Counts, FreeRows, JoinedModels
 from stage.processor_models import (
     PLAIN,
     POSED_LAYOUT,
     STILL_LAYOUT,
+    STILL_VERTEX,
     Group,
-    Model,
     coarser,
     model,
 )
@@ -37,49 +38,52 @@ from stage.vertex_light import (
 from stage.vertices import Run
 from stimuli.characters.character import Character
 
-Counts = npt.NDArray[np.int64]
-MODEL_ARRAYS = ("rest", "normal", "column", "weight", "morph", "deltas", "albedo",
-                "plain_albedo", "wrap", "kind", "textured")  # fmt: skip
 POSED_BYTES = 24
 MOST_EYES_CULLED = 4
 FAR_CELL_M = 0.04
 """Cells of the surface that become one vertex of people drawn without textures."""
+SPARE_01 = 0.25
+"""Share of rows kept free for people who come nearer."""
 
 
-@dataclass(frozen=True, eq=False)
-class _LaidOut:
-    """Everybody at one choice of levels: the models' arrays joined, and who uses which part.
+@dataclass(eq=False)
+class _Room:
+    """Rows for everybody's vertices and triangles, with some to spare, here and on the card."""
 
-    Each of n people is there twice: i is person i seen from near, n + i from far.
-    """
-
-    arrays: dict[str, npt.NDArray[Any]]
-    triangles: npt.NDArray[np.int32]
-    groups: tuple[Group, ...]
-    stretches: Counts
-    model_of: Counts
-    vertices_of: Counts
-    slot_of: Counts
-    plain_of: npt.NDArray[np.bool_]
-    group_of: Counts
-    single_sided: npt.NDArray[np.bool_]
-    first: Counts
+    free: FreeRows
     posed: Floats
-    corners: npt.NDArray[np.int32]
     still: moderngl.Buffer
     moving: moderngl.Buffer
+    corners: npt.NDArray[np.int32]
     indices: moderngl.Buffer
-    vertex_arrays: dict[int, moderngl.VertexArray]
+    vertex_arrays: dict[int, moderngl.VertexArray] = field(default_factory=dict)
 
     def release(self) -> None:
-        for array in self.vertex_arrays.values():
-            array.release()
+        self.release_arrays()
         for buffer in (self.still, self.moving, self.indices):
             buffer.release()
 
+    def release_arrays(self) -> None:
+        for array in self.vertex_arrays.values():
+            array.release()
+        self.vertex_arrays.clear()
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawing:
+    """Into which group whose triangles go, (2 n, groups), where each begins, the last ends."""
+
+    group_of: Counts
+    single_sided: npt.NDArray[np.bool_]
+    first: Counts
+
 
 class ProcessorCrowd:
-    """Everyone of one cast; `choose` says who is drawn how, `skin` poses and lights them."""
+    """Everyone of one cast; `choose` says who is drawn how, `skin` poses and lights them.
+
+    Each of n people is there twice: i is person i seen from near, n + i from far. Whoever changes
+    level moves to other rows; the others stay where they are until no rows are left.
+    """
 
     def __init__(
         self, context: moderngl.Context, cast: tuple[Character, ...], meshes: CharacterMeshes
@@ -91,9 +95,14 @@ class ProcessorCrowd:
         pictures = (m.texture_srgb for c in cast for m in c.materials if m.kind != "eye")
         self._layers = Layers(context, (p for p in pictures if p is not None))
         self.level_before = np.full(len(cast), -1, np.int64)
-        self._models: dict[tuple[int, int, bool], Model] = {}
-        self._laid_out: _LaidOut | None = None
+        self._models: dict[tuple[int, int, bool], int] = {}
+        self._joined = JoinedModels(_rank(self._layers))
+        self._room: _Room | None = None
+        self._drawing: _Drawing | None = None
         self._levels: tuple[int, ...] = ()
+        self._model_of = np.zeros(2 * len(cast), np.int64)
+        self._slot_of = np.zeros(2 * len(cast), np.int64)
+        self._plain_of = np.repeat([False, True], len(cast))
         self._drawn = np.zeros(0, np.int64)
         self._count = np.zeros(0, np.int64)
         self._second = ThreadPoolExecutor(1, "skin")
@@ -104,11 +113,8 @@ class ProcessorCrowd:
     def choose(self, level: npt.NDArray[np.int64], drawn: npt.NDArray[np.bool_]) -> None:
         """Say at which level each person stands and who is drawn at all."""
         levels = tuple(np.minimum(level, self.level_count - 1).tolist())
-        if levels != self._levels or self._laid_out is None:
-            if self._laid_out is not None:
-                self._laid_out.release()
-            self._laid_out = self._lay_out(levels)
-            self._levels = levels
+        if levels != self._levels or self._room is None:
+            self._change(levels)
         self._drawn = np.flatnonzero(drawn)
 
     def skin(
@@ -125,46 +131,47 @@ class ProcessorCrowd:
         Whoever is farther than `textured_to_m` is drawn coarser and without textures. `encode`
         gives the display's codes, otherwise linear light.
         """
-        at = self._laid_out
-        if at is None:
+        room, drawing, joined = self._room, self._drawing, self._joined
+        if room is None or drawing is None:
             return
         nearest_first = self._drawn[np.argsort(distance_m[self._drawn], kind="stable")]
         is_far = distance_m[nearest_first] > textured_to_m
         people = nearest_first + np.where(is_far, len(self.cast), 0)
-        a = at.arrays
+        a = joined.arrays
+        vertices_of = joined.vertices_of[self._model_of]
 
         def pose(some: Counts) -> None:
             pose_and_light(
-                some, at.vertices_of, at.slot_of, at.plain_of, self.joints.rows,
+                some, vertices_of, self._slot_of, self._plain_of, self.joints.rows,
                 a["rest"], a["normal"], a["column"], a["weight"], a["morph"], a["deltas"],
                 a["albedo"], a["plain_albedo"], a["wrap"], a["kind"], a["textured"],
-                *lamps, CODES_OF_ROOT, FACTORS_OF_ROOT, encode, at.posed,
+                *lamps, CODES_OF_ROOT, FACTORS_OF_ROOT, encode, room.posed,
             )  # fmt: skip
 
         other_half = self._second.submit(pose, people[1::2])
         pose(people[::2])
         other_half.result()
         eyes = eyes_m if len(eyes_m) <= MOST_EYES_CULLED else eyes_m[:0]
-        self._count = np.zeros(len(at.groups), np.int64)
+        self._count = np.zeros(len(joined.groups), np.int64)
         gather_front(
-            people, at.model_of, at.slot_of, at.plain_of, at.group_of, at.stretches, at.triangles,
-            at.single_sided, at.posed, np.ascontiguousarray(eyes, np.float32), at.first,
-            self._count, at.corners,
+            people, self._model_of, self._slot_of, self._plain_of, drawing.group_of,
+            joined.stretches, a["triangles"], drawing.single_sided, room.posed,
+            np.ascontiguousarray(eyes, np.float32), drawing.first, self._count, room.corners,
         )  # fmt: skip
-        size = np.diff(at.vertices_of, axis=1)[:, 0]
-        for first, last in _stretches(at.slot_of[people], size[people]):
-            at.moving.write(at.posed[first:last], offset=POSED_BYTES * first)
-        for first, count in zip(at.first.tolist(), self._count.tolist(), strict=True):
+        size = np.diff(vertices_of, axis=1)[:, 0]
+        for first, last in _stretches(self._slot_of[people], size[people]):
+            room.moving.write(room.posed[first:last], offset=POSED_BYTES * first)
+        for first, count in zip(drawing.first[:-1].tolist(), self._count.tolist(), strict=True):
             if count:
-                at.indices.write(at.corners[first : first + count], offset=12 * first)
+                room.indices.write(room.corners[first : first + count], offset=12 * first)
 
     def draw(self, program_of: Callable[[Run], moderngl.Program], key: Hashable) -> None:
         """Draw everyone skinned."""
-        at = self._laid_out
-        if at is None:
+        room, drawing = self._room, self._drawing
+        if room is None or drawing is None:
             return
         context = self._context
-        for g, group in enumerate(at.groups):
+        for g, group in enumerate(self._joined.groups):
             if not self._count[g]:
                 continue
             textured = group.array >= 0
@@ -173,85 +180,132 @@ class ProcessorCrowd:
             if textured:
                 self._layers.arrays[group.array].use(UNITS["picture"])
             (context.disable if group.double_sided else context.enable)(moderngl.CULL_FACE)
-            self._array(program, at).render(
-                vertices=3 * int(self._count[g]), first=3 * int(at.first[g])
+            self._array(program, room).render(
+                vertices=3 * int(self._count[g]), first=3 * int(drawing.first[g])
             )
 
     def release(self) -> None:
         """Free the card's memory."""
         self._second.shutdown()
-        if self._laid_out is not None:
-            self._laid_out.release()
-            self._laid_out = None
+        if self._room is not None:
+            self._room.release()
+            self._room = None
         self._layers.release()
 
-    def _model(self, character: Character, level: int, *, far: bool) -> Model:
+    def _model(self, character: Character, level: int, *, far: bool) -> int:
+        """Return the number of a character's level among the joined models."""
         key = id(character), level, far
         if key not in self._models:
-            self._models[key] = (
-                coarser(self._model(character, level, far=False), FAR_CELL_M)
+            self._models[key] = self._joined.add(
+                coarser(self._joined.models[self._model(character, level, far=False)], FAR_CELL_M)
                 if far
                 else model(self._meshes.of(character, level), self._layers)
             )
         return self._models[key]
 
-    def _lay_out(self, levels: tuple[int, ...]) -> _LaidOut:
-        everyone = [
-            self._model(c, level, far=far)
-            for far in (False, True)
-            for c, level in zip(self.cast, levels, strict=True)
+    def _change(self, levels: tuple[int, ...]) -> None:
+        """Bring whoever is at another level than before to that level."""
+        n, room = len(self.cast), self._room
+        before = self._levels if room is not None else (None,) * n
+        people = [i for i in range(n) if levels[i] != before[i]]
+        entries = np.array([*people, *(n + i for i in people)], np.int64)
+        numbers = [
+            self._model(self.cast[i], levels[i], far=far) for far in (False, True) for i in people
         ]
-        models = list({id(m): m for m in everyone}.values())
-        number = {id(m): k for k, m in enumerate(models)}
-        model_of = np.array([number[id(m)] for m in everyone], np.int64)
-        sizes = np.array([len(m.rest) for m in models], np.int64)
-        starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-        slots = np.concatenate([[0], np.cumsum(sizes[model_of])]).astype(np.int64)
-        arrays = {name: np.concatenate([getattr(m, name) for m in models]) for name in MODEL_ARRAYS}
-        _shift_morphs(arrays, models)
-        groups = tuple(
-            sorted({PLAIN, *(g for m in models for g in m.triangles)}, key=_rank(self._layers))
+        if room is not None:
+            for slot, size in zip(self._slot_of[entries], self._sizes(entries), strict=True):
+                room.free.give(int(slot), int(size))
+        self._model_of[entries] = numbers
+        self._drawing = self._grouped()
+        self._levels = levels
+        if room is None or not self._move(room, entries):
+            self._lay_out_afresh()
+        elif self._triangles() > len(room.corners):
+            room.release_arrays()
+            room.indices.release()
+            room.corners, room.indices = self._room_for_triangles()
+
+    def _sizes(self, entries: Counts) -> Counts:
+        """Return how many vertices people have."""
+        start, end = self._joined.vertices_of[self._model_of[entries]].T
+        sizes: Counts = end - start
+        return sizes
+
+    def _move(self, room: _Room, entries: Counts) -> bool:
+        """Find rows for some people and write what never moves; False: too few rows are free."""
+        for i, size in zip(entries.tolist(), self._sizes(entries).tolist(), strict=True):
+            slot = room.free.take(size)
+            if slot is None:
+                return False
+            self._slot_of[i] = slot
+            room.still.write(self._still(i).view(np.uint8), offset=STILL_VERTEX.itemsize * slot)
+        return True
+
+    def _still(self, i: int) -> npt.NDArray[np.void]:
+        """Return what never moves of one person."""
+        still: npt.NDArray[np.void] = self._joined.models[self._model_of[i]].still.copy()
+        still["person"] = 1 + i % len(self.cast)
+        return still
+
+    def _lay_out_afresh(self) -> None:
+        """Give everybody rows, one after the other, in a room with a share to spare."""
+        if self._room is not None:
+            self._room.release()
+            self._room = None
+        everyone = np.arange(2 * len(self.cast))
+        sizes = self._sizes(everyone)
+        total = int(sizes.sum())
+        rows = int(total * (1 + SPARE_01))
+        free = FreeRows(rows)
+        free.take(total)
+        self._slot_of = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
+        still = np.zeros(rows, STILL_VERTEX)
+        for i, slot, size in zip(everyone.tolist(), self._slot_of, sizes, strict=True):
+            still[slot : slot + size] = self._still(i)
+        self._room = _Room(
+            free,
+            np.zeros((rows, 6), np.float32),
+            self._context.buffer(still.view(np.uint8)),
+            self._context.buffer(reserve=rows * POSED_BYTES, dynamic=True),
+            *self._room_for_triangles(),
         )
-        stretches = np.zeros((len(models), len(groups), 2), np.int64)
-        parts, total = [np.zeros((0, 3), np.int32)], 0
-        for k, m in enumerate(models):
-            for g, group in enumerate(groups):
-                own = m.triangles.get(group)
-                if own is not None:
-                    stretches[k, g] = total, total + len(own)
-                    parts.append(own)
-                    total += len(own)
-        n, plain = len(self.cast), groups.index(PLAIN)
+
+    def _room_for_triangles(self) -> tuple[npt.NDArray[np.int32], moderngl.Buffer]:
+        rows = int(self._triangles() * (1 + SPARE_01))
+        indices = self._context.buffer(reserve=12 * rows, dynamic=True)
+        return np.zeros((rows, 3), np.int32), indices
+
+    def _triangles(self) -> int:
+        """Return how many triangles there are at most, were none turned away."""
+        return 0 if self._drawing is None else int(self._drawing.first[-1])
+
+    def _grouped(self) -> _Drawing:
+        """Say what goes into which group; from far what hides all behind it is drawn plainly."""
+        joined, n = self._joined, len(self.cast)
+        groups, plain = joined.groups, joined.groups.index(PLAIN)
         own_group = np.arange(len(groups))
         opaque = [
             g.array >= 0 and self._layers.channels[g.array] == 3 and not g.double_sided
             for g in groups
         ]
         plain_group = np.where(np.array(opaque), plain, own_group)
-        most = np.diff(stretches, axis=2)[..., 0][model_of[:n]].sum(axis=0)
+        most = np.diff(joined.stretches, axis=2)[..., 0][self._model_of[:n]].sum(axis=0)
         most[plain] += most[opaque].sum()
-        first = np.concatenate([[0], np.cumsum(most)]).astype(np.int64)
-        still = np.concatenate([models[k].still for k in model_of])
-        still["person"] = np.repeat(np.tile(np.arange(1, n + 1), 2), sizes[model_of])
-        context = self._context
-        return _LaidOut(
-            arrays, np.concatenate(parts), groups, stretches, model_of,
-            np.stack([starts[model_of], starts[model_of + 1]], axis=1), slots[:-1],
-            np.repeat([False, True], n),
+        return _Drawing(
             np.concatenate([np.tile(own_group, (n, 1)), np.tile(plain_group, (n, 1))]),
-            np.array([not g.double_sided for g in groups]), first[:-1],
-            np.zeros((slots[-1], 6), np.float32), np.zeros((first[-1], 3), np.int32),
-            context.buffer(still.tobytes()),
-            context.buffer(reserve=int(slots[-1]) * POSED_BYTES, dynamic=True),
-            context.buffer(reserve=int(first[-1]) * 12, dynamic=True), {},
-        )  # fmt: skip
+            np.array([not g.double_sided for g in groups]),
+            np.concatenate([[0], np.cumsum(most)]).astype(np.int64),
+        )
 
-    def _array(self, program: moderngl.Program, at: _LaidOut) -> moderngl.VertexArray:
-        array = at.vertex_arrays.get(id(program))
+    def _array(self, program: moderngl.Program, room: _Room) -> moderngl.VertexArray:
+        array = room.vertex_arrays.get(id(program))
         if array is None:
-            content: list[tuple[Any, ...]] = [(at.moving, *POSED_LAYOUT), (at.still, *STILL_LAYOUT)]
-            array = at.vertex_arrays[id(program)] = self._context.vertex_array(
-                program, content, at.indices, index_element_size=4, skip_errors=True
+            content: list[tuple[Any, ...]] = [
+                (room.moving, *POSED_LAYOUT),
+                (room.still, *STILL_LAYOUT),
+            ]
+            array = room.vertex_arrays[id(program)] = self._context.vertex_array(
+                program, content, room.indices, index_element_size=4, skip_errors=True
             )
         return array
 
@@ -265,13 +319,6 @@ def _stretches(first: Counts, size: Counts) -> list[tuple[int, int]]:
     fresh = np.flatnonzero(np.concatenate([[True], starts[1:] != ends[:-1]]))
     last = np.concatenate([fresh[1:], [len(starts)]]) - 1
     return list(zip(starts[fresh].tolist(), ends[last].tolist(), strict=True))
-
-
-def _shift_morphs(arrays: dict[str, npt.NDArray[Any]], models: list[Model]) -> None:
-    """Let vertices count their displacements in the joined array."""
-    shift = np.cumsum([0, *(len(m.deltas) for m in models)])[:-1]
-    shifts = np.repeat(shift, [len(m.rest) for m in models])
-    arrays["morph"] = np.where(arrays["morph"] >= 0, arrays["morph"] + shifts, -1).astype(np.int32)
 
 
 def _rank(layers: Layers) -> Callable[[Group], tuple[object, ...]]:

@@ -1,6 +1,7 @@
 """People and rooms lit by the processor, against the same lit by shaders."""
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stage import processor_crowd
 from stage.baked_room import baked_room
 from stage.errors import StageError
 from stage.identity import FAITHFUL, IdentityBuffer, IdentityImages
+from stage.processor_layout import FreeRows
 from stage.renderer import LIGHTEST, Renderer
 from stage.targets import EyeTarget
 from stage.vertex_light import (
@@ -146,6 +149,109 @@ def test_room_is_drawn_when_everybody_is_out_of_view(renderer: Renderer) -> None
     assert renderer.image(picture, figures.camera(), (160, 120)).std() > image.std()
 
 
+def _counted(monkeypatch: pytest.MonkeyPatch, *names: str) -> Counter[str]:
+    """Return how often functions of `stage.processor_crowd` are called from now on."""
+    calls: Counter[str] = Counter()
+
+    def counting(name: str, called: Callable[..., object]) -> Callable[..., object]:
+        def call(*args: object, **named: object) -> object:
+            calls[name] += 1
+            return called(*args, **named)
+
+        return call
+
+    for name in names:
+        owner_name, _, attribute = name.rpartition(".")
+        owner = getattr(processor_crowd, owner_name) if owner_name else processor_crowd
+        monkeypatch.setattr(owner, attribute, counting(name, getattr(owner, attribute)))
+    return calls
+
+
+def test_change_of_level_writes_only_whoever_changed(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = _counted(
+        monkeypatch, "model", "coarser", "ProcessorCrowd._lay_out_afresh", "ProcessorCrowd._still"
+    )
+    picture = _pictured(4)
+    crowd = renderer.crowd_of(picture)
+    everyone = np.ones(4, np.bool_)
+
+    def spent(*levels: int) -> dict[str, int]:
+        calls.clear()
+        crowd.choose(np.array(levels), everyone)
+        return dict(calls)
+
+    characters = len({id(c) for c in picture.cast})
+    assert {
+        "model": characters,
+        "coarser": characters,
+        "ProcessorCrowd._lay_out_afresh": 1,
+        "ProcessorCrowd._still": 8,
+    } == spent(1, 1, 1, 1)
+    # One person is there twice, from near and from far.
+    assert {"model": 1, "coarser": 1, "ProcessorCrowd._still": 2} == spent(1, 2, 1, 1)
+    assert {"ProcessorCrowd._still": 2} == spent(1, 1, 1, 1)
+    assert {"ProcessorCrowd._still": 2} == spent(1, 2, 1, 1)
+    assert {} == spent(1, 2, 1, 1)
+
+
+def test_people_look_the_same_whatever_levels_they_had_before(renderer: Renderer) -> None:
+    picture, camera = _pictured(6), figures.camera()
+    rng = np.random.default_rng(5)
+    history = [np.full(6, 2), *rng.integers(-1, 3, (6, 6)), np.zeros(6, np.int64)]
+    target = EyeTarget(renderer.context, (160, 120), 0)
+
+    def drawn(picture: Picture, levels: npt.NDArray[np.int64]) -> npt.NDArray[np.uint8]:
+        renderer.draw(picture, [camera], [target], levels=levels)
+        return target.read()
+
+    crowd = renderer.crowd_of(picture)
+    seen = [drawn(picture, levels) for levels in history]
+    assert renderer.crowd_of(picture) is crowd
+    for levels, image in zip(history, seen, strict=True):
+        # Other people of the same looks are a crowd without a past.
+        fresh = replace(picture, cast=tuple(replace(c) for c in picture.cast))
+        assert np.array_equal(drawn(fresh, levels), image), levels
+    target.release()
+
+
+def test_rows_kept_for_people_are_bounded_by_the_most_they_needed(renderer: Renderer) -> None:
+    picture = _pictured(6)
+    crowd = renderer.crowd_of(picture)
+    assert isinstance(crowd, processor_crowd.ProcessorCrowd)
+    most = 0
+    for levels in np.random.default_rng(6).integers(0, 3, (60, 6)):
+        crowd.choose(levels, np.ones(6, np.bool_))
+        room = crowd._room
+        assert room is not None
+        used = int(crowd._sizes(np.arange(12)).sum())
+        most = max(most, used)
+        free = sum(end - start for start, end in room.free.stretches)
+        assert len(room.posed) == used + free
+        assert len(room.posed) <= (1 + processor_crowd.SPARE_01) * most
+
+
+def test_triangles_have_room_as_people_come_nearer_one_by_one(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = _counted(monkeypatch, "ProcessorCrowd._lay_out_afresh")
+    cast = 40 * load_cast()[:1]
+    picture = Picture(0, figures.plain_room(), cast, figures.standing(cast, 40 * [(0, 0, -3)]))
+    crowd = renderer.crowd_of(picture)
+    assert isinstance(crowd, processor_crowd.ProcessorCrowd)
+    grown_alone = 0
+    for near in range(41):
+        room, times = crowd._room, calls.total()
+        rows = 0 if room is None else len(room.corners)
+        crowd.choose(np.where(np.arange(40) < near, 1, 2), np.ones(40, np.bool_))
+        assert crowd._room is not None
+        assert crowd._triangles() <= len(crowd._room.corners)
+        assert 12 * len(crowd._room.corners) == crowd._room.indices.size
+        grown_alone += len(crowd._room.corners) > rows and calls.total() == times
+    assert grown_alone
+
+
 @pytest.mark.parametrize("odd", [np.nan, np.inf, 1e30])
 def test_light_that_is_no_number_is_looked_up_within_the_table(odd: float) -> None:
     table = np.array([0.0, 0.25, 1.0], np.float32)
@@ -167,6 +273,29 @@ def test_far_people_look_as_large_as_near_ones_with_fewer_triangles(
         shown.append(image[(image != (0, 255, 0)).any(axis=2)].mean(axis=0))
     assert seen[0] == pytest.approx(seen[1], rel=0.03)
     assert shown[0] == pytest.approx(shown[1], abs=6)
+
+
+@given(st.lists(st.tuples(st.booleans(), st.integers(1, 30)), max_size=40))
+def test_rows_taken_never_overlap_and_join_when_given_back(steps: list[tuple[bool, int]]) -> None:
+    free, owner = FreeRows(100), np.zeros(100, np.int64)
+    held: dict[int, tuple[int, int]] = {}
+    for k, (takes, number) in enumerate(steps, 1):
+        if takes:
+            start = free.take(number)
+            if start is None:
+                assert not np.convolve(owner == 0, np.ones(number), "valid").max() >= number
+                continue
+            assert not owner[start : start + number].any()
+            owner[start : start + number] = k
+            held[k] = start, number
+        elif held:
+            start, count = held.pop(sorted(held)[number % len(held)])
+            free.give(start, count)
+            owner[start : start + count] = 0
+        assert (owner == 0).sum() == sum(end - start for start, end in free.stretches)
+    for start, count in held.values():
+        free.give(start, count)
+    assert [(0, 100)] == free.stretches
 
 
 # ---- kernels --------------------------------------------------------------------------------
