@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import EYES_DTYPE
-from experiments.stare import attention, eye_movements, observer_state
+from experiments.stare import attention, attention_causes, eye_movements, observer_state
 from experiments.stare.self_report import answer_question
 from experiments.stare.temperament import (
     DEFAULT_POPULATION,
@@ -105,10 +105,10 @@ class StareParticipant:
         direction, dioptre = np.array([0.0, 0.0, -1.0]), 1 / ROOM_DISTANCE_M
         if self._instructed is not None:
             direction, dioptre = self._towards(self._instructed)
-        attention.begin_stretch(mind, self._person, self._segments, direction, dioptre)
+        attention_causes.begin_stretch(mind, self._person, self._segments, direction, dioptre)
         self._scene = self._gaze = self._openness = None
         if self._instructed is not None:
-            attention.instruct(mind, self._person, direction, dioptre, 0)
+            attention_causes.instruct(mind, self._person, direction, dioptre, 0)
 
     def wear(self, fit: int) -> None:
         """Put the headset on anew."""
@@ -118,14 +118,16 @@ class StareParticipant:
         """Follow the instruction to look at a point (calibration, mark); None ends it."""
         if target_world_m is None:
             self._instructed = None
-            attention.release(self._mind, self._person, t_ns - self._origin_ns)
+            attention_causes.release(self._mind, self._person, t_ns - self._origin_ns)
             return
         point = tuple(float(x) for x in target_world_m)
         if point == self._instructed:
             return
         self._instructed = point
         direction, dioptre = self._towards(point)
-        attention.instruct(self._mind, self._person, direction, dioptre, t_ns - self._origin_ns)
+        attention_causes.instruct(
+            self._mind, self._person, direction, dioptre, t_ns - self._origin_ns
+        )
 
     def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
         """Answer a question; None when this participant would leave it out."""
@@ -144,7 +146,7 @@ class StareParticipant:
             return
         self._gaze, self._openness = view.gaze_direction, view.eye_openness_01
         if self._effect and view.scene.brightness_01 > 0:
-            attention.see_gaze(
+            attention_causes.see_gaze(
                 self._mind,
                 self._agent_eyes,
                 self._gaze,
@@ -248,12 +250,12 @@ class StareParticipant:
             self._mind["rest_yaw"] = self._mind["rest_pitch"] = 0.0
         n = len(self._targets) if lit else 0
         key = self._scene_keys[int(lit)]
-        attention.begin_scene(self._mind, self._person, key, scene.brightness_01, n, t_ns)
+        attention_causes.begin_scene(self._mind, self._person, key, scene.brightness_01, n, t_ns)
         if self._instructed is None and not lit and scene.mark_m is not None:
             direction, dioptre = self._towards(scene.mark_m.tolist())
-            attention.instruct(self._mind, self._person, direction, dioptre, t_ns)
+            attention_causes.instruct(self._mind, self._person, direction, dioptre, t_ns)
         elif self._instructed is None:
-            attention.release(self._mind, self._person, t_ns)
+            attention_causes.release(self._mind, self._person, t_ns)
 
     def _appeal_of(self, what: "_Layout") -> npt.NDArray[np.float64]:
         q, who = self._population, self.temperament
