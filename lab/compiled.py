@@ -20,7 +20,11 @@ def compiled(function: F) -> F:
     that its module imports has changed is not used again.
     """
     kernel: Any = numba.njit(cache=True, nogil=True)(function)
-    file = kernel._cache._cache_file  # noqa: SLF001 - numba itself looks at one source file alone
+    # numba itself looks at one source file alone; where its cache is made otherwise than known,
+    # nothing is cached: slower to start, never old code.
+    file: Any = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
+    if not hasattr(file, "_source_stamp"):
+        return cast(F, numba.njit(nogil=True)(function))
     stamp = (file._source_stamp, _imported(function.__globals__))  # noqa: SLF001 - as above
     file._source_stamp = stamp  # noqa: SLF001 - as above
     setattr(kernel, _STAMP, stamp)
