@@ -22,6 +22,7 @@ from analysis.cells.similarity import (
     dice,
     frequency_dice,
     group_dice,
+    jackknifed_excess,
     own_block_excess,
     within_block,
 )
@@ -58,6 +59,7 @@ __all__ = [
     "frequency_dice",
     "gap_angles_deg",
     "group_dice",
+    "jackknifed_excess",
     "locate",
     "own_block_excess",
     "triangulate",

@@ -200,18 +200,45 @@ def own_block_excess(crowds: Sequence[tuple[Paths, Paths]]) -> Vector:
     other block; averaged over crowds, both blocks alike. 0 is expected where blocks do not matter.
     NaN for people without two paths in any crowd.
     """
-    rows = []
-    for a, b in crowds:
-        visits = Visits(a, b)
-        n = visits.n
-        mean = visits.pair_means(~np.eye(n, dtype=bool) & visits.present)
-        mean[~visits.present] = np.nan
-        rows.append(mean)
-    values = np.array(rows)
+    pairs = np.array([Visits(a, b).pair_excess for a, b in crowds])
+    return _mean_over_crowds(pairs)
+
+
+def jackknifed_excess(crowds: Sequence[tuple[Paths, Paths]]) -> Vector:
+    """Return (people,) the jackknife values of the mean of `own_block_excess`.
+
+    A person's excess is measured against everybody else's paths, so the excesses of people are
+    not independent: their own scatter gives intervals that are half as wide as they should be.
+    The scatter of these values, each n times the mean less n - 1 times the mean without that
+    person, does not (Arvesen 1969, for means over pairs); their mean is the mean excess.
+    """
+    pairs = np.array([Visits(a, b).pair_excess for a, b in crowds])
+    people = np.flatnonzero(np.isfinite(_mean_over_crowds(pairs)))
+    values = np.full(pairs.shape[1], np.nan)
+    if len(people) < 3:
+        return values
+    pairs = pairs[:, people][:, :, people]
+    whole = float(np.mean(_mean_over_crowds(pairs)))
+    n = len(people)
+    for k, person in enumerate(people):
+        rest = np.delete(np.delete(pairs, k, axis=1), k, axis=2)
+        left = float(np.nanmean(_mean_over_crowds(rest)))
+        values[person] = n * whole - (n - 1) * left
+    return values
+
+
+def _mean_over_crowds(pairs: Vector) -> Vector:
+    """Return (people,) means over others, then over crowds, of (crowds, people, people)."""
+    by_crowd = _mean_of_known(pairs, 2)
+    return _mean_of_known(by_crowd, 0)
+
+
+def _mean_of_known(values: Vector, axis: int) -> Vector:
     known = np.isfinite(values)
-    total = np.where(known, values, 0.0).sum(axis=0)
-    excess: Vector = np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
-    return excess
+    total = np.where(known, values, 0.0).sum(axis=axis)
+    count = known.sum(axis=axis)
+    mean: Vector = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return mean
 
 
 def cell_sets(paths: Iterable[CellPath]) -> list[frozenset[Cell]]:
@@ -261,14 +288,16 @@ class Visits:
         people = np.arange(self.n)
         return np.where(swap, people + self.n, people), np.where(swap, people, people + self.n)
 
-    def pair_means(self, others: npt.NDArray[np.bool_]) -> Vector:
-        """Return (people,) mean Dice with `others` (people, people) in the own less other block."""
+    @property
+    def pair_excess(self) -> Vector:
+        """How much more two people's paths are alike in one block than across blocks, (people,
+        people), both blocks alike; NaN with oneself and with people not in both.
+        """
         n, dice = self.n, self.dice
-        own = np.where(others, dice[:n, :n] + dice[n:, n:], 0.0)
-        other = np.where(others, dice[:n, n:] + dice[n:, :n], 0.0)
-        count = np.maximum(2 * others.sum(axis=1), 1)
-        means: Vector = (own.sum(axis=1) - other.sum(axis=1)) / count
-        return means
+        excess: Vector = (dice[:n, :n] + dice[n:, n:] - dice[:n, n:] - dice[n:, :n]) / 2
+        excess[~(self.present[:, None] & self.present)] = np.nan
+        np.fill_diagonal(excess, np.nan)
+        return excess
 
 
 def _matrix(block: Sequence[frozenset[Cell]], cells: dict[Cell, int]) -> Vector:

@@ -12,6 +12,7 @@ from analysis.cells import (
     Variant,
     between_blocks,
     compare_blocks_together,
+    jackknifed_excess,
     own_block_excess,
     within_block,
 )
@@ -65,7 +66,8 @@ class PathEquivalence:
     """Whether people's own paths are the same in two blocks, person by person.
 
     `excess` (people,) how much more each path resembles others' in its own block than in the
-    other one; `test` whether its mean lies within the bounds, None with `problem`.
+    other one; `test` whether its mean lies within the bounds, by the scatter of jackknife values
+    because excesses of people depend on one another; None with `problem`.
     """
 
     pair: tuple[str, str]
@@ -172,7 +174,8 @@ def _equivalence(
     parameters: AnalysisParameters,
 ) -> PathEquivalence:
     excess = own_block_excess(crowds) if crowds else np.empty(0)
-    known = excess[np.isfinite(excess)]
+    values = jackknifed_excess(crowds) if crowds else np.empty(0)
+    known = values[np.isfinite(values)]
     bound = parameters.dice_bound
     try:
         test = tost_one_sample(

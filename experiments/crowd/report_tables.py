@@ -297,7 +297,8 @@ def equivalence_table(group: GroupAnalysis) -> Table:
         tuple(rows),
         "Are paths the same? Two one-sided tests",
         "Excess: mean Dice of a person's path with the others' paths of the same block, less that "
-        "with their paths of the other block; people are the units.",
+        "with their paths of the other block; people are the units, and the interval comes from "
+        "leaving out one person at a time, as everybody is compared with everybody.",
     )
 
 

@@ -21,12 +21,15 @@ from analysis.cells import (
     folded_angle_deg,
     gap_angles_deg,
     group_dice,
+    jackknifed_excess,
     locate,
+    own_block_excess,
     triangulate,
     walk,
     within_block,
 )
 
+Group = list[frozenset[tuple[int, int, int]]]
 KITE = [[0.0, 0.0], [1.0, 0.1], [1.05, 1.0], [-0.05, 0.9]]
 
 
@@ -217,6 +220,43 @@ def test_permutation_test_keeps_its_level_without_an_effect() -> None:
         for _ in range(60)
     ]
     assert np.mean(np.array(p) <= 0.10) < 0.25
+
+
+def walked_twice(rng: np.random.Generator, n: int, shift: float) -> list[tuple[Group, Group]]:
+    """Paths of n people in two blocks of two crowds; `shift` moves which cells are liked."""
+    crowds = []
+    for _ in range(2):
+        liked = 0.5 * rng.random(40) ** 2
+        tilt = np.where(np.arange(40) < 20, shift, -shift)
+        blocks = [
+            [frozenset((int(c),) * 3 for c in np.flatnonzero(rng.random(40) < p)) for _ in range(n)]
+            for p in (liked * (1 + tilt), liked * (1 - tilt))
+        ]
+        crowds.append((blocks[0], blocks[1]))
+    return crowds
+
+
+def test_jackknife_values_have_the_mean_of_the_excess_and_its_true_scatter() -> None:
+    rng = np.random.default_rng(5)
+    means, naive, jackknifed = [], [], []
+    for _ in range(150):
+        crowds = walked_twice(rng, 12, 0.5)
+        own, values = own_block_excess(crowds), jackknifed_excess(crowds)
+        assert values.mean() == pytest.approx(own.mean())
+        means.append(own.mean())
+        naive.append(own.std(ddof=1) / np.sqrt(12))
+        jackknifed.append(values.std(ddof=1) / np.sqrt(12))
+    true = np.std(means)
+    assert np.mean(jackknifed) == pytest.approx(true, rel=0.25)
+    assert np.mean(naive) < 0.65 * true
+
+
+def test_jackknife_leaves_out_who_did_not_walk_in_both_blocks() -> None:
+    (a, b), *_ = walked_twice(np.random.default_rng(2), 6, 0.3)
+    values = jackknifed_excess([([None, *a[1:]], b)])
+    assert np.isnan(values[0])
+    np.testing.assert_allclose(values[1:], jackknifed_excess([(a[1:], b[1:])]))
+    assert np.isnan(jackknifed_excess([(a[:2], b[:2])])).all()
 
 
 def test_splits_repeat_from_their_seed() -> None:
