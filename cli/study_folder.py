@@ -33,14 +33,21 @@ def read_parameters(assignments: list[str]) -> dict[str, Any]:
     """Read NAME=VALUE texts; values are numbers, true, false or text as YAML reads them.
 
     Raises:
-        UsageError: a text is no assignment.
+        UsageError: a text is no assignment, or a name comes twice.
     """
     read: dict[str, Any] = {}
     for text in assignments:
         name, sign, value = text.partition("=")
         if not sign or not name.strip():
             raise UsageError(f"--set takes NAME=VALUE, such as trial_s=8, not {text!r}")
-        read[name.strip()] = yaml.safe_load(value)
+        if name.strip() in read:
+            raise UsageError(f"{name.strip()} is set twice; give --set {name.strip()}=… once")
+        try:
+            read[name.strip()] = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise UsageError(
+                f"--set takes NAME=VALUE, such as trial_s=8; the value in {text!r} cannot be read"
+            ) from error
     return read
 
 

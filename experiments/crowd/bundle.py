@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.crowd.design import DEFAULT_PARAMETERS, QUESTIONNAIRES, STUDY, CrowdParameters
+from experiments.crowd.design import QUESTIONNAIRES, STUDY, CrowdParameters
 from experiments.crowd.intake import SessionIntake, take_in
 from experiments.crowd.measures import measure_parameters
 from experiments.crowd.measuring import Runner, measure_sessions
@@ -13,8 +13,8 @@ from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.redrawing import views_of
 from experiments.crowd.study import CrowdStudy
 from lab.config import LabConfig
-from lab.errors import ConfigError
 from protocol.experiment import ValidationPoint, ValidationVerdict
+from protocol.parameters import parameters_from
 from protocol.questionnaires import Questionnaire, load_questionnaire
 from protocol.shown import Shown
 from recording.reader import Recording
@@ -32,13 +32,9 @@ class CrowdBundle:
         """Return the experiment; `overrides` replace published parameters by name.
 
         Raises:
-            ConfigError: a parameter does not exist.
+            ConfigError: a parameter or its value does not exist.
         """
-        unknown = set(overrides) - set(CrowdParameters.__dataclass_fields__)
-        if unknown:
-            known = ", ".join(CrowdParameters.__dataclass_fields__)
-            raise ConfigError(f"crowd has no {', '.join(sorted(unknown))}; parameters: {known}")
-        return CrowdStudy(CrowdParameters(**overrides) if overrides else DEFAULT_PARAMETERS)
+        return CrowdStudy(parameters_from(CrowdParameters, overrides, STUDY))
 
     def participant(self, index: int, seed: int, *, effect: bool) -> CrowdParticipant:
         """Return a simulated participant."""

@@ -1,5 +1,7 @@
 """What one participant of the crowd study will do, planned before anything runs."""
 
+import math
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Final
 
@@ -32,6 +34,14 @@ CONTROL_GROUP: Final = "control"
 AFTER_BLOCK: Final = ("embodiment", "presence")
 AT_END: Final = ("demographics", "free_comment")
 QUESTIONNAIRES: Final = (*AFTER_BLOCK, *AT_END)
+
+NEEDED_SIDE_M: Final = 2 * max(abs(START_M[0]), abs(START_M[1]))
+"""Side of the smallest tracked square that holds the crowd and the mark."""
+FARTHEST_HOME_M: Final = 2.0
+QUIET_AFTER_MS: Final = (50.0, 1000.0)
+"""Shorter than a few samples of a slow tracker would be silence in between, longer is no rule."""
+SLOWEST_MODULATION_HZ: Final = 0.1
+FASTEST_MODULATION_HZ: Final = 50.0
 
 TRAINING_INSTRUCTION: Final = (
     "You will find yourself in a metro station, in your own body, at the edge of a crowd. Across "
@@ -76,23 +86,52 @@ class CrowdParameters:
     record_gaze: bool = False
 
     def __post_init__(self) -> None:
-        problems = []
-        if self.pattern not in PATTERNS:
-            problems.append(f"pattern {self.pattern!r} is none of {', '.join(PATTERNS)}")
-        if min(self.limit_s, self.home_within_m, self.quiet_after_ms) <= 0:
-            problems.append("limit_s, home_within_m and quiet_after_ms must be above 0")
-        if self.haptic_update_hz < 0 or self.intertrial_s < 0:
-            problems.append("haptic_update_hz and intertrial_s cannot be negative")
-        if not 1 <= self.configurations <= CONFIGURATIONS:
-            problems.append(f"configurations is 1 to {CONFIGURATIONS}")
-        needed = 2 * max(abs(START_M[0]), abs(START_M[1]))
-        if self.tracking_side_m < needed:
-            problems.append(
-                f"the crowd and the start mark need {needed:.1f} m on each side, the tracking "
-                f"area has {self.tracking_side_m:g} m; track a larger area or use a smaller crowd"
-            )
+        problems = [*self._vibration_problems(), *self._procedure_problems()]
         if problems:
             raise DesignError(f"crowd: {'; '.join(problems)}")
+
+    def _vibration_problems(self) -> Iterator[str]:
+        if self.pattern not in PATTERNS:
+            yield f"pattern {self.pattern!r} is none of {', '.join(PATTERNS)}"
+            return
+        asked = (self.pattern_low_hz, self.pattern_high_hz, self.pattern_modulation_hz)
+        if not all(0 <= rate_hz < math.inf for rate_hz in asked):
+            yield (
+                "pattern_low_hz, pattern_high_hz and pattern_modulation_hz are rates above 0, or 0 "
+                "for the pattern's own"
+            )
+            return
+        vibration = self.vibration
+        if vibration.low_hz > vibration.high_hz:
+            yield (
+                f"the pattern would swing from {vibration.low_hz:g} Hz down to "
+                f"{vibration.high_hz:g} Hz; give pattern_low_hz and a higher pattern_high_hz"
+            )
+        if not SLOWEST_MODULATION_HZ <= vibration.modulation_hz <= FASTEST_MODULATION_HZ:
+            yield (
+                f"pattern_modulation_hz is {SLOWEST_MODULATION_HZ:g} to "
+                f"{FASTEST_MODULATION_HZ:g}, not {vibration.modulation_hz:g}"
+            )
+        if not 0 <= self.haptic_update_hz < math.inf:
+            yield f"haptic_update_hz is 0 or above, not {self.haptic_update_hz:g}"
+        shortest, longest = QUIET_AFTER_MS
+        if not shortest <= self.quiet_after_ms <= longest:
+            yield f"quiet_after_ms is {shortest:g} to {longest:g}, not {self.quiet_after_ms:g}"
+
+    def _procedure_problems(self) -> Iterator[str]:
+        if not 0 < self.limit_s < math.inf:
+            yield f"limit_s is a time above 0, not {self.limit_s:g}"
+        if not 0 < self.home_within_m <= FARTHEST_HOME_M:
+            yield f"home_within_m is above 0 and at most {FARTHEST_HOME_M:g}"
+        if not 0 <= self.intertrial_s < math.inf:
+            yield f"intertrial_s is a time from 0 on, not {self.intertrial_s:g}"
+        if not 1 <= self.configurations <= CONFIGURATIONS:
+            yield f"configurations is 1 to {CONFIGURATIONS}"
+        if not self.tracking_side_m >= NEEDED_SIDE_M:
+            yield (
+                f"tracking_side_m is {self.tracking_side_m:g}, but the crowd and the start mark "
+                f"need {NEEDED_SIDE_M:.1f} m on each side; track a larger area"
+            )
 
     @property
     def vibration(self) -> VibrationPattern:

@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 
 from analysis.gaze.quality import validate
-from experiments.stare.design import DEFAULT_PARAMETERS, QUESTIONNAIRES, STUDY, StareParameters
+from experiments.stare.design import QUESTIONNAIRES, STUDY, StareParameters
 from experiments.stare.intake import SessionIntake, measure_parameters_of, provenance_of, take_in
 from experiments.stare.participant import StareParticipant
 from experiments.stare.study import StareStudy
 from lab.config import LabConfig
-from lab.errors import ConfigError
 from protocol.experiment import ValidationPoint, ValidationVerdict
+from protocol.parameters import parameters_from
 from protocol.questionnaires import Questionnaire, load_questionnaire
 from protocol.shown import Shown
 from recording.reader import Recording
@@ -35,13 +35,9 @@ class StareBundle:
         """Return the experiment; `overrides` replace published parameters by name.
 
         Raises:
-            ConfigError: a parameter does not exist.
+            ConfigError: a parameter or its value does not exist.
         """
-        unknown = set(overrides) - set(StareParameters.__dataclass_fields__)
-        if unknown:
-            known = ", ".join(StareParameters.__dataclass_fields__)
-            raise ConfigError(f"stare has no {', '.join(sorted(unknown))}; parameters: {known}")
-        return StareStudy(StareParameters(**overrides) if overrides else DEFAULT_PARAMETERS)
+        return StareStudy(parameters_from(StareParameters, overrides, STUDY))
 
     def participant(self, index: int, seed: int, *, effect: bool) -> StareParticipant:
         """Return a simulated participant."""

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from experiments.waving.design import (
-    DEFAULT_PARAMETERS,
     QUESTIONNAIRES,
     STUDY,
     WavingParameters,
@@ -21,8 +20,8 @@ from experiments.waving.participant import WavingParticipant
 from experiments.waving.redrawing import views_of
 from experiments.waving.study import WavingStudy
 from lab.config import LabConfig
-from lab.errors import ConfigError
 from protocol.experiment import ValidationPoint, ValidationVerdict
+from protocol.parameters import parameters_from
 from protocol.questionnaires import Questionnaire
 from protocol.shown import Shown
 from recording.reader import Recording
@@ -40,13 +39,9 @@ class WavingBundle:
         """Return the experiment; `overrides` replace parameters by name.
 
         Raises:
-            ConfigError: a parameter does not exist.
+            ConfigError: a parameter or its value does not exist.
         """
-        unknown = set(overrides) - set(WavingParameters.__dataclass_fields__)
-        if unknown:
-            known = ", ".join(WavingParameters.__dataclass_fields__)
-            raise ConfigError(f"waving has no {', '.join(sorted(unknown))}; parameters: {known}")
-        return WavingStudy(WavingParameters(**overrides) if overrides else DEFAULT_PARAMETERS)
+        return WavingStudy(parameters_from(WavingParameters, overrides, STUDY))
 
     def participant(self, index: int, seed: int, *, effect: bool) -> WavingParticipant:
         """Return a simulated participant."""

@@ -1,0 +1,65 @@
+"""Parameters with which no session could be run are refused before anybody puts anything on."""
+
+import pytest
+
+from cli.studies import find_study
+from cli.study_folder import read_parameters
+from experiments.crowd.design import CrowdParameters
+from experiments.crowd.patterns import PATTERNS
+from lab.errors import ConfigError, DesignError, UsageError
+
+UNUSABLE = (
+    "haptic_update_hz=.nan",
+    "haptic_update_hz=four",
+    "haptic_update_hz=-4",
+    "quiet_after_ms=.nan",
+    "quiet_after_ms=.inf",
+    "quiet_after_ms=0",
+    "quiet_after_ms=5",
+    "limit_s=.nan",
+    "limit_s=.inf",
+    "limit_s=-1",
+    "intertrial_s=.nan",
+    "home_within_m=.nan",
+    "home_within_m=100",
+    "configurations=2.5",
+    "configurations=true",
+    "configurations=9",
+    "tracking_side_m=.nan",
+    "tracking_side_m=x",
+    "tracking_side_m=7",
+    "nearest_motor=maybe",
+    "with_control_group=1",
+    "record_gaze=nope",
+    "pattern=",
+    "pattern=[1]",
+    "pattern=tickle",
+    "pattern_low_hz=-5",
+    "pattern_low_hz=.nan",
+    "pattern_low_hz=200",
+    "pattern_modulation_hz=.inf",
+    "pattern_modulation_hz=80",
+)
+
+
+@pytest.mark.parametrize("assignment", UNUSABLE)
+def test_unusable_value_is_refused_by_name(assignment: str) -> None:
+    name = assignment.partition("=")[0]
+    with pytest.raises((ConfigError, DesignError), match=name):
+        find_study("crowd").experiment(read_parameters([assignment]))
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_every_named_pattern_can_be_chosen(pattern: str) -> None:
+    assert PATTERNS[pattern] == CrowdParameters(pattern=pattern).vibration
+
+
+@pytest.mark.parametrize("text", ["limit_s=[", "limit_s={a", "limit_s", "=3"])
+def test_text_that_is_no_assignment_is_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="NAME=VALUE"):
+        read_parameters([text])
+
+
+def test_one_name_given_twice_is_refused() -> None:
+    with pytest.raises(UsageError, match="limit_s is set twice"):
+        read_parameters(["limit_s=90", "limit_s=60"])
