@@ -1,20 +1,15 @@
-"""Intersect two surfaces along columns: exact along the column, midpoint rule across.
-
-A triangle is scan-converted row by row of the lattice. Where an edge meets a row is computed
-from its lower end, so both triangles at an edge find the same number bit for bit, and columns
-belong half-open to what lies between two edges: every column crosses a closed surface in
-balanced signs, also through vertices and along edges.
-"""
+"""Intersect two surfaces along columns: exact along the column, midpoint rule across."""
 
 import numpy as np
 import numpy.typing as npt
 
 from analysis.collisions.meshes import Faces
+from analysis.collisions.spans import cast
 from analysis.collisions.tiles import (
     MARGIN,
     TILE,
     Crossings,
-    alive,
+    over,
     reach,
     spread,
     tile_of,
@@ -66,88 +61,6 @@ def faces_near(faces: Faces, sides: npt.NDArray[np.uint8]) -> Crossings:
         near[k] = f
         k += (sides[a] & sides[b] & sides[c]) == 0
     return near[:k]
-
-
-@compiled
-def cast(
-    place: Vector,
-    first: npt.NDArray[np.int16],
-    faces: Faces,
-    met: Crossings,
-    n_u: int,
-    n_v: int,
-    low_w: Vector,
-    high_w: Vector,
-    below: Crossings,
-    count: Crossings,
-    column: Crossings,
-    height: Vector,
-    change: npt.NDArray[np.int8],
-    n_found: int,
-    body: int,
-) -> int:
-    """Append the crossings of one surface with the columns; return their number so far.
-
-    Only crossings between the heights of their tile count, those below are summed in `below`.
-    When the number returned exceeds the buffers, what did not fit was not stored. `change` is ±1
-    for body 0, ±2 for body 1.
-    """
-    room = column.shape[0]
-    most_u = float(n_u)
-    across = tiles_across(n_u)
-    for m in range(met.shape[0]):
-        f = np.uint32(met[m])
-        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
-        ra, rb, rc = first[a, 1], first[b, 1], first[c, 1]
-        # lowest, middle and highest corner; a swap turns the order of the corners round
-        turned = 0
-        if place[b, 1] < place[a, 1]:
-            a, b, turned = b, a, 1 - turned
-        if place[c, 1] < place[b, 1]:
-            b, c, turned = c, b, 1 - turned
-            if place[b, 1] < place[a, 1]:
-                a, b, turned = b, a, 1 - turned
-        ua, va, wa = place[a, 0], place[a, 1], place[a, 2]
-        ub, vb, wb = place[b, 0], place[b, 1], place[b, 2]
-        uc, vc, wc = place[c, 0], place[c, 1], place[c, 2]
-        for r in range(max(min(ra, rb, rc), 0), min(max(ra, rb, rc), n_v)):
-            row = float(r)
-            t = (row - va) / (vc - va)
-            u_long, w_long = ua + t * (uc - ua), wa + t * (wc - wa)
-            if vb <= row:
-                t = (row - vb) / (vc - vb)
-                u_bent, w_bent = ub + t * (uc - ub), wb + t * (wc - wb)
-            else:
-                t = (row - va) / (vb - va)
-                u_bent, w_bent = ua + t * (ub - ua), wa + t * (wb - wa)
-            if u_long < u_bent:
-                left, right, w_left, w_right = u_long, u_bent, w_long, w_bent
-                sign = 2 * turned - 1
-            else:
-                left, right, w_left, w_right = u_bent, u_long, w_bent, w_long
-                sign = 1 - 2 * turned
-            begin = int(np.ceil(max(left, 0.0)))
-            end = int(np.ceil(min(right, most_u)))
-            if begin >= end:
-                continue
-            slope = (w_right - w_left) / (right - left)
-            at = r * n_u
-            for i in range(begin, end):
-                cell = np.uint32(at + i)
-                w = w_left + (i - left) * slope
-                tile = np.uint32(tile_of(i, r, across))
-                if w >= high_w[tile]:
-                    continue
-                if w < low_w[tile]:
-                    below[cell] += sign
-                    continue
-                if n_found < room:
-                    column[n_found] = cell
-                    height[n_found] = w
-                    change[n_found] = sign * (body + 1)
-                    count[cell] += 1
-                n_found += 1
-    return n_found
 
 
 @compiled
@@ -228,8 +141,10 @@ def columns_in_both(
     place_b, first_b = to_lattice(vertices_b, axis, low_m, step_m, n_u, n_v, low_b, high_b)
     low_a, high_a = spread(low_a, across, -1.0), spread(high_a, across, 1.0)
     low_b, high_b = spread(low_b, across, -1.0), spread(high_b, across, 1.0)
-    met_a = reach(place_a, first_a, faces_a, n_u, n_v, low_a, high_a)
-    met_b = reach(place_b, first_b, faces_b, n_u, n_v, low_b, high_b)
+    far_a = np.zeros(vertices_a.shape[0], np.uint8)
+    far_b = np.zeros(vertices_b.shape[0], np.uint8)
+    met_a = reach(place_a, first_a, faces_a, n_u, n_v, low_a, high_a, far_a)
+    met_b = reach(place_b, first_b, faces_b, n_u, n_v, low_b, high_b, far_b)
     live = np.empty((2, 3))
     live[0], live[1] = np.inf, -np.inf
     for k in range(tiles):  # both bodies can only be between these heights
@@ -250,11 +165,11 @@ def columns_in_both(
     column = np.empty(room, np.int32)
     height = np.empty(room)
     change = np.empty(room, np.int8)
-    met_a = alive(place_a, first_a, faces_a, met_a, n_u, n_v, high_a)
-    met_b = alive(place_b, first_b, faces_b, met_b, n_u, n_v, high_a)
-    n = cast(place_a, first_a, faces_a, met_a, n_u, n_v, low_a, high_a, below_a, count,
+    over_a = over(place_a, first_a, n_u, high_a, far_a)
+    over_b = over(place_b, first_b, n_u, high_a, far_b)
+    n = cast(place_a, first_a, faces_a, met_a, over_a, n_u, n_v, low_a, high_a, below_a, count,
              column, height, change, 0, 0)  # fmt: skip
-    n = cast(place_b, first_b, faces_b, met_b, n_u, n_v, low_a, high_a, below_b, count,
+    n = cast(place_b, first_b, faces_b, met_b, over_b, n_u, n_v, low_a, high_a, below_b, count,
              column, height, change, n, 1)  # fmt: skip
     if n > room:
         return np.empty(0, np.int32), np.empty((0, 2)), n, live

@@ -45,11 +45,12 @@ def _sides_across(
     vertices_m: Vector, axis: int, low_m: Vector, high_m: Vector
 ) -> npt.NDArray[np.uint8]:
     """Return (n,) beyond which sides of a box, seen along an axis, each vertex lies."""
-    iu, iv = (axis + 1) % 3, (axis + 2) % 3
+    iu, iv = np.uint32((axis + 1) % 3), np.uint32((axis + 2) % 3)
     u0, u1, v0, v1 = low_m[iu], high_m[iu], low_m[iv], high_m[iv]
     beyond = np.empty(vertices_m.shape[0], np.uint8)
+    flat = vertices_m.ravel()  # with one index the loop is vectorised
     for i in range(vertices_m.shape[0]):
-        u, v = vertices_m[i, iu], vertices_m[i, iv]
+        u, v = flat[np.uint32(3 * i) + iu], flat[np.uint32(3 * i) + iv]
         code = np.int32(1) if u <= u0 else np.int32(0)
         code |= np.int32(2) if u >= u1 else np.int32(0)
         code |= np.int32(4) if v <= v0 else np.int32(0)

@@ -102,11 +102,12 @@ def reach(
     n_v: int,
     low_w: Vector,
     high_w: Vector,
+    far: npt.NDArray[np.uint8],
 ) -> Crossings:
     """Return the faces that may meet a column; make tiles under long faces as deep as these.
 
     A face no longer than a tile lies within the tiles next to each of its corners; longer ones
-    are entered here, after heights were spread to neighbours.
+    are entered here, after heights were spread to neighbours, and their corners marked in `far`.
     """
     met = np.empty(faces.shape[0] + 1, np.int32)
     across = tiles_across(n_u)
@@ -124,6 +125,7 @@ def reach(
         if near and (past_row - row >= MARGIN or end - begin >= MARGIN):
             low = min(place[a, 2], place[b, 2], place[c, 2])
             high = max(place[a, 2], place[b, 2], place[c, 2])
+            far[a] = far[b] = far[c] = 1
             for v in range(max(row, 0), min(past_row, n_v) + 1):
                 for u in range(max(begin, 0), min(end, n_u) + 1):
                     tile = tile_of(u, v, across)
@@ -133,32 +135,21 @@ def reach(
 
 
 @compiled
-def alive(
+def over(
     place: Vector,
     first: npt.NDArray[np.int16],
-    faces: Faces,
-    met: Crossings,
     n_u: int,
-    n_v: int,
     high_w: Vector,
-) -> Crossings:
-    """Return the faces of `met` that reach below the height of a tile in which they lie."""
+    far: npt.NDArray[np.uint8],
+) -> npt.NDArray[np.uint8]:
+    """Return (n,) 1 for vertices, `far` ones excepted, above the tiles next to them.
+
+    A face whose corners are all such is no longer than a tile and above every tile it is in.
+    """
     across = tiles_across(n_u)
-    kept = np.empty(met.size + 1, np.int32)
-    n = 0
-    for i in range(met.size):
-        f = np.uint32(met[i])
-        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
-        ra, rb, rc = first[a, 1], first[b, 1], first[c, 1]
-        ca, cb, cc = first[a, 0], first[b, 0], first[c, 0]
-        low = min(place[a, 2], place[b, 2], place[c, 2])
-        begin = tile_of(max(min(ca, cb, cc), 0), max(min(ra, rb, rc), 0), across)
-        end = tile_of(min(max(ca, cb, cc), n_u) - 1, min(max(ra, rb, rc), n_v) - 1, across)
-        wide = (end - begin) % across
-        reaches = False
-        for row in range(begin, end - wide + 1, across):
-            for tile in range(row, row + wide + 1):
-                reaches |= low < high_w[tile]
-        kept[n] = f
-        n += reaches
-    return kept[:n]
+    near = spread(high_w, across, 1.0)
+    above = np.empty(place.shape[0], np.uint8)
+    for k in range(place.shape[0]):
+        tile = np.uint32(tile_of(first[k, 0], first[k, 1], across))
+        above[k] = (place[k, 2] >= near[tile]) & (far[k] == 0)
+    return above

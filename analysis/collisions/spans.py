@@ -1,0 +1,203 @@
+"""Cut a surface by the columns of a lattice.
+
+A triangle is scan-converted row by row of the lattice. Where an edge meets a row is computed
+from its lower end, so both triangles at an edge find the same number bit for bit, and columns
+belong half-open to what lies between two edges: every column crosses a closed surface in
+balanced signs, also through vertices and along edges.
+
+Three loops in place of one, each over what the one before has kept: what a row costs is mostly
+branches that a processor cannot foresee, and these have none.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.collisions.meshes import Faces
+from analysis.collisions.tiles import MARGIN, TILE, Crossings, tiles_across
+from lab.compiled import compiled
+from lab.geometry import Vector
+
+_BATCH = 4096
+
+
+def _edges_across() -> npt.NDArray[np.uint8]:
+    """Return (8, 4): by which corners lie at or below a row, lower and upper corner of the edge
+    that goes up through it in the triangle's turn, and of the one that comes down.
+    """
+    ends = np.zeros((8, 4), np.uint8)
+    for bits in range(1, 7):
+        for k in range(3):
+            after = (k + 1) % 3
+            here, there = bits >> k & 1, bits >> after & 1
+            if here and not there:
+                ends[bits, :2] = k, after
+            elif there and not here:
+                ends[bits, 2:] = after, k
+    return ends
+
+
+_ENDS = _edges_across()
+
+
+@compiled
+def rows_met(
+    first: npt.NDArray[np.int16],
+    faces: Faces,
+    met: Crossings,
+    start: int,
+    above: npt.NDArray[np.uint8],
+    n_v: int,
+    face: Crossings,
+    row: Crossings,
+) -> tuple[int, int]:
+    """Write faces and the rows they meet until the buffers are full; return how many, and the
+    place in `met` to go on from.
+
+    Faces whose corners all lie `above` are left out. Buffers hold four rows more than there are.
+    """
+    room = face.shape[0] - 4
+    n = 0
+    for i in range(start, met.shape[0]):
+        f = met[i]
+        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        ra, rb, rc = int(first[a, 1]), int(first[b, 1]), int(first[c, 1])
+        low = max(min(ra, rb, rc), 0)
+        k = (min(max(ra, rb, rc), n_v) - low) * (1 - int(above[a] & above[b] & above[c]))
+        if n + k > room:
+            return n, i
+        for j in range(4):  # most triangles meet no more, and four are written without asking
+            face[n + j] = f
+            row[n + j] = low + j
+        for j in range(4, k):
+            face[n + j] = f
+            row[n + j] = low + j
+        n += k
+    return n, met.shape[0]
+
+
+@compiled
+def spans_of(
+    place: Vector,
+    first: npt.NDArray[np.int16],
+    faces: Faces,
+    face: Crossings,
+    row: Crossings,
+    n: int,
+    n_u: int,
+    span: Faces,
+    ends: Vector,
+) -> int:
+    """Write what each triangle covers of each row where that holds a column; return how many.
+
+    `span` (k, 3) row, first column and the one after the last; `ends` (k, 4) u of the edge that
+    goes up and of the one that comes down, and their w.
+    """
+    m = 0
+    most_u = float(n_u)
+    for k in range(n):
+        f, r = np.uint32(face[k]), row[k]
+        lower = np.uint32(
+            int(first[np.uint32(faces[f, 0]), 1] <= r)
+            + 2 * int(first[np.uint32(faces[f, 1]), 1] <= r)
+            + 4 * int(first[np.uint32(faces[f, 2]), 1] <= r)
+        )
+        a, b = np.uint32(faces[f, _ENDS[lower, 0]]), np.uint32(faces[f, _ENDS[lower, 1]])
+        c, d = np.uint32(faces[f, _ENDS[lower, 2]]), np.uint32(faces[f, _ENDS[lower, 3]])
+        v = float(r)
+        up = (v - place[a, 1]) / (place[b, 1] - place[a, 1])
+        down = (v - place[c, 1]) / (place[d, 1] - place[c, 1])
+        u_up = place[a, 0] + up * (place[b, 0] - place[a, 0])
+        u_down = place[c, 0] + down * (place[d, 0] - place[c, 0])
+        begin = np.int32(np.ceil(max(min(u_up, u_down), 0.0)))
+        end = np.int32(np.ceil(min(max(u_up, u_down), most_u)))
+        ends[m, 0], ends[m, 1] = u_up, u_down
+        ends[m, 2] = place[a, 2] + up * (place[b, 2] - place[a, 2])
+        ends[m, 3] = place[c, 2] + down * (place[d, 2] - place[c, 2])
+        span[m, 0], span[m, 1], span[m, 2] = r, begin, end
+        m += int(begin < end)
+    return m
+
+
+@compiled
+def cast(
+    place: Vector,
+    first: npt.NDArray[np.int16],
+    faces: Faces,
+    met: Crossings,
+    above: npt.NDArray[np.uint8],
+    n_u: int,
+    n_v: int,
+    low_w: Vector,
+    high_w: Vector,
+    below: Crossings,
+    count: Crossings,
+    column: Crossings,
+    height: Vector,
+    change: npt.NDArray[np.int8],
+    n_found: int,
+    body: int,
+) -> int:
+    """Append the crossings of one surface with the columns; return their number so far.
+
+    Only crossings between the heights of their tile count, those below are summed in `below`.
+    When the number returned exceeds the buffers, what did not fit was not stored. `change` is ±1
+    for body 0, ±2 for body 1.
+    """
+    most = max(_BATCH, n_v) + 4
+    face, row = np.empty(most, np.int32), np.empty(most, np.int32)
+    span, ends = np.empty((most, 3), np.int32), np.empty((most, 4))
+    start = 0
+    while start < met.shape[0]:
+        n, start = rows_met(first, faces, met, start, above, n_v, face, row)
+        n = spans_of(place, first, faces, face, row, n, n_u, span, ends)
+        n_found = cross(
+            span, ends, n, n_u, low_w, high_w, below, count, column, height, change, n_found, body
+        )
+    return n_found
+
+
+@compiled
+def cross(
+    span: Faces,
+    ends: Vector,
+    n: int,
+    n_u: int,
+    low_w: Vector,
+    high_w: Vector,
+    below: Crossings,
+    count: Crossings,
+    column: Crossings,
+    height: Vector,
+    change: npt.NDArray[np.int8],
+    n_found: int,
+    body: int,
+) -> int:
+    """Append the crossings of columns in some spans; return their number so far."""
+    room = column.shape[0]
+    across = tiles_across(n_u)
+    for k in range(n):
+        r, begin, end = span[k, 0], span[k, 1], span[k, 2]
+        u_up, u_down, w_up, w_down = ends[k, 0], ends[k, 1], ends[k, 2], ends[k, 3]
+        upward = u_up < u_down
+        left = min(u_up, u_down)
+        w_left = w_up if upward else w_down
+        slope = (w_down - w_up) / (u_down - u_up)
+        sign = np.int32(2) * np.int32(upward) - np.int32(1)
+        at = r * n_u
+        tiles = ((r + MARGIN) >> TILE) * across
+        for i in range(begin, end):
+            w = w_left + (i - left) * slope
+            tile = np.uint32(tiles + ((i + MARGIN) >> TILE))
+            if w >= high_w[tile]:
+                continue
+            cell = np.uint32(at + i)
+            if w < low_w[tile]:
+                below[cell] += sign
+                continue
+            if n_found < room:
+                column[n_found] = cell
+                height[n_found] = w
+                change[n_found] = sign * (body + 1)
+                count[cell] += 1
+            n_found += 1
+    return n_found
