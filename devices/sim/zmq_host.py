@@ -7,9 +7,10 @@ import threading
 from typing import Any
 
 from devices.sim.pupil_core import PupilCoreSimulator
-from lab.clock import Clock
+from lab.clock import NS_PER_MS, Clock
 
 LOOP_MS = 1
+FIRST_SAMPLES_NS = 20 * NS_PER_MS
 
 
 class ZmqHost:
@@ -36,6 +37,8 @@ class ZmqHost:
         )
         self._stopping = threading.Event()
         self._failure: Exception | None = None
+        # compiled here, where nobody waits for an answer: on a new machine that takes seconds
+        simulator.advance(clock.now_ns() + FIRST_SAMPLES_NS)
         self._thread = threading.Thread(target=self._serve, name="zmq-host", daemon=True)
         self._thread.start()
 
