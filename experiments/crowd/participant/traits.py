@@ -25,31 +25,38 @@ class Population:
 
     Vibration: while one is felt, caution grows towards 1 by `caution_per_s` and alarm by
     `alarm_per_s`; they are forgotten over `caution_forgotten_s` and `alarm_forgotten_s`.
-    Caution widens the margin by `caution_margin_m`, keeps arms closer (`caution_tuck`) and the
-    way truer (`caution_wander`, a share); alarm slows by `alarm_slowing` (a share). How much
-    differs between people by `response_spread` (log scale), the arms' share less in the loose
-    (`loose_response`). All were tuned by hand to the published means and spreads on seeds 1, 7,
-    101, 102 and 500 (see `benchmarks.crowd_participants`).
+    Caution leads from a person's own margin to a learned one, `careful_margin_m`, in which
+    people differ less than in their own; it keeps arms closer by the share `caution_tuck` and
+    the way truer by the share `caution_wander`. How far arms come in differs by
+    `caution_tuck_spread`, with Student's t of `response_tail` degrees of freedom, and is less
+    in the loose (`loose_response`): below none, arms come out, as of somebody who gets
+    careless. Alarm slows by the share `alarm_slowing` and widens the margin by
+    `alarm_margin_m`, both with a spread on the log scale.
+
+    Shoulder width and depth, the limits of turns and the times (`turn_s`, `wander_s`,
+    `reading_s`, `reaction_s`, `alarm_*_s`) are assumed; everything else was tuned by hand to
+    the published means and spreads, so that surfaces and capsules lie on either side of them,
+    on seeds 1, 7, 101 and 102 (see `benchmarks.crowd_participants`).
     """
 
-    free_speed_m_s: float = 0.515
+    free_speed_m_s: float = 0.51
     free_speed_spread: float = 0.18
     turn_slowing: float = 0.25
     narrow_slowing: float = 0.20
-    stride_m: float = 0.72
+    stride_m: float = 0.68
     shoulder_width_m: float = 0.46
     body_depth_m: float = 0.26
-    margin_m: float = 0.015
+    margin_m: float = 0.018
     margin_spread_m: float = 0.036
     turn_limit_deg: float = 78.0
     turn_s: float = 0.28
-    wander_m: float = 0.03
+    wander_m: float = 0.046
     wander_s: float = 1.2
-    swing_rad: float = 0.27
-    spread_rad: float = 0.33
+    swing_rad: float = 0.31
+    spread_rad: float = 0.38
     loose_swing: float = 0.60
     loose_spread: float = 0.50
-    loose_stride: float = 0.25
+    loose_stride: float = 0.29
     tuck: float = 0.15
     tuck_spread: float = 0.10
     squeeze: float = 6.0
@@ -58,16 +65,21 @@ class Population:
     taste_trial: float = 0.20
     reading_s: float = 2.2
     reaction_s: float = 0.7
-    caution_per_s: float = 0.020
-    caution_forgotten_s: float = 2400.0
+    caution_per_s: float = 0.014
+    caution_forgotten_s: float = 3600.0
     alarm_per_s: float = 0.5
     alarm_forgotten_s: float = 12.0
-    caution_margin_m: float = 0.05
+    careful_margin_m: float = 0.060
+    careful_margin_spread_m: float = 0.010
     caution_tuck: float = 0.42
-    caution_wander: float = 0.60
+    caution_tuck_spread: float = 0.35
+    caution_wander: float = 0.62
     alarm_slowing: float = 0.10
-    response_spread: float = 0.50
-    loose_response: float = 0.40
+    alarm_slowing_spread: float = 0.50
+    alarm_margin_m: float = 0.020
+    alarm_margin_spread: float = 1.1
+    loose_response: float = 0.60
+    response_tail: float = 4.0
 
 
 DEFAULT_POPULATION: Final = Population()
@@ -94,18 +106,19 @@ MOST_SPREAD_RAD: Final = 0.8
     CAUTION_FORGOTTEN,
     ALARM_PER_S,
     ALARM_FORGOTTEN,
-    CAUTION_MARGIN,
+    CAREFUL_MARGIN,
     CAUTION_TUCK,
     CAUTION_WANDER,
     ALARM_SLOWING,
+    ALARM_MARGIN,
     SPREAD,
     N_TRAITS,
-) = range(24)
+) = range(25)
 
 
 @dataclass(frozen=True)
 class Person:
-    """One simulated participant; `traits` (23,) as the walking kernel reads them."""
+    """One simulated participant; `traits` (24,) as the walking kernel reads them."""
 
     sex: str
     age: int
@@ -124,7 +137,8 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
     mean, spread = (1.65, 0.06) if sex == "woman" else (1.78, 0.065)
     stature = float(mean + spread * np.clip(rng.standard_normal(), -2, 2))
     z = np.clip(rng.standard_normal(8), -2, 2)
-    loose, arms, shoulders, slowing, stride = np.clip(rng.standard_normal(5), -2, 2)
+    loose, shoulders, slowing, stride, alarmed = np.clip(rng.standard_normal(5), -2, 2)
+    arms = float(np.clip(rng.standard_t(q.response_tail), -3, 3))
     traits = np.zeros(N_TRAITS)
     traits[FREE_SPEED] = q.free_speed_m_s * np.exp(q.free_speed_spread * z[0])
     traits[TURN_SLOWING] = q.turn_slowing
@@ -145,11 +159,12 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
     traits[CAUTION_FORGOTTEN] = q.caution_forgotten_s
     traits[ALARM_PER_S] = q.alarm_per_s * responsive if feels else 0.0
     traits[ALARM_FORGOTTEN] = q.alarm_forgotten_s
-    traits[CAUTION_MARGIN] = q.caution_margin_m * np.exp(q.response_spread * shoulders)
-    tucked = q.caution_tuck * np.exp(q.response_spread * arms - q.loose_response * loose)
-    traits[CAUTION_TUCK] = min(tucked, 1.0 - traits[TUCK])
+    traits[CAREFUL_MARGIN] = q.careful_margin_m + q.careful_margin_spread_m * shoulders
+    answer = 1.0 + q.caution_tuck_spread * arms - q.loose_response * loose
+    traits[CAUTION_TUCK] = min(q.caution_tuck * answer, 1.0 - traits[TUCK])
     traits[CAUTION_WANDER] = q.caution_wander
-    traits[ALARM_SLOWING] = q.alarm_slowing * np.exp(q.response_spread * slowing)
+    traits[ALARM_SLOWING] = q.alarm_slowing * np.exp(q.alarm_slowing_spread * slowing)
+    traits[ALARM_MARGIN] = q.alarm_margin_m * np.exp(q.alarm_margin_spread * alarmed)
     traits[SPREAD] = min(q.spread_rad * np.exp(q.loose_spread * loose), MOST_SPREAD_RAD)
     return Person(
         sex=sex,

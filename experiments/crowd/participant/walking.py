@@ -10,16 +10,19 @@ from experiments.crowd.participant.traits import (
     ALARM_FORGOTTEN as T_ALARM_FORGOTTEN,
 )
 from experiments.crowd.participant.traits import (
+    ALARM_MARGIN as T_ALARM_MARGIN,
+)
+from experiments.crowd.participant.traits import (
     ALARM_PER_S as T_ALARM_PER_S,
 )
 from experiments.crowd.participant.traits import (
     ALARM_SLOWING as T_ALARM_SLOWING,
 )
 from experiments.crowd.participant.traits import (
-    CAUTION_FORGOTTEN as T_CAUTION_FORGOTTEN,
+    CAREFUL_MARGIN as T_CAREFUL_MARGIN,
 )
 from experiments.crowd.participant.traits import (
-    CAUTION_MARGIN as T_CAUTION_MARGIN,
+    CAUTION_FORGOTTEN as T_CAUTION_FORGOTTEN,
 )
 from experiments.crowd.participant.traits import (
     CAUTION_PER_S as T_CAUTION_PER_S,
@@ -158,7 +161,8 @@ def advance(
         narrow = free[k]
         for ahead in range(0, 16, 3):
             narrow = min(narrow, free[min(k + ahead, last)])
-        margin = traits[T_MARGIN] + traits[T_CAUTION_MARGIN] * caution
+        margin = traits[T_MARGIN] + (traits[T_CAREFUL_MARGIN] - traits[T_MARGIN]) * caution
+        margin += traits[T_ALARM_MARGIN] * alarm
         wanted = (
             needed_turn(narrow - 2 * margin, traits[T_WIDTH], traits[T_DEPTH], traits[T_TURN_LIMIT])
             * side[k]
@@ -194,7 +198,7 @@ def advance(
         n[TURN] = s[TURN] + (wanted - s[TURN]) * _STEP_S / traits[T_TURN_S]
         n[SPEED] = speed
         n[PHASE] = s[PHASE] + 2 * np.pi * speed * _STEP_S / traits[T_STRIDE]
-        amplitude = traits[T_SWING] * (1.0 - 0.6 * tuck) * min(speed / 0.5, 1.3)
+        amplitude = traits[T_SWING] * (1.0 - 0.85 * tuck) * min(speed / 0.5, 1.3)
         n[SWING] = s[SWING] + (amplitude - s[SWING]) * _STEP_S / 0.4
         n[TUCK] = s[TUCK] + (tuck - s[TUCK]) * _STEP_S / 0.5
         n[PROGRESS] = progress
@@ -243,8 +247,8 @@ def walker_pose(
     turned(turns, _LEFT_LEG + 1, -knee * max(np.cos(phase), 0.0), 0.0, 0.0)
     turned(turns, _RIGHT_LEG + 1, -knee * max(-np.cos(phase), 0.0), 0.0, 0.0)
     hang = 1.57 - spread * (1.0 - tuck)
-    bend = 0.30 + 0.9 * tuck
-    lift = 0.12 * tuck
+    bend = 0.30 + 0.4 * max(tuck, 0.0)
+    lift = 0.12 * max(tuck, 0.0)
     hang_joint(turns, _LEFT_ARM, 1.0, hang, lift - swing * np.sin(phase), bend)
     hang_joint(turns, _RIGHT_ARM, -1.0, hang, lift + swing * np.sin(phase), bend)
     forward_rows(parents, offsets_m * scale, root, local, position, world)

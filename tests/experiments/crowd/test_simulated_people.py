@@ -1,0 +1,129 @@
+"""Who simulated participants are, and how far what they felt changes each of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.crowd.participant.route import STEP_M
+from experiments.crowd.participant.traits import (
+    ALARM_MARGIN,
+    ALARM_PER_S,
+    CAREFUL_MARGIN,
+    CAUTION_PER_S,
+    CAUTION_TUCK,
+    DEFAULT_POPULATION,
+    MARGIN,
+    MOST_SPREAD_RAD,
+    SPREAD,
+    TUCK,
+    draw_person,
+)
+from experiments.crowd.participant.walking import (
+    ALARM,
+    CAUTION,
+    N_JOINTS,
+    N_STATE,
+    TURN,
+    advance,
+    walker_pose,
+)
+from experiments.crowd.participant.walking import TUCK as TUCKED
+from stimuli.contact.body import BODY_JOINTS, bones
+
+
+def traits_of(many=600, population=DEFAULT_POPULATION, *, feels=True):
+    return np.stack(
+        [draw_person(population, np.random.default_rng(k), feels=feels).traits for k in range(many)]
+    )
+
+
+def turned_rad(traits, *, caution=0.0, alarm=0.0, gap_m=0.5):
+    """Return how far the shoulders turn on a long straight way through gaps of one width."""
+    n = 400
+    point = np.column_stack([np.zeros(n), -STEP_M * np.arange(n)])
+    states = np.zeros((601, N_STATE))
+    states[0, [CAUTION, ALARM]] = caution, alarm
+    noise = np.zeros((601, 2))
+    row = advance(
+        states, 0, 300, traits, point, np.zeros(n), np.full(n, gap_m), np.ones(n), noise, 0.0, True
+    )
+    return states[row, TURN]
+
+
+def test_margins_kept_after_learning_differ_less_than_own_ones():
+    people = traits_of()
+    assert 0.5 * people[:, MARGIN].std() > people[:, CAREFUL_MARGIN].std() > 0
+
+
+def test_caution_brings_unlike_people_to_like_turns():
+    tight, wide = traits_of(2)
+    wide[:] = tight
+    tight[MARGIN], wide[MARGIN] = 0.0, 0.06
+    own = turned_rad(wide) - turned_rad(tight)
+    assert 0.1 < own
+    assert turned_rad(wide, caution=1.0) - turned_rad(tight, caution=1.0) < 0.1 * own
+
+
+def test_alarm_turns_shoulders_farther_by_what_a_person_answers():
+    (person,) = traits_of(1)
+    calm = turned_rad(person)
+    assert turned_rad(person, alarm=1.0) > calm + 0.02
+    person[ALARM_MARGIN] = 0.0
+    assert calm == pytest.approx(turned_rad(person, alarm=1.0))
+
+
+def test_some_people_get_careless_and_most_bring_their_arms_in():
+    answer = traits_of()[:, CAUTION_TUCK]
+    assert 0.02 < (answer < 0).mean() < 0.2
+
+
+def test_nobody_brings_arms_in_farther_than_to_the_body():
+    people = traits_of()
+    assert (people[:, TUCK] + people[:, CAUTION_TUCK]).max() <= 1.0
+
+
+def test_careless_arms_hang_out_no_farther_than_joints_allow():
+    people = traits_of()
+    tuck = people[:, TUCK] + np.minimum(people[:, CAUTION_TUCK], 0.0)
+    assert (people[:, SPREAD] * (1 - tuck)).max() < np.radians(90)
+    assert people[:, SPREAD].max() == MOST_SPREAD_RAD
+
+
+def test_arms_of_the_loose_come_in_least():
+    people = traits_of()
+    loose = people[:, SPREAD] > np.median(people[:, SPREAD])
+    assert people[loose, CAUTION_TUCK].mean() < 0.7 * people[~loose, CAUTION_TUCK].mean()
+
+
+def test_without_spread_everybody_answers_alike():
+    same = replace(DEFAULT_POPULATION, caution_tuck_spread=0.0, loose_response=0.0, tuck_spread=0.0)
+    assert np.ptp(traits_of(50, same)[:, CAUTION_TUCK]) == 0.0
+
+
+def test_who_does_not_feel_is_the_same_person_but_never_learns():
+    felt, numb = traits_of(20), traits_of(20, feels=False)
+    learning = [CAUTION_PER_S, ALARM_PER_S]
+    assert (numb[:, learning] == 0.0).all()
+    felt[:, learning] = 0.0
+    assert felt.tolist() == numb.tolist()
+
+
+def test_elbows_of_careless_arms_bend_no_less_than_those_at_rest():
+    skeleton = bones()
+
+    def elbow_deg(tuck):
+        state = np.zeros(N_STATE)
+        state[TUCKED] = tuck
+        root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
+        at, turn = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
+        walker_pose(state, 1.75, 0.3, skeleton.parents, skeleton.offsets_m, root, local, at, turn)
+        shoulder, elbow, hand = (
+            at[0, BODY_JOINTS.index(f"left_{part}")] for part in ("upper_arm", "lower_arm", "hand")
+        )
+        upper, lower = elbow - shoulder, hand - elbow
+        cosine = upper @ lower / np.linalg.norm(upper) / np.linalg.norm(lower)
+        return np.degrees(np.arccos(cosine))
+
+    assert elbow_deg(0.0) == pytest.approx(elbow_deg(-0.6), abs=1e-6)
+    assert elbow_deg(0.8) > elbow_deg(0.0) + 5
