@@ -77,6 +77,11 @@ class RunningRig:
         tracker = self._rig.eye_tracker
         return None if tracker is None else tracker.describe()[0].nominal_rate_hz
 
+    @property
+    def has_bands(self) -> bool:
+        """Tell whether an armband is among the devices."""
+        return bool(self._bands)
+
     def _sink_of(
         self, role: str, sink: Callable[[str, SampleBatch], None]
     ) -> Callable[[SampleBatch], None]:

@@ -150,8 +150,6 @@ class Session:
             resumed=setup.progress.is_resumed,
         )
         if self._participant is not None:
-            if setup.progress.memory and isinstance(self._participant, Learner):
-                self._participant.remember(setup.progress.memory)
             self._participant.wear(0)
             self._participant.prepare(0, self._loop.t_ns)
         begun = False
@@ -219,6 +217,9 @@ class Session:
         self._runner.align()
         stretch = trial.number + (STRETCH_PRACTICE if trial.is_practice else 0)
         if self._participant is not None:
+            # As recorded: what is learned does not hang on the time between trials, or on breaks.
+            if self._runner.memory and isinstance(self._participant, Learner):
+                self._participant.remember(self._runner.memory)
             self._participant.prepare(stretch, self._loop.t_ns)
         outcome = self._runner.run(trial, self._calibration)
         if outcome.status != "postponed" and self._setup.on_trial is not None:

@@ -63,14 +63,19 @@ class TrialRunner:
         self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
         self._attempts = dict(setup.progress.attempts)
         self._exchanges_told = 0
+        self.memory = dict(setup.progress.memory)
+        """What a simulated participant had learned at the end of the last trial."""
         self.finished = len(setup.progress.finished)
         rates_hz = (rig.headset.display_rate_hz, self._gaze_rate_hz)
-        self._grid_ns = NS_PER_S // 10 if all(r % 10 == 0 for r in rates_hz) else NS_PER_S
+        tenths = 2 if rig.has_bands else 1
+        self._grid_ns = tenths * NS_PER_S // 10 if all(r % 10 == 0 for r in rates_hz) else NS_PER_S
         desk.trials_done = self.finished
 
     def align(self) -> None:
-        """With a simulated participant, wait until display and tracker sample in step.
+        """With a simulated participant, wait until display, tracker and bands are in step.
 
+        Displays and trackers repeat their phases every tenth of a second, what keeps an idle band
+        alive every fifth.
         A repeated stretch is then sampled at the same phases, so a trial performed again after
         an interruption gives the same data. People need no such thing, and nothing waits for
         them.
@@ -206,11 +211,12 @@ class TrialRunner:
         """Record what a simulated participant has learned, on the disk with the trial's row."""
         participant: object = self._setup.participant
         if isinstance(participant, Learner):
+            self.memory = dict(participant.memory())
             self._setup.recorder.event(
                 "participant_memory",
                 self._loop.t_ns,
                 trial_id=trial.trial_id,
-                memory=dict(participant.memory()),
+                memory=self.memory,
             )
 
     def record_exchanges(self) -> None:

@@ -171,7 +171,7 @@ class Traffic:
                 self.silence()
             self._send_waiting(now_ns)
             every_ns = IDLE_REFRESH_NS if self._running_seq is None else REFRESH_NS
-            if now_ns - self._spoke_ns >= every_ns:
+            if now_ns >= _following(self._spoke_ns, every_ns):
                 self._refresh(now_ns)
             for command in list(self._under_way.values()):
                 waited_ns = now_ns - command.t_sent_ns
@@ -191,7 +191,9 @@ class Traffic:
             return 0
         if self._running_seq is not None:
             return 0
-        return min(self._spoke_ns + IDLE_REFRESH_NS, self._foresees.quiet_until_ns(now_ns))
+        return min(
+            _following(self._spoke_ns, IDLE_REFRESH_NS), self._foresees.quiet_until_ns(now_ns)
+        )
 
     def lose(self) -> None:
         """Give up everything under way: the band is gone."""
@@ -397,3 +399,12 @@ class Traffic:
         self.pairs.append(ClockPair(send_ns, device_ns, receive_ns))
         if len(self.pairs) > MOST_PAIRS:
             del self.pairs[: MOST_PAIRS // 2]
+
+
+def _following(t_ns: int, every_ns: int) -> int:
+    """Return the first multiple of a period after `t_ns`.
+
+    Refreshes keep to multiples on the session clock: what a trial's commands meet on the wire
+    then depends on the trial, and not on when the band last spoke before it.
+    """
+    return (t_ns // every_ns + 1) * every_ns

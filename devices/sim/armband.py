@@ -19,6 +19,7 @@ from devices.drivers.armband_dialect import FramedDialect
 from devices.drivers.armband_driver import ArmbandDriver
 from devices.sim.armband_firmware import HIGHEST_DUTY, ArmbandFirmware, Surroundings
 from devices.sim.faults import FaultSchedule
+from devices.sim.wire_noise import WireNoise
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound
 
@@ -34,22 +35,21 @@ FELT_STEP_01 = 0.02
 class _Way:
     """One direction of a serial line: bytes one after the other, then a delay that keeps order."""
 
-    def __init__(
-        self, rng: np.random.Generator, baud: int, latency_ns: float, jitter_ns: float
-    ) -> None:
-        self._rng = rng
+    def __init__(self, baud: int, latency_ns: float, jitter_ns: float) -> None:
         self._byte_ns = BITS_PER_BYTE * NS_PER_S / baud
         self._latency_ns = latency_ns
         self._jitter_ns = jitter_ns
         self._free_ns = 0
         self._arrival_ns = 0
 
-    def carry(self, pieces: Sequence[bytes], t_ns: int) -> list[tuple[int, bytes]]:
+    def carry(
+        self, pieces: Sequence[bytes], t_ns: int, rng: np.random.Generator
+    ) -> list[tuple[int, bytes]]:
         """Return the pieces handed over at `t_ns` with their arrival times."""
         carried = []
         delay_ns = self._latency_ns
         if self._jitter_ns:
-            delay_ns += self._rng.exponential(self._jitter_ns)
+            delay_ns += rng.exponential(self._jitter_ns)
         for piece in pieces:
             self._free_ns = max(t_ns, self._free_ns) + round(len(piece) * self._byte_ns)
             self._arrival_ns = max(self._arrival_ns, self._free_ns + round(delay_ns))
@@ -61,7 +61,8 @@ class ArmbandSimulator:
     """The `BytePeer` of one band worn as `role`.
 
     `latency_ms` and `jitter_ms` are added to the wire time of `baud` in each direction; `drift_ppm`
-    is how fast the band's clock runs. Faults: late_start, disconnect, loss, duplicate, garbage,
+    is how fast the band's clock runs. Delays and cuts are drawn from (`seed`, `body.stretch()`).
+    Faults: late_start, disconnect, loss, duplicate, garbage,
     burst, mute, clock_jump, drift, version (text: a number).
     """
 
@@ -81,12 +82,12 @@ class ArmbandSimulator:
         surroundings: Surroundings | None = None,
     ) -> None:
         self._role = role
-        self._rng = np.random.default_rng(seed)
+        self._noise = WireNoise(seed, body)
         self._body = body
         self._faults = faults if faults is not None else FaultSchedule()
         self._is_sound = not self._faults.faults
         self._towards_band, self._towards_host = (
-            _Way(self._rng, baud, latency_ms * NS_PER_MS, jitter_ms * NS_PER_MS) for _ in range(2)
+            _Way(baud, latency_ms * NS_PER_MS, jitter_ms * NS_PER_MS) for _ in range(2)
         )
         self._rate = 1 + drift_ppm * 1e-6
         self._rise_ns = max(1.0, rise_ms * NS_PER_MS)
@@ -114,7 +115,8 @@ class ArmbandSimulator:
         """Let bytes travel to the band."""
         if self._is_away(t_ns):
             raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
-        for arrival_ns, piece in self._towards_band.carry(self._damaged(data, t_ns), t_ns):
+        rng = self._noise.rng()
+        for arrival_ns, piece in self._towards_band.carry(self._damaged(data, t_ns), t_ns, rng):
             self._inbound.append((arrival_ns, piece))
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
@@ -187,12 +189,13 @@ class ArmbandSimulator:
     def _say(self, data: bytes, t_ns: int) -> None:
         if not data or self._faults.active("mute", t_ns):
             return
-        for arrival_ns, piece in self._towards_host.carry(self._damaged(data, t_ns), t_ns):
+        rng = self._noise.rng()
+        for arrival_ns, piece in self._towards_host.carry(self._damaged(data, t_ns), t_ns, rng):
             self._outbound.append(Chunk(arrival_ns, piece))
 
     def _damaged(self, data: bytes, t_ns: int) -> list[bytes]:
         """Return the pieces of these bytes that travel on: none, one, damaged, or twice."""
-        rng, faults = self._rng, self._faults
+        rng, faults = self._noise.rng(), self._faults
         if not self._is_sound:
             if (fault := faults.active("loss", t_ns)) and rng.random() < fault.amount:
                 return []

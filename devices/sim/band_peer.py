@@ -8,11 +8,10 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
 
-import numpy as np
-
 from devices.byte_links import Chunk
 from devices.contracts import MovingBody
 from devices.sim.faults import FaultSchedule, WireFault
+from devices.sim.wire_noise import WireNoise
 from lab.clock import NS_PER_MS, Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound
 
@@ -40,7 +39,7 @@ class BandPeer(ABC):
         places: Sequence[int] | None = None,
     ) -> None:
         self._role = role
-        self._rng = np.random.default_rng(seed)
+        self._noise = WireNoise(seed, body)
         self._body = body
         self._faults = faults if faults is not None else FaultSchedule()
         self._latency_ns = round(latency_ms * NS_PER_MS)
@@ -124,7 +123,7 @@ class BandPeer(ABC):
             self._body.feel(self._role, [levels[i] for i in self._places], t_ns)
 
     def _damaged(self, data: bytes, t_ns: int) -> list[bytes]:
-        rng = self._rng
+        rng = self._noise.rng()
         if (fault := self._active("loss", t_ns)) and rng.random() < fault.amount:
             return []
         if (fault := self._active("garbage", t_ns)) and rng.random() < fault.amount:
@@ -139,7 +138,7 @@ class BandPeer(ABC):
     def _pieces(self, data: bytes) -> list[bytes]:
         if not self._splits or len(data) < 2:
             return [data]
-        cut = int(self._rng.integers(1, len(data)))
+        cut = int(self._noise.rng().integers(1, len(data)))
         return [data[:cut], data[cut:]]
 
     def _active(self, kind: str, t_ns: int) -> WireFault | None:

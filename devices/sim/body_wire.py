@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from devices.contracts import MovingBody
 from devices.sim.faults import FaultSchedule
+from devices.sim.wire_noise import WireNoise
 from devices.transports import Frames, Message
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.geometry import Vector
@@ -50,8 +51,8 @@ class BodyWire(ABC):
         self._delay_ms, self._jitter_ms = delay_ms, jitter_ms
         self._epoch_ns = epoch_ns
         self._origin_ns = clock.now_ns()
-        self._rng = np.random.default_rng([seed, _DELAY_STREAM])
-        self._noise = np.random.default_rng([seed, _GARBAGE_STREAM])
+        self._delays = WireNoise([seed, _DELAY_STREAM], body)
+        self._garbage = WireNoise([seed, _GARBAGE_STREAM], body)
         self._next = -(-self._origin_ns * self._rate_milli_hz // (NS_PER_S * MILLI_HZ))
         self._first = self._next
         self._outbox: list[Message] = []
@@ -128,8 +129,9 @@ class BodyWire(ABC):
         turn: npt.NDArray[np.float64],
     ) -> None:
         faults, since_ns = self._faults, t_ns - self._origin_ns
-        drawn = self._rng.random(4)
-        delay_ms = self._delay_ms + float(self._rng.exponential(self._jitter_ms))
+        rng = self._delays.rng()
+        drawn = rng.random(4)
+        delay_ms = self._delay_ms + float(rng.exponential(self._jitter_ms))
         active = {f.kind: f for f in faults.faults if f.start_ns <= since_ns < f.end_ns}
         if active.keys() & {"late_start", "silence", "disconnect"}:
             return
@@ -154,5 +156,6 @@ class BodyWire(ABC):
         for part in parts:
             data = part
             if happens("garbage", _GARBAGE):
-                data = self._noise.bytes(int(self._noise.integers(1, 900)))
+                garbage = self._garbage.rng()
+                data = garbage.bytes(int(garbage.integers(1, 900)))
             self._outbox += [Message(arrival_ns, (data,))] * copies

@@ -254,6 +254,9 @@ def test_wearer_feels_the_motors_with_their_inertia():
     felt = []
 
     class Skin:
+        def stretch(self):
+            return 0
+
         def feel(self, role, amplitudes_01, t_ns):
             felt.append((role, t_ns, amplitudes_01[0]))
 

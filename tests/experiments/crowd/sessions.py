@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from cli.perform import perform_new, simulated_request
+from cli.perform import Request, perform_new, simulated_request
 from cli.studies import find_study
 from devices.option_models import OPTION_MODELS
 from lab.config import load_config
@@ -16,21 +16,48 @@ def session(
     folder: Path,
     *,
     faults: dict[str, list[dict[str, Any]]] | None = None,
+    drivers: dict[str, dict[str, Any]] | None = None,
     effect: bool = True,
     index: int = 0,
     group: str = "",
     **parameters: Any,
 ) -> Recording:
-    """Return the recording of one walk per block; `faults` by device role."""
+    """Return the recording of one walk per block; `faults` and `drivers` by device role."""
+    wanted = request(
+        folder,
+        faults=faults,
+        drivers=drivers,
+        effect=effect,
+        index=index,
+        group=group,
+        **parameters,
+    )
+    return Recording(perform_new(wanted))
+
+
+def request(
+    folder: Path,
+    *,
+    faults: dict[str, list[dict[str, Any]]] | None = None,
+    drivers: dict[str, dict[str, Any]] | None = None,
+    effect: bool = True,
+    index: int = 0,
+    group: str = "",
+    **parameters: Any,
+) -> Request:
+    """Return what to perform; `drivers` replace those of the lab, with the options they need."""
     config = load_config(ROOT / "lab_config.yaml", OPTION_MODELS)
     devices = dict(config.devices)
+    for role, entry in (drivers or {}).items():
+        options = {name: value for name, value in entry.items() if name != "driver"}
+        given = {"driver": entry["driver"], "options": options}
+        devices[role] = devices[role].model_copy(update=given)
     for role, listed in (faults or {}).items():
         options = {**devices[role].options, "faults": listed}
         devices[role] = devices[role].model_copy(update={"options": options})
     config = config.model_copy(update={"data_root": folder, "devices": devices})
     study = find_study("crowd")
     experiment = study.experiment({"configurations": 1, "intertrial_s": 0.5, **parameters})
-    request = simulated_request(
+    return simulated_request(
         study, experiment, config, label="S01B", index=index, seed=3, effect=effect, group=group
     )
-    return Recording(perform_new(request))

@@ -1,0 +1,34 @@
+"""Random delays and damage of a simulated wire, drawn anew with every stretch of behaviour."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from devices.contracts import Body
+
+_SEED_RANGE = 2**64
+
+
+class WireNoise:
+    """The generator of one wire: from (seed, `body.stretch()`), without a body from the seed.
+
+    What crosses the wire in a stretch is then the same whether or not the session was broken off
+    and resumed before it (decision 0004).
+    """
+
+    def __init__(self, seed: int | Sequence[int], body: Body | None) -> None:
+        self._seed = [seed] if isinstance(seed, int) else list(seed)
+        self._body = body
+        self._stretch = 0 if body is None else body.stretch()
+        self._rng = self._drawn_anew()
+
+    def rng(self) -> np.random.Generator:
+        """Return the generator of the present stretch."""
+        stretch = 0 if self._body is None else self._body.stretch()
+        if stretch != self._stretch:
+            self._stretch = stretch
+            self._rng = self._drawn_anew()
+        return self._rng
+
+    def _drawn_anew(self) -> np.random.Generator:
+        return np.random.default_rng([*self._seed, self._stretch % _SEED_RANGE])
