@@ -38,11 +38,12 @@ class Excluded:
 class GroupAnalysis:
     """One group of participants over the three blocks.
 
-    `means` holds one row per participant and block. `path_lengths` says per pair of blocks
-    whether people walk as far, or why that was not tested.
+    `kept` holds the walks analysed, `means` one row per participant and block. `path_lengths`
+    says per pair of blocks whether people walk as far, or why that was not tested.
     """
 
     group: str
+    kept: pd.DataFrame = field(repr=False)
     means: pd.DataFrame = field(repr=False)
     comparisons: tuple[MeasureComparison, ...]
     paths: PathAnalysis
@@ -53,6 +54,11 @@ class GroupAnalysis:
         """Participants with at least one block."""
         return tuple(sorted(set(self.means["participant"].astype(str))))
 
+    @property
+    def walks(self) -> frozenset[tuple[str, str]]:
+        """Participant and trial of every walk analysed."""
+        return _keys(self.kept)
+
     def comparison(self, measure: Measure) -> MeasureComparison:
         """Return the comparison of a measure."""
         return next(c for c in self.comparisons if c.measure == measure)
@@ -60,7 +66,10 @@ class GroupAnalysis:
 
 @dataclass(frozen=True)
 class CrowdAnalysis:
-    """Everything the study's analysis found; `main` is the group that felt vibrations."""
+    """Everything the study's analysis found; `main` is the group that felt vibrations.
+
+    `planned` tells how many walks each person's blocks were planned with.
+    """
 
     parameters: AnalysisParameters
     is_simulated: bool
@@ -68,6 +77,7 @@ class CrowdAnalysis:
     trials: pd.DataFrame = field(repr=False)
     kept: pd.DataFrame = field(repr=False)
     excluded: tuple[Excluded, ...]
+    planned: Mapping[str, int]
     main: GroupAnalysis
     control: GroupAnalysis | None
     between_groups: tuple[str, ...]
@@ -78,6 +88,12 @@ class CrowdAnalysis:
         found = [c.agrees(pair) for c in self.main.comparisons for pair in PAIRS]
         known = [a for a in found if a is not None]
         return sum(known), len(known)
+
+    @property
+    def means(self) -> pd.DataFrame:
+        """One row per participant and block of every group, the group named."""
+        groups = [g for g in (self.main, self.control) if g is not None]
+        return pd.concat([g.means.assign(group=g.group) for g in groups], ignore_index=True)
 
     def statistics_rows(self) -> list[dict[str, Any]]:
         """Return one flat row per test of every group."""
@@ -125,7 +141,7 @@ def analyse_tables(
             f"volumes were measured by {', '.join(rules)}; they cannot be compared: measure all "
             "sessions by one rule and surface"
         )
-    kept, excluded = select(trials, parameters)
+    kept, excluded = select(trials, parameters, everybody=_people(tables))
     blocks = tables["blocks"]
     cells = tables["cells"]
     groups = kept["group"].fillna("").astype(str) if "group" in kept else pd.Series("", kept.index)
@@ -142,6 +158,7 @@ def analyse_tables(
         trials,
         kept,
         excluded,
+        planned_walks(trials, _people(tables)),
         main,
         control,
         () if control is None else _between(main, control),
@@ -149,9 +166,14 @@ def analyse_tables(
 
 
 def select(
-    trials: pd.DataFrame, parameters: AnalysisParameters
+    trials: pd.DataFrame, parameters: AnalysisParameters, *, everybody: Sequence[str] = ()
 ) -> tuple[pd.DataFrame, tuple[Excluded, ...]]:
-    """Return the walks that are analysed, and what is left out with its reason."""
+    """Return the walks that are analysed, and what is left out with its reason.
+
+    `everybody` names people who took part, those without a finished walk too. A block that was
+    never begun, or broken off, counts as long as planned (`block_walks`; without that column, as
+    long as anybody's longest).
+    """
     excluded = []
     keep = []
     for row in trials.to_dict("records"):
@@ -167,15 +189,41 @@ def select(
             excluded.append(Excluded(str(row["participant"]), str(row["trial_id"]), reason))
         keep.append(not reason)
     kept = trials[keep]
-    planned = _walks_by_block(trials)
     left = _walks_by_block(kept)
-    for (person, condition), most in planned.items():
-        n = left.get((person, condition), 0)
-        if n < parameters.min_walks_01 * most:
-            reason = f"only {n} of {most} walks of {condition} can be used"
-            excluded.append(Excluded(person, None, reason))
+    for person, most in planned_walks(trials, everybody).items():
+        for condition in CONDITIONS:
+            n = left.get((person, condition), 0)
+            if n < parameters.min_walks_01 * most:
+                reason = f"only {n} of {most} walks of {condition} can be used"
+                excluded.append(Excluded(person, None, reason))
     out = {e.participant for e in excluded if e.trial_id is None}
     return kept[~kept["participant"].astype(str).isin(out)], tuple(excluded)
+
+
+def planned_walks(trials: pd.DataFrame, everybody: Sequence[str] = ()) -> dict[str, int]:
+    """Return how many walks each person's blocks were planned with."""
+    longest = max(_walks_by_block(trials).values(), default=0)
+    planned = dict.fromkeys(sorted({*everybody, *trials["participant"].astype(str)}), longest)
+    if "block_walks" in trials:
+        known = trials.dropna(subset=["block_walks"])
+        for person, most in (
+            known.groupby(known["participant"].astype(str))["block_walks"].max().items()
+        ):
+            planned[str(person)] = int(most)
+    return planned
+
+
+def _people(tables: Tables) -> tuple[str, ...]:
+    people = tables.get("people")
+    if people is None or "participant" not in people:
+        return ()
+    return tuple(people["participant"].astype(str))
+
+
+def _keys(trials: pd.DataFrame) -> frozenset[tuple[str, str]]:
+    return frozenset(
+        (str(p), str(t)) for p, t in zip(trials["participant"], trials["trial_id"], strict=True)
+    )
 
 
 def _walks_by_block(trials: pd.DataFrame) -> Counter[tuple[str, str]]:
@@ -204,7 +252,7 @@ def block_means(kept: pd.DataFrame, blocks: pd.DataFrame) -> pd.DataFrame:
 
 def cells_by(cells: pd.DataFrame, kept: pd.DataFrame) -> CellsBy:
     """Return the cells of every kept walk by condition, configuration and participant."""
-    keys = {(str(p), str(t)) for p, t in zip(kept["participant"], kept["trial_id"], strict=True)}
+    keys = _keys(kept)
     return {
         (str(row["condition"]), int(row["configuration"]), str(row["participant"])): frozenset(
             (int(c[0]), int(c[1]), int(c[2])) for c in json.loads(row["cells"]) if c is not None
@@ -223,6 +271,7 @@ def _group(
     name = str(kept["group"].iloc[0] or "") if "group" in kept and len(kept) else ""
     return GroupAnalysis(
         name,
+        kept,
         means,
         comparisons,
         analyse_paths(cells_by(cells, kept), parameters),

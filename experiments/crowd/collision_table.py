@@ -5,30 +5,16 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from experiments.crowd.analysis import CrowdAnalysis
+from experiments.crowd.analysis import GroupAnalysis
 from experiments.crowd.design import CONDITIONS
 
 ARM_PARTS: Final = ("upper_arm", "lower_arm", "hand")
 
 
-def collision_facts(
-    analysis: CrowdAnalysis, collisions: pd.DataFrame
-) -> dict[str, dict[str, float]]:
-    """Return named numbers per walk by block, of the walks that are analysed."""
-    kept = analysis.kept
-    keys = set(zip(kept["participant"].astype(str), kept["trial_id"].astype(str), strict=True))
-    if collisions.empty:
-        rows = collisions
-    else:
-        mine = [
-            key in keys
-            for key in zip(
-                collisions["participant"].astype(str),
-                collisions["trial_id"].astype(str),
-                strict=True,
-            )
-        ]
-        rows = collisions[np.array(mine) & collisions["counted"].to_numpy(bool)]
+def collision_facts(group: GroupAnalysis, collisions: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """Return named numbers per walk by block, of a group's walks that are analysed."""
+    kept = group.kept
+    rows = counted_of(group, collisions)
     found = {}
     for condition in CONDITIONS:
         walks = int((kept["condition"] == condition).sum())
@@ -51,6 +37,18 @@ def collision_facts(
             "speed at contact, median (m/s)": _median(block, "speed_m_s"),
         }
     return found
+
+
+def counted_of(group: GroupAnalysis, collisions: pd.DataFrame) -> pd.DataFrame:
+    """Return the counted collisions of a group's walks that are analysed."""
+    if collisions.empty:
+        return collisions
+    mine = [
+        (str(person), str(trial)) in group.walks
+        for person, trial in zip(collisions["participant"], collisions["trial_id"], strict=True)
+    ]
+    chosen: pd.DataFrame = collisions[np.array(mine) & collisions["counted"].to_numpy(bool)]
+    return chosen
 
 
 def _median(block: pd.DataFrame, column: str) -> float:

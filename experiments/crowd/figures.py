@@ -1,6 +1,7 @@
 """The figures of the study, from its analysis."""
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,6 +12,7 @@ from analysis.plots.style import BLACK
 from analysis.report.notation import counted
 from experiments.crowd import published
 from experiments.crowd.analysis import CrowdAnalysis, Tables
+from experiments.crowd.collision_table import counted_of
 from experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC
 from experiments.crowd.figures_paths import path_figures
 from experiments.crowd.terms import (
@@ -58,12 +60,13 @@ def study_figures(
         f"Each line is one participant (mean over the walks of a block; {n}). Discs are means "
         "with 95 % confidence intervals. Open diamonds with dashed bars: published mean ± SD."
     )
+    volumes = f" Volumes by rule and surface: {', '.join(analysis.rules)}."
     figures = [
         draw(
             "blocks",
             lambda: _measures(analysis, PRIMARY, 2),
             title="The published measures by block",
-            caption=about,
+            caption=about + volumes,
             alternative="Four panels with collisions, volume, shoulder rotation and speed of every "
             "participant in three blocks.",
             is_simulated=simulated,
@@ -74,7 +77,7 @@ def study_figures(
                 analysis, (TO_WAY, DURATION, CONTACT_SPEED, CLEARANCE, TIME, HESITATIONS), 2
             ),
             title="Further measures by block",
-            caption=about.partition(" Open")[0],
+            caption=about.partition(" Open")[0] + volumes.replace("Volumes", "Collisions"),
             alternative="Six panels of further measures of every participant in three blocks.",
             is_simulated=simulated,
         ),
@@ -92,7 +95,8 @@ def study_figures(
             title="Collisions by body part, volume and duration",
             caption="Left: counted collisions per walk by the participant's body part nearest the "
             "common volume, left and right taken together. Middle and right: how large and how "
-            "long collisions are, on logarithmic axes, as a share of a block's collisions.",
+            "long collisions are, on logarithmic axes, as a share of a block's collisions."
+            + volumes,
             alternative="Bars of collisions by body part; histograms of volume and duration.",
             is_simulated=simulated,
         ),
@@ -120,7 +124,7 @@ def _measures(analysis: CrowdAnalysis, measures: Sequence[Measure], rows: int) -
         found = analysis.main.comparison(measure)
         axes.set_title(measure.label)
         if not len(found.table):
-            no_data(axes, found.problem or "not measured")
+            no_data(axes, fill(found.problem or "not measured", 18))
             continue
         paired_lines(axes, found.table, SHORT, colours)
         printed = published.MEANS.get(measure.column, {})
@@ -143,16 +147,8 @@ def _collisions(analysis: CrowdAnalysis, tables: Tables) -> Figure:
         for axes in (parts, volumes, durations):
             no_data(axes, "no collision")
         return figure
-    keys = {
-        (str(p), str(t))
-        for p, t in zip(analysis.kept["participant"], analysis.kept["trial_id"], strict=True)
-    }
-    mine = [
-        (str(p), str(t)) in keys
-        for p, t in zip(found["participant"], found["trial_id"], strict=True)
-    ]
-    counted_rows = found[np.array(mine) & found["counted"].to_numpy(bool)]
-    walks = analysis.kept.groupby("condition").size()
+    counted_rows = counted_of(analysis.main, found)
+    walks = analysis.main.kept.groupby("condition").size()
     y = np.arange(len(BODY_PARTS))
     for k, condition in enumerate(CONDITIONS):
         block = counted_rows[counted_rows["condition"] == condition]
@@ -192,14 +188,17 @@ def _shoulders(analysis: CrowdAnalysis, tables: Tables) -> Figure:
     middles = (edges[1:] + edges[:-1]) / 2
     columns = ("shoulders_to_gap_deg", "shoulders_to_way_deg")
     names = ("To the gap (°)", "To the walking direction (°)")
+    mine = crossings
+    if len(crossings):
+        walks = analysis.main.walks
+        keys = zip(crossings["participant"], crossings["trial_id"], strict=True)
+        mine = crossings[np.array([(str(p), str(t)) in walks for p, t in keys])]
     for axes, column, name in zip(panels, columns, names, strict=True):
         axes.set_ylabel(name)
         axes.set_xlabel("Between the two people (m)")
-        if crossings.empty:
+        if mine.empty:
             no_data(axes, "no crossing")
             continue
-        people = set(analysis.main.people)
-        mine = crossings[crossings["participant"].astype(str).isin(people)]
         bins = np.digitize(mine["centres_apart_m"].to_numpy(float), edges) - 1
         for k, condition in enumerate(CONDITIONS):
             means, spreads = [], []
@@ -218,6 +217,8 @@ def _shoulders(analysis: CrowdAnalysis, tables: Tables) -> Figure:
             )  # fmt: skip
         axes.axhline(45, color=GREY, linewidth=0.7, linestyle=(0, (4, 3)))
         axes.set_ylim(0, 90)
+    if mine.empty:
+        return figure
     panels[0].legend(loc="lower left")
     panels[0].text(1.29, 46, "45°", color=BLACK, ha="right", fontsize=8.5)
     return figure

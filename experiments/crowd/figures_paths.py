@@ -129,15 +129,10 @@ def _paths(analysis: CrowdAnalysis, tables: Tables, tracks: Tracks, configuratio
     cells = crowd_cells(station_crowd(configuration))
     visits = {c: Counter[Cell]() for c in CONDITIONS}
     lines: dict[str, list[Vector]] = {c: [] for c in CONDITIONS}
-    people = set(analysis.main.people)
-    keys = {
-        (str(p), str(t))
-        for p, t in zip(analysis.kept["participant"], analysis.kept["trial_id"], strict=True)
-    }
     rows = tables["cells"]
     for row in rows[rows["configuration"] == configuration].to_dict("records"):
         key = (str(row["participant"]), str(row["trial_id"]))
-        if key not in keys or key[0] not in people:
+        if key not in analysis.main.walks:
             continue
         condition = str(row["condition"])
         visits[condition].update(

@@ -52,7 +52,9 @@ def take_in(
     sex = person.get("gender")
     if measured is None:
         measured = [measure_walk(walk, step_m, params, sex=sex) for walk in walks(recording)]
+    planned = {block["name"]: len(block["trials"]) for block in manifest.plan["blocks"]}
     for one in measured:
+        one.row["block_walks"] = planned.get(str(one.row["condition"]))
         one.row["is_simulated"] = recording.is_simulated
         own = [p for p in pulses if p["trial_id"] == one.row["trial_id"]]
         one.row["pulses"] = len(own)

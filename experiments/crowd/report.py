@@ -28,6 +28,7 @@ from experiments.crowd import report_tables as tables_of
 from experiments.crowd.analysis import CrowdAnalysis, Tables
 from experiments.crowd.collision_table import collision_facts
 from experiments.crowd.conclusions import conclude
+from experiments.crowd.design import CONDITIONS
 from experiments.crowd.methods_text import REFERENCES, differences_from_source, method_paragraphs
 from experiments.crowd.pulse_table import pulse_table
 
@@ -59,7 +60,6 @@ def report_page(
     notes: tuple[str, ...] = (),
 ) -> Page:
     """Return the report as a page."""
-    people = len(set(analysis.trials["participant"].astype(str)))
     sections = [
         _summary(analysis, pictures),
         _paths(analysis, pictures),
@@ -75,8 +75,8 @@ def report_page(
         subtitle="Do people walk through a dense crowd differently when contacts can be felt?",
         facts=Facts(
             (
-                ("Participants analysed", f"{len(analysis.main.people)} of {people}"),
-                ("Walks analysed", f"{len(analysis.kept)} of {len(analysis.trials)}"),
+                ("Participants analysed", _participants(analysis)),
+                ("Walks analysed", _walks(analysis)),
                 ("Data", "simulated" if analysis.is_simulated else "real"),
                 ("Volumes", ", ".join(analysis.rules)),
                 ("Recorded", provenance.data_date or "unknown"),
@@ -88,6 +88,22 @@ def report_page(
         sections=tuple(sections),
         footer=f"Published values: {published.CITATION}",
     )
+
+
+def _participants(analysis: CrowdAnalysis) -> str:
+    groups = [g for g in (analysis.main, analysis.control) if g is not None]
+    n = sum(len(g.people) for g in groups)
+    text = f"{n} of {len(analysis.planned)}"
+    if len(groups) > 1:
+        text += f" ({', '.join(f'{len(g.people)} {g.group}' for g in groups)})"
+    return text
+
+
+def _walks(analysis: CrowdAnalysis) -> str:
+    planned = len(CONDITIONS) * sum(analysis.planned.values())
+    text = f"{len(analysis.kept)} of {planned}"
+    finished = len(analysis.trials)
+    return text if finished == planned else f"{text} ({finished} were finished)"
 
 
 def _summary(analysis: CrowdAnalysis, pictures: Mapping[str, Picture]) -> Section:
@@ -138,7 +154,9 @@ def _body(analysis: CrowdAnalysis, tables: Tables, pictures: Mapping[str, Pictur
         "Collisions, shoulders, walking",
         (
             pictures["collisions"],
-            tables_of.collision_table(analysis, collision_facts(analysis, tables["collisions"])),
+            tables_of.collision_table(
+                analysis, collision_facts(analysis.main, tables["collisions"])
+            ),
             pictures["shoulders"],
             pictures["further"],
             tables_of.tests_table(analysis, primary=False),

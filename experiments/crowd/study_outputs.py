@@ -42,7 +42,7 @@ def tables_of(sessions: Sequence[SessionIntake]) -> dict[str, pd.DataFrame]:
 
 
 def tables_of_walks(walks: Sequence[MeasuredWalk]) -> dict[str, pd.DataFrame]:
-    """Return the tables of measured walks: trials, collisions, crossings, cells, pedestrian."""
+    """Return the tables of measured walks: trials, collisions, crossings, cells."""
     trials: list[dict[str, Any]] = []
     collisions: list[dict[str, Any]] = []
     crossings: list[dict[str, Any]] = []
@@ -130,10 +130,12 @@ def write_study(
 
 def write_tables(analysis: CrowdAnalysis, tables: Tables, out_dir: Path) -> None:
     """Write every table as CSV and Parquet, a JSON dictionary of its columns beside it."""
+    first = analysis.trials.iloc[0]
+    how = {name: first[name] for name in _WHICH[3:]}
     everything = {
         **tables,
-        "condition_means": analysis.main.means,
-        "statistics": pd.DataFrame(analysis.statistics_rows()),
+        "condition_means": analysis.means.assign(**how),
+        "statistics": pd.DataFrame(analysis.statistics_rows()).assign(**how),
         "similarity": similarity_rows(analysis),
         "excluded": pd.DataFrame(
             [(e.participant, e.trial_id, e.reason) for e in analysis.excluded],

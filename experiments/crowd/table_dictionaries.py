@@ -32,6 +32,7 @@ TRIALS: Final[Mapping[str, Entry]] = {
     "part": ("", "the same as recording_part"),
     "number": ("", "planned number, from 1"),
     "block": ("", "block index; 0 is training"),
+    "block_walks": ("1", "walks planned in the block"),
     "is_practice": ("", "training, not analysed"),
     "attempt": ("", "how often the walk was begun, this time included"),
     "status": ("", "complete; others are not measured"),

@@ -1,11 +1,13 @@
 """From tables to conclusions: the decision path, exclusions, paths, the published values."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from experiments.crowd import published
 from experiments.crowd.analysis import analyse_tables
 from experiments.crowd.analysis_parameters import AnalysisParameters
+from experiments.crowd.collision_table import collision_facts
 from experiments.crowd.conclusions import conclude
 from experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC
 from experiments.crowd.terms import COLLISIONS, PRIMARY, SPEED, TO_GAP
@@ -72,6 +74,54 @@ def test_a_person_without_enough_walks_in_a_block_is_left_out_whole():
     study = analyse_tables(tables(walked), QUICK, is_simulated=True)
     assert "S00" not in study.main.people
     assert any(e.trial_id is None and "0 of 2 walks" in e.reason for e in study.excluded)
+
+
+def test_a_block_broken_off_is_measured_by_its_plan_and_not_by_what_was_finished():
+    walked = walks(6, configurations=4)
+    dropped = {("S00", HAPTIC, 2), ("S00", HAPTIC, 3), ("S00", HAPTIC, 4)}
+    left = [
+        w
+        for w in walked
+        if (w.row["participant"], w.row["condition"], w.row["configuration"]) not in dropped
+    ]
+    study = analyse_tables(tables(left), QUICK, is_simulated=True)
+    assert [("S00", f"only 1 of 4 walks of {HAPTIC} can be used")] == [
+        (e.participant, e.reason) for e in study.excluded
+    ]
+    assert "S00" not in study.main.people
+
+
+def test_planned_walks_count_where_the_session_recorded_them():
+    walked = walks(6)
+    for walk in walked:
+        walk.row["block_walks"] = 8
+    study = analyse_tables(tables(walked), QUICK, is_simulated=True)
+    assert () == study.main.people
+    assert 6 * 3 == sum("only 2 of 8" in e.reason for e in study.excluded)
+
+
+def test_people_without_a_block_or_any_walk_are_named_and_left_out_of_paths_too():
+    walked = [w for w in walks(6) if (w.row["participant"], w.row["condition"]) != ("S01", HAPTIC)]
+    given = tables(walked)
+    given["people"] = pd.concat([given["people"], pd.DataFrame([{"participant": "S77"}])])
+    study = analyse_tables(given, QUICK, is_simulated=True)
+    out = {e.participant for e in study.excluded if e.trial_id is None}
+    assert {"S01", "S77"} == out
+    assert 5 == len(study.main.people) == study.main.paths.n_people
+    assert 7 == len(study.planned)
+
+
+def test_facts_about_collisions_are_of_the_group_that_felt_vibrations():
+    walked = [*walks(4, group="haptics"), *walks(4, 5, effect=False, group="control")]
+    for walk in walked:
+        if walk.row["group"] == "control":
+            walk.collisions.extend([walk.collisions[0]] * 2)
+    given = tables(walked)
+    study = analyse_tables(given, QUICK, is_simulated=True)
+    facts = collision_facts(study.main, given["collisions"])
+    assert {1.0} == {facts[c]["counted"] for c in CONDITIONS}
+    assert 3.0 == collision_facts(study.control, given["collisions"])[HAPTIC]["counted"]
+    assert {"haptics", "control"} == set(study.means["group"])
 
 
 def test_volumes_of_two_rules_are_refused():

@@ -50,8 +50,17 @@ def test_every_table_is_marked_and_every_column_described(report):
 
 
 def test_tables_with_volumes_name_their_rule(report):
-    for name in ("trials", "collisions"):
-        assert {"volume"} == set(pd.read_csv(report.parent / f"{name}.csv")["measure_rule"])
+    for name in ("trials", "collisions", "condition_means", "statistics"):
+        table = pd.read_csv(report.parent / f"{name}.csv")
+        assert {"volume"} == set(table["measure_rule"])
+        assert {"fine"} == set(table["measure_surface"])
+
+
+def test_pictures_with_volumes_name_their_rule(report):
+    text = report.read_text(encoding="utf-8")
+    for title in ("The published measures by block", "Collisions by body part", "Further measures"):
+        caption = text[text.index(title) :][:200_000].partition("</figcaption>")[0]
+        assert "volume (fine)" in caption
 
 
 def test_figures_of_paths_stand_for_every_configuration(report):
@@ -61,3 +70,27 @@ def test_figures_of_paths_stand_for_every_configuration(report):
 
 def test_one_person_still_gets_a_report(tmp_path):
     assert "not tested" in written(tmp_path, people=1).read_text(encoding="utf-8")
+
+
+def test_a_study_with_everybody_left_out_still_gets_a_report(tmp_path):
+    walked = walks(4)
+    for walk in walked:
+        walk.row["came_back"] = False
+    report = write_study(
+        tables(walked), {}, tmp_path, is_simulated=True, provenance=PROVENANCE, parameters=QUICK
+    )
+    text = report.read_text(encoding="utf-8")
+    assert "0 of 4" in text
+    assert "did not come back" in text
+
+
+def test_real_walks_are_not_marked_as_simulated(tmp_path):
+    walked = walks(3)
+    for walk in walked:
+        walk.row["is_simulated"] = False
+    report = write_study(
+        tables(walked), {}, tmp_path, is_simulated=False, provenance=PROVENANCE, parameters=QUICK
+    )
+    text = report.read_text(encoding="utf-8")
+    assert "SIMULATED" not in text
+    assert {False} == set(pd.read_csv(tmp_path / "statistics.csv")["is_simulated"])
