@@ -41,8 +41,9 @@ def crossing_box(
     if not _mark(reach, shape, marked, 2):
         return 0, np.full((2, 3), np.nan)
     head = np.full(marked.size, -1, np.int32)
-    after = np.empty(4 * near_b.shape[0] + 64, np.int32)
-    owner = np.empty(after.size, np.int32)
+    entries = _entries(spans, shape, marked)
+    after = np.empty(entries, np.int32)
+    owner = np.empty(entries, np.int32)
     n = 0
     for j in range(near_b.shape[0]):
         for x in range(spans[j, 0], spans[j, 3]):
@@ -51,9 +52,6 @@ def crossing_box(
                     bucket = (x * shape[1] + y) * shape[2] + z
                     if marked[bucket] != 3:
                         continue
-                    if n == after.size:
-                        after = np.append(after, after)
-                        owner = np.append(owner, owner)
                     after[n], owner[n] = head[bucket], j
                     head[bucket] = n
                     n += 1
@@ -94,6 +92,18 @@ def _mark(
                     marked[bucket] |= bit
                     shared |= marked[bucket] != bit
     return shared
+
+
+@compiled
+def _entries(spans: Crossings, shape: npt.NDArray[np.int64], marked: npt.NDArray[np.uint8]) -> int:
+    """Count the buckets that both surfaces reach, each as often as it is reached."""
+    n = 0
+    for j in range(spans.shape[0]):
+        for x in range(spans[j, 0], spans[j, 3]):
+            for y in range(spans[j, 1], spans[j, 4]):
+                for z in range(spans[j, 2], spans[j, 5]):
+                    n += marked[(x * shape[1] + y) * shape[2] + z] == 3
+    return n
 
 
 @compiled
