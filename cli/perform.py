@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from cli.doctor import save_with_session
-from cli.rigs import build_rig, devices_for, is_simulated
+from cli.rigs import build_rig, check_room, devices_for, is_simulated
 from cli.stages import build_stage
 from cli.studies import Study
 from devices.contracts import Armband, DeviceInfo
@@ -15,7 +15,7 @@ from devices.sim.shared_body import SharedBody
 from lab.clock import Clock, SimClock
 from lab.config import LabConfig
 from lab.errors import ConfigError, RecordingError, SessionAborted
-from protocol.experiment import Experiment, Respondent
+from protocol.experiment import Experiment, Preparing, Respondent
 from protocol.gaze_setup import TargetTiming
 from protocol.operator import Operator, UnattendedOperator
 from protocol.participants import SimulatedParticipant
@@ -76,6 +76,7 @@ def perform_new(request: Request) -> Path:
     """
     plan = request.experiment.plan(request.participant_index, request.seed, request.group)
     request = replace(request, config=devices_for(request.config, request.experiment))
+    check_room(request.config, request.experiment)
     config = request.config
     manifest = Manifest(
         study=request.study.name,
@@ -109,6 +110,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
         ConfigError: the plan in the manifest is not the one this version would make.
     """
     request = replace(request, config=devices_for(request.config, request.experiment))
+    check_room(request.config, request.experiment)
     with ExitStack() as stack:
         devices = _equip(request, stack)
         folder, _ = open_session(session_path)
@@ -140,6 +142,8 @@ def _equip(request: Request, stack: ExitStack) -> _Devices:
     if respondent is None:
         raise ConfigError("nobody is there to answer the questionnaires; run it in a terminal")
     seed = device_seed(behaviour_seed(request), request.participant_index)
+    if isinstance(request.experiment, Preparing):
+        request.experiment.prepare()
     rig = build_rig(request.config, request.clock, participant, seed, stack)
     return _Devices(rig, participant, respondent)
 

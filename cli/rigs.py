@@ -10,7 +10,7 @@ from devices.contracts import Body, Device, EyeTracker, Headset
 from lab.clock import Clock
 from lab.config import DeviceConfig, LabConfig
 from lab.errors import ConfigError
-from protocol.experiment import Experiment
+from protocol.experiment import Experiment, demands_of
 from protocol.rig import Rig
 
 ESSENTIAL_ROLES = ("headset", "eye_tracker")
@@ -72,6 +72,22 @@ def devices_for(config: LabConfig, experiment: Experiment) -> LabConfig:
     kept = {"headset", "responses", *needed, *useful}
     devices = {role: d for role, d in config.devices.items() if role in kept}
     return config.model_copy(update={"devices": devices})
+
+
+def check_room(config: LabConfig, experiment: Experiment) -> None:
+    """Compare the room, where the configuration tells its size, with the floor a study needs.
+
+    Raises:
+        ConfigError: the study does not fit in.
+    """
+    needed_m = demands_of(experiment).floor_side_m
+    sides = {"width_m": config.room.width_m, "depth_m": config.room.depth_m}
+    short = [f"room.{name} {m:g}" for name, m in sides.items() if m is not None and m < needed_m]
+    if short:
+        raise ConfigError(
+            f"{config.path}: {experiment.name} needs {needed_m:.1f} m to walk on each side, and the "
+            f"file says {', '.join(short)}; use a larger room, or correct the file if it is wrong"
+        )
 
 
 def is_simulated(config: LabConfig) -> bool:

@@ -1,12 +1,13 @@
 """What a study gives the session."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
+from devices.contracts import VibrationPattern
 from lab.geometry import Vector
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
@@ -66,6 +67,44 @@ class Experiment(Protocol):
     def blank(self, mark_m: Vector | None) -> Scene:
         """Return the dark scene of calibrations and breaks, with a mark or without."""
         ...
+
+
+@dataclass(frozen=True)
+class Demands:
+    """What a study asks of a lab beyond devices being there; looked at before anything is shown.
+
+    `segments` the body tracker must deliver, `vibrations` the band of each role must be able to
+    play on `motors`, `floor_side_m` the side of the square that is walked on.
+    """
+
+    segments: tuple[str, ...] = ()
+    vibrations: Mapping[str, VibrationPattern] = field(default_factory=dict)
+    motors: tuple[int, ...] = ()
+    floor_side_m: float = 0.0
+
+
+@runtime_checkable
+class Demanding(Protocol):
+    """An experiment that has demands."""
+
+    @property
+    def demands(self) -> Demands:
+        """What it asks of a lab."""
+        ...
+
+
+@runtime_checkable
+class Preparing(Protocol):
+    """An experiment that loads or computes something which would hold up a frame."""
+
+    def prepare(self) -> None:
+        """Do it now: nothing is shown and nothing is measured yet."""
+        ...
+
+
+def demands_of(experiment: Experiment) -> Demands:
+    """Return what an experiment asks of a lab; most ask nothing."""
+    return experiment.demands if isinstance(experiment, Demanding) else Demands()
 
 
 @dataclass(frozen=True)

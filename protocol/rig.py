@@ -18,6 +18,8 @@ from devices.pump import Pump
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceError
 from lab.schema import SampleBatch, StreamSchema
+from protocol.demands import unmet
+from protocol.experiment import Demands
 from protocol.steps import Play, Vibrate
 
 OPEN_DEADLINE_S = 10.0
@@ -132,13 +134,14 @@ class RunningRig:
         """Return who every device is; complete once open."""
         return tuple(d.info for d in self._devices.values())
 
-    def preflight(self) -> tuple[Fault, ...]:
-        """Check every device; raise on the first that blocks the session.
+    def preflight(self, demands: Demands) -> tuple[Fault, ...]:
+        """Check every device, and that they can do what a study demands.
 
         Raises:
-            DeviceError: a device reports a blocking fault; the message lists all of them.
+            DeviceError: a device reports a blocking fault or cannot do it; the message lists all.
         """
         faults = tuple(f for d in self._devices.values() for f in d.check())
+        faults += tuple(unmet(demands, self._segments, self._bands))
         blocking = [f for f in faults if f.severity == "blocking"]
         if blocking:
             raise DeviceError(

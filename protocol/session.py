@@ -6,7 +6,7 @@ from devices.contracts import CalibrationOutcome
 from lab.clock import NS_PER_S
 from lab.errors import ConfigError, DeviceError, LabError, RecordingError, SessionAborted
 from protocol.calibration_record import CalibrationInForce
-from protocol.experiment import Respondent
+from protocol.experiment import Respondent, demands_of
 from protocol.frame_loop import FrameLoop
 from protocol.gaze_setup import GazeSetup
 from protocol.operator import Action
@@ -81,7 +81,7 @@ class Session:
             self._runner = TrialRunner(setup, loop, self._desk, rig)
             if any(block.calibrate for block in setup.plan.blocks):
                 self._gaze_setup = self._made_gaze_setup()
-            for fault in rig.preflight():
+            for fault in rig.preflight(demands_of(setup.experiment)):
                 self._desk.report(fault)
             rig.start()
             try:

@@ -2,11 +2,14 @@
 
 import threading
 
+import numpy as np
+
 from experiments.crowd.design import CrowdParameters
 from experiments.crowd.haptics import BandOrder, ContactAnswer
 from experiments.crowd.tracking import TrackingWatch, never_tracked
 from lab.clock import NS_PER_S
 from protocol.steps import BodyView, Play, Scalar, Silence
+from stimuli.contact.body import ARM_JOINTS
 from stimuli.scenes.station_crowd import Crowd
 
 
@@ -98,3 +101,16 @@ class ContactReflex:
             )
             self._contacts.fit(body.position_m[i])
         return self._contacts, self._watch
+
+
+def load_contact(crowd: Crowd, params: CrowdParameters) -> None:
+    """Load the kernels of contact and the people's figures: the first sample must not wait."""
+    segments = (*ARM_JOINTS, "hips")
+    position_m = np.zeros((1, len(segments), 3))
+    position_m[..., [0, 2]] = crowd.position_m[0]
+    upright = np.zeros((1, len(segments), 4))
+    upright[..., 0] = 1.0
+    body = BodyView(
+        segments, np.zeros(1, np.int64), position_m, upright, np.ones((1, len(segments)), bool)
+    )
+    ContactReflex(crowd, 0, 1, params, vibrates=False).answer(body)

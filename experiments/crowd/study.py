@@ -2,14 +2,23 @@
 
 from dataclasses import dataclass, field
 
-from experiments.crowd.design import DEFAULT_PARAMETERS, STUDY, CrowdParameters, plan_session
-from experiments.crowd.haptics import BAND_ROLES
-from experiments.crowd.trial import intertrial, run_trial
+from experiments.crowd.design import (
+    DEFAULT_PARAMETERS,
+    NEEDED_SIDE_M,
+    STUDY,
+    CrowdParameters,
+    plan_session,
+)
+from experiments.crowd.haptics import BAND_ROLES, MOTORS
+from experiments.crowd.reflex import load_contact
+from experiments.crowd.trial import intertrial, laid_out, run_trial
 from lab.geometry import Vector
+from protocol.experiment import Demands
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
+from stimuli.contact.body import ARM_JOINTS
 from stimuli.scene import Scene
-from stimuli.scenes.station_crowd import MOST_PEOPLE
+from stimuli.scenes.station_crowd import MOST_PEOPLE, TRAINING_CONFIGURATION
 
 NOMINAL_TRIAL_S = 65.0
 
@@ -54,6 +63,21 @@ class CrowdStudy:
     def useful_roles(self) -> tuple[str, ...]:
         """An eye tracker where the study's `record_gaze` wants it: nothing here measures gaze."""
         return ("eye_tracker",) if self.params.record_gaze else ()
+
+    @property
+    def demands(self) -> Demands:
+        """Arms and hips tracked, the pattern within every band's reach, the floor of the crowd."""
+        return Demands(
+            segments=(*ARM_JOINTS, "hips"),
+            vibrations=dict.fromkeys(BAND_ROLES, self.params.vibration),
+            motors=MOTORS,
+            floor_side_m=NEEDED_SIDE_M,
+        )
+
+    def prepare(self) -> None:
+        """Lay out every crowd and load the kernels of contact, which takes seconds."""
+        for number in (TRAINING_CONFIGURATION, *range(1, self.params.configurations + 1)):
+            load_contact(laid_out(number), self.params)
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return everything one participant will do."""

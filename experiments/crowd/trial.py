@@ -6,6 +6,7 @@ of the time since then and of their seeds, both recorded, so every pose can be r
 
 import json
 from collections.abc import Generator
+from functools import cache
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -54,10 +55,16 @@ def track_of(trial: Trial) -> str:
     return TRACKS[int(rng.integers(len(TRACKS)))]
 
 
+@cache
+def laid_out(configuration: int) -> Crowd:
+    """Return a crowd of the study; laying one out takes longer than a frame, so only once."""
+    return station_crowd(configuration)
+
+
 def crowd_scene(trial: Trial) -> tuple[Crowd, CrowdScene]:
     """Return the crowd of a trial and the scene that shows it."""
     configuration = int(trial.factors["configuration"])
-    crowd = station_crowd(configuration)
+    crowd = laid_out(configuration)
     return crowd, CrowdScene(f"station_{configuration}", agents=(), crowd=crowd)
 
 

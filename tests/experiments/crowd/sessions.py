@@ -6,7 +6,7 @@ from typing import Any
 from cli.perform import Request, perform_new, simulated_request
 from cli.studies import find_study
 from devices.option_models import OPTION_MODELS
-from lab.config import load_config
+from lab.config import LabConfig, load_config
 from recording.reader import Recording
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -20,6 +20,7 @@ def session(
     effect: bool = True,
     index: int = 0,
     group: str = "",
+    config: LabConfig | None = None,
     **parameters: Any,
 ) -> Recording:
     """Return the recording of one walk per block; `faults` and `drivers` by device role."""
@@ -30,6 +31,7 @@ def session(
         effect=effect,
         index=index,
         group=group,
+        config=config,
         **parameters,
     )
     return Recording(perform_new(wanted))
@@ -43,10 +45,12 @@ def request(
     effect: bool = True,
     index: int = 0,
     group: str = "",
+    config: LabConfig | None = None,
     **parameters: Any,
 ) -> Request:
     """Return what to perform; `drivers` replace those of the lab, with the options they need."""
-    config = load_config(ROOT / "lab_config.yaml", OPTION_MODELS)
+    if config is None:
+        config = load_config(ROOT / "lab_config.yaml", OPTION_MODELS)
     devices = dict(config.devices)
     for role, entry in (drivers or {}).items():
         options = {name: value for name, value in entry.items() if name != "driver"}
