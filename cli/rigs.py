@@ -85,8 +85,8 @@ def check_room(config: LabConfig, experiment: Experiment) -> None:
     short = [f"room.{name} {m:g}" for name, m in sides.items() if m is not None and m < needed_m]
     if short:
         raise ConfigError(
-            f"{config.path}: {experiment.name} needs {needed_m:.1f} m to walk on each side, and the "
-            f"file says {', '.join(short)}; use a larger room, or correct the file if it is wrong"
+            f"{config.path}: {experiment.name} needs {needed_m:.1f} m to walk on each side, but "
+            f"there {', '.join(short)} is written; use a larger room, or correct the file"
         )
 
 
