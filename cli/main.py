@@ -1,20 +1,25 @@
 """The `visavis` command."""
 
+import _thread
 import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from types import FrameType
+from typing import Any
 
 from cli.app import app, errors
 from lab.errors import LabError
 
 EXIT_INTERRUPTED = 130
 EXIT_INTERNAL = 1
+AGAIN_S = 0.02
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command; errors of ours become one message and their exit code."""
     signal.signal(signal.SIGTERM, _terminate)
+    sys.unraisablehook = interrupting_again(sys.unraisablehook)
     try:
         app(args=None if arguments is None else list(arguments), standalone_mode=True)
     except LabError as error:
@@ -34,6 +39,29 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _terminate(signum: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
+
+
+def interrupting_again(otherwise: Callable[[Any], Any]) -> Callable[[Any], None]:
+    """Return a hook for exceptions that nobody can catch; others than interruptions go on.
+
+    A signal that arrives while a library calls back into Python (numba does as it loads compiled
+    code) raises where the exception is dropped: then the signal is sent anew a little later.
+    """
+
+    def hook(unraisable: Any) -> None:
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            threading.Timer(AGAIN_S, _interrupt_main).start()
+        else:
+            otherwise(unraisable)
+
+    return hook
+
+
+def _interrupt_main() -> None:
+    if hasattr(signal, "pthread_kill"):  # which wakes what waits, too
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
+    else:
+        _thread.interrupt_main(signal.SIGTERM)
 
 
 def _escaped(text: str) -> str:
