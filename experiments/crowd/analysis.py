@@ -10,6 +10,7 @@ import pandas as pd
 
 from analysis.statistics import Equivalence, rm_anova
 from analysis.statistics.errors import StatisticsError
+from experiments.crowd import published
 from experiments.crowd.analysis_parameters import DEFAULT_PARAMETERS, AnalysisParameters
 from experiments.crowd.comparisons import (
     MeasureComparison,
@@ -82,10 +83,17 @@ class CrowdAnalysis:
     control: GroupAnalysis | None
     between_groups: tuple[str, ...]
 
-    @property
-    def agreement(self) -> tuple[int, int]:
-        """How many published verdicts on two blocks come back, of how many that can be told."""
-        found = [c.agrees(pair) for c in self.main.comparisons for pair in PAIRS]
+    def agreement(self, *, published_as_different: bool) -> tuple[int, int]:
+        """How many published verdicts come back, of how many that can be told: of the pairs of
+        blocks that the source calls different, or of those it does not.
+        """
+        found = [
+            c.agrees(pair)
+            for c in self.main.comparisons
+            for pair in PAIRS
+            if c.measure.column in published.TESTS
+            and (pair in published.TESTS[c.measure.column].pairs) == published_as_different
+        ]
         known = [a for a in found if a is not None]
         return sum(known), len(known)
 

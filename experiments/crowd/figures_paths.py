@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from analysis.cells import Triangulation
 from analysis.cells.triangulation import Cell, as_cell
@@ -147,7 +148,9 @@ def _paths(analysis: CrowdAnalysis, tables: Tables, tracks: Tracks, configuratio
             LineCollection(lines[condition], colors=BLACK, linewidths=0.5, alpha=0.35, zorder=3)
         )
         axes.set_title(condition)
-    bar = figure.colorbar(picture, ax=list(panels), shrink=0.8, pad=0.01)
+    bar = figure.colorbar(
+        picture, ax=list(panels), shrink=0.8, pad=0.01, ticks=MaxNLocator(integer=True)
+    )
     bar.set_label("Participants")
     return figure
 

@@ -138,7 +138,7 @@ def read_kept(path: Path) -> MeasuredWalk | None:
     """Return a walk measured before; None when there is none, or a damaged file."""
     try:
         return from_json(json.loads(path.read_text(encoding="utf-8")))
-    except (FileNotFoundError, ValueError, KeyError):
+    except (FileNotFoundError, ValueError, KeyError, TypeError, IndexError):
         return None
 
 

@@ -194,11 +194,16 @@ def joint_columns(recording: Recording) -> list[int]:
     """Return the column of each of `BODY_JOINTS` in the recorded body stream.
 
     Raises:
-        DataError: a joint is missing.
+        DataError: the stream or a joint is missing.
     """
     schema = recording.stream_schema("body")
-    field = None if schema is None else next(f for f in schema.fields if f.name == "position_m")
-    names = [] if field is None else field.description.partition(": ")[2].split()
+    if schema is None:
+        raise DataError(
+            f"{recording.path} holds no body stream (body.arrows) that can be read; restore it "
+            "from a copy, or move the session's folder out of the study"
+        )
+    field = next(f for f in schema.fields if f.name == "position_m")
+    names = field.description.partition(": ")[2].split()
     missing = [joint for joint in BODY_JOINTS if joint not in names]
     if missing:
         raise DataError(

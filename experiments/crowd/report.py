@@ -69,7 +69,11 @@ def report_page(
     ]
     if analysis.control is not None:
         sections.append(_control(analysis))
-    sections += [_exclusions(analysis), _methods(analysis, notes), _provenance(provenance)]
+    sections += [
+        _exclusions(analysis, provenance),
+        _methods(analysis, notes),
+        _provenance(provenance),
+    ]
     return Page(
         title=TITLE,
         subtitle="Do people walk through a dense crowd differently when contacts can be felt?",
@@ -110,10 +114,14 @@ def _summary(analysis: CrowdAnalysis, pictures: Mapping[str, Picture]) -> Sectio
     verdicts = tuple(
         Verdict(c.status, c.headline, " ".join(c.evidence)) for c in conclude(analysis)
     )
-    same, of = analysis.agreement
+    found, of_found = analysis.agreement(published_as_different=True)
+    none, of_none = analysis.agreement(published_as_different=False)
     blocks: list[Block] = [Verdicts(verdicts), pictures["blocks"], tables_of.means_table(analysis)]
     n = len(analysis.main.people)
-    text = f"Of {of} published verdicts on two blocks, {same} come back."
+    text = (
+        f"Of {of_found} published differences between two blocks, {found} come back in the same "
+        f"direction; of {of_none} pairs that did not differ, {none} do not here either."
+    )
     if n < published.PARTICIPANTS:
         text += (
             f" With {counted(n, 'participant')} instead of the source's "
@@ -211,8 +219,21 @@ def _control(analysis: CrowdAnalysis) -> Section:
     )
 
 
-def _exclusions(analysis: CrowdAnalysis) -> Section:
+def _exclusions(analysis: CrowdAnalysis, provenance: ReportProvenance) -> Section:
     blocks: list[Block] = []
+    broken = tuple(
+        (s.participant, s.session, s.status) for s in provenance.sessions if s.status != "complete"
+    )
+    if broken:
+        blocks.append(
+            Table(
+                (Column("Participant"), Column("Session"), Column("Status")),
+                broken,
+                "Recordings that are not whole",
+                "Walks that were finished before are analysed; `visavis check SESSION` says what "
+                "is missing.",
+            )
+        )
     rows = tuple((e.participant, e.trial_id or "all walks", e.reason) for e in analysis.excluded)
     headers = (Column("Participant"), Column("Walk"), Column("Reason"))
     blocks.append(

@@ -30,6 +30,15 @@ def test_the_published_pattern_is_found_where_it_was_put_in(study):
         assert study.main.comparison(measure).agrees((BEFORE, HAPTIC))
 
 
+def test_published_differences_and_absences_are_counted_apart(study):
+    differences, of = study.agreement(published_as_different=True)
+    assert 7 == of
+    assert differences >= 5
+    assert 17 == study.agreement(published_as_different=False)[1]
+    nothing = analyse_tables(tables(walks(14, effect=False)), QUICK, is_simulated=True)
+    assert nothing.agreement(published_as_different=True)[0] <= 1
+
+
 def test_without_an_effect_most_measures_show_none():
     study = analyse_tables(tables(walks(14, effect=False)), QUICK, is_simulated=True)
     found = [study.main.comparison(m).differs((BEFORE, HAPTIC)) for m in PRIMARY]

@@ -1,6 +1,7 @@
 """Measuring goes on where it was stopped, and gives the same numbers wherever it is done."""
 
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from cli.replicate_runners import on_scheduler, on_this_machine
-from experiments.crowd.intake import SessionIntake
+from experiments.crowd.intake import SessionIntake, take_in
 from experiments.crowd.measures import MeasuredWalk, MeasureParameters, measure_parameters
 from experiments.crowd.measuring import (
     WalkJob,
@@ -143,6 +144,35 @@ def test_a_worker_that_does_not_see_the_folder_says_so(path):
     gone = WalkJob(str(Path(job.session) / "gone"), job.trial_id, 0.7, None, QUICK)
     with pytest.raises(DataError, match="every worker must see"):
         measure_job(gone)
+
+
+def test_a_session_without_its_body_stream_says_which_file_to_restore(path, tmp_path):
+    copy = tmp_path / "ses-001"
+    shutil.copytree(path, copy)
+    job = jobs_of(Recording(copy), QUICK)[0]
+    (copy / "part-01" / "body.arrows").unlink()
+    with pytest.raises(DataError, match=r"body\.arrows.*restore it"):
+        measure_job(job)
+
+
+def test_a_stream_cut_off_leaves_later_walks_unmeasured_and_said(path, tmp_path):
+    copy = tmp_path / "ses-001"
+    shutil.copytree(path, copy)
+    stream = copy / "part-01" / "body.arrows"
+    stream.write_bytes(stream.read_bytes()[: stream.stat().st_size // 2])
+    intake = take_in(Recording(copy), QUICK)
+    assert "crashed" == intake.source.status
+    last = intake.walks[-1].row
+    assert 1.0 == last["lost_01"]
+    assert "not_measured_body_never_tracked" in last["flags"]
+    assert "collisions" not in last
+
+
+@pytest.mark.parametrize("content", ["null", "[]", "3", '{"row": {}, "cells": [3]}', ""])
+def test_a_kept_file_of_another_shape_is_measured_again(content, tmp_path):
+    kept = tmp_path / "kept.json"
+    kept.write_text(content, encoding="utf-8")
+    assert read_kept(kept) is None
 
 
 def test_a_walk_that_does_not_exist_is_named(path):

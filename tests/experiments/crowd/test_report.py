@@ -1,11 +1,12 @@
 """The report and the tables on disk: complete, marked, described, repeatable."""
 
 import json
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 
-from analysis.report import ReportProvenance
+from analysis.report import ReportProvenance, SessionSource
 from experiments.crowd.analysis_parameters import AnalysisParameters
 from experiments.crowd.study_outputs import write_study
 from tests.experiments.crowd.synthetic_walks import tables, walks
@@ -94,3 +95,19 @@ def test_real_walks_are_not_marked_as_simulated(tmp_path):
     text = report.read_text(encoding="utf-8")
     assert "SIMULATED" not in text
     assert {False} == set(pd.read_csv(tmp_path / "statistics.csv")["is_simulated"])
+
+
+def test_recordings_that_are_not_whole_are_named(tmp_path):
+    broken = SessionSource("S00", "ses-001", "2026-01-01", "crashed", "0" * 64, "abc")
+    walked = walks(3)
+    report = write_study(
+        tables(walked),
+        {},
+        tmp_path,
+        is_simulated=True,
+        provenance=replace(PROVENANCE, sessions=(broken,)),
+        parameters=QUICK,
+    )
+    section = report.read_text(encoding="utf-8").partition('id="exclusions"')[2]
+    assert "Recordings that are not whole" in section
+    assert "crashed" in section.partition("Methods")[0]
