@@ -2,15 +2,17 @@
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cli.perform import perform_new, simulated_request
+from cli.perform import perform_new, perform_rest, simulated_request
 from cli.studies import find_study
 from lab.config import LabConfig
+from recording.folder import session_dir
 from recording.reader import Recording
 
 
@@ -39,7 +41,7 @@ def worker_count(asked: int | None) -> int:
 
 
 def simulate_one(task: SimulationTask) -> Path:
-    """Simulate one participant's session; return its folder."""
+    """Simulate one participant's session, or what is left of it; return its folder."""
     study = find_study(task.study)
     request = simulated_request(
         study,
@@ -51,7 +53,8 @@ def simulate_one(task: SimulationTask) -> Path:
         effect=task.effect,
         group=task.group,
     )
-    return perform_new(request)
+    path = session_dir(task.config.data_root, task.study, task.label, 1, is_simulated=True)
+    return perform_rest(request, path) if path.exists() else perform_new(request)
 
 
 def measure_one(study: str, session: Path) -> Any:
@@ -62,17 +65,29 @@ def measure_one(study: str, session: Path) -> Any:
 def in_parallel(
     work: Callable[..., Any], jobs: list[tuple[Any, ...]], processes: int
 ) -> Iterator[tuple[int, Any]]:
-    """Yield (job number, result) as they finish; with one process, here and in order."""
-    if processes == 1 or len(jobs) == 1:
+    """Yield (job number, result) as they finish; with one process, here and in order.
+
+    Whatever ends this ends the other processes, too: they hear of no signal themselves.
+    """
+    if processes == 1 or len(jobs) <= 1:
         for number, job in enumerate(jobs):
             yield number, work(*job)
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(processes, len(jobs)), mp_context=context) as pool:
+    with ProcessPoolExecutor(
+        min(processes, len(jobs)), mp_context=context, initializer=_leave_signals_to_parent
+    ) as pool:
         numbers: dict[Future[Any], int] = {pool.submit(work, *j): i for i, j in enumerate(jobs)}
         try:
             for future in as_completed(numbers):
                 yield numbers[future], future.result()
         except BaseException:
-            pool.shutdown(cancel_futures=True)
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in multiprocessing.active_children():
+                worker.terminate()
             raise
+
+
+def _leave_signals_to_parent() -> None:
+    """Let Ctrl-C, which reaches a terminal's whole group, end work by way of the parent alone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

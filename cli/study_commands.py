@@ -33,7 +33,7 @@ from cli.study_folder import (
 )
 from lab.clock import SimClock, StopWatch
 from lab.config import LabConfig
-from lab.errors import DataError, UsageError
+from lab.errors import DataError, SessionAborted, UsageError
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from recording.folder import SIMULATED_ROOT
 from recording.manifest import read_manifest
@@ -112,7 +112,8 @@ def simulate_study(
         _entry(folder, number, experiment.plan, settings.seed)
         for number in range(1, participants + 1)
     ]
-    present = {p.parent.parent.name for p in folder.glob("sub-*/ses-001/manifest.json")}
+    sessions = [p.parent for p in folder.glob("sub-*/ses-001/manifest.json")]
+    present = {p.parent.name for p in sessions if Recording(p).status in ("complete", "running")}
     tasks = [
         SimulationTask(
             study, lab, e.label, e.index, e.group, settings.seed, effect, settings.parameters
@@ -122,11 +123,21 @@ def simulate_study(
     ]
     if present:
         console.print(f"{len(present)} sessions are there already and are kept")
+    if len(sessions) > len(present):
+        console.print(
+            f"{len(sessions) - len(present)} broken off before: what is left is simulated"
+        )
     watch = StopWatch()
     with _progress() as bar:
         line = bar.add_task("simulating", total=len(tasks))
-        for _ in in_parallel(simulate_one, [(t,) for t in tasks], worker_count(processes)):
-            bar.advance(line)
+        try:
+            for _ in in_parallel(simulate_one, [(t,) for t in tasks], worker_count(processes)):
+                bar.advance(line)
+        except (KeyboardInterrupt, SessionAborted) as stop:
+            raise SessionAborted(
+                f"interrupted; what is finished is kept in {folder}. Give the same command again: "
+                "it goes on from there"
+            ) from stop
     if tasks:
         console.print(f"{len(tasks)} participants simulated in {watch.elapsed_s():.0f} s")
     return folder

@@ -5,15 +5,19 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+import cli.simulation
 from cli.main import app
+from cli.perform import Request
 from cli.study_commands import read_parameters
 from cli.study_folder import StudySettings, settle
-from lab.errors import ConfigError, DataError, UsageError
+from lab.errors import ConfigError, DataError, SessionAborted, UsageError
+from recording.reader import Recording
 
 SHORT = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
 SHORT += ["--set", "repetitions=1"]
@@ -144,3 +148,39 @@ def test_an_unknown_study_is_answered_with_the_nearest() -> None:
 
     assert isinstance(result.exception, UsageError)
     assert "did you mean stare" in str(result.exception)
+
+
+def test_the_same_command_finishes_a_study_that_was_broken_off(
+    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = cli.simulation.simulated_request
+
+    def interrupt(_: str, done: int, __: int) -> None:
+        if done == 5:
+            raise KeyboardInterrupt
+
+    def broken_off(*args: Any, **settings: Any) -> Request:
+        return replace(own(*args, **settings), on_trial=interrupt)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(cli.simulation, "simulated_request", broken_off)
+        with pytest.raises(SessionAborted, match="Give the same command again"):
+            simulate(tmp_path)
+    folder = simulate(tmp_path)
+    sessions = [Recording(p.parent) for p in sorted(folder.glob("sub-*/ses-*/manifest.json"))]
+    assert ["complete", "complete"] == [s.status for s in sessions]
+    assert [2, 1] == [len(s.manifest.parts) for s in sessions]
+    whole = Recording(next(study.glob("sub-S01*/ses-001")))
+    for column in ("trial_id", "condition", "status"):
+        assert whole.trials()[column].tolist() == sessions[0].trials()[column].tolist()
+
+
+def test_nothing_left_to_simulate_is_no_error(study: Path) -> None:
+    before = digests(study)
+    result = CliRunner().invoke(
+        app,
+        ["simulate", "stare", "--participants", "2", "--seed", "5", "--output",
+         str(study.parent.parent), "--processes", "2", *SHORT],
+    )  # fmt: skip
+    assert 0 == result.exit_code, result.output
+    assert before == digests(study)
