@@ -74,16 +74,18 @@ def cubes_touching(
 ) -> tuple[int, Vector]:
     """Return how many open cubes touch both bodies, and the sum (3,) of their centres."""
     touched = np.zeros((shape[0], shape[1], shape[2]), np.uint8)
-    _touch(vertices_a, faces_a, first, cell_m, touched, 1)
-    _touch(vertices_b, faces_b, first, cell_m, touched, 2)
+    # bit 4: the other body may touch the cube; few cubes are then looked at closely
+    _fill(vertices_b, faces_b, first, shape, cell_m, touched, 2 | 4)
+    _touch(vertices_b, faces_b, first, cell_m, touched, 4, 0, False)
     _fill(vertices_a, faces_a, first, shape, cell_m, touched, 1)
-    _fill(vertices_b, faces_b, first, shape, cell_m, touched, 2)
+    _touch(vertices_a, faces_a, first, cell_m, touched, 1, 4, True)
+    _touch(vertices_b, faces_b, first, cell_m, touched, 2, 1, True)
     count = 0
     total = np.zeros(3)
     for i in range(shape[0]):
         for j in range(shape[1]):
             for k in range(shape[2]):
-                if touched[i, j, k] == 3:
+                if touched[i, j, k] & 3 == 3:
                     count += 1
                     total[0] += (first[0] + i + 0.5) * cell_m
                     total[1] += (first[1] + j + 0.5) * cell_m
@@ -130,8 +132,12 @@ def _touch(
     cell_m: float,
     touched: npt.NDArray[np.uint8],
     bit: int,
+    where: int,
+    closely: bool,
 ) -> None:
-    """Mark open cubes that a surface passes through, by separating axes."""
+    """Mark open cubes that a surface passes through, by separating axes, of those that have the
+    bit `where`; all cubes in the boxes of its faces unless `closely`.
+    """
     low = first.astype(np.float64) * cell_m
     high = low + np.array(touched.shape).astype(np.float64) * cell_m
     near = faces_near(faces, sides_of(vertices_m, low, high))
@@ -148,8 +154,11 @@ def _touch(
         for i in range(begin[0], end[0]):
             for j in range(begin[1], end[1]):
                 for k in range(begin[2], end[2]):
-                    if touched[i, j, k] & bit == 0 and _passes(p, i, j, k):
-                        touched[i, j, k] |= bit
+                    here = touched[i, j, k]
+                    if here & bit or here & where != where:
+                        continue
+                    if not closely or _passes(p, i, j, k):
+                        touched[i, j, k] = here | bit
 
 
 @compiled
