@@ -131,6 +131,7 @@ class OperatorDesk:
     def begin_trial(self, trial: Trial, end_ns: int) -> None:
         """Forget what concerned the trial before."""
         self._in_trial = True
+        self._rig.is_muted = False
         self._trial_start_ns = self._loop.t_ns
         self.announce(trial)
         self.flags = []
@@ -320,14 +321,15 @@ class OperatorDesk:
             self.say(f"{self._last_trial.trial_id} comes again at the end of the block")
 
     def _silence(self) -> None:
-        armbands = {
-            role: device
-            for role, device in self._setup.rig.by_role().items()
-            if isinstance(device, Armband)
-        }
-        for device in armbands.values():
-            device.silence()
-        self.say(f"silenced: {', '.join(armbands) or 'no haptic device is connected'}")
+        """Stop all vibration, in a trial for the rest of it: the next contact is a moment away."""
+        armbands = [r for r, d in self._setup.rig.by_role().items() if isinstance(d, Armband)]
+        self._rig.is_muted = self._in_trial and bool(armbands)
+        self._rig.silence()
+        if self._rig.is_muted:
+            self._flag("silenced_by_operator")
+        until = f", to the end of {self.trial.trial_id}" if self._in_trial and self.trial else ""
+        roles = ", ".join(armbands)
+        self.say(f"silenced{until if roles else ''}: {roles or 'no haptic device is connected'}")
 
     def raise_if_aborted(self) -> None:
         """Raise SessionAborted when the operator asked for it."""

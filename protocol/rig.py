@@ -62,6 +62,8 @@ class RunningRig:
             for role, device in self._devices.items()
         }
         self._in_order = tuple(self._pumps.values())
+        self.is_muted = False
+        """While true no band takes anything but silence: the operator wants none in this trial."""
 
     @property
     def headset(self) -> Headset:
@@ -193,20 +195,24 @@ class RunningRig:
         return tuple(device.controls) if isinstance(device, ResponseInput) else ()
 
     def vibrate(self, step: Vibrate) -> None:
-        """Set the motors of a haptic role.
+        """Set the motors of a haptic role, unless muted.
 
         Raises:
             DeviceError: no such device in this session.
         """
-        self._band(step.role).set_amplitudes(step.amplitudes_01, step.ttl_ms)
+        band = self._band(step.role)
+        if not self.is_muted:
+            band.set_amplitudes(step.amplitudes_01, step.ttl_ms)
 
     def play(self, step: Play) -> None:
-        """Start a pattern on a haptic role.
+        """Start a pattern on a haptic role, unless muted.
 
         Raises:
             DeviceError: no such device in this session.
         """
-        self._band(step.role).play(step.pattern, step.motors, step.amplitude_01)
+        band = self._band(step.role)
+        if not self.is_muted:
+            band.play(step.pattern, step.motors, step.amplitude_01)
 
     def silence(self, role: str = "") -> None:
         """Stop every motor of a haptic role, or of all bands."""

@@ -26,7 +26,8 @@ BAND_OF_SEGMENT: Final = {
 BAND_ROLES: Final = tuple(dict.fromkeys(BAND_OF_SEGMENT.values()))
 MOTORS: Final = (0, 1, 2, 3)
 RENEW_BEFORE_NS: Final = 150 * NS_PER_MS
-"""A pattern that runs out while the contact lasts is started anew this long before its end."""
+"""A pattern that runs out while the contact lasts is started anew this long before its end, or
+before the last look at contact that comes sooner."""
 MOTOR_HOLD_NS: Final = 100 * NS_PER_MS
 
 
@@ -70,6 +71,7 @@ class ContactAnswer:
         self._pattern_ns = pattern.duration_ms * NS_PER_MS
         self._nearest_motor = nearest_motor
         self._period_ns = round(NS_PER_S / update_hz) if update_hz else 0
+        self._renewed_after_ns = max(0, self._pattern_ns - RENEW_BEFORE_NS - self._period_ns)
         self._next_ns = 0
         self._running: dict[str, tuple[int, tuple[int, ...]]] = {}
         self.contact_samples = 0
@@ -133,7 +135,7 @@ class ContactAnswer:
             else:
                 age_ns = t_ns - running[0]
                 moved = motors != running[1] and age_ns >= MOTOR_HOLD_NS
-                if not moved and age_ns < self._pattern_ns - RENEW_BEFORE_NS:
+                if not moved and age_ns < self._renewed_after_ns:
                     continue
                 kind = "renew"
             self._running[role] = (t_ns, motors)

@@ -119,13 +119,18 @@ def _look(
 ) -> int:
     """Return bits: the arms are exactly where they were, a segment is lost, out of the room.
 
-    `place` (3,), the sum of the arms' joints, is renewed where they moved.
+    `place` (3,), the sum of the arms' joints that are tracked, is renewed where they moved. Arms
+    that are lost altogether are lost, not still.
     """
-    found = _SAME
+    found = 0
+    for k in range(arms.shape[0]):
+        if np.isfinite(position[arms[k], 0]):
+            found = _SAME
     for axis in range(3):
         total = 0.0
         for k in range(arms.shape[0]):
-            total += position[arms[k], axis]
+            if np.isfinite(position[arms[k], axis]):
+                total += position[arms[k], axis]
         if total != place[axis]:
             found = 0
             place[axis] = total

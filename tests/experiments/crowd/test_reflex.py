@@ -118,6 +118,34 @@ def test_a_slow_link_looks_only_four_times_a_second():
     assert len(contact.answer(body_at(26 * STEP_NS, shift_m=1e-6))) == 4
 
 
+def test_a_slow_link_renews_the_pattern_at_the_last_look_before_its_end():
+    contact = reflex(haptic_update_hz=4.0)
+    asked = [
+        step_ns
+        for step_ns in range(0, 5000 * NS_PER_MS, STEP_NS)
+        if contact.answer(body_at(step_ns, shift_m=1e-6 * (step_ns // STEP_NS)))
+    ]
+    gaps_ms = np.diff(asked) / NS_PER_MS
+    assert len(gaps_ms) > 1
+    assert (gaps_ms < CrowdParameters().vibration.duration_ms).all()
+
+
+def test_a_tracker_that_repeats_itself_with_a_hand_lost_silences_too():
+    contact = reflex()
+    for k in range(1, 20):
+        contact.answer(body_at(k * STEP_NS, lost=("left_hand",)))
+    assert {"body_frozen", "body_part_lost"} == set(contact.account()[1])
+    assert {"end"} == {order.kind for order in contact.taken()[-4:]}
+
+
+def test_arms_that_are_lost_altogether_are_lost_and_not_frozen():
+    contact = reflex()
+    arms = [name for name in BODY_JOINTS if "arm" in name or "hand" in name]
+    for k in range(1, 40):
+        contact.answer(body_at(k * STEP_NS, lost=arms))
+    assert ["body_part_lost"] == contact.account()[1]
+
+
 def test_a_walk_without_any_sample_says_so():
     columns, flags = reflex().account()
     assert flags == ["body_never_tracked"]
