@@ -154,6 +154,23 @@ def test_small_contact_falls_on_the_right_side_of_the_threshold(
     assert (expected > 1e-6) == (got > 1e-6)
 
 
+@pytest.mark.parametrize("volume_m3", [1.2e-6, 4e-6])
+@pytest.mark.parametrize("apart_m", [(0.8, 0.0, 0.31), (0.3, 0.8, 0.2)])
+def test_small_contacts_far_from_each_other_are_measured_as_finely_as_one(
+    volume_m3: float, apart_m: tuple[float, float, float]
+) -> None:
+    # the box of both is long, so a thousand columns over it stand 3 to 5 mm apart
+    between = float(brentq(lambda d: lens_m3(0.05, d) - volume_m3 / 2, 0.05, 0.1))
+    by_m = between * np.array([0.6, 0.64, 0.48])
+    places = (ORIGIN, np.array(apart_m))
+    a, b = (
+        union([sphere(place + shift, 0.05, segments=64, rings=16) for place in places])
+        for shift in (ORIGIN, by_m)
+    )
+    expected = common_volume(a, b, settings=EXACT).volume_m3
+    assert expected == pytest.approx(common_volume(a, b).volume_m3, rel=2.5e-3)
+
+
 def test_self_overlap_counts_once_not_twice_and_not_as_a_hole() -> None:
     twice = union([small_sphere(ORIGIN, 0.1), small_sphere(np.array([0.05, 0.0, 0.0]), 0.1)])
     around = box(ORIGIN, np.full(3, 0.5))
