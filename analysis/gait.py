@@ -20,6 +20,8 @@ STEP_LENGTH_M: Final = {"man": 0.74, "woman": 0.67}
 STEP_LENGTH_UNKNOWN_M: Final = 0.705
 """The mean of both, for people who are neither or did not say."""
 LONGEST_GAP_NS: Final = 100_000_000
+PATH_LOST_01: Final = 0.01
+"""A way with more of its time lost has no length: it would be too short by an unknown amount."""
 HESITATION_BELOW_M_S: Final = 0.10
 HESITATION_AT_LEAST_S: Final = 0.5
 
@@ -30,7 +32,8 @@ class WalkMeasures:
 
     `speed_m_s` is the mean over samples farther than one step from the place nearest the board
     (the published measure), `speed_whole_m_s` over all, `path_m` the length of the way over the
-    ground (low-pass filtered below 1 Hz by averaging over a stride would be shorter), `time_s`
+    ground (low-pass filtered below 1 Hz by averaging over a stride would be shorter; NaN where more
+    than a hundredth of the time was lost, as nobody knows the way meanwhile), `time_s`
     from first to last sample, `stop_s` what was left out, `hesitations` stretches slower than
     0.1 m/s for at least 0.5 s outside the stop once walking has begun, `hesitation_s` their sum,
     `lost_s` untracked time.
@@ -140,10 +143,11 @@ def walk_measures(
     runs = [(a, b) for a, b in _runs(slow & walking) if a >= begun]
     long = [float(dt_s[a:b].sum()) for a, b in runs]
     long = [s for s in long if s >= HESITATION_AT_LEAST_S]
+    is_whole = dt_s[~known].sum() <= PATH_LOST_01 * dt_s.sum()
     return WalkMeasures(
         speed_m_s=_ratio(moved[walking].sum(), dt_s[walking].sum()),
         speed_whole_m_s=_ratio(moved[known].sum(), dt_s[known].sum()),
-        path_m=float(moved[known].sum()),
+        path_m=float(moved[known].sum()) if is_whole else float("nan"),
         time_s=float((t_ns[-1] - t_ns[0]) / 1e9),
         stop_s=float(dt_s[known & ~walking].sum()),
         hesitations=len(long),

@@ -141,23 +141,14 @@ def measure_walk(
     ]
     gait = walk_measures(walk.t_ns, walk.place_m, (BOARD_M[0], BOARD_M[2]), step_m)
     clear = clearance_m(walk.place_m, walk.crowd.position_m)
+    row |= _collision_measures(collisions, counted, is_measured=not lost.all())
     row |= {
-        "collisions": len(counted),
-        "collisions_uncounted": len(collisions) - len(counted),
-        "collisions_cut": sum(c["cut"] for c in counted),
-        "max_volume_dm3": _mean([c["max_volume_dm3"] for c in counted]),
-        "largest_volume_dm3": max((c["max_volume_dm3"] for c in counted), default=0.0),
-        "collision_s": _mean([c["duration_s"] for c in counted]),
-        "collision_speed_m_s": _mean([c["speed_m_s"] for c in counted]),
-        "arm_collisions": sum(
-            c["body_part"] in ("upper_arm", "lower_arm", "hand") for c in counted
-        ),
         "crossings": len(crossings) if triangulation is not None else None,
         "shoulders_to_gap_deg": _mean([c["shoulders_to_gap_deg"] for c in crossings]),
         "shoulders_to_way_deg": _mean([c["shoulders_to_way_deg"] for c in crossings]),
         "speed_m_s": gait.speed_m_s,
         "speed_whole_m_s": gait.speed_whole_m_s,
-        "path_m": gait.path_m,
+        "path_m": gait.path_m if np.isfinite(gait.path_m) else None,
         "time_s": gait.time_s,
         "stop_s": gait.stop_s,
         "hesitations": gait.hesitations,
@@ -169,6 +160,25 @@ def measure_walk(
         **_pedestrian(walk),
     }
     return MeasuredWalk(row, collisions, crossings, path.cells, walk.place_m[::10])
+
+
+def _collision_measures(
+    collisions: list[dict[str, Any]], counted: list[dict[str, Any]], *, is_measured: bool
+) -> dict[str, float | None]:
+    """Return a walk's columns about collisions; a body never whole had none that could be seen."""
+    found: dict[str, float | None] = {
+        "collisions": len(counted),
+        "collisions_uncounted": len(collisions) - len(counted),
+        "collisions_cut": sum(c["cut"] for c in counted),
+        "max_volume_dm3": _mean([c["max_volume_dm3"] for c in counted]),
+        "largest_volume_dm3": max((c["max_volume_dm3"] for c in counted), default=0.0),
+        "collision_s": _mean([c["duration_s"] for c in counted]),
+        "collision_speed_m_s": _mean([c["speed_m_s"] for c in counted]),
+        "arm_collisions": sum(
+            c["body_part"] in ("upper_arm", "lower_arm", "hand") for c in counted
+        ),
+    }
+    return found if is_measured else dict.fromkeys(found)
 
 
 def _pedestrian(walk: Walk) -> dict[str, float | None]:

@@ -27,6 +27,7 @@ LOOK_HZ: Final = 1.0
 """Density is read once a second: people stand, and the participant walks half a metre a second."""
 SPEED_OVER_S: Final = 1.0
 NEAR_M: Final = 3.0
+SAME_PLACE_M: Final = 1e-6
 CUT_OFF_M: Final = 1.0
 """Voronoi cells end this far from a person, as usual for people at the edge of a crowd."""
 PARTICIPANT_ID: Final = 0
@@ -37,7 +38,8 @@ FILE_VERSION: Final = "0.2.0"
 @dataclass(frozen=True, eq=False)
 class PedestrianMeasures:
     """Density and speed of the participant at moments of a walk: `t_s`, `density_per_m2`,
-    `speed_m_s` (k,), NaN where the body was lost or there is no speed yet.
+    `speed_m_s` (k,), NaN where the body was lost or there is no speed yet; there is no density
+    where the participant stands in somebody's very place.
     """
 
     t_s: Vector
@@ -56,10 +58,12 @@ def pedestrian_measures(walk: Walk) -> PedestrianMeasures:
     steps = np.arange(0, len(walk.t_ns), every)
     place = _flat(walk.place_m[steps])
     known = np.isfinite(place).all(axis=1)
-    people = _flat(walk.crowd.position_m)
+    # people who stand at one place border the participant's cell as one person would
+    people = np.unique(np.round(_flat(walk.crowd.position_m), 6), axis=0)
     rows = []
     for frame in np.flatnonzero(known).tolist():
-        near = np.linalg.norm(people - place[frame], axis=1) < NEAR_M
+        apart = np.linalg.norm(people - place[frame], axis=1)
+        near = (apart < NEAR_M) & (apart > SAME_PLACE_M)
         rows.append((PARTICIPANT_ID, frame, *place[frame]))
         rows += [(1 + k, frame, *people[k]) for k in np.flatnonzero(near).tolist()]
     density = np.full(len(steps), np.nan)
@@ -75,6 +79,7 @@ def pedestrian_measures(walk: Walk) -> PedestrianMeasures:
         )
         own = cells[cells["id"] == PARTICIPANT_ID]
         density[own["frame"].to_numpy(int)] = own["density"].to_numpy(float)
+        density[[_stands_on_somebody(at, people) for at in place]] = np.nan
         alone = pedpy.TrajectoryData(
             data=table[table["id"] == PARTICIPANT_ID].reset_index(drop=True), frame_rate=LOOK_HZ
         )
@@ -86,6 +91,10 @@ def pedestrian_measures(walk: Walk) -> PedestrianMeasures:
             )
             speed[found["frame"].to_numpy(int)] = found["speed"].to_numpy(float)
     return PedestrianMeasures(walk.crowd_t_s[steps], density, speed)
+
+
+def _stands_on_somebody(place: Vector, people: Vector) -> bool:
+    return bool((np.linalg.norm(people - place, axis=1) <= SAME_PLACE_M).any())
 
 
 def load_pedpy() -> Any:

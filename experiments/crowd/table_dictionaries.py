@@ -70,7 +70,7 @@ TRIALS: Final[Mapping[str, Entry]] = {
     "shoulders_to_way_deg": ("deg", "mean angle of the shoulders to square across the way, 0–90"),
     "speed_m_s": ("m/s", "mean speed farther than a step from the point nearest the board"),
     "speed_whole_m_s": ("m/s", "mean speed over all tracked time"),
-    "path_m": ("m", "length of the way over the floor"),
+    "path_m": ("m", "length of the way over the floor; empty: more than 1 % was not tracked"),
     "time_s": ("s", "from first to last step"),
     "stop_s": ("s", "time left out round the stop at the board"),
     "hesitations": ("1", "stretches below 0.1 m/s for at least 0.5 s outside that stop"),

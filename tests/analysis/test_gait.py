@@ -34,3 +34,17 @@ def test_a_short_slowing_is_no_hesitation():
 def test_somebody_who_never_walks_does_not_hesitate():
     found = walked((5, 0.0))
     assert (0, 0.0) == (found.hesitations, found.hesitation_s)
+
+
+def test_a_way_lost_for_a_while_has_a_speed_and_no_length():
+    t_ns = np.arange(0, 10_000_000_000, 10_000_000)
+    place = np.stack([np.arange(1000) * 0.005, np.zeros(1000)], axis=1)
+    whole = walk_measures(t_ns, place, (0.0, 50.0), 0.1)
+    assert 0.005 * 999 == pytest.approx(whole.path_m)
+    place[200:205] = np.nan
+    assert 0.005 * 993 == pytest.approx(walk_measures(t_ns, place, (0.0, 50.0), 0.1).path_m)
+    place[200:300] = np.nan
+    found = walk_measures(t_ns, place, (0.0, 50.0), 0.1)
+    assert np.isnan(found.path_m)
+    assert 0.5 == pytest.approx(found.speed_m_s)
+    assert 1.01 == pytest.approx(found.lost_s)

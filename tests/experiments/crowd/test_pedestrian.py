@@ -1,6 +1,7 @@
 """Density and speed by PedPy, and files that PedPy reads back."""
 
 import sqlite3
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -37,6 +38,21 @@ def test_lost_moments_have_no_density():
     walk.position_m[150:250] = np.nan
     density = pedestrian_measures(walk).density_per_m2
     assert [False, False, True, False] == np.isnan(density[:4]).tolist()
+
+
+@needs_pedpy
+def test_people_at_one_place_count_as_one_and_standing_on_somebody_has_no_density():
+    walk = carried(4.0)
+    alone = pedestrian_measures(walk).density_per_m2
+    people = walk.crowd.position_m.copy()
+    near = np.argsort(np.linalg.norm(people - walk.place_m[200], axis=1))
+    people[near[-1]] = people[near[0]]
+    doubled = replace(walk, crowd=replace(walk.crowd, position_m=people))
+    assert alone[2] == pytest.approx(pedestrian_measures(doubled).density_per_m2[2], rel=1e-5)
+    people[near[0]] = people[near[-1]] = walk.place_m[200]
+    standing = replace(walk, crowd=replace(walk.crowd, position_m=people))
+    assert np.isnan(pedestrian_measures(standing).density_per_m2[2])
+    assert np.isfinite(pedestrian_measures(standing).density_per_m2[0])
 
 
 def test_without_pedpy_the_message_says_what_to_install(monkeypatch):

@@ -32,6 +32,7 @@ from experiments.crowd.surfaces import (
     person_surface,
 )
 from stimuli.characters.closing import collision_mesh
+from stimuli.contact.body import BODY_JOINTS
 from stimuli.contact.idle import crowd_poses, people_of
 from stimuli.dressing.casting import default_casting
 from stimuli.scenes.station_crowd import CHARACTERS, station_crowd
@@ -201,6 +202,16 @@ def test_a_body_never_tracked_is_flagged_and_nothing_is_invented(walk):
     assert "not_measured_body_never_tracked" in row["flags"]
     assert row["lost_01"] == 1
     assert "collisions" not in row
+
+
+def test_a_body_never_whole_has_no_number_of_collisions():
+    walk = carried(3.0)
+    walk.position_m[:, BODY_JOINTS.index("head")] = np.nan
+    row = measure_walk(walk, 0.7, MeasureParameters(surface="capsules")).row
+    assert 1.0 == row["lost_01"]
+    assert row["collisions"] is None
+    assert row["largest_volume_dm3"] is None
+    assert np.isfinite(row["speed_m_s"])
 
 
 def test_a_walk_out_of_the_room_is_flagged():
