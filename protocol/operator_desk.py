@@ -63,6 +63,7 @@ class OperatorDesk:
         self._states = states
         self._operator = setup.operator
         self._recorder = setup.recorder
+        self._calibrates = any(block.calibrate for block in setup.plan.blocks)
         self._pending: set[Action] = set()
         self._advance = False
         self._faults: tuple[Fault, ...] = ()
@@ -131,7 +132,7 @@ class OperatorDesk:
     def begin_trial(self, trial: Trial, end_ns: int) -> None:
         """Forget what concerned the trial before."""
         self._in_trial = True
-        self._rig.is_muted = False
+        self._rig.is_muted = self._rig.has_vibrated = False
         self._trial_start_ns = self._loop.t_ns
         self.announce(trial)
         self.flags = []
@@ -254,9 +255,22 @@ class OperatorDesk:
         return not is_count or self._standing[_key(fault)].changed_ns > self._trial_start_ns
 
     def _interrupt_if_lost(self, longest_ns: int) -> None:
-        blocking = self.blocking_fault()
-        if blocking is not None and self._loop.t_ns - self.blocking_since_ns >= longest_ns:
-            self.interrupt_reason = f"{blocking.role}: {blocking.message}"
+        """Interrupt the trial for a device that is away so long.
+
+        A band costs a trial no data: it counts after `LOST_STREAM_NS` alone, and where it was
+        wanted in this trial.
+        """
+        for fault in self._faults:
+            if fault.severity != "blocking":
+                continue
+            patience_ns = longest_ns
+            if self._rig.is_band(fault.role):
+                if not self._rig.has_vibrated:
+                    continue
+                patience_ns = LOST_STREAM_NS
+            if self._loop.t_ns - self._standing[_key(fault)].since_ns >= patience_ns:
+                self.interrupt_reason = f"{fault.role}: {fault.message}"
+                return
 
     def _flag(self, flag: str) -> None:
         if flag not in self.flags:
@@ -276,6 +290,8 @@ class OperatorDesk:
             self._pending.add(Action.ABORT)
             if not self._in_trial:
                 self.raise_if_aborted()
+        elif action is Action.RECALIBRATE and not self._calibrates:
+            self.say("nothing to calibrate: this study does not measure gaze")
         elif action in LATER:
             self._pending.add(action)
             self.say(LATER[action])

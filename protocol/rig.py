@@ -64,6 +64,8 @@ class RunningRig:
         self._in_order = tuple(self._pumps.values())
         self.is_muted = False
         """While true no band takes anything but silence: the operator wants none in this trial."""
+        self.has_vibrated = False
+        """Whether any band was asked to vibrate since this was last set false."""
 
     @property
     def headset(self) -> Headset:
@@ -80,6 +82,10 @@ class RunningRig:
         """Nominal rate of gaze; None without an eye tracker."""
         tracker = self._rig.eye_tracker
         return None if tracker is None else tracker.describe()[0].nominal_rate_hz
+
+    def is_band(self, role: str) -> bool:
+        """Tell whether an armband fills a role."""
+        return role in self._bands
 
     @property
     def has_bands(self) -> bool:
@@ -201,6 +207,7 @@ class RunningRig:
             DeviceError: no such device in this session.
         """
         band = self._band(step.role)
+        self.has_vibrated = True
         if not self.is_muted:
             band.set_amplitudes(step.amplitudes_01, step.ttl_ms)
 
@@ -211,6 +218,7 @@ class RunningRig:
             DeviceError: no such device in this session.
         """
         band = self._band(step.role)
+        self.has_vibrated = True
         if not self.is_muted:
             band.play(step.pattern, step.motors, step.amplitude_01)
 

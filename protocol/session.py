@@ -79,7 +79,7 @@ class Session:
             self._desk = OperatorDesk(setup, loop, rig, self._states)
             self._questioning = Questioning(setup, loop, self._asking())
             self._runner = TrialRunner(setup, loop, self._desk, rig)
-            if any(block.calibrate for block in setup.plan.blocks):
+            if self._calibrates:
                 self._gaze_setup = self._made_gaze_setup()
             for fault in rig.preflight(demands_of(setup.experiment)):
                 self._desk.report(fault)
@@ -97,6 +97,10 @@ class Session:
                 raise
             finally:
                 setup.stage.close()
+
+    @property
+    def _calibrates(self) -> bool:
+        return any(block.calibrate for block in self._setup.plan.blocks)
 
     def _end_early(self, error: LabError) -> None:
         aborted = isinstance(error, SessionAborted)
@@ -245,7 +249,7 @@ class Session:
             self._desk.wait("Paused. Press space to go on.", always=True)
             self._recorder.event("pause_end", self._loop.t_ns)
             calibrate = self._desk.take(Action.RECALIBRATE) or calibrate
-        if calibrate and self._queue:  # a break calibrates anyway
+        if calibrate and self._queue and self._calibrates:  # a break calibrates anyway
             self._calibrate(block)
 
     def _wait_for_device(self) -> bool:
@@ -357,7 +361,7 @@ class Session:
         return calibration
 
     def _validate_at_end(self) -> None:
-        if not any(b.calibrate for b in self._setup.plan.blocks):
+        if not self._calibrates:
             return
         self._validate(len(self._setup.plan.blocks), 1, moment="end")
 

@@ -56,7 +56,8 @@ def take_in(
     for one in measured:
         one.row["block_walks"] = planned.get(str(one.row["condition"]))
         one.row["is_simulated"] = recording.is_simulated
-        own = [p for p in pulses if p["trial_id"] == one.row["trial_id"]]
+        walked = (one.row["trial_id"], one.row["attempt"])
+        own = [p for p in pulses if (p["trial_id"], p["attempt"]) == walked]
         one.row["pulses"] = len(own)
         one.row["pulses_lost"] = sum(not p["acknowledged"] for p in own)
         one.row["flags"] = ";".join(

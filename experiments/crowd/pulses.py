@@ -1,10 +1,12 @@
 """Every contact answered: when it happened, was commanded, sent, acknowledged, and felt."""
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
+from devices.contracts import NO_DEVICE_TIME
 from experiments.crowd.haptics import BAND_ROLES
 from lab.clock import NS_PER_MS
 from lab.clock_fit import fit_one_way
@@ -22,7 +24,8 @@ def pulse_rows(recording: Recording) -> list[dict[str, Any]]:
     """Return one row per contact that drove a band, in order of time.
 
     `commanded_ms`, `sent_ms`, `acknowledged_ms` and `risen_ms` count from the body sample that
-    showed the contact; None where the command was lost or the band told no time. `risen_ms` is
+    showed the contact; None where the command never left, was not answered, or the band told no
+    time. `attempt` is that of the walk. `risen_ms` is
     when a motor had reached 63 %: the band's own time of applying it, on the host's clock by the
     envelope of its answers, and the modelled rise. `held_ms` is how long the contact lasted.
     """
@@ -36,6 +39,7 @@ def pulse_rows(recording: Recording) -> list[dict[str, Any]]:
         for role in BAND_ROLES
         if f"haptics_{role}" in recording.stream_names
     }
+    attempt_at = _attempts(recording)
     for event in begins.to_dict("records"):
         payload = event["payload"]
         part, role = int(event["recording_part"]), str(payload["role"])
@@ -50,6 +54,7 @@ def pulse_rows(recording: Recording) -> list[dict[str, Any]]:
         row = {
             "recording_part": part,
             "trial_id": payload["trial_id"],
+            "attempt": attempt_at(part, str(payload["trial_id"]), contact_ns),
             "role": role,
             "segment": payload["segment"],
             "person": payload["person"],
@@ -91,6 +96,22 @@ def contact_spans(recording: Recording) -> list[dict[str, Any]]:
     return rows
 
 
+def _attempts(recording: Recording) -> Callable[[int, str, int], int | None]:
+    """Return what tells at which attempt at a trial something happened; None where none is told."""
+    begun: dict[tuple[int, str], list[tuple[int, int]]] = {}
+    events = recording.events()
+    for event in events[events["name"] == "trial_start"].to_dict("records"):
+        payload = event["payload"]
+        key = (int(event["recording_part"]), str(payload["trial_id"]))
+        begun.setdefault(key, []).append((int(event["t_ns"]), int(payload["attempt"])))
+
+    def attempt_at(part: int, trial_id: str, t_ns: int) -> int | None:
+        before = [n for start_ns, n in begun.get((part, trial_id), ()) if start_ns <= t_ns]
+        return before[-1] if before else None
+
+    return attempt_at
+
+
 def _commands(recording: Recording, part: int, role: str) -> pd.DataFrame:
     arrays = recording.stream_arrays(f"haptics_{role}", part=part)
     table = pd.DataFrame(
@@ -130,11 +151,12 @@ def _fate(commands: pd.DataFrame | None, contact_ns: int) -> dict[str, Any]:
     if at == len(asked) or asked[at] - contact_ns > ASKED_WITHIN_NS:
         return nothing
     row = commands.iloc[at]
+    sent_ns = int(row["t_sent_ns"])
     heard = bool(row["acknowledged"])
     applied = float(row["t_applied_ns"])
     return {
         "commanded_ms": (int(asked[at]) - contact_ns) / NS_PER_MS,
-        "sent_ms": (int(row["t_sent_ns"]) - contact_ns) / NS_PER_MS,
+        "sent_ms": None if sent_ns == NO_DEVICE_TIME else (sent_ns - contact_ns) / NS_PER_MS,
         "acknowledged_ms": (int(row["t_host_ns"]) - contact_ns) / NS_PER_MS if heard else None,
         "risen_ms": (applied - contact_ns) / NS_PER_MS + MOTOR_RISE_MS if heard else None,
         "acknowledged": heard,
