@@ -81,7 +81,7 @@ def row(
 ) -> Row:
     """Return one line of the table; `more` says that more is better."""
     ratio = None
-    if limit is not None and value > 0:
+    if limit is not None and (more or value > 0):
         ratio = float(f"{(value / limit if more else limit / value):.3g}")
     return {"name": name, "value": float(f"{value:.3g}"), "unit": unit, "limit": limit,
             "ratio": ratio}  # fmt: skip
@@ -290,7 +290,7 @@ def frame_times(stage: StagedCase, seconds: float) -> list[Row]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table."""
+    """Print the table; return 1 when a limit is missed."""
     parser = argparse.ArgumentParser(description="Measure visual motion warping.")
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--cases", nargs="+", choices=tuple(CASES), default=tuple(CASES))
@@ -305,11 +305,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if chosen.json:
         json.dump(rows, sys.stdout, indent=2)
         print()
-        return 0
-    for r in rows:
-        limit = "" if r["limit"] is None else f"limit {r['limit']:<6} ratio {r['ratio']}"
-        print(f"{r['name']:<72} {r['value']:>9} {r['unit']:<5} {limit}")
-    return 0
+    else:
+        for r in rows:
+            limit = "" if r["limit"] is None else f"limit {r['limit']:<6} ratio {r['ratio']}"
+            print(f"{r['name']:<72} {r['value']:>9} {r['unit']:<5} {limit}")
+    return 1 if any(r["ratio"] is not None and r["ratio"] < 1 for r in rows) else 0
 
 
 if __name__ == "__main__":

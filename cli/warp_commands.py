@@ -53,7 +53,7 @@ def warp(
     """Warp a motion so that an observer perceives more or less of it.
 
     Example: visavis warp wave --observer 1.5,1.6,-2.5 --feature coverage:face,right_hand:+0.25
-    --units right_arm,spine -o out
+    --units right_arm,spine,neck_head -o out
     """
     from cli.warp_sheet import write_curves, write_sheet
     from stimuli.characters.cast import load_character

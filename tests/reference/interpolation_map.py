@@ -140,19 +140,25 @@ def _unknown(where: str, entries: Case, known: set[str]) -> Iterator[Check]:
 
 def run_file(path: Path) -> list[Check]:
     """Compare all cases of one file; an error counts as a failure of its case."""
-    file = json.loads(path.read_text(encoding="utf-8"))
-    kind = file["meta"]["kind"]
+    try:
+        file = json.loads(path.read_text(encoding="utf-8"))
+        kind, cases = file["meta"]["kind"], list(file["cases"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        return [Check(path.name, "a file of cases", f"{type(error).__name__}: {error}", False)]
     if kind not in CHECKS:
         return [Check(path.stem, f"a kind of {sorted(CHECKS)}", kind, False)]
     checks: list[Check] = []
-    if not file["cases"]:
+    if not cases:
         checks.append(Check(path.stem, "at least one case", "none", False))
-    for case in file["cases"]:
-        where = f"{path.stem} {case['name']}"
+    for i, case in enumerate(cases):
+        if not isinstance(case, Mapping):
+            checks.append(Check(f"{path.stem} [{i}]", "a case", case, False))
+            continue
+        where = f"{path.stem} {case.get('name', i)}"
         checks += _unknown(where, case, ENTRIES[kind] | {"name", "tol"})
         try:
             checks += CHECKS[kind](where, case)
-        except (LabError, KeyError) as error:
+        except (LabError, KeyError, TypeError, ValueError, IndexError) as error:
             checks.append(Check(where, "a result", f"{type(error).__name__}: {error}", False))
     return checks
 

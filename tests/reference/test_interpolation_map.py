@@ -47,3 +47,28 @@ def test_what_the_runner_does_not_know_fails(where: str, tmp_path: Path) -> None
     changed.write_text(json.dumps(file))
 
     assert 1 == sum(not check.passed for check in run_file(changed))
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"meta": {"kind": "slerp"}}', "\x00"])
+def test_file_that_holds_no_cases_fails_in_a_line(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = tmp_path / "broken.json"
+    broken.write_text(text)
+
+    assert 1 == main([str(broken), str(tmp_path / "missing.json")])
+    assert 2 == capsys.readouterr().out.count("a file of cases")
+
+
+@pytest.mark.parametrize(
+    "case", [3, {}, {"name": "x", "p": 1, "q": "a", "h": [0], "expected": [[0]]}]
+)
+def test_malformed_case_fails_in_its_own_line(case: object, tmp_path: Path) -> None:
+    file = json.loads((FOLDER / "slerp.json").read_text())
+    passing = len(run_file(FOLDER / "slerp.json"))
+    file["cases"].append(case)
+    changed = tmp_path / "changed.json"
+    changed.write_text(json.dumps(file))
+
+    assert passing == sum(check.passed for check in run_file(changed))
+    assert 1 == sum(not check.passed for check in run_file(changed))
