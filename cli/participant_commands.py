@@ -7,9 +7,9 @@ from rich.table import Table
 
 from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, load_lab
 from cli.rigs import is_simulated
-from cli.session_commands import DEFAULT_SEED, ledger_of
+from cli.session_commands import SetOption, ledger_of
 from cli.studies import find_study
-from cli.study_folder import StudySettings, settle
+from cli.study_folder import settle, wanted_settings
 from lab.errors import UsageError
 from protocol.key_file import KeyFile
 from protocol.ledger import Ledger
@@ -35,6 +35,7 @@ def add(
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of a new study.")] = None,
     devices: DevicesOption = None,
     config: ConfigOption = None,
+    assignments: SetOption = None,
 ) -> None:
     """Issue an identifier and a place in the order; neither is ever used again.
 
@@ -43,9 +44,11 @@ def add(
     lab = load_lab(config, devices)
     simulated = is_simulated(lab)
     folder = study_dir(lab.data_root, study, is_simulated=simulated)
-    wanted = StudySettings(study, DEFAULT_SEED if seed is None else seed, simulated)
+    wanted = wanted_settings(
+        folder, study, is_simulated=simulated, seed=seed, assignments=assignments
+    )
+    experiment = find_study(study).experiment(wanted.parameters)
     settings = settle(folder, wanted, seed_given=seed is not None)
-    experiment = find_study(study).experiment(settings.parameters)
     entry = ledger_of(lab, study, simulated=simulated).add(
         number,
         group=lambda index: experiment.plan(index, settings.seed).group,

@@ -29,7 +29,14 @@ from cli.perform import Request, perform_new, perform_rest
 from cli.questions import TerminalRespondent
 from cli.rigs import is_simulated
 from cli.studies import Study, find_study
-from cli.study_folder import StudySettings, read_parameters, read_settings, settle
+from cli.study_folder import (
+    DEFAULT_SEED,
+    StudySettings,
+    read_settings,
+    refuse_other,
+    settle,
+    wanted_settings,
+)
 from lab.clock import SimClock, SystemClock
 from lab.config import LabConfig
 from lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
@@ -39,7 +46,6 @@ from protocol.plan import SessionPlan
 from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir, study_dir
 from recording.reader import Recording
 
-DEFAULT_SEED = 1
 SIMULATED_PREFIX = "S"
 
 ParticipantOption = Annotated[
@@ -76,6 +82,7 @@ def plan(
     seed: SeedOption = None,
     devices: DevicesOption = None,
     config: ConfigOption = None,
+    assignments: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show the order of all trials before anything runs.
@@ -87,6 +94,9 @@ def plan(
     simulated = is_simulated(lab)
     folder = study_dir(lab.data_root, study, is_simulated=simulated)
     settings = read_settings(folder)
+    wanted = wanted_settings(folder, study, is_simulated=simulated, assignments=assignments)
+    if settings is not None:
+        refuse_other(folder, settings, wanted)
     in_force = _seed_in_force(settings, seed)
     ledger = ledger_of(lab, study, simulated=simulated)
     try:
@@ -96,7 +106,7 @@ def plan(
     except UnknownParticipant as unknown:
         label, index, group = participant, max(unknown.number - 1, 0), ""
         note = f"{participant} is not in the ledger yet; shown is the order of place {index + 1}."
-    experiment = chosen.experiment(settings.parameters if settings else {})
+    experiment = chosen.experiment(wanted.parameters)
     made = experiment.plan(index, in_force, group)
     if as_json:
         typer.echo(json.dumps(asdict(made), default=str, ensure_ascii=False, indent=1))
@@ -127,6 +137,8 @@ def _print_plan(made: SessionPlan, label: str, note: str) -> None:
         for trial in block.trials:
             table.add_row(trial.trial_id, *(str(trial.factors.get(n, "")) for n in names))
         console.print(table)
+        if block.questionnaires:
+            console.print(f"then {', '.join(block.questionnaires)}")
     total = sum(not t.is_practice for t in made.trials)
     practice = len(made.trials) - total
     console.print(
@@ -157,14 +169,10 @@ def run(
     if fast and not simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot; add --devices sim")
     folder = study_dir(lab.data_root, study, is_simulated=simulated)
-    begun = read_settings(folder)
-    parameters = read_parameters(assignments or [])
-    if begun is not None and not assignments:
-        parameters = begun.parameters
-    chosen.experiment(parameters)
-    wanted = StudySettings(
-        study, DEFAULT_SEED if seed is None else seed, simulated, parameters=parameters
+    wanted = wanted_settings(
+        folder, study, is_simulated=simulated, seed=seed, assignments=assignments
     )
+    chosen.experiment(wanted.parameters)
     settings = settle(folder, wanted, seed_given=seed is not None)
     entry = _entry(lab, chosen, settings, participant, simulated=simulated)
     path = session_dir(lab.data_root, study, entry.label, session, is_simulated=simulated)

@@ -18,10 +18,11 @@ from rich.progress import (
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab
 from cli.replicate_runners import on_scheduler, on_this_machine
-from cli.session_commands import DEFAULT_SEED, SIMULATED_PREFIX
+from cli.session_commands import SIMULATED_PREFIX
 from cli.simulation import SimulationTask, in_parallel, measure_one, simulate_one, worker_count
 from cli.studies import PiecewiseStudy, find_study
 from cli.study_folder import (
+    DEFAULT_SEED,
     DERIVED,
     MEASURED,
     StudySettings,

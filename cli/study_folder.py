@@ -12,6 +12,7 @@ from recording.durable import replace_file
 from recording.reader import Recording
 
 SETTINGS_NAME = "study.json"
+DEFAULT_SEED = 1
 DERIVED = "derived"
 MEASURED = "measured"
 """In `derived`: walks measured one by one, kept so that a stop loses at most one."""
@@ -68,11 +69,38 @@ def read_settings(folder: Path) -> StudySettings | None:
         ) from error
 
 
+def wanted_settings(
+    folder: Path,
+    study: str,
+    *,
+    is_simulated: bool,
+    seed: int | None = None,
+    assignments: list[str] | None = None,
+) -> StudySettings:
+    """Return what a command asks for: as typed, else as the study was begun, else the defaults.
+
+    Raises:
+        UsageError: an assignment cannot be read.
+        DataError: the study's settings are damaged.
+    """
+    begun = read_settings(folder)
+    parameters = read_parameters(assignments or [])
+    if begun is not None and not assignments:
+        parameters = begun.parameters
+    return StudySettings(
+        study,
+        DEFAULT_SEED if seed is None else seed,
+        is_simulated,
+        effect=True if begun is None else begun.effect,
+        parameters=parameters,
+    )
+
+
 def settle(folder: Path, wanted: StudySettings, *, seed_given: bool) -> StudySettings:
     """Return the settings in force, writing them when the study is new.
 
     Raises:
-        UsageError: another seed was asked for than the study was begun with.
+        UsageError: another seed or other parameters were asked for than the study was begun with.
     """
     present = read_settings(folder)
     if present is None:
@@ -85,12 +113,23 @@ def settle(folder: Path, wanted: StudySettings, *, seed_given: bool) -> StudySet
             f"{folder} was begun with seed {present.seed}; another seed would change every "
             f"order. Leave --seed out, or use another data root"
         )
-    if present.effect != wanted.effect or present.parameters != wanted.parameters:
-        raise UsageError(
-            f"{folder} was begun with other settings; leave --set out, or choose another --output "
-            "or data_root"
-        )
+    refuse_other(folder, present, wanted)
     return present
+
+
+def refuse_other(folder: Path, present: StudySettings, wanted: StudySettings) -> None:
+    """Refuse parameters that a study was not begun with.
+
+    Raises:
+        UsageError: naming those it was begun with.
+    """
+    if present.effect != wanted.effect or present.parameters != wanted.parameters:
+        kept = ", ".join(f"{name}={value}" for name, value in present.parameters.items())
+        raise UsageError(
+            f"{folder} was begun with {kept or 'no --set'}"
+            f"{'' if present.effect else ' and --no-effect'}, which holds for all of its sessions; "
+            "leave --set out, or choose another --output or data_root"
+        )
 
 
 def one_per_participant(

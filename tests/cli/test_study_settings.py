@@ -1,0 +1,63 @@
+"""A study's parameters are given once, before or with its first person, and then hold for all."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from cli.main import app
+from lab.errors import UsageError
+from tests.faults.sessions import CONFIG
+
+
+@pytest.fixture
+def lab_config(tmp_path: Path) -> Path:
+    path = tmp_path / "lab_config.yaml"
+    path.write_text(CONFIG.read_text("utf-8"), "utf-8")
+    return path
+
+
+def visavis(config: Path, *arguments: str) -> str:
+    result = CliRunner().invoke(app, [*arguments, "--config", str(config)])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    assert 0 == result.exit_code, result.output
+    return result.output
+
+
+@pytest.mark.parametrize("devices", ["real", "sim"])
+def test_people_can_be_dealt_to_groups_from_the_first_one_on(
+    devices: str, lab_config: Path
+) -> None:
+    here = ("--devices", devices)
+    design = ("--set", "with_control_group=yes")
+    first = visavis(lab_config, "participant", "add", "crowd", *here, *design)
+    further = [visavis(lab_config, "participant", "add", "crowd", *here) for _ in range(3)]
+    groups = ["control" if "group control" in text else "haptics" for text in (first, *further)]
+    assert {"control": 2, "haptics": 2} == {g: groups.count(g) for g in set(groups)}
+    plan = visavis(lab_config, "plan", "crowd", "--participant", "1", "--json", *here)
+    assert groups[0] == json.loads(plan)["group"]
+
+
+def test_a_plan_can_be_seen_with_parameters_before_the_study_exists(lab_config: Path) -> None:
+    def plan(*more: str) -> dict[str, Any]:
+        arguments = ("plan", "crowd", "--participant", "1", "--json", *more)
+        found: dict[str, Any] = json.loads(visavis(lab_config, *arguments))
+        return found
+
+    assert 2 * 3 == sum(
+        not trial["is_practice"]
+        for block in plan("--set", "configurations=2")["blocks"]
+        for trial in block["trials"]
+    )
+    assert not (lab_config.parent / "data").exists()
+    assert {plan("--set", "with_control_group=yes")["group"]} <= {"haptics", "control"}
+
+
+def test_other_parameters_than_those_begun_with_are_refused_by_name(lab_config: Path) -> None:
+    visavis(lab_config, "participant", "add", "crowd", "--set", "limit_s=90")
+    for command in (("participant", "add", "crowd"), ("plan", "crowd", "--participant", "1")):
+        with pytest.raises(UsageError, match="begun with limit_s=90"):
+            visavis(lab_config, *command, "--set", "limit_s=60")
