@@ -67,7 +67,7 @@ def interpolate_rows(
     """Interpolate segments (n, s, 3) and (n, s, 4) to other times; NaN across longer gaps.
 
     Positions linearly, orientations along the shorter chord, normalised. A segment that is NaN on
-    either side of a time is NaN there.
+    either side of a time is NaN there; at the very time of a sample, that sample stands.
     """
     n, segments = position.shape[0], position.shape[1]
     j = 0
@@ -75,11 +75,14 @@ def interpolate_rows(
         t = grid_ns[i]
         while j < n - 2 and t_ns[j + 1] <= t:
             j += 1
-        k = j + 1
-        if n < 2 or t < t_ns[0] or t > t_ns[n - 1] or t_ns[k] - t_ns[j] > longest_gap_ns:
+        at_sample = n > 0 and t == t_ns[j]
+        k = j if at_sample else j + 1
+        if not at_sample and (
+            n < 2 or t < t_ns[0] or t > t_ns[n - 1] or t_ns[k] - t_ns[j] > longest_gap_ns
+        ):
             out_position[i], out_orientation[i] = np.nan, np.nan
             continue
-        share = (t - t_ns[j]) / (t_ns[k] - t_ns[j])
+        share = 0.0 if at_sample else (t - t_ns[j]) / (t_ns[k] - t_ns[j])
         for s in range(segments):
             for c in range(3):
                 a, b = position[j, s, c], position[k, s, c]

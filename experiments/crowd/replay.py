@@ -159,7 +159,7 @@ def load_walk(recording: Recording, record: WalkRecord, *, step_ns: int = STEP_N
     )
     order = joint_columns(recording)
     t_ns = arrays["t_host_ns"]
-    keep = np.concatenate([[True], np.diff(t_ns) > 0]) if len(t_ns) else np.zeros(0, bool)
+    keep = later_than_all_before(t_ns)
     t_ns = t_ns[keep]
     valid = arrays["valid"][keep][:, order]
     position = arrays["position_m"][keep][:, order].astype(np.float64)
@@ -213,15 +213,26 @@ def joint_columns(recording: Recording) -> list[int]:
     return [names.index(joint) for joint in BODY_JOINTS]
 
 
+def later_than_all_before(t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """Tell which samples are later than all before them: repeats and steps back are not."""
+    latest = np.maximum.accumulate(t_ns)
+    return np.concatenate([[True], t_ns[1:] > latest[:-1]]) if len(t_ns) else np.zeros(0, bool)
+
+
 def standing_still(
     t_ns: npt.NDArray[np.int64], position_m: Vector, *, longest_ns: int = 150 * NS_PER_MS
 ) -> npt.NDArray[np.bool_]:
-    """Tell which samples repeat the one before, bit for bit, for longer than a live body can."""
+    """Tell which samples repeat the one before, bit for bit, for longer than a live body can.
+
+    Joints that stay lost repeat themselves too.
+    """
     n = len(t_ns)
     frozen = np.zeros(n, bool)
     if n < 2:
         return frozen
-    same = (np.diff(position_m.reshape(n, -1), axis=0) == 0).all(axis=1)
+    flat = position_m.reshape(n, -1)
+    before, after = flat[:-1], flat[1:]
+    same = ((before == after) | (np.isnan(before) & np.isnan(after))).all(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
     for a, b in edges.reshape(-1, 2):
         if t_ns[b] - t_ns[a] > longest_ns:

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from analysis.collisions import MalformedSeries, find_collisions, nearest_part, speed_at
+from analysis.collisions import (
+    MalformedSeries,
+    box,
+    common_volume,
+    find_collisions,
+    nearest_part,
+    speed_at,
+)
 
 STEP_NS = 10_000_000
 
@@ -78,3 +85,12 @@ def test_nearest_part_is_by_surface_not_by_axis() -> None:
     part, gap = nearest_part(np.array([0.5, 0.45, 0.0]), starts, ends, np.array([0.1, 0.4]))
     assert part == 1
     assert gap == pytest.approx(0.15)
+
+
+def test_one_cube_in_common_is_contact_and_an_empty_one_is_not() -> None:
+    body = box([0.005, 0.005, 0.005], [0.004] * 3)
+    one = common_volume(body, body, "published").volume_m3
+    assert 1e-6 == pytest.approx(one)
+    t_ns = np.arange(4, dtype=np.int64) * 10_000_000
+    runs = find_collisions(t_ns, np.array([[0.0], [one], [one], [0.0]]), "published")
+    assert [(10_000_000, 20_000_000)] == [(c.start_ns, c.end_ns) for c in runs]
