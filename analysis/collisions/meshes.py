@@ -40,11 +40,12 @@ def closed_mesh(
 ) -> ClosedMesh:
     """Check a mesh, and repair it where that cannot change the body.
 
-    Vertices at equal places are joined, collapsed faces dropped, faces turned to agree with
+    Vertices at equal places are joined, collapsed faces dropped, one side kept of a surface that is
+    there from both, faces turned to agree with
     their neighbours, parts that are inside out turned (a cavity inside another part stays), and
     holes of a perimeter up to `largest_hole_m` closed. Vertices keep their number and order, so a
-    rig's skin still fits. Raises NonFiniteMesh, MalformedMesh, OpenMesh or NotOrientable, each
-    naming the mesh.
+    rig's skin still fits. Raises NonFiniteMesh, MalformedMesh (also when nothing is
+    enclosed), OpenMesh or NotOrientable, each naming the mesh.
     """
     vertices = np.array(vertices_m, dtype=np.float64, order="C")
     given = np.array(faces)

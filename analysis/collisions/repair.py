@@ -13,18 +13,25 @@ from lab.geometry import Vector
 Faces = npt.NDArray[np.int32]
 Edge = tuple[int, int]
 
+NOTHING_01 = 1e-14
+"""Share of the cube of its size that rounding may leave of a surface that encloses nothing."""
+
 
 def repaired_faces(
     vertices_m: Vector, faces: Faces, name: str, largest_hole_m: float
 ) -> tuple[Faces, tuple[str, ...]]:
-    """Return closed, outward faces and what was changed. Raises OpenMesh, NotOrientable."""
+    """Return closed, outward faces and what was changed.
+
+    Raises OpenMesh, NotOrientable, or MalformedMesh when nothing is enclosed.
+    """
     done: list[str] = []
     faces = _joined(vertices_m, faces, done)
     faces = _without_collapsed(faces, name, done)
+    faces = _one_sided(faces, done)
     if _unbalanced(faces):
         faces = _agreeing(faces, name, done)
         faces = _without_holes(vertices_m, faces, name, largest_hole_m, done)
-    faces = _outward(vertices_m, faces, done)
+    faces = _outward(vertices_m, faces, name, done)
     return np.ascontiguousarray(faces, dtype=np.int32), tuple(done)
 
 
@@ -49,6 +56,26 @@ def _without_collapsed(faces: Faces, name: str, done: list[str]) -> Faces:
         return faces
     done.append(f"dropped {int(collapsed.sum())} collapsed faces")
     kept: Faces = faces[~collapsed]
+    return kept
+
+
+def _one_sided(faces: Faces, done: list[str]) -> Faces:
+    """Keep one of every two faces that cover each other back to back, when all do: such a surface,
+    drawn from both sides, winds round nothing.
+    """
+    corners, which = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    least = faces.argmin(axis=1)
+    rows = np.arange(len(faces))
+    follows, before = faces[rows, (least + 1) % 3], faces[rows, (least + 2) % 3]
+    turn = np.where(follows < before, 1, -1)
+    up = np.bincount(which, weights=turn > 0, minlength=len(corners))
+    down = np.bincount(which, weights=turn < 0, minlength=len(corners))
+    if not (up == down).all():
+        return faces
+    done.append(f"kept one side of {len(corners)} faces that were there from both")
+    first = np.unique(which, return_index=True)[1]
+    kept: Faces = faces[np.sort(first)]
     return kept
 
 
@@ -162,7 +189,7 @@ def _take_loop(after: dict[int, list[int]]) -> list[int]:
         path.append(follow)
 
 
-def _outward(vertices_m: Vector, faces: Faces, done: list[str]) -> Faces:
+def _outward(vertices_m: Vector, faces: Faces, name: str, done: list[str]) -> Faces:
     """Turn parts that are inside out, unless they are a cavity of another part."""
     n = len(vertices_m)
     pairs = _directed(faces)
@@ -171,6 +198,12 @@ def _outward(vertices_m: Vector, faces: Faces, done: list[str]) -> Faces:
     part = part_of_vertex[faces[:, 0]]
     a, b, c = np.moveaxis(vertices_m[faces] - vertices_m[faces[0, 0]], 1, 0)
     volume = np.bincount(part, weights=np.einsum("ij,ij->i", a, np.cross(b, c)) / 6)
+    size_m = float(np.ptp(vertices_m[faces].reshape(-1, 3), axis=0).max())
+    if (np.abs(volume) <= NOTHING_01 * size_m**3).all():
+        raise MalformedMesh(
+            f"{name}: the surface encloses nothing, so nothing could ever be in common with it; "
+            "give it thickness in a modelling program"
+        )
     present = np.unique(part)
     inverted = [int(p) for p in present if volume[p] < 0]
     flip = np.zeros(len(faces), bool)

@@ -5,12 +5,12 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from analysis.collisions import ClosedMesh, closed_mesh, enclosed_volume_m3
+from analysis.collisions import ClosedMesh, MalformedMesh, closed_mesh, enclosed_volume_m3
 from analysis.collisions.skinned import Bodies, SkinnedBody, pack
 from experiments.crowd.body_mesh import body_mesh
 from lab.geometry import Vector
 from stimuli.characters.character import Character, SkinnedMesh
-from stimuli.characters.closing import collision_mesh, is_closed
+from stimuli.characters.closing import collision_mesh
 from stimuli.contact.body import BODY_JOINTS
 from stimuli.dressing.casting import default_casting
 from stimuli.scenes.station_crowd import CHARACTERS
@@ -94,9 +94,13 @@ def checked_surface(mesh: SkinnedMesh, name: str) -> ClosedMesh:
         np.ascontiguousarray(mesh.vertices_m, np.float64),
         np.ascontiguousarray(mesh.triangles, np.int32),
     )
-    if is_closed(mesh) and enclosed_volume_m3(given) > _LEAST_M3:
-        return given
-    return closed_mesh(given.vertices_m, given.faces, name=f"collision mesh of {name}")
+    closed = closed_mesh(given.vertices_m, given.faces, name=f"collision mesh of {name}")
+    if enclosed_volume_m3(closed) < _LEAST_M3:
+        raise MalformedMesh(
+            f"collision mesh of {name}: it encloses less than a litre, which is no person; check "
+            "that it is in metres"
+        )
+    return closed
 
 
 def _round_capsules(figure: int | None, surface: MeshSurface) -> SkinnedBody:

@@ -10,6 +10,7 @@ from analysis.collisions import (
     OpenMesh,
     box,
     closed_mesh,
+    common_volume,
     enclosed_volume_m3,
     inside_out,
     posed,
@@ -111,3 +112,38 @@ def test_pose_of_another_mesh_is_refused() -> None:
 def test_faces_that_are_none_are_refused(faces: list[list[int]], message: str) -> None:
     with pytest.raises(MalformedMesh, match=message):
         closed_mesh(BALL.vertices_m, faces)
+
+
+@pytest.mark.parametrize("own_vertices", [False, True])
+def test_surface_drawn_from_both_sides_is_one_body(own_vertices: bool) -> None:
+    ball = sphere([0, 0, 0], 0.1, segments=24, rings=6)
+    other = box([0.05, 0, 0], [0.1, 0.1, 0.1])
+    back = ball.faces[:, ::-1] + (len(ball.vertices_m) if own_vertices else 0)
+    vertices = np.vstack([ball.vertices_m] * (2 if own_vertices else 1))
+    both = closed_mesh(vertices, np.vstack([ball.faces, back]))
+    expected = common_volume(ball, other).volume_m3
+    assert expected > 3e-3
+    assert expected == pytest.approx(common_volume(both, other).volume_m3)
+    assert any("from both" in text for text in both.repairs)
+
+
+def test_wall_between_two_rooms_of_one_body_is_left_alone() -> None:
+    left, right = box([-0.1, 0, 0], [0.1, 0.1, 0.1]), box([0.1, 0, 0], [0.1, 0.1, 0.1])
+    both = union([left, right])
+    body = closed_mesh(both.vertices_m, both.faces)
+    around = box([0, 0, 0], [1, 1, 1])
+    assert 0.016 == pytest.approx(common_volume(body, around).volume_m3)
+
+
+def test_surface_that_encloses_nothing_is_refused() -> None:
+    ball = sphere([0, 0, 0], 0.1, segments=24, rings=6)
+    with pytest.raises(MalformedMesh, match="sheet: the surface encloses nothing"):
+        closed_mesh(ball.vertices_m * [1, 0, 1], ball.faces, name="sheet")
+
+
+@pytest.mark.parametrize("half_m", [1e-7, 1e-4, 1.0, 1e3])
+def test_thin_plates_and_bodies_of_any_size_are_bodies(half_m: float) -> None:
+    turned = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+    turned[:, 0] *= np.sign(np.linalg.det(turned))
+    assert () == box([0, 0, 0], [0.5, 0.5, half_m], turned).repairs
+    assert () == box([0, 0, 0], [half_m] * 3).repairs

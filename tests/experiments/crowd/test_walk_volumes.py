@@ -12,6 +12,7 @@ from analysis.collisions import (
     Settings,
     common_volume,
     enclosed_volume_m3,
+    sphere,
 )
 from analysis.collisions.pair import measure_within
 from analysis.collisions.skinned import (
@@ -145,6 +146,26 @@ def test_an_inverted_character_is_turned_right_again():
     mended = checked_surface(replace(mesh, triangles=mesh.triangles[:, ::-1].copy()), "inverted")
     assert 0.03 < enclosed_volume_m3(mended) < 0.13
     assert mended.repairs
+
+
+def test_one_part_of_a_character_that_is_inside_out_is_turned_too():
+    mesh = collision_mesh(default_casting("male_02"))
+    bag = sphere([0.6, 1.0, 0.0], 0.1, segments=24, rings=6)
+    n = len(mesh.vertices_m)
+    with_bag = replace(
+        mesh,
+        vertices_m=np.vstack([mesh.vertices_m, bag.vertices_m]).astype(np.float32),
+        triangles=np.vstack([mesh.triangles, bag.faces[:, ::-1] + n]).astype(np.int32),
+    )
+    mended = checked_surface(with_bag, "bag")
+    whole = enclosed_volume_m3(checked_surface(mesh, "none")) + enclosed_volume_m3(bag)
+    assert whole == pytest.approx(enclosed_volume_m3(mended), rel=1e-5)
+
+
+def test_a_character_too_small_for_a_person_is_refused():
+    mesh = collision_mesh(default_casting("male_02"))
+    with pytest.raises(MalformedMesh, match="less than a litre"):
+        checked_surface(replace(mesh, vertices_m=mesh.vertices_m / 100), "tiny")
 
 
 def test_a_character_with_a_lost_vertex_is_refused():
