@@ -47,6 +47,8 @@ from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir, study_dir
 from recording.reader import Recording
 
 SIMULATED_PREFIX = "S"
+ENDING_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+"""Ctrl-C, the system, a terminal that was closed (Windows: SIGBREAK)."""
 
 ParticipantOption = Annotated[
     str, typer.Option("--participant", help="Identifier from the ledger, such as 07.")
@@ -349,5 +351,6 @@ def _let_signals_end(screen: TerminalOperator) -> None:
             raise KeyboardInterrupt
         screen.abort_requested = True
 
-    signal.signal(signal.SIGINT, end)
-    signal.signal(signal.SIGTERM, end)
+    for name in ENDING_SIGNALS:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), end)
