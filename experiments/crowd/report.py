@@ -212,7 +212,12 @@ def _control(analysis: CrowdAnalysis) -> Section:
         "control",
         "Control group (never haptics)",
         (
-            Table(tuple(Column(h) for h in headers), rows, "Control group by block"),
+            Table(
+                tuple(Column(h) for h in headers),
+                rows,
+                "Control group by block",
+                tables_of.rule_note(analysis),
+            ),
             Paragraph("Does the change over blocks differ between the groups?"),
             Bullets(analysis.between_groups),
         ),

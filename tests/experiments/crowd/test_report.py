@@ -111,3 +111,16 @@ def test_recordings_that_are_not_whole_are_named(tmp_path):
     section = report.read_text(encoding="utf-8").partition('id="exclusions"')[2]
     assert "Recordings that are not whole" in section
     assert "crashed" in section.partition("Methods")[0]
+
+
+def test_the_control_group_is_counted_and_its_volumes_name_their_rule(tmp_path):
+    walked = [*walks(4, group="haptics"), *walks(3, 5, effect=False, group="control")]
+    report = write_study(
+        tables(walked), {}, tmp_path, is_simulated=True, provenance=PROVENANCE, parameters=QUICK
+    )
+    text = report.read_text(encoding="utf-8")
+    assert "7 of 7 (4 haptics, 3 control)" in text
+    section = text.partition('id="control"')[2].partition("</section>")[0]
+    assert "volume (fine)" in section
+    means = pd.read_csv(tmp_path / "condition_means.csv")
+    assert {"haptics": 12, "control": 9} == means["group"].value_counts().to_dict()
