@@ -197,9 +197,13 @@ class FrameLoop:
                     self._rig.silence(step.role)
 
     def _attend(self, period_ns: int) -> None:
-        """Take body samples between two frames, at the times when they are there."""
+        """Take body samples between two frames, at the times when they are there.
+
+        Where the loop is late, up to the frame that comes next, not to the one that was missed.
+        """
         frame_ns = round(NS_PER_S / self._rig.headset.display_rate_hz)
-        until_ns = self._frame.t_ns + frame_ns - BEFORE_FRAME_NS
+        frames = max(0, self._clock.now_ns() - self._frame.t_ns) // frame_ns + 1
+        until_ns = self._frame.t_ns + frames * frame_ns - BEFORE_FRAME_NS
         while (due_ns := (self._clock.now_ns() // period_ns + 1) * period_ns) < until_ns:
             self._clock.sleep_until_ns(due_ns)
             self._rig.step_body()

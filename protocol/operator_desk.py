@@ -80,6 +80,7 @@ class OperatorDesk:
         self.interrupt_reason: str | None = None
         self.skip_reason: str | None = None
         self.flags: list[str] = []
+        self.done_without: set[str] = set()
         self.block_name = ""
         self.trial: Trial | None = None
         self.trial_end_ns: int | None = None
@@ -198,12 +199,25 @@ class OperatorDesk:
 
     def blocking_fault(self) -> Fault | None:
         """Return the first fault that keeps a trial from running, if any."""
-        return next((f for f in self._faults if f.severity == "blocking"), None)
+        return next((f for f in self._faults if self._blocks(f)), None)
+
+    def _blocks(self, fault: Fault) -> bool:
+        return fault.severity == "blocking" and fault.role not in self.done_without
+
+    def do_without(self, role: str) -> None:
+        """Let trials run although this device is away; each is flagged until it is back."""
+        self.done_without.add(role)
+        self.say(f"going on without {role}; every trial is flagged until it is back")
+
+    def take_advance(self) -> bool:
+        """Tell whether the operator asked to go on, and forget it."""
+        asked, self._advance = self._advance, False
+        return asked
 
     @property
     def blocking_since_ns(self) -> int:
         """Since when some fault has kept trials from running; now, when none does."""
-        since = [self._standing[_key(f)].since_ns for f in self._faults if f.severity == "blocking"]
+        since = [self._standing[_key(f)].since_ns for f in self._faults if self._blocks(f)]
         return min(since, default=self._loop.t_ns)
 
     def device_lost(self) -> bool:
@@ -237,6 +251,7 @@ class OperatorDesk:
         holding = {_key(f) for f in self._faults}
         for key in [k for k in self._standing if k not in holding]:
             over = self._standing.pop(key)
+            self.done_without.discard(key[0])
             if not over.is_told:
                 continue
             self._recorder.event(
@@ -261,7 +276,7 @@ class OperatorDesk:
         wanted in this trial.
         """
         for fault in self._faults:
-            if fault.severity != "blocking":
+            if not self._blocks(fault):
                 continue
             patience_ns = longest_ns
             if self._rig.is_band(fault.role):

@@ -263,7 +263,10 @@ class Session:
         self._recorder.event("device_lost", loop.t_ns, role=lost.role, message=lost.message)
         self._recorder.checkpoint(timeout_s=5.0)
         limit_s = self._setup.lost_device_s
-        desk.say(f"waiting for {lost.role}, at most {limit_s:.0f} s; every finished trial is safe")
+        way_on = "; space goes on without it" if self._rig.is_band(lost.role) else ""
+        safe = "every finished trial is safe"
+        desk.say(f"waiting for {lost.role}, at most {limit_s:.0f} s; {safe}{way_on}")
+        desk.take_advance()
         give_up_ns = loop.t_ns + int(limit_s * NS_PER_S)
         while (fault := desk.blocking_fault()) is not None:
             if loop.t_ns > give_up_ns:
@@ -274,6 +277,11 @@ class Session:
                     remedy=f"{fault.remedy.partition(';')[0]}, then continue with `visavis resume`",
                 )
             desk.next_frame()
+            if self._rig.is_band(fault.role) and desk.take_advance():
+                desk.do_without(fault.role)
+                self._recorder.event("device_done_without", loop.t_ns, role=fault.role)
+        if lost.role in desk.done_without:
+            return False
         away_ns = loop.t_ns - since_ns
         self._recorder.event(
             "device_back", loop.t_ns, role=lost.role, away_s=round(away_ns / NS_PER_S, 3)

@@ -84,3 +84,17 @@ def test_recalibrating_a_study_without_gaze_is_answered_and_harmless(tmp_path: P
     wanted = replace(request(tmp_path, limit_s=2.0), operator=operator)
     assert "complete" == Recording(perform_new(wanted)).status
     assert "nothing to calibrate: this study does not measure gaze" in operator.messages
+
+
+def test_the_operator_may_go_on_without_a_band_that_stays_away(tmp_path: Path) -> None:
+    broken = [{"kind": "disconnect", "start_s": NOT_HAPTIC_S, "duration_s": 10_000}]
+    go_on = (SessionState.PAUSED, 1, 30, Command(Action.ADVANCE))
+    operator = ScriptedOperator(go_on)
+    wanted = replace(request(tmp_path, faults={ROLE: broken}, limit_s=12.0), operator=operator)
+    recording = Recording(perform_new(wanted))
+    rows = recording.trials().set_index("trial_id")
+    assert {"complete"} == set(rows["status"])
+    assert all(f"{ROLE}_lost" in rows.loc[trial, "flags"] for trial in ("T01", "T02", "T03"))
+    names = recording.events()["name"].tolist()
+    assert 1 == names.count("device_lost") == names.count("device_done_without")
+    assert any("space goes on without it" in message for message in operator.messages)
