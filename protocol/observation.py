@@ -205,6 +205,7 @@ class GazeObserver:
     def __init__(self, targets: RowBuffer) -> None:
         self.clock_offset_ns = 0
         self._targets = targets
+        self._source = targets.columns
         self._columns = tuple(targets.columns[name] for name in RECORDED)
         self._inbox: deque[SampleBatch] = deque()
         self._pose_t_ns = np.zeros(POSES_KEPT, dtype=np.int64)
@@ -245,6 +246,10 @@ class GazeObserver:
             return self._empty
         n = batch.seq.shape[0]
         targets = self._targets
+        at = targets.room(n)
+        if targets.columns is not self._source:
+            self._source = targets.columns
+            self._columns = tuple(targets.columns[name] for name in RECORDED)
         t_ns = np.empty(n, np.int64)
         valid = np.empty(n, np.bool_)
         rays = np.empty((2, n, 3))
@@ -269,7 +274,7 @@ class GazeObserver:
             rays,
             seen,
             hit,
-            targets.room(n),
+            at,
             *self._columns,
         )
         targets.commit(n, t_frame_ns)

@@ -12,6 +12,7 @@ class RowBuffer:
     """Fill columns in place; hand a batch to `sink` every `hold_ns` of session time.
 
     Use: `i = buffer.room(n)`, write `buffer.columns[name][i:i + n]`, then `buffer.commit(n, t)`.
+    `columns` is another dictionary after `room` had to make more of it than there ever was.
     """
 
     def __init__(
@@ -25,18 +26,23 @@ class RowBuffer:
         self._schema = schema
         self._sink = sink
         self._hold_ns = hold_ns
-        self._capacity = capacity
-        self._values = empty_values(schema, capacity)
-        self._t_ns: npt.NDArray[np.int64] = np.zeros(capacity, dtype=np.int64)
-        self.columns = {f.name: self._values[f.name] for f in schema.fields}
         self._n = 0
         self._seq = 0
         self._first_ns = 0
+        self._make(capacity)
+
+    def _make(self, capacity: int) -> None:
+        self._capacity = capacity
+        self._values = empty_values(self._schema, capacity)
+        self._t_ns: npt.NDArray[np.int64] = np.zeros(capacity, dtype=np.int64)
+        self.columns = {f.name: self._values[f.name] for f in self._schema.fields}
 
     def room(self, n: int) -> int:
         """Return the index where n rows may be written."""
         if self._n + n > self._capacity:
             self.flush()
+            if n > self._capacity:  # after a pause all that a device kept comes at once
+                self._make(n)
         return self._n
 
     def add(self, row: tuple[object, ...], t_ns: int) -> None:

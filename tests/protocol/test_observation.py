@@ -96,3 +96,16 @@ def test_a_frame_without_samples_brings_an_empty_view() -> None:
     seen, _, _ = observer(SCENE)
 
     assert (0, 2) == seen.observe(1, 0).angle_deg.shape
+
+
+def test_all_samples_of_a_long_pause_are_recorded_though_they_come_in_one_frame() -> None:
+    seen, recorded, rows = observer(SCENE)
+    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    for first, n in ((0, 3), (3, 2000), (2003, 2)):
+        seen.take(gaze_batch(list(range(first, first + n)), 20.0))
+        seen.observe(1, 5000)
+    rows.flush()
+    values = np.concatenate([batch.values for batch in recorded])
+
+    assert list(range(2005)) == values["t_sample_ns"].tolist()
+    assert {1} == set(values["hit"].tolist())

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from lab.schema import Field, SampleBatch, StreamSchema
 from protocol.row_buffer import RowBuffer
@@ -26,6 +27,16 @@ def test_no_row_is_lost_or_repeated_whatever_the_hold_and_capacity() -> None:
 
         assert list(range(13)) == joined.tolist()
         assert list(range(13)) == np.concatenate([b.seq for b in batches]).tolist()
+
+
+@pytest.mark.parametrize("counts", [[700, 1, 2], [3, 700, 1], [1, 2, 5000, 600]])
+def test_more_rows_at_once_than_the_buffer_ever_held_are_all_kept(counts: list[int]) -> None:
+    batches = filled(10**9, 512, counts)
+    joined = np.concatenate([b.values["x"] for b in batches])
+
+    assert list(range(sum(counts))) == joined.tolist()
+    assert list(range(sum(counts))) == np.concatenate([b.seq for b in batches]).tolist()
+    assert [len(b.t_host_ns) for b in batches] == [len(b.values) for b in batches]
 
 
 def test_rows_are_handed_over_once_the_hold_has_passed() -> None:
