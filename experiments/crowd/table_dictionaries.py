@@ -113,6 +113,7 @@ CROSSINGS: Final[Mapping[str, Entry]] = {
 }
 
 PULSES: Final[Mapping[str, Entry]] = {
+    "attempt": ("", "at the walk; trials hold the complete one"),
     "role": ("", "armband"),
     "segment": ("", "arm segment in contact"),
     "person": ("", "number of the person touched, from 0"),
