@@ -6,7 +6,7 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from types import FrameType
-from typing import Any
+from typing import Any, NoReturn
 
 from cli.app import app, errors
 from lab.errors import LabError
@@ -25,7 +25,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except LabError as error:
         errors.print(f"[bold red]error[/]  {_escaped(str(error))}", highlight=False, soft_wrap=True)
         sys.exit(error.exit_code)
-    except Exception:
+    except Exception as error:
+        if _was_interrupted(error):
+            _say_interrupted()
         errors.print_exception(max_frames=12)
         errors.print(
             "[bold red]internal error[/]  this is a defect in Visavis, not of yours. Everything "
@@ -33,8 +35,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
         sys.exit(EXIT_INTERNAL)
     except KeyboardInterrupt:
-        errors.print("[yellow]interrupted[/]; everything finished is kept")
-        sys.exit(EXIT_INTERRUPTED)
+        _say_interrupted()
+
+
+def _say_interrupted() -> NoReturn:
+    errors.print("[yellow]interrupted[/]; everything finished is kept")
+    sys.exit(EXIT_INTERRUPTED)
+
+
+def _was_interrupted(error: BaseException) -> bool:
+    """Tell whether an error comes of an interruption inside compiled code, which wraps it."""
+    cause = error.__cause__ if isinstance(error, SystemError) else None
+    return isinstance(cause, KeyboardInterrupt)
 
 
 def _terminate(signum: int, frame: FrameType | None) -> None:

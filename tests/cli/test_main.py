@@ -4,10 +4,12 @@ import ctypes
 import signal
 import sys
 import threading
+from collections.abc import Iterator
 from types import SimpleNamespace
 
 import pytest
 
+from cli import main as command
 from cli.main import interrupting_again
 
 
@@ -37,3 +39,39 @@ def test_other_exceptions_nobody_can_catch_go_to_the_hook_of_before() -> None:
     unraisable = SimpleNamespace(exc_type=ValueError)
     interrupting_again(seen.append)(unraisable)
     assert [unraisable] == seen
+
+
+@pytest.fixture
+def hooks_restored(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, before)
+
+
+@pytest.mark.usefixtures("hooks_restored")
+def test_interruption_inside_compiled_code_is_an_interruption(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    monkeypatch.setattr(command, "app", interrupted)
+    with pytest.raises(SystemExit) as ended:
+        command.main(["analyse"])
+    assert 130 == ended.value.code
+    assert "defect" not in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("hooks_restored")
+def test_system_error_of_another_cause_is_a_defect(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise SystemError("bad internal call")
+
+    monkeypatch.setattr(command, "app", broken)
+    with pytest.raises(SystemExit) as ended:
+        command.main(["analyse"])
+    assert 1 == ended.value.code
+    assert "defect" in capsys.readouterr().err
