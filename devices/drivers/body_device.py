@@ -24,6 +24,7 @@ from devices.contracts import (
 from devices.drivers.gaze_clock import OneWayClock
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
+from devices.segment_watch import SegmentWatch
 from devices.transports import Message, MessageTransport
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceError
@@ -222,6 +223,9 @@ class BodyDevice(ABC):
             remedy = "check markers, sensors and line of sight"
             severity: Severity = "blocking" if len(lost) == len(self.segments) else "warning"
             faults.append(Fault(role, severity, text, remedy))
+        frozen = self._watch.fault(role)
+        if frozen is not None:
+            faults.append(frozen)
         return tuple(faults)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
@@ -242,6 +246,8 @@ class BodyDevice(ABC):
         self._counter: int | None = None
         self._last_device_ns: int | None = None
         self._seen: Flags | None = None
+        self._watch = SegmentWatch(self.segments)
+        self._looked_ns: int | None = None
         self._heard_ns = now_ns
         self._attempt_ns = now_ns
 
@@ -266,6 +272,9 @@ class BodyDevice(ABC):
             row["position_m"] = sample.position_m
             row["orientation_wxyz"] = sample.orientation_wxyz
             row["valid"] = sample.valid
+            since_ns = 0 if self._looked_ns is None else sample.t_device_ns - self._looked_ns
+            self._watch.look(sample.position_m, sample.orientation_wxyz, max(since_ns, 0))
+            self._looked_ns = sample.t_device_ns
         self._seen = samples[-1].valid
         self._meter.update(stamps, arrivals[-1])
         self._one_way.add(stamps, arrivals)

@@ -2,7 +2,8 @@
 
 Not modelled: drift, soft tissue, magnetic disturbance, latency. For the wire of a real suit use
 its driver on its simulator. Faults: silence (no samples), frozen (poses stand still), part_lost
-(a segment is NaN and not valid), standby (all are), disconnect.
+(a segment is NaN and not valid), part_frozen (a segment repeats its last pose), standby (all are
+invalid), disconnect.
 """
 
 from collections.abc import Sequence
@@ -23,6 +24,7 @@ from devices.contracts import (
 )
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
+from devices.segment_watch import SegmentWatch
 from devices.sim.faults import FaultSchedule
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceDisconnected
@@ -79,6 +81,8 @@ class SimulatedBodyTracker:
         self._next = 0
         self._lost: tuple[str, ...] = ()
         self._frozen = False
+        self._watch = SegmentWatch(self.segments)
+        self._looked_ns = -1
         self._last = empty_values(self._schema, 1)
         self.info = DeviceInfo(
             role=role,
@@ -176,6 +180,9 @@ class SimulatedBodyTracker:
         if self._frozen:
             remedy = "look at the tracker's program; restart its stream"
             faults.append(Fault(role, "warning", "the poses stand perfectly still", remedy))
+        frozen = self._watch.fault(role)
+        if frozen is not None:
+            faults.append(frozen)
         return tuple(faults)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
@@ -193,6 +200,12 @@ class SimulatedBodyTracker:
             if self._faults.active("frozen", t_ns):
                 values[i] = self._last[0] if i == 0 else values[i - 1]
                 self._frozen = True
+            for held in self._faults.of_kind("part_frozen"):
+                before = self._last[0] if i == 0 else values[i - 1]
+                s = self.segments.index(held.text)
+                if held.start_ns <= t_ns < held.end_ns and before["valid"][s]:
+                    for name in ("position_m", "orientation_wxyz"):
+                        values[name][i, s] = before[name][s]
             part = self._faults.active("part_lost", t_ns)
             standby = self._faults.active("standby", t_ns)
             if part or standby:
@@ -201,4 +214,11 @@ class SimulatedBodyTracker:
                 for name in ("position_m", "orientation_wxyz"):
                     values[name][i, gone] = np.nan
                 values["valid"][i, gone] = False
+            if keep[i]:
+                self._watch.look(
+                    values["position_m"][i],
+                    values["orientation_wxyz"][i],
+                    t_ns - self._looked_ns if self._looked_ns >= 0 else 0,
+                )
+                self._looked_ns = t_ns
         return keep

@@ -15,6 +15,7 @@ from devices.sim.faults import FaultSchedule
 from devices.sim.wire_noise import WireNoise
 from devices.transports import Frames, Message
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.errors import ConfigError
 from lab.geometry import Vector
 
 MILLI_HZ = 1000
@@ -56,6 +57,13 @@ class BodyWire(ABC):
         self._next = -(-self._origin_ns * self._rate_milli_hz // (NS_PER_S * MILLI_HZ))
         self._first = self._next
         self._outbox: list[Message] = []
+        unknown = {f.text for f in self._faults.of_kind("part_frozen")} - set(self.segments)
+        if unknown:
+            raise ConfigError(
+                f"fault 'part_frozen': this tracker has no segment {', '.join(sorted(unknown))}; "
+                f"it has {', '.join(self.segments)}"
+            )
+        self._shown = np.full((len(self.segments), 7), np.nan)
 
     @abstractmethod
     def encode(
@@ -81,6 +89,8 @@ class BodyWire(ABC):
             [k * scale // self._rate_milli_hz for k in range(self._next, last + 1)], np.int64
         )
         positions, turns = self._body.segments(self.segments, times)
+        if self._faults.faults:
+            self._hold(positions, turns, times - self._origin_ns)
         for i, t in enumerate(times.tolist()):
             self._sample(self._next + i - self._first, t, positions[i], turns[i])
         self._next = last + 1
@@ -120,6 +130,18 @@ class BodyWire(ABC):
             if since_ns >= fault.start_ns:
                 shown += round(fault.amount * NS_PER_S)
         return shown
+
+    def _hold(self, positions: Vector, turns: Vector, since_ns: npt.NDArray[np.int64]) -> None:
+        """Put the pose shown before in place of what stands still."""
+        parts = self._faults.of_kind("part_frozen")
+        for i, t_ns in enumerate(since_ns.tolist()):
+            held = [self.segments.index(f.text) for f in parts if f.start_ns <= t_ns < f.end_ns]
+            if self._faults.active("frozen", t_ns):
+                held = list(range(len(self.segments)))
+            for s in held:
+                if np.isfinite(self._shown[s]).all():
+                    positions[i, s], turns[i, s] = self._shown[s, :3], self._shown[s, 3:]
+            self._shown[:, :3], self._shown[:, 3:] = positions[i], turns[i]
 
     def _sample(
         self,

@@ -29,12 +29,13 @@ FAULT_KINDS: Mapping[str, str] = {
     "standby": "headset, body tracker: poses are invalid within the window",
     "frozen": "body tracker: poses stand still within the window",
     "part_lost": "body tracker: text = segment that is not tracked within the window",
+    "part_frozen": "body tracker: text = segment that repeats its last pose within the window",
 }
 """Kind of fault -> what it does."""
 
 EYES = ("both", "left", "right")
 SHARES = frozenset({"loss", "duplicate", "reorder", "garbage"})
-TEXTS = frozenset({"version", "notify", "part_lost"})
+TEXTS = frozenset({"version", "notify", "part_lost", "part_frozen"})
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from devices.sim.xsens import XsensSimulator
 from devices.transports import MemoryTransport
 from devices.wirelog import ReplayTransport, TeeTransport
 from lab.clock import NS_PER_S, SimClock, SystemClock
-from lab.errors import DeviceNotFound, DeviceTimeout, ProtocolViolation
+from lab.errors import ConfigError, DeviceNotFound, DeviceTimeout, ProtocolViolation
 from tests.devices.body_rigs import BodyRig, WalkingBody
 from tests.devices.openvr_rigs import passer
 
@@ -249,3 +249,29 @@ def test_an_lsl_stream_in_nan_is_lost_and_noise_is_counted():
     assert not rig.column("valid")[-1].any()
     rig = rig_of(LSL, {"kind": "garbage", "amount": 0.5}).start().run(2)
     assert "could not be read" in rig.messages()
+
+
+@WIRES
+def test_one_segment_that_repeats_its_last_pose_is_held_and_named(wire):
+    held = {"kind": "part_frozen", "start_s": 2, "duration_s": 2, "text": "right_hand"}
+    rig = rig_of(wire, held).start().run(3)
+    assert "right_hand repeats its last pose while the body moves" in rig.messages()
+    assert "head" not in rig.messages()
+    rig.run(2)
+    assert "last pose" not in rig.messages()
+    hand = rig.driver.segments.index("right_hand")
+    still = (np.diff(rig.column("position_m"), axis=0) == 0).all(axis=2)
+    rate_hz = rig.driver.describe()[0].nominal_rate_hz
+    assert still[:, hand].sum() == pytest.approx(2 * rate_hz, abs=3)
+    assert not np.delete(still, hand, axis=1).any()
+
+
+@WIRES
+def test_a_wire_without_that_segment_refuses_to_freeze_it(wire):
+    with pytest.raises(ConfigError, match="no segment left_wing"):
+        rig_of(wire, {"kind": "part_frozen", "text": "left_wing"})
+
+
+@WIRES
+def test_a_body_that_moves_is_told_to_the_operator_without_a_frozen_segment(wire):
+    assert "last pose" not in rig_of(wire).start().run(5).messages()

@@ -1,0 +1,231 @@
+"""Find tracked segments of a body that repeat their last pose while the others move on.
+
+A tracker that dies may go on saying where it was last. Its segment then stands in the room while
+the body walks away. A segment counts as frozen when its position or its orientation, which moved
+earlier sample by sample, repeats bit for bit for longer than a limit and in each of these samples
+the same of most other segments changed; until it changes again. Feet and toes stand on the floor,
+and some trackers hold them there: they are frozen only when the hips have gone farther meanwhile
+than a leg reaches.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.contracts import Fault
+from lab.clock import NS_PER_MS, NS_PER_S
+from lab.compiled import compiled
+from lab.geometry import Vector
+
+Flags = npt.NDArray[np.bool_]
+Moved = frozenset[tuple[str, int]]
+"""Segments that moved, each with 0 (its position) or 1 (its orientation)."""
+
+REPEATS_AT_MOST_NS: Final = 150 * NS_PER_MS
+HELD_BY_FLOOR: Final = ("left_foot", "left_toes", "right_foot", "right_toes")
+_STRIDE_M: Final = 1.0
+_UNKNOWN, _SAME, _CHANGED = 0, 1, 2
+
+
+class SegmentWatch:
+    """Look at a body sample by sample.
+
+    `frozen` (s,) tells which segments are frozen in the sample looked at last, `frozen_ns` (s,)
+    for how long each was so far, without the time it took to find out, and `still_ns` (s,) how
+    long each has repeated itself now. `moved` is what was known to move before.
+    """
+
+    def __init__(
+        self,
+        segments: Sequence[str],
+        *,
+        limit_ns: int = REPEATS_AT_MOST_NS,
+        moved: Iterable[tuple[str, int]] = (),
+    ) -> None:
+        n = len(segments)
+        self.segments = tuple(segments)
+        self.frozen_ns = np.zeros(n, np.int64)
+        self._limit_ns = limit_ns
+        self._hips = self.segments.index("hips") if "hips" in segments else -1
+        self._floor = np.array([name in HELD_BY_FLOOR for name in segments], bool)
+        self._last = np.full((n, 7), np.nan)
+        self._changed_ns, self._still_ns = np.zeros((n, 2), np.int64), np.zeros((n, 2), np.int64)
+        self._moved = np.zeros((n, 2), bool)
+        for name, channel in moved:
+            if name in self.segments:
+                self._moved[self.segments.index(name), channel] = True
+        self._hips_m = np.full((n, 2, 2), np.nan)
+        self._how, self._frozen = np.zeros((n, 2), np.int8), np.zeros((n, 2), bool)
+
+    @property
+    def frozen(self) -> Flags:
+        """Which segments are frozen now."""
+        return np.logical_or(self._frozen[:, 0], self._frozen[:, 1])
+
+    @property
+    def still_ns(self) -> npt.NDArray[np.int64]:
+        """How long each segment has repeated itself while others moved."""
+        longest: npt.NDArray[np.int64] = self._still_ns.max(axis=1)
+        return longest
+
+    @property
+    def moved(self) -> Moved:
+        """What has moved in its own right by now."""
+        return frozenset((self.segments[s], int(c)) for s, c in np.argwhere(self._moved).tolist())
+
+    def look(self, position_m: Vector, orientation_wxyz: Vector, gap_ns: int) -> bool:
+        """Take in the next sample, (s, 3) and (s, 4), NaN where lost; tell whether any is frozen.
+
+        `gap_ns` is the time since the sample before.
+        """
+        at = np.ascontiguousarray(position_m, np.float64)
+        turn = np.ascontiguousarray(orientation_wxyz, np.float64)
+        if not _look(
+            at, turn, gap_ns, self._limit_ns, self._hips, self._floor,
+            self._last, self._changed_ns, self._still_ns, self._moved, self._hips_m, self._how,
+            self._frozen,
+        ):  # fmt: skip
+            return False
+        self.frozen_ns[self.frozen] += gap_ns
+        return True
+
+    def fault(self, role: str) -> Fault | None:
+        """Tell the operator which segments are frozen now, and for how long; None when none is."""
+        names = [self.segments[s] for s in np.flatnonzero(self.frozen).tolist()]
+        if not names:
+            return None
+        longest_s = int(self.still_ns[self.frozen].max()) / NS_PER_S
+        verb = "repeats its" if len(names) == 1 else "repeat their"
+        return Fault(
+            role,
+            "warning",
+            f"{', '.join(names)} {verb} last pose while the body moves, for {longest_s:.1f} s now",
+            "look at the sensor or marker there; restart it or the tracker's stream",
+        )
+
+    def repeats(
+        self, t_ns: npt.NDArray[np.int64], position_m: Vector, orientation_wxyz: Vector
+    ) -> Flags:
+        """Tell (n, s) which of all samples, (n, s, 3) and (n, s, 4), are repeats of a frozen one.
+
+        Those in which it could not be known yet are among them; the first, true one is not.
+        """
+        found = np.zeros(position_m.shape[:2], bool)
+        _look_at_all(
+            t_ns, position_m, orientation_wxyz, self._limit_ns, self._hips, self._floor,
+            self._last, self._changed_ns, self._still_ns, self._moved, self._hips_m, self._how,
+            self._frozen, found,
+        )  # fmt: skip
+        return found
+
+
+@compiled
+def _look(
+    position: Vector,
+    turn: Vector,
+    gap_ns: int,
+    limit_ns: int,
+    hips: int,
+    floor: Flags,
+    last: Vector,
+    changed_ns: npt.NDArray[np.int64],
+    still_ns: npt.NDArray[np.int64],
+    moved: Flags,
+    hips_m: Vector,
+    how: npt.NDArray[np.int8],
+    frozen: Flags,
+) -> bool:
+    """Renew the state of a watch, arrays of (segments, 2: position, orientation); see the class.
+
+    `hips_m` (s, 2, 2) is where the hips were over the floor when the repeating began.
+    """
+    n = position.shape[0]
+    is_any = False
+    hips_x = hips_z = np.nan
+    if hips >= 0:
+        hips_x, hips_z = position[hips, 0], position[hips, 2]
+    for c in range(2):
+        first, width = 3 * c, 3 + c
+        pose = position if c == 0 else turn
+        tracked = changed = 0
+        for s in range(n):
+            how[s, c] = _SAME
+            for k in range(width):
+                new, old = pose[s, k], last[s, first + k]
+                if not (np.isfinite(new) and np.isfinite(old)):
+                    how[s, c] = _UNKNOWN
+                elif new != old and how[s, c] == _SAME:
+                    how[s, c] = _CHANGED
+                last[s, first + k] = new
+            tracked += how[s, c] != _UNKNOWN
+            changed += how[s, c] == _CHANGED
+        for s in range(n):
+            if how[s, c] != _SAME:
+                still_ns[s, c] = 0
+                frozen[s, c] = False
+                hips_m[s, c, 0], hips_m[s, c, 1] = hips_x, hips_z
+                changed_ns[s, c] = changed_ns[s, c] + gap_ns if how[s, c] == _CHANGED else 0
+                if changed_ns[s, c] > limit_ns:
+                    moved[s, c] = True
+                continue
+            if changed > 0:
+                changed_ns[s, c] = 0
+                if 2 * changed > tracked - 1:
+                    still_ns[s, c] += gap_ns
+                elif not frozen[s, c]:
+                    still_ns[s, c] = 0
+                    hips_m[s, c, 0], hips_m[s, c, 1] = hips_x, hips_z
+            if moved[s, c] and still_ns[s, c] > limit_ns and not frozen[s, c]:
+                away = np.hypot(hips_x - hips_m[s, c, 0], hips_z - hips_m[s, c, 1])
+                frozen[s, c] = not floor[s] or away > _STRIDE_M
+            is_any = is_any or frozen[s, c]
+    return is_any
+
+
+@compiled
+def _look_at_all(
+    t_ns: npt.NDArray[np.int64],
+    position: Vector,
+    turn: Vector,
+    limit_ns: int,
+    hips: int,
+    floor: Flags,
+    last: Vector,
+    changed_ns: npt.NDArray[np.int64],
+    still_ns: npt.NDArray[np.int64],
+    moved: Flags,
+    hips_m: Vector,
+    how: npt.NDArray[np.int8],
+    frozen: Flags,
+    found: Flags,
+) -> None:
+    """Mark the samples (n, s) of all samples that repeat a frozen pose."""
+    n_segments = position.shape[1]
+    true_one = np.zeros((n_segments, 2), np.int64)
+    for i in range(position.shape[0]):
+        gap_ns = t_ns[i] - t_ns[i - 1] if i else 0
+        _look(
+            position[i], turn[i], gap_ns, limit_ns, hips, floor, last, changed_ns, still_ns,
+            moved, hips_m, how, frozen,
+        )  # fmt: skip
+        for s in range(n_segments):
+            for c in range(2):
+                if how[s, c] != _SAME:
+                    true_one[s, c] = i
+                elif frozen[s, c]:
+                    for k in range(true_one[s, c] + 1, i + 1):
+                        found[k, s] = True
+                    true_one[s, c] = i
+                elif still_ns[s, c] == 0 and _changed_in(how, c):
+                    true_one[s, c] = i
+
+
+@compiled
+def _changed_in(how: npt.NDArray[np.int8], channel: int) -> bool:
+    """Tell whether anything changed in a channel."""
+    for s in range(how.shape[0]):
+        if how[s, channel] == _CHANGED:
+            return True
+    return False
