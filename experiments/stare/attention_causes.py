@@ -19,7 +19,6 @@ from experiments.stare.observer_state import (
     IDLE,
     INSTRUCTED,
     N_PENDING,
-    N_SEGMENTS,
     NO_TARGET,
     Records,
 )
@@ -102,11 +101,10 @@ def begin_stretch(
     m.brightness_01 = 0.0
     for k in range(4):
         m.sway_phase[k] = 2.0 * math.pi * draw(mind)
-    for i in range(N_SEGMENTS):
-        s = segments[i]
-        s.start_ns = -FAR_FUTURE_NS
-        s.saccade_ns = 0
     s = segments[0]
+    # It has always been so: a tracker in its own thread may still measure what was before.
+    s.start_ns = -FAR_FUTURE_NS
+    s.saccade_ns = 0
     s.origin_dioptre = s.landing_dioptre = dioptre
     for k in range(3):
         s.origin[k] = s.landing[k] = gaze[k]
@@ -115,7 +113,6 @@ def begin_stretch(
     for k in range(4):
         s.phase[k] = 0.0
     m.aim_dioptre = dioptre
-    s.start_ns = 0
     s.head_yaw = s.goal_yaw = math.atan2(-gaze[0], -gaze[2])
     s.head_pitch = s.goal_pitch = p.head_gain * math.asin(max(-1.0, min(1.0, gaze[1])))
     s.head_yaw_rate = s.head_pitch_rate = 0.0

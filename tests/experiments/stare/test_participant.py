@@ -97,6 +97,22 @@ def test_repeated_stretch_is_the_same_bit_for_bit_whatever_came_before() -> None
         assert want.tobytes() == got.tobytes()
 
 
+@pytest.mark.parametrize("is_first", [True, False])
+def test_samples_taken_before_a_stretch_began_see_the_gaze_it_began_with(is_first: bool) -> None:
+    began_ns = 5_000_000_000
+    participant = StareParticipant(0, 4)
+    if not is_first:
+        participant = ready(stretch=2)
+        participant.see(frame(), 0)
+        participant.sense(TRIAL_NS)
+    participant.prepare(7, began_ns)
+    times = began_ns + np.array([-2_000_000_000, -1, 0], dtype=np.int64)
+    eyes, _, orientation = participant.sense(times)
+    left, right = eyes["left_direction_head"], eyes["right_direction_head"]
+    gaze = rotate(orientation, unit((left + right) / 2))
+    assert angle_deg(gaze, np.array([0.0, 0.0, -1.0])).max() < 1.0
+
+
 def test_what_flashed_up_before_the_dark_leaves_no_trace() -> None:
     dark = black_scene(CHARACTERS)
     blank = Scene(name="blank", agents=(), brightness_01=0.0)
