@@ -65,6 +65,13 @@ class SegmentWatch:
         return np.logical_or(self._frozen[:, 0], self._frozen[:, 1])
 
     @property
+    def frozen_for_ns(self) -> dict[str, int]:
+        """For how long each segment was frozen, those that ever were."""
+        return {
+            name: ns for name, ns in zip(self.segments, self.frozen_ns.tolist(), strict=True) if ns
+        }
+
+    @property
     def still_ns(self) -> npt.NDArray[np.int64]:
         """How long each segment has repeated itself while others moved."""
         longest: npt.NDArray[np.int64] = self._still_ns.max(axis=1)

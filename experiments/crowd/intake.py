@@ -60,15 +60,12 @@ def take_in(
         own = [p for p in pulses if (p["trial_id"], p["attempt"]) == walked]
         one.row["pulses"] = len(own)
         one.row["pulses_lost"] = sum(not p["acknowledged"] for p in own)
-        one.row["flags"] = ";".join(
-            text
-            for text in (
-                *str(one.row.get("flags") or "").split(";"),
-                *str(one.row.get("walk_flags") or "").split(";"),
-                "pulse_lost" if one.row["pulses_lost"] else "",
-            )
-            if text
+        flags = (
+            *str(one.row.get("flags") or "").split(";"),
+            *str(one.row.get("walk_flags") or "").split(";"),
+            "pulse_lost" if one.row["pulses_lost"] else "",
         )
+        one.row["flags"] = ";".join(dict.fromkeys(text for text in flags if text))
     return SessionIntake(
         participant=manifest.participant,
         is_simulated=recording.is_simulated,

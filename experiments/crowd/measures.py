@@ -14,6 +14,7 @@ from experiments.crowd.collision_measures import collision_rows, walk_volumes
 from experiments.crowd.pedestrian import has_pedpy, pedestrian_measures
 from experiments.crowd.replay import Walk
 from experiments.crowd.surfaces import Surface
+from experiments.crowd.tracking import named_durations
 from lab.errors import ConfigError
 from lab.geometry import Vector
 from stimuli.scenes.station_crowd import BOARD_M, Crowd, in_room
@@ -97,6 +98,9 @@ def measure_walk(
     lost = np.asarray(~np.isfinite(walk.position_m).all(axis=(1, 2)))
     row["lost_01"] = float(lost.mean()) if len(lost) else 1.0
     flags = [text for text in str(walk.row.get("flags") or "").split(";") if text]
+    row["frozen_segments_measured"] = named_durations(walk.frozen_ns)
+    if walk.frozen_ns:
+        flags.append("segment_frozen")
     place = walk.place_m[np.isfinite(walk.place_m).all(axis=1)]
     if len(walk.t_ns) < 3 or not len(place):
         row["flags"] = ";".join([*flags, "not_measured_body_never_tracked"])

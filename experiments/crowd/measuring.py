@@ -23,7 +23,7 @@ from lab.errors import DataError
 from recording.durable import replace_file
 from recording.reader import Recording
 
-MEASURE_VERSION: Final = 5
+MEASURE_VERSION: Final = 6
 """Raise it when measures change: what was kept before is then measured again."""
 STORE_NAME: Final = "measured"
 

@@ -16,6 +16,8 @@ from stimuli.scenes.station_crowd import Crowd
 class ContactReflex:
     """What the bands do about contact in one walk, and an account of it for the recording.
 
+    `moved` holds the segments seen to move so far in the session and is added to at the end of the
+    walk: one that is dead from a walk's first sample on is then known to be dead.
     `answer` may run in the tracker's thread, everything else runs in the session's.
     """
 
@@ -27,7 +29,9 @@ class ContactReflex:
         params: CrowdParameters,
         *,
         vibrates: bool,
+        moved: set[tuple[str, int]] | None = None,
     ) -> None:
+        self._moved: set[tuple[str, int]] = set() if moved is None else moved
         self._crowd, self._start_ns, self._quiet_ns = crowd, start_ns, quiet_ns
         self._params, self._vibrates = params, vibrates
         self._lock = threading.Lock()
@@ -46,7 +50,7 @@ class ContactReflex:
                 if watch.believes(body, i, t_ns):
                     crowd_t_s = (t_ns - self._start_ns) / NS_PER_S
                     orders += contacts.sample(
-                        t_ns, crowd_t_s, body.position_m[i], body.orientation_wxyz[i]
+                        t_ns, crowd_t_s, watch.believed_m(body, i), body.orientation_wxyz[i]
                     )
                 else:
                     orders += contacts.silence(t_ns)
@@ -91,7 +95,7 @@ class ContactReflex:
     def _ready(self, body: BodyView, i: int) -> tuple[ContactAnswer, TrackingWatch]:
         if self._contacts is None or self._watch is None:
             params = self._params
-            self._watch = TrackingWatch(self._start_ns, self._quiet_ns, body.segments)
+            self._watch = TrackingWatch(self._start_ns, self._quiet_ns, body.segments, self._moved)
             self._contacts = ContactAnswer(
                 self._crowd,
                 body.segments,

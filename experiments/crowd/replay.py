@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from analysis.gait import resampled
+from devices.segment_watch import SegmentWatch
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import DataError, UsageError
 from lab.geometry import Vector
@@ -30,7 +31,8 @@ class Walk:
 
     `t_ns` (n,); `position_m` (n, 22, 3) and `orientation_wxyz` (n, 22, 4) of `BODY_JOINTS` in
     world, NaN where a joint was lost; `stature_m` of the body as its arms tell; `row` is the
-    trial's recorded row. `crowd_t_s` (n,) is the time of the people's motion.
+    trial's recorded row. `crowd_t_s` (n,) is the time of the people's motion. `frozen_ns` says of
+    segments that repeated their last pose while the body moved, and are missing then, for how long.
     """
 
     trial_id: str
@@ -40,6 +42,7 @@ class Walk:
     position_m: Vector
     orientation_wxyz: Vector
     stature_m: float
+    frozen_ns: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def crowd_t_s(self) -> Vector:
@@ -166,10 +169,16 @@ def load_walk(recording: Recording, record: WalkRecord, *, step_ns: int = STEP_N
     turn = arrays["orientation_wxyz"][keep][:, order].astype(np.float64)
     position[~valid], turn[~valid] = np.nan, np.nan
     frozen = standing_still(t_ns, position)
+    parts = frozen_parts(t_ns, position, turn, row.get("frozen_segments"))
+    parts[frozen] = False
     position[frozen], turn[frozen] = np.nan, np.nan
+    position[parts], turn[parts] = np.nan, np.nan
+    within = (t_ns >= start_ns) & (t_ns < end_ns)
     grid = steps_within(start_ns, end_ns, step_ns, t_ns)
     at, orientation = resampled(t_ns, position, turn, grid)
-    return Walk(str(row["trial_id"]), row, crowd, grid, at, orientation, stature_of_arms(position))
+    stature_m = stature_of_arms(position)
+    lasted_ns = durations_ns(t_ns, parts & within[:, None])
+    return Walk(str(row["trial_id"]), row, crowd, grid, at, orientation, stature_m, lasted_ns)
 
 
 def steps_within(
@@ -238,6 +247,33 @@ def standing_still(
         if t_ns[b] - t_ns[a] > longest_ns:
             frozen[a + 1 : b + 1] = True
     return frozen
+
+
+def frozen_parts(
+    t_ns: npt.NDArray[np.int64], position_m: Vector, orientation_wxyz: Vector, seen_live: object
+) -> npt.NDArray[np.bool_]:
+    """Tell (n, 22) in which samples a segment of `BODY_JOINTS` repeats its last pose by itself.
+
+    `seen_live` is what the trial's row says of frozen segments: those had moved in an earlier
+    walk, though they may never do in this one.
+    """
+    named = {text.partition("=")[0] for text in str(seen_live or "").split(";")}
+    known = named & set(BODY_JOINTS)
+    found = SegmentWatch(BODY_JOINTS, moved={(name, 0) for name in known}).repeats(
+        t_ns, position_m, orientation_wxyz
+    )
+    turned = {(n, 1) for n in known if not found[:, BODY_JOINTS.index(n)].any()}
+    if turned:
+        again = SegmentWatch(BODY_JOINTS, moved=turned)
+        found |= again.repeats(t_ns, position_m, orientation_wxyz)
+    return found
+
+
+def durations_ns(t_ns: npt.NDArray[np.int64], frozen: npt.NDArray[np.bool_]) -> dict[str, int]:
+    """Return for how long each of `BODY_JOINTS` was frozen (n, 22), those that ever were."""
+    since_ns = np.diff(t_ns, prepend=t_ns[:1])
+    lasted = since_ns @ frozen
+    return {name: int(ns) for name, ns in zip(BODY_JOINTS, lasted.tolist(), strict=True) if ns}
 
 
 def stature_of_arms(position_m: Vector) -> float:

@@ -28,6 +28,7 @@ class CrowdStudy:
     """Walk through a dense crowd and back; armbands answer contact in the middle block."""
 
     params: CrowdParameters = field(default=DEFAULT_PARAMETERS)
+    _moved: set[tuple[str, int]] = field(default_factory=set, init=False, repr=False, compare=False)
 
     @property
     def name(self) -> str:
@@ -80,12 +81,13 @@ class CrowdStudy:
             load_contact(laid_out(number), self.params)
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
-        """Return everything one participant will do."""
+        """Return everything one participant will do; what their tracker showed is new too."""
+        self._moved.clear()
         return plan_session(participant_index, seed, group=group, params=self.params)
 
     def run_trial(self, trial: Trial) -> Plan:
         """Return the generator that performs a walk."""
-        return run_trial(trial, self.params)
+        return run_trial(trial, self.params, self._moved)
 
     def intertrial(self, trial: Trial) -> Plan:
         """Return the generator of the time before a walk."""

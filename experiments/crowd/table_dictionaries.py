@@ -54,6 +54,8 @@ TRIALS: Final[Mapping[str, Entry]] = {
     "body_samples": ("1", "body samples looked at online"),
     "body_silent_ms": ("ms", "time in gaps between body samples of more than 150 ms"),
     "body_frozen_ms": ("ms", "time in which the tracker repeated one pose"),
+    "frozen_segments": ("ms", "segment=time of those that repeated their last pose, as found live"),
+    "frozen_segments_measured": ("ms", "segment=time, by the recording; missing in the measures"),
     "body_part_lost_samples": ("1", "samples in which some segment was not tracked"),
     "outside_room_samples": ("1", "samples outside the room"),
     "lost_01": ("1", "share of 10 ms steps without a whole tracked body"),

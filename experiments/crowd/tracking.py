@@ -1,11 +1,13 @@
 """Watch the body tracker during a walk: what was silent, frozen, lost, or outside the room."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from devices.segment_watch import SegmentWatch
 from lab.clock import NS_PER_MS
 from lab.compiled import compiled
 from lab.geometry import Vector
@@ -23,12 +25,14 @@ class TrackingWatch:
     """What went wrong with the body's tracking in a walk; times of loss in ns.
 
     After `quiet_ns` without a sample, or with samples that repeat bit for bit, nothing the
-    tracker says is believed.
+    tracker says is believed, and of one segment that repeats while the others move on nothing of
+    that segment. `moved` says what was seen to move before; the watch adds to it at the end.
     """
 
     start_ns: int
     quiet_ns: int
     segments: tuple[str, ...]
+    moved: set[tuple[str, int]] = field(default_factory=set)
     samples: int = 0
     silent_ns: int = 0
     frozen_ns: int = 0
@@ -39,11 +43,14 @@ class TrackingWatch:
     _place: Vector = field(default_factory=lambda: np.zeros(3))
     _arms: npt.NDArray[np.int64] = field(init=False)
     _hips: int = field(init=False)
+    _parts: SegmentWatch = field(init=False)
+    _has_frozen_part: bool = False
 
     def __post_init__(self) -> None:
         self.last_ns = self._still_since_ns = self.start_ns
         self._arms = np.array([self.segments.index(name) for name in ARM_JOINTS])
         self._hips = self.segments.index("hips")
+        self._parts = SegmentWatch(self.segments, limit_ns=self.quiet_ns, moved=self.moved)
 
     def believes(self, body: BodyView, i: int, t_ns: int) -> bool:
         """Take note of sample i, at `t_ns`; tell whether it is of a moving, live body."""
@@ -52,6 +59,9 @@ class TrackingWatch:
         if gap_ns > self.quiet_ns:
             self.silent_ns += gap_ns
         self.samples += 1
+        self._has_frozen_part = self._parts.look(
+            body.position_m[i], body.orientation_wxyz[i], gap_ns
+        )
         found = _look(
             body.position_m[i], body.valid[i], self._arms, self._hips, ROOM_SIDE_M / 2, self._place
         )
@@ -64,12 +74,21 @@ class TrackingWatch:
         self.outside_samples += bool(found & _OUTSIDE)
         return True
 
+    def believed_m(self, body: BodyView, i: int) -> Vector:
+        """Return the positions (s, 3) of sample i, the one looked at last; NaN where frozen."""
+        position: Vector = body.position_m[i]
+        if self._has_frozen_part:
+            position = position.copy()
+            position[self._parts.frozen] = np.nan
+        return position
+
     def is_silent(self, t_ns: int) -> bool:
         """Tell whether the tracker has said nothing for too long."""
         return t_ns - self.last_ns > self.quiet_ns
 
     def end(self, t_ns: int) -> None:
-        """Count the silence that lasted until the walk's end."""
+        """Count the silence that lasted until the walk's end; remember what moved."""
+        self.moved |= self._parts.moved
         if self.is_silent(t_ns):
             self.silent_ns += t_ns - self.last_ns
 
@@ -79,6 +98,7 @@ class TrackingWatch:
             "body_samples": self.samples,
             "body_silent_ms": self.silent_ns / NS_PER_MS,
             "body_frozen_ms": self.frozen_ns / NS_PER_MS,
+            "frozen_segments": named_durations(self._parts.frozen_for_ns),
             "body_part_lost_samples": self.part_lost_samples,
             "outside_room_samples": self.outside_samples,
         }
@@ -89,9 +109,15 @@ class TrackingWatch:
             ("body_silent", self.silent_ns),
             ("body_part_lost", self.part_lost_samples),
             ("body_frozen", self.frozen_ns),
+            ("segment_frozen", len(self._parts.frozen_for_ns)),
             ("left_room", self.outside_samples),
         )
         return [name for name, amount in marks if amount]
+
+
+def named_durations(lasted_ns: Mapping[str, int]) -> str:
+    """Return `segment=milliseconds` of every segment, separated by semicolons."""
+    return ";".join(f"{name}={round(ns / NS_PER_MS)}" for name, ns in lasted_ns.items())
 
 
 def never_tracked() -> tuple[dict[str, Scalar | None], list[str]]:
@@ -101,6 +127,7 @@ def never_tracked() -> tuple[dict[str, Scalar | None], list[str]]:
             "body_samples",
             "body_silent_ms",
             "body_frozen_ms",
+            "frozen_segments",
             "body_part_lost_samples",
             "outside_room_samples",
         )

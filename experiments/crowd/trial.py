@@ -82,10 +82,15 @@ def crowd_record(crowd: Crowd) -> str:
     )
 
 
-def run_trial(trial: Trial, params: CrowdParameters) -> Plan:
-    """Perform a walk there and back; whatever happens, the bands end silent."""
+def run_trial(
+    trial: Trial, params: CrowdParameters, moved: set[tuple[str, int]] | None = None
+) -> Plan:
+    """Perform a walk there and back; whatever happens, the bands end silent.
+
+    `moved` is the session's memory of segments that moved; see `ContactReflex`.
+    """
     try:
-        row = yield from _walk(trial, params)
+        row = yield from _walk(trial, params, moved)
     except TrialInterrupted:
         yield Reflex(None)
         yield Silence()
@@ -97,7 +102,7 @@ def run_trial(trial: Trial, params: CrowdParameters) -> Plan:
 
 
 def _walk(
-    trial: Trial, params: CrowdParameters
+    trial: Trial, params: CrowdParameters, moved: set[tuple[str, int]] | None
 ) -> Generator[Step, FrameView | Answered | None, Row]:
     crowd, scene = crowd_scene(trial)
     track = track_of(trial)
@@ -110,7 +115,7 @@ def _walk(
     yield Mark("scene_on", {"trial_id": trial.trial_id, "scene_name": scene.name})
     limit_ns = start_ns + round(params.limit_s * NS_PER_S)
     quiet_ns = round(params.quiet_after_ms * NS_PER_MS)
-    contacts = ContactReflex(crowd, start_ns, quiet_ns, params, vibrates=vibrates)
+    contacts = ContactReflex(crowd, start_ns, quiet_ns, params, vibrates=vibrates, moved=moved)
     yield Reflex(contacts.answer)
     board_ns: int | None = None
     begun = frames = 0

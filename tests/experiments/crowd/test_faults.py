@@ -12,12 +12,16 @@ from experiments.crowd.trial import run_trial
 from lab.errors import DesignError
 from protocol.plan import Trial
 from protocol.steps import NextFrame, Reflex, Silence, TrialInterrupted
+from stimuli.contact.body import BODY_JOINTS
 from tests.experiments.crowd.sessions import session
 
 QUICK = MeasureParameters(surface="capsules")
 HAPTIC_TRIAL = Trial(
     "T02", 2, 2, False, {"condition": "Haptic", "configuration": 1, "vibrates": True}, 7
 )
+
+
+XSENS = {"driver": "xsens", "rate_hz": 100}
 
 
 def last_orders(recording):
@@ -69,6 +73,80 @@ def test_measures_of_a_troubled_session_say_what_was_lost(troubled):
     for row in rows:
         assert row["collisions"] > 0
         assert np.isfinite(row["speed_m_s"])
+
+
+@pytest.fixture(scope="module")
+def one_dead_sensor(tmp_path_factory):
+    dead = [
+        {"kind": "part_frozen", "start_s": 20, "duration_s": 3, "text": "left_hand"},
+        {"kind": "part_frozen", "start_s": 20, "duration_s": 3, "text": "left_lower_arm"},
+    ]
+    return session(
+        tmp_path_factory.mktemp("dead"),
+        faults={"body_tracker": dead},
+        drivers={"body_tracker": XSENS},
+        limit_s=12.0,
+    )
+
+
+def named(text):
+    return {name: float(ms) for name, _, ms in (part.partition("=") for part in text.split(";"))}
+
+
+def test_segments_that_repeat_their_last_pose_are_named_while_the_body_walks(one_dead_sensor):
+    trials = one_dead_sensor.trials()
+    is_hit = trials["walk_flags"].str.contains("segment_frozen")
+    assert 1 == is_hit.sum()
+    assert (trials.loc[~is_hit, "frozen_segments"] == "").all()
+    hit = named(trials.loc[is_hit, "frozen_segments"].item())
+    assert {"left_hand", "left_lower_arm"} == set(hit)
+    assert hit["left_hand"] == pytest.approx(2850, abs=60)
+    assert (trials["flags"].str.contains("body_tracker_warning") == is_hit).all()
+
+
+def test_segments_that_repeat_their_last_pose_are_missing_in_the_measures(one_dead_sensor):
+    found = {w.trial_id: w for w in walks(one_dead_sensor)}
+    rows = {w.row["trial_id"]: w.row for w in take_in(one_dead_sensor, QUICK).walks}
+    hit = [k for k, row in rows.items() if row["frozen_segments_measured"]]
+    assert 1 == len(hit)
+    (trial,) = hit
+    lost = np.isnan(found[trial].position_m).all(axis=2)
+    assert {"left_lower_arm", "left_hand"} == {
+        BODY_JOINTS[j] for j in lost.any(axis=0).nonzero()[0]
+    }
+    assert 0.01 * lost.any(axis=1).sum() == pytest.approx(3, abs=0.1)
+    for ms in named(rows[trial]["frozen_segments_measured"]).values():
+        assert ms == pytest.approx(3000, abs=60)
+    assert 1 == rows[trial]["flags"].split(";").count("segment_frozen")
+    assert all("segment_frozen" not in row["flags"] for k, row in rows.items() if k != trial)
+
+
+def test_a_sensor_that_stays_dead_is_missing_in_every_later_walk(tmp_path):
+    dead = [{"kind": "part_frozen", "start_s": 20, "text": "right_hand"}]
+    drivers = {"body_tracker": XSENS}
+    recording = session(tmp_path, faults={"body_tracker": dead}, drivers=drivers, limit_s=12.0)
+    trials = recording.trials()
+    later = trials[trials["t_start_ns"] > 20 * 1e9]
+    assert len(later) >= 2
+    assert later["walk_flags"].str.contains("segment_frozen").all()
+    for row in (w.row for w in take_in(recording, QUICK).walks):
+        if row["t_start_ns"] > 20 * 1e9:
+            assert row["lost_01"] > 0.99
+            assert row["collisions"] is None
+            assert {"right_hand"} == set(named(row["frozen_segments_measured"]))
+
+
+def test_a_clean_walk_on_the_same_wire_has_no_frozen_segment(tmp_path):
+    recording = session(tmp_path, drivers={"body_tracker": XSENS}, limit_s=12.0)
+    rows = [w.row for w in take_in(recording, QUICK).walks]
+    assert all("segment_frozen" not in row["flags"] for row in rows)
+    assert {""} == {row["frozen_segments_measured"] for row in rows}
+
+
+def test_a_whole_simulated_walk_has_no_frozen_segment(troubled):
+    rows = [w.row for w in take_in(troubled, QUICK).walks]
+    assert {""} == {row["frozen_segments_measured"] for row in rows}
+    assert {""} == set(troubled.trials()["frozen_segments"])
 
 
 def test_a_band_that_goes_away_does_not_end_the_walk(tmp_path):

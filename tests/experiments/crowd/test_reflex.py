@@ -29,8 +29,20 @@ def body_at(t_ns, *, away=False, lost=(), shift_m=0.0):
     return BodyView(BODY_JOINTS, np.array([t_ns]), position, turn, valid)
 
 
-def reflex(*, vibrates=True, **parameters):
-    return ContactReflex(CROWD, 0, QUIET_NS, CrowdParameters(**parameters), vibrates=vibrates)
+def reflex(*, vibrates=True, moved=None, **parameters):
+    return ContactReflex(
+        CROWD, 0, QUIET_NS, CrowdParameters(**parameters), vibrates=vibrates, moved=moved
+    )
+
+
+def swaying(k, *, held=(), since=0):
+    """Return sample k of a body in contact that sways, but for segments held as they were."""
+    body = body_at(k * STEP_NS, shift_m=1e-6 * k)
+    last = body_at(k * STEP_NS, shift_m=1e-6 * min(k, since))
+    for name in held:
+        column = BODY_JOINTS.index(name)
+        body.position_m[0, column] = last.position_m[0, column]
+    return body
 
 
 def test_every_band_whose_segment_touches_starts_the_pattern_at_once():
@@ -151,3 +163,43 @@ def test_a_walk_without_any_sample_says_so():
     assert flags == ["body_never_tracked"]
     assert columns["body_samples"] == 0
     assert columns["body_silent_ms"] is None
+    assert columns["frozen_segments"] is None
+
+
+def test_a_segment_that_repeats_its_last_pose_touches_nothing_and_is_named():
+    contact = reflex()
+    for k in range(1, 400):
+        contact.answer(swaying(k, held=("left_upper_arm",), since=30))
+    ordered = [
+        (o.kind, o.t_contact_ns // STEP_NS) for o in contact.taken() if "left_upper" in o.role
+    ]
+    assert [("begin", 1), ("end", 46)] == ordered
+    contact.end(400 * STEP_NS)
+    columns, flags = contact.account()
+    assert ["segment_frozen"] == flags
+    assert "left_upper_arm=3540" == columns["frozen_segments"]
+
+
+def test_a_body_that_sways_has_no_frozen_segment():
+    contact = reflex()
+    for k in range(1, 400):
+        contact.answer(swaying(k))
+    columns, flags = contact.account()
+    assert [] == flags
+    assert "" == columns["frozen_segments"]
+
+
+def test_a_segment_that_died_in_the_walk_before_is_not_believed_in_this_one():
+    moved = set()
+    before = reflex(moved=moved)
+    for k in range(1, 40):
+        before.answer(swaying(k))
+    before.end(40 * STEP_NS)
+    contact = reflex(moved=moved)
+    for k in range(1, 40):
+        contact.answer(swaying(k, held=("left_hand",)))
+    assert ["segment_frozen"] == contact.account()[1]
+    never_moved = reflex()
+    for k in range(1, 40):
+        never_moved.answer(swaying(k, held=("left_hand",)))
+    assert [] == never_moved.account()[1]
