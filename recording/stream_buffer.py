@@ -41,6 +41,7 @@ class OpenStream:
     spare: Rows | None
     lock: threading.Lock = field(default_factory=threading.Lock)
     opaque: Any = None
+    most_rows: int = 0
     held: list[tuple[bytes, bytes, bytes, bytes]] = field(default_factory=list)
     held_rows: int = 0
     oldest_t_host_ns: int = 0
@@ -51,13 +52,18 @@ class OpenStream:
     dropped: int = 0
 
     def copy_in(self, batch: SampleBatch, n: int, latest_ns: int) -> bool:
-        """Copy n samples into `rows`; False, counting them as dropped, where there is no room."""
+        """Copy n samples into `rows`; False, counting them as dropped, where there is no room.
+
+        Room is made for up to `most_rows`: after a pause all that a device kept comes at once.
+        """
         rows = self.rows
         start = rows.count
         end = start + n
         if end > rows.capacity:
-            self.dropped += n
-            return False
+            if end > self.most_rows:
+                self.dropped += n
+                return False
+            rows = self._enlarge(min(max(end, 2 * rows.capacity), self.most_rows))
         rows.seq[start:end] = batch.seq
         rows.t_device_ns[start:end] = batch.t_device_ns
         rows.t_host_ns[start:end] = batch.t_host_ns
@@ -113,6 +119,14 @@ class OpenStream:
             sha256=self.file.sha256() if is_clean else "",
             closed_cleanly=is_clean,
         )
+
+    def _enlarge(self, capacity: int) -> Rows:
+        old, rows = self.rows, Rows(self.schema, capacity)
+        n = rows.count = old.count
+        rows.stamps[:, :n] = old.stamps[:, :n]
+        rows.opaque[:n] = old.opaque[:n]
+        self.rows = rows
+        return rows
 
     def _note(self, batch: SampleBatch, n: int, latest_ns: int) -> None:
         self.rows_accepted += n

@@ -30,6 +30,8 @@ _SYNC_EVERY_NS = NS_PER_S
 _STREAM_NAME = re.compile(r"[A-Za-z0-9_-]+")
 _QUEUE_S = 10.0
 _QUEUE_LEAST_ROWS = 2048
+_QUEUE_GROWS = 16
+"""How many times its usual length a queue may reach, after a pause of the computer."""
 _QUEUE_MOST_EVENTS = 100_000
 
 
@@ -122,7 +124,13 @@ class Recorder:
         rows = Rows(schema, capacity)
         spare = Rows(schema, capacity) if threaded else None
         self._streams[schema.name] = OpenStream(
-            schema, file, encoder, rows, spare, opaque=rows.opaque.dtype
+            schema,
+            file,
+            encoder,
+            rows,
+            spare,
+            opaque=rows.opaque.dtype,
+            most_rows=capacity * _QUEUE_GROWS,
         )
 
     def append(self, batch: SampleBatch) -> None:

@@ -78,15 +78,27 @@ def test_threaded_files_hold_the_same_samples_as_inline_ones(tmp_path: Path) -> 
 
 def test_a_queue_that_overflows_raises_and_counts(tmp_path: Path) -> None:
     recorder = recorder_in(tmp_path / "part-01", threaded=True, max_batch_ns=3600 * NS_PER_S)
-    capacity = 2048
-    for first in range(0, capacity, 16):
-        recorder.append(probe_batch(first, 16))
-    with pytest.raises(RecordingError, match=r"'probe'.*behind by 2048.*16 were dropped"):
-        recorder.append(probe_batch(capacity, 16))
+    most = 16 * 2048
+    for first in range(0, most, 256):
+        recorder.append(probe_batch(first, 256))
+    with pytest.raises(RecordingError, match=r"'probe'.*behind by 32768.*16 were dropped"):
+        recorder.append(probe_batch(most, 16))
     recorder.checkpoint(10.0)
-    recorder.append(probe_batch(capacity + 16, 16))
+    recorder.append(probe_batch(most + 16, 16))
     summary = recorder.close("complete").streams[0]
-    assert (capacity + 16, 16) == (summary.rows, summary.dropped)
+    assert (most + 16, 16) == (summary.rows, summary.dropped)
+
+
+def test_what_comes_at_once_after_a_pause_of_the_computer_is_all_recorded(tmp_path: Path) -> None:
+    recorder = recorder_in(tmp_path / "part-01", threaded=True, max_batch_ns=3600 * NS_PER_S)
+    for first in (0, 3, 1500):
+        recorder.append(probe_batch(first, 3))
+    for first in range(3000, 9000, 1000):
+        recorder.append(probe_batch(first, 1000))
+    recorder.close("complete")
+    wanted = [*range(6), *range(1500, 1503), *range(3000, 9000)]
+    with pa.OSFile(str(tmp_path / "part-01" / "probe.arrows")) as source:
+        assert wanted == pa.ipc.open_stream(source).read_all()["seq"].to_pylist()
 
 
 def test_driver_may_reuse_its_arrays_after_append(tmp_path: Path) -> None:
