@@ -18,6 +18,7 @@ from experiments.crowd.comparisons import (
     path_length_equivalence,
 )
 from experiments.crowd.design import CONDITIONS, CONTROL_GROUP
+from experiments.crowd.narrow_gaps import with_narrow_gaps
 from experiments.crowd.paths import CellsBy, PathAnalysis, analyse_paths
 from experiments.crowd.terms import MEASURES, PAIRS, PATH, PRIMARY, Measure
 from lab.errors import DataError
@@ -132,6 +133,7 @@ def analyse_tables(
     trials = tables["trials"]
     if trials.empty:
         raise DataError("no walk of this study was measured; check that sessions are complete")
+    trials = with_narrow_gaps(trials, tables.get("crossings"), parameters.narrow_gap_m)
     if not (allow_mixture and is_simulated):
         _refuse_mixture(trials, is_simulated)
     rules = tuple(

@@ -10,11 +10,12 @@ from analysis.cells import CellError, CellPath, Triangulation, triangulate
 from analysis.cells import walk as walk_cells
 from analysis.collisions import Rule
 from analysis.gait import clearance_m, crossing_angles_deg, walk_measures
-from experiments.crowd.collision_measures import collision_rows, walk_volumes
+from experiments.crowd.collision_measures import WalkVolumes, collision_rows, walk_volumes
 from experiments.crowd.pedestrian import has_pedpy, pedestrian_measures
 from experiments.crowd.replay import Walk
 from experiments.crowd.surfaces import Surface
 from experiments.crowd.tracking import named_durations
+from lab.clock import NS_PER_S
 from lab.errors import ConfigError
 from lab.geometry import Vector
 from stimuli.scenes.station_crowd import BOARD_M, Crowd, in_room
@@ -97,6 +98,7 @@ def measure_walk(
     row = {**walk.row, "measure_rule": params.rule, "measure_surface": params.surface}
     lost = np.asarray(~np.isfinite(walk.position_m).all(axis=(1, 2)))
     row["lost_01"] = float(lost.mean()) if len(lost) else 1.0
+    row["tracked_s"] = 0.0
     flags = [text for text in str(walk.row.get("flags") or "").split(";") if text]
     row["frozen_segments_measured"] = named_durations(walk.frozen_ns)
     if walk.frozen_ns:
@@ -145,7 +147,7 @@ def measure_walk(
     ]
     gait = walk_measures(walk.t_ns, walk.place_m, (BOARD_M[0], BOARD_M[2]), step_m)
     clear = clearance_m(walk.place_m, walk.crowd.position_m)
-    row |= _collision_measures(collisions, counted, is_measured=not lost.all())
+    row |= _collision_measures(collisions, counted, _measured_s(walk, volumes))
     row |= {
         "crossings": len(crossings) if triangulation is not None else None,
         "shoulders_to_gap_deg": _mean([c["shoulders_to_gap_deg"] for c in crossings]),
@@ -167,11 +169,12 @@ def measure_walk(
 
 
 def _collision_measures(
-    collisions: list[dict[str, Any]], counted: list[dict[str, Any]], *, is_measured: bool
+    collisions: list[dict[str, Any]], counted: list[dict[str, Any]], tracked_s: float
 ) -> dict[str, float | None]:
     """Return a walk's columns about collisions; a body never whole had none that could be seen."""
     found: dict[str, float | None] = {
         "collisions": len(counted),
+        "collisions_per_tracked_min": 60 * len(counted) / tracked_s if tracked_s else None,
         "collisions_uncounted": len(collisions) - len(counted),
         "collisions_cut": sum(c["cut"] for c in counted),
         "max_volume_dm3": _mean([c["max_volume_dm3"] for c in counted]),
@@ -182,7 +185,13 @@ def _collision_measures(
             c["body_part"] in ("upper_arm", "lower_arm", "hand") for c in counted
         ),
     }
-    return found if is_measured else dict.fromkeys(found)
+    return {**(found if tracked_s else dict.fromkeys(found)), "tracked_s": tracked_s}
+
+
+def _measured_s(walk: Walk, volumes: WalkVolumes) -> float:
+    """Return the time of all steps whose common volumes are known."""
+    step_s = float(np.median(np.diff(walk.t_ns))) / NS_PER_S
+    return int(np.isfinite(volumes.volume_m3).all(axis=1).sum()) * step_s
 
 
 def _pedestrian(walk: Walk) -> dict[str, float | None]:

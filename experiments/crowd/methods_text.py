@@ -61,7 +61,7 @@ def method_paragraphs(analysis: CrowdAnalysis) -> tuple[str, ...]:
         "Paths. Cells are the Delaunay triangles between people's positions in whole micrometres; "
         "path segments are walked exactly. Shoulder rotation is the angle between the line of the "
         "shoulders and the gap at every crossing between two people, 0–90°, and beside it the "
-        "angle to the walking direction.",
+        f"same at gaps of at most {p.narrow_gap_m:g} m and the angle to the walking direction.",
         "Walking speed leaves out what lies within one step "
         f"({STEP_LENGTH_M['man']} m men, {STEP_LENGTH_M['woman']} m women) of the point nearest "
         f"the board. A hesitation is slower than {HESITATION_BELOW_M_S} m/s for at least "

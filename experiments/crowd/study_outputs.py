@@ -134,6 +134,7 @@ def write_tables(analysis: CrowdAnalysis, tables: Tables, out_dir: Path) -> None
     how = {name: first[name] for name in _WHICH[3:]}
     everything = {
         **tables,
+        "trials": analysis.trials,
         "condition_means": analysis.means.assign(**how),
         "statistics": pd.DataFrame(analysis.statistics_rows()).assign(**how),
         "similarity": similarity_rows(analysis),

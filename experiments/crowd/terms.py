@@ -40,6 +40,8 @@ COLLISIONS: Final = Measure("collisions", "Collisions per trial", "", 1, is_prim
 VOLUME: Final = Measure("max_volume_dm3", "Largest common volume", "dm³", 2, is_primary=True)
 TO_GAP: Final = Measure("shoulders_to_gap_deg", "Shoulders to gap", "°", 1, is_primary=True)
 SPEED: Final = Measure("speed_m_s", "Walking speed", "m/s", 3, is_primary=True)
+RATE: Final = Measure("collisions_per_tracked_min", "Collisions per tracked minute", "1/min", 1)
+TO_NARROW_GAP: Final = Measure("shoulders_to_gap_narrow_deg", "Shoulders to narrow gaps", "°", 1)
 TO_WAY: Final = Measure("shoulders_to_way_deg", "Shoulders to walking direction", "°", 1)
 DURATION: Final = Measure("collision_s", "Duration of a collision", "s", 2)
 CONTACT_SPEED: Final = Measure("collision_speed_m_s", "Speed at contact", "m/s", 3)
@@ -51,6 +53,8 @@ DENSITY: Final = Measure("density_per_m2", "Density (Voronoi cell)", "1/m²", 2)
 
 PRIMARY: Final = (COLLISIONS, VOLUME, TO_GAP, SPEED)
 FURTHER: Final = (
+    RATE,
+    TO_NARROW_GAP,
     TO_WAY,
     DURATION,
     CONTACT_SPEED,

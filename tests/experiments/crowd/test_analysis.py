@@ -184,3 +184,45 @@ def test_published_means_and_dice_stand_as_printed():
 def test_impossible_thresholds_are_refused():
     with pytest.raises(UsageError, match="max_lost_01"):
         AnalysisParameters(max_lost_01=2)
+
+
+def with_gaps(apart_m, angles_deg):
+    """Return a study's tables whose first walk crosses gaps so wide at such angles."""
+    walked = walks(4)
+    walked[0].crossings[:] = [
+        {**walked[0].crossings[0], "centres_apart_m": apart, "shoulders_to_gap_deg": angle}
+        for apart, angle in zip(apart_m, angles_deg, strict=True)
+    ]
+    return tables(walked)
+
+
+def test_shoulders_to_narrow_gaps_leave_out_gaps_nobody_squeezes_through():
+    given = with_gaps((0.8, 1.5, 1.51, 7.7), (20.0, 30.0, 80.0, 90.0))
+    study = analyse_tables(given, QUICK, is_simulated=True)
+    first = study.trials.iloc[0]
+    assert 25.0 == first["shoulders_to_gap_narrow_deg"]
+    assert 2 == first["crossings_narrow"]
+    pd.testing.assert_series_equal(
+        given["trials"]["shoulders_to_gap_deg"], study.trials["shoulders_to_gap_deg"]
+    )
+    wide = AnalysisParameters(n_permutations=49, n_splits=10, narrow_gap_m=2.0)
+    first = analyse_tables(given, wide, is_simulated=True).trials.iloc[0]
+    assert first["shoulders_to_gap_narrow_deg"] == pytest.approx((20 + 30 + 80) / 3)
+
+
+def test_a_walk_without_a_narrow_gap_has_no_angle_to_one():
+    study = analyse_tables(with_gaps((3.0,), (50.0,)), QUICK, is_simulated=True)
+    first = study.trials.iloc[0]
+    assert np.isnan(first["shoulders_to_gap_narrow_deg"])
+    assert 0 == first["crossings_narrow"]
+
+
+def test_a_narrow_gap_without_an_angle_counts_and_adds_none():
+    given = with_gaps((0.8, 0.9), (20.0, np.nan))
+    first = analyse_tables(given, QUICK, is_simulated=True).trials.iloc[0]
+    assert (20.0, 2) == (first["shoulders_to_gap_narrow_deg"], first["crossings_narrow"])
+
+
+def test_a_width_of_no_gap_is_refused():
+    with pytest.raises(UsageError, match="narrow_gap_m"):
+        AnalysisParameters(narrow_gap_m=0.0)

@@ -9,6 +9,7 @@ import pytest
 from analysis.report import ReportProvenance, SessionSource
 from experiments.crowd.analysis_parameters import AnalysisParameters
 from experiments.crowd.study_outputs import write_study
+from experiments.crowd.table_dictionaries import describe
 from tests.experiments.crowd.synthetic_walks import tables, walks
 
 QUICK = AnalysisParameters(n_permutations=19, n_splits=5)
@@ -48,6 +49,30 @@ def test_every_table_is_marked_and_every_column_described(report):
         assert all(entry["Description"] for entry in described.values())
         assert "is_simulated" in table.columns
         assert len(table) == len(pd.read_parquet(path.with_suffix(".parquet")))
+
+
+def test_what_was_added_beside_published_measures_stands_in_tables_and_means(report):
+    own = ("shoulders_to_gap_narrow_deg", "crossings_narrow")
+    for name, columns in (("trials", own), ("condition_means", own[:1])):
+        table = pd.read_csv(report.parent / f"{name}.csv")
+        described = json.loads((report.parent / f"{name}.json").read_text(encoding="utf-8"))
+        assert set(columns) <= set(table.columns)
+        for column in columns:
+            assert "as the session recorded it" != described[column]["Description"]
+
+
+@pytest.mark.parametrize(
+    "column",
+    [
+        "tracked_s",
+        "collisions_per_tracked_min",
+        "frozen_segments",
+        "frozen_segments_measured",
+        "shoulders_to_gap_narrow_deg",
+    ],
+)
+def test_columns_of_walks_are_described_with_their_unit(column):
+    assert describe("trials", column)["Units"]
 
 
 def test_tables_with_volumes_name_their_rule(report):

@@ -215,6 +215,7 @@ def test_nobody_near_means_no_collision_and_no_missing_value():
 
 
 LIGHT = MeasureParameters(surface="light")
+CAPSULES = MeasureParameters(surface="capsules")
 
 
 def test_a_body_never_tracked_is_flagged_and_nothing_is_invented(walk):
@@ -260,3 +261,28 @@ def test_gaps_are_flagged_and_counted(walk):
     row = measure_walk(hole, 0.7, LIGHT).row
     assert "measured_with_gaps" in row["flags"]
     assert row["lost_01"] == pytest.approx(3 / len(walk.t_ns))
+
+
+def test_collisions_are_told_per_minute_in_which_they_could_be_measured():
+    walk = carried(3.0)
+    whole = measure_walk(walk, 0.7, CAPSULES).row
+    assert whole["tracked_s"] == pytest.approx(3.01)
+    assert whole["collisions"] > 0
+    per_min = 60 * whole["collisions"] / 3.01
+    assert whole["collisions_per_tracked_min"] == pytest.approx(per_min)
+    walk.position_m[100:200, BODY_JOINTS.index("left_hand")] = np.nan
+    cut = measure_walk(walk, 0.7, CAPSULES).row
+    assert cut["tracked_s"] == pytest.approx(2.01)
+    per_min = 60 * cut["collisions"] / 2.01
+    assert cut["collisions_per_tracked_min"] == pytest.approx(per_min)
+
+
+def test_a_body_never_whole_has_no_time_and_no_rate_of_collisions():
+    walk = carried(1.0)
+    walk.position_m[:, BODY_JOINTS.index("head")] = np.nan
+    row = measure_walk(walk, 0.7, CAPSULES).row
+    assert 0.0 == row["tracked_s"]
+    assert row["collisions_per_tracked_min"] is None
+    walk.position_m[:] = np.nan
+    row = measure_walk(walk, 0.7, CAPSULES).row
+    assert 0.0 == row["tracked_s"]
