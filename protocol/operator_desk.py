@@ -13,6 +13,7 @@ from protocol.operator import Action, Command, SessionStatus
 from protocol.plan import Trial
 from protocol.rig import RunningRig
 from protocol.session_setup import SessionSetup
+from protocol.stall_watch import StallWatch, as_reason
 from protocol.states import SessionState, StateMachine
 from protocol.steps import FrameView
 
@@ -77,6 +78,7 @@ class OperatorDesk:
         self._prompt = ""
         self._in_trial = False
         self._trial_start_ns = 0
+        self._stalls = StallWatch()
         self.interrupt_reason: str | None = None
         self.skip_reason: str | None = None
         self.flags: list[str] = []
@@ -96,6 +98,9 @@ class OperatorDesk:
             SessionAborted: the operator ended the session.
         """
         view = self._loop.next()
+        stood_ns = self._stalls.stood_ns(view.t_ns)
+        if stood_ns and self._in_trial:
+            self._note_stall(stood_ns)
         for command in self._operator.poll():
             self._act(command)
         if view.t_ns >= self._next_check_ns:
@@ -135,6 +140,7 @@ class OperatorDesk:
         self._in_trial = True
         self._rig.is_muted = self._rig.has_vibrated = False
         self._trial_start_ns = self._loop.t_ns
+        self._stalls.allow(2)  # the scene is made and drawn for the first time
         self.announce(trial)
         self.flags = []
         self.trial_end_ns = end_ns
@@ -286,6 +292,17 @@ class OperatorDesk:
             if self._loop.t_ns - self._standing[_key(fault)].since_ns >= patience_ns:
                 self.interrupt_reason = f"{fault.role}: {fault.message}"
                 return
+
+    def expect_pause(self) -> None:
+        """Let the time to the coming frame be no stall: a question was asked."""
+        self._stalls.allow(1)
+
+    def _note_stall(self, stood_ns: int) -> None:
+        """Flag a trial in which the picture stood still; interrupt it as for a lost device."""
+        self._flag("picture_stalled")
+        self._recorder.event("picture_stalled", self._loop.t_ns, stood_ms=stood_ns // NS_PER_MS)
+        if stood_ns >= LOST_STREAM_NS and self.interrupt_reason is None:
+            self.interrupt_reason = as_reason(stood_ns)
 
     def _flag(self, flag: str) -> None:
         if flag not in self.flags:

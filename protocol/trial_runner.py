@@ -194,6 +194,7 @@ class TrialRunner:
                 setup.recorder.event(name, loop.t_ns, **payload)
             case Ask(question_id, prompt, options):
                 answer = setup.respondent.answer(question_id, prompt, options)
+                self._desk.expect_pause()
                 return Answered(answer, loop.t_ns)
             case Vibrate():
                 self._rig.vibrate(step)
