@@ -45,11 +45,12 @@ class GazeDwell:
 
     def take(self, choice: int | None, t_ns: int) -> int | None:
         """Take one gaze sample; return the choice once it has been looked at long enough."""
-        if choice is not None and choice != self.choice:
+        is_anew = t_ns - self._last_ns > self._rule.gap_ms * NS_PER_MS  # or no sample came
+        if choice is not None and (is_anew or choice != self.choice):
             self.choice, self._since_ns = choice, t_ns
         if choice is not None:
             self._last_ns = t_ns
-        elif t_ns - self._last_ns > self._rule.gap_ms * NS_PER_MS:
+        elif is_anew:
             self.choice = None
         if self.choice is None or choice is None:
             return None
@@ -117,7 +118,11 @@ class PanelRespondent:
             "panel_shown", loop.t_ns, question=question_id, choices=list(panel.choices)
         )
         view = self._next_frame()
-        end_ns = view.t_ns + self._limit_ns
+        shown_ns = view.t_ns
+        end_ns = shown_ns + self._limit_ns
+        # What this frame brings was done before the board was there: after a pause, much.
+        self._take_keys()
+        view = replace(view, pressed=())
         lit: int | None = None
         while view.t_ns < end_ns:
             for key in (*self._take_keys(), *(c for c in view.pressed if c.isdigit())):
@@ -125,7 +130,7 @@ class PanelRespondent:
                 if chosen is not None:
                     return chosen, "key"
             pointed = _pointed_at(panel, view)
-            looked = _dwelt(dwell, panel, view)
+            looked = _dwelt(dwell, panel, view, shown_ns)
             now_lit = dwell.choice if pointed is None else pointed
             if now_lit is not None and CONFIRM.intersection(view.pressed):
                 return now_lit, "gaze and button" if pointed is None else "ray"
@@ -143,9 +148,11 @@ class PanelRespondent:
         self._loop.show(PanelFrame(scene, self._loop.t_ns, facing, np.ones(n), panels=(panel,)))
 
 
-def _dwelt(dwell: GazeDwell, panel: Panel, view: FrameView) -> int | None:
+def _dwelt(dwell: GazeDwell, panel: Panel, view: FrameView, since_ns: int) -> int | None:
     gaze = view.gaze
     for i in range(gaze.t_ns.shape[0]):
+        if gaze.t_ns[i] < since_ns:
+            continue
         met = None
         if gaze.valid[i]:
             met = choice_met(panel, gaze.origin_world_m[i], gaze.direction_world[i])

@@ -180,6 +180,8 @@ def _asked(
         asked_ns = view.t_ns
         until_ns = asked_ns + round(params.answer_limit_s * NS_PER_S)
         ray: Ray | None = None
+        # What was pressed up to this frame was pressed before the board was there.
+        view = replace(view, pressed=())
         while view.t_ns < until_ns:
             ray = newer_ray(ray, view)
             lit = chosen_by(None if ray is None else ray.pose, question.panel)

@@ -136,6 +136,30 @@ def test_board_offers_to_leave_the_question_out() -> None:
     assert board.choices == (*OPTIONS, LEAVE_OUT)
 
 
+def test_what_was_done_before_the_board_was_there_answers_nothing() -> None:
+    def act(view: PanelFrame, t_ns: int) -> dict[str, Any]:
+        if t_ns > FRAME_NS:
+            return {}
+        many = np.arange(t_ns - 2000 * NS_PER_MS, t_ns, 8 * NS_PER_MS)
+        one, n = looking(view, 1, t_ns), len(many)
+        gaze = replace(
+            one, t_ns=many, valid=np.ones(n, bool), origin_world_m=np.tile(HEAD.position_m, (n, 1)),
+            direction_world=np.tile(one.direction_world, (n, 1)),
+        )  # fmt: skip
+        return {"gaze": gaze, "pressed": ("2", "trigger"), "pointers": pointing(view, 0)}
+
+    answer, loop = ask(act)
+    assert "typed q1" == answer
+    assert "nothing in time" == loop.events[-1][1]["by"]
+
+
+def test_dwell_begins_anew_where_no_sample_came_for_long() -> None:
+    dwell = GazeDwell(DwellRule(dwell_ms=1000, gap_ms=150))
+    taken = [dwell.take(1, t_ms * NS_PER_MS) for t_ms in (5000, 5100, 8000, 8100)]
+    assert [None] * 4 == taken
+    assert 1 == [dwell.take(1, t_ms * NS_PER_MS) for t_ms in range(8200, 9001, 100)][-1]
+
+
 def test_dwell_outlives_a_blink_and_not_a_look_elsewhere() -> None:
     rule = DwellRule(dwell_ms=1000, gap_ms=150)
     for away_ms, taken in ((100, True), (300, False)):

@@ -1,5 +1,7 @@
 """One trial of the waving study, frame by frame, without devices."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -97,6 +99,19 @@ def test_with_the_keyboard_questions_go_to_the_terminal_at_once():
     done = Answering(trials.run_trial(first_trial(params), params))
     assert "keyboard" == done.row["who_by"]
     assert done.row["who"] == first_trial(params).factors["participant_place"]
+
+
+class Impatient(Answering):
+    """Press a digit with every frame, also while the board is not there yet."""
+
+    def _frame(self):
+        return replace(super()._frame(), pressed=("4",))
+
+
+def test_what_was_pressed_before_a_board_was_there_is_no_answer_to_it():
+    done = Impatient(trials.run_trial(first_trial(), QUICK))
+    assert ("place_4", 4) == (done.row["who"], done.row["realism"])
+    assert done.row["who_ms"] == done.row["realism_ms"] == pytest.approx(1000 / 90, abs=0.01)
 
 
 def test_the_scene_lasts_as_planned_and_nothing_is_asked_before():
