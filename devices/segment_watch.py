@@ -3,9 +3,10 @@
 A tracker that dies may go on saying where it was last. Its segment then stands in the room while
 the body walks away. A segment counts as frozen when its position or its orientation, which moved
 earlier sample by sample, repeats bit for bit for longer than a limit and in each of these samples
-the same of most other segments changed; until it changes again. Feet and toes stand on the floor,
-and some trackers hold them there: they are frozen only when the hips have gone farther meanwhile
-than a leg reaches.
+the same of most other segments changed; until it changes again. Orientations, the trunk's above
+all, may rest in a calm body: they have to repeat for half a second, on no more segments than a limb
+has. Feet and toes stand on the floor, and some trackers hold them there: they are frozen only when
+the hips have gone farther meanwhile than a leg reaches.
 """
 
 from collections.abc import Iterable, Sequence
@@ -26,6 +27,8 @@ Moved = frozenset[tuple[str, int]]
 REPEATS_AT_MOST_NS: Final = 150 * NS_PER_MS
 HELD_BY_FLOOR: Final = ("left_foot", "left_toes", "right_foot", "right_toes")
 _STRIDE_M: Final = 1.0
+_LIMB: Final = 4
+_CALM_NS: Final = 500 * NS_PER_MS
 _UNKNOWN, _SAME, _CHANGED = 0, 1, 2
 
 
@@ -58,6 +61,8 @@ class SegmentWatch:
                 self._moved[self.segments.index(name), channel] = True
         self._hips_m = np.full((n, 2, 2), np.nan)
         self._how, self._frozen = np.zeros((n, 2), np.int8), np.zeros((n, 2), bool)
+        # loads the compiled code: the first sample of a session must not wait for it
+        self.look(np.full((n, 3), np.nan), np.full((n, 4), np.nan), 0)
 
     @property
     def frozen(self) -> Flags:
@@ -179,12 +184,14 @@ def _look(
                 continue
             if changed > 0:
                 changed_ns[s, c] = 0
-                if 2 * changed > tracked - 1:
+                most_rest = tracked if c == 0 else _LIMB
+                if 2 * changed > tracked - 1 and tracked - changed <= most_rest:
                     still_ns[s, c] += gap_ns
                 elif not frozen[s, c]:
                     still_ns[s, c] = 0
                     hips_m[s, c, 0], hips_m[s, c, 1] = hips_x, hips_z
-            if moved[s, c] and still_ns[s, c] > limit_ns and not frozen[s, c]:
+            longest_ns = limit_ns if c == 0 else max(limit_ns, _CALM_NS)
+            if moved[s, c] and still_ns[s, c] > longest_ns and not frozen[s, c]:
                 away = np.hypot(hips_x - hips_m[s, c, 0], hips_z - hips_m[s, c, 1])
                 frozen[s, c] = not floor[s] or away > _STRIDE_M
             is_any = is_any or frozen[s, c]

@@ -45,15 +45,19 @@ def test_a_body_that_moves_has_no_frozen_segment():
     assert {} == found(*moving())
 
 
-@pytest.mark.parametrize("what", ["both", "position", "orientation"])
+@pytest.mark.parametrize("what", ["both", "position"])
 def test_a_segment_that_repeats_its_pose_is_found_from_its_first_repeat_on(what):
     t_ns, position, turn = moving()
-    freeze(
-        HAND,
-        position if what != "orientation" else position.copy(),
-        turn if what != "position" else turn.copy(),
-    )
+    freeze(HAND, position, turn if what == "both" else turn.copy())
     assert {"left_hand": list(range(31, 60))} == found(t_ns, position, turn)
+
+
+def test_an_orientation_alone_may_rest_for_half_a_second():
+    t_ns, position, turn = moving(160)
+    freeze(HAND, position.copy(), turn, 30, 81)
+    assert {} == found(t_ns, position, turn)
+    freeze(HAND, position.copy(), turn, 30, 82)
+    assert {"left_hand": list(range(31, 82))} == found(t_ns, position, turn)
 
 
 def test_a_live_watch_counts_what_came_after_the_limit():
@@ -92,6 +96,19 @@ def test_segments_of_a_body_that_stands_still_but_for_its_head_are_not_frozen():
     for segment in range(2, len(SEGMENTS)):
         freeze(segment, position, turn)
     assert {} == found(t_ns, position, turn)
+
+
+@pytest.mark.parametrize(("n", "is_found"), [(4, True), (5, False)])
+def test_orientations_are_frozen_on_one_limb_at_most(n, is_found):
+    names = (*SEGMENTS, *(f"part_{k}" for k in range(8)))
+    rng = np.random.default_rng(6)
+    position = rng.normal(size=(120, len(names), 3))
+    turn = rng.normal(size=(120, len(names), 4))
+    turn[30:100, 6 : 6 + n] = turn[30, 6 : 6 + n]
+    t_ns = np.arange(120, dtype=np.int64) * STEP_NS
+    assert is_found == SegmentWatch(names).repeats(t_ns, position, turn).any()
+    position[30:100, 6 : 6 + n] = position[30, 6 : 6 + n]
+    assert n == SegmentWatch(names).repeats(t_ns, position, turn).any(axis=0).sum()
 
 
 def test_a_body_that_repeats_itself_whole_has_no_frozen_segment():
