@@ -34,6 +34,20 @@ Answer: TypeAlias = Callable[[BodyView], Sequence[Play | Silence]]
 UPRIGHT = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
+def still_wanted(steps: Sequence[Play | Silence]) -> list[Play | Silence]:
+    """Leave out what the same answer ends again.
+
+    Samples that come at once after a pause tell of contacts that began and ended in it: a motor
+    is not started for them.
+    """
+    last_end = {step.role: i for i, step in enumerate(steps) if isinstance(step, Silence)}
+    return [
+        step
+        for i, step in enumerate(steps)
+        if isinstance(step, Silence) or max(last_end.get(step.role, -1), last_end.get("", -1)) < i
+    ]
+
+
 class FrameLoop:
     """Drive the display frame by frame; everything a frame brings passes through here."""
 
@@ -190,7 +204,7 @@ class FrameLoop:
                 return
             view = self._body_view([batch])
             self._answered = (batch, view)
-            for step in self._reflex(view):
+            for step in still_wanted(self._reflex(view)):
                 if isinstance(step, Play):
                     self._rig.play(step)
                 else:
