@@ -1,6 +1,7 @@
 """What one answer to many body samples asks of the bands."""
 
 from typing import Any
+
 from protocol.frame_loop import still_wanted
 from protocol.steps import Play, Silence
 
