@@ -78,6 +78,7 @@ class OperatorDesk:
         self._prompt = ""
         self._in_trial = False
         self._trial_start_ns = 0
+        self._has_begun = False
         self._stalls = StallWatch()
         self.interrupt_reason: str | None = None
         self.skip_reason: str | None = None
@@ -140,6 +141,7 @@ class OperatorDesk:
         self._in_trial = True
         self._rig.is_muted = self._rig.has_vibrated = False
         self._trial_start_ns = self._loop.t_ns
+        self._has_begun = True
         self._stalls.allow(2)  # the scene is made and drawn for the first time
         self.announce(trial)
         self.flags = []
@@ -187,8 +189,9 @@ class OperatorDesk:
             standing = self._standing[key] = _Standing(now_ns, fault.message, now_ns)
         elif standing.message != fault.message:
             standing.message, standing.changed_ns = fault.message, now_ns
-        # before the first calibration the devices are being set up
-        if not standing.is_told and (self.calibration or fault.severity == "blocking"):
+        # before the first calibration, or trial of a study without one, devices are being set up
+        is_set_up = self.calibration if self._calibrates else self._has_begun
+        if not standing.is_told and (is_set_up or fault.severity == "blocking"):
             standing.is_told = True
             self._recorder.event(
                 "fault",

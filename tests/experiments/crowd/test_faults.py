@@ -104,6 +104,13 @@ def test_segments_that_repeat_their_last_pose_are_named_while_the_body_walks(one
     assert (trials["flags"].str.contains("body_tracker_warning") == is_hit).all()
 
 
+def test_warnings_stand_among_the_events_of_a_study_without_calibration(one_dead_sensor):
+    events = one_dead_sensor.events()
+    told = events[events["name"].isin(["fault", "fault_over"])]
+    assert ["fault", "fault_over"] == told["name"].tolist()
+    assert told["payload"].astype(str).str.contains("last pose while the body moves").all()
+
+
 def test_segments_that_repeat_their_last_pose_are_missing_in_the_measures(one_dead_sensor):
     found = {w.trial_id: w for w in walks(one_dead_sensor)}
     rows = {w.row["trial_id"]: w.row for w in take_in(one_dead_sensor, QUICK).walks}
