@@ -61,10 +61,14 @@ def pulse_rows(recording: Recording) -> list[dict[str, Any]]:
             "motors": payload["motors"],
             "t_contact_ns": contact_ns,
             "held_ms": None,
-            **_fate(commands.get((part, role)), contact_ns),
         }
         rows.append(row)
         open_at[part, role] = row
+    next_ns: dict[tuple[int, str], int] = {}
+    for row in reversed(rows):  # a command belongs to the contact that began last before it
+        key, contact_ns = (row["recording_part"], row["role"]), row["t_contact_ns"]
+        row |= _fate(commands.get(key), contact_ns, next_ns.get(key))
+        next_ns[key] = contact_ns
     return rows
 
 
@@ -136,7 +140,9 @@ def _commands(recording: Recording, part: int, role: str) -> pd.DataFrame:
     return table[table["kind"] == PATTERN].sort_values("t_commanded_ns").reset_index(drop=True)
 
 
-def _fate(commands: pd.DataFrame | None, contact_ns: int) -> dict[str, Any]:
+def _fate(
+    commands: pd.DataFrame | None, contact_ns: int, next_ns: int | None = None
+) -> dict[str, Any]:
     nothing = {
         "commanded_ms": None,
         "sent_ms": None,
@@ -149,6 +155,8 @@ def _fate(commands: pd.DataFrame | None, contact_ns: int) -> dict[str, Any]:
     asked = commands["t_commanded_ns"].to_numpy(np.int64)
     at = int(np.searchsorted(asked, contact_ns))
     if at == len(asked) or asked[at] - contact_ns > ASKED_WITHIN_NS:
+        return nothing
+    if next_ns is not None and asked[at] >= next_ns:
         return nothing
     row = commands.iloc[at]
     sent_ns = int(row["t_sent_ns"])

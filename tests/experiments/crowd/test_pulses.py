@@ -1,0 +1,65 @@
+"""Which command answered which contact."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pandas as pd
+
+from experiments.crowd.pulses import PATTERN, pulse_rows
+from lab.clock import NS_PER_MS
+from recording.reader import Recording
+
+ROLE = "armband_left_forearm"
+
+
+def recorded(contacts_ms: list[tuple[int, int]], commanded_ms: list[int]) -> Recording:
+    """Return contacts (begin, end) of one band, and when a pattern was commanded."""
+    events: list[dict[str, Any]] = [
+        {
+            "recording_part": 1,
+            "t_ns": t_ms * NS_PER_MS,
+            "name": name,
+            "payload": {
+                "trial_id": "T09", "role": ROLE, "segment": "left_hand", "person": 4,
+                "motors": "0", "vibrates": True, "t_contact_ns": t_ms * NS_PER_MS,
+            },
+        }
+        for span in contacts_ms
+        for name, t_ms in zip(("contact_begin", "contact_end"), span, strict=True)
+    ]  # fmt: skip
+    at_ns = np.array(commanded_ms, np.int64) * NS_PER_MS
+    arrays = {
+        "kind": np.full(len(at_ns), PATTERN),
+        "t_commanded_ns": at_ns,
+        "t_sent_ns": at_ns,
+        "acknowledged": np.ones(len(at_ns), bool),
+        "t_device_ns": at_ns,
+        "t_host_ns": at_ns + NS_PER_MS,
+    }
+    return cast(
+        Recording,
+        SimpleNamespace(
+            events=lambda: pd.DataFrame(events),
+            manifest=SimpleNamespace(parts=[SimpleNamespace(number=1)]),
+            stream_names=(f"haptics_{ROLE}",),
+            stream_arrays=lambda _, part: arrays,
+        ),
+    )
+
+
+def test_a_contact_never_answered_does_not_take_the_command_of_the_next() -> None:
+    rows = pulse_rows(recorded([(1000, 1020), (1050, 1200)], commanded_ms=[1051, 1150]))
+    assert [None, 1.0] == [row["commanded_ms"] for row in rows]
+    assert [20.0, 150.0] == [row["held_ms"] for row in rows]
+
+
+def test_each_contact_has_the_first_command_after_it() -> None:
+    rows = pulse_rows(recorded([(1000, 1040), (1050, 1200)], commanded_ms=[1002, 1030, 1051]))
+    assert [2.0, 1.0] == [row["commanded_ms"] for row in rows]
+    assert [3.0, 2.0] == [row["acknowledged_ms"] for row in rows]
+
+
+def test_a_command_long_after_a_contact_is_not_its_answer() -> None:
+    (row,) = pulse_rows(recorded([(1000, 2000)], commanded_ms=[1500]))
+    assert row["commanded_ms"] is None
