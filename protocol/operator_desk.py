@@ -1,8 +1,6 @@
 """Between the operator and the frame loop: requests, prompts, faults, the status shown."""
 
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from devices.contracts import Armband, Fault
 from lab.clock import NS_PER_MS, NS_PER_S
@@ -14,6 +12,7 @@ from protocol.plan import Trial
 from protocol.rig import RunningRig
 from protocol.session_setup import SessionSetup
 from protocol.stall_watch import StallWatch, as_reason
+from protocol.standing_faults import StandingFaults
 from protocol.states import SessionState, StateMachine
 from protocol.steps import FrameView
 
@@ -26,26 +25,11 @@ LOST_STREAM_NS = 3 * NS_PER_S
 EYE_SEEN_AT_LEAST_01 = 0.7
 """A trial that saw an eye in less of its samples is flagged (gaze.md section 5)."""
 
-STALE_NS = 10 * NS_PER_S
-"""A warning whose figures have not changed for this long leaves the operator's screen."""
-
 LATER = {
     Action.PAUSE: "pausing before the next trial",
     Action.RECALIBRATE: "recalibrating before the next trial",
 }
 """Requests that wait for the next checkpoint, and what the operator is told."""
-
-_FIGURES = re.compile(r"[0-9]+")
-
-
-@dataclass
-class _Standing:
-    """A fault that holds: since when, what it says now and since when it says that."""
-
-    since_ns: int
-    message: str
-    changed_ns: int
-    is_told: bool = False
 
 
 class OperatorDesk:
@@ -67,8 +51,7 @@ class OperatorDesk:
         self._calibrates = any(block.calibrate for block in setup.plan.blocks)
         self._pending: set[Action] = set()
         self._advance = False
-        self._faults: tuple[Fault, ...] = ()
-        self._standing: dict[tuple[str, str], _Standing] = {}
+        self._faults = StandingFaults(setup.recorder)
         self._repeats: list[Trial] = []
         self._answers: list[str] = []
         self._last_trial: Trial | None = None
@@ -83,7 +66,6 @@ class OperatorDesk:
         self.interrupt_reason: str | None = None
         self.skip_reason: str | None = None
         self.flags: list[str] = []
-        self.done_without: set[str] = set()
         self.block_name = ""
         self.trial: Trial | None = None
         self.trial_end_ns: int | None = None
@@ -181,26 +163,13 @@ class OperatorDesk:
     # ---- faults ------------------------------------------------------------------------------
 
     def report(self, fault: Fault) -> None:
-        """Record a fault once for as long as it holds; its figures may change meanwhile."""
-        key = _key(fault)
-        now_ns = self._loop.t_ns
-        standing = self._standing.get(key)
-        if standing is None:
-            standing = self._standing[key] = _Standing(now_ns, fault.message, now_ns)
-        elif standing.message != fault.message:
-            standing.message, standing.changed_ns = fault.message, now_ns
+        """Record a fault once for as long as it holds."""
+        self._faults.report(fault, self._loop.t_ns, is_set_up=self._is_set_up)
+
+    @property
+    def _is_set_up(self) -> bool:
         # before the first calibration, or trial of a study without one, devices are being set up
-        is_set_up = self.calibration if self._calibrates else self._has_begun
-        if not standing.is_told and (is_set_up or fault.severity == "blocking"):
-            standing.is_told = True
-            self._recorder.event(
-                "fault",
-                now_ns,
-                role=fault.role,
-                severity=fault.severity,
-                message=fault.message,
-                remedy=fault.remedy,
-            )
+        return self.calibration is not None if self._calibrates else self._has_begun
 
     def say(self, message: str) -> None:
         """Put a line on the operator's screen."""
@@ -208,10 +177,12 @@ class OperatorDesk:
 
     def blocking_fault(self) -> Fault | None:
         """Return the first fault that keeps a trial from running, if any."""
-        return next((f for f in self._faults if self._blocks(f)), None)
+        return next(iter(self._faults.blocking()), None)
 
-    def _blocks(self, fault: Fault) -> bool:
-        return fault.severity == "blocking" and fault.role not in self.done_without
+    @property
+    def done_without(self) -> set[str]:
+        """Roles the operator goes on without, until they are back."""
+        return self._faults.done_without
 
     def do_without(self, role: str) -> None:
         """Let trials run although this device is away; each is flagged until it is back."""
@@ -226,7 +197,7 @@ class OperatorDesk:
     @property
     def blocking_since_ns(self) -> int:
         """Since when some fault has kept trials from running; now, when none does."""
-        since = [self._standing[_key(f)].since_ns for f in self._faults if self._blocks(f)]
+        since = [self._faults.since_ns(f) for f in self._faults.blocking()]
         return min(since, default=self._loop.t_ns)
 
     def device_lost(self) -> bool:
@@ -247,36 +218,14 @@ class OperatorDesk:
         return self.interrupt_reason
 
     def _look_for_faults(self) -> None:
-        self._faults = self._rig.faults()
         shown = self._loop.display_fault
-        if shown is not None:
-            self._faults = (*self._faults, shown)
-        if not self._faults and not self._standing:
-            return
-        for fault in self._faults:
-            self.report(fault)
-            if self._in_trial and self._concerns_trial(fault):
+        faults = (*self._rig.faults(), *(() if shown is None else (shown,)))
+        self._faults.look(faults, self._loop.t_ns, is_set_up=self._is_set_up)
+        for fault in faults if self._in_trial else ():
+            if self._faults.concerns(fault, self._trial_start_ns):
                 self._flag(f"{fault.role}_{'lost' if fault.severity == 'blocking' else 'warning'}")
-        holding = {_key(f) for f in self._faults}
-        for key in [k for k in self._standing if k not in holding]:
-            over = self._standing.pop(key)
-            self.done_without.discard(key[0])
-            if not over.is_told:
-                continue
-            self._recorder.event(
-                "fault_over",
-                self._loop.t_ns,
-                role=key[0],
-                message=over.message,
-                lasted_ms=round((self._loop.t_ns - over.since_ns) / NS_PER_MS),
-            )
         if self._in_trial:
             self._interrupt_if_lost(LOST_STREAM_NS)
-
-    def _concerns_trial(self, fault: Fault) -> bool:
-        """Tell a fault of this trial from a count of what happened before it."""
-        is_count = fault.severity == "warning" and _FIGURES.search(fault.message)
-        return not is_count or self._standing[_key(fault)].changed_ns > self._trial_start_ns
 
     def _interrupt_if_lost(self, longest_ns: int) -> None:
         """Interrupt the trial for a device that is away so long.
@@ -284,15 +233,13 @@ class OperatorDesk:
         A band costs a trial no data: it counts after `LOST_STREAM_NS` alone, and where it was
         wanted in this trial.
         """
-        for fault in self._faults:
-            if not self._blocks(fault):
-                continue
+        for fault in self._faults.blocking():
             patience_ns = longest_ns
             if self._rig.is_band(fault.role):
                 if not self._rig.has_vibrated:
                     continue
                 patience_ns = LOST_STREAM_NS
-            if self._loop.t_ns - self._standing[_key(fault)].since_ns >= patience_ns:
+            if self._loop.t_ns - self._faults.since_ns(fault) >= patience_ns:
                 self.interrupt_reason = f"{fault.role}: {fault.message}"
                 return
 
@@ -390,13 +337,6 @@ class OperatorDesk:
                 "Continue it with `visavis resume`"
             )
 
-    def _is_fresh(self, fault: Fault) -> bool:
-        if not self._standing[_key(fault)].is_told:
-            return False
-        if fault.severity == "blocking" or not _FIGURES.search(fault.message):
-            return True
-        return self._loop.t_ns - self._standing[_key(fault)].changed_ns < STALE_NS
-
     # ---- status ------------------------------------------------------------------------------
 
     def _status(self) -> SessionStatus:
@@ -426,16 +366,7 @@ class OperatorDesk:
             accuracy_deg=verdict.accuracy_deg if verdict else None,
             precision_deg=verdict.precision_deg if verdict else None,
             calibration_age_s=(t_ns - calibration.t_ns) / NS_PER_S if calibration else None,
-            faults=tuple(f for f in self._faults if self._is_fresh(f)),
+            faults=self._faults.shown(t_ns),
             prompt=self._prompt,
             messages=tuple(self._messages),
         )
-
-
-def _key(fault: Fault) -> tuple[str, str]:
-    return fault.role, _FIGURES.sub("#", fault.message)
-
-
-def is_waiting(status: SessionStatus) -> bool:
-    """Tell whether the session waits for the operator."""
-    return bool(status.prompt) or status.state is SessionState.PAUSED

@@ -1,0 +1,106 @@
+"""Faults of devices for as long as they hold: each is told once, though its figures may change."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from devices.contracts import Fault
+from lab.clock import NS_PER_MS, NS_PER_S
+from recording.writer import Recorder
+
+STALE_NS = 10 * NS_PER_S
+"""A warning whose figures have not changed for this long leaves the operator's screen."""
+
+_FIGURES = re.compile(r"[0-9]+")
+
+
+@dataclass
+class _Standing:
+    """A fault that holds: since when, what it says now and since when it says that."""
+
+    since_ns: int
+    message: str
+    changed_ns: int
+    is_told: bool = False
+
+
+class StandingFaults:
+    """Record faults when they come and when they are over.
+
+    `present` are those of the last look; `done_without` the roles whose absence the operator
+    accepted, until they are back.
+    """
+
+    def __init__(self, recorder: Recorder) -> None:
+        self.present: tuple[Fault, ...] = ()
+        self.done_without: set[str] = set()
+        self._recorder = recorder
+        self._standing: dict[tuple[str, str], _Standing] = {}
+
+    def report(self, fault: Fault, t_ns: int, *, is_set_up: bool) -> None:
+        """Record a fault once; a warning only when the devices have been set up."""
+        key = _key(fault)
+        standing = self._standing.get(key)
+        if standing is None:
+            standing = self._standing[key] = _Standing(t_ns, fault.message, t_ns)
+        elif standing.message != fault.message:
+            standing.message, standing.changed_ns = fault.message, t_ns
+        if not standing.is_told and (is_set_up or fault.severity == "blocking"):
+            standing.is_told = True
+            self._recorder.event(
+                "fault",
+                t_ns,
+                role=fault.role,
+                severity=fault.severity,
+                message=fault.message,
+                remedy=fault.remedy,
+            )
+
+    def look(self, faults: Sequence[Fault], t_ns: int, *, is_set_up: bool) -> None:
+        """Take the faults there are now, and record which are over."""
+        self.present = tuple(faults)
+        for fault in self.present:
+            self.report(fault, t_ns, is_set_up=is_set_up)
+        holding = {_key(f) for f in self.present}
+        for key in [k for k in self._standing if k not in holding]:
+            over = self._standing.pop(key)
+            self.done_without.discard(key[0])
+            if over.is_told:
+                self._recorder.event(
+                    "fault_over",
+                    t_ns,
+                    role=key[0],
+                    message=over.message,
+                    lasted_ms=round((t_ns - over.since_ns) / NS_PER_MS),
+                )
+
+    def blocking(self) -> tuple[Fault, ...]:
+        """Return the faults that keep a trial from running."""
+        return tuple(
+            f for f in self.present if f.severity == "blocking" and f.role not in self.done_without
+        )
+
+    def since_ns(self, fault: Fault) -> int:
+        """Since when a present fault has held."""
+        return self._standing[_key(fault)].since_ns
+
+    def concerns(self, fault: Fault, start_ns: int) -> bool:
+        """Tell a fault of what began then from a count of what happened before it."""
+        is_count = fault.severity == "warning" and _FIGURES.search(fault.message)
+        return not is_count or self._standing[_key(fault)].changed_ns > start_ns
+
+    def shown(self, t_ns: int) -> tuple[Fault, ...]:
+        """Return what belongs on the operator's screen."""
+        return tuple(f for f in self.present if self._is_fresh(f, t_ns))
+
+    def _is_fresh(self, fault: Fault, t_ns: int) -> bool:
+        standing = self._standing[_key(fault)]
+        if not standing.is_told:
+            return False
+        if fault.severity == "blocking" or not _FIGURES.search(fault.message):
+            return True
+        return t_ns - standing.changed_ns < STALE_NS
+
+
+def _key(fault: Fault) -> tuple[str, str]:
+    return fault.role, _FIGURES.sub("#", fault.message)
