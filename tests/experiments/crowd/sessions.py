@@ -12,29 +12,9 @@ from recording.reader import Recording
 ROOT = Path(__file__).resolve().parents[3]
 
 
-def session(
-    folder: Path,
-    *,
-    faults: dict[str, list[dict[str, Any]]] | None = None,
-    drivers: dict[str, dict[str, Any]] | None = None,
-    effect: bool = True,
-    index: int = 0,
-    group: str = "",
-    config: LabConfig | None = None,
-    **parameters: Any,
-) -> Recording:
-    """Return the recording of one walk per block; `faults` and `drivers` by device role."""
-    wanted = request(
-        folder,
-        faults=faults,
-        drivers=drivers,
-        effect=effect,
-        index=index,
-        group=group,
-        config=config,
-        **parameters,
-    )
-    return Recording(perform_new(wanted))
+def session(folder: Path, **wanted: Any) -> Recording:
+    """Return the recording of one walk per block; `wanted` as for `request`."""
+    return Recording(perform_new(request(folder, **wanted)))
 
 
 def request(
@@ -48,7 +28,10 @@ def request(
     config: LabConfig | None = None,
     **parameters: Any,
 ) -> Request:
-    """Return what to perform; `drivers` replace those of the lab, with the options they need."""
+    """Return what to perform; `faults` and `drivers` by device role.
+
+    Drivers replace those of the lab, with the options they need.
+    """
     if config is None:
         config = load_config(ROOT / "lab_config.yaml", OPTION_MODELS)
     devices = dict(config.devices)
