@@ -11,7 +11,6 @@ import pandas as pd
 from analysis.gaze.quality import validate
 from experiments.stare.design import QUESTIONNAIRES, STUDY, StareParameters
 from experiments.stare.intake import SessionIntake, measure_parameters_of, provenance_of, take_in
-from experiments.stare.participant import StareParticipant
 from experiments.stare.study import StareStudy
 from lab.config import LabConfig
 from protocol.experiment import ValidationPoint, ValidationVerdict
@@ -20,6 +19,7 @@ from protocol.questionnaires import Questionnaire, load_questionnaire
 from protocol.shown import Shown
 from recording.reader import Recording
 from stimuli.scene import SceneFrame
+from visavis.observer import Observer
 
 EYES = ("combined", "left", "right")
 
@@ -39,9 +39,9 @@ class StareBundle:
         """
         return StareStudy(parameters_from(StareParameters, overrides, STUDY))
 
-    def participant(self, index: int, seed: int, *, effect: bool) -> StareParticipant:
+    def participant(self, index: int, seed: int, *, effect: bool) -> Observer:
         """Return a simulated participant."""
-        return StareParticipant(index, seed, effect)
+        return Observer(index, seed, effect)
 
     def judge_validation(
         self, points: Sequence[ValidationPoint], rate_hz: float

@@ -28,9 +28,9 @@ from experiments.stare.design import AVERTED, CONDITIONS, STUDY
 from experiments.stare.exclusions import select_trials
 from experiments.stare.published import COMPARISONS
 from experiments.stare.quick_study import QuickStudy, TrackerModel, run_study
-from experiments.stare.temperament import DEFAULT_POPULATION, Population
 from experiments.stare.terms import DWELL, FIXATION_COUNT, MEASURES, Measure
 from lab.errors import DataError, UsageError
+from visavis.observer.temperament import DEFAULT_POPULATION, Population
 
 MakeTracker = Callable[[int, int], TrackerModel]
 

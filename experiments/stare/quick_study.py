@@ -33,9 +33,7 @@ from experiments.stare.design import (
     plan_session,
 )
 from experiments.stare.measures import SIX_MEASURES
-from experiments.stare.participant import StareParticipant
 from experiments.stare.scene import active_index_of
-from experiments.stare.temperament import DEFAULT_POPULATION, Population
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.geometry import Vector, rotate
 from protocol.plan import SessionPlan, Trial
@@ -51,6 +49,8 @@ from stimuli.scenes.audience import (
     black_scene,
 )
 from stimuli.visibility import SceneGeometry
+from visavis.observer import Observer
+from visavis.observer.temperament import DEFAULT_POPULATION, Population
 
 FIRST_FRAME = 2
 """The dark appears two frames after the stretch begins: one to wait for, one to be displayed."""
@@ -118,7 +118,7 @@ def _sample_times(start_ns: int, end_ns: int) -> Times:
 
 
 def run_participant(
-    participant: StareParticipant,
+    participant: Observer,
     tracker: TrackerModel,
     plan: SessionPlan,
     *,
@@ -137,7 +137,7 @@ def run_participant(
 
 
 def _trial(
-    participant: StareParticipant,
+    participant: Observer,
     tracker: TrackerModel,
     trial: Trial,
     params: StareParameters,
@@ -191,9 +191,7 @@ def _trial(
     return measured, (switch_ns - start_ns) / NS_PER_MS
 
 
-def _begin(
-    participant: StareParticipant, stretch: int, start_ns: int, behaviour: EyeBehaviour
-) -> None:
+def _begin(participant: Observer, stretch: int, start_ns: int, behaviour: EyeBehaviour) -> None:
     """Go through the dark before a trial and show its first picture."""
     scene, dark, _, _ = _scenes()
     facing = np.array([a.facing for a in dark.agents])
@@ -205,9 +203,7 @@ def _begin(
     participant.see(SceneFrame(scene, start_ns, gaze, openness), start_ns)
 
 
-def _show(
-    participant: StareParticipant, behaviour: EyeBehaviour, start_ns: int, frame: int
-) -> bool:
+def _show(participant: Observer, behaviour: EyeBehaviour, start_ns: int, frame: int) -> bool:
     """Show what a frame holds, from the next on; tell whether eyes move."""
     elapsed_ns = _frame_ns(frame) - start_ns
     display_ns = _frame_ns(frame + 1)
@@ -217,7 +213,7 @@ def _show(
 
 
 def _aoi(
-    participant: StareParticipant,
+    participant: Observer,
     tracker: TrackerModel,
     geometry: SceneGeometry,
     t_ns: Times,
@@ -270,7 +266,7 @@ def run_study(
     answers = []
     for index in participants:
         plan = plan_session(index, seed, params=params)
-        person = StareParticipant(index, seed, effect, population=population)
+        person = Observer(index, seed, effect, population=population)
         performed = run_participant(
             person, make_tracker(seed, index), plan, params=params, looks=looks
         )
@@ -297,7 +293,7 @@ def _anxiety_scale() -> Questionnaire:
     return load_questionnaire("social_anxiety")
 
 
-def anxiety_total(participant: StareParticipant) -> float:
+def anxiety_total(participant: Observer) -> float:
     """Return the total of the social anxiety questionnaire, NaN when an answer is missing."""
     scale = _anxiety_scale()
     given = {

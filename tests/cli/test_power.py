@@ -15,9 +15,9 @@ from cli.power_commands import power_study, read_effect, read_numbers, read_test
 from cli.replicate_runners import on_scheduler, on_this_machine
 from experiments.stare.comparisons import compare_conditions, condition_means
 from experiments.stare.power import StarePower, draw_people, scaled_population
-from experiments.stare.temperament import DEFAULT_POPULATION
 from lab.errors import DataError, UsageError
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
+from visavis.observer.temperament import DEFAULT_POPULATION
 
 DWELL = "A-D:dwell_ms"
 

@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from devices.contracts import EYES_DTYPE
-from experiments.stare.participant import StareParticipant
 from lab.geometry import angle_deg, rotate, unit
 from stimuli.scene import Scene, SceneFrame
 from stimuli.scenes.audience import (
@@ -19,6 +18,7 @@ from stimuli.scenes.audience import (
     audience_scene,
     black_scene,
 )
+from visavis.observer import Observer
 
 MS = 1_000_000
 SAMPLE_NS = 8_333_333
@@ -38,12 +38,12 @@ def frame(looking_back: tuple[int, ...] = (), t_ns: int = 0) -> SceneFrame:
 
 
 def ready(index: int = 0, *, seed: int = 4, stretch: int = 1, effect: bool = True, t_ns: int = 0):
-    participant = StareParticipant(index, seed, effect)
+    participant = Observer(index, seed, effect)
     start(participant, stretch, t_ns)
     return participant
 
 
-def start(participant: StareParticipant, stretch: int, t_ns: int) -> None:
+def start(participant: Observer, stretch: int, t_ns: int) -> None:
     participant.look_at(MARK_M.tolist(), t_ns)
     participant.prepare(stretch, t_ns)
     participant.look_at(None, t_ns)
@@ -100,7 +100,7 @@ def test_repeated_stretch_is_the_same_bit_for_bit_whatever_came_before() -> None
 @pytest.mark.parametrize("is_first", [True, False])
 def test_samples_taken_before_a_stretch_began_see_the_gaze_it_began_with(is_first: bool) -> None:
     began_ns = 5_000_000_000
-    participant = StareParticipant(0, 4)
+    participant = Observer(0, 4)
     if not is_first:
         participant = ready(stretch=2)
         participant.see(frame(), 0)
@@ -119,7 +119,7 @@ def test_what_flashed_up_before_the_dark_leaves_no_trace() -> None:
     nothing = np.empty((0, 3))
     results = []
     for before in (frame((1,)), SceneFrame(blank, 0, nothing, np.empty(0))):
-        participant = StareParticipant(6, 4)
+        participant = Observer(6, 4)
         participant.prepare(3, 0)
         participant.see(before, 11 * MS)
         participant.eyes(TRIAL_NS[:2])
@@ -154,7 +154,7 @@ def test_the_way_samples_are_asked_for_changes_nothing(chunks: list[int]) -> Non
 
 
 def test_obeys_the_instruction_to_look_at_the_mark() -> None:
-    participant = StareParticipant(2, 4)
+    participant = Observer(2, 4)
     participant.prepare(1, 0)
     participant.see(frame(), 0)
     participant.eyes(TRIAL_NS[:100])
@@ -170,7 +170,7 @@ def test_obeys_the_instruction_to_look_at_the_mark() -> None:
 
 
 def test_goes_to_the_mark_of_a_black_scene_without_being_told() -> None:
-    participant = StareParticipant(2, 4)
+    participant = Observer(2, 4)
     participant.prepare(1, 0)
     dark = black_scene(CHARACTERS)
     participant.see(SceneFrame(dark, 0, gaze_towards(dark), np.ones(11)), 0)
@@ -182,7 +182,7 @@ def test_goes_to_the_mark_of_a_black_scene_without_being_told() -> None:
 
 
 def test_both_eyes_converge_on_the_point_looked_at() -> None:
-    participant = StareParticipant(1, 4)
+    participant = Observer(1, 4)
     target = np.array([0.1, 1.25, -0.6])
     participant.look_at(target.tolist(), 0)
     participant.prepare(1, 0)
@@ -221,7 +221,7 @@ def test_gaze_is_steady_while_the_head_still_turns() -> None:
 def test_blinks_come_about_as_often_as_the_person_blinks() -> None:
     shut = np.concatenate([watched(0, s, (), True)[0]["openness_01"] < 0.5 for s in range(20)])
     starts = int((shut[1:] & ~shut[:-1]).sum())
-    expected = 320 / float(StareParticipant(0, 4).temperament.constants["blink_interval_s"][0])
+    expected = 320 / float(Observer(0, 4).temperament.constants["blink_interval_s"][0])
     assert starts == pytest.approx(expected, rel=0.4)
     assert 100 < shut.sum() / starts * SAMPLE_NS / MS < 260
 
@@ -271,10 +271,10 @@ def test_a_change_takes_effect_only_from_its_display_time() -> None:
 
 
 def test_people_differ_and_the_same_person_comes_back() -> None:
-    constants = [StareParticipant(i, 4).temperament.constants.tobytes() for i in range(10)]
+    constants = [Observer(i, 4).temperament.constants.tobytes() for i in range(10)]
     assert len(set(constants)) == 10
-    assert StareParticipant(3, 4).temperament.constants.tobytes() == constants[3]
-    assert StareParticipant(3, 5).temperament.constants.tobytes() != constants[3]
+    assert Observer(3, 4).temperament.constants.tobytes() == constants[3]
+    assert Observer(3, 5).temperament.constants.tobytes() != constants[3]
 
 
 def test_answers_repeat_and_the_total_follows_the_trait() -> None:
@@ -282,7 +282,7 @@ def test_answers_repeat_and_the_total_follows_the_trait() -> None:
     items = [f"lsas_{i:02d}_{part}" for i in range(1, 25) for part in ("fear", "avoidance")]
     totals, traits = [], []
     for index in range(60):
-        participant = StareParticipant(index, 11)
+        participant = Observer(index, 11)
         answers = [participant.answer(q, "How much?", options) for q in items]
         assert answers == [participant.answer(q, "How much?", options) for q in items]
         totals.append(sum(options.index(str(a)) for a in answers))
@@ -293,7 +293,7 @@ def test_answers_repeat_and_the_total_follows_the_trait() -> None:
 
 
 def test_demographics_are_plausible() -> None:
-    people = [StareParticipant(i, 2) for i in range(100)]
+    people = [Observer(i, 2) for i in range(100)]
     ages = [int(str(p.answer("age", "How old are you?", ()))) for p in people]
     assert min(ages) >= 18
     assert 26 < np.mean(ages) < 34

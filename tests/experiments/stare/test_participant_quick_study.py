@@ -4,8 +4,8 @@ import pytest
 from benchmarks.simulated_tracker import tracker_of
 from experiments.stare.design import CONDITIONS, StareParameters
 from experiments.stare.measures import SIX_MEASURES
-from experiments.stare.participant import StareParticipant
 from experiments.stare.quick_study import anxiety_total, run_study
+from visavis.observer import Observer
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +85,6 @@ def _one_condition(condition: str):
 
 
 def test_anxiety_total_lies_on_the_scale() -> None:
-    totals = [anxiety_total(StareParticipant(i, 1)) for i in range(20)]
+    totals = [anxiety_total(Observer(i, 1)) for i in range(20)]
     assert all(0 <= t <= 144 for t in totals)
     assert len(set(totals)) > 10

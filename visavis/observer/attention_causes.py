@@ -8,12 +8,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from experiments.stare.eye_movements import (
+from lab.compiled import compiled
+from visavis.observer.eye_movements import (
     draw,
     log_normal_ns,
     schedule_blink,
 )
-from experiments.stare.observer_state import (
+from visavis.observer.state import (
     FAR_FUTURE_NS,
     FREE,
     IDLE,
@@ -22,7 +23,6 @@ from experiments.stare.observer_state import (
     NO_TARGET,
     Records,
 )
-from lab.compiled import compiled
 
 
 @compiled

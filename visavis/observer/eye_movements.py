@@ -9,8 +9,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from experiments.stare.observer_state import N_SEGMENTS, Record, Records
 from lab.compiled import compiled
+from visavis.observer.state import N_SEGMENTS, Record, Records
 
 
 @compiled

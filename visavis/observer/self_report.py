@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from experiments.stare.temperament import Population, Temperament
+from visavis.observer.temperament import Population, Temperament
 
 LSAS_ITEMS = 48
 ITEM_LOADING = 0.62

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from experiments.stare.observer_state import PERSON_DTYPE
+from visavis.observer.state import PERSON_DTYPE
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,7 @@ DEFAULT_POPULATION = Population()
 class Temperament:
     """One simulated person: `constants` for the kernel and what the questionnaires ask about.
 
-    `constants` has dtype `observer_state.PERSON_DTYPE`, shape (1,). `anxiety` is the standardised
+    `constants` has dtype `state.PERSON_DTYPE`, shape (1,). `anxiety` is the standardised
     trait; `head_appeal` multiplies what heads are worth.
     """
 

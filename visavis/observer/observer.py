@@ -1,4 +1,4 @@
-"""A simulated participant of the stare study: sees the audience, moves eyes and head, answers.
+"""A simulated person who sees people, moves eyes and head, and answers questions.
 
 It receives what the display shows and nothing else; no condition, place or trial reaches it.
 What it does not model: fatigue and practice across trials, hearing, pursuit of moving targets,
@@ -12,17 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import EYES_DTYPE
-from experiments.stare import attention, attention_causes, eye_movements, observer_state
-from experiments.stare.self_report import answer_question
-from experiments.stare.temperament import (
+from lab.geometry import Vector, direction_from_yaw_pitch_deg
+from stimuli.scene import Scene, SceneFrame
+from stimuli.scenes.audience import PARTICIPANT_EYE_M
+from visavis.observer import attention, attention_causes, eye_movements, state
+from visavis.observer.self_report import answer_question
+from visavis.observer.temperament import (
     DEFAULT_POPULATION,
     Population,
     Temperament,
     draw_temperament,
 )
-from lab.geometry import Vector, direction_from_yaw_pitch_deg
-from stimuli.scene import Scene, SceneFrame
-from stimuli.scenes.audience import PARTICIPANT_EYE_M
 
 CHEST_BELOW_HEAD_M = 0.40
 ROOM_YAW_PITCH_DEG = (
@@ -45,7 +45,7 @@ N_BEHAVIOUR_STREAM = 2
 N_ANSWER_STREAM = 3
 
 
-class StareParticipant:
+class Observer:
     """Implement `protocol.participants.SimulatedParticipant` for one seated observer.
 
     `index` and `seed` make the person; `effect=False` makes them blind to gaze contact, so that
@@ -71,9 +71,9 @@ class StareParticipant:
         self._person = self.temperament.constants.copy()
         self._person["seat_x"], self._person["seat_y"], self._person["seat_z"] = self._seat
         self._cos_contact = float(np.cos(np.radians(self._population.contact_deg)))
-        self._mind = np.zeros(1, dtype=observer_state.MIND_DTYPE)
-        self._segments = np.zeros(observer_state.N_SEGMENTS, dtype=observer_state.SEGMENT_DTYPE)
-        self._targets = np.zeros(1, dtype=observer_state.TARGET_DTYPE)
+        self._mind = np.zeros(1, dtype=state.MIND_DTYPE)
+        self._segments = np.zeros(state.N_SEGMENTS, dtype=state.SEGMENT_DTYPE)
+        self._targets = np.zeros(1, dtype=state.TARGET_DTYPE)
         self._scratch = np.zeros(1)
         self._agent_eyes = np.zeros((0, 3))
         self._layout: _Layout | None = None
@@ -268,7 +268,7 @@ class StareParticipant:
             ]
         )
         worth = by_kind[what.targets["kind"]]
-        of_people = what.targets["kind"] <= observer_state.BODY
+        of_people = what.targets["kind"] <= state.BODY
         placed = what.size**q.size_power * np.exp(
             who.left_bias * what.leftward_deg / 20 - (what.eccentric_deg / q.centre_deg) ** 2 / 2
         )
@@ -298,13 +298,13 @@ class _Layout:
         offset = points - seat
         distance = np.linalg.norm(offset, axis=1)
         direction = offset / distance[:, None]
-        t = np.zeros(len(points), dtype=observer_state.TARGET_DTYPE)
+        t = np.zeros(len(points), dtype=state.TARGET_DTYPE)
         t["kind"] = np.repeat(
             [
-                observer_state.HEAD,
-                observer_state.BODY,
-                observer_state.ROOM,
-                observer_state.SPEAKER_SIDE,
+                state.HEAD,
+                state.BODY,
+                state.ROOM,
+                state.SPEAKER_SIDE,
             ],
             [n, n, len(room), 1],
         )

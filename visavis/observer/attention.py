@@ -12,7 +12,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from experiments.stare.eye_movements import (
+from lab.compiled import compiled
+from visavis.observer.eye_movements import (
     angle,
     draw,
     eyes_at,
@@ -23,7 +24,7 @@ from experiments.stare.eye_movements import (
     scatter,
     schedule_blink,
 )
-from experiments.stare.observer_state import (
+from visavis.observer.state import (
     FAR_FUTURE_NS,
     FREE,
     HEAD,
@@ -33,7 +34,6 @@ from experiments.stare.observer_state import (
     NO_TARGET,
     Records,
 )
-from lab.compiled import compiled
 
 
 @compiled
