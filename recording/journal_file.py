@@ -16,7 +16,8 @@ class JournalContent:
     """What a journal held, in written order.
 
     `headers` maps each declared stream to the header of its file; `is_ended` tells whether the
-    end line is there and counts the lines before it.
+    end line is there and counts the lines before it. `damaged_lines` are unreadable ones before
+    the last, which a killed process never leaves behind; what it does is the `tail_problem`.
     """
 
     events: tuple[dict[str, Any], ...]
@@ -26,6 +27,8 @@ class JournalContent:
     is_simulated: bool | None
     is_ended: bool
     problems: tuple[str, ...]
+    damaged_lines: int = 0
+    tail_problem: str = ""
 
 
 def read_journal(path: Path) -> JournalContent:
@@ -38,14 +41,17 @@ def read_journal(path: Path) -> JournalContent:
         raise RecordingError(f"{path} cannot be read: {error.strerror}; check the disk") from error
     problems: list[str] = []
     entries = []
+    damaged, tail_problem = 0, ""
     lines = data.split(b"\n")
     for number, line in enumerate(lines, start=1):
         entry = decode_line(line)
         if entry is not None:
             entries.append(entry)
         elif line and number == len(lines):
-            problems.append(f"{path}: line {number} is cut; {len(line)} bytes were left out")
+            tail_problem = f"{path}: line {number} is cut; {len(line)} bytes were left out"
+            problems.append(tail_problem)
         elif line:
+            damaged += 1
             problems.append(f"{path}: line {number} is damaged and was left out")
     head = next((e for e in entries if e["kind"] == "header"), None)
     if head is not None and head["format"] > FORMAT_VERSION:
@@ -64,6 +70,8 @@ def read_journal(path: Path) -> JournalContent:
         is_simulated=None if head is None else bool(head["is_simulated"]),
         is_ended=end is not None,
         problems=tuple(problems),
+        damaged_lines=damaged,
+        tail_problem=tail_problem,
     )
 
 

@@ -1,7 +1,7 @@
 """Open a recorded session: finished, aborted, crashed or still running."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,8 @@ from recording.stream_file import Columns, StreamContent, empty_columns, read_st
 
 PART_COLUMN = "recording_part"
 """The column that says in which part of the session a row was recorded."""
+
+CHANGED = "SHA-256 differs from the manifest's"
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Recording:
         self.path = path
         self.manifest: Manifest = read_manifest(path)
         self._journals: dict[int, JournalContent] = {}
-        self._states: dict[tuple[int, str], _State] = {}
+        self._states: dict[tuple[int, str], StreamContent] = {}
 
     @property
     def is_simulated(self) -> bool:
@@ -196,14 +198,33 @@ class Recording:
         problems: list[str] = []
         for part in self.manifest.parts:
             problems.extend(self.part_problems(part.number))
-            kept = [(s.file, s.sha256) for s in part.streams]
-            if part.journal is not None:
-                kept.append((part.journal.file, part.journal.sha256))
-            for file, digest in kept:
-                path = self.path / part.folder / file
-                if path.exists() and digest and sha256_of(path) != digest:
-                    problems.append(f"{path}: SHA-256 differs from the manifest's")
+            folder = self.path / part.folder
+            problems += [f"{folder / file}: {CHANGED}" for file in self.changed_files(part.number)]
         return Verification(self.status, tuple(problems))
+
+    def changed_files(self, number: int) -> tuple[str, ...]:
+        """Return the files of a part that are not, byte for byte, what the manifest says of them.
+
+        Missing ones are no part of it, nor those of which the manifest keeps no hash.
+        """
+        part = self._part(number)
+        kept = [(s.file, s.sha256) for s in part.streams]
+        if part.journal is not None:
+            kept.append((part.journal.file, part.journal.sha256))
+        folder = self.path / part.folder
+        return tuple(
+            file
+            for file, digest in kept
+            if digest and (folder / file).exists() and sha256_of(folder / file) != digest
+        )
+
+    def journal(self, number: int) -> JournalContent:
+        """Return what the event journal of a part holds, and what is wrong with it."""
+        return self._journal(number)
+
+    def stream_states(self, number: int) -> dict[str, StreamContent]:
+        """Return what is there of every stream of a part, without samples."""
+        return {name: self._state(number, name) for name in self._names(number)}
 
     # ---- private --------------------------------------------------------------------------
 
@@ -242,16 +263,10 @@ class Recording:
         path = self.path / self._part(number).folder / f"{name}.arrows"
         header = self._journal(number).headers.get(name)
         content = read_stream_file(path, header, with_columns=with_columns)
-        self._states[number, name] = _State(
-            content.schema,
-            content.is_simulated,
-            content.n_rows,
-            content.is_ended,
-            content.problems,
-        )
+        self._states[number, name] = replace(content, columns={})
         return content
 
-    def _state(self, number: int, name: str) -> "_State":
+    def _state(self, number: int, name: str) -> StreamContent:
         if (number, name) not in self._states:
             self._content(number, name, with_columns=False)
         return self._states[number, name]
@@ -265,17 +280,6 @@ class Recording:
                     "parts one by one"
                 )
         return {n: np.concatenate([p[n] for p in pieces]) for n in names}
-
-
-@dataclass(frozen=True)
-class _State:
-    """What is remembered of a stream file without its samples."""
-
-    schema: StreamSchema | None
-    is_simulated: bool | None
-    n_rows: int
-    is_ended: bool
-    problems: tuple[str, ...]
 
 
 def require_one_kind(recordings: Iterable[Recording], *, allow_mixture: bool = False) -> None:

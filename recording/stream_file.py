@@ -27,11 +27,27 @@ Columns = dict[str, npt.NDArray[Any]]
 
 
 @dataclass(frozen=True)
+class Gap:
+    """Rows that a stream file holds no more, between two readable samples.
+
+    `n_rows` is None where nothing says how many there were; `after_ns` and `before_ns` are the
+    host times of the samples on both sides, None at the file's beginning and end.
+    """
+
+    first_row: int
+    n_rows: int | None
+    after_ns: int | None
+    before_ns: int | None
+
+
+@dataclass(frozen=True)
 class StreamContent:
     """What a stream file held.
 
     `columns` maps seq, t_device_ns, t_host_ns and the stream's fields to arrays of n rows;
-    `problems` names every damage found; `is_ended` tells whether the end marker is there.
+    `problems` names every damage found, `gaps` which rows it cost; `tail_problem` is the one of
+    them that a killed process leaves behind, too. `is_ended` tells whether the end marker is there
+    and `last_ns` when the last readable sample came.
     """
 
     schema: StreamSchema | None
@@ -41,6 +57,13 @@ class StreamContent:
     n_batches: int
     is_ended: bool
     problems: tuple[str, ...]
+    gaps: tuple[Gap, ...] = ()
+    last_ns: int | None = None
+
+    @property
+    def tail_problem(self) -> str:
+        """Return what is wrong with the file's end alone, empty when nothing is."""
+        return self.problems[-1] if self.gaps and self.gaps[-1].n_rows is None else ""
 
 
 @dataclass(frozen=True)
@@ -48,6 +71,10 @@ class _Batch:
     first_row: int
     n_rows: int
     buffers: tuple[memoryview, ...]
+
+    def t_host_ns(self, row: int) -> int:
+        """Return when one of its samples came; the third column of every stream."""
+        return int(np.frombuffer(self.buffers[2], np.int64)[row])
 
 
 def read_stream_file(
@@ -75,7 +102,7 @@ def read_stream_file(
     except (KeyError, ValueError, TypeError) as error:
         return _nothing(*problems, f"{path}: the header lacks {error}")
     fields = STAMPS + schema.fields
-    batches, is_ended = _batches(data, start, fields, path, problems)
+    batches, is_ended, gaps = _batches(data, start, fields, path, problems)
     return StreamContent(
         schema=schema,
         is_simulated=(arrow.metadata or {}).get(b"is_simulated") == b"true",
@@ -84,6 +111,8 @@ def read_stream_file(
         n_batches=len(batches),
         is_ended=is_ended,
         problems=tuple(problems),
+        gaps=tuple(gaps),
+        last_ns=batches[-1].t_host_ns(-1) if batches else None,
     )
 
 
@@ -135,8 +164,9 @@ def _check_version(arrow: Any, path: Path) -> None:
 
 def _batches(
     data: memoryview, start: int, fields: tuple[Field, ...], path: Path, problems: list[str]
-) -> tuple[list[_Batch], bool]:
+) -> tuple[list[_Batch], bool, list[Gap]]:
     batches: list[_Batch] = []
+    gaps: list[Gap] = []
     at, row = start, 0
     while at < len(data):
         try:
@@ -144,7 +174,7 @@ def _batches(
             if message.is_end:
                 if message.end < len(data):
                     problems.append(f"{path}: {len(data) - message.end} bytes follow the end")
-                return batches, True
+                return batches, True, gaps
             batch = _decode(data, message, fields)
             end = message.end
         except Torn as error:
@@ -155,7 +185,8 @@ def _batches(
                     f"{path}: batch {len(batches)} (byte {at}) is cut: {error}; "
                     f"the last {lost} bytes are not a whole batch"
                 )
-                return batches, _ends_in_marker(data, at)
+                gaps.append(Gap(row, None, _last_ns(batches), None))
+                return batches, _ends_in_marker(data, at), gaps
             where, batch, end = resumed
             problems.append(
                 f"{path}: bytes {at} to {where} are damaged ({error}); "
@@ -167,10 +198,19 @@ def _batches(
                     f"{path}: the batch at byte {at} begins with row {batch.first_row}, "
                     f"row {row} was due"
                 )
+        at = end
+        if batch.first_row < row:
+            continue  # rows that came before: a copy, or out of order
+        if batch.first_row > row:
+            lost = batch.first_row - row
+            gaps.append(Gap(row, lost, _last_ns(batches), batch.t_host_ns(0)))
         batches.append(batch)
         row = batch.first_row + batch.n_rows
-        at = end
-    return batches, False
+    return batches, False, gaps
+
+
+def _last_ns(batches: list[_Batch]) -> int | None:
+    return batches[-1].t_host_ns(-1) if batches else None
 
 
 def _ends_in_marker(data: memoryview, at: int) -> bool:
