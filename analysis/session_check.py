@@ -20,7 +20,10 @@ from analysis.session_verdict import (
     StreamCheck,
     TrialCheck,
 )
+from recording.integrity import damage_of
 from recording.reader import Recording
+
+RESTORE = "restore the damaged files from a copy; `visavis analyse` leaves damaged trials out"
 
 
 def check_session(recording: Recording, limits: CheckLimits | None = None) -> SessionCheck:
@@ -53,33 +56,30 @@ def check_session(recording: Recording, limits: CheckLimits | None = None) -> Se
 
 def _recording_findings(recording: Recording) -> list[Finding]:
     status = recording.status
-    problems = [
-        p for part in recording.manifest.parts for p in recording.part_problems(part.number)
-    ]
-    torn = [p for p in problems if "mixes simulated and real" not in p]
     if status == "running":
         return [
             Finding(
                 Level.AMBER, "recording", "the session is still running", "wait for its last trial"
             )
         ]
-    if status in ("aborted", "crashed"):
-        found = [
+    damage = damage_of(recording)
+    found = [
+        Finding(Level.RED, "recording", text, RESTORE)
+        for text in dict.fromkeys((*damage.summary(), *damage.problems))
+    ]
+    parts = recording.manifest.parts
+    if not parts or parts[-1].status != "complete":
+        is_aborted = bool(parts) and parts[-1].status == "aborted"
+        found.append(
             Finding(
                 Level.RED,
                 "recording",
-                f"the session {'was ended early' if status == 'aborted' else 'crashed'}"
-                + _because(recording.manifest.parts[-1].reason if recording.manifest.parts else ""),
+                f"the session {'was ended early' if is_aborted else 'crashed'}"
+                + _because(parts[-1].reason if parts else ""),
                 RESUME,
             )
-        ]
-    else:
-        found = [Finding(Level.GREEN, "recording", "complete: every file closed and counted")]
-    crashed = [p.number for p in recording.manifest.parts if p.status == "crashed"]
-    for problem in torn:
-        if not any(f"part-{number:02d}" in problem for number in crashed):
-            found.append(Finding(Level.RED, "recording", problem, "run `visavis recover`"))
-    return found
+        )
+    return found or [Finding(Level.GREEN, "recording", "complete: every file closed and verified")]
 
 
 # ---- trials ----------------------------------------------------------------------------------

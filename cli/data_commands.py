@@ -95,11 +95,17 @@ def export(
     output: Annotated[Path, typer.Option("--output", "-o", help="Where to write.")] = Path(
         "exported"
     ),
+    accept_damage: Annotated[
+        bool, typer.Option("--accept-damage", help="Export what is left of a damaged recording.")
+    ] = False,
 ) -> None:
     """Copy a session into files that other programs read; the recording is not touched.
 
     Example: visavis export data/simulated/stare/sub-S07H/ses-001 --format bids -o out/bids
     """
+    from cli.damage import require_intact
+
+    require_intact([session_path], accept=accept_damage)
     if format_name == "pedpy":
         from experiments.crowd.pedestrian_export import export_walks
 

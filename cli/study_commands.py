@@ -17,6 +17,7 @@ from rich.progress import (
 )
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab
+from cli.damage import require_intact, write_damage
 from cli.replicate_runners import on_scheduler, on_this_machine
 from cli.session_commands import SIMULATED_PREFIX
 from cli.simulation import SimulationTask, in_parallel, measure_one, simulate_one, worker_count
@@ -54,6 +55,10 @@ SchedulerOption = Annotated[
 MeasureOption = Annotated[
     list[str] | None,
     typer.Option("--set", help="Measure another way (crowd): --set rule=published"),
+]
+AcceptDamageOption = Annotated[
+    bool,
+    typer.Option("--accept-damage", help="Go on with what is left of damaged recordings."),
 ]
 StudyFolder = Annotated[Path, typer.Argument(help="Folder of a study (holds sub-…/ses-…).")]
 
@@ -164,6 +169,7 @@ def analyse(
     processes: ProcessesOption = None,
     scheduler: SchedulerOption = None,
     measure: MeasureOption = None,
+    accept_damage: AcceptDamageOption = False,
 ) -> None:
     """Write one tidy row per trial, statistics, figures and the report.
 
@@ -176,6 +182,7 @@ def analyse(
         processes=processes,
         scheduler=scheduler,
         measure=measure or [],
+        accept_damage=accept_damage,
     )
     console.print(f"tables, figures and report in [b]{report_path.parent}[/]", soft_wrap=True)
     console.print(f"report: [b]{report_path}[/]", soft_wrap=True)
@@ -189,8 +196,13 @@ def analyse_study(
     processes: int | None,
     scheduler: str | None = None,
     measure: Sequence[str] = (),
+    accept_damage: bool = False,
 ) -> Path:
-    """Measure every session of a study and analyse them together; return the report's path."""
+    """Measure every session of a study and analyse them together; return the report's path.
+
+    Raises:
+        DataError: a recording is damaged and that was not accepted, or kinds or studies are mixed.
+    """
     folder = folder.resolve()
     sessions, left_out = one_per_participant(sessions_of(folder))
     for path in left_out:
@@ -210,6 +222,7 @@ def analyse_study(
         )
     study = names.pop()
     watch = StopWatch()
+    damaged = require_intact(sessions, accept=accept_damage)
     out_dir = output.resolve() if output is not None else folder / DERIVED
     out_dir.mkdir(parents=True, exist_ok=True)
     chosen = find_study(study)
@@ -226,10 +239,18 @@ def analyse_study(
         is_simulated=True in kinds,
         commands=(
             *_origin(folder),
-            " ".join(["visavis analyse", _from_root(folder), *(f"--set {m}" for m in measure)]),
+            " ".join(
+                [
+                    "visavis analyse",
+                    _from_root(folder),
+                    *(f"--set {m}" for m in measure),
+                    *(["--accept-damage"] if damaged else []),
+                ]
+            ),
         ),
         example=Recording(sessions[0]),
     )
+    write_damage(damaged, out_dir)
     console.print(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
     return report_path
 
@@ -299,12 +320,20 @@ def report(
     open_it: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
     processes: ProcessesOption = None,
     measure: MeasureOption = None,
+    accept_damage: AcceptDamageOption = False,
 ) -> None:
     """Make the study's self-contained HTML report and say where it lies.
 
     Example: visavis report data/simulated/stare
     """
-    path = analyse_study(folder, None, mixture=False, processes=processes, measure=measure or [])
+    path = analyse_study(
+        folder,
+        None,
+        mixture=False,
+        processes=processes,
+        measure=measure or [],
+        accept_damage=accept_damage,
+    )
     console.print(f"report: [b]{path}[/]", soft_wrap=True)
     if open_it:
         webbrowser.open(path.as_uri())

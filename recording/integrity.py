@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import pandas as pd
 
@@ -100,11 +101,21 @@ class DamageReport:
         return tuple(lines)
 
 
+_FOUND: "WeakKeyDictionary[Recording, DamageReport]" = WeakKeyDictionary()
+
+
 def damage_of(recording: Recording) -> DamageReport:
     """Read every file of a session again: checksums, counts and, where kept, SHA-256.
 
     Per stream, which rows are gone; per trial, what of it is missing. Never raises for damage.
+    As with all that a `Recording` reads, files are looked at once: open it anew to look again.
     """
+    if recording not in _FOUND:
+        _FOUND[recording] = _damage_of(recording)
+    return _FOUND[recording]
+
+
+def _damage_of(recording: Recording) -> DamageReport:
     problems: list[str] = []
     streams: list[StreamDamage] = []
     trials: list[TrialDamage] = []
@@ -143,9 +154,7 @@ def damage_of(recording: Recording) -> DamageReport:
     )
 
 
-def analysed_trials(
-    recording: Recording, needs: Collection[str] | None = None, damage: DamageReport | None = None
-) -> pd.DataFrame:
+def analysed_trials(recording: Recording, needs: Collection[str] | None = None) -> pd.DataFrame:
     """Return the rows of `recording.trials()` as analysis may take them.
 
     A finished trial that lost rows of a stream in `needs` (any stream when None) has the status
@@ -153,7 +162,7 @@ def analysed_trials(
     the status LOST. `reason` says what is missing. Without damage nothing changes.
     """
     rows = recording.trials()
-    found = damage_of(recording) if damage is None else damage
+    found = damage_of(recording)
     marked = {
         (t.part, t.trial_id, t.attempt): t
         for t in found.trials
@@ -271,9 +280,7 @@ def _lost_rows(recording: Recording, part: Part) -> Iterator[TrialDamage]:
             yield TrialDamage(part.number, trial_id, attempt, LOST, (), _row_gone(part.folder))
 
 
-def _without_trace(
-    recording: Recording, known: Collection[TrialDamage]
-) -> Iterator[TrialDamage]:
+def _without_trace(recording: Recording, known: Collection[TrialDamage]) -> Iterator[TrialDamage]:
     """Yield what was planned of a finished session and left neither row nor beginning."""
     parts = recording.manifest.parts
     if not parts or parts[-1].status != "complete":
@@ -300,7 +307,4 @@ def _rows(stream: StreamDamage) -> str:
 def _counted(names: Collection[str], what: str, most: int = 12) -> str:
     shown = list(dict.fromkeys(names))
     more = f" and {len(shown) - most} more" if len(shown) > most else ""
-    return (
-        f"{len(shown)} {what}{'s' if len(shown) != 1 else ''} "
-        f"({', '.join(shown[:most])}{more})"
-    )
+    return f"{len(shown)} {what}{'s' if len(shown) != 1 else ''} ({', '.join(shown[:most])}{more})"

@@ -5,13 +5,17 @@ import json
 from collections.abc import Sequence
 
 from analysis.report.provenance import ReportProvenance, SessionSource
+from recording.integrity import damage_of
 from recording.manifest import Manifest
 from recording.reader import Recording
 
 
 def source_of(recording: Recording) -> SessionSource:
-    """Return what identifies one recording: whose, when, how it ended, one hash over its files."""
-    manifest = recording.manifest
+    """Return what identifies one recording: whose, when, how it ended, one hash over its files.
+
+    The status of a damaged one says what cannot be read.
+    """
+    manifest, damage = recording.manifest, damage_of(recording)
     hashes = [
         digest
         for part in manifest.parts
@@ -24,7 +28,7 @@ def source_of(recording: Recording) -> SessionSource:
         participant=manifest.participant,
         session=f"ses-{manifest.session:03d}",
         started_at=manifest.created_wall_iso,
-        status=recording.status,
+        status="; ".join(("damaged", *damage.summary())) if damage.is_damaged else recording.status,
         sha256=hashlib.sha256("".join(hashes).encode()).hexdigest(),
         code_revision=manifest.provenance.code_revision,
     )

@@ -102,13 +102,14 @@ def measure_sessions(
 
 
 def jobs_of(recording: Recording, params: MeasureParameters) -> list[WalkJob]:
-    """Return one job per complete walk of a session, training left out."""
+    """Return one job per intact walk of a session, training left out."""
     person, _ = answers_of(recording)
     sex = person.get("gender")
     step_m = step_length_m(sex)
     session = str(recording.path.resolve())
     return [
-        WalkJob(session, record.trial_id, step_m, sex, params) for record in walk_records(recording)
+        WalkJob(session, record.trial_id, step_m, sex, params)
+        for record in walk_records(recording, intact=True)
     ]
 
 

@@ -25,7 +25,7 @@ def export_walks(session: Path, output: Path) -> tuple[Path, ...]:
             f"{session} is a session of {recording.manifest.study}; only walks of the crowd study "
             "can be exported for PedPy"
         )
-    records = walk_records(recording)
+    records = walk_records(recording, intact=True)
     if not records:
         raise UsageError(f"{session} holds no finished walk")
     mark = "_simulated" if recording.is_simulated else ""

@@ -13,6 +13,7 @@ from devices.segment_watch import SegmentWatch
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import DataError, UsageError
 from lab.geometry import Vector
+from recording.integrity import analysed_trials
 from recording.reader import Recording
 from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M
 from stimuli.contact.idle import people_of
@@ -94,13 +95,17 @@ class WalkRecord:
         return str(self.row["trial_id"])
 
 
-def walk_records(recording: Recording, *, practice: bool = False) -> list[WalkRecord]:
+def walk_records(
+    recording: Recording, *, practice: bool = False, intact: bool = False
+) -> list[WalkRecord]:
     """Return every complete walk of a session in order of performance, with or without training.
+
+    With `intact`, every file is verified and walks that lost samples are left out.
 
     Raises:
         DataError: the crowd of a walk was not recorded.
     """
-    trials = recording.trials()
+    trials = analysed_trials(recording) if intact else recording.trials()
     if trials.empty:
         return []
     events = recording.events()
@@ -123,12 +128,13 @@ def walk_records(recording: Recording, *, practice: bool = False) -> list[WalkRe
 
 
 def walks(recording: Recording, *, step_ns: int = STEP_NS) -> list[Walk]:
-    """Return every complete walk of a session, training left out, in order of performance.
+    """Return every intact walk of a session, training left out, in order of performance.
 
     Raises:
         DataError: the crowd of a walk was not recorded, or the body tracker lacks joints.
     """
-    return [load_walk(recording, record, step_ns=step_ns) for record in walk_records(recording)]
+    records = walk_records(recording, intact=True)
+    return [load_walk(recording, record, step_ns=step_ns) for record in records]
 
 
 def walk_of(recording: Recording, trial_id: str, *, step_ns: int = STEP_NS) -> Walk:

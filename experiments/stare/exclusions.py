@@ -8,6 +8,7 @@ from experiments.stare.analysis_parameters import AnalysisParameters
 from experiments.stare.design import CONDITIONS
 from experiments.stare.terms import MEASURES
 from lab.errors import DataError
+from recording.integrity import DAMAGED, LOST
 
 LOSS_COLUMN = "lost_01"
 ERROR_COLUMN = "calibration_accuracy_deg"
@@ -35,8 +36,9 @@ class Flow:
     """How many went in and what became of them.
 
     `performed` counts experimental trials tried, `complete` those finished once each;
-    `superseded` were finished and then repeated. `lost` trials had too little gaze, of
-    participants who stayed in; `with_participants` went out with a participant.
+    `damaged` cannot be read any more; `superseded` were finished and then repeated. `lost` trials
+    had too little gaze, of participants who stayed in; `with_participants` went out with a
+    participant.
     """
 
     participants: int
@@ -48,6 +50,7 @@ class Flow:
     lost: int
     with_participants: int
     analysed: int
+    damaged: int = 0
 
     @property
     def participants_in(self) -> int:
@@ -79,6 +82,7 @@ def select_trials(trials: pd.DataFrame, parameters: AnalysisParameters) -> Selec
     checked = _checked(trials)
     performed = len(checked)
     finished = checked[checked["status"] == "complete"]
+    damaged = checked[checked["status"].isin((DAMAGED, LOST))]
     complete = finished.sort_values("attempt", kind="stable").drop_duplicates(
         ["participant", "session", "trial_id"], keep="last"
     )
@@ -93,6 +97,10 @@ def select_trials(trials: pd.DataFrame, parameters: AnalysisParameters) -> Selec
         share = getattr(row, LOSS_COLUMN)
         reason = "share of lost gaze unknown" if pd.isna(share) else f"{100 * share:.0f} % lost"
         excluded.append(Excluded(str(row.participant), str(row.trial_id), reason))
+    excluded += [
+        Excluded(str(row.participant), str(row.trial_id), str(row.reason))
+        for row in damaged.itertuples(index=False)
+    ]
     return Selection(
         kept=kept.reset_index(drop=True),
         complete=complete.reset_index(drop=True),
@@ -101,12 +109,13 @@ def select_trials(trials: pd.DataFrame, parameters: AnalysisParameters) -> Selec
             participants=int(checked["participant"].nunique()),
             participants_out=len(out),
             performed=performed,
-            unfinished=performed - len(finished),
+            unfinished=performed - len(finished) - len(damaged),
             superseded=len(finished) - len(complete),
             complete=len(complete),
             lost=len(lost),
             with_participants=int((~stays).sum()),
             analysed=len(kept),
+            damaged=len(damaged),
         ),
         uncalibrated=tuple(
             str(name)

@@ -271,6 +271,7 @@ def _stages(analysis: StareAnalysis) -> list[Stage]:
         text
         for number, text in (
             (flow.unfinished, f"{counted(flow.unfinished, 'attempt')} interrupted or skipped"),
+            (flow.damaged, f"{counted(flow.damaged, 'trial')} unreadable: damaged recording"),
             (flow.superseded, f"{counted(flow.superseded, 'trial')} finished, then repeated"),
         )
         if number

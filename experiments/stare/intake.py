@@ -13,6 +13,7 @@ import pandas as pd
 from analysis.gaze.aoi import LOST
 from analysis.gaze.loss import frozen_samples
 from analysis.report import ReportProvenance, SessionSource
+from analysis.report.sources import source_of
 from experiments.stare.design import QUESTIONNAIRES, STUDY
 from experiments.stare.measures import (
     DEFAULT_MEASURE_PARAMETERS,
@@ -24,6 +25,7 @@ from experiments.stare.measures import (
 )
 from protocol.gaze_setup import TARGETS
 from protocol.questionnaires import load_questionnaire, read_answers, score
+from recording.integrity import analysed_trials
 from recording.manifest import Manifest
 from recording.reader import Recording
 
@@ -56,11 +58,12 @@ def measure_parameters_of(plan: Mapping[str, Any]) -> MeasureParameters:
 def take_in(
     recording: Recording, params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS
 ) -> SessionIntake:
-    """Measure every finished trial; interrupted and skipped ones keep their row unmeasured."""
-    trials = recording.trials()
+    """Measure every finished and intact trial; the others keep their row unmeasured."""
+    trials = analysed_trials(recording, needs=("gaze", "gaze_targets"))
     rows: list[dict[str, Any]] = []
     sensitivity: list[dict[str, Any]] = []
-    targets = {int(p): _targets(recording, int(p)) for p in trials["recording_part"].unique()}
+    done = trials.loc[trials["status"] == "complete", "recording_part"]
+    targets = {int(p): _targets(recording, int(p)) for p in done.unique()}
     for row in _records(trials):
         if row["status"] != "complete":
             rows.append(row)
@@ -80,7 +83,7 @@ def take_in(
         rows=frame,
         sensitivity=pd.DataFrame(sensitivity),
         person=_person(recording),
-        source=_source(recording),
+        source=source_of(recording),
         manifest=recording.manifest,
         facts=_facts(recording, frame),
     )
@@ -139,26 +142,6 @@ def _validations(events: pd.DataFrame) -> dict[str, Any]:
         "drift_deg": end_deg - starts[-1]["accuracy_deg"] if ends and starts else None,
         "rejected_validations": sum(not v["accepted"] for v in found if v["moment"] != "end"),
     }
-
-
-def _source(recording: Recording) -> SessionSource:
-    manifest = recording.manifest
-    hashes = [
-        digest
-        for part in manifest.parts
-        for digest in (
-            *(s.sha256 for s in part.streams),
-            part.journal.sha256 if part.journal else "",
-        )
-    ]
-    return SessionSource(
-        participant=manifest.participant,
-        session=f"ses-{manifest.session:03d}",
-        started_at=manifest.created_wall_iso,
-        status=recording.status,
-        sha256=hashlib.sha256("".join(hashes).encode()).hexdigest(),
-        code_revision=manifest.provenance.code_revision,
-    )
 
 
 def _facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:

@@ -10,8 +10,10 @@ from typing import Any, Final
 import pandas as pd
 
 from analysis.report import ReportProvenance, SessionSource
+from analysis.report.sources import source_of
 from experiments.waving.design import QUESTIONNAIRES, STUDY
 from protocol.questionnaires import Questionnaire, load_questionnaire, read_answers
+from recording.integrity import analysed_trials
 from recording.manifest import Manifest
 from recording.reader import Recording
 
@@ -39,9 +41,9 @@ def questionnaire(name: str, wording: Path | None = None) -> Questionnaire:
 
 def take_in(recording: Recording) -> SessionIntake:
     """Read the trials and answers of a session."""
-    rows = recording.trials()
+    rows = analysed_trials(recording, needs=())
     rows.insert(0, "is_simulated", recording.is_simulated)
-    return SessionIntake(rows, _person(recording), _source(recording), recording.manifest)
+    return SessionIntake(rows, _person(recording), source_of(recording), recording.manifest)
 
 
 def _person(recording: Recording) -> dict[str, Any]:
@@ -53,26 +55,6 @@ def _person(recording: Recording) -> dict[str, Any]:
     for name in QUESTIONNAIRES:
         person |= read_answers(questionnaire(name), given.get(name, {}))
     return person
-
-
-def _source(recording: Recording) -> SessionSource:
-    manifest = recording.manifest
-    hashes = [
-        digest
-        for part in manifest.parts
-        for digest in (
-            *(s.sha256 for s in part.streams),
-            part.journal.sha256 if part.journal else "",
-        )
-    ]
-    return SessionSource(
-        participant=manifest.participant,
-        session=f"ses-{manifest.session:03d}",
-        started_at=manifest.created_wall_iso,
-        status=recording.status,
-        sha256=hashlib.sha256("".join(hashes).encode()).hexdigest(),
-        code_revision=manifest.provenance.code_revision,
-    )
 
 
 def provenance_of(sessions: Sequence[SessionIntake], commands: tuple[str, ...]) -> ReportProvenance:

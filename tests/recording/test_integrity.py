@@ -49,7 +49,10 @@ def record(root: Path, *, is_closed: bool = True) -> Path:
                 recorder.append(probe_batch(first, 10))
             clock.sleep_until_ns((i + 1) * TRIAL_NS)
             row = {"trial_id": f"T{i}", "attempt": 1, "status": "complete", "side": "left"}
-            times = {"t_start_ns": i * TRIAL_NS + PAUSE_NS, "t_end_ns": (i + 1) * TRIAL_NS - PAUSE_NS}
+            times = {
+                "t_start_ns": i * TRIAL_NS + PAUSE_NS,
+                "t_end_ns": (i + 1) * TRIAL_NS - PAUSE_NS,
+            }
             recorder.trial({**row, **times})
         if is_closed:
             folder.end_part(clock, recorder.close("complete"))

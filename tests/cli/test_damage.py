@@ -1,0 +1,119 @@
+"""Damaged recordings are refused by whatever makes something of them, and say what is missing."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner, Result
+
+from cli.main import app
+from lab.errors import DataError
+from recording.reader import Recording
+
+SHORT = ["trial_s=1", "intertrial_s=0.5", "practice_s=1", "repetitions=1"]
+
+
+@pytest.fixture(scope="module")
+def intact(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("intact")
+    arguments = ["simulate", "stare", "--participants", "2", "--seed", "5", "--processes", "1"]
+    options = [text for setting in SHORT for text in ("--set", setting)]
+    done = CliRunner().invoke(app, [*arguments, "--output", str(root), *options])
+    assert done.exit_code == 0, done.output
+    return root / "simulated" / "stare"
+
+
+@pytest.fixture(scope="module")
+def damaged(intact: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a study of which the second half of one person's gaze and two rows are unreadable."""
+    study = tmp_path_factory.mktemp("damaged") / "simulated" / "stare"
+    shutil.copytree(intact, study)
+    part = sorted(study.glob("sub-*/ses-001/part-01"))[0]
+    gaze, journal = part / "gaze.arrows", part / "events.jsonl"
+    data = gaze.read_bytes()
+    rewrite(gaze, data[: len(data) // 2] + bytes(len(data) - len(data) // 2))
+    lines = journal.read_bytes().splitlines(True)
+    rows = [i for i, line in enumerate(lines) if b'"kind":"trial"' in line]
+    for i in rows[3:5]:
+        lines[i] = b"#" + lines[i][1:]
+    rewrite(journal, b"".join(lines))
+    return study
+
+
+def rewrite(path: Path, data: bytes) -> None:
+    path.chmod(0o644)
+    path.write_bytes(data)
+
+
+def visavis(*arguments: str) -> Result:
+    return CliRunner().invoke(app, list(arguments))
+
+
+def test_analysis_of_damaged_recordings_is_refused_with_what_is_missing(damaged: Path) -> None:
+    refused = visavis("analyse", str(damaged), "--processes", "1")
+
+    assert isinstance(refused.exception, DataError)
+    assert 5 == refused.exception.exit_code
+    said = str(refused.exception)
+    assert "1 of 2 recordings is damaged" in said
+    assert "2 lines of the journal cannot be read: with them 2 trials" in said
+    assert re.search(r"gaze \(part 1\): [\d,]+ of [\d,]+ rows cannot be read, during \d+ tr", said)
+    assert "--accept-damage" in said
+    assert not (damaged / "derived").exists()
+
+
+@pytest.mark.slow
+def test_accepted_damage_is_missing_and_marked_and_nobodys_fault(damaged: Path) -> None:
+    accepted = visavis("analyse", str(damaged), "--processes", "1", "--accept-damage")
+
+    assert 0 == accepted.exit_code, accepted.output
+    assert "1 of 2 recordings is damaged" in accepted.output
+    rows = pd.read_csv(damaged / "derived" / "trials.csv")
+    first = rows[rows["participant"] == rows["participant"].min()]
+    assert 2 == (first["status"] == "lost").sum()
+    assert 36 + 1 == first["trial_id"].nunique()
+    struck = first[first["status"].isin(["lost", "damaged"])]
+    assert len(struck) > 10
+    assert struck[["dwell_ms", "fixation_count", "lost_01"]].isna().all(axis=None)
+    assert struck["reason"].str.contains("cannot be read").all()
+    assert not struck["is_analysed"].any()
+    assert first.loc[first["status"] == "complete", "dwell_ms"].notna().all()
+    people = pd.read_csv(damaged / "derived" / "participants.csv")
+    assert not people["excluded"].astype(str).str.contains("without enough gaze").any()
+    listed = pd.read_csv(damaged / "derived" / "damage.csv")
+    assert set(struck["trial_id"]) == set(listed["trial_id"].dropna())
+    page = (damaged / "derived" / "report.html").read_text()
+    assert "damaged; 2 lines of the journal cannot be read" in page
+    assert "--accept-damage" in page
+
+
+@pytest.mark.slow
+def test_an_intact_study_leaves_no_list_of_damage(intact: Path) -> None:
+    done = visavis("analyse", str(intact), "--processes", "1")
+
+    assert 0 == done.exit_code, done.output
+    assert not (intact / "derived" / "damage.csv").exists()
+
+
+def test_export_of_a_damaged_recording_is_refused(damaged: Path, tmp_path: Path) -> None:
+    session = sorted(damaged.glob("sub-*/ses-001"))[0]
+    refused = visavis("export", str(session), "-o", str(tmp_path / "out"))
+
+    assert isinstance(refused.exception, DataError)
+    assert not (tmp_path / "out").exists()
+    again = visavis("export", str(session), "-o", str(tmp_path / "out"), "--accept-damage")
+    assert 0 == again.exit_code, again.output
+
+
+def test_check_says_per_stream_and_trial_what_is_missing(damaged: Path, intact: Path) -> None:
+    session = sorted(damaged.glob("sub-*/ses-001"))[0]
+    checked = visavis("check", str(session))
+
+    assert 5 == checked.exit_code
+    assert "gaze (part 1)" in checked.output
+    assert "2 lines of the journal" in checked.output.replace("\n", " ")
+    same = intact / session.parent.name / session.name
+    assert "every file closed and verified" in visavis("check", str(same)).output
+    assert "crashed" == Recording(session).status
