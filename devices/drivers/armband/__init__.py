@@ -1,0 +1,1 @@
+"""Our own armband: it acknowledges every command and falls silent by itself."""

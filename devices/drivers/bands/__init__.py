@@ -1,0 +1,1 @@
+"""Bands of other makers: they confirm nothing and are timed from this computer."""

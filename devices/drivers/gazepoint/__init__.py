@@ -1,0 +1,1 @@
+"""Gazepoint GP3."""

@@ -1,0 +1,1 @@
+"""Eye trackers of USB HID usage page 0x12."""

@@ -1,0 +1,1 @@
+"""Wires that carry bytes, whatever device is at their other end."""

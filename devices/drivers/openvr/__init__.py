@@ -1,0 +1,1 @@
+"""Devices of an OpenVR runtime (SteamVR)."""

@@ -1,0 +1,1 @@
+"""What the drivers of eye and body trackers share: life, clocks, rows of gaze."""

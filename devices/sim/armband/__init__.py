@@ -1,0 +1,1 @@
+"""Our armband, its motors and its firmware."""

@@ -1,0 +1,1 @@
+"""Bands of other makers."""

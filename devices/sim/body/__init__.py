@@ -1,0 +1,1 @@
+"""Simulated bodies, and trackers that measure them."""

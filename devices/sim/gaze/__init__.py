@@ -1,0 +1,1 @@
+"""How any simulated eye tracker errs and is calibrated."""

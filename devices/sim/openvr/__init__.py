@@ -1,0 +1,1 @@
+"""An OpenVR runtime without SteamVR."""

@@ -1,0 +1,1 @@
+"""An OpenXR runtime without a headset."""
