@@ -26,13 +26,13 @@ import numpy as np
 
 from devices.byte_links import MemoryLink
 from devices.contracts import HAPTICS
-from devices.drivers import armband_codec as codec
-from devices.drivers.armband_serial import serial_armband
+from devices.drivers.armband import codec
+from devices.drivers.links.serial_port import serial_armband
 from devices.pump import Pump
-from devices.sim.armband import ArmbandSimulator
-from devices.sim.armband_firmware import HIGHEST_DUTY, LOWEST_DUTY, ArmbandFirmware
-from devices.sim.armband_machine import TerminalMachine, build, make
+from devices.sim.armband.firmware import HIGHEST_DUTY, LOWEST_DUTY, ArmbandFirmware
+from devices.sim.armband.simulator import ArmbandSimulator
 from devices.sim.faults import FaultSchedule
+from devices.testing.armband_machine import TerminalMachine, build, make
 from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock, cpu_time_s
 from lab.errors import DeviceNotFound
 from lab.schema import SampleBatch
@@ -44,7 +44,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 ECHO = """
 import os, sys
-from devices.sim.armband_firmware import ArmbandFirmware
+from devices.sim.armband.firmware import ArmbandFirmware
 firmware = ArmbandFirmware()
 own = int(sys.argv[1])
 while True:
@@ -55,7 +55,7 @@ while True:
 
 HOST = """
 import sys
-from devices.drivers.armband_serial import serial_armband
+from devices.drivers.links.serial_port import serial_armband
 from lab.clock import SystemClock
 driver = serial_armband("arm", SystemClock(), port=sys.argv[1])
 driver.open(30.0)

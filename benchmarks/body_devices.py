@@ -19,17 +19,19 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.datagrams import UdpTransport
-from devices.drivers import natnet_codec, openvr_codec, xsens_codec
-from devices.drivers.natnet import NatNet
-from devices.drivers.openvr_headset import OpenVrHeadset
-from devices.drivers.openxr_headset import OpenXrHeadset
-from devices.drivers.xsens import XsensMvn
+from devices.drivers.natnet import codec as natnet_codec
+from devices.drivers.natnet.driver import NatNet
+from devices.drivers.openvr import codec as openvr_codec
+from devices.drivers.openvr.headset import OpenVrHeadset
+from devices.drivers.openxr.headset import OpenXrHeadset
+from devices.drivers.xsens import codec as xsens_codec
+from devices.drivers.xsens.driver import XsensMvn
 from devices.pump import Pump
-from devices.sim.body_wire import BodyWire
+from devices.sim.body.wire import BodyWire
 from devices.sim.native_build import find_compiler
 from devices.sim.natnet import NatNetSimulator
-from devices.sim.openvr_runtime import SimulatedVrRuntime
-from devices.sim.openxr_runtime import SimulatedXrRuntime
+from devices.sim.openvr.runtime import SimulatedVrRuntime
+from devices.sim.openxr.runtime import SimulatedXrRuntime
 from devices.sim.xsens import XsensSimulator
 from devices.transports import MemoryTransport
 from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock, cpu_time_s

@@ -17,12 +17,12 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import EYES_DTYPE, ClockPair
-from devices.drivers.pupil_codec import CONFIDENCE_THRESHOLD_01, decode_gaze
-from devices.drivers.pupil_core import PupilCore
+from devices.drivers.pupil.codec import CONFIDENCE_THRESHOLD_01, decode_gaze
+from devices.drivers.pupil.driver import PupilCore
 from devices.pump import Pump
-from devices.sim.pupil_core import PupilCoreSimulator
-from devices.sim.pupil_wire import BINOCULAR_TOPIC, GAZE_VALUES, GazeTemplate
-from devices.sim.tracker_error import TrackerErrorModel
+from devices.sim.gaze.tracker_error import TrackerErrorModel
+from devices.sim.pupil.capture import PupilCoreSimulator
+from devices.sim.pupil.wire import BINOCULAR_TOPIC, GAZE_VALUES, GazeTemplate
 from devices.sim.zmq_host import ZmqHost
 from devices.transports import MemoryTransport, ZmqTransport
 from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock, cpu_time_s

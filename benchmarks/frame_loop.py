@@ -22,10 +22,10 @@ import numpy as np
 
 from cli.perform import device_seed
 from cli.studies import find_study
-from devices.drivers.pupil_core import PupilCore
+from devices.drivers.pupil.driver import PupilCore
+from devices.sim.body.shared import SharedBody
 from devices.sim.headset import SimulatedHeadset
-from devices.sim.pupil_core import PupilCoreSimulator
-from devices.sim.shared_body import SharedBody
+from devices.sim.pupil.capture import PupilCoreSimulator
 from devices.sim.zmq_host import ZmqHost
 from devices.transports import MemoryTransport, MessageTransport, ZmqTransport
 from lab.clock import StopWatch, SystemClock

@@ -24,31 +24,29 @@ import numpy.typing as npt
 
 from benchmarks.device_wire import Row, StillBody, within
 from devices.contracts import ClockPair, DeviceState
-from devices.drivers import (
-    eyelink_codec,
-    fove_codec,
-    gazepoint_codec,
-    hid_gaze_codec,
-    lsl_gaze_codec,
-    neon_codec,
-)
-from devices.drivers.eyelink import EyeLink
-from devices.drivers.fove import Fove
-from devices.drivers.fove_library import FoveLibrary
-from devices.drivers.gaze_clock import OneWayClock
-from devices.drivers.gaze_rays import Screen, rows_to_values
-from devices.drivers.gazepoint import Gazepoint
-from devices.drivers.gazepoint_tcp import StreamSocket
-from devices.drivers.hid_gaze import HidGaze
-from devices.drivers.lsl_gaze import LslGaze
-from devices.drivers.neon import Neon
+from devices.drivers.eyelink import codec as eyelink_codec
+from devices.drivers.eyelink.driver import EyeLink
+from devices.drivers.fove import codec as fove_codec
+from devices.drivers.fove.driver import Fove
+from devices.drivers.fove.library import FoveLibrary
+from devices.drivers.gazepoint import codec as gazepoint_codec
+from devices.drivers.gazepoint.driver import Gazepoint
+from devices.drivers.hid_gaze import codec as hid_gaze_codec
+from devices.drivers.hid_gaze.driver import HidGaze
+from devices.drivers.links.stream_socket import StreamSocket
+from devices.drivers.lsl import gaze_codec as lsl_gaze_codec
+from devices.drivers.lsl.gaze import LslGaze
+from devices.drivers.neon import codec as neon_codec
+from devices.drivers.neon.driver import Neon
+from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
+from devices.drivers.streaming.one_way_clock import OneWayClock
 from devices.pump import Pump
 from devices.sim.eyelink import EyeLinkSimulator
 from devices.sim.faults import FaultSchedule, WireFault
 from devices.sim.fove import FoveSimulator, FoveStub, build_stub
 from devices.sim.gazepoint import GazepointSimulator
 from devices.sim.hid_gaze import DESCRIPTOR, HidGazeSimulator
-from devices.sim.lsl_gaze import LslGazeSimulator
+from devices.sim.lsl.gaze import LslGazeSimulator
 from devices.sim.neon import PAYLOAD_SIZES, NeonSimulator
 from devices.transports import MemoryTransport
 from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock

@@ -9,11 +9,11 @@ from cli.wires import BARE, Wires
 from devices import registry
 from devices.byte_links import ByteLink, MemoryLink
 from devices.contracts import Body, Device, MovingBody
-from devices.drivers.band_links import real_link
+from devices.drivers.links.by_driver import real_link
 from devices.option_models import OPTION_MODELS
-from devices.sim.armband import ArmbandSimulator, simulated_armband
+from devices.sim.armband.simulator import ArmbandSimulator, simulated_armband
+from devices.sim.bands.by_driver import SIMULATED_OPTIONS, SIMULATORS, simulated_link
 from devices.sim.faults import FaultSchedule
-from devices.sim.other_armbands import SIMULATED_OPTIONS, SIMULATORS, simulated_link
 from lab.clock import Clock
 from lab.config import DeviceConfig
 from lab.errors import ConfigError, DeviceNotFound

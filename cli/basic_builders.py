@@ -7,11 +7,11 @@ from typing import Any
 from cli.armband_builders import moving_body
 from cli.wires import BARE, Wires
 from devices.contracts import Body, Device
-from devices.drivers.pupil_core import PupilCore
-from devices.sim.body import SimulatedBodyTracker
+from devices.drivers.pupil.driver import PupilCore
+from devices.sim.body.tracker import SimulatedBodyTracker
 from devices.sim.faults import FaultSchedule
 from devices.sim.headset import SimulatedHeadset
-from devices.sim.pupil_core import PupilCoreSimulator
+from devices.sim.pupil.capture import PupilCoreSimulator
 from devices.sim.responses import SimulatedResponses
 from devices.sim.zmq_host import ZmqHost
 from devices.transports import MemoryTransport, MessageTransport, ZmqTransport

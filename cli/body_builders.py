@@ -13,23 +13,23 @@ from cli.wires import BARE, Wires
 from devices.body_options import BODY_OPTION_MODELS
 from devices.contracts import Body, Device, MovingBody
 from devices.datagrams import UdpTransport
-from devices.drivers.lsl_body import LslBody
-from devices.drivers.lsl_gaze_inlet import LslInlet
-from devices.drivers.natnet import MOTIVE_BONES, NatNet
-from devices.drivers.openvr_controllers import OpenVrControllers
-from devices.drivers.openvr_headset import OpenVrHeadset
-from devices.drivers.openvr_library import OpenVrLibrary
-from devices.drivers.openvr_trackers import OpenVrTrackers
-from devices.drivers.openxr_controllers import OpenXrControllers
-from devices.drivers.openxr_gaze import OpenXrGaze
-from devices.drivers.openxr_headset import OpenXrHeadset
-from devices.drivers.openxr_library import OpenXrLibrary
-from devices.drivers.xsens import XsensMvn
+from devices.drivers.lsl.body import LslBody
+from devices.drivers.lsl.inlet import LslInlet
+from devices.drivers.natnet.driver import MOTIVE_BONES, NatNet
+from devices.drivers.openvr.controllers import OpenVrControllers
+from devices.drivers.openvr.headset import OpenVrHeadset
+from devices.drivers.openvr.library import OpenVrLibrary
+from devices.drivers.openvr.trackers import OpenVrTrackers
+from devices.drivers.openxr.controllers import OpenXrControllers
+from devices.drivers.openxr.gaze import OpenXrGaze
+from devices.drivers.openxr.headset import OpenXrHeadset
+from devices.drivers.openxr.library import OpenXrLibrary
+from devices.drivers.xsens.driver import XsensMvn
 from devices.sim.faults import FaultSchedule
-from devices.sim.lsl_body import LslBodySimulator
+from devices.sim.lsl.body import LslBodySimulator
 from devices.sim.natnet import NatNetSimulator
-from devices.sim.openvr_runtime import SimulatedVrRuntime
-from devices.sim.openxr_runtime import SimulatedXrRuntime
+from devices.sim.openvr.runtime import SimulatedVrRuntime
+from devices.sim.openxr.runtime import SimulatedXrRuntime
 from devices.sim.xsens import XsensSimulator
 from devices.transports import MemoryTransport, MessageTransport
 from lab.clock import Clock

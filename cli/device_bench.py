@@ -10,8 +10,8 @@ from cli.wires import BARE, Wires
 from devices.contracts import Armband, Body, Device, DeviceInfo, Fault, Headset, Health
 from devices.haptic_safety import HapticGuard
 from devices.pump import Pump
-from devices.sim.idle_body import IdleBody
-from devices.sim.shared_body import SharedBody
+from devices.sim.body.idle import IdleBody
+from devices.sim.body.shared import SharedBody
 from devices.stream_figures import ClockFigures, StreamFigures, clock_figures, stream_figures
 from lab.clock import NS_PER_S, Clock
 from lab.config import DeviceConfig

@@ -6,7 +6,7 @@ from cli.rigs import build_device
 from devices.contracts import Armband
 from devices.haptic_safety import HapticGuard
 from devices.pump import Pump
-from devices.sim.idle_body import IdleBody
+from devices.sim.body.idle import IdleBody
 from lab.clock import NS_PER_MS, Clock
 from lab.config import DeviceConfig
 from lab.errors import DeviceError

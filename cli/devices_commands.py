@@ -215,7 +215,7 @@ def _as_recorded(trial: "Trial", *, simulated: bool) -> "Trial":
     The driver does not send the commands that closed the recorded connection, so some of what it
     sends instead finds no answer.
     """
-    from devices.drivers.armband_status import UNANSWERED
+    from devices.drivers.armband.status import UNANSWERED
 
     faults = tuple(fault for fault in trial.faults if UNANSWERED not in fault.message)
     return replace(trial, simulated=simulated, faults=faults)

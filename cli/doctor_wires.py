@@ -144,7 +144,7 @@ def _serial_ports() -> list[Finding]:
 def _hid_devices() -> list[Finding]:
     if not is_installed(HID):
         return [Finding(PORTS, "USB HID", "note", "cannot be listed", f"run: {HID.install}")]
-    from devices.drivers.hid_gaze_usb import found_trackers, hid_library
+    from devices.drivers.hid_gaze.reports import found_trackers, hid_library
     from lab.errors import DeviceNotFound
 
     try:

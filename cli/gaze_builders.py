@@ -6,29 +6,27 @@ from typing import Any
 
 from cli.wires import BARE, Wires
 from devices.contracts import Body, Device
-from devices.drivers import (
-    eyelink,
-    eyelink_library,
-    fove,
-    fove_library,
-    gazepoint,
-    gazepoint_tcp,
-    hid_gaze,
-    hid_gaze_usb,
-    lsl_gaze,
-    lsl_gaze_inlet,
-    neon,
-    neon_network,
-)
-from devices.drivers.gaze_rays import Screen
-from devices.drivers.lsl_outlet import LslScope
+from devices.drivers.eyelink import driver as eyelink
+from devices.drivers.eyelink import library as eyelink_library
+from devices.drivers.fove import driver as fove
+from devices.drivers.fove import library as fove_library
+from devices.drivers.gazepoint import driver as gazepoint
+from devices.drivers.hid_gaze import driver as hid_gaze
+from devices.drivers.hid_gaze import reports as hid_gaze_usb
+from devices.drivers.links import stream_socket as gazepoint_tcp
+from devices.drivers.lsl import gaze as lsl_gaze
+from devices.drivers.lsl import inlet as lsl_gaze_inlet
+from devices.drivers.lsl.outlet import LslScope
+from devices.drivers.neon import driver as neon
+from devices.drivers.neon import network as neon_network
+from devices.drivers.streaming.gaze_rays import Screen
 from devices.gaze_options import GAZE_OPTION_MODELS
 from devices.sim.eyelink import EyeLinkSimulator
 from devices.sim.faults import FaultSchedule
 from devices.sim.fove import FoveSimulator
 from devices.sim.gazepoint import GazepointSimulator
 from devices.sim.hid_gaze import HidGazeSimulator
-from devices.sim.lsl_gaze import LslGazeSimulator
+from devices.sim.lsl.gaze import LslGazeSimulator
 from devices.sim.neon import NeonSimulator
 from devices.transports import MemoryTransport, MessageTransport
 from lab.clock import Clock

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from devices.contracts import Device
-from devices.drivers.lsl_outlet import LslOutlets, LslScope
+from devices.drivers.lsl.outlet import LslOutlets, LslScope
 from lab.clock import Clock
 from lab.clock_fit import latest_quick, offset_ns
 from lab.config import Sync

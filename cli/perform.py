@@ -11,7 +11,7 @@ from cli.stages import build_stage
 from cli.studies import Study
 from devices.contracts import Armband, DeviceInfo
 from devices.haptic_safety import HapticGuard
-from devices.sim.shared_body import SharedBody
+from devices.sim.body.shared import SharedBody
 from lab.clock import Clock, SimClock
 from lab.config import LabConfig
 from lab.errors import ConfigError, RecordingError, SessionAborted

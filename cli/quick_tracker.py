@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cli.perform import device_seed
-from devices.sim.tracker_error import (
+from devices.sim.gaze.tracker_error import (
     N_SLOW,
     N_WHITE,
     StretchNoise,

@@ -22,7 +22,7 @@ def note_of(device: DeviceConfig) -> Mapping[str, Any]:
     if driver == "simulated_armband":
         driver, options = "serial_armband", {"max_rate_hz": options.get("max_rate_hz", 150.0)}
     elif device.simulated:
-        from devices.sim.other_armbands import SIMULATED_OPTIONS
+        from devices.sim.bands.by_driver import SIMULATED_OPTIONS
 
         options |= SIMULATED_OPTIONS.get(driver, {})
     return {"role": device.role, "driver": driver, "options": options}

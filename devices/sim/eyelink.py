@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from devices.contracts import Body
-from devices.drivers.gaze_rays import Screen
+from devices.drivers.streaming.gaze_rays import Screen
 from devices.sim.faults import FaultSchedule
-from devices.sim.gaze_source import EYE_X_M, GazePeer, GazeSource, Shot
-from devices.sim.tracker_error import TrackerErrorModel
+from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
+from devices.sim.gaze.tracker_error import TrackerErrorModel
 from devices.transports import Frames
 from lab.clock import NS_PER_MS, Clock
 

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from devices.contracts import Body
-from devices.drivers.gaze_rays import Triple
+from devices.drivers.streaming.gaze_rays import Triple
 from devices.sim.faults import FaultSchedule
-from devices.sim.gaze_source import EYE_X_M, GazePeer, GazeSource, Shot
-from devices.sim.tracker_error import TrackerErrorModel
+from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
+from devices.sim.gaze.tracker_error import TrackerErrorModel
 from devices.transports import Frames
 from lab.clock import NS_PER_MS, Clock
 

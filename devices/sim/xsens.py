@@ -1,6 +1,6 @@
 """Xsens MVN as seen from the network: the stream its network streamer sends, from a body.
 
-Written from public parsers of the protocol that agree (see `devices.drivers.xsens_codec` for the
+Written from public parsers of the protocol that agree (see `devices.drivers.xsens.codec` for the
 layout). Not modelled: other message types, props and finger segments, MVN's own filters, TCP.
 """
 
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from devices.contracts import MovingBody
-from devices.sim.body_wire import BodyWire
+from devices.sim.body.wire import BodyWire
 from devices.sim.faults import FaultSchedule
 from lab.clock import NS_PER_MS, Clock
 from lab.geometry import Vector

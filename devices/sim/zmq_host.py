@@ -6,7 +6,7 @@ A "disconnect" is silence on open sockets here: the operating system's own reset
 import threading
 from typing import Any
 
-from devices.sim.pupil_core import PupilCoreSimulator
+from devices.sim.pupil.capture import PupilCoreSimulator
 from lab.clock import NS_PER_MS, Clock
 
 LOOP_MS = 1

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from devices.byte_links import Chunk
-from devices.sim.armband_firmware import ArmbandFirmware
+from devices.sim.armband.firmware import ArmbandFirmware
 from lab.errors import DeviceError, DeviceNotFound
 
 SOURCES = Path(__file__).resolve().parents[2] / "firmware" / "armband"

@@ -5,7 +5,7 @@ import select
 import threading
 import tty
 
-from devices.sim.armband_firmware import ArmbandFirmware
+from devices.sim.armband.firmware import ArmbandFirmware
 from lab.clock import Clock
 
 LOOP_S = 0.001

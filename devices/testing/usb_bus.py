@@ -9,7 +9,7 @@ import array
 from types import SimpleNamespace
 from typing import Any
 
-from devices.sim.plain_bands import ReportBandSimulator
+from devices.sim.bands.plain import ReportBandSimulator
 from lab.clock import NS_PER_MS, Clock
 from lab.errors import DeviceError
 

@@ -11,8 +11,8 @@ import pytest
 import cli.lsl_announcer
 from cli.lsl_announcer import AnnouncingRecorder, scope_of
 from cli.perform import perform_new
-from devices.drivers.lsl_outlet import LslScope
-from devices.sim.armband import simulated_armband
+from devices.drivers.lsl.outlet import LslScope
+from devices.sim.armband.simulator import simulated_armband
 from lab.clock import SystemClock
 from lab.config import Sync
 from lab.errors import DeviceNotFound, SessionAborted
@@ -56,7 +56,7 @@ def test_session_streams_gaze_head_and_events(
     clock = SystemClock()
     lsl = NamedLsl(clock)
     monkeypatch.setattr(cli.lsl_announcer, "set_scope", lambda scope: None)
-    monkeypatch.setattr("devices.drivers.lsl_outlet._library", lambda: lsl)
+    monkeypatch.setattr("devices.drivers.lsl.outlet._library", lambda: lsl)
     config = lab(tmp_path).model_copy(update={"sync": Sync(lsl=True)})
     with pytest.raises(SessionAborted):
         perform_new(replace(request(config, Stopping()), clock=clock))

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 import cli.perform
-from devices.drivers.armband_driver import ArmbandDriver
-from devices.sim.armband import ArmbandSimulator, simulated_armband
+from devices.drivers.armband.driver import ArmbandDriver
+from devices.sim.armband.simulator import ArmbandSimulator, simulated_armband
 from lab.clock import Clock, SimClock, SystemClock
 from lab.errors import SessionAborted
 from protocol.operator import Command, UnattendedOperator

@@ -31,7 +31,7 @@ LATER_NS = 3600 * NS_PER_S
 
 
 def own_options(driver):
-    from devices.sim.other_armbands import SIMULATED_OPTIONS
+    from devices.sim.bands.by_driver import SIMULATED_OPTIONS
 
     return {**NEEDED.get(driver, {}), **SIMULATED_OPTIONS.get(driver, {})}
 

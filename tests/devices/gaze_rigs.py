@@ -7,7 +7,7 @@ import numpy as np
 from devices import conformance
 from devices.pump import Pump
 from devices.sim.faults import FaultSchedule, WireFault
-from devices.sim.tracker_error import TrackerErrorModel
+from devices.sim.gaze.tracker_error import TrackerErrorModel
 from devices.transports import MemoryTransport
 from devices.wirelog import ReplayTransport, TeeTransport
 from lab.clock import NS_PER_S, SimClock

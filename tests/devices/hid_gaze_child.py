@@ -5,8 +5,8 @@ import sys
 
 import numpy as np
 
-from devices.drivers.hid_gaze import HidGaze
-from devices.drivers.hid_gaze_usb import HidReports
+from devices.drivers.hid_gaze.driver import HidGaze
+from devices.drivers.hid_gaze.reports import HidReports
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import DeviceDisconnected
 

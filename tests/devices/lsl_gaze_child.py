@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pylsl
 
-from devices.drivers.lsl_gaze import LslGaze
-from devices.drivers.lsl_gaze_inlet import LslInlet
-from devices.drivers.lsl_outlet import LslScope
-from devices.sim.lsl_gaze import LslGazeSimulator, LslOutletHost
+from devices.drivers.lsl.gaze import LslGaze
+from devices.drivers.lsl.inlet import LslInlet
+from devices.drivers.lsl.outlet import LslScope
+from devices.sim.lsl.gaze import LslGazeSimulator, LslOutletHost
 from lab.clock import SystemClock
 from lab.geometry import angle_deg
 from tests.devices import gaze_rigs

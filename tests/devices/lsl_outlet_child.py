@@ -7,9 +7,9 @@ import numpy as np
 import pylsl
 
 from devices.contracts import GAZE, body_schema
-from devices.drivers.lsl_body import LslBody
-from devices.drivers.lsl_gaze_inlet import LslInlet
-from devices.drivers.lsl_outlet import LslOutlets, LslScope
+from devices.drivers.lsl.body import LslBody
+from devices.drivers.lsl.inlet import LslInlet
+from devices.drivers.lsl.outlet import LslOutlets, LslScope
 from lab.clock import SystemClock
 from lab.schema import SampleBatch, empty_values
 

@@ -6,7 +6,7 @@ import pytest
 
 from devices.sim.faults import FaultSchedule
 from devices.sim.native_build import find_compiler
-from devices.sim.openvr_runtime import SimulatedVrRuntime
+from devices.sim.openvr.runtime import SimulatedVrRuntime
 from lab.clock import NS_PER_S, SimClock
 from tests.devices.bodies import FixatingBody
 

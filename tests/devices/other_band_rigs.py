@@ -4,7 +4,7 @@ import numpy as np
 
 from devices.byte_links import MemoryLink
 from devices.contracts import BAND, HAPTICS
-from devices.drivers.other_armbands import (
+from devices.drivers.bands.builders import (
     ascii_armband,
     bhaptics,
     hid_armband,
@@ -13,11 +13,11 @@ from devices.drivers.other_armbands import (
     vhp_sleeve,
     vhp_slim,
 )
-from devices.sim.bhaptics import BhapticsPlayerSimulator
-from devices.sim.buzz import BuzzSimulator
+from devices.sim.bands.bhaptics import BhapticsPlayerSimulator
+from devices.sim.bands.buzz import BuzzSimulator
+from devices.sim.bands.plain import ReportBandSimulator, TextBandSimulator
+from devices.sim.bands.vhp import SleeveSimulator, SlimBoardSimulator
 from devices.sim.faults import FaultSchedule
-from devices.sim.plain_bands import ReportBandSimulator, TextBandSimulator
-from devices.sim.vhp import SleeveSimulator, SlimBoardSimulator
 from lab.clock import NS_PER_S, SimClock
 
 COMMANDS = {

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from devices.drivers.pupil_core import PupilCore
+from devices.drivers.pupil.driver import PupilCore
 from devices.pump import Pump
 from devices.sim.faults import FaultSchedule
-from devices.sim.pupil_core import PupilCoreSimulator
+from devices.sim.pupil.capture import PupilCoreSimulator
 from devices.transports import MemoryTransport
 from lab.clock import NS_PER_S, SimClock
 from tests.devices.bodies import FixatingBody

@@ -8,11 +8,11 @@ import pytest
 from devices import conformance
 from devices.byte_links import MemoryLink
 from devices.byte_wirelog import ReplayLink, TeeLink
-from devices.drivers.armband_dialect import FramedDialect
-from devices.drivers.armband_driver import ArmbandDriver
-from devices.drivers.armband_serial import serial_armband
-from devices.sim.armband import ArmbandSimulator, simulated_armband
-from devices.sim.armband_machine import LockstepMachine, build
+from devices.drivers.armband.dialect import FramedDialect
+from devices.drivers.armband.driver import ArmbandDriver
+from devices.drivers.links.serial_port import serial_armband
+from devices.sim.armband.simulator import ArmbandSimulator, simulated_armband
+from devices.testing.armband_machine import LockstepMachine, build
 from lab.clock import NS_PER_S, SimClock, SystemClock
 from lab.errors import DeviceNotFound
 
@@ -37,7 +37,7 @@ def pseudo_terminal(stack, check, tmp_path):
     pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
     if not hasattr(os, "openpty"):
         pytest.skip("this system has no pseudo-terminals; the memory link covers the driver")
-    from devices.sim.armband_pty import PtyArmband
+    from devices.testing.armband_pty import PtyArmband
 
     clock = SystemClock()
     peer = stack.enter_context(PtyArmband(clock))

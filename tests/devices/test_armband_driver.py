@@ -15,11 +15,11 @@ from devices.contracts import (
     DeviceState,
     VibrationPattern,
 )
-from devices.drivers import armband_codec as codec
-from devices.drivers.armband_ledger import DeviceMicros
-from devices.drivers.armband_serial import serial_armband
+from devices.drivers.armband import codec
+from devices.drivers.armband.ledger import DeviceMicros
+from devices.drivers.links.serial_port import serial_armband
 from devices.pump import Pump
-from devices.sim.armband import ArmbandSimulator, serial_of
+from devices.sim.armband.simulator import ArmbandSimulator, serial_of
 from devices.sim.faults import FaultSchedule
 from experiments.crowd.haptics import BAND_ROLES
 from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
@@ -420,7 +420,7 @@ def test_serial_driver_drives_a_band_on_a_pseudo_terminal():
     pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
     if not hasattr(os, "openpty"):
         pytest.skip("this system has no pseudo-terminals; the memory link covers the driver")
-    from devices.sim.armband_pty import PtyArmband
+    from devices.testing.armband_pty import PtyArmband
 
     clock = SystemClock()
     batches = []

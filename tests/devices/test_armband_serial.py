@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from devices.drivers import armband_serial
-from devices.drivers.armband_serial import SerialLink, find_port, serial_armband
-from devices.sim.armband_firmware import ArmbandFirmware
+from devices.drivers.links import serial_port as armband_serial
+from devices.drivers.links.serial_port import SerialLink, find_port, serial_armband
+from devices.sim.armband.firmware import ArmbandFirmware
 from lab.clock import SystemClock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 

@@ -10,12 +10,12 @@ import pytest
 from devices import conformance
 from devices.byte_links import MemoryLink
 from devices.contracts import HAPTICS, DeviceState
-from devices.drivers.ble_link import BleLink, BleThread
-from devices.drivers.other_armbands import neosensory_buzz, vhp_slim
-from devices.drivers.wireless_armbands import ble_armband
-from devices.sim.armband import ArmbandSimulator
-from devices.sim.buzz import BuzzSimulator
-from devices.sim.vhp import SlimBoardSimulator
+from devices.drivers.armband.wireless import ble_armband
+from devices.drivers.bands.builders import neosensory_buzz, vhp_slim
+from devices.drivers.links.ble import BleLink, BleThread
+from devices.sim.armband.simulator import ArmbandSimulator
+from devices.sim.bands.buzz import BuzzSimulator
+from devices.sim.bands.vhp import SlimBoardSimulator
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 
@@ -40,7 +40,7 @@ def bluez(monkeypatch):
         pytest.skip("dbus-daemon is not installed: apt install dbus")
     pytest.importorskip("dbus_fast", reason="dbus-fast is not installed: pip install dbus-fast")
     pytest.importorskip("bleak", reason="bleak is not installed: pip install bleak")
-    from devices.sim.fake_bluez import FakeBluez, PrivateBus
+    from devices.testing.fake_bluez import FakeBluez, PrivateBus
 
     with contextlib.ExitStack() as stack:
         bus = stack.enter_context(PrivateBus())

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.drivers import natnet_codec as natnet
-from devices.drivers import xsens_codec as xsens
+from devices.drivers.natnet import codec as natnet
+from devices.drivers.xsens import codec as xsens
 from lab.errors import DataError
 
 MVN_PELVIS = bytes.fromhex(

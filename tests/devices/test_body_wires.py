@@ -9,11 +9,11 @@ import pytest
 from devices.conformance import check_batches, check_body_tracker, check_lifecycle
 from devices.contracts import BodyTracker, DeviceState
 from devices.datagrams import UdpTransport
-from devices.drivers.lsl_body import LslBody
-from devices.drivers.natnet import MOTIVE_BONES, NatNet
-from devices.drivers.xsens import XsensMvn
+from devices.drivers.lsl.body import LslBody
+from devices.drivers.natnet.driver import MOTIVE_BONES, NatNet
+from devices.drivers.xsens.driver import XsensMvn
 from devices.pump import Pump
-from devices.sim.lsl_body import LslBodySimulator
+from devices.sim.lsl.body import LslBodySimulator
 from devices.sim.natnet import NatNetSimulator
 from devices.sim.xsens import XsensSimulator
 from devices.transports import MemoryTransport

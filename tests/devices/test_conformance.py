@@ -5,9 +5,9 @@ import contextlib
 import pytest
 
 from devices import conformance
-from devices.drivers.pupil_core import PupilCore
+from devices.drivers.pupil.driver import PupilCore
 from devices.sim.headset import SimulatedHeadset
-from devices.sim.pupil_core import PupilCoreSimulator
+from devices.sim.pupil.capture import PupilCoreSimulator
 from devices.sim.responses import SimulatedResponses
 from devices.sim.zmq_host import ZmqHost
 from devices.transports import MemoryTransport, ZmqTransport

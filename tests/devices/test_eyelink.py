@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from devices.contracts import DeviceState
-from devices.drivers import eyelink_codec as codec
-from devices.drivers import eyelink_library
-from devices.drivers.eyelink import EyeLink
-from devices.drivers.eyelink_library import EyeLinkLibrary
-from devices.drivers.gaze_rays import Screen, rows_to_values
+from devices.drivers.eyelink import codec
+from devices.drivers.eyelink import library as eyelink_library
+from devices.drivers.eyelink.driver import EyeLink
+from devices.drivers.eyelink.library import EyeLinkLibrary
+from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
 from devices.pump import Pump
 from devices.sim.eyelink import EyeLinkSimulator, FakePylink
 from lab.clock import NS_PER_S, SimClock

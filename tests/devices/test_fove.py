@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from devices.contracts import DeviceState
-from devices.drivers import fove_codec as codec
-from devices.drivers.fove import Fove
-from devices.drivers.fove_library import FoveLibrary
-from devices.drivers.gaze_rays import rows_to_values
+from devices.drivers.fove import codec
+from devices.drivers.fove.driver import Fove
+from devices.drivers.fove.library import FoveLibrary
+from devices.drivers.streaming.gaze_rays import rows_to_values
 from devices.sim.fove import FoveSimulator, FoveStub, build_stub
-from devices.sim.gaze_source import GazeSource
+from devices.sim.gaze.source import GazeSource
 from devices.transports import MemoryTransport
 from lab.clock import SimClock, SystemClock
 from lab.errors import DeviceNotFound, ProtocolViolation

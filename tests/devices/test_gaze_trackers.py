@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from devices.contracts import DeviceState
-from devices.drivers.eyelink import EyeLink
-from devices.drivers.fove import Fove
-from devices.drivers.gazepoint import Gazepoint
-from devices.drivers.hid_gaze import HidGaze
-from devices.drivers.lsl_gaze import LslGaze
-from devices.drivers.neon import Neon
+from devices.drivers.eyelink.driver import EyeLink
+from devices.drivers.fove.driver import Fove
+from devices.drivers.gazepoint.driver import Gazepoint
+from devices.drivers.hid_gaze.driver import HidGaze
+from devices.drivers.lsl.gaze import LslGaze
+from devices.drivers.neon.driver import Neon
 from devices.sim.eyelink import EyeLinkSimulator
 from devices.sim.fove import FoveSimulator
 from devices.sim.gazepoint import GazepointSimulator
 from devices.sim.hid_gaze import HidGazeSimulator
-from devices.sim.lsl_gaze import LslGazeSimulator
+from devices.sim.lsl.gaze import LslGazeSimulator
 from devices.sim.neon import NeonSimulator
 from lab.errors import DeviceTimeout
 from lab.geometry import angle_deg

@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from devices.contracts import DeviceState
-from devices.drivers import gazepoint_codec as codec
-from devices.drivers.gaze_rays import Screen, rows_to_values
-from devices.drivers.gazepoint import REMEDY, Gazepoint
-from devices.drivers.gazepoint_tcp import StreamSocket
+from devices.drivers.gazepoint import codec
+from devices.drivers.gazepoint.driver import REMEDY, Gazepoint
+from devices.drivers.links.stream_socket import StreamSocket
+from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
 from devices.sim.faults import FaultSchedule
 from devices.sim.gazepoint import GazepointHost, GazepointSimulator
 from lab.clock import SystemClock

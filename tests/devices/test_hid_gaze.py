@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from devices.contracts import DeviceState
-from devices.drivers import hid_gaze_codec as codec
-from devices.drivers.gaze_rays import Screen, rows_to_values
-from devices.drivers.hid_gaze import HidGaze
-from devices.drivers.hid_gaze_usb import HidReports
+from devices.drivers.hid_gaze import codec
+from devices.drivers.hid_gaze.driver import HidGaze
+from devices.drivers.hid_gaze.reports import HidReports
+from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
 from devices.pump import Pump
 from devices.sim.hid_gaze import DESCRIPTOR, REPORT, SERIAL, FakeHidapi, HidGazeSimulator
 from lab.clock import NS_PER_S, SimClock
@@ -167,7 +167,9 @@ def test_unplugged_tracker_comes_back_within_two_seconds():
 
 
 def test_foreign_module_of_the_same_name_is_refused(monkeypatch):
-    monkeypatch.setattr("devices.drivers.hid_gaze_usb.importlib.import_module", lambda name: struct)
+    monkeypatch.setattr(
+        "devices.drivers.hid_gaze.reports.importlib.import_module", lambda name: struct
+    )
 
     with pytest.raises(DeviceNotFound, match="pip uninstall hid"):
         HidGaze("eyes", HidReports("", SimClock()), SimClock()).open(1.0)

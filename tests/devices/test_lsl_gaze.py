@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.drivers import lsl_gaze_codec as codec
-from devices.drivers.gaze_rays import Screen, rows_to_values
-from devices.drivers.lsl_gaze import LslGaze, TobiiLsl
-from devices.sim.lsl_gaze import LAYOUTS, LslGazeSimulator
+from devices.drivers.lsl import gaze_codec as codec
+from devices.drivers.lsl.gaze import LslGaze, TobiiLsl
+from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
+from devices.sim.lsl.gaze import LAYOUTS, LslGazeSimulator
 from lab.errors import ProtocolViolation
 from lab.geometry import angle_deg
 from tests.devices.gaze_rigs import PERFECT, GazeRig

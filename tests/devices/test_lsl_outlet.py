@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from devices.contracts import HEAD, body_schema
-from devices.drivers.lsl_outlet import LslOutlets, LslScope
+from devices.drivers.lsl.outlet import LslOutlets, LslScope
 from lab.clock import SimClock
 from lab.schema import SampleBatch, empty_values
 from lab.xdf_channels import channels_of, flat_values

@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from devices.contracts import DeviceState
-from devices.drivers import neon_codec as codec
-from devices.drivers.gaze_rays import rows_to_values
-from devices.drivers.neon import REMEDY, Neon
-from devices.drivers.neon_network import NeonNetwork
+from devices.drivers.neon import codec
+from devices.drivers.neon.driver import REMEDY, Neon
+from devices.drivers.neon.network import NeonNetwork
+from devices.drivers.streaming.gaze_rays import rows_to_values
 from devices.sim.faults import FaultSchedule
 from devices.sim.neon import PAYLOAD_SIZES, NeonSimulator
-from devices.sim.neon_host import NeonHost
+from devices.testing.neon_host import NeonHost
 from lab.clock import NS_PER_MS, SystemClock
 from lab.clock_fit import offset_ns
 from lab.errors import DeviceNotFound, DeviceTimeout

@@ -13,9 +13,9 @@ from devices.conformance import (
     check_response_input,
 )
 from devices.contracts import BodyTracker, DeviceState, ResponseInput
-from devices.drivers.openvr_controllers import OpenVrControllers
-from devices.drivers.openvr_headset import OpenVrHeadset
-from devices.drivers.openvr_trackers import OpenVrTrackers, mount_of
+from devices.drivers.openvr.controllers import OpenVrControllers
+from devices.drivers.openvr.headset import OpenVrHeadset
+from devices.drivers.openvr.trackers import OpenVrTrackers, mount_of
 from devices.pump import Pump
 from devices.wirelog import ReplayTransport, TeeTransport
 from lab.clock import NS_PER_S, SimClock, SystemClock

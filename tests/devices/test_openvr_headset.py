@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from devices.conformance import check_headset, check_lifecycle
 from devices.contracts import DeviceState
-from devices.drivers import openvr_codec as codec
-from devices.drivers.openvr_headset import OpenVrHeadset
-from devices.sim import openvr_runtime, openvr_world
+from devices.drivers.openvr import codec
+from devices.drivers.openvr.headset import OpenVrHeadset
+from devices.sim.openvr import runtime as openvr_runtime
+from devices.sim.openvr import world as openvr_world
 from devices.wirelog import ReplayTransport, TeeTransport
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound

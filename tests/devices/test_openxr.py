@@ -7,12 +7,12 @@ import pytest
 
 from devices.conformance import check_batches, check_eye_tracker, check_headset, check_lifecycle
 from devices.contracts import DeviceState
-from devices.drivers.openxr_gaze import OpenXrGaze
-from devices.drivers.openxr_headset import OpenXrHeadset
-from devices.drivers.openxr_time import PERFORMANCE_COUNTER
+from devices.drivers.openxr.gaze import OpenXrGaze
+from devices.drivers.openxr.headset import OpenXrHeadset
+from devices.drivers.openxr.runtime_time import PERFORMANCE_COUNTER
 from devices.sim.faults import FaultSchedule
 from devices.sim.native_build import find_compiler
-from devices.sim.openxr_runtime import EPOCH_NS, SimulatedXrRuntime
+from devices.sim.openxr.runtime import EPOCH_NS, SimulatedXrRuntime
 from devices.wirelog import ReplayTransport, TeeTransport
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound

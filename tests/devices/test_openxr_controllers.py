@@ -5,7 +5,7 @@ import pytest
 
 from devices.conformance import check_batches, check_lifecycle, check_response_input
 from devices.contracts import POINTER, DeviceState, ResponseInput
-from devices.drivers.openxr_controllers import OpenXrControllers
+from devices.drivers.openxr.controllers import OpenXrControllers
 from devices.wirelog import ReplayTransport, TeeTransport
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import ConfigError

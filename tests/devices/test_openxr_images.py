@@ -7,9 +7,9 @@ import pytest
 
 from devices.conformance import check_headset, check_lifecycle
 from devices.contracts import DeviceState
-from devices.drivers.openxr_gaze import OpenXrGaze
-from devices.drivers.openxr_headset import OpenXrHeadset
-from devices.sim.openxr_runtime import RENDER_SIZE_PX
+from devices.drivers.openxr.gaze import OpenXrGaze
+from devices.drivers.openxr.headset import OpenXrHeadset
+from devices.sim.openxr.runtime import RENDER_SIZE_PX
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import DeviceDisconnected, DeviceError
 from lab.geometry import quat_from_yaw_pitch_deg

@@ -8,11 +8,11 @@ import pytest
 from devices import conformance, registry
 from devices.byte_wirelog import ReplayLink, TeeLink
 from devices.contracts import BAND_EVENTS, NO_DEVICE_TIME, DeviceState, VibrationPattern
-from devices.drivers.host_timed_band import HOST_SIDE_ONLY
-from devices.drivers.open_bands import silence_every_open_band
-from devices.drivers.other_armbands import ascii_armband, hid_armband
+from devices.drivers.bands.builders import ascii_armband, hid_armband
+from devices.drivers.bands.driver import HOST_SIDE_ONLY
+from devices.drivers.bands.open_bands import silence_every_open_band
 from devices.option_models import OPTION_MODELS
-from devices.sim.other_armbands import SIMULATED_OPTIONS, SIMULATORS, simulated_link
+from devices.sim.bands.by_driver import SIMULATED_OPTIONS, SIMULATORS, simulated_link
 from lab.clock import NS_PER_MS, SimClock, SystemClock
 from lab.errors import (
     ConfigError,

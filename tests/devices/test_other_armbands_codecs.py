@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from devices.drivers import bhaptics_codec, buzz_codec, vhp_codec
-from devices.drivers.ascii_band_codec import AsciiLanguage, AsciiTemplates
-from devices.drivers.band_language import Condition, JsonReader, Ready, Refused, level
-from devices.drivers.report_band_codec import ReportLanguage, ReportLayout
-from devices.sim import vhp as vhp_sim
+from devices.drivers.bands import bhaptics_codec, buzz_codec, vhp_codec
+from devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
+from devices.drivers.bands.language import Condition, JsonReader, Ready, Refused, level
+from devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
+from devices.sim.bands import vhp as vhp_sim
 from tests.devices.other_band_rigs import COMMANDS
 
 amplitudes = st.lists(st.floats(0, 1), min_size=4, max_size=4)

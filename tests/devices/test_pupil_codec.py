@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.drivers import pupil_codec as codec
-from devices.sim.pupil_wire import (
+from devices.drivers.pupil import codec
+from devices.sim.pupil.wire import (
     BINOCULAR_TOPIC,
     COLUMN,
     GAZE_VALUES,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from devices.contracts import DeviceState
-from devices.sim.tracker_error import TrackerErrorModel
+from devices.sim.gaze.tracker_error import TrackerErrorModel
 from lab.clock_fit import offset_ns
 from lab.geometry import angle_deg
 from tests.devices.rigs import Rig

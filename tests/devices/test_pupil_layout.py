@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from devices.contracts import GAZE
-from devices.drivers import pupil_codec as codec
-from devices.drivers.pupil_layout import GazeDecoder, learn_layout
-from devices.sim.pupil_wire import BINOCULAR_TOPIC, GAZE_VALUES, MONOCULAR_TOPICS, GazeTemplate
+from devices.drivers.pupil import codec
+from devices.drivers.pupil.layout import GazeDecoder, learn_layout
+from devices.sim.pupil.wire import BINOCULAR_TOPIC, GAZE_VALUES, MONOCULAR_TOPICS, GazeTemplate
 from tests.devices.test_pupil_codec import binocular, pupil
 
 THRESHOLD_01 = 0.6

@@ -3,7 +3,7 @@
 import pytest
 
 from devices import registry
-from devices.drivers.pupil_core import PupilCore
+from devices.drivers.pupil.driver import PupilCore
 from lab.errors import ConfigError, DeviceNotFound
 
 

@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from devices.drivers.spp_link import RfcommLink, connect_rfcomm
+from devices.drivers.links.rfcomm import RfcommLink, connect_rfcomm
 from lab.clock import SystemClock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from devices.sim.tracker_error import (
+from devices.sim.gaze.tracker_error import (
     StretchNoise,
     TrackerErrorModel,
     draw_systematic,

@@ -4,11 +4,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from devices.drivers.other_armbands import hid_armband, usb_armband
-from devices.drivers.usb_links import HidLink, UsbLink
+from devices.drivers.bands.builders import hid_armband, usb_armband
+from devices.drivers.links.usb import HidLink, UsbLink
+from devices.sim.bands.plain import ReportBandSimulator
 from devices.sim.faults import FaultSchedule
-from devices.sim.plain_bands import ReportBandSimulator
-from devices.sim.usb_bus import FakeHidapi, FakeUsbBus
+from devices.testing.usb_bus import FakeHidapi, FakeUsbBus
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 from tests.devices.other_band_rigs import LAYOUT

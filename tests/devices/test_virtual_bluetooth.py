@@ -6,8 +6,8 @@ import pytest
 
 from devices import conformance
 from devices.contracts import HAPTICS, DeviceState
-from devices.drivers.wireless_armbands import spp_armband
-from devices.sim.armband import ArmbandSimulator
+from devices.drivers.armband.wireless import spp_armband
+from devices.sim.armband.simulator import ArmbandSimulator
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import DeviceDisconnected
 
@@ -21,7 +21,7 @@ def radio():
     pytest.importorskip("bumble", reason="bumble is not installed: pip install bumble")
     pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     pytest.importorskip("tty", reason="pseudo-terminals need Linux or macOS")
-    from devices.sim.virtual_bluetooth import VirtualBluetooth
+    from devices.testing.virtual_bluetooth import VirtualBluetooth
 
     with contextlib.ExitStack() as stack:
 

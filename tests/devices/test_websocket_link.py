@@ -6,9 +6,9 @@ import pytest
 
 from devices import conformance
 from devices.contracts import DeviceState
-from devices.drivers.other_armbands import bhaptics
-from devices.drivers.websocket_link import WebSocketLink
-from devices.sim.bhaptics import BhapticsPlayerSimulator
+from devices.drivers.bands.builders import bhaptics
+from devices.drivers.links.websocket import WebSocketLink
+from devices.sim.bands.bhaptics import BhapticsPlayerSimulator
 from devices.sim.faults import FaultSchedule
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import DeviceDisconnected, DeviceNotFound
@@ -20,7 +20,7 @@ CLOCK = SystemClock()
 @pytest.fixture
 def serve():
     pytest.importorskip("websockets", reason="websockets is not installed: pip install websockets")
-    from devices.sim.websocket_host import WebSocketHost
+    from devices.testing.websocket_host import WebSocketHost
 
     with contextlib.ExitStack() as stack:
 

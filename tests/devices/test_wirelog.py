@@ -4,7 +4,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from devices.drivers.pupil_core import PupilCore
+from devices.drivers.pupil.driver import PupilCore
 from devices.wirelog import ReplayTransport, TeeTransport, read_wire_log
 from lab.clock import SimClock
 from lab.errors import DataError, DeviceNotFound

@@ -3,10 +3,10 @@
 import pytest
 
 from devices.contracts import DeviceState
-from devices.drivers.pupil_core import PupilCore
+from devices.drivers.pupil.driver import PupilCore
 from devices.pump import Pump
 from devices.sim.faults import FaultSchedule
-from devices.sim.pupil_core import PupilCoreSimulator
+from devices.sim.pupil.capture import PupilCoreSimulator
 from devices.sim.zmq_host import ZmqHost
 from devices.transports import ZmqTransport
 from lab.clock import NS_PER_MS, NS_PER_S, SystemClock

@@ -2,7 +2,7 @@
 
 import pytest
 
-from devices.sim.armband_machine import LockstepMachine, PythonMachine, build
+from devices.testing.armband_machine import LockstepMachine, PythonMachine, build
 from lab.errors import DeviceNotFound
 
 

@@ -7,8 +7,8 @@ import subprocess
 import numpy as np
 import pytest
 
-from devices.drivers import armband_codec as codec
-from devices.sim.armband_machine import LockstepMachine, build
+from devices.drivers.armband import codec
+from devices.testing.armband_machine import LockstepMachine, build
 from lab.errors import DeviceNotFound
 
 MS = 1000

@@ -12,8 +12,8 @@ import cli.body_builders
 import cli.stages
 import stage.drawn_stage
 from devices.sim.native_build import find_compiler
-from devices.sim.openvr_runtime import SimulatedVrRuntime
-from devices.sim.openxr_runtime import SimulatedXrRuntime
+from devices.sim.openvr.runtime import SimulatedVrRuntime
+from devices.sim.openxr.runtime import SimulatedXrRuntime
 from lab.clock import NS_PER_S, SimClock
 from lab.config import DeviceConfig, LabConfig
 from lab.frame import FrameInfo

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from devices.contracts import PATTERN_NAMES, VibrationPattern
-from devices.drivers import armband_codec as codec
-from devices.drivers.armband_codec import Answer
+from devices.drivers.armband import codec
+from devices.drivers.armband.codec import Answer
 
 FULL = 255
 

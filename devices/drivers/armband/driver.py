@@ -20,12 +20,12 @@ from devices.contracts import (
     Sink,
     VibrationPattern,
 )
-from devices.drivers import armband_codec as codec
-from devices.drivers.armband_dialect import Drive, FramedDialect
-from devices.drivers.armband_ledger import band_batch, command_batch
-from devices.drivers.armband_limits import Limits
-from devices.drivers.armband_status import BandStatus
-from devices.drivers.armband_traffic import GIVE_UP_NS, STOP_TRIES, TRY_NS, Traffic
+from devices.drivers.armband import codec
+from devices.drivers.armband.dialect import Drive, FramedDialect
+from devices.drivers.armband.ledger import band_batch, command_batch
+from devices.drivers.armband.limits import Limits
+from devices.drivers.armband.status import BandStatus
+from devices.drivers.armband.traffic import GIVE_UP_NS, STOP_TRIES, TRY_NS, Traffic
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from lab.clock import NS_PER_MS, NS_PER_S, Clock

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from devices.contracts import Fault
-from devices.drivers.armband_codec import (
+from devices.drivers.armband.codec import (
     BATTERY_EMPTY,
     DISAGREED,
     STATUS_TEXTS,

@@ -1,6 +1,6 @@
 """Talk with an armband over a byte link: number commands, match answers, refresh, retry, give up.
 
-Nothing here knows of the life of a device; `devices.drivers.armband_driver` does. Commands may
+Nothing here knows of the life of a device; `devices.drivers.armband.driver` does. Commands may
 come from any thread, even from a signal handler in the midst of another command.
 """
 
@@ -10,10 +10,10 @@ from collections.abc import Callable
 
 from devices.byte_links import ByteLink, ForeseeingPeer
 from devices.contracts import BAND_EVENTS, PATTERN_NAMES, ClockPair, VibrationPattern
-from devices.drivers import armband_codec as codec
-from devices.drivers.armband_codec import Answer
-from devices.drivers.armband_dialect import Drive, FramedDialect
-from devices.drivers.armband_ledger import (
+from devices.drivers.armband import codec
+from devices.drivers.armband.codec import Answer
+from devices.drivers.armband.dialect import Drive, FramedDialect
+from devices.drivers.armband.ledger import (
     KEEP_ALIVE,
     PATTERN,
     SET,
@@ -23,7 +23,7 @@ from devices.drivers.armband_ledger import (
     Command,
     DeviceMicros,
 )
-from devices.drivers.armband_status import BandStatus
+from devices.drivers.armband.status import BandStatus
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout
 

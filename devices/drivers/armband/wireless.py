@@ -1,9 +1,9 @@
 """Build our own armband over Bluetooth: low energy, or the classic serial port."""
 
 from devices.byte_links import ByteLink
-from devices.drivers.armband_dialect import FramedDialect
-from devices.drivers.armband_driver import ArmbandDriver
-from devices.drivers.band_links import real_link
+from devices.drivers.armband.dialect import FramedDialect
+from devices.drivers.armband.driver import ArmbandDriver
+from devices.drivers.links.by_driver import real_link
 from lab.clock import Clock
 
 

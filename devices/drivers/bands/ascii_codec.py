@@ -11,7 +11,7 @@ import string
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from devices.drivers.band_language import Condition, Notice, Refused, level
+from devices.drivers.bands.language import Condition, Notice, Refused, level
 
 LONGEST_LINE = 1024
 

@@ -8,14 +8,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from devices.byte_links import ByteLink
-from devices.drivers import bhaptics_codec
-from devices.drivers.ascii_band_codec import AsciiLanguage, AsciiTemplates
-from devices.drivers.band_links import real_link
-from devices.drivers.bhaptics_codec import BhapticsLanguage
-from devices.drivers.buzz_codec import BuzzLanguage
-from devices.drivers.host_timed_band import HostTimedBand
-from devices.drivers.report_band_codec import ReportLanguage, ReportLayout
-from devices.drivers.vhp_codec import SLEEVE, SLIM_BOARD, VhpSleeveLanguage, VhpSlimLanguage
+from devices.drivers.bands import bhaptics_codec
+from devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
+from devices.drivers.bands.bhaptics_codec import BhapticsLanguage
+from devices.drivers.bands.buzz_codec import BuzzLanguage
+from devices.drivers.bands.driver import HostTimedBand
+from devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
+from devices.drivers.bands.vhp_codec import SLEEVE, SLIM_BOARD, VhpSleeveLanguage, VhpSlimLanguage
+from devices.drivers.links.by_driver import real_link
 from lab.clock import Clock
 from lab.errors import ConfigError
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from devices.drivers.band_language import Condition, JsonReader, Notice, Ready, Refused, level
+from devices.drivers.bands.language import Condition, JsonReader, Notice, Ready, Refused, level
 
 MOTORS = 4
 FULL = 255

@@ -26,15 +26,15 @@ from devices.contracts import (
     Sink,
     VibrationPattern,
 )
-from devices.drivers.armband_ledger import (
+from devices.drivers.armband.ledger import (
     BandRow,
     band_batch,
     command_batch,
 )
-from devices.drivers.band_course import LONGEST_TTL_MS, Limits
-from devices.drivers.band_language import BandLanguage, Condition, Notice, Ready, Refused
-from devices.drivers.band_traffic import BandTraffic
-from devices.drivers.open_bands import open_bands
+from devices.drivers.bands.course import LONGEST_TTL_MS, Limits
+from devices.drivers.bands.language import BandLanguage, Condition, Notice, Ready, Refused
+from devices.drivers.bands.open_bands import open_bands
+from devices.drivers.bands.traffic import BandTraffic
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from lab.clock import NS_PER_MS, NS_PER_S, Clock

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from devices.drivers.band_language import Condition, Notice, level
+from devices.drivers.bands.language import Condition, Notice, level
 
 TTL_STEP_MS = 10
 TTL_LONGEST_MS = 255 * TTL_STEP_MS

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from devices.byte_links import ByteLink
 from devices.contracts import PATTERN_NAMES, VibrationPattern
-from devices.drivers.armband_ledger import KEEP_ALIVE, NO_PATTERN, PATTERN, SET, SILENCE, Command
-from devices.drivers.band_course import Course, share_01
-from devices.drivers.band_language import BandLanguage
+from devices.drivers.armband.ledger import KEEP_ALIVE, NO_PATTERN, PATTERN, SET, SILENCE, Command
+from devices.drivers.bands.course import Course, share_01
+from devices.drivers.bands.language import BandLanguage
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceError
 

@@ -13,8 +13,8 @@ import struct
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from devices.drivers.armband_status import charge_01
-from devices.drivers.band_language import Condition, Notice, level
+from devices.drivers.armband.status import charge_01
+from devices.drivers.bands.language import Condition, Notice, level
 
 START = 0xC8
 SLEEVE, SLIM_BOARD = 3, 4

@@ -8,7 +8,7 @@ missing numbers, and 4294967295 a time that is not known.
 import math
 import struct
 
-from devices.drivers.gaze_rays import (
+from devices.drivers.streaming.gaze_rays import (
     LOST,
     NAN,
     Eye,

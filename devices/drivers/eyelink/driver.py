@@ -1,7 +1,7 @@
 """Drive an SR Research EyeLink through the vendor's pylink.
 
-Codec: `devices.drivers.eyelink_codec`. Transport: `devices.drivers.eyelink_library`. A screen-based
-tracker: rays are in the head frame of `devices.drivers.gaze_rays.Screen`, from eyes at the viewing
+Codec: `devices.drivers.eyelink.codec`. Transport: `devices.drivers.eyelink.library`. A screen-based
+tracker: rays are in the head frame of `streaming.gaze_rays.Screen`, from eyes at the viewing
 place. Proven on a stand-in of pylink's surface only; never yet on a real tracker.
 """
 
@@ -9,10 +9,10 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from devices.contracts import CalibrationOutcome, ClockPair, DeviceState
-from devices.drivers import eyelink_codec as codec
-from devices.drivers.eyelink_library import TIME, VERDICT
-from devices.drivers.gaze_device import GazeDevice, Make
-from devices.drivers.gaze_rays import Sample, Screen
+from devices.drivers.eyelink import codec
+from devices.drivers.eyelink.library import TIME, VERDICT
+from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.streaming.gaze_rays import Sample, Screen
 from devices.transports import Exchange, Frames, Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceTimeout

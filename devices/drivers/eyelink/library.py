@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from devices.drivers.eyelink_codec import LEFT, NO_TIME, RIGHT, SAMPLE, message_text
+from devices.drivers.eyelink.codec import LEFT, NO_TIME, RIGHT, SAMPLE, message_text
 from devices.transports import Exchange, Frames, Message
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout

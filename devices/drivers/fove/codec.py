@@ -9,7 +9,15 @@ import math
 import struct
 from collections.abc import Mapping
 
-from devices.drivers.gaze_rays import LOST, NAN, Eye, Sample, Triple, gaze_row, unit_triple
+from devices.drivers.streaming.gaze_rays import (
+    LOST,
+    NAN,
+    Eye,
+    Sample,
+    Triple,
+    gaze_row,
+    unit_triple,
+)
 
 EYE_FRAME = struct.Struct("<QQ" + 2 * "i3fiiif" + "i3f3f")
 """One fetched eye frame: id, µs; per eye (left, right) code and vector, code and state, code and

@@ -1,6 +1,6 @@
 """Drive a FOVE headset's eye tracker through the vendor's FoveClient library.
 
-Codec: `devices.drivers.fove_codec`. Transport: `devices.drivers.fove_library.FoveLibrary`, or its
+Codec: `devices.drivers.fove.codec`. Transport: `devices.drivers.fove.library.FoveLibrary`, or its
 simulator in memory. The device's clock has an unspecified epoch and cannot be asked: the offset
 comes from the least delayed arrivals. Calibration is the runtime's own, drawn by it.
 """
@@ -9,10 +9,10 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from devices.contracts import CalibrationOutcome, DeviceState, Fault
-from devices.drivers import fove_codec as codec
-from devices.drivers.fove_library import ANSWER, SERVICE_REMEDY
-from devices.drivers.gaze_device import GazeDevice, Make
-from devices.drivers.gaze_rays import Sample
+from devices.drivers.fove import codec
+from devices.drivers.fove.library import ANSWER, SERVICE_REMEDY
+from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.streaming.gaze_rays import Sample
 from devices.transports import Frames, Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceError, DeviceNotFound, ProtocolViolation

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from devices.drivers.fove_codec import EYE_FRAME, GONE, NO_UPDATE, OK, TIMED_OUT, error_text
+from devices.drivers.fove.codec import EYE_FRAME, GONE, NO_UPDATE, OK, TIMED_OUT, error_text
 from devices.transports import Exchange, Frames, Message
 from lab.clock import Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound, ProtocolViolation

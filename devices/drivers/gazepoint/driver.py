@@ -1,7 +1,7 @@
 """Drive a Gazepoint eye tracker through its Open Gaze server.
 
-Codec: `devices.drivers.gazepoint_codec`. Transport: a TCP stream. A screen-based tracker: rays are
-in the head frame of `devices.drivers.gaze_rays.Screen`. The server's clock cannot be asked; on
+Codec: `devices.drivers.gazepoint.codec`. Transport: a TCP stream. A screen-based tracker: rays are
+in the head frame of `streaming.gaze_rays.Screen`. The server's clock cannot be asked; on
 one computer its ticks are the host's own performance counter.
 """
 
@@ -9,9 +9,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from devices.contracts import CalibrationOutcome, DeviceState
-from devices.drivers import gazepoint_codec as codec
-from devices.drivers.gaze_device import GazeDevice, Make
-from devices.drivers.gaze_rays import Sample, Screen
+from devices.drivers.gazepoint import codec
+from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.streaming.gaze_rays import Sample, Screen
 from devices.transports import Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ProtocolViolation

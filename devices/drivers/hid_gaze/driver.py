@@ -1,16 +1,16 @@
 """Drive an eye tracker of HID usage page 0x12, whoever made it.
 
-Codec: `devices.drivers.hid_gaze_codec`. Transport: `devices.drivers.hid_gaze_usb`. A screen-based
-tracker: one ray, in the head frame of `devices.drivers.gaze_rays.Screen`; no pupils, no per-eye
+Codec: `hid_gaze.codec`. Transport: `hid_gaze.reports`. A screen-based
+tracker: one ray, in the head frame of `streaming.gaze_rays.Screen`; no pupils, no per-eye
 directions. Its clock cannot be asked, and the unit of its stamps is found from the rate.
 """
 
 from collections.abc import Iterable
 from dataclasses import replace
 
-from devices.drivers import hid_gaze_codec as codec
-from devices.drivers.gaze_device import GazeDevice, Make
-from devices.drivers.gaze_rays import Sample, Screen
+from devices.drivers.hid_gaze import codec
+from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.streaming.gaze_rays import Sample, Screen
 from devices.transports import Message, MessageTransport
 from lab.clock import Clock
 from lab.errors import ProtocolViolation

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from devices.drivers.hid_gaze_codec import EYE_TRACKER, INPUT, USAGE_PAGE, walk_descriptor
+from devices.drivers.hid_gaze.codec import EYE_TRACKER, INPUT, USAGE_PAGE, walk_descriptor
 from devices.transports import Exchange, Frames, Message
 from lab.clock import Clock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation

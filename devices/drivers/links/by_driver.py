@@ -4,12 +4,12 @@ from typing import Any
 from urllib.parse import urlencode
 
 from devices.byte_links import ByteLink
-from devices.drivers import bhaptics_codec
-from devices.drivers.armband_serial import BAUD, SerialLink
-from devices.drivers.ble_link import BleLink
-from devices.drivers.spp_link import RfcommLink
-from devices.drivers.usb_links import HidLink, UsbLink
-from devices.drivers.websocket_link import WebSocketLink
+from devices.drivers.bands import bhaptics_codec
+from devices.drivers.links.ble import BleLink
+from devices.drivers.links.rfcomm import RfcommLink
+from devices.drivers.links.serial_port import BAUD, SerialLink
+from devices.drivers.links.usb import HidLink, UsbLink
+from devices.drivers.links.websocket import WebSocketLink
 from lab.clock import Clock
 from lab.errors import ConfigError
 

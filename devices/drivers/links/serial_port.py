@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from devices.byte_links import ByteLink, Chunk
-from devices.drivers.armband_dialect import FramedDialect
-from devices.drivers.armband_driver import ArmbandDriver
+from devices.drivers.armband.dialect import FramedDialect
+from devices.drivers.armband.driver import ArmbandDriver
 from lab.clock import Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from devices.drivers.body_device import BodyDevice, BodySample, Make
+from devices.drivers.streaming.body_device import BodyDevice, BodySample, Make
 from devices.transports import Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ConfigError, ProtocolViolation

@@ -1,6 +1,6 @@
 """Drive any eye tracker that is offered as an LSL gaze stream; Tobii trackers by TittaLSL's too.
 
-Codec: `devices.drivers.lsl_gaze_codec`. Transport: `devices.drivers.lsl_gaze_inlet.LslInlet`. The
+Codec: `devices.drivers.lsl.gaze_codec`. Transport: `devices.drivers.lsl.inlet.LslInlet`. The
 device's time is the sender's raw stamp; offsets are LSL's own measurements, all kept. LSL numbers
 no samples, so lost ones show in the spacing of stamps alone.
 """
@@ -9,10 +9,10 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from devices.contracts import ClockPair
-from devices.drivers import lsl_gaze_codec as codec
-from devices.drivers.gaze_device import GazeDevice, Make
-from devices.drivers.gaze_rays import Sample, Screen
-from devices.drivers.lsl_gaze_inlet import OFFSET
+from devices.drivers.lsl import gaze_codec as codec
+from devices.drivers.lsl.inlet import OFFSET
+from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.streaming.gaze_rays import Sample, Screen
 from devices.transports import Frames, Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ProtocolViolation

@@ -1,6 +1,6 @@
 """Receive a moving body from OptiTrack Motive over NatNet (UDP 1510 and 1511).
 
-Codec: `devices.drivers.natnet_codec`. Device time is the middle of the cameras' exposure on
+Codec: `devices.drivers.natnet.codec`. Device time is the middle of the cameras' exposure on
 Motive's clock; it goes one way, so `health` fits it by the lower envelope of the arrivals. Motive
 must stream with y up; a T-pose faces +z there and −z here, so its world is turned by 180° about y,
 or by what `yaw_deg` says.
@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from devices.drivers import natnet_codec as codec
-from devices.drivers.body_device import BodyDevice, BodySample, Make
+from devices.drivers.natnet import codec
+from devices.drivers.streaming.body_device import BodyDevice, BodySample, Make
 from devices.transports import Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ConfigError, DataError, DeviceTimeout, ProtocolViolation

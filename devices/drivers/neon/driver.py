@@ -1,6 +1,6 @@
 """Drive a Pupil Labs Neon through the Companion app's network API.
 
-Codec: `devices.drivers.neon_codec`. Transport: `devices.drivers.neon_network.NeonNetwork` (HTTP,
+Codec: `devices.drivers.neon.codec`. Transport: `devices.drivers.neon.network.NeonNetwork` (HTTP,
 WebSocket, RTSP and time echo by pupil-labs-realtime-api), or its simulator in memory. The phone's
 clock counts whole milliseconds when asked, so single exchanges are good to half of one.
 """
@@ -12,9 +12,9 @@ from dataclasses import replace
 from typing import Any
 
 from devices.contracts import ClockPair, DeviceState, Fault, Health
-from devices.drivers import neon_codec as codec
-from devices.drivers.gaze_device import GazeDevice, Make
-from devices.drivers.gaze_rays import Sample
+from devices.drivers.neon import codec
+from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.streaming.gaze_rays import Sample
 from devices.transports import Frames, Message, MessageTransport
 from lab.clock import NS_PER_MS, Clock
 from lab.errors import DeviceError, DeviceNotFound

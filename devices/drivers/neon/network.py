@@ -14,7 +14,7 @@ from collections.abc import Coroutine, Sequence
 from concurrent.futures import TimeoutError as NotInTime
 from typing import Any
 
-from devices.drivers.neon_codec import STAMP
+from devices.drivers.neon.codec import STAMP
 from devices.transports import Exchange, Frames, Message
 from lab.clock import NS_PER_MS, Clock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout

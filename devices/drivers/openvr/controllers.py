@@ -19,8 +19,8 @@ from devices.contracts import (
     Health,
     Sink,
 )
-from devices.drivers import openvr_codec as codec
-from devices.drivers.controller_rows import Change, Levels, Ray, ray_batch, response_batch
+from devices.drivers.openvr import codec
+from devices.drivers.runtimes.controller_rows import Change, Levels, Ray, ray_batch, response_batch
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import Message, MessageTransport

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import FRAME_TIMING
-from devices.drivers import openvr_codec as codec
+from devices.drivers.openvr import codec
 from lab.clock import NS_PER_S
 from lab.errors import ProtocolViolation
 from lab.frame import EyeView, FrameInfo

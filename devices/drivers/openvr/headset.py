@@ -1,6 +1,6 @@
 """Drive a headset through an OpenVR runtime (SteamVR): pace, poses, submission, frame truth.
 
-Codec: `devices.drivers.openvr_codec`. Wire: `devices.drivers.openvr_library`, a `.wire` replay,
+Codec: `devices.drivers.openvr.codec`. Wire: `devices.drivers.openvr.library`, a `.wire` replay,
 or any `MessageTransport` with the same requests. The pose of a frame is the runtime's prediction
 for that frame's light; its `t_device_ns` is `predicted_display_ns`. All of it, `wait_frame` and
 `submit` included, belongs to the thread that draws.
@@ -27,9 +27,9 @@ from devices.contracts import (
     Health,
     Sink,
 )
-from devices.drivers import openvr_codec as codec
-from devices.drivers.openvr_display import BaseStations, read_display, timing_row
-from devices.drivers.openvr_findings import COMPOSITOR_REMEDIES, FOCUS_LOST, REMEDY, Findings
+from devices.drivers.openvr import codec
+from devices.drivers.openvr.display import BaseStations, read_display, timing_row
+from devices.drivers.openvr.findings import COMPOSITOR_REMEDIES, FOCUS_LOST, REMEDY, Findings
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import Exchange, MessageTransport

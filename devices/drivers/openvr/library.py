@@ -18,8 +18,8 @@ from typing import Any
 
 import msgpack
 
-from devices.drivers.loader_output import loader_output_logged
-from devices.drivers.openvr_codec import MAX_DEVICES, VSYNC
+from devices.drivers.openvr.codec import MAX_DEVICES, VSYNC
+from devices.drivers.runtimes.loader_output import loader_output_logged
 from devices.transports import Exchange, Frames, Message
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceError, DeviceNotFound

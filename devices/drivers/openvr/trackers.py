@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import msgpack
 import numpy as np
 
-from devices.drivers import openvr_codec as codec
-from devices.drivers.body_device import BodyDevice, BodySample, Make
+from devices.drivers.openvr import codec
+from devices.drivers.streaming.body_device import BodyDevice, BodySample, Make
 from devices.transports import Exchange, Frames, Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ConfigError, DeviceError, ProtocolViolation

@@ -20,10 +20,10 @@ from devices.contracts import (
     Health,
     Sink,
 )
-from devices.drivers.controller_rows import Change, Levels, Ray, ray_batch, response_batch
-from devices.drivers.openvr_trackers import PolledPoses
-from devices.drivers.openxr_actions import BUTTON_STATES, BUTTONS, HAND, HANDS
-from devices.drivers.openxr_packing import INSTANT
+from devices.drivers.openvr.trackers import PolledPoses
+from devices.drivers.openxr.actions import BUTTON_STATES, BUTTONS, HAND, HANDS
+from devices.drivers.openxr.packing import INSTANT
+from devices.drivers.runtimes.controller_rows import Change, Levels, Ray, ray_batch, response_batch
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import Message, MessageTransport

@@ -12,10 +12,10 @@ from dataclasses import replace
 import msgpack
 
 from devices.contracts import ClockPair
-from devices.drivers.gaze_device import GazeDevice, Make
-from devices.drivers.gaze_rays import LOST, NAN, NO_EYE, Sample, gaze_row
-from devices.drivers.openvr_trackers import PolledPoses
-from devices.drivers.openxr_packing import LOCATED
+from devices.drivers.openvr.trackers import PolledPoses
+from devices.drivers.openxr.packing import LOCATED
+from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.streaming.gaze_rays import LOST, NAN, NO_EYE, Sample, gaze_row
 from devices.transports import Message, MessageTransport
 from lab.clock import Clock
 from lab.errors import DeviceNotFound

@@ -27,8 +27,8 @@ from devices.contracts import (
     Health,
     Sink,
 )
-from devices.drivers.openxr_graphics import packed_images
-from devices.drivers.openxr_packing import FRAME
+from devices.drivers.openxr.graphics import packed_images
+from devices.drivers.openxr.packing import FRAME
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import MessageTransport

@@ -5,7 +5,7 @@ before it was opened: then it is bound to the OpenGL context that is current. A 
 (its name, its arguments) with an answer (the name of the error, empty for none, then packed
 numbers), so that a `TeeTransport` around the transport writes a `.wire` log. One session serves
 every device of the process. Times are XrTime (ns) as the runtime gives them, next to the same
-instant on the session's clock (`devices.drivers.openxr_time`).
+instant on the session's clock (`devices.drivers.openxr.runtime_time`).
 
 Requests: `images`, `runtime`, `gaze`, `hands`, `frame`, `show`, `views`, `size`, `buzz`.
 """
@@ -17,22 +17,22 @@ from typing import Any
 
 import msgpack
 
-from devices.drivers.loader_output import loader_output_logged
-from devices.drivers.openxr_actions import (
+from devices.drivers.openxr.actions import (
     BUTTON_STATES,
     HAND,
     HANDS,
     OpenXrActions,
     supports_gaze,
 )
-from devices.drivers.openxr_graphics import (
+from devices.drivers.openxr.graphics import (
     EyeImages,
     GraphicsBinding,
     ask_graphics_requirements,
 )
-from devices.drivers.openxr_packing import FRAME, INSTANT, LOCATED, number, numbers, packed_views
-from devices.drivers.openxr_time import RuntimeTime, performance_counter, time_extension
-from devices.drivers.openxr_wire import OpenXrTransport
+from devices.drivers.openxr.packing import FRAME, INSTANT, LOCATED, number, numbers, packed_views
+from devices.drivers.openxr.runtime_time import RuntimeTime, performance_counter, time_extension
+from devices.drivers.openxr.wire import OpenXrTransport
+from devices.drivers.runtimes.loader_output import loader_output_logged
 from devices.transports import Frames
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceNotFound

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from devices.contracts import GAZE
-from devices.drivers import pupil_codec as codec
+from devices.drivers.pupil import codec
 from lab.errors import ProtocolViolation
 
 OLDEST_VERSION = (2, 0)

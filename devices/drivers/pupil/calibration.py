@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from devices.contracts import CalibrationOutcome
-from devices.drivers import pupil_codec as codec
+from devices.drivers.pupil import codec
 from lab.geometry import Vector
 
 

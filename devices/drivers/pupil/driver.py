@@ -1,6 +1,6 @@
 """Drive a Pupil Labs Core eye tracker through Pupil Capture's network API.
 
-Codec: `devices.drivers.pupil_codec`. Transport: any `devices.transports.MessageTransport`.
+Codec: `devices.drivers.pupil.codec`. Transport: any `devices.transports.MessageTransport`.
 Capture's clock is never set: offsets come from repeated `t` requests, all of them kept. Its
 stream has no sample counter, so `seq` counts what arrived and loss shows in the stamps alone.
 """
@@ -21,13 +21,13 @@ from devices.contracts import (
     Health,
     Sink,
 )
-from devices.drivers import pupil_codec as codec
-from devices.drivers.exchange_log import ExchangeLog
-from devices.drivers.pupil_answers import ROW_BYTES, check_version, eyes_seen, read_port
-from devices.drivers.pupil_calibration import HmdCalibration
-from devices.drivers.pupil_faults import Findings, SeenEyes, describe
-from devices.drivers.pupil_layout import GazeDecoder
-from devices.drivers.wire_thread import WireThread
+from devices.drivers.pupil import codec
+from devices.drivers.pupil.answers import ROW_BYTES, check_version, eyes_seen, read_port
+from devices.drivers.pupil.calibration import HmdCalibration
+from devices.drivers.pupil.findings import Findings, SeenEyes, describe
+from devices.drivers.pupil.layout import GazeDecoder
+from devices.drivers.streaming.exchange_log import ExchangeLog
+from devices.drivers.streaming.wire_thread import WireThread
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import Frames, Message, MessageTransport

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import GAZE
-from devices.drivers import pupil_codec as codec
+from devices.drivers.pupil import codec
 from lab.compiled import compiled
 
 Bytes = npt.NDArray[np.uint8]

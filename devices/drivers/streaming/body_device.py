@@ -21,7 +21,7 @@ from devices.contracts import (
     Sink,
     body_schema,
 )
-from devices.drivers.gaze_clock import OneWayClock
+from devices.drivers.streaming.one_way_clock import OneWayClock
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.segment_watch import SegmentWatch

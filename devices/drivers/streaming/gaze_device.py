@@ -20,13 +20,13 @@ from devices.contracts import (
     Health,
     Sink,
 )
-from devices.drivers.exchange_log import ExchangeLog
-from devices.drivers.gaze_clock import OneWayClock
-from devices.drivers.gaze_findings import Counts, eye_faults, named, stream_faults
-from devices.drivers.gaze_rays import Sample, rows_to_values
-from devices.drivers.pupil_faults import SeenEyes
-from devices.drivers.sample_numbers import SampleNumbers
-from devices.drivers.wire_thread import WireThread
+from devices.drivers.pupil.findings import SeenEyes
+from devices.drivers.streaming.exchange_log import ExchangeLog
+from devices.drivers.streaming.gaze_findings import Counts, eye_faults, named, stream_faults
+from devices.drivers.streaming.gaze_rays import Sample, rows_to_values
+from devices.drivers.streaming.one_way_clock import OneWayClock
+from devices.drivers.streaming.sample_numbers import SampleNumbers
+from devices.drivers.streaming.wire_thread import WireThread
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import Exchange, Frames, Message, MessageTransport

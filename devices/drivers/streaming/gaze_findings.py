@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from devices.contracts import Fault
-from devices.drivers.pupil_faults import EYES_LOST_BELOW_01, FEWEST_SAMPLES, SeenEyes
+from devices.drivers.pupil.findings import EYES_LOST_BELOW_01, FEWEST_SAMPLES, SeenEyes
 from devices.meter import StreamMeter
 from lab.errors import DeviceError
 

@@ -7,8 +7,8 @@ tests hold both against the same script.
 import math
 from dataclasses import dataclass, field
 
-from devices.drivers import armband_codec as codec
-from devices.drivers.armband_codec import Acknowledgement, BandEvent, Frame, Welcome
+from devices.drivers.armband import codec
+from devices.drivers.armband.codec import Acknowledgement, BandEvent, Frame, Welcome
 
 DEAD_MAN_US = 250_000
 LONGEST_TTL_MS = 10_000

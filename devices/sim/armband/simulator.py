@@ -1,6 +1,6 @@
 """Simulate an armband at its wire: link delays and faults, firmware, motors with inertia.
 
-A virtual clock drives it through `devices.byte_links.MemoryLink`; `devices.sim.armband_pty`
+A virtual clock drives it through `devices.byte_links.MemoryLink`; `devices.testing.armband_pty`
 hosts the same on a pseudo-terminal. Motors follow their drive with a first-order lag; not
 modelled: skin and strap, motor spread, magnetic coupling, radio collisions.
 """
@@ -15,9 +15,9 @@ import numpy as np
 
 from devices.byte_links import ByteLink, Chunk, MemoryLink
 from devices.contracts import MovingBody
-from devices.drivers.armband_dialect import FramedDialect
-from devices.drivers.armband_driver import ArmbandDriver
-from devices.sim.armband_firmware import HIGHEST_DUTY, ArmbandFirmware, Surroundings
+from devices.drivers.armband.dialect import FramedDialect
+from devices.drivers.armband.driver import ArmbandDriver
+from devices.sim.armband.firmware import HIGHEST_DUTY, ArmbandFirmware, Surroundings
 from devices.sim.faults import FaultSchedule
 from devices.sim.wire_noise import WireNoise
 from lab.clock import NS_PER_MS, NS_PER_S, Clock

@@ -8,7 +8,7 @@ registered patterns, rotation, paths, other positions, the radio between Player 
 import json
 from typing import Any
 
-from devices.sim.band_peer import BandPeer
+from devices.sim.bands.peer import BandPeer
 from lab.clock import NS_PER_MS
 
 POINTS = 6

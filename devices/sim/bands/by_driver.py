@@ -6,12 +6,12 @@ from typing import Any
 
 from devices.byte_links import MemoryLink
 from devices.contracts import MovingBody
-from devices.sim.armband import ArmbandSimulator
-from devices.sim.bhaptics import BhapticsPlayerSimulator
-from devices.sim.buzz import BuzzSimulator
+from devices.sim.armband.simulator import ArmbandSimulator
+from devices.sim.bands.bhaptics import BhapticsPlayerSimulator
+from devices.sim.bands.buzz import BuzzSimulator
+from devices.sim.bands.plain import ReportBandSimulator, TextBandSimulator
+from devices.sim.bands.vhp import SleeveSimulator, SlimBoardSimulator
 from devices.sim.faults import FaultSchedule
-from devices.sim.plain_bands import ReportBandSimulator, TextBandSimulator
-from devices.sim.vhp import SleeveSimulator, SlimBoardSimulator
 from lab.clock import Clock
 from lab.errors import ConfigError
 

@@ -10,7 +10,7 @@ serial time-out.
 import struct
 from typing import Any
 
-from devices.sim.band_peer import BandPeer
+from devices.sim.bands.peer import BandPeer
 from lab.clock import NS_PER_MS
 
 TACTORS = 12

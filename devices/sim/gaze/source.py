@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from devices.contracts import Body
 from devices.sim.faults import FaultSchedule
-from devices.sim.tracker_error import (
+from devices.sim.gaze.tracker_error import (
     N_SLOW,
     N_WHITE,
     StretchNoise,

@@ -1,6 +1,6 @@
 """An LSL motion stream of a moving body, as an inlet of ours hands it over.
 
-The bytes are those of `devices.drivers.lsl_gaze_inlet`: a stamp and the channels, all doubles.
+The bytes are those of `devices.drivers.lsl.inlet`: a stamp and the channels, all doubles.
 Not modelled: LSL's discovery, its buffers and its clock exchanges (liblsl's own, tested for the
 outlets over the loopback).
 """
@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from devices.contracts import MovingBody, body_schema
-from devices.sim.body_wire import BodyWire
+from devices.sim.body.wire import BodyWire
 from devices.sim.faults import FaultSchedule
 from lab.clock import NS_PER_S, Clock
 from lab.geometry import Vector

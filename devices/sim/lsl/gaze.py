@@ -10,10 +10,10 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from devices.contracts import GAZE, Body
-from devices.drivers.gaze_rays import Screen
+from devices.drivers.streaming.gaze_rays import Screen
 from devices.sim.faults import FaultSchedule
-from devices.sim.gaze_source import EYE_X_M, GazePeer, GazeSource, Shot
-from devices.sim.tracker_error import TrackerErrorModel
+from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
+from devices.sim.gaze.tracker_error import TrackerErrorModel
 from devices.transports import Frames
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.xdf_channels import describe

@@ -24,13 +24,13 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import Body
-from devices.drivers.openvr_library import OpenVrLibrary
+from devices.drivers.openvr.library import OpenVrLibrary
 from devices.sim.faults import FaultSchedule
 from devices.sim.image_reader import ImageReader
 from devices.sim.native_build import build_library
-from devices.sim.openvr_events import button_of, packed_event
-from devices.sim.openvr_tables import FunctionTables, table_header
-from devices.sim.openvr_world import CONTROLLER, POSE_BYTES, SimulatedVrWorld
+from devices.sim.openvr.events import button_of, packed_event
+from devices.sim.openvr.tables import FunctionTables, table_header
+from devices.sim.openvr.world import CONTROLLER, POSE_BYTES, SimulatedVrWorld
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceError, DeviceNotFound
 from lab.geometry import Vector

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.current_gl import SRGB8_ALPHA8
-from devices.drivers.openxr_graphics import BINDING_TYPES
+from devices.drivers.openxr.graphics import BINDING_TYPES
 from devices.sim.image_reader import ImageReader
 
 SUCCESS, TIMEOUT_EXPIRED = 0, 1

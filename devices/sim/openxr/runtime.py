@@ -23,13 +23,13 @@ from typing import Any
 import numpy as np
 
 from devices.contracts import Body
-from devices.drivers.openxr_graphics import EGL, OPENGL
-from devices.drivers.openxr_library import EYE_GAZE, HEADLESS, OpenXrLibrary
-from devices.drivers.openxr_time import FROM_COUNTER, TIMESPEC
+from devices.drivers.openxr.graphics import EGL, OPENGL
+from devices.drivers.openxr.library import EYE_GAZE, HEADLESS, OpenXrLibrary
+from devices.drivers.openxr.runtime_time import FROM_COUNTER, TIMESPEC
 from devices.sim.faults import FaultSchedule
 from devices.sim.native_build import build_library
-from devices.sim.openxr_hands import SimulatedHands
-from devices.sim.openxr_images import CALL_ORDER_INVALID, SimulatedImages
+from devices.sim.openxr.hands import SimulatedHands
+from devices.sim.openxr.images import CALL_ORDER_INVALID, SimulatedImages
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceNotFound
 

@@ -2,7 +2,7 @@
 
 Not modelled: eye images and the pupil detector, eye-camera matching (every datum pairs two
 pupils of one instant, or one pupil), the scene camera's optics (`norm_pos` is a pinhole's),
-slow slippage of the headset, other plug-ins. The bytes are those of `devices.sim.pupil_wire`.
+slow slippage of the headset, other plug-ins. The bytes are those of `devices.sim.pupil.wire`.
 """
 
 from collections import deque
@@ -14,18 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import Body
-from devices.sim.calibration import CalibrationJudge
 from devices.sim.faults import FaultSchedule, WireFault
-from devices.sim.pupil_wire import (
-    BINOCULAR_TOPIC,
-    COLUMN,
-    GAZE_VALUES,
-    MONOCULAR_TOPICS,
-    GazeTemplate,
-    pack_notification,
-    write_datums,
-)
-from devices.sim.tracker_error import (
+from devices.sim.gaze.calibration import CalibrationJudge
+from devices.sim.gaze.tracker_error import (
     N_SLOW,
     N_WHITE,
     StretchNoise,
@@ -33,6 +24,15 @@ from devices.sim.tracker_error import (
     TrackerErrorModel,
     draw_systematic,
     measured_directions,
+)
+from devices.sim.pupil.wire import (
+    BINOCULAR_TOPIC,
+    COLUMN,
+    GAZE_VALUES,
+    MONOCULAR_TOPICS,
+    GazeTemplate,
+    pack_notification,
+    write_datums,
 )
 from devices.transports import Frames, Message
 from lab.clock import NS_PER_MS, NS_PER_S, Clock

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-import devices.sim.armband
+import devices.sim.armband.simulator
 from cli.perform import perform_new
-from devices.sim.armband import ArmbandSimulator
+from devices.sim.armband.simulator import ArmbandSimulator
 from experiments.crowd.haptics import BAND_ROLES
 from lab.errors import SessionAborted
 from protocol.operator import Action, Command
@@ -49,7 +49,7 @@ def bands(monkeypatch: pytest.MonkeyPatch) -> dict[str, ArmbandSimulator]:
         made(self, role, *args, **settings)
         worn[role] = self
 
-    monkeypatch.setattr(devices.sim.armband.ArmbandSimulator, "__init__", make)
+    monkeypatch.setattr(devices.sim.armband.simulator.ArmbandSimulator, "__init__", make)
     return worn
 
 
