@@ -25,6 +25,7 @@ from cli.perform import perform_new, simulated_request
 from cli.studies import find_study
 from experiments.crowd.pulses import pulse_rows
 from lab.clock import Clock, SystemClock, cpu_time_s
+from lab.config_files import EXAMPLE
 from recording.reader import Recording
 
 LIMIT_S = 60.0
@@ -35,7 +36,7 @@ WALKS = 25
 def one_session(folder: Path, clock: Clock | None = None, **parameters: float) -> Recording:
     """Simulate one session of participant 0 and return its recording."""
     study = find_study("crowd")
-    config = load_lab(None).model_copy(update={"data_root": folder})
+    config = load_lab(EXAMPLE, quiet=True).model_copy(update={"data_root": folder})
     request = simulated_request(
         study, study.experiment(parameters), config, label="B01", index=0, seed=1, effect=True
     )

@@ -33,6 +33,7 @@ from experiments.stare.design import StareParameters
 from experiments.stare.study import StareStudy
 from lab.clock import NS_PER_S, StopWatch, SystemClock
 from lab.config import DeviceConfig, LabConfig, load_config
+from lab.config_files import EXAMPLE
 from protocol.gaze_setup import TargetTiming
 from protocol.operator import SessionStatus, UnattendedOperator
 from protocol.plan import SessionPlan
@@ -133,7 +134,7 @@ def kill_sessions(kills: int, *, seed: int, root: Path) -> Outcome:
 
 
 def _fast_config() -> LabConfig:
-    config = load_config(Path(__file__).resolve().parent.parent / "lab_config.yaml")
+    config = load_config(EXAMPLE)
     devices = dict(config.devices)
     for role, (option, rate_hz) in RATES_HZ.items():
         device = devices[role]

@@ -23,6 +23,7 @@ from cli.app import load_lab
 from cli.simulation import SimulationTask, in_parallel, measure_one, simulate_one
 from cli.studies import find_study
 from lab.clock import StopWatch, cpu_time_s
+from lab.config_files import EXAMPLE
 from recording.manifest import read_manifest
 from recording.reader import Recording
 
@@ -82,7 +83,7 @@ def in_order(work: Any, jobs: list[tuple[Any, ...]], processes: int) -> list[Job
 
 def rows_of(participants: int, processes: int, root: Path) -> list[Row]:
     """Simulate and analyse; return every figure."""
-    lab = load_lab(None, "sim").model_copy(update={"data_root": root / "data"})
+    lab = load_lab(EXAMPLE, "sim", quiet=True).model_copy(update={"data_root": root / "data"})
     tasks = [
         SimulationTask(STUDY, lab, f"S{i + 1:02d}A", i, "", SEED, True, {})
         for i in range(participants)

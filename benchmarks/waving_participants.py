@@ -34,6 +34,7 @@ from experiments.waving.design import DIRECTIONS, ORIENTATION, TECHNIQUES, WARPI
 from experiments.waving.measures import cell_means
 from experiments.waving.quick_study import evidence_for, quick_study, stimuli
 from lab.clock import cpu_time_s
+from lab.config_files import EXAMPLE
 from stimuli.motion.warping.perceived import mask_of, perceived
 from stimuli.scenes import office
 from stimuli.scenes.office import CLERKS, PARTICIPANT_PLACES
@@ -143,7 +144,7 @@ def session_row() -> dict[str, object]:
     from lab.config import load_config
 
     study = find_study("waving")
-    config = load_config(Path(__file__).resolve().parents[1] / "lab_config.yaml", OPTION_MODELS)
+    config = load_config(EXAMPLE, OPTION_MODELS)
     with tempfile.TemporaryDirectory() as folder:
         config = config.model_copy(update={"data_root": Path(folder)})
         request = simulated_request(

@@ -6,13 +6,12 @@ from typing import Annotated, TypeVar
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from cli.command_table import LazyGroup
-from lab.config import LabConfig, load_config, with_devices
+from lab.config import LabConfig, load_config, parse_config, with_devices
+from lab.config_files import CONFIG_NAME, EXAMPLE, find_config
 from lab.errors import ConfigError, UsageError
-
-CONFIG_NAME = "lab_config.yaml"
-REPOSITORY = Path(__file__).resolve().parent.parent
 
 console = Console()
 errors = Console(stderr=True)
@@ -28,14 +27,29 @@ app = typer.Typer(
 )
 
 
+def _print_version(is_asked: bool) -> None:
+    if is_asked:
+        from lab.version import version
+
+        typer.echo(f"visavis {version()}")
+        raise typer.Exit
+
+
 @app.callback()
-def _every_command() -> None:
-    """Hold what all commands share: nothing; it makes a group of even one loaded command."""
+def _every_command(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Say which Visavis this is.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """Hold what all commands share; it makes a group of even one loaded command."""
 
 
 ConfigOption = Annotated[
     Path | None,
-    typer.Option("--config", help="The lab's configuration; ./lab_config.yaml when left out."),
+    typer.Option("--config", help="The lab's file; lab_config.yaml here or above when left out."),
 ]
 StudyArgument = Annotated[str, typer.Argument(help="Name of the study, such as stare.")]
 DevicesOption = Annotated[
@@ -46,26 +60,45 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for other p
 F = TypeVar("F", bound=Callable[..., object])
 
 
-def load_lab(path: Path | None, devices: str | None = None) -> LabConfig:
-    """Read the lab's configuration; without a path, here and then as shipped.
+def load_lab(
+    path: Path | None,
+    devices: str | None = None,
+    *,
+    only_simulates: bool = False,
+    quiet: bool = False,
+) -> LabConfig:
+    """Read the configuration in force and say on stderr which one that is, unless `quiet`.
+
+    Without a path it is looked for in the current folder and those above. Where there is none, a
+    command that `only_simulates` takes the example that comes with Visavis, with its folders in
+    the current one.
 
     Raises:
-        ConfigError: listing everything that is wrong in the file.
+        ConfigError: there is no configuration, or everything that is wrong in it.
         UsageError: `devices` is neither sim nor real.
     """
-    if path is None:
-        here = Path.cwd() / CONFIG_NAME
-        path = here if here.exists() else REPOSITORY / CONFIG_NAME
-    if not path.exists():
+    if devices not in (None, "sim", "real"):
+        raise UsageError(f"--devices takes sim or real, not {devices!r}")
+    here = Path.cwd()
+    path = path or find_config(here)
+    if path is None and (devices == "real" or not only_simulates):
         raise ConfigError(
-            f"no lab configuration at {path}; run `visavis init` to write one, "
-            "or give its path with --config"
+            f"there is no {CONFIG_NAME} in {here} or above it; run `visavis init` to write one "
+            "here, or give the path of yours with --config"
         )
     from devices.option_models import option_models  # pydantic, only for commands that need it
 
-    config = load_config(path, option_models())
+    if path is None:
+        config = parse_config(EXAMPLE.read_text("utf-8"), EXAMPLE, option_models(), folder=here)
+        said = (
+            f"the example of Visavis, everything simulated: there is no {CONFIG_NAME} here or "
+            "above (visavis init writes one)"
+        )
+    else:
+        config = load_config(path, option_models())
+        said = f"{config.path} ({config.lab})"
+    if not quiet:
+        errors.print(f"[dim]configuration: {escape(said)}[/]", soft_wrap=True, highlight=False)
     if devices is None:
         return config
-    if devices not in ("sim", "real"):
-        raise UsageError(f"--devices takes sim or real, not {devices!r}")
     return with_devices(config, "sim" if devices == "sim" else "real")

@@ -53,7 +53,7 @@ def list_characters(
 
     Example: visavis character list
     """
-    folder = library or library_of(load_lab(config))
+    folder = library or library_of(load_lab(config, only_simulates=True, quiet=as_json))
     rows = [_row(load_character(name), "Visavis") for name in cast_names()]
     rows += [_row(load_character(folder / f"{n}.npz"), "imported") for n in library_names(folder)]
     if as_json:
@@ -89,7 +89,7 @@ def sheet_command(
     check_picture_name(png)
     if png.exists():
         raise UsageError(f"{png} exists already; choose another name")
-    folder = library or library_of(load_lab(config))
+    folder = library or library_of(load_lab(config, only_simulates=True))
     imported = library_names(folder)
     wanted = tuple(names or imported)
     if not wanted:
@@ -119,7 +119,7 @@ def import_command(
     """
     if gender not in (None, "female", "male"):
         raise UsageError(f"--gender takes female or male, not {gender!r}")
-    folder = library or library_of(load_lab(config))
+    folder = library or library_of(load_lab(config, quiet=as_json))
     known = cast("Literal['female', 'male'] | None", gender)
     rows: list[dict[str, object]] = []
     failed = 0

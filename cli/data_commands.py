@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from cli.app import CONFIG_NAME, REPOSITORY, app, console
+from cli.app import app, console
+from lab.config_files import CONFIG_NAME, EXAMPLE
 from lab.errors import DataError, UsageError
 
 import_app = typer.Typer(help="Read data recorded by other programs.")
@@ -129,5 +130,5 @@ def init(
     if target.exists():
         raise UsageError(f"{target} exists already; it was left as it is")
     folder.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(REPOSITORY / CONFIG_NAME, target)
+    shutil.copyfile(EXAMPLE, target)
     console.print(f"wrote [b]{target}[/]; edit it, then: visavis devices list", soft_wrap=True)

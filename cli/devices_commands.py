@@ -35,7 +35,7 @@ def list_devices(config: ConfigOption = None, as_json: JsonOption = False) -> No
     """
     from cli.device_states import driver_states, role_states
 
-    lab = load_lab(config)
+    lab = load_lab(config, quiet=as_json)
     roles, drivers = role_states(lab), driver_states()
     if as_json:
         found = {"roles": [asdict(r) for r in roles], "drivers": [asdict(d) for d in drivers]}
@@ -74,7 +74,7 @@ def listen(
     from cli.device_report import print_trials
     from lab.clock import SystemClock
 
-    lab = load_lab(config)
+    lab = load_lab(config, quiet=as_json)
     _check_seconds(seconds)
     chosen = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
     if as_json:

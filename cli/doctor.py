@@ -8,13 +8,14 @@ from typing import Any
 
 from cli.device_bench import Trial, capture
 from cli.doctor_findings import Finding, worst
-from cli.doctor_machine import computer, libraries, licence_of
+from cli.doctor_machine import COMPUTER, computer, libraries, licence_of
 from cli.doctor_wires import RUNTIME_NAMES, RUNTIMES, network, ports, runtimes
 from cli.rigs import ESSENTIAL_ROLES
 from devices.contracts import Device
 from devices.driver_facts import FACTS, facts_of
 from lab.clock import Clock
 from lab.config import DeviceConfig, LabConfig
+from lab.config_files import CONFIG_NAME, EXAMPLE
 
 DEVICES = "devices"
 SELF_TEST_S = 10.0
@@ -49,9 +50,8 @@ def examine(lab: LabConfig, clock: Clock, *, self_test_s: float = 0.0) -> Report
     there = [d for d, trial in zip(chosen, trials, strict=True) if trial is None]
     heard = iter(capture(there, clock, self_test_s or GLANCE_S) if there else ())
     done = tuple(trial if trial is not None else next(heard) for trial in trials)
-    return Report(
-        clock.wall_iso(), str(lab.path), (*around, *_devices(lab, done)), done, _licences()
-    )
+    findings = (_configuration(lab), *around, *_devices(lab, done))
+    return Report(clock.wall_iso(), str(lab.path), findings, done, _licences())
 
 
 def save_with_session(
@@ -99,6 +99,15 @@ def verdict(report: Report) -> str:
     if counts["warning"]:
         return f"[yellow]Ready, with {counts['warning']} to look at:[/] see ! above."
     return "[green]Ready.[/]"
+
+
+def _configuration(lab: LabConfig) -> Finding:
+    if lab.path == EXAMPLE:
+        return Finding(
+            COMPUTER, "configuration", "missing", f"no {CONFIG_NAME} in this folder or above",
+            "run: visavis init (or give the path of yours: --config FILE)",
+        )  # fmt: skip
+    return Finding(COMPUTER, "configuration", "ok", f"{lab.path} ({lab.lab})")
 
 
 def _surroundings(lab: LabConfig, clock: Clock, *, are_open: bool = False) -> tuple[Finding, ...]:

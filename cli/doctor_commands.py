@@ -38,7 +38,7 @@ def doctor(
     from cli.doctor import SELF_TEST_S, as_document, examine, verdict
     from lab.clock import SystemClock
 
-    lab = load_lab(config, devices)
+    lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
     seconds = SELF_TEST_S if self_test else 0.0
     if as_json:
         report = examine(lab, SystemClock(), self_test_s=seconds)

@@ -101,7 +101,7 @@ def preview(
 
     chosen = find_study(study)
     dress = dresser_of(chosen.name)
-    lab = load_lab(config, "sim")
+    lab = load_lab(config, "sim", only_simulates=True)
     following = FOLLOWING if video is not None else 0
     capture = Capture(chosen, lab, number=trial, index=participant, seed=seed, following=following)
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())

@@ -91,7 +91,7 @@ def plan(
 
     Example: visavis plan stare --participant 07
     """
-    lab = load_lab(config, devices)
+    lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
     chosen = find_study(study)
     simulated = is_simulated(lab)
     folder = study_dir(lab.data_root, study, is_simulated=simulated)

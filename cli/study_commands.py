@@ -86,7 +86,7 @@ def simulate(
 
     Example: visavis simulate stare --participants 30 --seed 1 --output out/dry_run
     """
-    lab = load_lab(config, "sim")
+    lab = load_lab(config, "sim", only_simulates=True)
     if output is None:
         name = f"{study}_n{participants}_seed{seed}" + ("" if effect else "_noeffect")
         output = lab.data_root / "dry_runs" / name
@@ -341,6 +341,9 @@ def report(
 
 @app.command()
 def demo(
+    participants: Annotated[
+        int, typer.Option("--participants", min=1, help="How many.")
+    ] = DEMO_PARTICIPANTS,
     output: Annotated[Path, typer.Option("--output", help="Where to write.")] = Path("demo"),
     processes: ProcessesOption = None,
     config: ConfigOption = None,
@@ -350,13 +353,14 @@ def demo(
     Example: visavis demo
     """
     watch = StopWatch()
-    lab = load_lab(config, "sim")
+    lab = load_lab(config, "sim", only_simulates=True)
     console.print(
-        f"Simulating [b]stare in the crowd[/]: {DEMO_PARTICIPANTS} simulated participants, "
-        "72 trials each, through the session engine, drivers, recorder and analysis."
+        f"Simulating [b]stare in the crowd[/]: {participants} simulated "
+        f"participant{'s' if participants > 1 else ''}, 72 trials each, through the session "
+        "engine, drivers, recorder and analysis."
     )
     wanted = StudySettings("stare", DEFAULT_SEED, is_simulated=True)
-    folder = simulate_study(lab, wanted, DEMO_PARTICIPANTS, output, processes)
+    folder = simulate_study(lab, wanted, participants, output, processes)
     path = analyse_study(folder, None, mixture=False, processes=processes)
     console.print(f"done in {watch.elapsed_s():.0f} s; everything is marked [magenta]SIMULATED[/]")
     console.print(f"[b]report: {path}[/]", soft_wrap=True)

@@ -132,12 +132,18 @@ def load_config(path: Path, option_models: OptionModels | None = None) -> LabCon
     return _validated(read_document(path), option_models)
 
 
-def parse_config(text: str, path: Path, option_models: OptionModels | None = None) -> LabConfig:
+def parse_config(
+    text: str,
+    path: Path,
+    option_models: OptionModels | None = None,
+    *,
+    folder: Path | None = None,
+) -> LabConfig:
     """Validate a configuration given as text, such as the copy kept with a session.
 
-    Relative paths in it are relative to the folder of `path`.
+    Relative paths in it are relative to `folder`, the folder of `path` when left out.
     """
-    return _validated(parse_document(text, path), option_models)
+    return _validated(parse_document(text, path), option_models, folder)
 
 
 def with_devices(config: LabConfig, kind: Literal["sim", "real"]) -> LabConfig:
@@ -149,7 +155,10 @@ def with_devices(config: LabConfig, kind: Literal["sim", "real"]) -> LabConfig:
     return config.model_copy(update={"devices": devices})
 
 
-def _validated(document: Document, option_models: OptionModels | None) -> LabConfig:
+def _validated(
+    document: Document, option_models: OptionModels | None, folder: Path | None = None
+) -> LabConfig:
+    folder = folder or document.path.absolute().parent
     problems = list(document.problems)
     raw = document.data
     if not isinstance(raw, dict):
@@ -164,9 +173,7 @@ def _validated(document: Document, option_models: OptionModels | None) -> LabCon
             if checked is not None:
                 entries[checked.role] = checked
     paths = {
-        key: _absolute(document.path, str(raw[key]))
-        for key in ("data_root", "key_root")
-        if raw.get(key)
+        key: _absolute(folder, str(raw[key])) for key in ("data_root", "key_root") if raw.get(key)
     }
     if len(paths) == 2 and paths["key_root"].is_relative_to(paths["data_root"]):
         message = (
@@ -184,15 +191,15 @@ def _validated(document: Document, option_models: OptionModels | None) -> LabCon
         privacy=file.privacy,
         sync=file.sync,
         devices=entries,
-        wording={name: _absolute(document.path, text) for name, text in file.wording.items()},
+        wording={name: _absolute(folder, text) for name, text in file.wording.items()},
         path=document.path.absolute(),
         text=document.text,
         **paths,
     )
 
 
-def _absolute(config: Path, text: str) -> Path:
-    return (config.absolute().parent / Path(text).expanduser()).resolve()
+def _absolute(folder: Path, text: str) -> Path:
+    return (folder / Path(text).expanduser()).resolve()
 
 
 def _device(

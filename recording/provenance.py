@@ -8,6 +8,8 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
+from lab.version import version
+
 PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "numba", "pyzmq", "msgpack", "visavis")
 
 
@@ -24,6 +26,8 @@ class Provenance:
 
 
 def _package_version(name: str) -> str:
+    if name == "visavis":
+        return version()
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:

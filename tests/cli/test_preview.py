@@ -16,6 +16,7 @@ from cli.main import app
 from cli.preview_capture import Capture, Meanwhile, Seen, spread
 from cli.preview_pictures import Viewpoint, camera_of, labelled
 from cli.studies import find_study
+from lab.config_files import EXAMPLE
 from lab.errors import LabError, UsageError
 from lab.geometry import Pose, rotate
 from stage.errors import StageError
@@ -43,7 +44,9 @@ def preview(*arguments: object) -> str:
 
 @pytest.fixture(scope="module")
 def captured() -> Capture:
-    made = Capture(find_study("stare"), load_lab(None, "sim"), number=1, index=1, seed=1)
+    made = Capture(
+        find_study("stare"), load_lab(EXAMPLE, "sim", quiet=True), number=1, index=1, seed=1
+    )
     made.perform(until_s=0.5)
     return made
 
@@ -140,7 +143,9 @@ def test_performance_begins_with_light_and_ends_when_enough_is_seen(captured: Ca
 
 
 def test_a_trial_performed_meanwhile_ends_when_its_window_closes() -> None:
-    capture = Capture(find_study("stare"), load_lab(None, "sim"), number=2, index=1, seed=1)
+    capture = Capture(
+        find_study("stare"), load_lab(EXAMPLE, "sim", quiet=True), number=2, index=1, seed=1
+    )
     with Meanwhile(capture) as meanwhile:
         assert capture.frames
         meanwhile.check()
@@ -153,7 +158,9 @@ def test_what_fails_meanwhile_is_raised_where_it_is_shown(
     def fail(until_s: float | None = None) -> list[Seen]:
         raise UsageError("broken")
 
-    fresh = Capture(find_study("stare"), load_lab(None, "sim"), number=1, index=1, seed=1)
+    fresh = Capture(
+        find_study("stare"), load_lab(EXAMPLE, "sim", quiet=True), number=1, index=1, seed=1
+    )
     monkeypatch.setattr(fresh, "perform", fail)
     with pytest.raises(UsageError, match="broken"), Meanwhile(fresh):
         pass

@@ -16,6 +16,7 @@ from cli.main import app
 from cli.perform import Request
 from cli.study_commands import read_parameters
 from cli.study_folder import StudySettings, settle
+from lab.config_files import EXAMPLE
 from lab.errors import ConfigError, DataError, SessionAborted, UsageError
 from recording.reader import Recording
 
@@ -126,7 +127,7 @@ def test_parameters_are_read_as_numbers_and_texts() -> None:
 
 def test_a_session_takes_parameters_of_its_study_and_refuses_unknown_ones(tmp_path) -> None:
     config = tmp_path / "lab_config.yaml"
-    config.write_text((Path(__file__).parents[2] / "lab_config.yaml").read_text())
+    config.write_text(EXAMPLE.read_text("utf-8"))
     arguments = ["run", "waving", "--participant", "1", "--fast", "--config", str(config)]
     result = CliRunner().invoke(app, [*arguments, "--set", "answer_bye=keyboard"])
 

@@ -8,9 +8,10 @@ from devices import registry
 from devices.gaze_options import GAZE_OPTION_MODELS
 from devices.option_models import OPTION_MODELS
 from lab.config import parse_config
+from lab.config_files import EXAMPLE
 from lab.errors import ConfigError
 
-CONFIG = (Path(__file__).parents[2] / "lab_config.yaml").read_text(encoding="utf-8")
+CONFIG = EXAMPLE.read_text("utf-8")
 
 
 def with_tracker(*lines):

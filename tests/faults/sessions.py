@@ -14,6 +14,7 @@ from cli.studies import find_study
 from experiments.stare.design import StareParameters
 from experiments.stare.study import StareStudy
 from lab.config import DeviceConfig, LabConfig, load_config
+from lab.config_files import EXAMPLE
 from protocol.gaze_setup import TargetTiming
 from protocol.operator import Action, Command, SessionStatus, UnattendedOperator
 from protocol.plan import SessionPlan
@@ -21,7 +22,8 @@ from protocol.states import SessionState
 from recording.folder import session_dir
 from recording.reader import Recording
 
-CONFIG = Path(__file__).resolve().parent.parent.parent / "lab_config.yaml"
+CONFIG = EXAMPLE
+REPOSITORY = Path(__file__).resolve().parents[2]
 TIMING = TargetTiming(100, 300, 600, 900)
 TRIAL_S = 4.0
 TRIALS = ("T01", "T02", "T03", "T13", "T14", "T15")

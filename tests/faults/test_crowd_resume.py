@@ -11,9 +11,8 @@ import pytest
 from experiments.crowd.design import CONDITIONS, HAPTIC
 from recording.folder import study_dir
 from recording.reader import Recording
-from tests.faults.sessions import CONFIG
+from tests.faults.sessions import CONFIG, REPOSITORY
 
-REPOSITORY = CONFIG.parent
 KILLED_AFTER = """
 import os, signal, sys
 from recording.writer import Recorder

@@ -17,9 +17,16 @@ from lab.errors import ConfigError, RecordingError, UsageError
 from recording import durable
 from recording.folder import open_session
 from recording.reader import Recording
-from tests.faults.sessions import CONFIG, findings, lab, path_of, perform, request, resume
-
-REPOSITORY = CONFIG.parent
+from tests.faults.sessions import (
+    CONFIG,
+    REPOSITORY,
+    findings,
+    lab,
+    path_of,
+    perform,
+    request,
+    resume,
+)
 
 
 def visavis(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:

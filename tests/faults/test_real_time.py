@@ -16,9 +16,7 @@ from lab.clock import NS_PER_S, SystemClock
 from protocol.gaze_setup import TargetTiming
 from protocol.plan import SessionPlan
 from recording.reader import Recording
-from tests.faults.sessions import CONFIG, events, findings, lab, request
-
-REPOSITORY = CONFIG.parent
+from tests.faults.sessions import CONFIG, REPOSITORY, events, findings, lab, request
 
 
 class Lenient(StareBundle):

@@ -11,9 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from devices.option_models import OPTION_MODELS
 from lab.config import load_config, parse_config, with_devices
+from lab.config_files import EXAMPLE
 from lab.errors import ConfigError
-
-ROOT = Path(__file__).parents[2]
 
 
 class TrackerOptions(BaseModel):
@@ -67,7 +66,7 @@ def the_problem(old, new, models=MODELS):
 
 
 def test_the_shipped_configuration_is_valid_and_simulated_throughout():
-    config = load_config(ROOT / "lab_config.yaml")
+    config = load_config(EXAMPLE)
     assert ["headset", "eye_tracker", "responses", "body_tracker"] == list(config.devices)[:4]
     assert 4 == sum(role.startswith("armband_") for role in config.devices)
     assert all(device.simulated for device in config.devices.values())
@@ -308,7 +307,7 @@ def refused_lines(text):
 
 
 def test_what_a_model_of_ours_refuses_is_told_in_its_own_words(tmp_path):
-    text = Path(__file__).resolve().parents[2].joinpath("lab_config.yaml").read_text("utf-8")
+    text = EXAMPLE.read_text("utf-8")
     without_address = text.replace(
         "  armband_left_forearm:\n    driver: simulated_armband",
         "  armband_left_forearm:\n    driver: ble_armband",

@@ -7,9 +7,8 @@ from cli.perform import Request, perform_new, simulated_request
 from cli.studies import find_study
 from devices.option_models import OPTION_MODELS
 from lab.config import LabConfig, load_config
+from lab.config_files import EXAMPLE
 from recording.reader import Recording
-
-ROOT = Path(__file__).resolve().parents[3]
 
 
 def session(folder: Path, **wanted: Any) -> Recording:
@@ -33,7 +32,7 @@ def request(
     Drivers replace those of the lab, with the options they need.
     """
     if config is None:
-        config = load_config(ROOT / "lab_config.yaml", OPTION_MODELS)
+        config = load_config(EXAMPLE, OPTION_MODELS)
     devices = dict(config.devices)
     for role, entry in (drivers or {}).items():
         options = {name: value for name, value in entry.items() if name != "driver"}

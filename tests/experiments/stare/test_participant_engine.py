@@ -8,15 +8,15 @@ from cli.simulation import SimulationTask, measure_one, simulate_one
 from experiments.stare.design import StareParameters
 from experiments.stare.quick_study import run_study
 from lab.config import load_config
+from lab.config_files import EXAMPLE
 
-SHIPPED_CONFIG = Path(__file__).resolve().parents[3] / "lab_config.yaml"
 SHORT = {"repetitions": 1, "trial_s": 6.0}
 SEED, INDEX = 7, 2
 
 
 @pytest.mark.slow
 def test_the_short_path_measures_what_the_full_engine_measures(tmp_path: Path) -> None:
-    config = load_config(SHIPPED_CONFIG).model_copy(update={"data_root": tmp_path})
+    config = load_config(EXAMPLE).model_copy(update={"data_root": tmp_path})
     session = simulate_one(SimulationTask("stare", config, "P1", INDEX, "", SEED, True, SHORT))
     rows = measure_one("stare", session).rows
     full = rows[~rows["is_practice"].astype(bool)].sort_values("number").reset_index(drop=True)

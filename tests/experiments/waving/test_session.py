@@ -1,7 +1,5 @@
 """A simulated pilot session end to end, and the quick path beside it."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -14,9 +12,9 @@ from experiments.waving.intake import take_in
 from experiments.waving.measures import cell_means
 from experiments.waving.quick_study import quick_session, quick_study
 from lab.config import load_config
+from lab.config_files import EXAMPLE
 from recording.reader import Recording
 
-ROOT = Path(__file__).resolve().parents[3]
 PILOT = {
     "clerks": 1,
     "increment": 0.0,
@@ -31,7 +29,7 @@ SEED = 3
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    config = load_config(ROOT / "lab_config.yaml", OPTION_MODELS)
+    config = load_config(EXAMPLE, OPTION_MODELS)
     config = config.model_copy(update={"data_root": tmp_path_factory.mktemp("waving")})
     study = find_study("waving")
     request = simulated_request(

@@ -1,0 +1,18 @@
+"""Where a lab's configuration lies, and the example that comes with Visavis.
+
+The example is written by `visavis init` and stands in for a configuration where a command only
+simulates. No other file of the installed package is ever taken for a lab's configuration.
+"""
+
+from pathlib import Path
+
+CONFIG_NAME = "lab_config.yaml"
+EXAMPLE = Path(__file__).with_name("example_lab.yaml")
+"""One lab in which every device is simulated."""
+
+
+def find_config(folder: Path) -> Path | None:
+    """Return the configuration in a folder, or else the nearest one above it; None without any."""
+    here = folder.absolute()
+    places = (at / CONFIG_NAME for at in (here, *here.parents))
+    return next((place for place in places if place.is_file()), None)

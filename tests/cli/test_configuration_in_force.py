@@ -1,0 +1,103 @@
+"""Which configuration a command takes: that of its folder or above, never the program's own."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from cli.app import load_lab
+from cli.main import app
+from lab.config_files import EXAMPLE, find_config
+from lab.errors import ConfigError, UsageError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def visavis(*arguments: str) -> Result:
+    result = CliRunner().invoke(app, arguments)
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+def test_the_nearest_configuration_above_is_taken(here: Path) -> None:
+    inner = here / "pilot" / "notes"
+    inner.mkdir(parents=True)
+    assert find_config(inner) is None
+    (here / "lab_config.yaml").touch()
+    assert here / "lab_config.yaml" == find_config(inner)
+    (here / "pilot" / "lab_config.yaml").touch()
+    assert here / "pilot" / "lab_config.yaml" == find_config(inner)
+
+
+def test_no_package_of_visavis_looks_like_a_lab() -> None:
+    assert [] == [p for p in ROOT.glob("*/**/lab_config.yaml") if ".venv" not in p.parts]
+
+
+NEED_A_LAB = (
+    ("run", "stare", "--participant", "1", "--fast"),
+    ("resume",),
+    ("devices", "list"),
+    ("devices", "test"),
+    ("devices", "identify", "armband_left_forearm"),
+    ("devices", "capture", "eye_tracker", "-o", "eyes.wire"),
+    ("participant", "add", "stare"),
+    ("participant", "list", "stare"),
+    ("participant", "withdraw", "stare", "1"),
+    ("character", "import", "someone.glb"),
+    ("plan", "stare", "--participant", "1", "--devices", "real"),
+)
+
+
+@pytest.mark.parametrize("command", NEED_A_LAB, ids=" ".join)
+def test_without_a_configuration_devices_and_data_are_left_alone(
+    command: tuple[str, ...], here: Path
+) -> None:
+    with pytest.raises(ConfigError, match=r"no lab_config\.yaml in .* or above.*visavis init"):
+        visavis(*command)
+    assert [] == list(here.iterdir())
+
+
+def test_what_only_simulates_takes_the_example_and_says_so(here: Path) -> None:
+    result = visavis("plan", "stare", "--participant", "1")
+    assert "example of Visavis, everything simulated" in result.stderr.splitlines()[0]
+    assert "visavis init" in result.stderr
+    assert [] == list(here.iterdir())
+
+
+def test_data_of_the_example_go_to_the_current_folder(here: Path) -> None:
+    lab = load_lab(None, "sim", only_simulates=True)
+    assert (here / "data", here / "keys") == (lab.data_root, lab.key_root)
+    assert all(device.simulated for device in lab.devices.values())
+
+
+def test_the_configuration_in_force_is_said_in_the_first_line(here: Path) -> None:
+    visavis("init")
+    result = visavis("participant", "list", "stare")
+    assert (
+        f"configuration: {here / 'lab_config.yaml'} (Example laboratory)"
+        == (result.stderr.splitlines()[0])
+    )
+
+
+def test_json_stands_alone(here: Path) -> None:
+    visavis("init")
+    result = visavis("plan", "stare", "--participant", "1", "--json")
+    assert "" == result.stderr
+    assert "stare" == json.loads(result.stdout)["study"]
+
+
+def test_init_writes_the_example_and_never_over_a_file(here: Path) -> None:
+    visavis("init", "my_lab")
+    assert EXAMPLE.read_bytes() == (here / "my_lab" / "lab_config.yaml").read_bytes()
+    (here / "my_lab" / "lab_config.yaml").write_text("lab: mine")
+    with pytest.raises(UsageError, match="left as it is"):
+        visavis("init", "my_lab")
+    assert "lab: mine" == (here / "my_lab" / "lab_config.yaml").read_text()

@@ -1,0 +1,158 @@
+"""What `pip install` gives runs without the clone it was built from."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import venv
+import zipfile
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+LEFT_BEHIND = shutil.ignore_patterns(
+    ".*", "__pycache__", "build", "*.egg-info", "data", "demo", "out", "tests", "docs"
+)
+"""Of the clone: no earlier build may lend its files. (`stimuli/characters/data` comes below.)"""
+QUICK = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
+QUICK += ["--set", "repetitions=1"]
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
+
+
+class Installed(NamedTuple):
+    """An environment that has Visavis from a wheel, the wheel, and the packages in that."""
+
+    programs: Path
+    wheel: Path
+    packages: tuple[str, ...]
+
+    def run(self, program: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+        """Run a program of the environment; nothing of the clone is on its path."""
+        clean = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
+        return subprocess.run(
+            [str(self.programs / program), *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=cwd,
+            env={**clean, "PYTHONNOUSERSITE": "1", "COLUMNS": "200"},
+        )
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
+    """Visavis from a wheel, with the libraries of the environment that runs the tests."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    shutil.copytree(ROOT, source, ignore=LEFT_BEHIND)
+    shutil.copytree(ROOT / "stimuli/characters/data", source / "stimuli/characters/data")
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q"]
+    alone = ["--no-deps", "--no-index"]
+    subprocess.run(
+        [*pip, "wheel", *alone, "--no-build-isolation", "-w", str(folder), str(source)],
+        check=True,
+        timeout=300,
+    )
+    (wheel,) = folder.glob("visavis-*.whl")
+    environment = folder / "environment"
+    venv.create(environment, with_pip=False, symlinks=os.name != "nt")
+    programs = environment / ("Scripts" if os.name == "nt" else "bin")
+    python = programs / "python"
+    subprocess.run(
+        [*pip, "--python", str(python), "install", *alone, str(wheel)], check=True, timeout=300
+    )
+    # Folders named in a .pth file come last, and .pth files in them (the editable install of the
+    # clone is one) are not read.
+    where = sysconfig.get_path("purelib", vars={"base": str(environment)})
+    (Path(where) / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n", "utf-8")
+    shutil.rmtree(source)
+    with zipfile.ZipFile(wheel) as held:
+        (listed,) = (n for n in held.namelist() if n.endswith("/top_level.txt"))
+        packages = held.read(listed).decode().split()
+    return Installed(programs, wheel, tuple(packages))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A new lab's folder; what one test leaves there the next one finds."""
+    return tmp_path_factory.mktemp("new lab")
+
+
+def said(done: subprocess.CompletedProcess[str]) -> str:
+    assert 0 == done.returncode, done.stdout[-2000:] + done.stderr[-2000:]
+    return done.stdout
+
+
+def test_every_package_is_the_wheels_own(installed: Installed, tmp_path: Path) -> None:
+    assert {"lab", "experiments", "cli"} <= set(installed.packages)
+    assert "tests" not in installed.packages
+    names = ", ".join(installed.packages)
+    program = f"import {names}\nprint(*[{names}], sep='\\n')"
+    found = said(installed.run("python", "-c", program, cwd=tmp_path))
+    environment = str(installed.programs.parent)
+    assert len(installed.packages) == found.count(environment), found
+    assert str(ROOT) not in found
+
+
+def test_the_version_is_that_of_the_wheel(installed: Installed, tmp_path: Path) -> None:
+    expected = installed.wheel.name.split("-")[1]
+    assert f"visavis {expected}\n" == said(installed.run("visavis", "--version", cwd=tmp_path))
+    assert f'version = "{expected}"' in (ROOT / "pyproject.toml").read_text("utf-8")
+
+
+def test_the_wheel_holds_every_file_of_its_packages(installed: Installed) -> None:
+    tracked = subprocess.run(
+        ["git", "-C", str(ROOT), "ls-files", *installed.packages],  # noqa: S607 - git is where the user put it
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if tracked.returncode:
+        pytest.skip("not a clone")
+    with zipfile.ZipFile(installed.wheel) as held:
+        assert set(tracked.stdout.split("\n")) - {""} <= set(held.namelist())
+
+
+def test_without_a_configuration_a_session_is_refused_and_the_doctor_says_what_to_do(
+    installed: Installed, tmp_path: Path
+) -> None:
+    refused = installed.run("visavis", "run", "stare", "--participant", "1", cwd=tmp_path)
+    assert 2 == refused.returncode
+    assert f"no lab_config.yaml in {tmp_path} or above" in refused.stderr
+    assert [] == list(tmp_path.iterdir())
+    doctor = installed.run("visavis", "doctor", "--json", cwd=tmp_path)
+    findings = {f["subject"]: f for f in json.loads(doctor.stdout)["findings"]}
+    assert "missing" == findings["configuration"]["level"]
+    assert "visavis init" in findings["configuration"]["remedy"]
+
+
+def test_a_new_lab_begins_with_a_configuration_the_doctor_finds_ready(
+    installed: Installed, folder: Path
+) -> None:
+    said(installed.run("visavis", "init", cwd=folder))
+    report = json.loads(said(installed.run("visavis", "doctor", "--json", cwd=folder)))
+    assert str(folder / "lab_config.yaml") == report["config"]
+    assert [] == [f for f in report["findings"] if f["level"] == "missing"]
+
+
+def test_a_plan_is_shown(installed: Installed, folder: Path) -> None:
+    plan = said(installed.run("visavis", "plan", "stare", "--participant", "07", cwd=folder))
+    assert "72 trials in 3 blocks" in plan
+
+
+def test_a_study_is_simulated_and_analysed(installed: Installed, folder: Path) -> None:
+    simulate = ["simulate", "stare", "--participants", "2", *QUICK, "--output", "dry"]
+    said(installed.run("visavis", *simulate, cwd=folder))
+    said(installed.run("visavis", "analyse", "dry/simulated/stare", cwd=folder))
+    assert (folder / "dry/simulated/stare/derived/report.html").stat().st_size > 10_000
+
+
+def test_the_demo_writes_a_report_in_an_empty_folder(installed: Installed, tmp_path: Path) -> None:
+    said(installed.run("visavis", "demo", "--participants", "1", cwd=tmp_path))
+    assert (tmp_path / "demo/simulated/stare/derived/report.html").stat().st_size > 10_000
+    assert ["demo"] == [p.name for p in tmp_path.iterdir()]
