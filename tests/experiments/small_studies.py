@@ -1,0 +1,149 @@
+"""Small studies whose recordings and tables are pinned, and their fingerprints.
+
+`python -m tests.experiments.small_studies [NAME …]` pins them anew: only after a change that is
+meant to change what is recorded or computed, and that says so in the changelog.
+"""
+
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import pandas as pd
+
+from benchmarks.simulated_tracker import tracker_of
+from cli.app import load_lab
+from cli.study_commands import analyse_study, simulate_study
+from cli.study_folder import StudySettings
+from experiments.crowd.analysis import analyse_tables
+from experiments.crowd.analysis_parameters import AnalysisParameters as CrowdThresholds
+from experiments.crowd.design import CONTROL_GROUP, HAPTICS_GROUP, CrowdParameters
+from experiments.crowd.quick_study import quick_study as quick_crowd
+from experiments.crowd.study_outputs import similarity_rows
+from experiments.stare import analysis as stare
+from experiments.stare.quick_study import run_study as quick_stare
+from experiments.waving import analysis as waving
+from experiments.waving.design import WavingParameters
+from experiments.waving.quick_study import quick_study as quick_waving
+from tests.experiments.crowd.synthetic_walks import tables, walks
+from tests.experiments.fingerprint import (
+    fingerprint_of_study,
+    fingerprint_of_table,
+    write_fingerprint,
+)
+
+CONFIG: Final = Path(__file__).resolve().parents[2] / "lab_config.yaml"
+PINNED: Final = Path(__file__).parent / "pinned"
+SEED: Final = 1
+
+
+@dataclass(frozen=True)
+class SmallStudy:
+    """Parameters that make a study small, and how it is measured."""
+
+    study: str
+    parameters: Mapping[str, Any]
+    measure: tuple[str, ...] = field(default=())
+
+
+SESSIONS: Final = {
+    "stare": SmallStudy(
+        "stare", {"trial_s": 2.0, "intertrial_s": 0.5, "practice_s": 2.0, "repetitions": 1}
+    ),
+    "crowd": SmallStudy(
+        "crowd", {"configurations": 1, "intertrial_s": 0.5}, ("surface=capsules",)
+    ),
+    "waving": SmallStudy(
+        "waving",
+        {
+            "clerks": 1,
+            "increment": 0.1,
+            "before_s": 0.3,
+            "wave_s": 0.6,
+            "after_s": 0.1,
+            "intertrial_s": 0.1,
+            "blocks": 1,
+        },
+    ),
+}  # fmt: skip
+"""Two simulated people of each study, as `visavis simulate` and `visavis analyse` treat them."""
+
+
+def sessions(name: str, root: Path) -> dict[str, Any]:
+    """Simulate and analyse two people of a study; return the fingerprint."""
+    small = SESSIONS[name]
+    settings = StudySettings(
+        small.study, SEED, is_simulated=True, parameters=dict(small.parameters)
+    )
+    folder = simulate_study(load_lab(CONFIG, "sim"), settings, 2, root, processes=1)
+    analyse_study(folder, None, mixture=False, processes=1, measure=small.measure)
+    return fingerprint_of_study(folder)
+
+
+def quick_stare_tables() -> dict[str, pd.DataFrame]:
+    """Return rows and statistics of sixteen people without sessions."""
+    study = quick_stare(tracker_of, seed=SEED, participants=range(16))
+    analysis = stare.analyse_rows(study.trials, study.answers, is_simulated=True)
+    return {
+        "trials": study.trials,
+        "answers": study.answers,
+        "condition_means": analysis.means,
+        "statistics": pd.DataFrame(list(analysis.statistics_rows())),
+    }
+
+
+def quick_waving_tables() -> dict[str, pd.DataFrame]:
+    """Return rows and statistics of sixteen people without sessions, one clerk waving."""
+    trials = quick_waving(16, SEED, params=WavingParameters(clerks=1))
+    analysis = waving.analyse_rows(trials, is_simulated=True)
+    return {
+        "trials": trials,
+        "cell_means": analysis.means,
+        "statistics": pd.DataFrame(list(analysis.statistics_rows())),
+    }
+
+
+def quick_crowd_tables() -> dict[str, pd.DataFrame]:
+    """Return the walks of two people without sessions; statistics of sixteen made-up people."""
+    drawn = [
+        *walks(12, group=HAPTICS_GROUP),
+        *walks(4, seed=3, group=CONTROL_GROUP, effect=False),
+    ]
+    thresholds = CrowdThresholds(n_permutations=99, n_splits=10)
+    analysis = analyse_tables(tables(drawn), thresholds, is_simulated=True)
+    walked = quick_crowd(2, SEED, params=CrowdParameters(configurations=1))
+    return {
+        "quick_walks": walked.trials.assign(cells=[str(sorted(c)) for c in walked.cells]),
+        "condition_means": analysis.means,
+        "statistics": pd.DataFrame(analysis.statistics_rows()),
+        "similarity": similarity_rows(analysis),
+    }
+
+
+QUICK: Final[Mapping[str, Callable[[], dict[str, pd.DataFrame]]]] = {
+    "quick_stare": quick_stare_tables,
+    "quick_crowd": quick_crowd_tables,
+    "quick_waving": quick_waving_tables,
+}
+NAMES: Final = (*SESSIONS, *QUICK)
+
+
+def fingerprint(name: str, root: Path) -> dict[str, Any]:
+    """Return the fingerprint of a small study by name; `root` is an empty folder to write to."""
+    if name in SESSIONS:
+        return sessions(name, root)
+    found: dict[str, Any] = {}
+    for table, frame in QUICK[name]().items():
+        path = root / f"{table}.csv"
+        frame.to_csv(path, index=False, encoding="utf-8", lineterminator="\n")
+        found.update(fingerprint_of_table(path))
+    return found
+
+
+if __name__ == "__main__":
+    for chosen in sys.argv[1:] or NAMES:
+        with tempfile.TemporaryDirectory() as temporary:
+            write_fingerprint(fingerprint(chosen, Path(temporary)), PINNED / f"{chosen}.json")
+        sys.stdout.write(f"{chosen} pinned\n")

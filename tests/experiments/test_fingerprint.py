@@ -1,0 +1,121 @@
+"""A fingerprint notices what changed and says where, but not the last bit of a number."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.experiments.fingerprint import (
+    _of_array,
+    _of_payload,
+    _of_values,
+    fingerprint_of_table,
+    first_difference,
+    read_fingerprint,
+    write_fingerprint,
+)
+
+
+def table(folder: Path, *rows: tuple[str, ...]) -> dict[str, object]:
+    path = folder / "means.csv"
+    with path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows([("participant", "dwell_ms", "count"), *rows])
+    return fingerprint_of_table(path)
+
+
+def test_the_first_cell_that_differs_is_named(tmp_path):
+    before = table(tmp_path, ("S01", "10.5", "3"), ("S02", "11.5", "4"))
+
+    after = table(tmp_path, ("S01", "10.5", "3"), ("S02", "11.6", "5"))
+
+    assert "means.csv: row 2, dwell_ms: 11.5 pinned, 11.6 found" == first_difference(before, after)
+
+
+@pytest.mark.parametrize("rows", [2, 500])
+def test_a_whole_number_in_a_table_is_compared_exactly(tmp_path, rows):
+    many = [("S01", "10.5", "1000000000000")] * rows
+    before = table(tmp_path, *many)
+
+    after = table(tmp_path, *many[:-1], ("S01", "10.5", "1000000000001"))
+
+    assert "count" in first_difference(before, after)
+
+
+@pytest.mark.parametrize("rows", [2, 500])
+def test_the_last_bit_of_a_number_is_no_difference(tmp_path, rows):
+    value = 10.123456789
+    before = table(tmp_path, *[("S01", repr(value), "3")] * rows)
+
+    after = table(tmp_path, *[("S01", repr(np.nextafter(value, 11).item()), "3")] * rows)
+
+    assert "" == first_difference(before, after)
+
+
+def test_a_missing_cell_is_a_difference(tmp_path):
+    before = table(tmp_path, ("S01", "10.5", "3"))
+
+    after = table(tmp_path, ("S01", "", "3"))
+
+    assert "row 1, dwell_ms" in first_difference(before, after)
+
+
+def test_new_and_lost_rows_and_columns_are_named(tmp_path):
+    one = table(tmp_path, ("S01", "10.5", "3"))
+    two = table(tmp_path, ("S01", "10.5", "3"), ("S02", "10.5", "3"))
+
+    assert "means.csv: rows: 1 pinned, 2 found" == first_difference(one, two)
+    assert "means.csv: rows: 2 pinned, 1 found" == first_difference(two, one)
+    assert "a is gone" == first_difference({"a": 1}, {})
+    assert "a is new" == first_difference({}, {"a": 1})
+
+
+def changed(values: np.ndarray, at: int, to: float) -> np.ndarray:
+    copy = values.copy()
+    copy[at] = to
+    return copy
+
+
+@pytest.mark.parametrize(
+    "after",
+    [
+        changed(np.linspace(1, 2, 80), 5, np.nan),
+        changed(np.linspace(1, 2, 80), 5, 1.5),
+        np.linspace(1, 2, 80)[::-1].copy(),
+        np.linspace(1, 2, 80).astype("f4"),
+        np.linspace(1, 2, 81),
+    ],
+)
+def test_a_column_differs_by_a_value_a_hole_an_order_a_type_or_a_length(after):
+    before = {"column": _of_array(np.linspace(1, 2, 80))}
+
+    assert first_difference(before, {"column": _of_array(after)}).startswith("column")
+
+
+def test_values_of_trial_rows_differ_by_where_one_is_missing():
+    before = {"column": _of_values([1.5, None, 2.5])}
+
+    assert first_difference(before, {"column": _of_values([1.5, 2.5, None])})
+    assert first_difference(before, {"column": _of_values([1.5, None, 2.6])})
+    assert "" == first_difference(before, {"column": _of_values([1.5, None, 2.5])})
+
+
+@pytest.mark.parametrize("length", [3, 300])
+def test_a_payload_is_compared_whole_without_hashes(length):
+    payload = {"points": [0.25] * length, "name": "wave", "wave_sha256": "ab"}
+    before = {"event 1": ["wave", 5, _of_payload(payload)]}
+
+    def after(**new):
+        return {"event 1": ["wave", 5, _of_payload({**payload, **new})]}
+
+    assert "" == first_difference(before, after(wave_sha256="cd"))
+    assert first_difference(before, after(name="waves"))
+    assert first_difference(before, after(points=[0.25] * (length - 1) + [0.26]))
+
+
+def test_a_fingerprint_is_read_as_it_was_written(tmp_path):
+    found = table(tmp_path, ("S01", "10.5", "3"), ("Zoë", "nan", "-4"))
+
+    write_fingerprint(found, tmp_path / "pinned.json")
+
+    assert found == read_fingerprint(tmp_path / "pinned.json")
