@@ -1,25 +1,25 @@
 """stats: one test of a table in a file, with table, sentences, decision path and figures."""
 
-import difflib
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, cast, get_args
+from typing import Annotated, Any, cast
 
 import typer
 from rich.table import Table
 from typer.core import TyperCommand
 
+from analysis.statistics.design import Missing
 from analysis.statistics.results import Row, degrees, number
 from analysis.statistics_report import (
     TESTS,
     Outcome,
     Question,
+    answer,
     outcome_data,
     read_table,
     write_outcome,
 )
-from analysis.statistics_report.outcome import Missing
 from cli.app import JsonOption, app, console
 from lab.errors import UsageError
 
@@ -135,6 +135,9 @@ def stats(
         list[str] | None,
         typer.Option("--levels", help="Order of levels: --levels technique=ray,touch,gaze"),
     ] = None,
+    family: Annotated[
+        str, typer.Option("--family", help="Of gee: gaussian, binomial or poisson.")
+    ] = "gaussian",
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder; FILE_TEST when left out.")
     ] = None,
@@ -147,14 +150,6 @@ def stats(
     Example: visavis stats trials.csv --dv accuracy --within technique direction
     --subject participant --test art
     """
-    if test not in TESTS:
-        near = difflib.get_close_matches(test, TESTS, n=1, cutoff=0.4)
-        hint = f"; did you mean {near[0]}?" if near else "."
-        raise UsageError(f"there is no test {test!r}{hint} Known: {', '.join(TESTS)}")
-    if missing not in get_args(Missing):
-        raise UsageError(f"--missing takes {', '.join(get_args(Missing))}, not {missing!r}")
-    if not 0 < alpha < 1:
-        raise UsageError(f"--alpha lies between 0 and 1, not {alpha:g}")
     question = Question(
         test=test,
         dv=dv,
@@ -175,8 +170,9 @@ def stats(
         unit=unit,
         mu=mu,
         levels=read_levels(levels or []),
+        family=family,
     )
-    outcome = TESTS[test](read_table(file), question)
+    outcome = answer(read_table(file), question)
     folder = Path(f"{file.stem}_{test}") if output is None else output
     files, problems = write_outcome(outcome, folder)
     if as_json:

@@ -17,7 +17,7 @@ from analysis.statistics.anova import (
 )
 from analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
 from analysis.statistics.errors import StatisticsError, UnknownMethod
-from analysis.statistics.mixed import Ddf, mixed_effects
+from analysis.statistics.mixed import Ddf, RandomPart, mixed_effects
 from analysis.statistics.normality import skewness
 from analysis.statistics.ranks import average_ranks
 from analysis.statistics.results import Array, Provenance, number, p_text
@@ -67,6 +67,7 @@ class ArtAnova(Anova):
     error: ArtError = "strata"
     transform: Transform = "art"
     ddf: Ddf = "kenward-roger"
+    random: RandomPart = "slopes"
 
 
 def art_anova(
@@ -82,12 +83,14 @@ def art_anova(
     transform: Transform = "art",
     sphericity: Correction = "none",
     ddf: Ddf = "kenward-roger",
+    random: RandomPart = "slopes",
     alpha: float = 0.05,
 ) -> ArtAnova:
     """Test all effects by the aligned rank transform (Wobbrock et al. 2011).
 
     `error`: "strata" tests each within effect against its own subject-by-effect error, "pooled"
-    all of them against one error, "mixed" by a random-intercept model (REML, `ddf`).
+    all of them against one error, "mixed" by a mixed model (REML, `ddf`) whose `random` part lets
+    people differ in every within effect ("slopes") or in their level alone ("intercept").
     `missing="mixed"` keeps incomplete subjects and implies the mixed model. `transform="int"`
     runs the ANOVA on normal scores of the plain ranks, which holds its error rate on skewed data
     where ART does not (Tsandilas and Casiez 2024); it is computed beside ART in any case, and a
@@ -110,8 +113,8 @@ def art_anova(
     scores = normal_scores(design.y)
     plain = dict.fromkeys(aligned, scores)
     used, other = (ranks, plain) if transform == "art" else (plain, ranks)
-    effects = _effects(design, used, name, error, sphericity, ddf)
-    second = _p_values(design, other, name, error, ddf)
+    effects = _effects(design, used, name, error, sphericity, ddf, random)
+    second = _p_values(design, other, name, error, ddf, random)
     check = alignment_check(design, aligned)
     skew = skewness(design.y - _mean_by(design.y, _cell_codes(design, design.terms[-1])))
     notes = _notes(design, effects, second, check, skew, transform, alpha)
@@ -119,7 +122,7 @@ def art_anova(
         "Aligned rank transform ANOVA" if transform == "art" else "Inverse-normal-rank ANOVA",
         design.n,
         unit="subjects" if subject else "rows",
-        error_term=_error_text(design, error, ddf),
+        error_term=_error_text(design, error, ddf, effects),
         correction="sphericity: " + CORRECTION_NAME[sphericity] if within else "none",
         dropped=design.dropped,
         notes=notes,
@@ -128,7 +131,7 @@ def art_anova(
         effects, design, provenance, name,
         aligned=aligned if transform == "art" else plain,
         ranks=used, check=check, second_opinion=second, residual_skewness=skew,
-        error=error, transform=transform, ddf=ddf,
+        error=error, transform=transform, ddf=ddf, random=random,
     )  # fmt: skip
 
 
@@ -177,7 +180,9 @@ def alignment_check(design: Design, aligned: Mapping[str, Array]) -> AlignmentCh
             tested = [strata.test(table, t) for t in design.terms if ":".join(t) != of]
             values = [_f(s) for s in tested]
         else:
-            values = [e.F for e in mixed_effects(design, column) if e.name != of]
+            values = [
+                e.F for e in mixed_effects(design, column, random="intercept") if e.name != of
+            ]
         largest = max([largest, *values])
     return AlignmentCheck(sums, largest)
 
@@ -196,10 +201,11 @@ def _effects(
     error: ArtError,
     sphericity: Correction,
     ddf: Ddf,
+    random: RandomPart,
 ) -> tuple[AnovaEffect, ...]:
     if error == "mixed":
         return tuple(
-            next(e for e in mixed_effects(design, column, ddf=ddf, only=term))
+            next(e for e in mixed_effects(design, column, ddf=ddf, random=random, only=term))
             for term, column in _by_term(design, columns)
         )
     return tuple(
@@ -209,11 +215,16 @@ def _effects(
 
 
 def _p_values(
-    design: Design, columns: Mapping[str, Array], subject: str, error: ArtError, ddf: Ddf
+    design: Design,
+    columns: Mapping[str, Array],
+    subject: str,
+    error: ArtError,
+    ddf: Ddf,
+    random: RandomPart,
 ) -> dict[str, float]:
     """Return p of every term."""
     if error == "mixed":
-        effects = _effects(design, columns, subject, error, "none", ddf)
+        effects = _effects(design, columns, subject, error, "none", ddf, random)
         return {e.name: e.p for e in effects}
     tested = _strata(design, columns, subject, error)
     return {":".join(s.term): float(special.fdtrc(s.df1, s.df2, _f(s))) for s in tested}
@@ -270,12 +281,12 @@ def _notes(
     return tuple(notes)
 
 
-def _error_text(design: Design, error: ArtError, ddf: Ddf) -> str:
+def _error_text(design: Design, error: ArtError, ddf: Ddf, effects: Sequence[AnovaEffect]) -> str:
     if not design.within:
         return "residual"
     if error == "mixed":
         name = "Kenward-Roger" if ddf == "kenward-roger" else "Satterthwaite"
-        return f"random intercept per subject, REML, {name} df"
+        return f"{effects[0].error_term} per subject, REML, {name} df"
     return {
         "strata": "each effect's own subject-by-effect error",
         "pooled": "one error pooled over all within effects",

@@ -15,8 +15,8 @@ from analysis.statistics.contrasts import (
 )
 from analysis.statistics.design import Design, Factor
 from analysis.statistics.errors import UnknownMethod
-from analysis.statistics.linear import model_matrix
-from analysis.statistics.mixed import RandomIntercept, design_matrix, fit_random_intercept
+from analysis.statistics.marginal import FittedModel
+from analysis.statistics.mixed import RandomIntercept, fit_mixed, level_rows
 from analysis.statistics.results import Array, Provenance
 from analysis.statistics.strata import Strata
 
@@ -54,9 +54,8 @@ def art_contrasts(
     L = pair_matrix(len(labels))
     fit = None
     if error == "mixed":
-        fit = _fit(joined, ranks)
-        estimates, ses, dfs = _mixed(joined, fit, table, _level_rows(joined, (label,)), L)
-        text = "random intercept per subject, REML"
+        fit, text = _fit(joined, ranks, table)
+        estimates, ses, dfs = _mixed(fit, level_rows(joined, (label,)), L)
     else:
         estimates, ses, dfs, text = _stratum(joined, ranks, table.subject, label, L, error)
     return contrast_family(
@@ -93,9 +92,8 @@ def art_interaction_contrasts(
     pairs = list(product(*(combinations([str(v) for v in f.levels], 2) for f in factors)))
     fit = None
     if error == "mixed":
-        fit = _fit(design, ranks)
-        estimates, ses, dfs = _mixed(design, fit, table, _level_rows(design, names), L)
-        text = "random intercept per subject, REML"
+        fit, text = _fit(design, ranks, table)
+        estimates, ses, dfs = _mixed(fit, level_rows(design, names), L)
     else:
         estimates, ses, dfs, text = _interaction(design, ranks, table.subject, names, L, error)
     return contrast_family(
@@ -201,35 +199,21 @@ def _interaction(
     return L @ means, np.sqrt(variance), np.full(L.shape[0], float(df)), text
 
 
-def _fit(design: Design, ranks: Array) -> RandomIntercept:
-    X, _ = design_matrix(design)
-    return fit_random_intercept(X, ranks, design.subject, name=f"ranks of {design.dv}")
+def _fit(design: Design, ranks: Array, table: ArtAnova) -> tuple[FittedModel, str]:
+    fit, text = fit_mixed(design, ranks, random=table.random, ddf=table.ddf)
+    return fit, f"{text} per subject, REML"
 
 
-def _level_rows(design: Design, names: Sequence[str]) -> Array:
-    """Return the model row of every cell of some factors, averaged over the others' levels."""
-    k = [f.k for f in design.factors]
-    cells = np.stack(np.unravel_index(np.arange(int(np.prod(k))), tuple(k)))
-    X, _ = model_matrix(list(cells), k, cells.shape[1])
-    kept = [i for i, f in enumerate(design.factors) if f.name in names]
-    code = np.ravel_multi_index(tuple(cells[i] for i in kept), tuple(k[i] for i in kept))
-    count = int(np.prod([k[i] for i in kept]))
-    return np.stack([X[code == c].mean(axis=0) for c in range(count)])
-
-
-def _mixed(
-    design: Design, fit: RandomIntercept, table: ArtAnova, rows: Array, L: Array
-) -> tuple[Array, Array, Array]:
+def _mixed(fit: FittedModel, rows: Array, L: Array) -> tuple[Array, Array, Array]:
     hypotheses = L @ rows
-    covariance = fit.covariance(table.ddf)
-    ses = np.sqrt(np.einsum("ij,jk,ik->i", hypotheses, covariance, hypotheses))
-    dfs = np.array([fit.test(h[None, :], ddf=table.ddf)[1] for h in hypotheses])
+    ses = np.sqrt(np.einsum("ij,jk,ik->i", hypotheses, fit.covariance, hypotheses))
+    dfs = np.array([fit.test(h[None, :])[1] for h in hypotheses])
     return hypotheses @ fit.beta, ses, dfs
 
 
-def _provenance(table: ArtAnova, text: str, fit: RandomIntercept | None) -> Provenance:
+def _provenance(table: ArtAnova, text: str, fit: FittedModel | None) -> Provenance:
     notes: tuple[str, ...] = ()
-    if fit is not None and fit.is_singular:
+    if isinstance(fit, RandomIntercept) and fit.is_singular:
         notes = ("the random intercept has no variance (singular fit); prefer error='strata'",)
     return Provenance(
         "ART-C", table.provenance.n, error_term=text, dropped=table.provenance.dropped, notes=notes

@@ -50,7 +50,8 @@ class Factor:
 
 @dataclass(frozen=True)
 class Design:
-    """A checked design: one row per subject and cell of the within factors.
+    """A checked design: one row per subject and cell of the within factors, or several where
+    `is_repeated` (models of single trials; then there is no `table`).
 
     Factors stand between first, then within, in the order given. `rows` are the row numbers
     (from 0) of the frame that were kept; `dropped` says what was left out and why.
@@ -64,6 +65,7 @@ class Design:
     rows: Codes
     is_complete: bool
     dropped: tuple[str, ...] = ()
+    is_repeated: bool = False
 
     @property
     def within(self) -> tuple[Factor, ...]:
@@ -138,12 +140,15 @@ def read_design(
     between: Sequence[str] = (),
     levels: Levels | None = None,
     missing: Missing = "error",
+    repeated: bool = False,
 ) -> Design:
     """Check a tidy frame and return it as a `Design`.
 
     `subject` may be None for purely between designs (every row another subject). Levels are
     taken from `levels`, a pandas categorical, or sorted. `missing`: "error" names every missing
-    cell, "listwise" drops incomplete subjects, "mixed" keeps the rows that are there.
+    cell, "listwise" drops incomplete subjects, "mixed" keeps the rows that are there. `repeated`
+    allows several rows in a cell, for models of single trials; a cell is then missing when none
+    of its rows has a response.
     """
     if missing not in get_args(Missing):
         raise UnknownMethod(
@@ -175,7 +180,7 @@ def read_design(
             only = factor.levels[0] if factor.levels else "nothing"
             raise TooFewLevels(f"factor {factor.name} has one level only ({only}); it needs two")
     y = _response(columns[dv], dv, ids, codes, factors)
-    return _checked(dv, y, codes, ids, factors, missing)
+    return _checked(dv, y, codes, ids, factors, missing, repeated)
 
 
 def column_of(frame: Frame, name: str) -> Any:
@@ -248,13 +253,14 @@ def _checked(
     ids: tuple[object, ...],
     factors: tuple[Factor, ...],
     missing: Missing,
+    repeated: bool,
 ) -> Design:
     _refuse_two_groups(codes, ids, [f for f in factors if not f.is_within])
     within = [f for f in factors if f.is_within]
     shape = (len(ids), *(f.k for f in within))
     cell = np.ravel_multi_index((codes, *(f.codes for f in within)), shape)
     counts = np.bincount(cell, minlength=int(np.prod(shape)))
-    if (counts > 1).any():
+    if (counts > 1).any() and not repeated:
         rows = np.flatnonzero(cell == int(np.argmax(counts > 1)))
         raise DuplicateCell(
             f"{_where(int(rows[0]), ids, codes, tuple(within))} has {len(rows)} rows "
@@ -262,9 +268,8 @@ def _checked(
             "(statistics.cell_means)"
         )
     gone = np.isnan(y)
-    absent = counts.reshape(len(ids), -1) == 0
-    lost = absent.copy()
-    lost[codes[gone], (cell % max(1, lost.shape[1]))[gone]] = True
+    known = np.bincount(cell[~gone], minlength=counts.size)
+    lost = known.reshape(len(ids), -1) == 0
     keep = ~gone
     dropped: tuple[str, ...] = ()
     if lost.any():
@@ -274,13 +279,23 @@ def _checked(
             _refuse_missing(dv, lost, row_of, ids, within)
         if missing == "listwise":
             incomplete = lost.any(axis=1)
-            keep = ~incomplete[codes]
+            keep &= ~incomplete[codes]
             dropped = tuple(f"subject {ids[i]} (incomplete)" for i in np.flatnonzero(incomplete))
         else:
             dropped = tuple(
                 f"subject {ids[s]}, {_cell_text(int(c), within)} (missing)"
                 for s, c in zip(*np.nonzero(lost), strict=True)
             )
+    beside = gone & ~lost[codes, cell % lost.shape[1]]  # other rows of the cell have a response
+    if beside.any():
+        row = int(np.flatnonzero(beside)[0])
+        if missing == "error":
+            raise MissingValue(
+                f"{dv} is missing in row {row + 1} ({_where(row, ids, codes, tuple(within))})"
+                + (f" and {int(beside.sum()) - 1} more rows" if beside.sum() > 1 else "")
+                + "; repair them, or pass missing='mixed' to use the rows that are there"
+            )
+        dropped = (*dropped, f"{int(beside.sum())} rows without {dv}")
     kept = np.flatnonzero(keep)
     left, new_codes = np.unique(codes[kept], return_inverse=True)
     design = Design(
@@ -292,6 +307,7 @@ def _checked(
         rows=kept,
         is_complete=missing != "mixed" or not lost.any(),
         dropped=dropped,
+        is_repeated=bool((np.bincount(cell[kept]) > 1).any()),
     )
     _refuse_too_little(design)
     return design

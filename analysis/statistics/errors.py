@@ -53,3 +53,7 @@ class UnequalLength(StatisticsError):
 
 class UnknownMethod(StatisticsError):
     """An argument names a method, level or term that does not exist here."""
+
+
+class NotConverged(StatisticsError):
+    """A model could not be fitted to the data."""

@@ -1,4 +1,4 @@
-"""Random-intercept models by REML with Kenward-Roger or Satterthwaite degrees of freedom."""
+"""Mixed models of cells by REML with Kenward-Roger or Satterthwaite degrees of freedom."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,13 +11,16 @@ from scipy import special
 from analysis.statistics.anova import Anova, AnovaEffect
 from analysis.statistics.design import Codes, Design, Frame, Levels, read_design
 from analysis.statistics.effects import partial_eta_squared
-from analysis.statistics.errors import ConstantResponse
+from analysis.statistics.errors import ConstantResponse, NotConverged, UnknownMethod
+from analysis.statistics.kenward_roger import kenward_roger_covariance, kenward_roger_df
 from analysis.statistics.linear import model_matrix
+from analysis.statistics.random_effects import LinearMixedModel, fit_components, slope_terms
 from analysis.statistics.reml import LARGEST_LOG_RATIO, Moments, group_sums
 from analysis.statistics.results import Array, Provenance
 
 Ddf: TypeAlias = Literal["kenward-roger", "satterthwaite"]
-
+RandomPart: TypeAlias = Literal["slopes", "intercept"]
+"""What differs between people: every within effect, or their level alone (one pooled error)."""
 
 SINGULAR_SD_RATIO = 1e-4
 """Ratio of the intercepts' SD to the residual SD below which a fit is called singular."""
@@ -28,7 +31,7 @@ class RandomIntercept:
     """A fitted model y = Xβ + one random intercept per group + noise.
 
     Variances are `between` (intercepts) and `residual`; `is_singular` says that the former is
-    zero. `cov` is the plain covariance of β (p, p).
+    zero. `cov` is the plain covariance of β (p, p); `ddf` says how its tests find their df.
     """
 
     X: Array
@@ -38,6 +41,7 @@ class RandomIntercept:
     residual: float
     beta: Array
     cov: Array
+    ddf: Ddf = "kenward-roger"
 
     @property
     def between(self) -> float:
@@ -91,46 +95,23 @@ class RandomIntercept:
                     + float(((cov @ P[i]) * (cov @ P[j]).T).sum())
                 )
         W: Array = np.asarray(2 * np.linalg.inv(information), dtype=np.float64)
-        U = sum(W[i, j] * (Q[i][j] - P[i] @ cov @ P[j]) for i in range(2) for j in range(2))
-        return cov + 2 * cov @ ((U + U.T) / 2) @ cov, P, W
+        return kenward_roger_covariance(cov, P, Q, W), P, W
 
-    def covariance(self, ddf: Ddf) -> Array:
-        """Return the covariance of β used with these degrees of freedom."""
-        return self._adjusted[0] if ddf == "kenward-roger" else self.cov
+    @property
+    def covariance(self) -> Array:
+        """The covariance of β used with these degrees of freedom."""
+        return self._adjusted[0] if self.ddf == "kenward-roger" else self.cov
 
-    def test(self, L: Array, *, ddf: Ddf = "kenward-roger") -> tuple[float, float]:
+    def test(self, L: Array) -> tuple[float, float]:
         """Return F and denominator df of the hypothesis Lβ = 0; L has full row rank (q, p)."""
         estimate = L @ self.beta
         q = L.shape[0]
-        F = float(estimate @ np.linalg.solve(L @ self.covariance(ddf) @ L.T, estimate)) / q
-        if ddf == "kenward-roger":
-            df, scale = self._kenward_roger(L)
+        F = float(estimate @ np.linalg.solve(L @ self.covariance @ L.T, estimate)) / q
+        if self.ddf == "kenward-roger":
+            _, P, W = self._adjusted
+            df, scale = kenward_roger_df(L, self.cov, P, W)
             return F * scale, df
         return F, self._satterthwaite(L)
-
-    def _kenward_roger(self, L: Array) -> tuple[float, float]:
-        """Return denominator df and the scale of F (Kenward and Roger 1997)."""
-        _, P, W = self._adjusted
-        q = L.shape[0]
-        theta = L.T @ np.linalg.solve(L @ self.cov @ L.T, L)
-        parts = [theta @ self.cov @ P[i] @ self.cov for i in range(2)]
-        a1 = a2 = 0.0
-        for i in range(2):
-            for j in range(2):
-                a1 += W[i, j] * float(np.trace(parts[i])) * float(np.trace(parts[j]))
-                a2 += W[i, j] * float((parts[i] * parts[j].T).sum())
-        b = (a1 + 6 * a2) / (2 * q)
-        g = ((q + 1) * a1 - (q + 4) * a2) / ((q + 2) * a2)
-        denominator = 3 * q + 2 * (1 - g)
-        c1, c2, c3 = g / denominator, (q - g) / denominator, (q + 2 - g) / denominator
-        mean = 1 / (1 - a2 / q)
-        v0, v1, v2 = 1 + c1 * b, 1 - c2 * b, 1 - c3 * b
-        if abs(v2) < 1e-10:
-            v2 = 0.0
-        spread = 2 / q * v0 / v1**2 / v2 if v2 else float("inf")
-        rho = spread / (2 * mean**2)
-        df = 4 + (q + 2) / (q * rho - 1) if np.isfinite(rho) else 4.0
-        return float(df), float(df / (mean * (df - 2)))
 
     @cached_property
     def _variance_of_parameters(self) -> tuple[Array, list[Array]]:
@@ -190,7 +171,9 @@ class RandomIntercept:
         return float(2 * total / (total - q)) if total > q else 2.0
 
 
-def fit_random_intercept(X: Array, y: Array, groups: Codes, *, name: str = "y") -> RandomIntercept:
+def fit_random_intercept(
+    X: Array, y: Array, groups: Codes, *, name: str = "y", ddf: Ddf = "kenward-roger"
+) -> RandomIntercept:
     """Fit by REML; X (n, p) of full rank, groups (n,) codes of the random intercept."""
     if np.linalg.matrix_rank(X) < X.shape[1]:
         raise ConstantResponse(f"some cells of {name} are empty; the model cannot be estimated")
@@ -204,7 +187,35 @@ def fit_random_intercept(X: Array, y: Array, groups: Codes, *, name: str = "y") 
         raise ConstantResponse(
             f"{name} does not vary within subjects beyond the effects; F is not defined"
         )
-    return RandomIntercept(X, y, groups, ratio, residual, beta, moments.covariance(ratio, residual))
+    cov = moments.covariance(ratio, residual)
+    return RandomIntercept(X, y, groups, ratio, residual, beta, cov, ddf)
+
+
+def fit_mixed(
+    design: Design, y: Array, *, random: RandomPart = "slopes", ddf: Ddf = "kenward-roger"
+) -> tuple[LinearMixedModel | RandomIntercept, str]:
+    """Fit the fixed effects of a design and return the model with the words for its error.
+
+    "slopes" lets people differ in every within effect (`fit_components`); where that cannot be
+    fitted the random intercept alone is, and the words say so. Satterthwaite's df need "intercept".
+    """
+    X, _ = design_matrix(design)
+    words = "random intercept"
+    if random == "slopes":
+        if ddf != "kenward-roger":
+            raise UnknownMethod("random slopes have Kenward-Roger df; pass random='intercept'")
+        try:
+            return fit_components(design, X, y), slopes_text(design)
+        except NotConverged:
+            words = "random intercept, for random slopes did not converge"
+    fit = fit_random_intercept(X, y, design.subject, name=design.dv, ddf=ddf)
+    return fit, words + (", singular" if fit.is_singular else "")
+
+
+def slopes_text(design: Design) -> str:
+    """Return what varies from person to person, in words."""
+    listed = " and ".join(" × ".join(t) for t in slope_terms(design))
+    return f"random intercept and effects of {listed}" if listed else "random intercept"
 
 
 def mixed_anova(
@@ -216,18 +227,26 @@ def mixed_anova(
     between: Sequence[str] = (),
     levels: Levels | None = None,
     ddf: Ddf = "kenward-roger",
+    random: RandomPart = "slopes",
 ) -> Anova:
-    """Test all effects (type III) by a random-intercept model; subjects may lack cells."""
+    """Test all effects (type III) by a mixed model of cells; subjects may lack some.
+
+    People may differ in every within effect ("slopes"), so that complete data give the
+    repeated-measures ANOVA; "intercept" pools all of them into one error, which finds too much
+    where people do differ.
+    """
     design = read_design(
         frame, dv, subject=subject, within=within, between=between, levels=levels, missing="mixed"
     )
     name = "Kenward-Roger" if ddf == "kenward-roger" else "Satterthwaite"
+    effects = tuple(mixed_effects(design, design.y, ddf=ddf, random=random))
     return Anova(
-        tuple(mixed_effects(design, design.y, ddf=ddf)),
+        effects,
         design,
         Provenance(
             "Mixed model ANOVA (type III)", design.n,
-            error_term=f"random intercept per subject, REML, {name} df", dropped=design.dropped,
+            error_term=f"{effects[0].error_term} per subject, REML, {name} df",
+            dropped=design.dropped,
         ),
         subject,
     )  # fmt: skip
@@ -242,22 +261,33 @@ def design_matrix(design: Design) -> tuple[Array, dict[tuple[str, ...], slice]]:
     return X, {tuple(names[i] for i in term): columns for term, columns in place.items()}
 
 
+def level_rows(design: Design, names: Sequence[str]) -> Array:
+    """Return the model row of every cell of some factors, averaged over the others' levels."""
+    k = [f.k for f in design.factors]
+    cells = np.stack(np.unravel_index(np.arange(int(np.prod(k))), tuple(k)))
+    X, _ = model_matrix(list(cells), k, cells.shape[1])
+    kept = [i for i, f in enumerate(design.factors) if f.name in names]
+    code = np.ravel_multi_index(tuple(cells[i] for i in kept), tuple(k[i] for i in kept))
+    count = int(np.prod([k[i] for i in kept]))
+    return np.stack([X[code == c].mean(axis=0) for c in range(count)])
+
+
 def mixed_effects(
     design: Design,
     y: Array,
     *,
     ddf: Ddf = "kenward-roger",
+    random: RandomPart = "slopes",
     only: Sequence[str] | None = None,
 ) -> Iterator[AnovaEffect]:
     """Yield type III tests of a response, one value per row of the design."""
     X, place = design_matrix(design)
-    fit = fit_random_intercept(X, y, design.subject, name=design.dv)
-    error = "random intercept, singular" if fit.is_singular else "random intercept"
+    fit, error = fit_mixed(design, y, random=random, ddf=ddf)
     for term, columns in place.items():
         if not term or (only is not None and term != tuple(only)):
             continue
         L = np.eye(X.shape[1])[columns]
-        F, df = fit.test(L, ddf=ddf)
+        F, df = fit.test(L)
         q = L.shape[0]
         p = float(special.fdtrc(q, df, F))
         yield AnovaEffect(

@@ -1,13 +1,46 @@
-"""From a table in a file to a test with its table, sentences, decision path and figures."""
+"""From tidy data to a test with its table, sentences, decision path and figures.
 
-from analysis.statistics_report.factorial import FACTORIAL_TESTS
+    from analysis.statistics_report import Question, answer
+
+    outcome = answer(frame, Question("rm", dv="dwell_ms", within=("gaze",), subject="participant"))
+    print(outcome.sentences, outcome.p("gaze"))
+
+Nothing here reads the command line or prints; `read_table` and `write_outcome` alone touch files.
+"""
+
+import difflib
+from collections.abc import Mapping
+
+import pandas as pd
+
+from analysis.statistics_report.factorial import FACTORIAL_TESTS, TestRun
 from analysis.statistics_report.outcome import Outcome, Question, Samples
 from analysis.statistics_report.simple import SIMPLE_TESTS
-from analysis.statistics_report.table_file import DataTable, read_table
-from analysis.statistics_report.written import outcome_data, write_outcome
+from analysis.statistics_report.table_file import DataTable, read_table, table_of
+from analysis.statistics_report.written import outcome_data, outcome_text, write_outcome
+from lab.errors import UsageError
 
-TESTS = {**FACTORIAL_TESTS, **SIMPLE_TESTS}
-"""Every test by the name it has on the command line."""
+TESTS: Mapping[str, TestRun] = {**FACTORIAL_TESTS, **SIMPLE_TESTS}
+"""Every test by the name a question gives it."""
+
+
+def answer(
+    data: pd.DataFrame | DataTable, question: Question, *, name: str = "the data"
+) -> Outcome:
+    """Return what a test says of tidy data, one row per subject and cell, or per trial.
+
+    Rows repeated within subject and cell are averaged first, except for models of single rows
+    (lmm, gee). Categorical columns keep the order of their levels; a column `is_simulated` marks
+    the outcome. `name` is what messages call the data. Raises UsageError for a question that makes
+    no sense, and a `StatisticsError` naming row, subject and cell for data a test cannot accept.
+    """
+    if question.test not in TESTS:
+        near = difflib.get_close_matches(question.test, TESTS, n=1, cutoff=0.4)
+        hint = f"; did you mean {near[0]}?" if near else "."
+        raise UsageError(f"there is no test {question.test!r}{hint} Known: {', '.join(TESTS)}")
+    table = data if isinstance(data, DataTable) else table_of(data, name=name)
+    return TESTS[question.test](table, question)
+
 
 __all__ = [
     "TESTS",
@@ -15,7 +48,10 @@ __all__ = [
     "Outcome",
     "Question",
     "Samples",
+    "answer",
     "outcome_data",
+    "outcome_text",
     "read_table",
+    "table_of",
     "write_outcome",
 ]

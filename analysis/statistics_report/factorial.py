@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, TypeAlias, cast, get_args
 
 import pandas as pd
@@ -31,6 +32,8 @@ from analysis.statistics.adjust import Adjustment
 from analysis.statistics.art import ArtError, Transform
 from analysis.statistics.contrasts import ContrastAdjustment
 from analysis.statistics.errors import StatisticsError
+from analysis.statistics.gee import Family, Gee, GeeEffect, gee
+from analysis.statistics.lmm import LinearMixed, linear_mixed
 from analysis.statistics.results import Row, number, p_text, threshold_text
 from analysis.statistics_report.outcome import Outcome, Question
 from analysis.statistics_report.prepare import (
@@ -53,7 +56,7 @@ class _Families:
     """Contrasts gathered effect by effect, with a line of the path for each decision."""
 
     def __init__(
-        self, question: Question, available: Callable[[AnovaEffect], bool] = lambda effect: True
+        self, question: Question, available: Callable[[AnovaEffect | GeeEffect], bool]
     ) -> None:
         self._question = question
         self.available = available
@@ -62,7 +65,7 @@ class _Families:
         self.path: list[str] = []
         self.notes: list[str] = []
 
-    def wanted(self, effect: AnovaEffect, adjust: str) -> bool:
+    def wanted(self, effect: AnovaEffect | GeeEffect, adjust: str) -> bool:
         """Tell whether an effect gets contrasts, and note why."""
         q = self._question
         significant = effect.p_used < q.alpha
@@ -75,7 +78,7 @@ class _Families:
             if significant or q.always_posthoc:
                 self.notes.append(
                     f"{effect.name} has no contrasts in this test; look at the cells, or take "
-                    "--test art, whose contrasts include interactions of two factors"
+                    "the test art or lmm, whose contrasts include interactions of two factors"
                 )
             return False
         if significant or q.always_posthoc:
@@ -96,7 +99,7 @@ class _Families:
         self.notes += list(made.provenance.notes)
 
 
-def _is_main(effect: AnovaEffect) -> bool:
+def _is_main(effect: AnovaEffect | GeeEffect) -> bool:
     return len(effect.term) == 1
 
 
@@ -105,8 +108,8 @@ def _verdict(significant: bool) -> str:
 
 
 def _art(table: DataTable, q: Question) -> Outcome:
-    _refuse_method("--error", q.error, get_args(ArtError))
-    _refuse_method("--transform", q.transform, get_args(Transform))
+    _refuse_method("error", q.error, get_args(ArtError))
+    _refuse_method("transform", q.transform, get_args(Transform))
     if q.within:
         q.need("subject")
     prepared = prepare(table, q)
@@ -135,7 +138,7 @@ def _art_path(made: ArtAnova) -> list[str]:
     skew = made.residual_skewness
     path.append(
         f"Are the residuals skewed: skewness {number(skew)} → "
-        f"{'yes, prefer --transform int' if abs(skew) > 1 else 'not much'}"
+        f"{'yes, prefer transform=int' if abs(skew) > 1 else 'not much'}"
     )
     beside = "inverse-normal ranks" if made.transform == "art" else "the aligned rank transform"
     for effect in made.effects:
@@ -145,7 +148,7 @@ def _art_path(made: ArtAnova) -> list[str]:
     return path
 
 
-def _art_has_contrasts(made: ArtAnova, effect: AnovaEffect) -> bool:
+def _art_has_contrasts(made: ArtAnova, effect: AnovaEffect | GeeEffect) -> bool:
     """Tell whether there are contrasts: aligned for two factors at most, scores for one within."""
     if made.transform == "art":
         return len(effect.term) <= 2
@@ -225,16 +228,53 @@ def _mixed(table: DataTable, q: Question) -> Outcome:
         levels=prepared.levels,
     )  # fmt: skip
     state = "yes" if made.design.is_complete else "no, the model uses what is there"
-    families = _Families(q)
-    families.notes.append("no contrasts for this model; --test art --error mixed has them")
+    families = _Families(q, lambda effect: False)
     path = [f"Has every subject every cell: n = {made.design.n} → {state}"]
-    return _anova_outcome(table, q, prepared, made, families, path, draw=made.design.is_complete)
+    return _anova_outcome(table, q, prepared, made, families, path)
+
+
+def _lmm(table: DataTable, q: Question) -> Outcome:
+    q.need("subject", "within")
+    prepared = prepare(table, q, average=False)
+    adjust = q.adjustment("holm", CONTRAST_WAYS)
+    made = linear_mixed(
+        prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
+        levels=prepared.levels, missing=q.missing,
+    )  # fmt: skip
+    return _model_outcome(table, q, prepared, made, list(made.steps), adjust)
+
+
+def _gee(table: DataTable, q: Question) -> Outcome:
+    q.need("subject")
+    if not q.within and not q.between:
+        raise UsageError("the test gee needs a within or a between factor")
+    _refuse_method("family", q.family, get_args(Family))
+    prepared = prepare(table, q, average=False)
+    adjust = q.adjustment("holm", CONTRAST_WAYS)
+    made = gee(
+        prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
+        levels=prepared.levels, missing=q.missing, family=cast(Family, q.family),
+    )  # fmt: skip
+    return _model_outcome(table, q, prepared, made, [], adjust)
+
+
+def _model_outcome(
+    table: DataTable, q: Question, prepared: Prepared, made: LinearMixed | Gee,
+    path: list[str], adjust: str,
+) -> Outcome:  # fmt: skip
+    """Return the outcome of a model of single rows, contrasts of its marginal means."""
+    families = _Families(q, lambda effect: len(effect.term) <= 2)
+    for effect in made.effects:
+        if families.wanted(effect, adjust):
+            way = cast(ContrastAdjustment, adjust)
+            families.add(effect.name, partial(made.contrasts, effect.term, adjust=way))
+    return _anova_outcome(table, q, prepared, made, families, path)
 
 
 def _between(table: DataTable, q: Question) -> Outcome:
     q.need("between")
     if q.within:
-        raise UsageError("--test anova compares groups; with --within take --test rm")
+        raise UsageError("the test anova compares groups; with within factors take rm")
     prepared = prepare(table, q)
     adjust = q.adjustment("tukey", CONTRAST_WAYS)
     made = between_anova(
@@ -251,11 +291,9 @@ def _anova_outcome(
     table: DataTable,
     q: Question,
     prepared: Prepared,
-    made: Anova,
+    made: Anova | Gee,
     families: _Families,
     path: list[str],
-    *,
-    draw: bool = True,
 ) -> Outcome:
     notes = [*prepared.notes, *left_out(made.design), *made.provenance.notes, *families.notes]
     return Outcome(
@@ -270,9 +308,9 @@ def _anova_outcome(
         path=(*path, *families.path),
         contrasts=tuple(families.rows),
         contrast_sentences=tuple(families.sentences),
-        cells=cell_rows(prepared, q),
+        cells=cell_rows(made.design),
         notes=tuple(dict.fromkeys(notes)),
-        samples=samples_of(made.design) if draw and made.design.is_complete else (),
+        samples=samples_of(made.design),
         is_simulated=table.is_simulated,
     )
 
@@ -302,7 +340,7 @@ def _friedman(table: DataTable, q: Question) -> Outcome:
         path=tuple(path),
         contrasts=tuple({"family": within, **p.row()} for p in pairs),
         contrast_sentences=tuple(p.sentence() + "." for p in pairs),
-        cells=cell_rows(prepared, q),
+        cells=cell_rows(design),
         notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
         samples=samples_of(design), is_simulated=table.is_simulated,
     )  # fmt: skip
@@ -324,7 +362,7 @@ def _conditions(table: DataTable, q: Question) -> Outcome:
         sentences=(made.sentence(),), path=tuple(str(s) for s in made.steps),
         contrasts=tuple({"family": within, **p.row()} for p in pairs),
         contrast_sentences=tuple(p.sentence() + "." for p in pairs),
-        cells=cell_rows(prepared, q),
+        cells=cell_rows(design),
         notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
         samples=samples_of(design), is_simulated=table.is_simulated,
     )  # fmt: skip
@@ -340,7 +378,7 @@ def _kruskal(table: DataTable, q: Question) -> Outcome:
     return Outcome(
         question=q, title="Kruskal-Wallis test", rows=(made.row(),),
         sentences=(f"Kruskal-Wallis test of {factor} on {q.dv}: {made.sentence()}.",),
-        cells=cell_rows(prepared, q),
+        cells=cell_rows(design),
         notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
         samples=samples_of(design), is_simulated=table.is_simulated,
     )  # fmt: skip
@@ -355,6 +393,8 @@ FACTORIAL_TESTS: Mapping[str, TestRun] = {
     "art": _art,
     "rm": _rm,
     "mixed": _mixed,
+    "lmm": _lmm,
+    "gee": _gee,
     "anova": _between,
     "friedman": _friedman,
     "conditions": _conditions,

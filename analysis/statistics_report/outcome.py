@@ -2,17 +2,21 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Literal, get_args
 
+from analysis.statistics.design import Missing
 from analysis.statistics.results import Array, Row
 from lab.errors import UsageError
-
-Missing: TypeAlias = Literal["error", "listwise", "mixed"]
 
 
 @dataclass(frozen=True)
 class Question:
-    """A test asked for: columns by their role, and how to test."""
+    """A test asked for: columns by their role, and how to test.
+
+    `test` is a name of `TESTS`, `dv` the response, `within` and `between` the factors, `subject`
+    the column that names the person; what the other fields mean stands in docs/statistics.md
+    ("Questions"). Raises UsageError for a level of significance or a rule that does not exist.
+    """
 
     test: str
     dv: str = ""
@@ -33,22 +37,30 @@ class Question:
     unit: str = "raw"
     mu: float = 0.0
     levels: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    family: str = "gaussian"
+
+    def __post_init__(self) -> None:
+        """Refuse values that no test knows."""
+        if self.missing not in get_args(Missing):
+            raise UsageError(f"missing takes {', '.join(get_args(Missing))}, not {self.missing!r}")
+        if not 0 < self.alpha < 1:
+            raise UsageError(f"alpha lies between 0 and 1, not {self.alpha:g}")
 
     def need(self, *roles: str) -> None:
         """Raise UsageError for a role this test needs and nobody named."""
         for role in roles:
             if not getattr(self, role):
                 option = {"partner": "with"}.get(role, role)
-                raise UsageError(f"--test {self.test} needs --{option}")
+                raise UsageError(f"the test {self.test} needs {option}")
 
     def one_within(self) -> str:
         """Return the single within factor; UsageError otherwise."""
         self.need("subject", "within")
         if len(self.within) > 1:
             raise UsageError(
-                f"--test {self.test} compares the levels of one factor, not of "
+                f"the test {self.test} compares the levels of one factor, not of "
                 f"{' and '.join(self.within)}; name one (the others are averaged over), or take "
-                "--test art or rm"
+                "the test art or rm"
             )
         return self.within[0]
 
@@ -57,8 +69,8 @@ class Question:
         self.need("between")
         if len(self.between) > 1:
             raise UsageError(
-                f"--test {self.test} compares the groups of one factor, not of "
-                f"{' and '.join(self.between)}; name one, or take --test anova"
+                f"the test {self.test} compares the groups of one factor, not of "
+                f"{' and '.join(self.between)}; name one, or take the test anova"
             )
         return self.between[0]
 
@@ -67,7 +79,7 @@ class Question:
         wanted = self.posthoc or default
         if wanted not in (*allowed, "none"):
             raise UsageError(
-                f"--posthoc {wanted} does not go with --test {self.test}; it takes "
+                f"posthoc={wanted} does not go with the test {self.test}; it takes "
                 f"{', '.join(allowed)} or none"
             )
         return wanted
@@ -86,7 +98,13 @@ class Samples:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A test's answer: rows of its table, sentences, the path of decisions, contrasts."""
+    """A test's answer.
+
+    `rows` hold one row per effect (or pair of conditions) with its statistic, df, p and effect
+    size; `sentences` say them in words; `path` tells every decision on the way; `contrasts` are
+    post-hoc rows, each with the `family` they were corrected in; `cells` describe the data
+    tested; `notes` are what a reader must know; `samples` are what the figures draw.
+    """
 
     question: Question
     title: str
@@ -99,3 +117,30 @@ class Outcome:
     notes: tuple[str, ...] = ()
     samples: tuple[Samples, ...] = ()
     is_simulated: bool = False
+
+    def row(self, term: str = "") -> Row:
+        """Return the row of an effect, or of a pair of conditions, or the only row.
+
+        `term` is 'A:B', in any order. Raises UsageError where there is none, or several rows and
+        no term was given.
+        """
+        if not term and len(self.rows) == 1:
+            return self.rows[0]
+        known = [_term(row) for row in self.rows]
+        for name, row in zip(known, self.rows, strict=True):
+            if set(name.split(":")) == set(term.split(":")):
+                return row
+        raise UsageError(f"{self.title} has no row {term!r}; there are {', '.join(known)}")
+
+    def p(self, term: str = "") -> float:
+        """Return the p to report of an effect: corrected for sphericity, adjusted in a family."""
+        row = self.row(term)
+        for name in ("p_used", "p_adjusted", "p"):
+            value = row.get(name)
+            if isinstance(value, float):
+                return value
+        raise UsageError(f"{self.title} has no p")
+
+
+def _term(row: Row) -> str:
+    return str(row["term"]) if "term" in row else f"{row.get('first')}:{row.get('second')}"

@@ -1,37 +1,40 @@
 """Bring a table to one row per subject and cell, and say what was done to get there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 import pandas as pd
 
-from analysis.statistics import Design, describe, read_design
+from analysis.statistics import Design, cell_means, describe, read_design
 from analysis.statistics.errors import MissingCell, MissingValue, SubjectInTwoGroups
 from analysis.statistics.results import Array, Row
 from analysis.statistics_report.outcome import Question, Samples
 from analysis.statistics_report.table_file import DataTable, natural_order
 from lab.errors import UsageError
 
-MOST_CELLS_DRAWN = 12
-MOST_CELLS_NAMED = 6
+MAX_CELLS_DRAWN = 12
+MAX_CELLS_NAMED = 6
+SUBJECT_CODE = " subject"
+"""Column of subject codes in frames made here; the names of a file's columns are stripped."""
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A frame with one row per subject and cell, levels in their order."""
+    """A frame with one row per subject and cell (or per trial), levels in their order."""
 
     frame: pd.DataFrame = field(repr=False)
     levels: dict[str, list[str]]
     notes: tuple[str, ...]
 
 
-def prepare(table: DataTable, question: Question) -> Prepared:
+def prepare(table: DataTable, question: Question, *, average: bool = True) -> Prepared:
     """Read the columns a question names; average rows repeated within subject and cell.
 
-    Missing responses among repeated rows are left out of the mean only when the question says
-    what to do with missing ones. Raises a `StatisticsError` naming row, subject and cell.
+    Missing responses among repeated rows are left out only when the question says what to do
+    with missing ones. `average` off keeps the rows, for models of single trials. Raises a
+    `StatisticsError` naming row, subject and cell.
     """
     q = question
     q.need("dv")
@@ -40,13 +43,15 @@ def prepare(table: DataTable, question: Question) -> Prepared:
     labels = {key: table.labels(key) for key in keys}
     y = table.numbers(q.dv, _where(labels, q)) if keys else table.numbers(q.dv)
     frame = pd.DataFrame({**labels, q.dv: y})
-    levels = {f: _levels(q, f, labels[f]) for f in (*q.between, *q.within)}
+    levels = {f: _levels(table, q, f, labels[f]) for f in (*q.between, *q.within)}
     notes = list(table.notes)
     if q.subject:
         _refuse_two_groups(table, frame, q)
         if frame.duplicated(keys).any():
-            frame, said = _averaged(table, frame, keys, q)
-            notes += said
+            _refuse_missing_rows(table, frame, keys, q)
+            if average:
+                frame, said = _averaged(frame, keys, q)
+                notes += said
         if q.within and q.missing == "error":
             _refuse_missing(table, frame, levels, q)
     return Prepared(frame, levels, tuple(notes))
@@ -57,8 +62,8 @@ def read(prepared: Prepared, question: Question) -> Design:
     q = question
     if q.missing == "mixed":
         raise UsageError(
-            f"--test {q.test} cannot keep subjects with missing cells; use --missing listwise, "
-            "or --test mixed or art"
+            f"the test {q.test} cannot keep subjects with missing cells; use missing=listwise, "
+            "or the test mixed, art or lmm"
         )
     return read_design(
         prepared.frame, q.dv, subject=q.subject or None, within=q.within, between=q.between,
@@ -71,18 +76,42 @@ def left_out(design: Design) -> tuple[str, ...]:
     return tuple(f"left out: {what}" for what in design.dropped)
 
 
-def cell_rows(prepared: Prepared, question: Question) -> tuple[Row, ...]:
-    """Describe every cell over the subjects who have it."""
-    factors = (*question.between, *question.within)
-    known = prepared.frame[prepared.frame[question.dv].notna()]
-    levels = {f: [v for v in prepared.levels[f] if (known[f] == v).any()] for f in factors}
-    if not factors:
-        return ()
-    return tuple(c.row() for c in describe(known, question.dv, factors=factors, levels=levels))
+def cell_rows(design: Design) -> tuple[Row, ...]:
+    """Describe every cell over the subjects tested, one value per subject."""
+    design = averaged(design)
+    labels = {f.name: [str(f.levels[int(c)]) for c in f.codes] for f in design.factors}
+    levels = {f.name: [str(v) for v in f.levels] for f in design.factors}
+    columns = {**labels, design.dv: design.y}
+    return tuple(c.row() for c in describe(columns, design.dv, factors=list(labels), levels=levels))
+
+
+def averaged(design: Design) -> Design:
+    """Return a design of single trials with one mean per subject and cell."""
+    if not design.is_repeated:
+        return design
+    names = [f.name for f in design.factors]
+    columns = {f.name: f.codes for f in design.factors}
+    trials = {SUBJECT_CODE: design.subject, **columns, design.dv: design.y}
+    means = cell_means(trials, design.dv, by=(SUBJECT_CODE, *names))
+    codes = {name: np.asarray(means[name], dtype=np.intp) for name in (SUBJECT_CODE, *names)}
+    return replace(
+        design,
+        y=np.asarray(means[design.dv], dtype=np.float64),
+        subject=codes[SUBJECT_CODE],
+        factors=tuple(replace(f, codes=codes[f.name]) for f in design.factors),
+        rows=np.arange(codes[SUBJECT_CODE].size),
+        is_repeated=False,
+    )
 
 
 def samples_of(design: Design) -> tuple[Samples, ...]:
-    """Return what to draw: each factor with the others averaged, and the cells of two."""
+    """Return what to draw: each factor with the others averaged, and the cells of two.
+
+    Nothing where subjects lack cells.
+    """
+    if not design.is_complete:
+        return ()
+    design = averaged(design)
     table = design.table(design.y)
     within = design.within
     drawn = []
@@ -96,7 +125,7 @@ def samples_of(design: Design) -> tuple[Samples, ...]:
         named = {str(v): person[codes == i] for i, v in enumerate(factor.levels)}
         drawn.append(Samples(factor.name, f"{design.dv} by {factor.name}", named, paired=False))
     cells = int(np.prod([f.k for f in within])) if len(within) == 2 else 0
-    if 0 < cells <= MOST_CELLS_DRAWN:
+    if 0 < cells <= MAX_CELLS_DRAWN:
         both = list(product(*(f.levels for f in within)))
         flat = table.reshape(design.n, -1)
         name = "_x_".join(f.name for f in within)
@@ -114,11 +143,13 @@ def _refuse_roles(q: Question) -> None:
             raise UsageError(f"column {name} is named in two roles; give each column one")
     for name in q.levels:
         if name not in (*q.between, *q.within):
-            raise UsageError(f"--levels names {name}, which is no factor of this test")
+            raise UsageError(f"levels names {name}, which is no factor of this test")
 
 
-def _levels(q: Question, factor: str, labels: Sequence[str]) -> list[str]:
-    return list(q.levels[factor]) if factor in q.levels else natural_order(labels)
+def _levels(table: DataTable, q: Question, factor: str, labels: Sequence[str]) -> list[str]:
+    if factor in q.levels:
+        return [str(level) for level in q.levels[factor]]
+    return list(table.levels.get(factor, ())) or natural_order(labels)
 
 
 def _where(labels: dict[str, list[str]], q: Question) -> list[str]:
@@ -137,7 +168,7 @@ def _refuse_two_groups(table: DataTable, frame: pd.DataFrame, q: Question) -> No
                 raise SubjectInTwoGroups(
                     f"{table.name}: subject {name} is {factor} {rows.iloc[0]} in "
                     f"{table.place(int(rows.index[0]))} and {rows[other]} in "
-                    f"{table.place(int(other))}; give {factor} with --within, or repair the rows"
+                    f"{table.place(int(other))}; make {factor} a within factor, or repair the rows"
                 )
 
 
@@ -156,19 +187,19 @@ def _refuse_missing(
             [f"subject {cell[0]}", *(f"{f} {v}" for f, v in zip(q.within, cell[1:], strict=True))]
         )
         + (f" (no {q.dv} in its row)" if cell in rows else " (no row)")
-        for cell in lost[:MOST_CELLS_NAMED]
+        for cell in lost[:MAX_CELLS_NAMED]
     ]
     more = f" and {len(lost) - len(named)} more" if len(lost) > len(named) else ""
     raise MissingCell(
         f"{table.name}: {q.dv} is missing in {len(lost)} cell{'s' if len(lost) > 1 else ''}: "
-        f"{'; '.join(named)}{more}. Repair them, or drop these subjects with --missing listwise, "
-        "or keep what is there with --test art --missing mixed"
+        f"{'; '.join(named)}{more}. Repair them, or drop these subjects with missing=listwise, "
+        "or keep what is there with missing=mixed (tests art, mixed, lmm and gee)"
     )
 
 
-def _averaged(
+def _refuse_missing_rows(
     table: DataTable, frame: pd.DataFrame, keys: list[str], q: Question
-) -> tuple[pd.DataFrame, list[str]]:
+) -> None:
     gone = frame[frame[q.dv].isna()]
     if len(gone) and q.missing == "error":
         row = int(gone.index[0])
@@ -176,9 +207,13 @@ def _averaged(
         raise MissingValue(
             f"{table.name}: {q.dv} is missing in {table.place(row)} ({where})"
             + (f" and {len(gone) - 1} more rows" if len(gone) > 1 else "")
-            + "; repair them, or average the rows that are there with --missing listwise "
-            "(then dropping subjects without a value in some cell) or --missing mixed"
+            + "; repair them, or average the rows that are there with missing=listwise "
+            "(then dropping subjects without a value in some cell) or missing=mixed"
         )
+
+
+def _averaged(frame: pd.DataFrame, keys: list[str], q: Question) -> tuple[pd.DataFrame, list[str]]:
+    gone = int(frame[q.dv].isna().sum())
     grouped = frame.groupby(keys, sort=True, observed=True)[q.dv]
     sizes = grouped.size()
     low, high = int(sizes.min()), int(sizes.max())
@@ -187,6 +222,6 @@ def _averaged(
         f"{len(frame)} rows averaged to {len(sizes)}, one per {q.subject} and cell ({each} rows "
         "each); a test of the single rows would take repetitions for people"
     ]
-    if len(gone):
-        notes.append(f"{len(gone)} rows without {q.dv} were left out of these means")
+    if gone:
+        notes.append(f"{gone} rows without {q.dv} were left out of these means")
     return grouped.mean().reset_index(), notes

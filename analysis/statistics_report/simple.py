@@ -57,7 +57,8 @@ def _outcome(
 ) -> Outcome:  # fmt: skip
     notes = (*prepared.notes, *(() if design is None else left_out(design)), *more.pop("notes", ()))
     return Outcome(
-        question=q, title=title, rows=rows, sentences=sentences, cells=cell_rows(prepared, q),
+        question=q, title=title, rows=rows, sentences=sentences,
+        cells=() if design is None else cell_rows(design),
         notes=tuple(dict.fromkeys(notes)), samples=() if design is None else samples_of(design),
         is_simulated=table.is_simulated, **more,
     )  # fmt: skip
@@ -112,7 +113,7 @@ def _t(table: DataTable, q: Question) -> Outcome:
     if not q.within and not q.between:
         return _one_sample_t(table, q)
     if q.within and q.between:
-        raise UsageError("--test t takes --within or --between, not both; see --test rm")
+        raise UsageError("the test t takes a within or a between factor, not both; see the test rm")
     _ = q.one_within() if q.within else q.one_between()
     prepared = prepare(table, q)
     design = read(prepared, q)
@@ -132,7 +133,7 @@ def _known(table: DataTable, q: Question) -> tuple[Prepared, Array]:
         row = int(np.flatnonzero(missing)[0])
         raise MissingValue(
             f"{table.name}: {q.dv} is missing in {table.place(row)}; repair it, or leave such "
-            "rows out with --missing listwise"
+            "rows out with missing=listwise"
         )
     if missing.any():
         notes = (*prepared.notes, f"{int(missing.sum())} rows without {q.dv} left out")
@@ -199,7 +200,7 @@ def _correlation(run: Callable[..., Any], title: str) -> TestRun:
         q.need("partner")
         if q.within or q.between:
             raise UsageError(
-                f"--test {q.test} takes two columns, --dv and --with; without --within, --between"
+                f"the test {q.test} takes two columns, dv and with, and no within or between factor"
             )
         x, notes_x = _by_subject(table, q, q.partner)
         y, notes_y = _by_subject(table, q, q.dv)
@@ -211,7 +212,7 @@ def _correlation(run: Callable[..., Any], title: str) -> TestRun:
                 raise MissingValue(
                     f"{table.name}: {q.dv} or {q.partner} is missing "
                     f"({'subject' if q.subject else 'row'} number {row + 1} and "
-                    f"{int((~both).sum()) - 1} more); use --missing listwise to leave them out"
+                    f"{int((~both).sum()) - 1} more); use missing=listwise to leave them out"
                 )
             notes.append(f"{int((~both).sum())} pairs without both values left out")
         made = run(x[both], y[both], names=(q.partner, q.dv))
@@ -238,11 +239,11 @@ def _by_subject(table: DataTable, q: Question, column: str) -> tuple[Array, tupl
 def _tost(table: DataTable, q: Question) -> Outcome:
     if q.low is None or q.high is None:
         raise UsageError(
-            "--test tost needs --low and --high: the smallest difference that matters, fixed "
+            "the test tost needs low and high: the smallest difference that matters, fixed "
             "before looking at the data"
         )
     if q.unit not in ("raw", "sd"):
-        raise UsageError(f"--unit takes raw or sd, not {q.unit!r}")
+        raise UsageError(f"unit takes raw or sd, not {q.unit!r}")
     unit = cast(BoundUnit, q.unit)
     bounds: dict[str, Any] = {"low": q.low, "high": q.high, "unit": unit, "alpha": q.alpha}
     if not q.within and not q.between:
@@ -279,7 +280,7 @@ def _cronbach(table: DataTable, q: Question) -> Outcome:
         if q.missing == "error":
             raise MissingValue(
                 f"{table.name}: {item} is missing in {table.place(row)}; repair it, or leave such "
-                "persons out with --missing listwise"
+                "persons out with missing=listwise"
             )
         notes.append(f"{int(missing.sum())} persons without all items left out")
     made = cronbach_alpha(

@@ -3,7 +3,7 @@
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
@@ -22,6 +22,7 @@ _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
 _GROUPED = re.compile(r"[+-]?\d{1,3}(,\d{3})+")
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
+_WORDS = {"true": "1", "false": "0"}
 _TRUE, _FALSE = frozenset({"true", "1", "yes"}), frozenset({"false", "0", "no"})
 
 
@@ -29,7 +30,8 @@ _TRUE, _FALSE = frozenset({"true", "1", "yes"}), frozenset({"false", "0", "no"})
 class DataTable:
     """A table as text, one string per cell ('' where nothing stands).
 
-    `lines` are the line numbers of the rows in the file. `notes` say how the file was read.
+    `lines` are the line numbers of the rows in the file, 0 where it has none. `notes` say how the
+    file was read; `levels` are the orders of categorical columns.
     """
 
     name: str
@@ -37,6 +39,7 @@ class DataTable:
     lines: tuple[int, ...] = field(repr=False)
     is_simulated: bool
     notes: tuple[str, ...] = ()
+    levels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def labels(self, column: str) -> list[str]:
         """Return a label column; MissingValue names the first row without one."""
@@ -51,10 +54,13 @@ class DataTable:
     def numbers(self, column: str, where: Sequence[str] | None = None) -> npt.NDArray[np.float64]:
         """Return a column of numbers, NaN where missing.
 
-        `where` names each row for messages. Raises NotNumeric or InfiniteValue for the first row
-        that holds something else.
+        Columns of true and false are 1 and 0. `where` names each row for messages. Raises
+        NotNumeric or InfiniteValue for the first row that holds something else.
         """
         values = self._column(column)
+        words = {v.lower() for v in values} - MISSING_WORDS
+        if words and words <= _WORDS.keys():
+            values = [_WORDS.get(v.lower(), v) for v in values]
         decimal = self._decimal(column, values)
         out = np.empty(len(values))
         for row, value in enumerate(values):
@@ -135,7 +141,7 @@ def read_table(path: Path) -> DataTable:
     if len(rows) < 2:
         raise DataError(f"{path.name} holds no rows below its header; there is nothing to test")
     names = [cell.strip() for cell in rows[0][1]]
-    _refuse_names(path, names)
+    _refuse_names(path.name, names)
     for number, row in rows[1:]:
         if len(row) != len(names):
             hint = (
@@ -150,7 +156,7 @@ def read_table(path: Path) -> DataTable:
     cells = pd.DataFrame(
         [[cell.strip() for cell in row] for _, row in rows[1:]], columns=names, dtype=object
     )
-    return _table(path, cells, tuple(n for n, _ in rows[1:]), notes)
+    return _table(path.name, cells, tuple(n for n, _ in rows[1:]), notes)
 
 
 def _from_parquet(path: Path) -> DataTable:
@@ -158,43 +164,56 @@ def _from_parquet(path: Path) -> DataTable:
         frame = pd.read_parquet(path)
     except (OSError, ValueError) as error:
         raise DataError(f"{path} cannot be read as Parquet ({error})") from error
+    return table_of(frame, name=path.name)
+
+
+def table_of(frame: pd.DataFrame, *, name: str = "the table") -> DataTable:
+    """Return a tidy frame as a table; `name` is what messages call it.
+
+    Raises:
+        DataError: no rows, a column named twice, or simulated and real rows together.
+    """
     if frame.empty:
-        raise DataError(f"{path.name} holds no rows; there is nothing to test")
-    frame.columns = [str(c) for c in frame.columns]
-    _refuse_names(path, list(frame.columns))
-    cells = pd.DataFrame(
-        {name: [_text(v) for v in frame[name].tolist()] for name in frame.columns}, dtype=object
-    )
-    return _table(path, cells, (0,) * len(cells), ())
+        raise DataError(f"{name} holds no rows; there is nothing to test")
+    named = frame.set_axis([str(c) for c in frame.columns], axis="columns")
+    _refuse_names(name, list(named.columns))
+    cells = pd.DataFrame({c: [_text(v) for v in named[c].tolist()] for c in named}, dtype=object)
+    levels = {}
+    for column in named:
+        if isinstance(named[column].dtype, pd.CategoricalDtype):
+            there = set(cells[column])
+            known = (_text(v) for v in named[column].cat.categories)
+            levels[str(column)] = tuple(v for v in known if v in there)
+    return _table(name, cells, (0,) * len(cells), (), levels)
 
 
 def _text(value: object) -> str:
     if value is None or value is pd.NA or value is pd.NaT:
         return ""
     if isinstance(value, float):
-        return "" if np.isnan(value) else repr(value)
+        return "" if np.isnan(value) else repr(float(value))
     return str(value)
 
 
 def _table(
-    path: Path, cells: pd.DataFrame, lines: tuple[int, ...], notes: tuple[str, ...]
-) -> DataTable:
-    return DataTable(path.name, cells, lines, _is_simulated(path, cells), notes)
+    name: str, cells: pd.DataFrame, lines: tuple[int, ...], notes: tuple[str, ...],
+    levels: Mapping[str, tuple[str, ...]] | None = None,
+) -> DataTable:  # fmt: skip
+    return DataTable(name, cells, lines, _is_simulated(name, cells), notes, levels or {})
 
 
-def _is_simulated(path: Path, cells: pd.DataFrame) -> bool:
+def _is_simulated(name: str, cells: pd.DataFrame) -> bool:
     if SIMULATED_COLUMN not in cells:
         return False
     words = {str(v).lower() for v in cells[SIMULATED_COLUMN]}
     unknown = sorted(words - _TRUE - _FALSE)
     if unknown:
         raise DataError(
-            f"{path.name}: {SIMULATED_COLUMN} holds {unknown[0]!r}; it says true or false in "
-            "every row"
+            f"{name}: {SIMULATED_COLUMN} holds {unknown[0]!r}; it says true or false in every row"
         )
     if words & _TRUE and words & _FALSE:
         raise DataError(
-            f"{path.name} mixes simulated and real rows ({SIMULATED_COLUMN}); take them apart "
+            f"{name} mixes simulated and real rows ({SIMULATED_COLUMN}); take them apart "
             "first, a test of both means nothing"
         )
     return bool(words & _TRUE)
@@ -226,11 +245,11 @@ def _numbered(text: str, sign: str, path: Path) -> list[tuple[int, list[str]]]:
         raise DataError(f"{path.name}, line {reader.line_num}: {error}; repair the line") from error
 
 
-def _refuse_names(path: Path, names: Sequence[str]) -> None:
+def _refuse_names(table: str, names: Sequence[str]) -> None:
     twice = sorted({n for n in names if names.count(n) > 1})
     if twice:
         raise DataError(
-            f"{path.name} names the column {twice[0]!r} twice; give every column its own name"
+            f"{table} names the column {twice[0]!r} twice; give every column its own name"
         )
 
 

@@ -4,7 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from typing import Any
 
+import numpy as np
+
 from analysis import statistics
+from analysis.statistics.gee import gee
+from analysis.statistics.lmm import LinearMixed, linear_mixed
 from tests.reference.stats_compare import both_ways, by_key, term_key, turned
 
 Entry = Mapping[str, Any]
@@ -39,8 +43,9 @@ class Case:
 
 
 def art(case: Case, entry: Entry, **options: Any) -> statistics.ArtAnova:
-    """Run the ART ANOVA of an entry."""
-    return statistics.art_anova(case.frame, entry["dv"], **{**case.arguments(entry), **options})
+    """Run the ART ANOVA of an entry; where it takes a mixed model, ARTool's random intercept."""
+    arguments = {"random": "intercept", **case.arguments(entry), **options}
+    return statistics.art_anova(case.frame, entry["dv"], **arguments)
 
 
 def _art_columns(case: Case, entry: Entry) -> dict[str, Any]:
@@ -219,10 +224,48 @@ def _lmer_anova(case: Case, entry: Entry) -> dict[str, Any]:
     del arguments["missing"]
     rows: dict[Any, dict[str, Any]] = {}
     for ddf, suffix in (("kenward-roger", "kr"), ("satterthwaite", "satt")):
-        for e in statistics.mixed_anova(case.frame, entry["dv"], ddf=ddf, **arguments).effects:
+        for e in statistics.mixed_anova(
+            case.frame, entry["dv"], ddf=ddf, random="intercept", **arguments
+        ).effects:
             row = rows.setdefault(frozenset(e.term), {"df1": e.df1})
             row |= {f"F_{suffix}": e.F, f"df2_{suffix}": e.df2, f"p_{suffix}": e.p}
     return by_key(entry["expected"], ["term"], rows, key=term_key)
+
+
+def _linear_mixed(case: Case, entry: Entry) -> LinearMixed:
+    arguments = case.arguments(entry) | {"missing": "mixed"}
+    made = linear_mixed(case.frame, entry["dv"], random=entry["random"], **arguments)
+    assert made.random == entry["random"], made.steps
+    return made
+
+
+def _lmm(case: Case, entry: Entry) -> dict[str, Any]:
+    table = _linear_mixed(case, entry)
+    assert table.model is not None
+    rows = {frozenset(e.term): _effect(e) for e in table.effects}
+    expected = entry["expected"]
+    tests = {k: v for k, v in expected.items() if isinstance(v, list)}
+    return {
+        **by_key(tests, ["term"], rows, key=term_key),
+        "reml": table.model.log_likelihood,
+        "residual": table.model.parameters["residual"],
+    }
+
+
+def _lmm_contrasts(case: Case, entry: Entry) -> dict[str, Any]:
+    table = _linear_mixed(case, entry).contrasts(entry["factor"])
+    return by_key(entry["expected"], ["level_1", "level_2"], contrast_rows(table))
+
+
+def _gee(case: Case, entry: Entry) -> dict[str, Any]:
+    arguments = case.arguments(entry) | {"missing": "mixed"}
+    model = gee(case.frame, entry["dv"], family=entry["family"], **arguments).model
+    return {
+        "coefficients": model.beta.tolist(),
+        "alpha": model.correlation,
+        "se_robust": np.sqrt(np.diag(model.robust)).tolist(),
+        "se_corrected": np.sqrt(np.diag(model.covariance)).tolist(),
+    }
 
 
 def _posthoc(error: str) -> Callable[[Case, Entry], dict[str, Any]]:
@@ -261,6 +304,9 @@ FACTORIAL: Mapping[str, Callable[[Case, Entry], dict[str, Any]]] = {
     "between_anova_type2": _between(2),
     "between_anova_type3": _between(3),
     "lmer_anova": _lmer_anova,
+    "lmm": _lmm,
+    "lmm_contrasts": _lmm_contrasts,
+    "gee": _gee,
     "posthoc_paired_t": _posthoc("per_pair"),
     "posthoc_tukey_multivariate": _posthoc("per_pair"),
     "posthoc_tukey_univariate": _posthoc("pooled"),

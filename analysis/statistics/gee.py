@@ -1,0 +1,248 @@
+"""Estimating equations for choices, counts and scores of the same people, by statsmodels."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from scipy import special
+
+from analysis.statistics.contrasts import ContrastAdjustment, Contrasts
+from analysis.statistics.design import Design, Frame, Levels, Missing, read_design
+from analysis.statistics.errors import (
+    ConstantResponse,
+    NotConverged,
+    NotNumeric,
+    TooFewSubjects,
+    UnknownColumn,
+    UnknownMethod,
+)
+from analysis.statistics.marginal import marginal_contrasts
+from analysis.statistics.mixed import design_matrix
+from analysis.statistics.results import Array, Provenance, Result, Row, f_text, number, p_text
+
+Family: TypeAlias = Literal["gaussian", "binomial", "poisson"]
+LINK = {"gaussian": "identity", "binomial": "logit", "poisson": "log"}
+RATIO = {"gaussian": "", "binomial": "odds ratio", "poisson": "rate ratio"}
+"""What the exponential of a contrast is called; empty where the contrast speaks for itself."""
+
+MAX_ITERATIONS = 200
+PARAMETER_TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True)
+class GeeModel:
+    """Fitted estimating equations.
+
+    `covariance` (p, p) is Mancl and DeRouen's (2001), `robust` the uncorrected sandwich;
+    `correlation` that of any two rows of a subject; `df` subjects − groups.
+    """
+
+    beta: Array
+    covariance: Array
+    robust: Array
+    correlation: float
+    df: int
+
+    def test(self, L: Array) -> tuple[float, float]:
+        """Return F and denominator df of Lβ = 0 (q, p): Hotelling's T² of the subjects' scores.
+
+        F = W (df − q + 1) / (df q) with df − q + 1 denominator df, W the Wald statistic. For one
+        row it is t² with `df`.
+        """
+        q = L.shape[0]
+        df2 = self.df - q + 1
+        if df2 < 1:
+            raise TooFewSubjects(
+                f"a test of {q} coefficients needs more than {q} subjects beyond the groups"
+            )
+        estimate = L @ self.beta
+        wald = float(estimate @ np.linalg.solve(L @ self.covariance @ L.T, estimate))
+        return wald * df2 / (self.df * q), float(df2)
+
+
+@dataclass(frozen=True)
+class GeeEffect(Result):
+    """The test of one term."""
+
+    term: tuple[str, ...]
+    F: float
+    df1: int
+    df2: float
+    p: float
+
+    @property
+    def name(self) -> str:
+        """The term as text, 'A:B'."""
+        return ":".join(self.term)
+
+    @property
+    def p_used(self) -> float:
+        """The p to report."""
+        return self.p
+
+    def sentence(self) -> str:
+        """Return the effect as an APA sentence."""
+        return f"{' × '.join(self.term)}: {f_text(self.F, self.df1, self.df2)}, {p_text(self.p)}"
+
+    def row(self) -> Row:
+        """Return the effect as one flat table row."""
+        return {
+            "term": self.name, "F": self.F, "df1": self.df1, "df2": self.df2, "p": self.p,
+            "p_used": self.p,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Gee(Result):
+    """Tests of all terms of estimating equations, with model, design and provenance."""
+
+    effects: tuple[GeeEffect, ...]
+    model: GeeModel
+    family: Family
+    design: Design
+    provenance: Provenance
+
+    def effect(self, term: str | Sequence[str]) -> GeeEffect:
+        """Return one effect by term, 'A:B' or ('A', 'B'), in any order of the factors."""
+        wanted = self.design.term(term)
+        return next(e for e in self.effects if e.term == wanted)
+
+    def contrasts(
+        self, term: str | Sequence[str], *, adjust: ContrastAdjustment = "holm"
+    ) -> Contrasts:
+        """Compare marginal means on the scale of the link; the effect is their ratio there."""
+        return marginal_contrasts(
+            self.design, self.model, term, adjust=adjust, ratio=RATIO[self.family],
+            provenance=replace(
+                self.provenance, test=f"marginal means ({LINK[self.family]} scale)", notes=()
+            ),
+        )  # fmt: skip
+
+    def sentence(self) -> str:
+        """Return all effects, one sentence each."""
+        lines = [f"{self.provenance.test}, n = {self.provenance.n}."]
+        lines += [effect.sentence() + "." for effect in self.effects]
+        lines += [f"Note: {note}." for note in self.provenance.notes]
+        return "\n".join(lines)
+
+    def rows(self) -> tuple[Row, ...]:
+        """Return one flat table row per effect."""
+        return tuple({**e.row(), **self.provenance.row()} for e in self.effects)
+
+    def row(self) -> Row:
+        """Return the first effect's row; `rows` has them all."""
+        return self.rows()[0]
+
+
+def gee(
+    frame: Frame,
+    dv: str,
+    *,
+    subject: str,
+    within: Sequence[str] = (),
+    between: Sequence[str] = (),
+    levels: Levels | None = None,
+    missing: Missing = "error",
+    family: Family = "gaussian",
+) -> Gee:
+    """Test all effects of a marginal model of single trials, exchangeable within subjects.
+
+    `family`: "binomial" for choices (0 or 1), "poisson" for counts, "gaussian" for scores. Errors
+    are robust, corrected for few subjects (Mancl and DeRouen 2001), and terms are tested by F
+    with subjects − groups − q + 1 df. Raises a `StatisticsError` naming the row or cell.
+    """
+    if family not in get_args(Family):
+        raise UnknownMethod(f"no family {family!r}; use one of {', '.join(get_args(Family))}")
+    if not subject:
+        raise UnknownColumn("estimating equations need the column that names the subject")
+    design = read_design(
+        frame, dv, subject=subject, within=within, between=between, levels=levels,
+        missing=missing, repeated=True,
+    )  # fmt: skip
+    _refuse_responses(design, family)
+    X, place = design_matrix(design)
+    model = _fit(design, X, family)
+    effects = []
+    for term, columns in place.items():
+        if not term:
+            continue
+        L = np.eye(X.shape[1])[columns]
+        F, df = model.test(L)
+        p = float(special.fdtrc(L.shape[0], df, F))
+        effects.append(GeeEffect(term, F, L.shape[0], df, p))
+    notes = [f"{design.y.size} rows of {design.n} subjects"] if design.is_repeated else []
+    notes.append(f"working correlation of two rows of a subject {number(model.correlation)}")
+    provenance = Provenance(
+        f"Generalized estimating equations ({family}, {LINK[family]} link)", design.n,
+        error_term=f"exchangeable within {subject}, robust errors after Mancl and DeRouen",
+        dropped=design.dropped, notes=tuple(notes),
+    )  # fmt: skip
+    return Gee(tuple(effects), model, family, design, provenance)
+
+
+def _refuse_responses(design: Design, family: Family) -> None:
+    """Refuse what a family cannot hold, and cells without which its link has no finite value."""
+    y = design.y
+    wrong = np.zeros(y.size, dtype=bool)
+    if family == "binomial":
+        wrong = (y != 0) & (y != 1)
+    elif family == "poisson":
+        wrong = (y < 0) | (y != np.round(y))
+    if wrong.any():
+        row = int(np.flatnonzero(wrong)[0])
+        of = "0 or 1" if family == "binomial" else "a count, 0, 1, 2, …"
+        raise NotNumeric(
+            f"{design.dv} is {y[row]:g} in row {int(design.rows[row]) + 1}; "
+            f"the {family} family needs {of}"
+        )
+    if family == "gaussian":
+        return
+    shape = tuple(f.k for f in design.factors)
+    cells = np.ravel_multi_index(tuple(f.codes for f in design.factors), shape)
+    for cell in np.unique(cells):
+        values = y[cells == cell]
+        if (values == 0).all() or (family == "binomial" and (values == 1).all()):
+            places = np.unravel_index(cell, shape)
+            where = ", ".join(
+                f"{f.name} {f.levels[int(i)]}" for f, i in zip(design.factors, places, strict=True)
+            )
+            raise ConstantResponse(
+                f"{design.dv} is {values[0]:g} in all {values.size} rows of {where}, so its "
+                f"{LINK[family]} is infinite and the model cannot be estimated; leave the "
+                "condition out, or compare subject means"
+            )
+
+
+def _fit(design: Design, X: Array, family: Family) -> GeeModel:
+    import statsmodels.api as sm  # late: a second that other tests need not pay
+
+    families = {
+        "gaussian": sm.families.Gaussian,
+        "binomial": sm.families.Binomial,
+        "poisson": sm.families.Poisson,
+    }
+    unit = float(design.y.std()) if family == "gaussian" else 1.0
+    order = np.argsort(design.subject, kind="stable")
+    model = sm.GEE(
+        design.y[order] / unit, X[order], groups=design.subject[order],
+        family=families[family](), cov_struct=sm.cov_struct.Exchangeable(),
+    )  # fmt: skip
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        fit = model.fit(
+            cov_type="bias_reduced", ctol=PARAMETER_TOLERANCE, maxiter=MAX_ITERATIONS, ddof_scale=0
+        )
+    beta = np.asarray(fit.params, dtype=np.float64) * unit
+    covariance = np.asarray(fit.cov_params(), dtype=np.float64) * unit**2
+    troubled = [str(w.message) for w in said if "onverge" in str(w.message)]
+    if troubled or not (np.isfinite(beta).all() and np.isfinite(covariance).all()):
+        raise NotConverged(
+            f"the estimating equations of {design.dv} did not converge; "
+            "take fewer factors, or compare subject means"
+        )
+    return GeeModel(
+        beta, covariance, np.asarray(fit.cov_robust, dtype=np.float64) * unit**2,
+        float(fit.cov_struct.dep_params), design.n - design.group_sizes.size,
+    )  # fmt: skip

@@ -1,0 +1,132 @@
+"""A question asked of a frame: an outcome without files, printing or the command line."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.statistics import describe, rm_anova
+from analysis.statistics_report import Question, answer
+from lab.errors import DataError, UsageError
+
+RM = Question("rm", dv="y", within=("A",), subject="s")
+
+
+def people(n: int = 12, trials: int = 1, seed: int = 3) -> pd.DataFrame:
+    rng = np.random.default_rng(seed)
+    frame = pd.DataFrame(
+        [(s, a, t) for s in range(n) for a in ("low", "mid", "high") for t in range(trials)],
+        columns=["s", "A", "trial"],
+    )
+    level = frame["A"].map({"low": 0.0, "mid": 0.5, "high": 1.4})
+    frame["y"] = level + rng.normal(size=n)[frame["s"]] + rng.normal(size=len(frame))
+    frame["hit"] = rng.random(len(frame)) < 1 / (1 + np.exp(-frame["y"]))
+    return frame
+
+
+CODE = """
+import sys
+import analysis.statistics_report
+heavy = ("cli", "typer", "rich", "statsmodels")
+print([name for name in heavy if name in sys.modules])
+"""
+
+
+def test_the_engine_needs_no_command_line_and_waits_with_statsmodels() -> None:
+    done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=False)
+    assert "[]" == done.stdout.strip(), done.stderr
+
+
+def test_a_frame_is_answered_with_the_numbers_of_the_library(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    frame = people()
+    expected = rm_anova(frame, "y", subject="s", within=("A",)).effect("A")
+    outcome = answer(frame, RM)
+    assert expected.p_used == pytest.approx(outcome.p("A"))
+    assert expected.F == pytest.approx(outcome.row()["F"])
+    assert ("", "") == capsys.readouterr()
+
+
+def test_categories_keep_their_order() -> None:
+    frame = people()
+    frame["A"] = pd.Categorical(frame["A"], ["low", "mid", "high", "never"], ordered=True)
+    assert ["low", "mid", "high"] == [c["A"] for c in answer(frame, RM).cells]
+    turned = Question(
+        "rm", dv="y", within=("A",), subject="s", levels={"A": ["mid", "high", "low"]}
+    )
+    assert ["mid", "high", "low"] == [c["A"] for c in answer(frame, turned).cells]
+
+
+def test_a_row_is_found_by_its_term_in_any_order() -> None:
+    frame = people(trials=2)
+    question = Question("rm", dv="y", within=("A", "trial"), subject="s")
+    outcome = answer(frame, question)
+    assert outcome.row("A:trial") == outcome.row("trial:A")
+    with pytest.raises(UsageError, match="there are A, trial, A:trial"):
+        outcome.p("B")
+    pairs = answer(frame, Question("t", dv="y", within=("A",), subject="s"))
+    assert pairs.row("low:high")["p_adjusted"] == pairs.p("high:low")
+
+
+def test_simulated_rows_mark_the_outcome_and_mixtures_are_refused() -> None:
+    assert answer(people().assign(is_simulated=True), RM).is_simulated
+    mixed = people().assign(is_simulated=[True] + [False] * 35)
+    with pytest.raises(DataError, match="the pilot mixes simulated and real"):
+        answer(mixed, RM, name="the pilot")
+
+
+@pytest.mark.parametrize("test", ["lmm", "gee"])
+def test_models_take_single_trials_and_describe_people(test: str) -> None:
+    frame = people(trials=6)
+    outcome = answer(frame, Question(test, dv="y", within=("A",), subject="s"))
+    assert any("216 rows of 12 subjects" in note for note in outcome.notes)
+    assert [12, 12, 12] == [c["n"] for c in outcome.cells]
+    means = frame.groupby(["s", "A"], as_index=False)["y"].mean()
+    expected = {c.labels["A"]: c.sd for c in describe(means, "y", factors=["A"])}
+    assert expected == pytest.approx({c["A"]: c["sd"] for c in outcome.cells})
+    assert {"A"} == {c["family"] for c in outcome.contrasts}
+    assert 3 == len(outcome.samples[0].conditions)
+
+
+def test_true_and_false_are_choices() -> None:
+    question = Question("gee", dv="hit", within=("A",), subject="s", family="binomial")
+    outcome = answer(people(trials=8), question)
+    assert "odds ratio" in outcome.contrast_sentences[0]
+    assert any("exchangeable" in sentence for sentence in outcome.sentences)
+
+
+def test_trials_lost_are_refused_or_left_out_as_asked() -> None:
+    frame = people(trials=6)
+    frame.loc[[0, 40], "y"] = np.nan
+    with pytest.raises(DataError, match=r"row 1 \(subject 0, A low\) and 1 more rows"):
+        answer(frame, Question("lmm", dv="y", within=("A",), subject="s"))
+    kept = answer(frame, Question("lmm", dv="y", within=("A",), subject="s", missing="mixed"))
+    assert any("214 rows of 12 subjects" in note for note in kept.notes)
+
+
+def test_a_test_nobody_knows_is_answered_with_the_nearest() -> None:
+    with pytest.raises(UsageError, match="did you mean lmm"):
+        answer(people(), Question("lm", dv="y"))
+    with pytest.raises(UsageError, match="alpha lies between 0 and 1"):
+        Question("rm", alpha=5)
+
+
+# ---- the data told are the data tested ----
+
+
+@pytest.mark.parametrize("test", ["rm", "art", "friedman", "conditions", "t", "wilcoxon", "lmm"])
+def test_cells_are_those_of_the_people_tested(test: str) -> None:
+    frame = people()
+    outlier = frame["s"] == 4
+    frame.loc[outlier, "y"] += 100
+    holed = frame[~(outlier & (frame["A"] == "mid"))]
+    question = Question(test, dv="y", within=("A",), subject="s", missing="listwise")
+    outcome = answer(holed, question)
+    expected = describe(frame[~outlier], "y", factors=["A"])
+    assert {c.labels["A"]: (11, c.mean) for c in expected} == {
+        c["A"]: (c["n"], pytest.approx(c["mean"])) for c in outcome.cells
+    }
+    assert any("left out: subject 4" in note for note in outcome.notes)
