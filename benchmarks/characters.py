@@ -24,8 +24,8 @@ from lab.clock import SystemClock, cpu_time_s
 from stimuli.characters.body_parts import PARTS
 from stimuli.characters.cast import DATA, cast_names, load_cast
 from stimuli.characters.coverage import seen_areas_m2
-from stimuli.characters.generate import write_cast
 from stimuli.characters.storage import read_character
+from tools.character_making.generate import write_cast
 
 LOAD_LIMIT_S, MAKE_LIMIT_S, SIZE_LIMIT_MB, BIAS_LIMIT_PERCENT = 0.5, 10.0, 15.0, 5.0
 SMALLEST_M2 = 5e-4

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from lab.geometry import Vector
-from stimuli.characters.making.makehuman import MakeHuman
+from tools.character_making.makehuman import MakeHuman
 
 
 @dataclass(frozen=True)

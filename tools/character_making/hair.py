@@ -7,12 +7,12 @@ from scipy.spatial import cKDTree
 
 from lab.geometry import Vector, unit
 from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.making.cutting import clipped
-from stimuli.characters.making.figure import Figure
-from stimuli.characters.making.hairline import hairline_field
-from stimuli.characters.making.mantle import Fall, Sheet, mantle, sheet_piece
-from stimuli.characters.making.noise import noise
-from stimuli.characters.making.pieces import Piece, vertex_normals
+from tools.character_making.cutting import clipped
+from tools.character_making.figure import Figure
+from tools.character_making.hairline import hairline_field
+from tools.character_making.mantle import Fall, Sheet, mantle, sheet_piece
+from tools.character_making.noise import noise
+from tools.character_making.pieces import Piece, vertex_normals
 
 
 @dataclass(frozen=True)

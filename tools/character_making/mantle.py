@@ -7,9 +7,9 @@ from scipy.spatial import cKDTree
 
 from lab.geometry import Vector, unit
 from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.making.figure import Figure
-from stimuli.characters.making.noise import noise
-from stimuli.characters.making.pieces import Piece, vertex_normals
+from tools.character_making.figure import Figure
+from tools.character_making.noise import noise
+from tools.character_making.pieces import Piece, vertex_normals
 
 _FRONT = np.radians(119.0)
 """How far round from the back of the head the sheets reach: to the temples."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from lab.geometry import Vector
-from stimuli.characters.making.figure import Figure
+from tools.character_making.figure import Figure
 
 
 def hairline_field(figure: Figure, points_m: Vector, receding: float = 0.0) -> Vector:

@@ -7,10 +7,10 @@ from scipy.spatial import ConvexHull
 
 from lab.geometry import Vector
 from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.making.clothes import Stuff
-from stimuli.characters.making.cutting import clipped, hanging, hemmed
-from stimuli.characters.making.figure import SIDES, Figure
-from stimuli.characters.making.pieces import Piece
+from tools.character_making.clothes import Stuff
+from tools.character_making.cutting import clipped, hanging, hemmed
+from tools.character_making.figure import SIDES, Figure
+from tools.character_making.pieces import Piece
 
 SOLE_M = {"sneaker": 0.024, "loafer": 0.016, "boot": 0.026}
 _COLLAR_M = {"sneaker": 0.012, "loafer": -0.016, "boot": 0.07}

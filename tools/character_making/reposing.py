@@ -3,8 +3,8 @@
 import numpy as np
 
 from lab.geometry import Vector
-from stimuli.characters.making.makehuman import BODY_VERTICES, MakeHuman
 from stimuli.characters.rest_pose import FINGERS, PHALANGES, Rig, rig_of_marks
+from tools.character_making.makehuman import BODY_VERTICES, MakeHuman
 
 
 def _marks(source: MakeHuman, vertices_m: Vector) -> tuple[dict[str, Vector], dict[str, Vector]]:

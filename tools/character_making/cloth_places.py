@@ -6,8 +6,8 @@ import numpy as np
 
 from lab.geometry import Vector, unit
 from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.making.figure import SIDES, Figure
-from stimuli.characters.making.pieces import Piece
+from tools.character_making.figure import SIDES, Figure
+from tools.character_making.pieces import Piece
 
 TILE_M = 0.08
 """Side of one repeat of a cloth's texture."""

@@ -10,8 +10,8 @@ from scipy.ndimage import distance_transform_edt
 
 from lab.compiled import compiled
 from lab.geometry import Vector
-from stimuli.characters.making.makehuman import Indices, MakeHuman
-from stimuli.characters.making.pieces import triangulated
+from tools.character_making.makehuman import Indices, MakeHuman
+from tools.character_making.pieces import triangulated
 
 SIZE = 1024
 

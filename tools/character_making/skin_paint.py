@@ -4,14 +4,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.geometry import Vector
-from stimuli.characters.making.cutting import neighbours
-from stimuli.characters.making.figure import SIDES, Figure
-from stimuli.characters.making.hairline import hairline_field
-from stimuli.characters.making.makehuman import Indices
-from stimuli.characters.making.noise import noise
-from stimuli.characters.making.pieces import Piece, vertex_normals
-from stimuli.characters.making.recipes import Face
-from stimuli.characters.making.skin_canvas import SIZE, SkinCanvas
+from tools.character_making.cutting import neighbours
+from tools.character_making.figure import SIDES, Figure
+from tools.character_making.hairline import hairline_field
+from tools.character_making.makehuman import Indices
+from tools.character_making.noise import noise
+from tools.character_making.pieces import Piece, vertex_normals
+from tools.character_making.recipes import Face
+from tools.character_making.skin_canvas import SIZE, SkinCanvas
 
 HEADROOM = 0.82
 """Vertex colours are this much lighter than the skin, so that the texture can lighten too."""

@@ -6,9 +6,9 @@ import numpy as np
 
 from lab.geometry import Vector
 from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.making.figure import SIDES, Figure
-from stimuli.characters.making.makehuman import Indices
-from stimuli.characters.making.pieces import Piece, kept, triangulated
+from tools.character_making.figure import SIDES, Figure
+from tools.character_making.makehuman import Indices
+from tools.character_making.pieces import Piece, kept, triangulated
 
 _RINGS, _SECTORS = 18, 28
 

@@ -10,8 +10,9 @@ from lab.geometry import Vector
 from stimuli.characters.capsules import fitted_capsules
 from stimuli.characters.character import Character, Eyeball, Material, SkinnedMesh
 from stimuli.characters.levels import LEVEL_TRIANGLES, joined, matched, thinned
-from stimuli.characters.making.assembly import assembled
-from stimuli.characters.making.clothes import (
+from stimuli.characters.tagging import face_of_head, parts_of_weights
+from tools.character_making.assembly import assembled
+from tools.character_making.clothes import (
     Stuff,
     Tailor,
     cut_of,
@@ -20,21 +21,20 @@ from stimuli.characters.making.clothes import (
     top_field,
     trousers,
 )
-from stimuli.characters.making.collars import collar
-from stimuli.characters.making.cutting import clipped
-from stimuli.characters.making.eyes import eyeballs, lashes, mouth_pieces
-from stimuli.characters.making.fabrics import fabric
-from stimuli.characters.making.figure import Figure, figure_of
-from stimuli.characters.making.hair import STYLES, Locks, drawn, locks, shell
-from stimuli.characters.making.hair_texture import streaks
-from stimuli.characters.making.makehuman import BODY_VERTICES, MakeHuman
-from stimuli.characters.making.mantle import Sheet
-from stimuli.characters.making.pieces import Piece, kept, triangulated, vertex_normals
-from stimuli.characters.making.recipes import Garment, Recipe
-from stimuli.characters.making.shoes import SOLE_M, shoe_field, shoes
-from stimuli.characters.making.skin_canvas import SIZE, SkinCanvas
-from stimuli.characters.making.skin_paint import base_colour, painted
-from stimuli.characters.tagging import face_of_head, parts_of_weights
+from tools.character_making.collars import collar
+from tools.character_making.cutting import clipped
+from tools.character_making.eyes import eyeballs, lashes, mouth_pieces
+from tools.character_making.fabrics import fabric
+from tools.character_making.figure import Figure, figure_of
+from tools.character_making.hair import STYLES, Locks, drawn, locks, shell
+from tools.character_making.hair_texture import streaks
+from tools.character_making.makehuman import BODY_VERTICES, MakeHuman
+from tools.character_making.mantle import Sheet
+from tools.character_making.pieces import Piece, kept, triangulated, vertex_normals
+from tools.character_making.recipes import Garment, Recipe
+from tools.character_making.shoes import SOLE_M, shoe_field, shoes
+from tools.character_making.skin_canvas import SIZE, SkinCanvas
+from tools.character_making.skin_paint import base_colour, painted
 
 SOURCE = "Visavis, from the MakeHuman base mesh"
 LICENCE = "CC0-1.0"

@@ -7,12 +7,12 @@ from scipy.spatial import cKDTree
 
 from lab.geometry import Vector, unit
 from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.making.cloth_places import wrapped_uv
-from stimuli.characters.making.cutting import border
-from stimuli.characters.making.figure import Figure
-from stimuli.characters.making.makehuman import Indices
-from stimuli.characters.making.pieces import Piece, vertex_normals
-from stimuli.characters.making.recipes import Garment
+from tools.character_making.cloth_places import wrapped_uv
+from tools.character_making.cutting import border
+from tools.character_making.figure import Figure
+from tools.character_making.makehuman import Indices
+from tools.character_making.pieces import Piece, vertex_normals
+from tools.character_making.recipes import Garment
 
 
 def collar(figure: Figure, cloth: Piece, garment: Garment, tone: Vector) -> list[Piece]:

@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from lab.geometry import Vector
 from stimuli.characters.character import Material, Morph, SkinnedMesh
-from stimuli.characters.making.figure import Figure
-from stimuli.characters.making.pieces import Indices, Piece, vertex_normals
 from stimuli.characters.rest_pose import heaviest, to_rest
+from tools.character_making.figure import Figure
+from tools.character_making.pieces import Indices, Piece, vertex_normals
 
 _MOVES_M = 2e-5
 

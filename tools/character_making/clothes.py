@@ -6,24 +6,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lab.geometry import Vector, unit
-from stimuli.characters.making.cloth_places import (
+from stimuli.characters.tagging import parts_of_weights
+from tools.character_making.cloth_places import (
     Lines,
     limb_axis_distance,
     lines_of,
     on_side,
     wrapped_uv,
 )
-from stimuli.characters.making.cutting import clipped, hanging, hemmed
-from stimuli.characters.making.figure import Figure
-from stimuli.characters.making.makehuman import MakeHuman
-from stimuli.characters.making.pieces import (
+from tools.character_making.cutting import clipped, hanging, hemmed
+from tools.character_making.figure import Figure
+from tools.character_making.makehuman import MakeHuman
+from tools.character_making.pieces import (
     Piece,
     refined,
     triangulated,
     vertex_normals,
 )
-from stimuli.characters.making.recipes import Garment
-from stimuli.characters.tagging import parts_of_weights
+from tools.character_making.recipes import Garment
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from lab.geometry import Vector, unit
-from stimuli.characters.making.makehuman import BODY_VERTICES, Indices, MakeHuman
-from stimuli.characters.making.reposing import rig_of
-from stimuli.characters.making.shaping import Shape, shaped
 from stimuli.characters.rest_pose import Rig
+from tools.character_making.makehuman import BODY_VERTICES, Indices, MakeHuman
+from tools.character_making.reposing import rig_of
+from tools.character_making.shaping import Shape, shaped
 
 SIDES = (("left", "l"), ("right", "r"))
 

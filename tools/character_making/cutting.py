@@ -7,7 +7,7 @@ import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
 from lab.geometry import Vector
-from stimuli.characters.making.pieces import Indices, Piece, kept, vertex_normals
+from tools.character_making.pieces import Indices, Piece, kept, vertex_normals
 
 
 def clipped(piece: Piece, outside: Vector) -> Piece:

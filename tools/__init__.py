@@ -1,0 +1,1 @@
+"""What the house makes its own files with; not installed."""
