@@ -22,11 +22,11 @@ import numpy as np
 
 from cli.app import load_lab
 from cli.perform import perform_new, simulated_request
-from cli.studies import find_study
 from experiments.crowd.pulses import pulse_rows
 from lab.clock import Clock, SystemClock, cpu_time_s
 from lab.config_files import EXAMPLE
 from recording.reader import Recording
+from visavis.catalogue import find_study
 
 LIMIT_S = 60.0
 LIMIT_SENT_MS = 5.0

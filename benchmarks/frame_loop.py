@@ -21,7 +21,6 @@ from pathlib import Path
 import numpy as np
 
 from cli.perform import device_seed
-from cli.studies import find_study
 from devices.drivers.pupil.driver import PupilCore
 from devices.sim.body.shared import SharedBody
 from devices.sim.headset import SimulatedHeadset
@@ -37,6 +36,7 @@ from protocol.session import Session
 from protocol.session_setup import SessionSetup
 from recording.writer import REAL_TIME_BATCH_NS, Recorder
 from stage.contracts import GeometryStage
+from visavis.catalogue import find_study
 
 SEED = 1
 DISPLAY_HZ = 90

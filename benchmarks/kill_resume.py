@@ -28,7 +28,6 @@ import pandas as pd
 
 from analysis.session_check import check_session
 from cli.perform import Request, perform_new, perform_rest, simulated_request
-from cli.studies import find_study
 from experiments.stare.design import StareParameters
 from experiments.stare.study import StareStudy
 from lab.clock import NS_PER_S, StopWatch, SystemClock
@@ -41,6 +40,7 @@ from protocol.progress import DONE
 from protocol.states import SessionState
 from recording.folder import session_dir
 from recording.reader import Recording
+from visavis.catalogue import find_study
 
 BLOCKS_KEPT = 3
 TRIALS_KEPT = 8

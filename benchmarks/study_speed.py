@@ -21,11 +21,11 @@ from typing import Any
 
 from cli.app import load_lab
 from cli.simulation import SimulationTask, in_parallel, measure_one, simulate_one
-from cli.studies import find_study
 from lab.clock import StopWatch, cpu_time_s
 from lab.config_files import EXAMPLE
 from recording.manifest import read_manifest
 from recording.reader import Recording
+from visavis.catalogue import find_study
 
 STUDY = "stare"
 SEED = 1

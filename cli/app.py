@@ -51,7 +51,9 @@ ConfigOption = Annotated[
     Path | None,
     typer.Option("--config", help="The lab's file; lab_config.yaml here or above when left out."),
 ]
-StudyArgument = Annotated[str, typer.Argument(help="Name of the study, such as stare.")]
+StudyArgument = Annotated[
+    str, typer.Argument(help="A study by name, such as stare, or its file, such as ./duel.py.")
+]
 DevicesOption = Annotated[
     str | None, typer.Option("--devices", help="sim or real: overrides every role.")
 ]

@@ -8,7 +8,7 @@ from rich.table import Table
 from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, load_lab
 from cli.rigs import is_simulated
 from cli.session_commands import SetOption, ledger_of
-from cli.studies import find_study
+from cli.studies import study_of_lab
 from cli.study_folder import settle, wanted_settings
 from lab.errors import UsageError
 from protocol.key_file import KeyFile
@@ -42,14 +42,16 @@ def add(
     Example: visavis participant add stare 7 --consent 2
     """
     lab = load_lab(config, devices)
+    chosen = study_of_lab(study, lab)
     simulated = is_simulated(lab)
-    folder = study_dir(lab.data_root, study, is_simulated=simulated)
+    folder = study_dir(lab.data_root, chosen.name, is_simulated=simulated)
     wanted = wanted_settings(
-        folder, study, is_simulated=simulated, seed=seed, assignments=assignments
-    )
-    experiment = find_study(study).experiment(wanted.parameters)
+        folder, chosen, is_simulated=simulated, seed=seed, assignments=assignments,
+        language=lab.language,
+    )  # fmt: skip
+    experiment = chosen.experiment(wanted.parameters)
     settings = settle(folder, wanted, seed_given=seed is not None)
-    entry = ledger_of(lab, study, simulated=simulated).add(
+    entry = ledger_of(lab, chosen.name, simulated=simulated).add(
         number,
         group=lambda index: experiment.plan(index, settings.seed).group,
         consent_version=consent or lab.privacy.consent_version,
@@ -57,7 +59,7 @@ def add(
     if name and simulated:
         raise UsageError("simulated participants have no names")
     if name:
-        KeyFile(lab.key_root, study, [lab.data_root]).identify(entry.label, {"name": name})
+        KeyFile(lab.key_root, chosen.name, [lab.data_root]).identify(entry.label, {"name": name})
     console.print(
         f"[b]{entry.label}[/b] is participant {entry.number} of {study}, place {entry.index + 1}"
         + (f", group {entry.group}" if entry.group else "")
@@ -74,6 +76,7 @@ def list_them(
     Example: visavis participant list stare
     """
     lab = load_lab(config, devices)
+    study = study_of_lab(study, lab).name
     simulated = is_simulated(lab)
     folder = study_dir(lab.data_root, study, is_simulated=simulated)
     table = Table("label", "place", "group", "consent", "status", "sessions", "added")
@@ -107,6 +110,7 @@ def withdraw(
     Example: visavis participant withdraw stare 07H --reason "asked by e-mail"
     """
     lab = load_lab(config, devices)
+    study = study_of_lab(study, lab).name
     simulated = is_simulated(lab)
     folder = study_dir(lab.data_root, study, is_simulated=simulated)
     ledger = ledger_of(lab, study, simulated=simulated)

@@ -8,7 +8,6 @@ from pathlib import Path
 from cli.doctor import save_with_session
 from cli.rigs import build_rig, check_room, devices_for, is_simulated
 from cli.stages import build_stage
-from cli.studies import Study
 from devices.contracts import Armband, DeviceInfo
 from devices.haptic_safety import HapticGuard
 from devices.sim.body.shared import SharedBody
@@ -31,13 +30,14 @@ from recording.provenance import provenance
 from recording.reader import Recording
 from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseStatus, Recorder
 from stage.contracts import Stage, Viewer
+from visavis.catalogue import AnyStudy
 
 
 @dataclass(frozen=True)
 class Request:
     """What to perform: whom, which study, on what, with which clock and operator."""
 
-    study: Study
+    study: AnyStudy
     experiment: Experiment
     config: LabConfig
     participant_label: str
@@ -299,14 +299,17 @@ def _simulated_participant(request: Request) -> SimulatedParticipant | None:
     if not is_simulated(request.config):
         return None
     participant = request.study.participant(
-        request.participant_index, behaviour_seed(request), effect=request.effect
+        request.participant_index,
+        behaviour_seed(request),
+        effect=request.effect,
+        experiment=request.experiment,
     )
     # On a real clock the simulated tracker's thread measures while the session moves the body.
     return participant if request.clock.is_virtual else SharedBody(participant)
 
 
 def simulated_request(
-    study: Study,
+    study: AnyStudy,
     experiment: Experiment,
     config: LabConfig,
     *,

@@ -40,11 +40,11 @@ from cli.app import JsonOption, StudyArgument, app, console, errors
 from cli.quick_tracker import tracker_of
 from cli.replicate_runners import on_scheduler, on_this_machine
 from cli.simulation import worker_count
-from cli.studies import find_study
 from cli.study_commands import ProcessesOption
 from cli.study_folder import DEFAULT_SEED
 from lab.clock import StopWatch
 from lab.errors import UsageError
+from visavis.catalogue import find_study
 
 TESTS_PER_TABLE = 5
 POOL_PEOPLE = 240

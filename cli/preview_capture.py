@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, cast
 
 from cli.perform import perform_new, simulated_request
-from cli.studies import Study
 from lab.clock import NS_PER_S
 from lab.config import LabConfig
 from lab.errors import UsageError
@@ -22,6 +21,7 @@ from protocol.experiment import Experiment
 from protocol.plan import SessionPlan, Trial
 from stage.contracts import GeometryStage, Stage, Viewer
 from stimuli.scene import SceneFrame
+from visavis.catalogue import AnyStudy
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class Capture:
     """
 
     def __init__(
-        self, study: Study, config: LabConfig, *, number: int, index: int, seed: int,
+        self, study: AnyStudy, config: LabConfig, *, number: int, index: int, seed: int,
         following: int = 0,
     ) -> None:  # fmt: skip
         self._study, self._config, self._index, self._seed = study, config, index, seed

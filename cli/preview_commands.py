@@ -24,7 +24,7 @@ from cli.preview_pictures import (
     labelled,
     simulated_panel,
 )
-from cli.studies import find_study
+from cli.studies import study_of_lab
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import UsageError
 from stimuli.picture import Camera, Picture
@@ -97,16 +97,15 @@ def preview(
         people_sheet((size_px[0] // 2, size_px[1] // 2)).save(sheet)
         _written(sheet)
         return
-    from cli.stages import dresser_of
+    from stimuli.dressing.picture_of import picture_of
 
-    chosen = find_study(study)
-    dress = dresser_of(chosen.name)
     lab = load_lab(config, "sim", only_simulates=True)
+    chosen = study_of_lab(study, lab)
     following = FOLLOWING if video is not None else 0
     capture = Capture(chosen, lab, number=trial, index=participant, seed=seed, following=following)
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
     label = f"{study} {capture.trial.trial_id}  {factors}"
-    showing = _Showing(capture, dress, view, size_px, label)
+    showing = _Showing(capture, picture_of, view, size_px, label)
     if png is not None:
         _write_picture(showing, png, at)
     elif sheet is not None:

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cli.stages import dresser_of
-from cli.studies import RedrawableStudy, find_study
+from cli.studies import study_of_folder
 from lab.clock import SimClock
 from lab.errors import DataError, UsageError
 from protocol.shown import Shown, of_part, shown_in
@@ -17,6 +16,7 @@ from recording.reader import Recording
 from stage.drawn_stage import Display, DrawnStage
 from stage.frame_truth import read_views
 from stage.renderer import Image, Renderer
+from stimuli.dressing.picture_of import picture_of
 from stimuli.scene import SceneFrame
 
 
@@ -36,11 +36,9 @@ def recorded_frame(recording: Recording, frame: int, *, part: int | None = None)
     """Return everything a re-draw of a frame needs; `part` of the session is the first by default.
 
     Raises:
-        UsageError: nothing was drawn in this frame, or the study's scenes cannot be rebuilt.
+        UsageError: nothing was drawn in this frame, or the study's file is gone.
     """
-    study = find_study(recording.manifest.study)
-    if not isinstance(study, RedrawableStudy):
-        raise UsageError(f"frames of {study.name!r} cannot be rebuilt from the recording alone")
+    study, _ = study_of_folder(recording.path.resolve().parent.parent, recording.manifest.study)
     if "drawn" not in recording.stream_names:
         raise UsageError(
             f"{recording.path}: nothing was drawn in this session (display.show was none)"
@@ -94,7 +92,7 @@ def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list
     views, size_px, quality = read_views(found.views)
     people = len(found.drawn["level"])
     stage = DrawnStage(
-        dresser_of(recording.manifest.study),
+        picture_of,
         lambda: Renderer(quality=quality),
         Display(lambda: views, lambda: size_px, people),
         SimClock(),

@@ -28,7 +28,7 @@ from cli.operator_screen import TerminalOperator
 from cli.perform import Request, perform_new, perform_rest
 from cli.questions import TerminalRespondent
 from cli.rigs import is_simulated
-from cli.studies import Study, find_study
+from cli.studies import study_of_folder, study_of_lab
 from cli.study_folder import (
     DEFAULT_SEED,
     StudySettings,
@@ -45,6 +45,7 @@ from protocol.operator import Operator, UnattendedOperator
 from protocol.plan import SessionPlan
 from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir, study_dir
 from recording.reader import Recording
+from visavis.catalogue import AnyStudy
 
 SIMULATED_PREFIX = "S"
 ENDING_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
@@ -67,6 +68,10 @@ SetOption = Annotated[
         help="Replace a parameter of a new study: --set trial_s=8; kept with its folder.",
     ),
 ]
+LanguageOption = Annotated[
+    str | None,
+    typer.Option("--language", help="Language of what participants read: en, de, fr …"),
+]
 BlindOption = Annotated[bool, typer.Option("--blind", help="Hide conditions from the operator.")]
 
 
@@ -85,6 +90,7 @@ def plan(
     devices: DevicesOption = None,
     config: ConfigOption = None,
     assignments: SetOption = None,
+    language: LanguageOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show the order of all trials before anything runs.
@@ -92,15 +98,18 @@ def plan(
     Example: visavis plan stare --participant 07
     """
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
-    chosen = find_study(study)
+    chosen = study_of_lab(study, lab)
     simulated = is_simulated(lab)
-    folder = study_dir(lab.data_root, study, is_simulated=simulated)
+    folder = study_dir(lab.data_root, chosen.name, is_simulated=simulated)
     settings = read_settings(folder)
-    wanted = wanted_settings(folder, study, is_simulated=simulated, assignments=assignments)
+    wanted = wanted_settings(
+        folder, chosen, is_simulated=simulated, assignments=assignments,
+        language=language or lab.language,
+    )  # fmt: skip
     if settings is not None:
         refuse_other(folder, settings, wanted)
     in_force = _seed_in_force(settings, seed)
-    ledger = ledger_of(lab, study, simulated=simulated)
+    ledger = ledger_of(lab, chosen.name, simulated=simulated)
     try:
         entry = ledger.resolve(participant)
         label, index, group = entry.label, entry.index, entry.group
@@ -160,24 +169,26 @@ def run(
     blind: BlindOption = False,
     config: ConfigOption = None,
     assignments: SetOption = None,
+    language: LanguageOption = None,
 ) -> None:
     """Perform one session on the devices of lab_config.yaml.
 
     Example: visavis run stare --participant 07
     """
     lab = load_lab(config, devices)
-    chosen = find_study(study)
+    chosen = study_of_lab(study, lab)
     simulated = is_simulated(lab)
     if fast and not simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot; add --devices sim")
-    folder = study_dir(lab.data_root, study, is_simulated=simulated)
+    folder = study_dir(lab.data_root, chosen.name, is_simulated=simulated)
     wanted = wanted_settings(
-        folder, study, is_simulated=simulated, seed=seed, assignments=assignments
-    )
+        folder, chosen, is_simulated=simulated, seed=seed, assignments=assignments,
+        language=language or lab.language,
+    )  # fmt: skip
     chosen.experiment(wanted.parameters)
     settings = settle(folder, wanted, seed_given=seed is not None)
     entry = _entry(lab, chosen, settings, participant, simulated=simulated)
-    path = session_dir(lab.data_root, study, entry.label, session, is_simulated=simulated)
+    path = session_dir(lab.data_root, chosen.name, entry.label, session, is_simulated=simulated)
     if path.exists():
         others = len(list(path.parent.glob("ses-*")))
         done = Recording(path).status == "complete"
@@ -191,7 +202,7 @@ def run(
 
 
 def _entry(
-    lab: LabConfig, study: Study, settings: StudySettings, participant: str, *, simulated: bool
+    lab: LabConfig, study: AnyStudy, settings: StudySettings, participant: str, *, simulated: bool
 ) -> Participant:
     ledger = ledger_of(lab, study.name, simulated=simulated)
     try:
@@ -239,8 +250,10 @@ def resume(
         raise UsageError(f"{session_path} is complete; nothing is left to do")
     if fast and not recording.is_simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot")
-    chosen = find_study(manifest.study)
     folder = session_path.resolve().parent.parent
+    chosen, changed = study_of_folder(folder, manifest.study)
+    if changed:
+        errors.print(f"[yellow]{changed}[/]", soft_wrap=True)
     settings = read_settings(folder)
     if settings is None:
         raise UsageError(f"{folder} has no study.json; restore it from a copy")
@@ -276,7 +289,7 @@ def _the_unfinished(lab: LabConfig) -> Path:
 
 def _perform(
     lab: LabConfig,
-    study: Study,
+    study: AnyStudy,
     settings: StudySettings,
     entry: Participant,
     session: int,

@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from cli.perform import perform_new, perform_rest, simulated_request
-from cli.studies import find_study
 from lab.config import LabConfig
 from recording.folder import session_dir
 from recording.reader import Recording
+from visavis.catalogue import find_study
 
 
 @dataclass(frozen=True)
 class SimulationTask:
-    """One participant to simulate."""
+    """One participant to simulate; `study` is its name, or its file."""
 
     study: str
     config: LabConfig
@@ -53,12 +53,13 @@ def simulate_one(task: SimulationTask) -> Path:
         effect=task.effect,
         group=task.group,
     )
-    path = session_dir(task.config.data_root, task.study, task.label, 1, is_simulated=True)
+    path = session_dir(task.config.data_root, study.name, task.label, 1, is_simulated=True)
     return perform_rest(request, path) if path.exists() else perform_new(request)
 
 
-def measure_one(study: str, session: Path) -> Any:
-    """Take in one session; what comes back is for the study's `analyse`."""
+def measure_one(job: tuple[str, Path]) -> Any:
+    """Take in one session of a study; what comes back is for the study's `analyse`."""
+    study, session = job
     return find_study(study).measure(Recording(session))
 
 

@@ -1,6 +1,5 @@
 """Put together what shows a session's scenes: nothing, a window, the headset, or pictures."""
 
-import importlib
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, cast
 
@@ -12,39 +11,18 @@ from lab.frame import EyeView
 from protocol.experiment import Experiment
 from protocol.rig import Rig
 from stage.contracts import GeometryStage, Stage, Viewer
-from stimuli.picture import Picture
-from stimuli.scene import SceneFrame
+from stimuli.dressing.picture_of import picture_of
 
 if TYPE_CHECKING:
     from stage.drawn_stage import Display
     from stage.own_body import OwnBody
 
-DRESSERS = {
-    "stare": "stimuli.dressing.audience:audience_picture",
-    "crowd": "stimuli.dressing.station:station_picture",
-    "waving": "stimuli.dressing.office:office_picture",
-}
-"""What turns the scenes of a study into pictures."""
 OFFSCREEN_PX = (480, 540)
 USUAL_EYE_PX = (1440, 1600)
 EXTRA_PEOPLE = 1
 """People a picture may hold beside the study's own: the participant's body."""
 
 Views = Callable[[], Sequence[EyeView]]
-
-
-def dresser_of(study: str) -> Callable[[SceneFrame], Picture]:
-    """Return what dresses a study's scenes.
-
-    Raises:
-        ConfigError: the study has no pictures yet.
-    """
-    if study not in DRESSERS:
-        raise ConfigError(
-            f"there are no pictures for {study!r} yet; set display.show to none in lab_config.yaml"
-        )
-    module, _, name = DRESSERS[study].partition(":")
-    return cast(Callable[[SceneFrame], Picture], getattr(importlib.import_module(module), name))
 
 
 def build_stage(
@@ -57,7 +35,7 @@ def build_stage(
     """Build the stage `display.show` asks for; without drawing, no graphics library is loaded.
 
     Raises:
-        ConfigError: the headset cannot show pictures, or the study has none.
+        ConfigError: the headset cannot show pictures.
         StageError: there is no screen, or nothing that draws on it.
     """
     show, asks = config.display.show, config.display.questions == "headset"
@@ -71,13 +49,12 @@ def build_stage(
     from stage.window import Window
 
     n, rate_hz = experiment.people_count + EXTRA_PEOPLE, rig.headset.display_rate_hz
-    dresser = dresser_of(experiment.name)
     fades = FadeTimes(config.display.fade_out_ms, config.display.fade_in_ms)
     if show == "offscreen":
         # An OpenXR session is opened in the context that will draw, so that comes first.
         context = offscreen_context() if _show_images(rig) else None
         return DrawnStage(
-            dresser,
+            picture_of,
             lambda: Renderer(context, quality=ON_PROCESSOR),
             Display(
                 getattr(rig.headset, "eye_views", default_views), lambda: OFFSCREEN_PX, n, rate_hz
@@ -97,7 +74,7 @@ def build_stage(
     window = Window(f"Visavis: {experiment.name}", window_px)
     quality = ON_PROCESSOR if draws_on_processor(window.context) else None
     return DrawnStage(
-        dresser,
+        picture_of,
         lambda: Renderer(window.context, quality=quality),
         display,
         clock,

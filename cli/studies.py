@@ -1,113 +1,72 @@
-"""The studies the command line knows, each imported only when it is used."""
+"""The studies the command line works with, and whose data a folder holds."""
 
-import difflib
-import importlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, cast, runtime_checkable
 
+from cli.study_folder import read_settings
 from lab.config import LabConfig
 from lab.errors import UsageError
-from protocol.experiment import Experiment, ValidationPoint, ValidationVerdict
-from protocol.participants import SimulatedParticipant
-from protocol.questionnaires import Questionnaire
-from protocol.shown import Shown
-from recording.reader import Recording
-from stimuli.scene import SceneFrame
-
-STUDY_MODULES = {
-    "stare": "experiments.stare.bundle",
-    "crowd": "experiments.crowd.bundle",
-    "waving": "experiments.waving.bundle",
-}
+from recording.folder import study_dir
+from visavis.catalogue import AnyStudy, digest_of, find_study
 
 
-class Study(Protocol):
-    """What every study module offers to the command line."""
-
-    @property
-    def name(self) -> str:
-        """The study's name on the command line."""
-        ...
-
-    @property
-    def title(self) -> str:
-        """The study's name in a heading."""
-        ...
-
-    def experiment(self, overrides: Mapping[str, Any]) -> Experiment:
-        """Return the experiment; `overrides` replace published parameters by name."""
-        ...
-
-    def participant(self, index: int, seed: int, *, effect: bool) -> SimulatedParticipant:
-        """Return a simulated participant."""
-        ...
-
-    def judge_validation(
-        self, points: Sequence[ValidationPoint], rate_hz: float
-    ) -> ValidationVerdict:
-        """Measure a validation and decide."""
-        ...
-
-    def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
-        """Return the questionnaires asked at the end, in the lab's wording."""
-        ...
-
-    def measure(self, recording: Recording) -> Any:
-        """Take in one session; the result can travel between processes."""
-        ...
-
-    def analyse(
-        self,
-        sessions: Sequence[Any],
-        out_dir: Path,
-        *,
-        is_simulated: bool,
-        commands: tuple[str, ...],
-        example: Recording | None,
-    ) -> Path:
-        """Write tables, figures and the report of a study; return the report's path."""
-        ...
-
-
-@runtime_checkable
-class PiecewiseStudy(Protocol):
-    """A study whose sessions take long to measure: trial by trial, kept in a store."""
-
-    def measure_all(
-        self,
-        sessions: Sequence[Path],
-        store: Path,
-        run: Any,
-        on_walk: Callable[[int, int], None],
-        settings: Mapping[str, Any],
-    ) -> list[Any]:
-        """Take in sessions; `run` does jobs anywhere, `on_walk` is told how many are done.
-
-        `settings` say how to measure, by name.
-        """
-        ...
-
-
-@runtime_checkable
-class RedrawableStudy(Protocol):
-    """A study whose frames can be rebuilt from the recording alone."""
-
-    def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
-        """Yield the views that a recorded frame may have shown, the likeliest first."""
-        ...
-
-
-def find_study(name: str) -> Study:
-    """Return a study by name.
+def study_of_lab(wanted: str, lab: LabConfig) -> AnyStudy:
+    """Return a study by its file, or by a name that this lab knows.
 
     Raises:
-        UsageError: unknown, with the nearest name.
+        UsageError: there is none, with the nearest name.
     """
-    if name not in STUDY_MODULES:
-        near = difflib.get_close_matches(name, STUDY_MODULES, n=1, cutoff=0.3)
-        hint = f"; did you mean {near[0]}?" if near else "."
-        raise UsageError(f"there is no study {name!r}{hint} Known: {', '.join(STUDY_MODULES)}")
-    module = importlib.import_module(STUDY_MODULES[name])
-    make = cast(Callable[[], Study], module.MAKE_STUDY)
-    return make()
+    return find_study(wanted, lab.studies)
+
+
+def study_of_folder(folder: Path, name: str) -> tuple[AnyStudy, str]:
+    """Return the study whose data a folder holds, and a warning where its file has changed.
+
+    Raises:
+        UsageError: its file is not where it was, with what to do.
+    """
+    settings = read_settings(folder)
+    source = "" if settings is None else settings.source
+    if not source:
+        return find_study(name), ""
+    path = Path(source)
+    if not path.is_file():
+        raise UsageError(
+            f"{folder} was made with the study file {source}, which is no longer there; put it "
+            "back, or name it: visavis analyse PATH/OF/STUDY.py"
+        )
+    changed = settings is not None and digest_of(path) != settings.source_sha256
+    warning = (
+        f"{source} has changed since {folder} was begun: what is read from the recordings may not "
+        "be what was planned"
+    )
+    return find_study(source), warning if changed else ""
+
+
+def folder_of(wanted: Path, config: Path | None) -> Path:
+    """Return a study's data folder, given the folder itself, the study's file, or its name.
+
+    Raises:
+        UsageError: there are no data of it, or both real and simulated ones.
+    """
+    if wanted.is_dir():
+        return wanted
+    from cli.app import load_lab  # late: it loads the models of all devices' options
+
+    lab = load_lab(config, only_simulates=True)
+    name = study_of_lab(str(wanted), lab).name
+    there = [
+        folder
+        for simulated in (False, True)
+        if (folder := study_dir(lab.data_root, name, is_simulated=simulated)).is_dir()
+    ]
+    if not there:
+        raise UsageError(
+            f"there are no data of {name} under {lab.data_root}; give the study's folder, or "
+            f"simulate it: visavis simulate {wanted} --output {lab.data_root}"
+        )
+    if len(there) > 1:
+        raise UsageError(
+            f"there are real and simulated data of {name}; name the folder: "
+            f"{' or '.join(map(str, there))}"
+        )
+    return there[0]

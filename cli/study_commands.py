@@ -19,9 +19,9 @@ from rich.progress import (
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab
 from cli.damage import require_intact, write_damage
 from cli.replicate_runners import on_scheduler, on_this_machine
-from cli.session_commands import SIMULATED_PREFIX
+from cli.session_commands import SIMULATED_PREFIX, LanguageOption
 from cli.simulation import SimulationTask, in_parallel, measure_one, simulate_one, worker_count
-from cli.studies import PiecewiseStudy, find_study
+from cli.studies import folder_of, study_of_folder, study_of_lab
 from cli.study_folder import (
     DEFAULT_SEED,
     DERIVED,
@@ -32,14 +32,16 @@ from cli.study_folder import (
     read_settings,
     sessions_of,
     settle,
+    wanted_settings,
 )
 from lab.clock import SimClock, StopWatch
 from lab.config import LabConfig
-from lab.errors import DataError, SessionAborted, UsageError
+from lab.errors import DataError, SessionAborted
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from recording.folder import SIMULATED_ROOT
 from recording.manifest import read_manifest
 from recording.reader import Recording
+from visavis.catalogue import AnyStudy, PiecewiseStudy, reference_of
 
 DEMO_PARTICIPANTS = 8
 
@@ -54,13 +56,16 @@ SchedulerOption = Annotated[
 ]
 MeasureOption = Annotated[
     list[str] | None,
-    typer.Option("--set", help="Measure another way (crowd): --set rule=published"),
+    typer.Option("--set", help="Analyse with another limit or rule: --set max_trial_lost_01=0.3"),
+]
+StudyFolder = Annotated[
+    Path,
+    typer.Argument(help="A study's folder (holds sub-…/ses-…), its file (./duel.py), or its name."),
 ]
 AcceptDamageOption = Annotated[
     bool,
     typer.Option("--accept-damage", help="Go on with what is left of damaged recordings."),
 ]
-StudyFolder = Annotated[Path, typer.Argument(help="Folder of a study (holds sub-…/ses-…).")]
 
 
 @app.command()
@@ -79,6 +84,7 @@ def simulate(
         list[str] | None,
         typer.Option("--set", help="Replace a parameter of the study: --set trial_s=8"),
     ] = None,
+    language: LanguageOption = None,
     processes: ProcessesOption = None,
     config: ConfigOption = None,
 ) -> None:
@@ -87,30 +93,36 @@ def simulate(
     Example: visavis simulate stare --participants 30 --seed 1 --output out/dry_run
     """
     lab = load_lab(config, "sim", only_simulates=True)
+    chosen = study_of_lab(study, lab)
     if output is None:
-        name = f"{study}_n{participants}_seed{seed}" + ("" if effect else "_noeffect")
+        name = f"{chosen.name}_n{participants}_seed{seed}" + ("" if effect else "_noeffect")
         output = lab.data_root / "dry_runs" / name
-    wanted = StudySettings(
-        study, seed, is_simulated=True, effect=effect, parameters=read_parameters(parameters or [])
-    )
-    folder = simulate_study(lab, wanted, participants, output, processes)
+    wanted = wanted_settings(
+        output.resolve() / SIMULATED_ROOT / chosen.name, chosen, is_simulated=True, seed=seed,
+        assignments=parameters, language=language or lab.language, effect=effect,
+    )  # fmt: skip
+    folder = simulate_study(lab, chosen, wanted, participants, output, processes)
     console.print(f"[magenta]SIMULATED[/] study in [b]{folder}[/]", soft_wrap=True)
     console.print(f"next: visavis analyse {folder}", soft_wrap=True)
 
 
 def simulate_study(
-    lab: LabConfig, wanted: StudySettings, participants: int, data_root: Path, processes: int | None
+    lab: LabConfig,
+    chosen: AnyStudy,
+    wanted: StudySettings,
+    participants: int,
+    data_root: Path,
+    processes: int | None,
 ) -> Path:
     """Simulate what is missing of a study; sessions already there are kept.
 
     Raises:
         UsageError: the folder was begun with other settings.
     """
-    study, effect = wanted.study, wanted.effect
-    chosen = find_study(study)
+    study, effect = reference_of(chosen), wanted.effect
     data_root = data_root.resolve()
     lab = lab.model_copy(update={"data_root": data_root})
-    folder = data_root / SIMULATED_ROOT / study
+    folder = data_root / SIMULATED_ROOT / chosen.name
     chosen.experiment(wanted.parameters)
     settings = settle(folder, wanted, seed_given=True)
     experiment = chosen.experiment(settings.parameters)
@@ -170,13 +182,14 @@ def analyse(
     scheduler: SchedulerOption = None,
     measure: MeasureOption = None,
     accept_damage: AcceptDamageOption = False,
+    config: ConfigOption = None,
 ) -> None:
     """Write one tidy row per trial, statistics, figures and the report.
 
     Example: visavis analyse data/simulated/stare
     """
     report_path = analyse_study(
-        folder,
+        folder_of(folder, config),
         output,
         mixture=mixture,
         processes=processes,
@@ -225,14 +238,14 @@ def analyse_study(
     damaged = require_intact(sessions, accept=accept_damage)
     out_dir = output.resolve() if output is not None else folder / DERIVED
     out_dir.mkdir(parents=True, exist_ok=True)
-    chosen = find_study(study)
+    chosen, changed = study_of_folder(folder, study)
+    if changed:
+        console.print(f"[yellow]{changed}[/]", soft_wrap=True)
     settings = read_parameters(list(measure))
     if isinstance(chosen, PiecewiseStudy):
         ordered = _measured_piecewise(chosen, sessions, folder, processes, scheduler, settings)
-    elif settings:
-        raise UsageError(f"{study} is measured in one way only; leave --set out")
     else:
-        ordered = _measured(study, sessions, processes, scheduler)
+        ordered = _measured(reference_of(chosen), sessions, processes, scheduler)
     report_path = chosen.analyse(
         ordered,
         out_dir,
@@ -249,6 +262,7 @@ def analyse_study(
             ),
         ),
         example=Recording(sessions[0]),
+        settings=settings,
     )
     write_damage(damaged, out_dir)
     console.print(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
@@ -258,16 +272,17 @@ def analyse_study(
 def _measured(
     study: str, sessions: Sequence[Path], processes: int | None, scheduler: str | None
 ) -> list[Any]:
-    """Measure session by session, on this machine."""
-    if scheduler is not None:
-        raise UsageError(
-            f"sessions of {study} are measured in seconds on this machine; leave --scheduler out"
-        )
+    """Measure session by session, here or on a scheduler."""
+    jobs = [(study, s) for s in sessions]
+    run = (
+        partial(on_this_machine, processes=worker_count(processes))
+        if scheduler is None
+        else partial(on_scheduler, address=scheduler)
+    )
     measured: dict[int, Any] = {}
     with _progress() as bar:
         line = bar.add_task("measuring", total=len(sessions))
-        jobs = [(study, s) for s in sessions]
-        for number, result in in_parallel(measure_one, jobs, worker_count(processes)):
+        for number, result in run(measure_one, jobs):
             measured[number] = result
             bar.advance(line)
     return [measured[i] for i in range(len(sessions))]
@@ -311,7 +326,8 @@ def _origin(folder: Path) -> tuple[str, ...]:
     options += [f"--set {name}={value}" for name, value in settings.parameters.items()]
     options += [] if settings.effect else ["--no-effect"]
     root = folder.parent.parent.name
-    return (f"visavis simulate {settings.study} {' '.join(options)} --output {root}",)
+    name = Path(settings.source).name if settings.source else settings.study
+    return (f"visavis simulate {name} {' '.join(options)} --output {root}",)
 
 
 @app.command()
@@ -321,13 +337,14 @@ def report(
     processes: ProcessesOption = None,
     measure: MeasureOption = None,
     accept_damage: AcceptDamageOption = False,
+    config: ConfigOption = None,
 ) -> None:
     """Make the study's self-contained HTML report and say where it lies.
 
     Example: visavis report data/simulated/stare
     """
     path = analyse_study(
-        folder,
+        folder_of(folder, config),
         None,
         mixture=False,
         processes=processes,
@@ -360,7 +377,8 @@ def demo(
         "engine, drivers, recorder and analysis."
     )
     wanted = StudySettings("stare", DEFAULT_SEED, is_simulated=True)
-    folder = simulate_study(lab, wanted, participants, output, processes)
+    chosen = study_of_lab("stare", lab)
+    folder = simulate_study(lab, chosen, wanted, participants, output, processes)
     path = analyse_study(folder, None, mixture=False, processes=processes)
     console.print(f"done in {watch.elapsed_s():.0f} s; everything is marked [magenta]SIMULATED[/]")
     console.print(f"[b]report: {path}[/]", soft_wrap=True)

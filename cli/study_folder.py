@@ -10,6 +10,8 @@ import yaml
 from lab.errors import DataError, UsageError
 from recording.durable import replace_file
 from recording.reader import Recording
+from visavis.catalogue import AnyStudy, digest_of, file_of
+from visavis.texts import DEFAULT_LANGUAGE
 
 SETTINGS_NAME = "study.json"
 DEFAULT_SEED = 1
@@ -28,6 +30,9 @@ class StudySettings:
     effect: bool = True
     parameters: dict[str, Any] = field(default_factory=dict)
     format_version: int = 1
+    source: str = ""
+    """The study's file; empty for a study of an installed package."""
+    source_sha256: str = ""
 
 
 def read_parameters(assignments: list[str]) -> dict[str, Any]:
@@ -71,11 +76,13 @@ def read_settings(folder: Path) -> StudySettings | None:
 
 def wanted_settings(
     folder: Path,
-    study: str,
+    study: AnyStudy,
     *,
     is_simulated: bool,
     seed: int | None = None,
     assignments: list[str] | None = None,
+    language: str = DEFAULT_LANGUAGE,
+    effect: bool | None = None,
 ) -> StudySettings:
     """Return what a command asks for: as typed, else as the study was begun, else the defaults.
 
@@ -85,14 +92,21 @@ def wanted_settings(
     """
     begun = read_settings(folder)
     parameters = read_parameters(assignments or [])
+    if language != DEFAULT_LANGUAGE:
+        parameters.setdefault("language", language)
     if begun is not None and not assignments:
         parameters = begun.parameters
+    if effect is None:
+        effect = True if begun is None else begun.effect
+    file = file_of(study)
     return StudySettings(
-        study,
+        study.name,
         DEFAULT_SEED if seed is None else seed,
         is_simulated,
-        effect=True if begun is None else begun.effect,
+        effect=effect,
         parameters=parameters,
+        source="" if file is None else str(file),
+        source_sha256="" if file is None else digest_of(file),
     )
 
 

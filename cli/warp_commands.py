@@ -129,23 +129,16 @@ def _posed(
     """Return the motion on the character, its body, and the observer's view of it."""
     from stimuli.motion.baking import KINDS_BY_NAME, baked
     from stimuli.motion.build import build_of_character
-    from stimuli.motion.bvh import read_bvh
-    from stimuli.motion.bvh_clip import clip_of_bvh
-    from stimuli.motion.clip import standing_on_floor, worn_by
-    from stimuli.motion.clip_file import read_clip
+    from stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
     from stimuli.motion.people import Person
-    from stimuli.motion.retarget import retarget
     from stimuli.motion.warping.outlook import looking_at, outlook
     from stimuli.motion.warping.perceived import body_of
 
     path = Path(name)
     if name in KINDS_BY_NAME:
         motion = baked(Person(build_of_character(who), KINDS_BY_NAME[name], seed=5), seconds)
-    elif path.suffix.lower() == ".bvh":
-        source = clip_of_bvh(read_bvh(path), unit_m=unit_m)
-        motion = standing_on_floor(retarget(source, who.skeleton))
-    elif path.suffix.lower() == ".npz":
-        motion = worn_by(read_clip(path), who.skeleton)
+    elif path.suffix.lower() in MOTION_SUFFIXES:
+        motion = read_motion(path, who.skeleton, unit_m=unit_m)
     else:
         raise UsageError(
             f"{name!r} is neither a BVH file, a clip, nor a motion; motions are "

@@ -101,6 +101,8 @@ class LabConfig(BaseModel):
     sync: Sync = Sync()
     devices: Mapping[str, DeviceConfig]
     wording: Mapping[str, Path]
+    studies: Mapping[str, Path] = Field(default_factory=dict)
+    language: str = "en"
     path: Path
     text: str
 
@@ -122,6 +124,8 @@ class _File(_Part):
     sync: Sync = Sync()
     devices: dict[str, Any] = Field(min_length=1)
     wording: dict[str, str] = Field(default_factory=dict)
+    studies: dict[str, str] = Field(default_factory=dict)
+    language: str = Field(default="en", min_length=2)
 
 
 def load_config(path: Path, option_models: OptionModels | None = None) -> LabConfig:
@@ -192,6 +196,8 @@ def _validated(
         sync=file.sync,
         devices=entries,
         wording={name: _absolute(folder, text) for name, text in file.wording.items()},
+        studies={name: _absolute(folder, text) for name, text in file.studies.items()},
+        language=file.language,
         path=document.path.absolute(),
         text=document.text,
         **paths,

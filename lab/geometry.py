@@ -92,3 +92,11 @@ def yaw_pitch_deg_of(direction: Vector) -> tuple[Vector, Vector]:
     """Return yaw (left positive) and pitch (up positive) in degrees of vectors (..., 3)."""
     x, y, z = np.moveaxis(direction, -1, 0)
     return np.degrees(np.arctan2(-x, -z)), np.degrees(np.arctan2(y, np.hypot(x, z)))
+
+
+def turn_towards(direction: Vector) -> Vector:
+    """Return some turn (4,) that leads −z to a unit direction (3,)."""
+    ahead = np.array([0.0, 0.0, -1.0])
+    found = np.array([1.0 + float(ahead @ direction), *np.cross(ahead, direction)])
+    length = float(np.linalg.norm(found))
+    return np.array([0.0, 0.0, 1.0, 0.0]) if length < 1e-9 else found / length

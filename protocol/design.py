@@ -29,8 +29,11 @@ class Factor:
     """A factor and its levels; `between` factors have one level per participant."""
 
     name: str
-    levels: tuple[Scalar, ...]
+    levels: Sequence[Scalar]
     between: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "levels", tuple(self.levels))
 
 
 @dataclass(frozen=True)

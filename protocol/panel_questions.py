@@ -130,7 +130,7 @@ class PanelRespondent:
                 if chosen is not None:
                     return chosen, "key"
             pointed = _pointed_at(panel, view)
-            looked = _dwelt(dwell, panel, view, shown_ns)
+            looked = dwelt(dwell, panel, view, shown_ns)
             now_lit = dwell.choice if pointed is None else pointed
             if now_lit is not None and CONFIRM.intersection(view.pressed):
                 return now_lit, "gaze and button" if pointed is None else "ray"
@@ -148,7 +148,8 @@ class PanelRespondent:
         self._loop.show(PanelFrame(scene, self._loop.t_ns, facing, np.ones(n), panels=(panel,)))
 
 
-def _dwelt(dwell: GazeDwell, panel: Panel, view: FrameView, since_ns: int) -> int | None:
+def dwelt(dwell: GazeDwell, panel: Panel, view: FrameView, since_ns: int) -> int | None:
+    """Take a frame's gaze samples from `since_ns` on; return what was looked at long enough."""
     gaze = view.gaze
     for i in range(gaze.t_ns.shape[0]):
         if gaze.t_ns[i] < since_ns:

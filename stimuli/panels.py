@@ -39,8 +39,13 @@ def choice_boxes_01(panel: Panel) -> npt.NDArray[np.float64]:
     return boxes
 
 
-def choice_met(panel: Panel, origin_m: Vector, direction: Vector) -> int | None:
-    """Return the choice a ray (both (3,), world) meets from the front; None: none of them."""
+def choice_met(
+    panel: Panel, origin_m: Vector, direction: Vector, *, beside_01: float = 0.0
+) -> int | None:
+    """Return the choice a ray (both (3,), world) meets from the front; None: none of them.
+
+    `beside_01` above or below a button, of the board's height, still counts.
+    """
     back = quat_conjugate(panel.pose.orientation_wxyz)
     start = rotate(back, np.asarray(origin_m, np.float64) - panel.pose.position_m)
     ray = rotate(back, np.asarray(direction, np.float64))
@@ -49,7 +54,7 @@ def choice_met(panel: Panel, origin_m: Vector, direction: Vector) -> int | None:
     x, y, _ = start - ray * (start[2] / ray[2])
     across, down = x / panel.size_m[0] + 0.5, 0.5 - y / panel.size_m[1]
     for i, (left, top, right, bottom) in enumerate(choice_boxes_01(panel).tolist()):
-        if left <= across <= right and top <= down <= bottom:
+        if left <= across <= right and top - beside_01 <= down <= bottom + beside_01:
             return i
     return None
 

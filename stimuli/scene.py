@@ -46,7 +46,8 @@ class Scene:
     """The part of a scene that does not change while it is shown.
 
     `brightness_01` 0 is black (agents are then not visible, the mark still is); `mark_m` (3,) is
-    where a small fixation mark stands in world, or None.
+    where a small fixation mark stands in world, or None. `dressed_by` names what makes pictures
+    of it, as "module:function"; a scene without is dark.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Scene:
     occluders: tuple[Capsule, ...] = ()
     brightness_01: float = 1.0
     mark_m: Vector | None = None
+    dressed_by: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,9 @@ class CrowdBundle:
         """
         return CrowdStudy(parameters_from(CrowdParameters, overrides, STUDY))
 
-    def participant(self, index: int, seed: int, *, effect: bool) -> CrowdParticipant:
+    def participant(
+        self, index: int, seed: int, *, effect: bool, experiment: object = None
+    ) -> CrowdParticipant:
         """Return a simulated participant."""
         return CrowdParticipant(index, seed, effect)
 
@@ -86,6 +88,7 @@ class CrowdBundle:
         is_simulated: bool,
         commands: tuple[str, ...],
         example: Recording | None,
+        settings: Mapping[str, Any] | None = None,
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""
         # Figures take a second to import; sessions and previews do without.

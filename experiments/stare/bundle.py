@@ -1,14 +1,13 @@
 """The stare study as the command line uses it: made, measured, analysed."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from analysis.gaze.quality import validate
+from experiments.stare.analysis_parameters import AnalysisParameters
 from experiments.stare.design import QUESTIONNAIRES, STUDY, StareParameters
 from experiments.stare.intake import SessionIntake, measure_parameters_of, provenance_of, take_in
 from experiments.stare.study import StareStudy
@@ -19,9 +18,9 @@ from protocol.questionnaires import Questionnaire, load_questionnaire
 from protocol.shown import Shown
 from recording.reader import Recording
 from stimuli.scene import SceneFrame
+from stimuli.scenes.audience import DRESSED_BY
 from visavis.observer import Observer
-
-EYES = ("combined", "left", "right")
+from visavis.validation import judge_validation
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,9 @@ class StareBundle:
         """
         return StareStudy(parameters_from(StareParameters, overrides, STUDY))
 
-    def participant(self, index: int, seed: int, *, effect: bool) -> Observer:
+    def participant(
+        self, index: int, seed: int, *, effect: bool, experiment: object = None
+    ) -> Observer:
         """Return a simulated participant."""
         return Observer(index, seed, effect)
 
@@ -51,7 +52,7 @@ class StareBundle:
 
     def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
         """Yield the view that a frame showed."""
-        yield shown.view
+        yield replace(shown.view, scene=replace(shown.view.scene, dressed_by=DRESSED_BY))
 
     def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
         """Return the questionnaires asked at the end, in the lab's wording."""
@@ -69,6 +70,7 @@ class StareBundle:
         is_simulated: bool,
         commands: tuple[str, ...],
         example: Recording | None,
+        settings: Mapping[str, Any] | None = None,
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""
         # Figures take a second to import; sessions and previews do without.
@@ -83,56 +85,12 @@ class StareBundle:
             provenance=provenance_of(sessions, commands),
             sensitivity_rows=pd.concat([s.sensitivity for s in sessions], ignore_index=True),
             example=None if example is None else example_of(example),
+            parameters=parameters_from(AnalysisParameters, settings or {}, f"analysis of {STUDY}"),
             facts=sessions[0].facts,
             measures=measure_parameters_of(sessions[0].manifest.plan),
             study_parameters=sessions[0].manifest.plan["parameters"],
         )
         return outputs.report
-
-
-def judge_validation(points: Sequence[ValidationPoint], rate_hz: float) -> ValidationVerdict:
-    """Decide a validation by the combined eye; rows hold every point and eye."""
-    rows: list[dict[str, str | int | float | bool | None]] = []
-    summaries = {}
-    for eye in EYES:
-        measured = [(p.target, p.t_ns, getattr(p, eye)) for p in points]
-        summary = validate(measured, nominal_rate_hz=rate_hz)
-        summaries[eye] = summary
-        for point, found in zip(points, summary.points, strict=True):
-            rows.append(
-                {
-                    "point": point.name,
-                    "eye": eye,
-                    "accuracy_deg": _known(found.accuracy.of_mean_deg),
-                    "mean_of_samples_deg": _known(found.accuracy.mean_of_samples_deg),
-                    "right_deg": _known(found.accuracy.right_deg),
-                    "up_deg": _known(found.accuracy.up_deg),
-                    "rms_s2s_deg": _known(found.precision.rms_s2s_deg),
-                    "std_deg": _known(found.precision.std_deg),
-                    "usable_ms": found.usable_ms,
-                    "lost_01": found.lost_01,
-                }
-            )
-    combined = summaries["combined"]
-    return ValidationVerdict(
-        accepted=combined.passed,
-        reason="" if combined.passed else _why_not(combined.accuracy_deg, combined.worst_deg),
-        accuracy_deg=_known(combined.accuracy_deg),
-        worst_point_deg=_known(combined.worst_deg),
-        precision_deg=_known(combined.rms_s2s_deg),
-        lost_01=combined.lost_01 if np.isfinite(combined.lost_01) else 1.0,
-        rows=tuple(rows),
-    )
-
-
-def _why_not(accuracy_deg: float, worst_deg: float) -> str:
-    if not np.isfinite(accuracy_deg):
-        return "too little valid gaze at every target"
-    return f"mean error {accuracy_deg:.2f}°, worst target {worst_deg:.2f}°, or too little gaze"
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 MAKE_STUDY = StareBundle

@@ -6,18 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from analysis.gaze.aoi import LOST
-from analysis.gaze.loss import frozen_samples
+from analysis.gaze.targets import targets_of_part
 from analysis.report import ReportProvenance, SessionSource
 from analysis.report.sources import source_of
 from experiments.stare.design import QUESTIONNAIRES, STUDY
 from experiments.stare.measures import (
     DEFAULT_MEASURE_PARAMETERS,
-    GazeTargets,
     MeasureParameters,
     second_view,
     sensitivity_rows,
@@ -63,7 +59,7 @@ def take_in(
     rows: list[dict[str, Any]] = []
     sensitivity: list[dict[str, Any]] = []
     done = trials.loc[trials["status"] == "complete", "recording_part"]
-    targets = {int(p): _targets(recording, int(p)) for p in done.unique()}
+    targets = {int(p): targets_of_part(recording, int(p)) for p in done.unique()}
     for row in _records(trials):
         if row["status"] != "complete":
             rows.append(row)
@@ -87,24 +83,6 @@ def take_in(
         manifest=recording.manifest,
         facts=_facts(recording, frame),
     )
-
-
-def _targets(recording: Recording, part: int) -> tuple[GazeTargets, npt.NDArray[np.bool_]]:
-    """Return a part's evaluated samples, frozen ones made lost, and which those are.
-
-    A tracker that repeats one direction for 100 ms or more has lost the eyes (gaze.md section 8).
-    """
-    columns = dict(recording.stream_arrays("gaze_targets", part=part))
-    gaze = recording.stream_arrays("gaze", part=part)
-    held = frozen_samples(gaze["t_device_ns"], gaze["direction_head"])
-    frozen: npt.NDArray[np.bool_] = np.zeros(len(columns["gaze_seq"]), dtype=np.bool_)
-    if held.any():
-        frozen = np.isin(columns["gaze_seq"], gaze["seq"][held])
-        columns["valid"] = columns["valid"] & ~frozen
-        columns["hit"] = np.where(frozen, LOST, columns["hit"]).astype(columns["hit"].dtype)
-        columns["angle_deg"] = np.where(frozen[:, None], np.nan, columns["angle_deg"])
-        columns["direction_world"] = np.where(frozen[:, None], np.nan, columns["direction_world"])
-    return GazeTargets.from_columns(columns), frozen
 
 
 def _records(frame: pd.DataFrame) -> Iterator[dict[str, Any]]:

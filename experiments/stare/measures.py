@@ -6,7 +6,7 @@ Column names are constants here; `DATA_DICTIONARY` says what each holds. Missing
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,7 @@ from analysis.gaze.looks import (
     measure_trial,
 )
 from analysis.gaze.stamps import order_of
+from analysis.gaze.targets import GazeTargets
 from lab.clock import NS_PER_MS
 from lab.errors import DataError
 from protocol.steps import Row, Scalar
@@ -132,61 +133,6 @@ class MeasureParameters:
 
 
 DEFAULT_MEASURE_PARAMETERS: Final = MeasureParameters()
-
-
-@dataclass(frozen=True)
-class GazeTargets:
-    """Samples of the `gaze_targets` stream: n samples, m agents, in order of arrival.
-
-    `t_ns` (n,) when each was taken; `valid` (n,); `direction_world` (n, 3), NaN where lost;
-    `angle_deg`, `radius_deg`, `pad_limit_deg` (n, m) and `hit` (n,) as in `GazeView`.
-    """
-
-    t_ns: npt.NDArray[np.int64]
-    valid: npt.NDArray[np.bool_]
-    direction_world: npt.NDArray[np.floating[Any]]
-    angle_deg: npt.NDArray[np.floating[Any]]
-    radius_deg: npt.NDArray[np.floating[Any]]
-    pad_limit_deg: npt.NDArray[np.floating[Any]]
-    hit: npt.NDArray[np.integer[Any]]
-
-    @classmethod
-    def from_columns(cls, columns: Mapping[str, npt.NDArray[Any]]) -> Self:
-        """Take the columns of the recorded stream; raises DataError naming a missing one."""
-        names = {
-            "t_ns": "t_sample_ns",
-            "valid": "valid",
-            "direction_world": "direction_world",
-            "angle_deg": "angle_deg",
-            "radius_deg": "radius_deg",
-            "pad_limit_deg": "pad_limit_deg",
-            "hit": "hit",
-        }
-        missing = [name for name in names.values() if name not in columns]
-        if missing:
-            raise DataError(
-                f"the gaze_targets stream lacks {', '.join(missing)}; it was not recorded by a "
-                "session of this study"
-            )
-        return cls(**{own: columns[name] for own, name in names.items()})
-
-    def between(self, start_ns: int, end_ns: int) -> Self:
-        """Return the samples of a stretch of time and the one before it, as views."""
-        inside = np.flatnonzero((self.t_ns >= start_ns) & (self.t_ns < end_ns))
-        first, last = (int(inside[0]), int(inside[-1])) if inside.size else (0, -1)
-        if inside.size and first > 0 and self.t_ns[first - 1] < start_ns:
-            first -= 1
-        part = slice(first, last + 1)
-        return replace(
-            self,
-            t_ns=self.t_ns[part],
-            valid=self.valid[part],
-            direction_world=self.direction_world[part],
-            angle_deg=self.angle_deg[part],
-            radius_deg=self.radius_deg[part],
-            pad_limit_deg=self.pad_limit_deg[part],
-            hit=self.hit[part],
-        )
 
 
 @dataclass(frozen=True)

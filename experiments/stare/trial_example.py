@@ -4,11 +4,11 @@ import numpy as np
 
 from analysis.gaze.aoi import aoi_of_samples
 from analysis.gaze.looks import looks_on
+from analysis.gaze.targets import GazeTargets
 from experiments.stare.figures import TrialExample
 from experiments.stare.gaze_changes import TOLERANCE_MS
 from experiments.stare.measures import (
     DEFAULT_MEASURE_PARAMETERS,
-    GazeTargets,
     MeasureParameters,
 )
 from lab.clock import NS_PER_MS

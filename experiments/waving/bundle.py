@@ -20,6 +20,7 @@ from experiments.waving.participant import WavingParticipant
 from experiments.waving.redrawing import views_of
 from experiments.waving.study import WavingStudy
 from lab.config import LabConfig
+from lab.errors import ConfigError
 from protocol.experiment import ValidationPoint, ValidationVerdict
 from protocol.parameters import parameters_from
 from protocol.questionnaires import Questionnaire
@@ -43,7 +44,9 @@ class WavingBundle:
         """
         return WavingStudy(parameters_from(WavingParameters, overrides, STUDY))
 
-    def participant(self, index: int, seed: int, *, effect: bool) -> WavingParticipant:
+    def participant(
+        self, index: int, seed: int, *, effect: bool, experiment: object = None
+    ) -> WavingParticipant:
         """Return a simulated participant."""
         return WavingParticipant(index, seed, effect)
 
@@ -75,11 +78,14 @@ class WavingBundle:
         is_simulated: bool,
         commands: tuple[str, ...],
         example: Recording | None,
+        settings: Mapping[str, Any] | None = None,
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""
         # Figures take a second to import; sessions and previews do without.
         from experiments.waving.study_outputs import analyse_study
 
+        if settings:
+            raise ConfigError(f"waving cannot be analysed with {', '.join(settings)} set")
         return analyse_study(
             sessions,
             out_dir,

@@ -27,6 +27,7 @@ EYE_UP_M: Final = 0.02
 MARK_ELEVATION_DEG: Final = 20.0
 MARK_DISTANCE_M: Final = 2.0
 
+DRESSED_BY: Final = "stimuli.dressing.audience:audience_picture"
 HEADING_SHARE: Final = 0.35
 """Rows are slightly curved: a head turns by this share of its bearing from the audience's middle,
 which leaves the mean heading at `AUDIENCE_TURN_DEG`."""
@@ -185,4 +186,5 @@ def _scene(characters: tuple[str, ...], name: str, brightness_01: float, marked:
         occluders=_occluders(),
         brightness_01=brightness_01,
         mark_m=MARK_M if marked else None,
+        dressed_by=DRESSED_BY,
     )

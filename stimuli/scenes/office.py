@@ -143,6 +143,7 @@ class OfficeScene(Scene):
     participant_place: str = "place_3"
     waving: Waving | None = None
     seed: int = 0
+    dressed_by: str = "stimuli.dressing.office:office_picture"
 
 
 @dataclass(frozen=True, slots=True)

@@ -93,6 +93,7 @@ class CrowdScene(Scene):
     """A station with a crowd; `crowd` is None while nobody is shown."""
 
     crowd: Crowd | None = None
+    dressed_by: str = "stimuli.dressing.station:station_picture"
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,6 @@ from cli.app import load_lab
 from cli.main import app
 from cli.preview_capture import Capture, Meanwhile, Seen, spread
 from cli.preview_pictures import Viewpoint, camera_of, labelled
-from cli.studies import find_study
 from lab.config_files import EXAMPLE
 from lab.errors import LabError, UsageError
 from lab.geometry import Pose, rotate
@@ -24,6 +23,7 @@ from stage.renderer import Renderer
 from stimuli.characters.cast import load_cast
 from stimuli.picture import Camera
 from tests.stage import figures
+from visavis.catalogue import find_study
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -10,7 +10,6 @@ import pandas as pd
 from analysis.session_check import check_session
 from analysis.session_verdict import SessionCheck
 from cli.perform import Request, perform_new, perform_rest, simulated_request
-from cli.studies import find_study
 from experiments.stare.design import StareParameters
 from experiments.stare.study import StareStudy
 from lab.config import DeviceConfig, LabConfig, load_config
@@ -21,6 +20,7 @@ from protocol.plan import SessionPlan
 from protocol.states import SessionState
 from recording.folder import session_dir
 from recording.reader import Recording
+from visavis.catalogue import find_study
 
 CONFIG = EXAMPLE
 REPOSITORY = Path(__file__).resolve().parents[2]

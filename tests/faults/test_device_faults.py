@@ -4,7 +4,6 @@ import pandas as pd
 import pytest
 
 from analysis.session_verdict import Level
-from cli.studies import find_study
 from lab.errors import DeviceError
 from recording.reader import Recording
 from tests.faults.sessions import (
@@ -20,6 +19,7 @@ from tests.faults.sessions import (
     trial_table,
     verdict,
 )
+from visavis.catalogue import find_study
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,6 @@ import pytest
 from cli.app import load_lab
 from cli.perform import perform_new
 from cli.rigs import build_rig, devices_for
-from cli.studies import find_study
 from lab.clock import SimClock
 from lab.errors import ConfigError, RecordingError, UsageError
 from recording import durable
@@ -27,6 +26,7 @@ from tests.faults.sessions import (
     request,
     resume,
 )
+from visavis.catalogue import find_study
 
 
 def visavis(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:

@@ -9,16 +9,16 @@ import pytest
 import cli.perform
 from cli.perform import perform_new, simulated_request
 from cli.redraw import redraw
-from cli.stages import dresser_of
-from cli.studies import find_study
 from devices.option_models import OPTION_MODELS
 from lab.config import load_config
 from recording.reader import Recording
 from stage.drawn_stage import Display, default_views
 from stage.errors import StageError
 from stage.renderer import LIGHTEST, Renderer
+from stimuli.dressing.picture_of import picture_of
 from tests.faults.sessions import CONFIG
 from tests.stage.sessions import NowAndThen
+from visavis.catalogue import find_study
 
 CROWD = {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0}
 WAVING = {
@@ -44,7 +44,7 @@ def test_every_drawn_frame_of_a_study_redraws_as_it_was(
     def build(_: object, experiment: Any, *arguments: Any) -> NowAndThen:
         display = Display(default_views, lambda: (48, 54), experiment.people_count)
         stage = NowAndThen(
-            dresser_of(study), lambda: Renderer(quality=LIGHTEST), display, arguments[-2],
+            picture_of, lambda: Renderer(quality=LIGHTEST), display, arguments[-2],
             viewers=arguments[-1], every=every,
         )  # fmt: skip
         made.append(stage)

@@ -8,9 +8,8 @@ import pytest
 
 import cli.perform
 from cli.redraw import recorded_frame, redraw
-from cli.stages import DRESSERS, dresser_of
 from lab.clock import NS_PER_S, Clock
-from lab.errors import ConfigError, DeviceError, SessionAborted, UsageError
+from lab.errors import DesignError, DeviceError, SessionAborted, UsageError
 from lab.frame import FrameInfo
 from lab.geometry import Pose
 from recording.reader import Recording
@@ -19,7 +18,8 @@ from stage.drawn_stage import Display, default_views
 from stage.errors import StageError
 from stage.fades import FadeTimes
 from stage.renderer import LIGHTEST, Renderer
-from stimuli.scene import SceneFrame
+from stimuli.dressing.picture_of import picture_of
+from stimuli.scene import Scene, SceneFrame
 from tests.faults.sessions import TRIALS, events, lab, path_of, perform
 from tests.stage.sessions import NowAndThen, perform_shortest
 
@@ -35,7 +35,7 @@ def test_recorded_frames_redraw_as_they_were(
 
     def build(_: object, __: object, ___: object, clock: Clock, viewers: Sequence[Viewer]) -> NowAndThen:  # fmt: skip  # noqa: E501 - mirrors build_stage
         stage = NowAndThen(
-            dresser_of("stare"),
+            picture_of,
             lambda: Renderer(quality=LIGHTEST),
             Display(default_views, lambda: (48, 54), people_count=19),
             clock,
@@ -108,13 +108,18 @@ def test_failing_display_interrupts_the_trial_and_nothing_is_lost(
     assert faults[0]["remedy"] == "close others"
 
 
-def test_every_dresser_is_there() -> None:
-    assert all(callable(dresser_of(study)) for study in DRESSERS)
+def test_scene_that_nothing_dresses_is_dark_but_for_its_mark() -> None:
+    mark = np.array([0.0, 1.0, -2.0])
+    scene = Scene("blank", (), brightness_01=0.0, mark_m=mark)
+    picture = picture_of(SceneFrame(scene, 0, np.zeros((0, 3)), np.zeros(0)))
+    assert (picture.cast, picture.room.props, picture.brightness_01) == ((), (), 0.0)
+    assert picture.mark_m is mark
 
 
-def test_study_without_pictures_says_what_to_set() -> None:
-    with pytest.raises(ConfigError, match="there are no pictures"):
-        dresser_of("unknown")
+def test_scene_whose_dresser_is_not_there_says_so() -> None:
+    scene = Scene("own", (), dressed_by="no_such_module:picture")
+    with pytest.raises(DesignError, match="no_such_module"):
+        picture_of(SceneFrame(scene, 0, np.zeros((0, 3)), np.zeros(0)))
 
 
 class _Stopped(GeometryStage):

@@ -76,7 +76,7 @@ class Observer:
         self._targets = np.zeros(1, dtype=state.TARGET_DTYPE)
         self._scratch = np.zeros(1)
         self._agent_eyes = np.zeros((0, 3))
-        self._layout: _Layout | None = None
+        self._layout: Layout | None = None
         self._appeal: npt.NDArray[np.float64] = np.zeros(0)
         self._scene: Scene | None = None
         self._gaze: npt.NDArray[np.float64] | None = None
@@ -238,7 +238,7 @@ class Observer:
         lit = scene.brightness_01 > 0 and len(scene.agents) > 0
         if lit:
             if self._layout is None or self._layout.scene is not scene:
-                self._layout = _Layout(scene, self._seat)
+                self._layout = Layout(scene, self._seat)
                 self._appeal = self._appeal_of(self._layout)
             what = self._layout
             self._agent_eyes = what.agent_eyes
@@ -257,7 +257,7 @@ class Observer:
         elif self._instructed is None:
             attention_causes.release(self._mind, self._person, t_ns)
 
-    def _appeal_of(self, what: "_Layout") -> npt.NDArray[np.float64]:
+    def _appeal_of(self, what: "Layout") -> npt.NDArray[np.float64]:
         q, who = self._population, self.temperament
         by_kind = np.array(
             [
@@ -276,7 +276,7 @@ class Observer:
         return appeal
 
 
-class _Layout:
+class Layout:
     """A scene as targets seen from a seat, before anyone's preferences."""
 
     def __init__(self, scene: Scene, seat: Vector) -> None:

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Any
 
 from cli.perform import Request, perform_new, simulated_request
-from cli.studies import find_study
 from devices.option_models import OPTION_MODELS
 from lab.config import LabConfig, load_config
 from lab.config_files import EXAMPLE
 from recording.reader import Recording
+from visavis.catalogue import find_study
 
 
 def session(folder: Path, **wanted: Any) -> Recording:

@@ -2,11 +2,11 @@
 
 import pytest
 
-from cli.studies import find_study
 from cli.study_folder import read_parameters
 from experiments.crowd.design import CrowdParameters
 from experiments.crowd.patterns import PATTERNS
 from lab.errors import ConfigError, DesignError, UsageError
+from visavis.catalogue import find_study
 
 UNUSABLE = (
     "haptic_update_hz=.nan",

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from experiments.stare.measures import GazeTargets
+from analysis.gaze.targets import GazeTargets
 from experiments.stare.trial_example import causing_look_ms, trial_example
 from lab.errors import DataError
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from cli.perform import perform_new, simulated_request
-from cli.studies import find_study
 from devices.option_models import OPTION_MODELS
 from experiments.waving.analysis import effects_of
 from experiments.waving.design import WavingParameters
@@ -14,6 +13,7 @@ from experiments.waving.quick_study import quick_session, quick_study
 from lab.config import load_config
 from lab.config_files import EXAMPLE
 from recording.reader import Recording
+from visavis.catalogue import find_study
 
 PILOT = {
     "clerks": 1,

@@ -1,0 +1,86 @@
+"""Gaze samples with where each fell in the scene, as the session records them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.gaze.aoi import LOST
+from analysis.gaze.loss import frozen_samples
+from lab.errors import DataError
+from recording.reader import Recording
+
+
+@dataclass(frozen=True)
+class GazeTargets:
+    """Samples of the `gaze_targets` stream: n samples, m agents, in order of arrival.
+
+    `t_ns` (n,) when each was taken; `valid` (n,); `direction_world` (n, 3), NaN where lost;
+    `angle_deg`, `radius_deg`, `pad_limit_deg` (n, m) and `hit` (n,) as in `GazeView`.
+    """
+
+    t_ns: npt.NDArray[np.int64]
+    valid: npt.NDArray[np.bool_]
+    direction_world: npt.NDArray[np.floating[Any]]
+    angle_deg: npt.NDArray[np.floating[Any]]
+    radius_deg: npt.NDArray[np.floating[Any]]
+    pad_limit_deg: npt.NDArray[np.floating[Any]]
+    hit: npt.NDArray[np.integer[Any]]
+
+    @classmethod
+    def from_columns(cls, columns: Mapping[str, npt.NDArray[Any]]) -> Self:
+        """Take the columns of the recorded stream; raises DataError naming a missing one."""
+        names = {
+            "t_ns": "t_sample_ns",
+            "valid": "valid",
+            "direction_world": "direction_world",
+            "angle_deg": "angle_deg",
+            "radius_deg": "radius_deg",
+            "pad_limit_deg": "pad_limit_deg",
+            "hit": "hit",
+        }
+        missing = [name for name in names.values() if name not in columns]
+        if missing:
+            raise DataError(
+                f"the gaze_targets stream lacks {', '.join(missing)}; it was not recorded by a "
+                "session with an eye tracker"
+            )
+        return cls(**{own: columns[name] for own, name in names.items()})
+
+    def between(self, start_ns: int, end_ns: int) -> Self:
+        """Return the samples of a stretch of time and the one before it, as views."""
+        inside = np.flatnonzero((self.t_ns >= start_ns) & (self.t_ns < end_ns))
+        first, last = (int(inside[0]), int(inside[-1])) if inside.size else (0, -1)
+        if inside.size and first > 0 and self.t_ns[first - 1] < start_ns:
+            first -= 1
+        part = slice(first, last + 1)
+        return replace(
+            self,
+            t_ns=self.t_ns[part],
+            valid=self.valid[part],
+            direction_world=self.direction_world[part],
+            angle_deg=self.angle_deg[part],
+            radius_deg=self.radius_deg[part],
+            pad_limit_deg=self.pad_limit_deg[part],
+            hit=self.hit[part],
+        )
+
+
+def targets_of_part(recording: Recording, part: int) -> tuple[GazeTargets, npt.NDArray[np.bool_]]:
+    """Return a part's evaluated samples, frozen ones made lost, and which those are.
+
+    A tracker that repeats one direction for 100 ms or more has lost the eyes (docs/gaze.md).
+    """
+    columns = dict(recording.stream_arrays("gaze_targets", part=part))
+    gaze = recording.stream_arrays("gaze", part=part)
+    held = frozen_samples(gaze["t_device_ns"], gaze["direction_head"])
+    frozen: npt.NDArray[np.bool_] = np.zeros(len(columns["gaze_seq"]), dtype=np.bool_)
+    if held.any():
+        frozen = np.isin(columns["gaze_seq"], gaze["seq"][held])
+        columns["valid"] = columns["valid"] & ~frozen
+        columns["hit"] = np.where(frozen, LOST, columns["hit"]).astype(columns["hit"].dtype)
+        columns["angle_deg"] = np.where(frozen[:, None], np.nan, columns["angle_deg"])
+        columns["direction_world"] = np.where(frozen[:, None], np.nan, columns["direction_world"])
+    return GazeTargets.from_columns(columns), frozen

@@ -1,0 +1,227 @@
+"""Find a study: a file anywhere, a name in the lab's configuration, a package, or one we ship."""
+
+import hashlib
+import importlib
+import importlib.util
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final, Protocol, cast, runtime_checkable
+
+from lab.config import LabConfig
+from lab.errors import DesignError, UsageError
+from lab.yaml_lines import did_you_mean
+from protocol.experiment import Experiment, ValidationPoint, ValidationVerdict
+from protocol.participants import SimulatedParticipant
+from protocol.questionnaires import Questionnaire
+from protocol.shown import Shown
+from recording.reader import Recording
+from stimuli.scene import SceneFrame
+from visavis.opened import OpenedStudy
+from visavis.study import Study
+
+SHIPPED: Final[Mapping[str, str]] = {
+    "stare": "experiments.stare.bundle:MAKE_STUDY",
+    "crowd": "experiments.crowd.bundle:MAKE_STUDY",
+    "waving": "experiments.waving.bundle:MAKE_STUDY",
+}
+"""The studies Visavis comes with, as an entry point would name them."""
+GROUP: Final = "visavis.studies"
+"""Entry points of installed packages: a name, and a `Study` (or what makes one)."""
+
+
+class AnyStudy(Protocol):
+    """What every study offers to commands and scripts."""
+
+    @property
+    def name(self) -> str:
+        """The study's name on the command line."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """The study's name in a heading."""
+        ...
+
+    def experiment(self, overrides: Mapping[str, Any]) -> Experiment:
+        """Return the experiment; `overrides` replace parameters by name."""
+        ...
+
+    def participant(
+        self, index: int, seed: int, *, effect: bool, experiment: Any = None
+    ) -> SimulatedParticipant:
+        """Return a simulated participant of an experiment."""
+        ...
+
+    def judge_validation(
+        self, points: Sequence[ValidationPoint], rate_hz: float
+    ) -> ValidationVerdict:
+        """Measure a validation and decide."""
+        ...
+
+    def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
+        """Return the questionnaires asked at the end, in the lab's wording."""
+        ...
+
+    def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
+        """Yield the views that a recorded frame may have shown, the likeliest first."""
+        ...
+
+    def measure(self, recording: Recording) -> Any:
+        """Take in one session; the result can travel between processes."""
+        ...
+
+    def analyse(
+        self,
+        sessions: Sequence[Any],
+        out_dir: Path,
+        *,
+        is_simulated: bool,
+        commands: tuple[str, ...],
+        example: Recording | None,
+        settings: Mapping[str, Any] | None = None,
+    ) -> Path:
+        """Write tables, figures and the report of a study; return the report's path."""
+        ...
+
+
+@runtime_checkable
+class PiecewiseStudy(Protocol):
+    """A study whose sessions take long to measure: trial by trial, kept in a store."""
+
+    def measure_all(
+        self,
+        sessions: Sequence[Path],
+        store: Path,
+        run: Any,
+        on_walk: Callable[[int, int], None],
+        settings: Mapping[str, Any],
+    ) -> list[Any]:
+        """Take in sessions; `run` does jobs anywhere, `on_walk` is told how many are done.
+
+        `settings` say how to measure, by name.
+        """
+        ...
+
+
+def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> AnyStudy:
+    """Return a study by its file's path, or by name; `of_lab` are the lab's own by name.
+
+    Raises:
+        UsageError: there is none, with the nearest name.
+        DesignError: the file cannot be read, or declares no study.
+    """
+    if is_file(wanted):
+        return OpenedStudy(study_of_file(Path(wanted)))
+    own = of_lab or {}
+    if wanted in own:
+        found = study_of_file(own[wanted])
+        if found.name != wanted:
+            raise DesignError(
+                f"{own[wanted]} declares the study {found.name}, not {wanted}; correct studies: "
+                "in lab_config.yaml"
+            )
+        return OpenedStudy(found)
+    if wanted in SHIPPED:
+        return _of_object(SHIPPED[wanted])
+    installed = {point.name: point for point in entry_points(group=GROUP)}
+    if wanted in installed:
+        return _of_object(installed[wanted].value)
+    known = (*SHIPPED, *own, *installed)
+    raise UsageError(
+        f"there is no study {wanted!r}{did_you_mean(wanted, known)}. Known: {', '.join(known)}; "
+        "or give a study's file, such as ./duel.py"
+    )
+
+
+def is_file(wanted: str) -> bool:
+    """Tell whether a study was named by its file."""
+    return wanted.endswith(".py") or "/" in wanted or "\\" in wanted
+
+
+def reference_of(study: AnyStudy) -> str:
+    """Return what finds a study again from any folder and any process: its file, or its name."""
+    path = study.study.path if isinstance(study, OpenedStudy) else None
+    return study.name if path is None else str(path)
+
+
+def file_of(study: AnyStudy) -> Path | None:
+    """Return the file a study was read from; None for one of a package."""
+    return study.study.path if isinstance(study, OpenedStudy) else None
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a study file with its texts, so that a change is noticed."""
+    digest = hashlib.sha256(path.read_bytes())
+    for text in sorted(path.parent.glob("*/*.yaml")):
+        digest.update(text.read_bytes())
+    return digest.hexdigest()
+
+
+def study_of_file(path: Path) -> Study:
+    """Read a study file.
+
+    Raises:
+        UsageError: there is no such file.
+        DesignError: it cannot be read, or declares no study, or several.
+    """
+    path = path.resolve()
+    if not path.is_file():
+        near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.py")])
+        raise UsageError(f"there is no study file {path}{near}")
+    module = _module_of(path)
+    found = [v for v in vars(module).values() if isinstance(v, Study)]
+    if len(found) != 1:
+        raise DesignError(
+            f"{path} declares {len(found) or 'no'} studies; a study file makes one: "
+            'study = Study("NAME", …)'
+        )
+    study = found[0]
+    study.path, study.folder = path, path.parent
+    _ = study.trial_plan
+    return study
+
+
+def _module_of(path: Path) -> ModuleType:
+    name = f"visavis_study_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise DesignError(f"{path} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.path.insert(0, str(path.parent))
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except DesignError as error:
+        raise DesignError(f"{path}: {error}") from error
+    except SyntaxError as error:
+        raise DesignError(f"{path}, line {error.lineno}: {error.msg}") from error
+    except Exception as error:
+        line = _line_in(path, error)
+        raise DesignError(f"{path}{line}: {type(error).__name__}: {error}") from error
+    finally:
+        sys.path.remove(str(path.parent))
+    return module
+
+
+def _line_in(path: Path, error: BaseException) -> str:
+    trace, line = error.__traceback__, ""
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == str(path):
+            line = f", line {trace.tb_lineno}"
+        trace = trace.tb_next
+    return line
+
+
+def _of_object(reference: str) -> AnyStudy:
+    module, _, name = reference.partition(":")
+    found: Any = getattr(importlib.import_module(module), name)
+    made = found if isinstance(found, Study) else found()
+    return OpenedStudy(made) if isinstance(made, Study) else cast(AnyStudy, made)
+
+
+def known_studies(of_lab: Iterable[str] = ()) -> tuple[str, ...]:
+    """Return the names of every study that can be found by name."""
+    return (*SHIPPED, *of_lab, *(p.name for p in entry_points(group=GROUP)))

@@ -1,0 +1,88 @@
+"""What a study compares: a question of `analysis.statistics_report` with its claim and family."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+from analysis.statistics_report import Question
+from lab.errors import DesignError
+
+Correction = Literal["none", "holm", "bonferroni", "bh"]
+MODELS: Final = ("", "lmm", "gee")
+
+
+@dataclass(frozen=True)
+class Published:
+    """What a source prints of a comparison ("F(1, 15) = 7.09, p = .017"), and its verdict."""
+
+    text: str
+    is_significant: bool
+
+
+@dataclass(frozen=True)
+class Compare:
+    """A planned comparison of one measure over factors.
+
+    Without `test` the design decides: two levels within people a paired comparison (t or
+    Wilcoxon, by its own decision path), more levels repeated measures or Friedman, several
+    factors an aligned rank transform, groups alone Welch's t test or an ANOVA; `model` asks for a
+    mixed model ("lmm") or generalised estimating equations ("gee") instead. `claim` says in words
+    what a significant result would show. Comparisons of one `family` are corrected together. An
+    `exploratory` one stands apart in the report and makes no headline.
+    """
+
+    dv: str
+    within: str | Sequence[str] = ()
+    between: str | Sequence[str] = ()
+    test: str = ""
+    model: Literal["", "lmm", "gee"] = ""
+    claim: str = ""
+    family: str = "planned"
+    correction: Correction = "holm"
+    alpha: float = 0.05
+    published: Published | None = None
+    exploratory: bool = False
+    options: Sequence[tuple[str, Any]] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("within", "between"):
+            value = getattr(self, name)
+            object.__setattr__(self, name, (value,) if isinstance(value, str) else tuple(value))
+        if not self.within and not self.between:
+            raise DesignError(f"the comparison of {self.dv} names no factor; add within= or "
+                              "between=")  # fmt: skip
+        if self.model not in MODELS:
+            raise DesignError(f"model is {self.model!r}; it is lmm, gee or left out")
+        if self.model and self.test:
+            raise DesignError(f"the comparison of {self.dv} names a test and a model; choose one")
+        object.__setattr__(self, "options", tuple(self.options))
+
+    @property
+    def name(self) -> str:
+        """What the comparison is called in tables: measure and factors."""
+        return f"{self.dv} by {' × '.join((*self.within, *self.between))}"
+
+    def question(self, levels: dict[str, tuple[str, ...]]) -> Question:
+        """Return the question for `analysis.statistics_report`; `levels` in their order."""
+        test = self.model or self.test or self._usual(levels)
+        factors = (*self.within, *self.between)
+        chosen = {f: levels[f] for f in factors}
+        return Question(
+            test=test,
+            dv=self.dv,
+            within=tuple(self.within),
+            between=tuple(self.between),
+            subject="participant",
+            missing="listwise",
+            alpha=self.alpha,
+            levels=chosen,
+            **dict(self.options),
+        )
+
+    def _usual(self, levels: dict[str, tuple[str, ...]]) -> str:
+        if self.between and not self.within:
+            two = len(self.between) == 1 and len(levels[self.between[0]]) == 2
+            return "t" if two else "anova"
+        if self.between or len(self.within) > 1:
+            return "art"
+        return "paired" if len(levels[self.within[0]]) == 2 else "conditions"

@@ -1,0 +1,170 @@
+"""What every column of every table is, for the analyst who has only the tables."""
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Final
+
+import pandas as pd
+
+from lab.errors import DataError
+from protocol.columns import ENGINE_COLUMNS, Column
+from protocol.questionnaires import Questionnaire
+from visavis.experiment import StudyExperiment
+from visavis.measures import Measure
+
+ANALYSED: Final = (
+    Column("is_analysed", "", "the trial counts in means and tests"),
+    Column("left_out_because", "", "why it does not count; empty where it does"),
+)
+PEOPLE: Final = (
+    Column("participant", "", "label from the ledger"),
+    Column("trials_finished", "1", "trials finished, practice and repetitions not counted"),
+    Column("completed_01", "1", "share of the planned trials that were finished"),
+    Column("bad_trials_01", "1", "share of the finished trials that were left out"),
+    Column("smallest_cell_trials", "1", "trials that count in the emptiest cell"),
+    Column("calibration_error_deg", "deg", "mean error over the validations of these trials"),
+    Column("left_out_because", "", "why the person does not count; empty where they do"),
+    Column("is_analysed", "", "the person counts"),
+    Column("is_simulated", "", "nobody took part"),
+)
+STATISTICS: Final = (
+    Column("comparison", "", "measure and factors of the planned comparison"),
+    Column("claim", "", "what a significant result would show"),
+    Column("measure", "", "the column tested"),
+    Column("family", "", "comparisons corrected together"),
+    Column("family_correction", "", "how: none, holm, bonferroni or bh"),
+    Column("is_exploratory", "", "not planned: makes no headline"),
+    Column("is_tested", "", "a test could be made"),
+    Column("why_not", "", "why not, where it could not"),
+    Column("p_family", "1", "p corrected over the family: the one that decides"),
+    Column("is_significant", "", "p_family is below alpha"),
+    Column("alpha", "1", "threshold of significance"),
+    Column("published", "", "what the source prints of it"),
+    Column("agrees_with_published", "", "the same verdict as the source's"),
+    Column("term", "", "the effect tested"),
+    Column("first", "", "first level of a difference"),
+    Column("second", "", "second level: the difference is first minus second"),
+    Column("contrast", "", "first level minus second"),
+    Column("level_1", "", "first level of a difference"),
+    Column("level_2", "", "second level of a difference"),
+    Column("F", "1", "F statistic"),
+    Column("t", "1", "t statistic"),
+    Column("W", "1", "signed-rank or rank-sum statistic"),
+    Column("V", "1", "sum of positive ranks"),
+    Column("U", "1", "Mann–Whitney statistic"),
+    Column("z", "1", "z statistic"),
+    Column("chi2", "1", "chi-square statistic"),
+    Column("df", "1", "degrees of freedom"),
+    Column("df1", "1", "numerator degrees of freedom"),
+    Column("df2", "1", "denominator degrees of freedom"),
+    Column("p", "1", "uncorrected p"),
+    Column("p_used", "1", "p after the correction for sphericity in force"),
+    Column("p_adjusted", "1", "p after the correction within the test's own contrasts"),
+    Column("adjustment", "", "that correction"),
+    Column("threshold", "1", "what p was compared with"),
+    Column("significant", "", "verdict of the test by itself, before the family's correction"),
+    Column("stars", "", "* p < .05, ** p < .01, *** p < .001"),
+    Column("estimate", "", "difference or coefficient, in units of the measure"),
+    Column("mean_difference", "", "mean difference, in units of the measure"),
+    Column("se", "", "standard error of the estimate"),
+    Column("ci_low", "", "lower end of its 95 % confidence interval"),
+    Column("ci_high", "", "upper end of it"),
+    Column("effect", "", "which effect size"),
+    Column("effect_size", "1", "its value"),
+    Column("effect_ci_low", "1", "lower end of its 95 % confidence interval"),
+    Column("effect_ci_high", "1", "upper end of it"),
+    Column("eta_p2", "1", "partial eta squared"),
+    Column("ges", "1", "generalised eta squared"),
+    Column("ss", "", "sum of squares"),
+    Column("ss_error", "", "sum of squares of its error"),
+    Column("error_term", "", "what the effect was tested against"),
+    Column("mauchly_W", "1", "Mauchly's test of sphericity"),
+    Column("mauchly_p", "1", "its p"),
+    Column("gg_epsilon", "1", "Greenhouse–Geisser epsilon"),
+    Column("p_gg", "1", "p corrected by it"),
+    Column("hf_epsilon", "1", "Huynh–Feldt epsilon"),
+    Column("p_hf", "1", "p corrected by it"),
+    Column("sphericity_correction", "", "the correction in force"),
+    Column("shapiro_W", "1", "Shapiro–Wilk test of the differences"),
+    Column("shapiro_p", "1", "its p"),
+    Column("test", "", "the test that was made"),
+    Column("n", "1", "subjects tested"),
+    Column("correction", "", "correction for several tests within it"),
+    Column("dropped", "", "who was left out of the test, and why"),
+    Column("notes", "", "what to know about it"),
+    Column("is_simulated", "", "nobody took part"),
+)
+
+
+def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> dict[str, Column]:
+    """Return what describes the columns of a study's trial table, by name."""
+    found = {c.name: c for c in (*ENGINE_COLUMNS, *ANALYSED)}
+    for factor in experiment.study.factors:
+        levels = ", ".join(map(str, factor.levels))
+        kind = "between" if factor.between else "within"
+        words = experiment.texts.find(f"labels.{factor.name}") or factor.name.replace("_", " ")
+        found[factor.name] = Column(factor.name, "", f"{words} ({kind} participants): {levels}")
+    for response in experiment.responses.values():
+        found |= {c.name: c for c in response.columns()}
+    for walked in (
+        Column("walk_ms", "ms", "time until the place was reached; empty if it was not"),
+        Column("walk_reached", "", "the place was reached in time"),
+    ):
+        found[walked.name] = walked
+    found |= {m.column: m.description() for m in measures}
+    return found
+
+
+def scene_column(name: str) -> Column | None:
+    """Return what a column that showing a scene adds holds, by its ending."""
+    for ending, unit, words in (
+        ("_on_ns", "ns", "session time at which the light of {} came"),
+        ("_off_ns", "ns", "session time at which {} ended"),
+        ("_frames", "1", "display frames that showed {}"),
+    ):
+        if name.endswith(ending):
+            return Column(name, unit, words.format(name.removesuffix(ending)))
+    scene, _, role = name.partition("_")
+    return Column(name, "", f"index of the agent that plays {role!r} in {scene}") if role else None
+
+
+def people_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]:
+    """Return what describes the columns of the table of participants."""
+    found = {c.name: c for c in PEOPLE}
+    for asked in questionnaires:
+        for question in asked.questions():
+            codes = ", ".join(f"{v} {label}" for v, label in question.scale.options.items())
+            words = f"{asked.name}: {question.prompt}" + (f" ({codes})" if codes else "")
+            found[question.question_id] = Column(question.question_id, "", words)
+        for name in asked.scores:
+            column = f"{asked.name}_{name}"
+            found[column] = Column(column, "1", f"score {name} of {asked.title}")
+    return found
+
+
+def write_table(
+    table: pd.DataFrame, known: dict[str, Column], path: Path, *, scenes: bool = False
+) -> tuple[Path, Path]:
+    """Write a table as CSV with the JSON dictionary of its columns, as BIDS sidecars are.
+
+    Raises:
+        DataError: a column is not described.
+    """
+    described = {}
+    for name in map(str, table.columns):
+        column = known.get(name) or (scene_column(name) if scenes else None)
+        if column is None:
+            raise DataError(f"column {name!r} of {path.name} is not described")
+        described[name] = {"Description": column.description}
+        if column.unit:
+            described[name]["Units"] = column.unit
+    table.to_csv(path, index=False, encoding="utf-8", lineterminator="\n", na_rep="")
+    sidecar = path.with_suffix(".json")
+    sidecar.write_text(json.dumps(described, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return path, sidecar
+
+
+def undescribed(columns: Iterable[str], known: dict[str, Column]) -> tuple[str, ...]:
+    """Return the columns that nothing describes."""
+    return tuple(c for c in columns if c not in known and scene_column(c) is None)

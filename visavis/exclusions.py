@@ -1,0 +1,202 @@
+"""What does not count, by rules with thresholds that stand in the plan, and the flow they leave.
+
+Rules act in order: trials that were not finished or were performed again, then trials, then
+people. Every row keeps its place in the table with `is_analysed` and the reason.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+import pandas as pd
+
+from visavis.measures import LOST_COLUMN
+
+Level = Literal["trial", "participant"]
+REASON: Final = "left_out_because"
+COUNTED: Final = "is_analysed"
+
+
+@dataclass(frozen=True)
+class Exclusion:
+    """A rule: `column` above (or below) a `limit` leaves a trial or a participant out.
+
+    For participants the column is one of `participant_facts`. `words` say what is wrong, with
+    {value} and {limit}. `name` is the parameter that sets the limit (`analyse --set NAME=…`);
+    a limit of None switches the rule off. Exactly at the limit is still in.
+    """
+
+    name: str
+    level: Level
+    column: str
+    limit: float | None
+    words: str
+    above: bool = True
+
+    def breaks(self, value: Any, limit: float | None) -> bool:
+        """Tell whether a value is out; a missing one is not judged."""
+        if limit is None or value is None or value != value:
+            return False
+        return bool(value > limit) if self.above else bool(value < limit)
+
+
+STANDARD_RULES: Final = (
+    Exclusion("max_trial_lost_01", "trial", LOST_COLUMN, 0.5,
+              "{value:.0%} of the scene without usable gaze (limit {limit:.0%})"),
+    Exclusion("max_bad_trials_01", "participant", "bad_trials_01", 0.5,
+              "{value:.0%} of the trials left out (limit {limit:.0%})"),
+    Exclusion("max_calibration_error_deg", "participant", "calibration_error_deg", 3.0,
+              "mean calibration error {value:.2f}° (limit {limit:.2f}°)"),
+    Exclusion("min_completed_01", "participant", "completed_01", 0.75,
+              "{value:.0%} of the planned trials finished (limit {limit:.0%})", above=False),
+    Exclusion("min_cell_trials", "participant", "smallest_cell_trials", 1.0,
+              "{value:.0f} trials in the emptiest cell (limit {limit:.0f})", above=False),
+)  # fmt: skip
+"""What leaves a trial or a person out of every study, unless the study says otherwise."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """What a rule left out: how many trials or people, and its words."""
+
+    rule: str
+    level: Level
+    count: int
+    words: str
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What counts: `rows` holds every trial with `is_analysed` and the reason, `flow` the steps."""
+
+    rows: pd.DataFrame
+    people: pd.DataFrame
+    performed: int
+    left: tuple[Left, ...]
+    limits: Mapping[str, float | None]
+
+    @property
+    def counted(self) -> pd.DataFrame:
+        """The trials that count."""
+        kept: pd.DataFrame = self.rows[self.rows[COUNTED]].reset_index(drop=True)
+        return kept
+
+
+def limits_in_force(
+    rules: Sequence[Exclusion], overrides: Mapping[str, Any]
+) -> dict[str, float | None]:
+    """Return every rule's limit, those set in place of the study's own."""
+    limits: dict[str, float | None] = {r.name: r.limit for r in rules}
+    for name, value in overrides.items():
+        if name in limits:
+            limits[name] = None if value is None else float(value)
+    return limits
+
+
+def select(
+    rows: pd.DataFrame,
+    rules: Sequence[Exclusion],
+    limits: Mapping[str, float | None],
+    *,
+    cells: Sequence[str],
+    planned: Mapping[str, int],
+    cell_count: int,
+) -> Selection:
+    """Decide which trials count.
+
+    Of a trial that was performed again the last finished attempt counts. `cells` are the factors
+    within people, `planned` the number of trials planned for each participant, `cell_count` how
+    many cells each person meets.
+    """
+    table = rows.reset_index(drop=True).copy()
+    reasons = pd.Series([""] * len(table), dtype=object)
+    left: list[Left] = []
+
+    def leave(out: "pd.Series[bool]", rule: str, level: Level, words: Sequence[str] | str) -> None:
+        fresh = out & (reasons == "")
+        said = [words] * len(table) if isinstance(words, str) else list(words)
+        reasons[fresh] = pd.Series(said, dtype=object)[fresh]
+        count = int(fresh.sum()) if level == "trial" else table.loc[out, "participant"].nunique()
+        if count:
+            left.append(Left(rule, level, int(count), said[int(np.flatnonzero(out)[0])]))
+
+    leave(table["is_practice"].astype(bool), "practice", "trial", "practice")
+    leave(table["status"] != "complete", "unfinished", "trial", "not finished")
+    done = table[reasons == ""].sort_values("attempt", kind="stable")
+    again = pd.Series(False, index=table.index)
+    again[done.index[done.duplicated(["participant", "session", "trial_id"], keep="last")]] = True
+    leave(again, "repeated", "trial", "performed again later")
+    finished = table[reasons == ""]
+    for rule in (r for r in rules if r.level == "trial" and r.column in table):
+        limit = limits[rule.name]
+        values = table[rule.column]
+        out = values.map(lambda v, r=rule, n=limit: r.breaks(v, n)).astype(bool)
+        leave(out, rule.name, "trial", [
+            rule.words.format(value=v, limit=limit) if bad else "" for v, bad in zip(values, out,
+                                                                                     strict=True)
+        ])  # fmt: skip
+    people = participant_facts(table, finished, reasons == "", cells, planned, cell_count)
+    for rule in (r for r in rules if r.level == "participant"):
+        limit = limits[rule.name]
+        said = {}
+        for name, value in zip(people["participant"], people.get(rule.column, ()), strict=False):
+            if rule.breaks(value, limit):
+                said[name] = rule.words.format(value=value, limit=limit)
+        out = table["participant"].astype(str).isin(said)
+        leave(
+            out,
+            rule.name,
+            "participant",
+            [f"participant left out: {said.get(str(p), '')}" for p in table["participant"]],
+        )
+        for name, words in said.items():
+            at = people["participant"] == name
+            people.loc[at, REASON] = [
+                "; ".join(filter(None, (before, words))) for before in people.loc[at, REASON]
+            ]
+    table[COUNTED] = (reasons == "").to_numpy()
+    table[REASON] = reasons.to_numpy()
+    people[COUNTED] = people[REASON] == ""
+    return Selection(table, people, len(table), tuple(left), dict(limits))
+
+
+def participant_facts(
+    rows: pd.DataFrame,
+    finished: pd.DataFrame,
+    counts: "pd.Series[bool]",
+    cells: Sequence[str],
+    planned: Mapping[str, int],
+    cell_count: int,
+) -> pd.DataFrame:
+    """Return what rules about people look at, one row per participant.
+
+    `completed_01` is the share of planned trials that were finished, `bad_trials_01` the share of
+    finished ones left out, `smallest_cell_trials` the trials that count in the emptiest cell,
+    `calibration_error_deg` the mean error over the validations their trials were made with.
+    """
+    found = []
+    for name in sorted(set(rows["participant"].astype(str))):
+        mine = finished[finished["participant"].astype(str) == name]
+        good = mine[counts.reindex(mine.index, fill_value=False)]
+        sizes = good.groupby(list(cells)).size() if cells and len(good) else pd.Series([len(good)])
+        smallest = 0 if len(sizes) < cell_count else int(sizes.min())
+        found.append(
+            {
+                "participant": name,
+                "trials_finished": len(mine),
+                "completed_01": len(mine) / planned[name] if planned.get(name) else np.nan,
+                "bad_trials_01": 1 - len(good) / len(mine) if len(mine) else np.nan,
+                "smallest_cell_trials": smallest,
+                "calibration_error_deg": _mean_error_deg(mine),
+                REASON: "",
+            }
+        )
+    return pd.DataFrame(found)
+
+
+def _mean_error_deg(rows: pd.DataFrame) -> float:
+    if "calibration_accuracy_deg" not in rows:
+        return float("nan")
+    each = rows.dropna(subset=["calibration_accuracy_deg"]).drop_duplicates("calibration_id")
+    return float(each["calibration_accuracy_deg"].astype(float).mean()) if len(each) else np.nan

@@ -1,0 +1,206 @@
+"""A study on the kit as the session performs it: the plan, each trial, the dark between."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from lab.clock import NS_PER_MS, NS_PER_S
+from lab.errors import ConfigError, DesignError
+from lab.geometry import Vector
+from protocol.design import combinations_of, make_plan
+from protocol.plan import SessionPlan, Trial
+from protocol.steps import Plan
+from stimuli.scene import Scene as StageScene
+from visavis.asking import Ways, frame
+from visavis.parameters import parameters_in_force
+from visavis.reading import TrialRead, read_trials
+from visavis.responses import Response
+from visavis.study import Study
+from visavis.texts import DEFAULT_LANGUAGE, Texts, read_texts
+from visavis.trial import Settings, TrialScript, dark_view, perform
+
+
+@dataclass(frozen=True, eq=False)
+class StudyExperiment:
+    """Implement `protocol.experiment.Experiment` for any study on the kit.
+
+    `overrides` replace parameters by name (`language` among them).
+
+    Raises:
+        ConfigError: a parameter, a value or a text does not exist.
+        DesignError: a trial of the study cannot be run through.
+    """
+
+    study: Study
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _ = self.read  # so that what is wrong is said before anything begins
+
+    @property
+    def name(self) -> str:
+        """The study's name on the command line."""
+        return self.study.name
+
+    @cached_property
+    def language(self) -> str:
+        """The language of everything a participant reads."""
+        return str(self.overrides.get("language", DEFAULT_LANGUAGE))
+
+    @cached_property
+    def parameters(self) -> dict[str, Any]:
+        """Every parameter in force."""
+        given = {k: v for k, v in self.overrides.items() if k != "language"}
+        return parameters_in_force(self.study, given)
+
+    @cached_property
+    def texts(self) -> Texts:
+        """Everything a participant reads."""
+        folder = None if self.study.texts is None else self.study.folder / self.study.texts
+        return read_texts(folder, self.language)
+
+    @cached_property
+    def settings(self) -> Settings:
+        """What every trial is given."""
+        p = self.parameters
+        if p["answer_by"] not in ("board", "keyboard"):
+            raise ConfigError(f"{self.name}: answer_by is {p['answer_by']!r}; board or keyboard")
+        return Settings(
+            parameters=p,
+            texts=self.texts,
+            values={k: v for k, v in p.items() if isinstance(v, str | int | float)},
+            makers=self.study.makers,
+            ways=Ways(limit_s=float(p["answer_limit_s"])),
+            answer_by=str(p["answer_by"]),
+            folder=self.study.folder,
+        )
+
+    @cached_property
+    def read(self) -> Mapping[tuple[tuple[str, Any], ...], TrialRead]:
+        """What every condition shows and asks."""
+        design = self.study.design(self.parameters)
+        trials = (
+            Trial(f"T{i}", i, 0, False, cell, i)
+            for i, cell in enumerate(combinations_of(design.factors), start=1)
+        )
+        return read_trials(self.study.trial_plan, trials, self.settings)
+
+    @cached_property
+    def responses(self) -> dict[str, Response]:
+        """Everything that is asked, by name."""
+        asked = [r for t in self.read.values() for r in t.responses]
+        return {r.name: r for r in (*asked, *self.study.responses)}
+
+    @property
+    def words(self) -> dict[str, Response]:
+        """Every response by the text with which it is put."""
+        script = TrialScript(Trial("T1", 1, 0, False, {}, 0), self.settings)
+        return {script.words_of(r)[0]: r for r in self.responses.values()}
+
+    @cached_property
+    def agent_count(self) -> int:
+        """Number of agents in every scene of a trial; fixes the width of recorded columns."""
+        counts = {t.agents for t in self.read.values() if t.scenes}
+        if len(counts - {0}) > 1:
+            raise DesignError(
+                f"study {self.name} shows scenes of {', '.join(map(str, sorted(counts)))} people; "
+                "all scenes of a study hold equally many (or none)"
+            )
+        return max(counts, default=0)
+
+    @property
+    def people_count(self) -> int:
+        """At most how many people a picture of it shows: an audience has its speaker too."""
+        return self.agent_count + 1
+
+    @property
+    def trial_s(self) -> float:
+        """Usual duration of a trial, for the time left on the operator's screen."""
+        return float(np.mean([t.seconds for t in self.read.values()]))
+
+    @property
+    def intertrial_s(self) -> float:
+        """Duration of the dark before a trial."""
+        return self.study.intertrial_s
+
+    @property
+    def needed_roles(self) -> tuple[str, ...]:
+        """Devices the study cannot do without, beside the headset."""
+        return tuple(self.study.needs)
+
+    @property
+    def useful_roles(self) -> tuple[str, ...]:
+        """Devices it uses where the lab has them."""
+        return tuple(self.study.uses)
+
+    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
+        """Return everything one participant will do; pure.
+
+        Raises:
+            DesignError: there is no such group, or the design cannot be ordered so.
+        """
+        design = self.study.design(self.parameters)
+        made = make_plan(
+            design, seed=seed, participant_index=participant_index, group=group or None
+        )
+        values = self._values(made)
+        own = 1 if made.blocks[0].trials and made.blocks[0].trials[0].is_practice else 0
+        parts = len(made.blocks) - own
+        blocks = []
+        for block in made.blocks:
+            part = block.index + 1 - own
+            is_practice = own == 1 and block.index == 0
+            known = {**values, "part": part, "parts": parts, "part_trials": len(block.trials)}
+            titles = ("blocks.practice",) if is_practice else ("blocks.part",)
+            said = ("practice",) if is_practice else (f"instructions.{part}", "instruction")
+            blocks.append(
+                replace(
+                    block,
+                    name=self.texts.find(*titles, values=known) or block.name,
+                    instruction=self.texts.find(*said, values=known) or "",
+                    calibrate=self.study.calibrate and block.index == 0,
+                )
+            )
+        kept = {
+            name: value if isinstance(value, str | int | float | bool) else json.dumps(list(value))
+            for name, value in self.parameters.items()
+        }
+        kept["language"] = self.language
+        return replace(made, blocks=tuple(blocks), parameters=kept)
+
+    def _values(self, made: SessionPlan) -> dict[str, Any]:
+        """Return what texts can name: parameters, and what follows from the plan."""
+        counted = [t for t in made.trials if not t.is_practice]
+        return {
+            **self.settings.values,
+            "trials": len(counted),
+            "practice": len(made.trials) - len(counted),
+            "trial_s": self.parameters.get("trial_s", round(self.trial_s)),
+            "blocks": sum(any(not t.is_practice for t in b.trials) for b in made.blocks),
+        }
+
+    def run_trial(self, trial: Trial) -> Plan:
+        """Return the generator that performs a trial."""
+        return perform(TrialScript(trial, self.settings), self.study.trial_plan)
+
+    def intertrial(self, trial: Trial) -> Plan:
+        """Stay dark before a trial."""
+        view = yield from frame()
+        start_ns = view.t_ns
+        yield dark_view(start_ns)
+        until_ns = start_ns + round(self.study.intertrial_s * NS_PER_S)
+        while view.t_ns < until_ns:
+            view = yield from frame()
+        return {"intertrial_ms": (view.t_ns - start_ns) / NS_PER_MS}
+
+    def blank(self, mark_m: Vector | None) -> StageScene:
+        """Return a dark scene without people, for calibrations and breaks."""
+        return StageScene(name="blank", agents=(), brightness_01=0.0, mark_m=mark_m)
+
+    def conditions(self) -> Iterator[Mapping[str, Any]]:
+        """Yield every condition of the design."""
+        yield from combinations_of(self.study.design(self.parameters).factors)

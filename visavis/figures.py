@@ -1,0 +1,145 @@
+"""The standard figures of a study: every comparison with everybody in it, and who was left out."""
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.plots import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    Drawn,
+    draw,
+    new_figure,
+)
+from analysis.plots.flow import Stage, flow_chart
+from analysis.plots.panels import Values, draw_mean, paired_lines, published_mark, spread_out
+from analysis.report.notation import counted
+from visavis.analysis import Finding, StudyAnalysis, aggregated
+from visavis.texts import Texts
+
+COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
+
+
+def study_figures(analysis: StudyAnalysis, texts: Texts) -> dict[str, Drawn]:
+    """Return every figure by its name; all of them marked when the data are simulated."""
+    drawn = [
+        _comparison(analysis, finding, texts)
+        for finding in {f.compare.name: f for f in analysis.findings}.values()
+        if finding.measure.column in analysis.selection.counted
+    ]
+    drawn.append(_flow(analysis))
+    return {d.name: d for d in drawn}
+
+
+def figure_name(finding: Finding) -> str:
+    """Return the file stem of a comparison's figure."""
+    return re.sub(r"\W+", "_", f"{finding.measure.column}_by_" + "_".join(_factors(finding)))
+
+
+def label_of(texts: Texts, name: str) -> str:
+    """Return what a factor or a level is called in figures and tables."""
+    return texts.find(f"labels.{name}") or name.replace("_", " ")
+
+
+def _factors(finding: Finding) -> tuple[str, ...]:
+    return (*finding.compare.within, *finding.compare.between)
+
+
+def _comparison(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Drawn:
+    factors = _factors(finding)
+    names = " and ".join(label_of(texts, f) for f in factors)
+    n = counted(analysis.n_participants, "participant")
+    source = analysis.study.source
+    cells = {} if source is None else source.cells.get(finding.measure.column, {})
+    published = " Open diamonds: published means (dashed: ± SD)." if cells else ""
+    lines = "Each line is one participant. " if finding.compare.within else "Each dot is one. "
+    return draw(
+        figure_name(finding),
+        lambda: _panels(analysis, finding, texts),
+        title=f"{finding.measure.words} by {names}",
+        caption=f"{lines}Discs are means over {n} with 95 % confidence intervals.{published}",
+        alternative=f"{finding.measure.words} of every participant by {names}.",
+        is_simulated=analysis.is_simulated,
+    )
+
+
+def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
+    factors = _factors(finding)
+    x, panels = factors[0], factors[1:2]
+    panel_levels = analysis.levels[panels[0]] if panels else ("",)
+    figure = new_figure(3.2 + 2.6 * len(panel_levels), 3.9)
+    axes = figure.subplots(1, len(panel_levels), sharey=True, squeeze=False)[0]
+    levels = analysis.levels[x]
+    labels = [label_of(texts, str(v)) for v in levels]
+    cells = aggregated(analysis.selection.counted, [finding.measure], factors[:2])
+    for ax, panel in zip(axes, panel_levels, strict=True):
+        mine = cells if not panels else cells[cells[panels[0]] == panel]
+        table = (
+            mine.pivot_table(index="participant", columns=x, values=finding.measure.column)
+            .reindex(columns=list(levels))
+            .to_numpy(float)
+        )
+        colours = [COLOURS[i % len(COLOURS)] for i in range(len(levels))]
+        if analysis.study.factor(x).between:
+            _dots(ax, table, labels, colours)
+        else:
+            paired_lines(ax, table, labels, colours)
+        ax.set_xlabel(label_of(texts, x))
+        if panels:
+            ax.set_title(f"{label_of(texts, panels[0])}: {label_of(texts, str(panel))}")
+        elif analysis.study.source is not None:
+            printed = analysis.study.source.cells.get(finding.measure.column, {})
+            for i, level in enumerate(levels):
+                if str(level) in printed:
+                    published_mark(ax, i + 0.22, *printed[str(level)])
+    axes[0].set_ylabel(finding.measure.axis)
+    return figure
+
+
+def _dots(ax: object, table: Values, labels: Sequence[str], colours: Sequence[str]) -> None:
+    for i in range(table.shape[1]):
+        known = table[np.isfinite(table[:, i]), i]
+        ax.scatter(i + spread_out(known, 0.12), known, s=14, color=colours[i], alpha=0.5)  # type: ignore[attr-defined]  # matplotlib is untyped here
+        draw_mean(ax, i, known, colours[i])  # type: ignore[arg-type]  # as above
+    ax.set_xticks(range(len(labels)), labels)  # type: ignore[attr-defined]  # as above
+    ax.set_xlim(-0.5, len(labels) - 0.5)  # type: ignore[attr-defined]  # as above
+
+
+def _flow(analysis: StudyAnalysis) -> Drawn:
+    selection = analysis.selection
+    people = selection.people
+    stages = [
+        Stage(
+            f"{counted(len(people), 'participant')}, {counted(selection.performed, 'trial')} "
+            "performed",
+            "\n".join(
+                f"{counted(left.count, left.level)}: {_rule_words(left.rule)}"
+                for left in selection.left
+            ),
+        ),
+        Stage(
+            f"{counted(analysis.n_participants, 'participant')}, "
+            f"{counted(len(selection.counted), 'trial')} analysed"
+        ),
+    ]
+    return draw(
+        "exclusions",
+        lambda: flow_chart(stages),
+        title="What was performed, what was left out, what counts",
+        caption="Rules in the order in which they act; thresholds stand in the methods.",
+        alternative="; ".join(s.text for s in stages),
+        is_simulated=analysis.is_simulated,
+    )
+
+
+def _rule_words(rule: str) -> str:
+    known = {"practice": "practice", "unfinished": "not finished",
+             "repeated": "performed again later"}  # fmt: skip
+    return known.get(rule, rule.replace("_", " "))

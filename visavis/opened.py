@@ -1,0 +1,181 @@
+"""A study as the command line and scripts use it: made, performed, measured, analysed."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.report.sources import provenance_of_sessions
+from lab.config import LabConfig
+from lab.errors import DataError
+from protocol.experiment import ValidationPoint, ValidationVerdict
+from protocol.participants import SimulatedParticipant
+from protocol.questionnaires import Questionnaire
+from protocol.shown import Shown
+from recording.reader import Recording
+from stimuli.scene import SceneFrame
+from visavis.analysis import StudyAnalysis, analyse_rows, measures_of
+from visavis.exclusions import limits_in_force, select
+from visavis.experiment import StudyExperiment
+from visavis.intake import SessionIntake, questionnaire, take_in
+from visavis.measures import LOST_COLUMN, Measure, lost_gaze
+from visavis.person import StudyPerson
+from visavis.scenes import Scene, Staging, stage
+from visavis.study import Study
+from visavis.validation import judge_validation
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedStudy:
+    """What every command asks of a study declared on the kit."""
+
+    study: Study
+
+    @property
+    def name(self) -> str:
+        """The study's name on the command line."""
+        return self.study.name
+
+    @property
+    def title(self) -> str:
+        """The study's name in a heading."""
+        return self.study.title
+
+    def experiment(self, overrides: Mapping[str, Any]) -> StudyExperiment:
+        """Return the experiment; `overrides` replace parameters by name.
+
+        Raises:
+            ConfigError: a parameter, a value or a text does not exist.
+            DesignError: a trial cannot be run through.
+        """
+        return StudyExperiment(self.study, dict(overrides))
+
+    def participant(
+        self, index: int, seed: int, *, effect: bool, experiment: Any = None
+    ) -> SimulatedParticipant:
+        """Return a simulated participant, who is told what a participant is told, no more."""
+        if self.study.person_of is not None:
+            return self.study.person_of(index, seed, effect)
+        made = self.experiment({}) if experiment is None else experiment
+        return StudyPerson(
+            index, seed, effect, responses=made.words, answer_of=self.study.answer_of
+        )
+
+    def judge_validation(
+        self, points: Sequence[ValidationPoint], rate_hz: float
+    ) -> ValidationVerdict:
+        """Measure a validation per eye; the combined eye decides."""
+        return judge_validation(points, rate_hz)
+
+    def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
+        """Return the questionnaires asked at the end, in the lab's wording."""
+        return tuple(
+            questionnaire(n, self.study.folder, config.wording.get(n))
+            for n in self.study.questionnaires
+        )
+
+    def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
+        """Yield the views that a recorded frame may have shown, the likeliest first."""
+        bare = shown.view
+        latest = shown.latest("shown")
+        if latest is None or not shown.scene.agents:
+            yield bare
+            return
+        _, payload = latest
+        options = {k.removeprefix("option_"): v for k, v in payload.items()
+                   if k.startswith("option_")}  # fmt: skip
+        staging = Staging(np.random.default_rng(0), 0.0, int(payload["start_ns"]),
+                          self.study.folder)  # fmt: skip
+        staged = stage(Scene(payload["scene"], **options), staging, self.study.makers)
+        scene = replace(staged.scene, agents=shown.scene.agents,
+                        brightness_01=shown.scene.brightness_01)  # fmt: skip
+        yield replace(bare, scene=scene)
+
+    # ---- analysis ----
+
+    def measures(self, experiment: StudyExperiment) -> tuple[Measure, ...]:
+        """Return everything measured; lost gaze too, where gaze is."""
+        found = measures_of(self.study, experiment.responses)
+        if any(m.needs_gaze for m in found) and LOST_COLUMN not in {m.column for m in found}:
+            found = (*found, lost_gaze())
+        return found
+
+    def measure(self, recording: Recording) -> SessionIntake:
+        """Take in one session."""
+        experiment = self.experiment(overrides_of(recording.manifest.plan))
+        asked = [questionnaire(n, self.study.folder) for n in self.study.questionnaires]
+        return take_in(recording, self.measures(experiment), asked)
+
+    def analysis_of(
+        self, sessions: Sequence[SessionIntake], settings: Mapping[str, Any] | None = None
+    ) -> StudyAnalysis:
+        """Analyse sessions that were taken in; `settings` replace limits of exclusion rules.
+
+        Raises:
+            DataError: there is no such rule, or nothing counts.
+        """
+        settings = settings or {}
+        rules = self.study.exclusions
+        unknown = set(settings) - {r.name for r in rules}
+        if unknown:
+            raise DataError(
+                f"{self.name} has no rule {', '.join(sorted(unknown))}; its rules are "
+                f"{', '.join(r.name for r in rules)}"
+            )
+        experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
+        rows = pd.concat([s.rows for s in sessions], ignore_index=True)
+        people = pd.DataFrame([dict(s.person) for s in sessions])
+        design = self.study.design(experiment.parameters)
+        levels = {f.name: tuple(f.levels) for f in design.factors}
+        within = [f.name for f in design.within]
+        selection = select(
+            rows,
+            rules,
+            limits_in_force(rules, settings),
+            cells=within,
+            planned={str(s.manifest.participant): s.planned for s in sessions},
+            cell_count=int(np.prod([len(f.levels) for f in design.within])),
+        )
+        return analyse_rows(
+            self.study,
+            selection,
+            people,
+            levels=levels,
+            measures=self.measures(experiment),
+            is_simulated=bool(rows["is_simulated"].any()),
+        )
+
+    def analyse(
+        self,
+        sessions: Sequence[SessionIntake],
+        out_dir: Path,
+        *,
+        is_simulated: bool,
+        commands: tuple[str, ...],
+        example: Recording | None,
+        settings: Mapping[str, Any] | None = None,
+    ) -> Path:
+        """Write tables, figures and the report of a study; return the report's path."""
+        # Figures take a second to import; sessions and previews do without.
+        from visavis.outputs import write_study
+
+        analysis = replace(self.analysis_of(sessions, settings), is_simulated=is_simulated)
+        provenance = provenance_of_sessions(
+            self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands
+        )
+        experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
+        asked = [questionnaire(n, self.study.folder) for n in self.study.questionnaires]
+        return write_study(analysis, experiment, asked, provenance, out_dir)
+
+
+def overrides_of(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters that a recorded plan was made with."""
+    found = {}
+    for name, value in plan.get("parameters", {}).items():
+        is_list = isinstance(value, str) and value.startswith("[")
+        found[name] = json.loads(value) if is_list else value
+    return found

@@ -1,0 +1,121 @@
+"""Write what an analyst takes away of a study: tables, dictionaries, figures, report."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from analysis.plots import write_figure
+from analysis.report import ReportProvenance
+from lab.errors import UsageError
+from protocol.columns import Column
+from protocol.questionnaires import Questionnaire
+from visavis.analysis import SIMULATED_COLUMN, StudyAnalysis
+from visavis.dictionary import PEOPLE, STATISTICS, people_columns, trial_columns, write_table
+from visavis.experiment import StudyExperiment
+from visavis.figures import study_figures
+from visavis.report import REPORT_NAME, build_report
+
+
+def write_study(
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+    questionnaires: Sequence[Questionnaire],
+    provenance: ReportProvenance,
+    out_dir: Path,
+) -> Path:
+    """Write tables, figures and the report; return the report's path.
+
+    Raises:
+        UsageError: the folder cannot be written to.
+        DataError: a column of a table is not described.
+    """
+    figures = study_figures(analysis, experiment.texts)
+    try:
+        out_dir.mkdir(parents=True, exist_ok=True)
+        write_tables(analysis, experiment, questionnaires, out_dir)
+        for figure in figures.values():
+            write_figure(figure, out_dir / "figures")
+    except OSError as error:
+        raise UsageError(
+            f"the analysis cannot be written to {out_dir}: {error.strerror or error}; choose a "
+            "folder you may write to"
+        ) from error
+    return build_report(analysis, experiment, provenance, figures, out_dir / REPORT_NAME)
+
+
+def write_tables(
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+    questionnaires: Sequence[Questionnaire],
+    out_dir: Path,
+) -> None:
+    """Write trials, participants, cell means, statistics and contrasts, each with a dictionary."""
+    trials = analysis.selection.rows.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
+    known = trial_columns(experiment, analysis.measures)
+    write_table(trials, known, out_dir / "trials.csv", scenes=True)
+    trials.to_parquet(out_dir / "trials.parquet", index=False)
+    people = analysis.selection.people.merge(analysis.people, on="participant", how="left")
+    people = people.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
+    write_table(people, people_columns(questionnaires), out_dir / "participants.csv")
+    means = analysis.cell_means().assign(**{SIMULATED_COLUMN: analysis.is_simulated})
+    counted = {**known, "n": Column("n", "1", "trials that count")}
+    write_table(means, counted, out_dir / "cell_means.csv")
+    described = {c.name: c for c in (*PEOPLE, *STATISTICS)}
+    for name, rows in (("statistics", statistics_rows(analysis)),
+                       ("contrasts", contrast_rows(analysis))):  # fmt: skip
+        if rows:
+            table = pd.DataFrame(rows).assign(**{SIMULATED_COLUMN: analysis.is_simulated})
+            write_table(table, described, out_dir / f"{name}.csv")
+
+
+def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
+    """Return one row per effect of every comparison; untested ones say why."""
+    rows: list[dict[str, Any]] = []
+    for finding in analysis.findings:
+        compare = finding.compare
+        about: dict[str, Any] = {
+            "comparison": compare.name,
+            "claim": compare.claim,
+            "measure": compare.dv,
+            "family": compare.family,
+            "family_correction": compare.correction,
+            "is_exploratory": compare.exploratory,
+            "is_tested": bool(finding.terms),
+            "why_not": finding.why_not,
+            "alpha": compare.alpha,
+        }
+        if compare.published is not None:
+            about["published"] = compare.published.text
+        if not finding.terms:
+            rows.append(about)
+        for term in finding.terms:
+            decided: dict[str, Any] = {
+                "term": term.name, "p_family": term.p_corrected,
+                "is_significant": term.is_significant,
+            }  # fmt: skip
+            if compare.published is not None:
+                decided["agrees_with_published"] = (
+                    term.is_significant == compare.published.is_significant
+                )
+            rows.append({**about, **_plain(term.row), **decided})
+    return rows
+
+
+def contrast_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
+    """Return one row per contrast of every comparison."""
+    return [
+        {
+            "comparison": finding.compare.name,
+            "measure": finding.compare.dv,
+            **{("term" if k == "family" else k): v for k, v in _plain(row).items()},
+        }
+        for finding in analysis.findings
+        if finding.outcome is not None
+        for row in finding.outcome.contrasts
+    ]
+
+
+def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {str(k): v for k, v in row.items()}

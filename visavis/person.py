@@ -1,0 +1,300 @@
+"""The simulated person of a study on the kit: looks at people, points, presses, and answers.
+
+They see what the display shows and hear what is asked, nothing else. What they answer is decided
+by the study's own function of what was `Seen`, or by a person without opinions.
+"""
+
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.clock import NS_PER_S
+from lab.errors import DataError
+from lab.geometry import Vector, unit
+from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M
+from stimuli.motion.skeleton import canonical_skeleton
+from stimuli.panels import PanelFrame, choice_centre_m
+from stimuli.picture import Panel
+from stimuli.scene import SceneFrame
+from visavis.asking import ALONG_FINGERS
+from visavis.observer import DEFAULT_POPULATION, Observer, Population
+from visavis.observer.observer import Layout
+from visavis.observer.state import HEAD, ROOM, SPEAKER_SIDE
+from visavis.responses import Choice, Keys, Number, Pointing, Rating, Response, SideBySide, Text
+
+_MIND_STREAM, _LEANING_STREAM, _PACE_STREAM = 11, 12, 13
+HAND_AT_M: Final = (0.26, -0.42, -0.30)
+"""From the eyes to the right hand that points."""
+HAND_REST: Final = (0.30, -0.85, -1.0)
+"""What the hand points to before a question, from the eyes."""
+POINT_S: Final = 0.5
+PRESS_S: Final = 0.1
+THINKING_S: Final = 1.1
+THINKING_LOG_SD: Final = 0.3
+NOTICE_S: Final = 0.32
+"""From an onset to a press that nothing has to be weighed for."""
+CONTACT_DEG: Final = 5.0
+FITTED_PEOPLE: Final = 11
+"""How many people the model of attention was fitted before."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a person has seen since the trial began, as `answer` gets it.
+
+    `first` and `last` are the first and the last lit frame (None: none was), `seconds` the time
+    between them; for the n agents of the last scene `looked_at_me_01` (n,) is the share of that
+    time in which their gaze met the person's eyes. `effect` is False for somebody to whom what
+    was shown makes no difference: answers should then not depend on it.
+    """
+
+    first: SceneFrame | None
+    last: SceneFrame | None
+    seconds: float
+    looked_at_me_01: npt.NDArray[np.float64]
+    effect: bool
+    leaning: float
+    """A standard normal number of this person's own: whether they rather say much or little."""
+
+
+AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
+
+
+class StudyPerson(Observer):
+    """An `Observer` who also answers: by ray and trigger on boards, by keys, in words.
+
+    `words` leads from the text of a board to the response it asks for.
+    """
+
+    _panel_text: str
+
+    def __init__(
+        self,
+        index: int,
+        seed: int,
+        effect: bool = True,
+        *,
+        responses: Mapping[str, Response],
+        answer_of: AnswerOf | None = None,
+        population: Population = DEFAULT_POPULATION,
+    ) -> None:
+        self._responses = responses
+        self._answer_of = answer_of or unopinionated
+        self._leaning = float(
+            np.random.default_rng(
+                np.random.SeedSequence((seed, index), spawn_key=(_LEANING_STREAM,))
+            ).standard_normal()
+        )
+        self._forget()
+        super().__init__(index, seed, effect, population=population)
+
+    # ---- SimulatedParticipant ----
+
+    def prepare(self, stretch: int, t_ns: int) -> None:
+        """Begin a new stretch of behaviour: nothing seen, the hand down."""
+        super().prepare(stretch, t_ns)
+        self._forget()
+
+    def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
+        """Answer a question at the terminal; None when this person would leave it out."""
+        response = self._responses.get(prompt)
+        if response is None:
+            return super().answer(question_id, prompt, options)
+        said = self._said(response)
+        if said is None:
+            return None
+        return options[list(response.options).index(said)] if response.options else str(said)
+
+    # ---- Viewer ----
+
+    def see(self, view: SceneFrame, t_display_ns: int) -> None:
+        """Receive what the display shows from `t_display_ns` on."""
+        if isinstance(view, PanelFrame) and view.panels:
+            panel = view.panels[0]
+            if panel.text != self._panel_text:
+                self._panel_text = panel.text
+                self._decide(panel, t_display_ns)
+            return
+        if self._panel_text:
+            self._panel_text = ""
+            self.look_at(None, t_display_ns)
+        super().see(view, t_display_ns)
+        if view.scene.brightness_01 > 0:
+            self._take_in(view, t_display_ns)
+
+    # ---- Body ----
+
+    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
+        """Yield what was pressed since the last call."""
+        while self._presses and self._presses[0][0] <= until_ns:
+            yield self._presses.pop(0)
+
+    def segments(
+        self, names: Sequence[str], t_ns: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return true positions (t, n, 3) and orientations (t, n, 4) of segments in world."""
+        unknown = [name for name in names if name not in BODY_JOINTS]
+        if unknown:
+            raise DataError(
+                f"the simulated body has no segment {', '.join(unknown)}; "
+                f"it has {', '.join(BODY_JOINTS)}"
+            )
+        rows = [BODY_JOINTS.index(name) for name in names]
+        positions = np.tile(self._standing[rows], (len(t_ns), 1, 1))
+        turns = np.zeros((len(t_ns), len(names), 4))
+        turns[..., 0] = 1.0
+        if "right_hand" in names:
+            k = list(names).index("right_hand")
+            hand = self._seat + np.array(HAND_AT_M)
+            positions[:, k] = hand
+            turns[:, k] = fingers_to(unit(self._pointed_at(t_ns) - hand))
+        return positions, turns
+
+    def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
+        """Feel a vibration; it changes nothing in this person."""
+
+    # ---- within ----
+
+    def _appeal_of(self, what: Layout) -> npt.NDArray[np.float64]:
+        """Return what each target is worth; a room counts less before few people than before many.
+
+        The model's room was fitted before an audience; nobody here is known to stand aside.
+        """
+        appeal = super()._appeal_of(what)
+        kind = what.targets["kind"]
+        people = int((kind == HEAD).sum())
+        appeal[kind == ROOM] *= min(1.0, people / FITTED_PEOPLE)
+        appeal[kind == SPEAKER_SIDE] = 0.0
+        return appeal
+
+    def _forget(self) -> None:
+        self._first: SceneFrame | None = None
+        self._last: SceneFrame | None = None
+        self._first_ns = self._last_ns = 0
+        self._contact_ns: npt.NDArray[np.float64] = np.zeros(0)
+        self._contact: npt.NDArray[np.bool_] = np.zeros(0, np.bool_)
+        self._panel_text = ""
+        self._points: list[tuple[float, Vector]] = []
+        self._presses: list[tuple[int, str, float]] = []
+
+    def _take_in(self, view: SceneFrame, t_ns: int) -> None:
+        n = len(view.scene.agents)
+        if self._last is None or view.scene is not self._last.scene:
+            self._first, self._first_ns = view, t_ns
+            self._contact_ns, self._contact = np.zeros(n), np.zeros(n, np.bool_)
+            self._press_when_noticed(t_ns)
+        else:
+            self._contact_ns[self._contact] += t_ns - self._last_ns
+        if self._last is None or view.gaze_direction is not self._last.gaze_direction:
+            self._contact = self._meets_me(view)
+        self._last, self._last_ns = view, t_ns
+
+    def _meets_me(self, view: SceneFrame) -> npt.NDArray[np.bool_]:
+        agents = view.scene.agents
+        if not agents:
+            return np.zeros(0, np.bool_)
+        to_me = unit(self._seat - np.array([a.eye_centre_m for a in agents]))
+        met = np.einsum("ij,ij->i", to_me, view.gaze_direction) > np.cos(np.radians(CONTACT_DEG))
+        return np.asarray(met & (view.eye_openness_01 > 0.5), np.bool_)
+
+    def _seen(self) -> Seen:
+        passed = max(self._last_ns - self._first_ns, 1)
+        return Seen(
+            self._first, self._last, passed / NS_PER_S, self._contact_ns / passed,
+            self.notices_contact, self._leaning,
+        )  # fmt: skip
+
+    def _said(self, response: Response) -> str | None:
+        rng = self._rng(_MIND_STREAM, self.stretch(), zlib.crc32(response.name.encode()))
+        said = self._answer_of(self._seen(), response, rng)
+        if said is None:
+            return None
+        options = tuple(map(str, response.options))
+        if options and str(said) not in options:
+            raise DataError(
+                f"the simulated person answered {said!r} to {response.name}; its options are "
+                f"{', '.join(options)}"
+            )
+        return str(said)
+
+    def _takes_s(self, response: Response | None) -> float:
+        name = "" if response is None else response.name
+        rng = self._rng(_PACE_STREAM, self.stretch(), zlib.crc32(name.encode()))
+        return float(THINKING_S * np.exp(THINKING_LOG_SD * rng.standard_normal()))
+
+    def _decide(self, panel: Panel, t_ns: int) -> None:
+        response = self._responses.get(panel.text)
+        if response is None:
+            return
+        said = self._said(response)
+        if said is None:
+            return
+        takes_s = max(self._takes_s(response), POINT_S + 0.15)
+        middle = choice_centre_m(panel, list(map(str, response.options)).index(said))
+        since_s = (t_ns - self._origin_ns) / NS_PER_S
+        self._points.append((since_s + takes_s - POINT_S, middle))
+        self._press(t_ns + round((takes_s + PRESS_S) * NS_PER_S), "trigger")
+        self.look_at(middle.tolist(), t_ns)
+
+    def _press_when_noticed(self, t_ns: int) -> None:
+        """Press where the study asks for keys: nothing tells a person that but the instruction."""
+        for response in dict.fromkeys(self._responses.values()):
+            if isinstance(response, Keys):
+                said = self._said(response)
+                if said is not None:
+                    takes = NOTICE_S * self._takes_s(response) / THINKING_S
+                    self._press(t_ns + round(takes * NS_PER_S), said)
+            elif isinstance(response, Pointing) and self._last is not None:
+                self._press(t_ns + round(self._takes_s(response) * NS_PER_S), "trigger")
+
+    def _press(self, t_ns: int, control: str) -> None:
+        self._presses += [(t_ns, control, 1.0), (t_ns + NS_PER_S // 10, control, 0.0)]
+        self._presses.sort(key=lambda press: press[0])
+
+    def _pointed_at(self, t_ns: npt.NDArray[np.int64]) -> Vector:
+        t_s = (t_ns - self._origin_ns) / NS_PER_S
+        rest = self._seat + np.array(HAND_REST)
+        point: Vector = np.broadcast_to(rest, (len(t_s), 3))
+        for start_s, goal in self._points:
+            x = np.clip((t_s - start_s) / POINT_S, 0.0, 1.0)
+            share = x**3 * (10 - 15 * x + 6 * x**2)
+            point = point + share[:, None] * (goal - point)
+        return point
+
+    @cached_property
+    def _standing(self) -> Vector:
+        skeleton = canonical_skeleton(REFERENCE_STATURE_M)
+        rest: Vector = skeleton.rest_m[[skeleton.index(name) for name in BODY_JOINTS]]
+        return rest
+
+
+def unopinionated(seen: Seen, response: Response, rng: np.random.Generator) -> Any:
+    """Answer as somebody for whom what was shown makes no difference."""
+    if isinstance(response, Rating):
+        middle = (response.low + response.high) / 2
+        spread = (response.high - response.low) / 6
+        wanted = middle + spread * (0.7 * seen.leaning + rng.standard_normal())
+        return int(np.clip(round(wanted), response.low, response.high))
+    if isinstance(response, Number):
+        low, high = max(response.low, 0.0), min(response.high, max(response.low, 0.0) + 100.0)
+        return f"{rng.uniform(low, high):.1f}"
+    if isinstance(response, Text):
+        return None if rng.random() < 0.5 else "I just looked around."
+    if isinstance(response, Choice | SideBySide | Keys):
+        return response.options[int(rng.integers(len(response.options)))]
+    return None
+
+
+def fingers_to(direction: Vector) -> Vector:
+    """Return turns (t, 4) of a right hand whose fingers point along unit directions (t, 3)."""
+    found = np.empty((len(direction), 4))
+    found[:, 0] = 1.0 + direction @ ALONG_FINGERS
+    found[:, 1:] = np.cross(ALONG_FINGERS, direction)
+    length = np.linalg.norm(found, axis=1, keepdims=True)
+    backwards = np.array([0.0, 0.0, 1.0, 0.0])
+    return np.where(length < 1e-9, backwards, found / np.maximum(length, 1e-9))

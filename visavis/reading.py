@@ -1,0 +1,109 @@
+"""Read a study's trials without performing them: what is shown, asked, and how long it takes.
+
+A trial is a generator, so it can be run through with made-up replies: every condition once, so
+that what the study needs (agents, responses, devices, time) is known before anybody is there.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from lab.clock import NS_PER_S
+from lab.errors import DesignError
+from lab.geometry import Pose
+from protocol.plan import Trial
+from protocol.steps import Answered, Ask, FrameView, GazeView, NextFrame
+from visavis.asking import Answer
+from visavis.responses import Response
+from visavis.scenes import Scene, Staging, stage
+from visavis.trial import Action, Settings, ShownScene, TrialPlan, TrialScript
+
+MAX_STEPS: Final = 100_000
+ANSWER_S: Final = 2.5
+"""What a question is taken to need where only its answer ends it."""
+EMPTY: Final = np.empty(0)
+
+
+@dataclass(frozen=True)
+class TrialRead:
+    """What reading one trial found."""
+
+    seconds: float
+    responses: tuple[Response, ...]
+    scenes: tuple[Scene, ...]
+    agents: int
+    vibrates: bool
+
+
+def still_view(t_ns: int = 0) -> FrameView:
+    """Return a frame in which nothing happened: the head at rest, no gaze, no press."""
+    gaze = GazeView(
+        np.empty(0, np.int64), np.empty(0, np.bool_), np.empty((0, 3)), np.empty((0, 3)),
+        np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)), np.empty(0, np.int16),
+    )  # fmt: skip
+    head = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+    return FrameView(0, t_ns, head, True, gaze)
+
+
+def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
+    """Run through a trial with made-up replies.
+
+    Raises:
+        DesignError: the trial cannot be run through, with its condition and the reason.
+    """
+    script = TrialScript(trial, settings)
+    seconds, agents, vibrates = 0.0, 0, False
+    responses: list[Response] = []
+    scenes: list[Scene] = []
+    reply: Any = None
+    steps: Any = plan(script)
+    try:
+        for _ in range(MAX_STEPS):
+            step = steps.send(reply)
+            reply = None
+            if isinstance(step, Action):
+                seconds += step.seconds
+                script.view = still_view(round(seconds * NS_PER_S))
+                vibrates = vibrates or step.name == "vibrate"
+                if step.scene is not None:
+                    scenes.append(step.scene)
+                    staging = Staging(np.random.default_rng(0), step.seconds, 0, settings.folder)
+                    staged = stage(step.scene, staging, settings.makers)
+                    agents = max(agents, len(staged.scene.agents))
+                    reply = ShownScene(0, round(step.seconds * NS_PER_S), staged.roles, script.view)
+                if step.response is not None:
+                    responses.append(step.response)
+                    script.words_of(step.response)
+                    seconds += ANSWER_S
+                    reply = _made_up(step.response, script.view)
+                    if reply.option is not None:
+                        script.row[step.response.name] = step.response.value(reply.option)
+            elif isinstance(step, NextFrame):
+                seconds += 1 / 90
+                reply = script.view = still_view(round(seconds * NS_PER_S))
+            elif isinstance(step, Ask):
+                reply = Answered(step.options[0] if step.options else "", 0)
+        raise DesignError(f"after {MAX_STEPS} steps it has not ended")
+    except StopIteration:
+        return TrialRead(seconds, tuple(responses), tuple(scenes), agents, vibrates)
+    except DesignError as error:
+        raise DesignError(f"trial {dict(trial.factors)}: {error}") from error
+
+
+def read_trials(
+    plan: TrialPlan, trials: Iterator[Trial], settings: Settings
+) -> Mapping[tuple[tuple[str, Any], ...], TrialRead]:
+    """Run through every condition among some trials once."""
+    found: dict[tuple[tuple[str, Any], ...], TrialRead] = {}
+    for trial in trials:
+        key = (*sorted(trial.factors.items()), ("practice", trial.is_practice))
+        if key not in found:
+            found[key] = read_trial(plan, trial, settings)
+    return found
+
+
+def _made_up(response: Response, view: FrameView) -> Answer:
+    option = str(response.options[0]) if response.options else "0"
+    return Answer(option, "keys", 0, 0, view)

@@ -1,0 +1,320 @@
+"""The report of a study: one HTML file, from its analysis, whatever the study."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from analysis.plots import Drawn, svg_for_page
+from analysis.report import (
+    Block,
+    Bullets,
+    Cell,
+    Code,
+    Column,
+    Facts,
+    Fold,
+    Page,
+    Paragraph,
+    Picture,
+    ReportProvenance,
+    Section,
+    Table,
+    Verdict,
+    Verdicts,
+    write_page,
+)
+from analysis.report.notation import counted, mean_sd, probability
+from visavis.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term, aggregated
+from visavis.experiment import StudyExperiment
+from visavis.figures import figure_name, label_of
+from visavis.methods import method_paragraphs
+
+REPORT_NAME: Final = "report.html"
+Pictures = Mapping[str, Picture]
+
+
+def build_report(
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+    provenance: ReportProvenance,
+    figures: Mapping[str, Drawn],
+    path: Path,
+    sections: Sequence[Callable[[StudyAnalysis], Section]] = (),
+) -> Path:
+    """Write the report and return its path; the same input gives the same bytes."""
+    pictures = {
+        name: Picture(svg_for_page(d), d.title, d.caption, d.alternative)
+        for name, d in figures.items()
+    }
+    study = analysis.study
+    page = Page(
+        title=study.title,
+        subtitle=study.question,
+        facts=Facts(
+            (
+                ("Participants analysed",
+                 f"{analysis.n_participants} of {len(analysis.selection.people)}"),
+                ("Trials analysed", str(len(analysis.selection.counted))),
+                ("Data", "simulated" if analysis.is_simulated else "real"),
+                ("Recorded", provenance.data_date or "unknown"),
+                ("Study version", provenance.study_version),
+                ("Visavis", provenance.versions.get("visavis", "unknown")),
+            )
+        ),
+        is_simulated=analysis.is_simulated,
+        sections=(
+            _summary(analysis, experiment),
+            *_measures(analysis, experiment, pictures),
+            *(make(analysis) for make in sections),
+            _people(analysis, pictures),
+            _methods(analysis, experiment),
+            _provenance(provenance),
+        ),
+        footer="" if study.source is None else f"Published values: {study.source.citation}",
+    )  # fmt: skip
+    return write_page(page, path)
+
+
+def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
+    verdicts = [
+        _verdict(finding, term, experiment)
+        for finding in analysis.findings
+        if not finding.compare.exploratory
+        for term in finding.terms or (None,)
+    ]
+    blocks: list[Block] = []
+    if verdicts:
+        blocks.append(Verdicts(tuple(verdicts)))
+    else:
+        blocks.append(Paragraph("The study plans no comparison; its measures are described below."))
+    beside = _beside_published(analysis)
+    blocks += [] if beside is None else [beside]
+    return Section("summary", "Result", tuple(blocks))
+
+
+def _verdict(finding: Finding, term: Term | None, experiment: StudyExperiment) -> Verdict:
+    compare = finding.compare
+    words = finding.measure.words
+    if term is None or finding.outcome is None:
+        return Verdict("undecided", f"{words}: not tested", f"{finding.why_not}.")
+    names = " × ".join(label_of(experiment.texts, n) for n in term.name.split(":"))
+    significant = term.is_significant
+    if compare.claim and len(finding.terms) == 1:
+        headline = compare.claim if significant else f"Not shown: {_lower(compare.claim)}"
+    elif significant:
+        headline = f"{words} depends on {names}"
+    else:
+        headline = f"Inconclusive: {_lower(words)} by {names}"
+    corrected = ""
+    if compare.correction != "none" and term.p_corrected != term.p:
+        corrected = (
+            f" Corrected over the family of {compare.family} comparisons ({compare.correction}): "
+            f"p {_p(term.p_corrected)}."
+        )
+    published = ""
+    if compare.published is not None:
+        same = compare.published.is_significant == significant
+        published = (
+            f" Published: {compare.published.text} ({'the same' if same else 'another'} verdict)."
+        )
+    return Verdict(
+        "found" if significant else "not_found",
+        headline,
+        f"{_sentence(finding, term)}{corrected}{published}",
+    )  # fmt: skip
+
+
+def _sentence(finding: Finding, term: Term) -> str:
+    outcome = finding.outcome
+    if outcome is None:
+        return ""
+    for said in outcome.sentences:
+        if said.startswith(f"{term.name}:"):
+            return said
+    return " ".join(outcome.sentences)
+
+
+def _p(p: float) -> str:
+    text = probability(p)
+    return text if text.startswith(("<", ">")) else f"= {text}"
+
+
+def _lower(text: str) -> str:
+    return text[:1].lower() + text[1:]
+
+
+def _beside_published(analysis: StudyAnalysis) -> Table | None:
+    source = analysis.study.source
+    if source is None:
+        return None
+    rows: list[tuple[Cell | str, ...]] = []
+    for column, cells in source.cells.items():
+        measure = analysis.measure(column)
+        for factor, levels in analysis.levels.items():
+            if not set(map(str, levels)) >= set(cells):
+                continue
+            means = aggregated(analysis.selection.counted, [measure], [factor])
+            for level, (mean, sd) in cells.items():
+                ours = means.loc[means[factor].astype(str) == level, column].to_numpy(float)
+                rows.append(
+                    (f"{measure.words}, {level}", _mean_sd(ours), mean_sd(mean, sd), "")
+                )  # fmt: skip
+            break
+    for finding in analysis.findings:
+        printed = finding.compare.published
+        if printed is None:
+            continue
+        agree = Cell("not tested", "weak")
+        said = "–"
+        if finding.terms:
+            term = finding.terms[-1]
+            same = term.is_significant == printed.is_significant
+            agree = Cell("agree" if same else "differ", "agree" if same else "differ")
+            said = f"p {_p(term.p_corrected)}"
+        rows.append((finding.compare.name, said, printed.text, agree))
+    if not rows:
+        return None
+    return Table(
+        (Column("What"), Column("Here"), Column("Published"), Column("Verdicts")),
+        tuple(rows),
+        "Beside the published study",
+        f"Means (SD over participants). {source.note}".strip(),
+    )
+
+
+def _mean_sd(values: "np.ndarray[tuple[int], np.dtype[np.float64]]") -> str:
+    known = values[np.isfinite(values)]
+    if known.size == 0:
+        return "–"
+    return mean_sd(float(known.mean()), float(known.std(ddof=1)) if known.size > 1 else None)
+
+
+def _measures(
+    analysis: StudyAnalysis, experiment: StudyExperiment, pictures: Pictures
+) -> list[Section]:
+    sections = []
+    for column in dict.fromkeys(f.measure.column for f in analysis.findings):
+        findings = [f for f in analysis.findings if f.measure.column == column]
+        measure = findings[0].measure
+        blocks: list[Block] = []
+        for finding in findings:
+            picture = pictures.get(figure_name(finding))
+            blocks += [] if picture is None else [picture]
+            blocks += _tests(finding)
+        blocks.append(_means_table(analysis, measure.column, experiment))
+        sections.append(Section(column, measure.words, tuple(blocks)))
+    return sections
+
+
+def _tests(finding: Finding) -> list[Block]:
+    name = finding.compare.name
+    if finding.outcome is None:
+        return [Paragraph(f"{name}: not tested, {finding.why_not}.")]
+    outcome = finding.outcome
+    kind = "Exploratory. " if finding.compare.exploratory else ""
+    blocks: list[Block] = [
+        Paragraph(f"{kind}{outcome.title} of {name}:"),
+        Bullets(tuple(outcome.sentences)),
+    ]
+    for summary, lines in (
+        ("How it was decided", outcome.path),
+        ("Contrasts", outcome.contrast_sentences),
+        ("Notes", outcome.notes),
+    ):
+        if lines:
+            blocks.append(Fold(f"{summary}: {len(lines)}", (Bullets(tuple(lines)),)))
+    return blocks
+
+
+def _means_table(analysis: StudyAnalysis, column: str, experiment: StudyExperiment) -> Table:
+    measure = analysis.measure(column)
+    factors = list(analysis.levels)
+    cells = aggregated(analysis.selection.counted, [measure], factors)
+    rows = []
+    for key, group in cells.groupby(factors, sort=False, observed=True):
+        levels = key if isinstance(key, tuple) else (key,)
+        names = ", ".join(label_of(experiment.texts, str(v)) for v in levels)
+        values = group[column].to_numpy(float)
+        rows.append((names, _mean_sd(values), str(int(np.isfinite(values).sum()))))
+    unit = "" if measure.unit in ("", "1") else f" in {measure.unit}"
+    heads = ", ".join(label_of(experiment.texts, f) for f in factors)
+    return Table(
+        (Column(heads[:1].upper() + heads[1:]), Column("Mean (SD)", "right"),
+         Column("People", "right")),
+        tuple(rows),
+        f"{measure.words}{unit}: mean over participants (SD)",
+    )  # fmt: skip
+
+
+def _people(analysis: StudyAnalysis, pictures: Pictures) -> Section:
+    blocks: list[Block] = [pictures["exclusions"]]
+    people = analysis.people
+    if "age" in people:
+        ages = pd.to_numeric(people["age"], errors="coerce").dropna().to_numpy(float)
+        if len(ages):
+            blocks.append(Paragraph(f"Age {_mean_sd(ages)} years."))
+    out = analysis.selection.people
+    gone = out[~out["is_analysed"]]
+    if len(gone):
+        rows = tuple(
+            (str(p), str(why))
+            for p, why in zip(gone["participant"], gone["left_out_because"], strict=True)
+        )
+        blocks.append(Table((Column("Participant"), Column("Why")), rows, "Left out"))
+    if analysis.n_participants < MIN_PARTICIPANTS:
+        blocks.append(Paragraph(f"Tests need {MIN_PARTICIPANTS} participants."))
+    rows_ = analysis.selection.rows
+    other = rows_[(rows_["status"] != "complete") & ~rows_["is_practice"].astype(bool)]
+    if len(other):
+        listed = tuple(
+            tuple(map(str, r))
+            for r in other[["participant", "trial_id", "status", "reason"]].itertuples(index=False)
+        )
+        heads = tuple(Column(h) for h in ("Participant", "Trial", "Status", "Reason"))
+        blocks.append(Fold("Interrupted and skipped trials", (Table(heads, listed, "Trials"),)))
+    return Section("people", "Participants", tuple(blocks))
+
+
+def _methods(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
+    blocks: list[Block] = [Paragraph(p) for p in method_paragraphs(analysis, experiment)]
+    changed = [
+        f"{name} is {experiment.parameters[name]} (the study's own: {usual})."
+        for name, usual in _usual(experiment).items()
+        if experiment.parameters[name] != usual
+    ]
+    if changed:
+        blocks += [Paragraph("Set otherwise for these sessions:"), Bullets(tuple(changed))]
+    return Section("methods", "Methods", tuple(blocks))
+
+
+def _usual(experiment: StudyExperiment) -> dict[str, object]:
+    usual = StudyExperiment(experiment.study, {"language": experiment.language}).parameters
+    return {k: v for k, v in usual.items() if k in experiment.parameters}
+
+
+def _provenance(provenance: ReportProvenance) -> Section:
+    facts = [("Study", f"{provenance.study}, version {provenance.study_version}")]
+    if provenance.seed is not None:
+        facts.append(("Seed", str(provenance.seed)))
+    for label, value in (
+        ("Configuration SHA-256", provenance.configuration_sha256),
+        ("Plan SHA-256", provenance.plan_sha256),
+    ):
+        if value:
+            facts.append((label, value))
+    facts += list(provenance.versions.items())
+    blocks: list[Block] = [Facts(tuple(facts))]
+    if provenance.commands:
+        blocks += [Paragraph("The same report again:"), Code(provenance.commands)]
+    rows = tuple(
+        (s.participant, s.session, s.started_at, s.status, s.sha256, s.code_revision)
+        for s in provenance.sessions
+    )
+    if rows:
+        heads = ("Participant", "Session", "Began", "Status", "SHA-256", "Code")
+        table = Table(tuple(Column(h) for h in heads), rows, "Recordings")
+        blocks.append(Fold(counted(len(rows), "recording"), (table,)))
+    return Section("provenance", "Provenance", tuple(blocks))

@@ -1,0 +1,204 @@
+"""A study as data: what varies, what is asked, what is measured and compared, in what words.
+
+A study file makes one `Study` and gives it a trial:
+
+    study = Study("duel", "Whom do people look at?", factors=[...], compare=[...])
+
+    @study.trial
+    def trial(t):
+        yield t.show(Scene("two_people", active=t.side, eyes=t.gaze), seconds=4)
+
+Everything else follows from it once, for every study: planning, sessions, simulated people,
+tables with their dictionaries, statistics, figures, report, power.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from lab.errors import DesignError
+from protocol.design import BlockOrder, Design, Factor, TrialOrder
+from protocol.orders import Constraint
+from protocol.participants import SimulatedParticipant
+from visavis.compare import Compare
+from visavis.exclusions import STANDARD_RULES, Exclusion
+from visavis.measures import Measure
+from visavis.person import Seen
+from visavis.responses import Response
+from visavis.scenes import Maker
+from visavis.trial import TrialPlan, TrialScript
+
+RESERVED: Final = frozenset(name for name in dir(TrialScript) if not name.startswith("_")) | {
+    "trial",
+    "settings",
+    "row",
+    "view",
+}
+"""Names a trial script has already; no factor or parameter can be called so."""
+SETTABLE: Final = ("repetitions", "practice", "blocks", "order", "answer_by", "answer_limit_s")
+"""Parameters that every study has."""
+
+AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
+"""What a simulated person answers: the option (or text) for what was seen; None leaves it out."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a study comes from: the citation, and what is printed of it.
+
+    `cells` are published means (and SDs) by measure and level: {"dwell_ms": {"D": (1210, 480)}}.
+    """
+
+    citation: str
+    participants: int | None = None
+    cells: Mapping[str, Mapping[str, tuple[float, float | None]]] = field(default_factory=dict)
+    note: str = ""
+
+
+@dataclass
+class Study:
+    """A study. Only name, title, factors and a trial are needed.
+
+    `texts` names the folder of text files beside the study file. `parameters` are numbers, texts
+    and truths a lab may replace with `--set`; a trial reads them as attributes. `responses` need
+    not be listed: they are found by reading the trial without performing it; list them where a
+    trial asks only in some cases. `needs` and `uses` are roles of devices beside the headset.
+    """
+
+    name: str
+    title: str = ""
+    question: str = ""
+    factors: Sequence[Factor] = ()
+    repetitions: int = 1
+    practice: int | Sequence[Mapping[str, Any]] = 0
+    blocks: int = 1
+    order: TrialOrder = "random"
+    balanced: Sequence[str] = ()
+    blocked_by: str | None = None
+    block_order: BlockOrder = "fixed"
+    constraints: Sequence[Constraint] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    texts: str | None = None
+    responses: Sequence[Response] = ()
+    measures: Sequence[Measure] = ()
+    compare: Sequence[Compare] = ()
+    exclusions: Sequence[Exclusion] = STANDARD_RULES
+    questionnaires: Sequence[str] = ()
+    needs: Sequence[str] = ()
+    uses: Sequence[str] = ("eye_tracker", "body_tracker")
+    calibrate: bool = True
+    intertrial_s: float = 1.0
+    answer_by: Literal["board", "keyboard"] = "board"
+    answer_limit_s: float = 30.0
+    source: Source | None = None
+    methods: str = ""
+    version: str = "1"
+    folder: Path = field(default_factory=Path)
+    plan_of: TrialPlan | None = None
+    answer_of: AnswerOf | None = None
+    person_of: Callable[[int, int, bool], SimulatedParticipant] | None = None
+    makers: dict[str, Maker] = field(default_factory=dict)
+    path: Path | None = None
+    """The file it was read from; None for a study of an installed package."""
+
+    def __post_init__(self) -> None:
+        problems = []
+        if not self.name.isidentifier() or not self.name.islower():
+            problems.append(f"the name {self.name!r} is not made of small letters, digits and _")
+        if not self.factors:
+            problems.append("there is no factor; add one, if need be with one level")
+        problems += [
+            f"nothing can be called {name!r}: a trial uses that name itself"
+            for name in (*(f.name for f in self.factors), *self.parameters)
+            if name in RESERVED or not name.isidentifier()
+        ]
+        names = [f.name for f in self.factors]
+        problems += [f"{n!r} is a factor and a parameter" for n in names if n in self.parameters]
+        problems += [f"{n!r} is a parameter of every study" for n in self.parameters
+                     if n in SETTABLE]  # fmt: skip
+        if problems:
+            raise DesignError(f"study {self.name}: {'; '.join(problems)}")
+        self.title = self.title or self.name.replace("_", " ").capitalize()
+
+    # ---- what a study file adds ----
+
+    def trial(self, plan: TrialPlan) -> TrialPlan:
+        """Take a generator as the study's trial (a decorator)."""
+        self.plan_of = plan
+        return plan
+
+    def answer(self, answer: AnswerOf) -> AnswerOf:
+        """Take a function as what simulated people answer (a decorator)."""
+        self.answer_of = answer
+        return answer
+
+    def scene(self, name: str) -> Callable[[Maker], Maker]:
+        """Take a function as the maker of a scene of this study (a decorator)."""
+
+        def taken(maker: Maker) -> Maker:
+            self.makers[name] = maker
+            return maker
+
+        return taken
+
+    def person(
+        self, make: Callable[[int, int, bool], SimulatedParticipant]
+    ) -> Callable[[int, int, bool], SimulatedParticipant]:
+        """Take a function of place, seed and effect as the simulated participant (a decorator)."""
+        self.person_of = make
+        return make
+
+    # ---- what follows ----
+
+    @property
+    def trial_plan(self) -> TrialPlan:
+        """The trial.
+
+        Raises:
+            DesignError: the study has none.
+        """
+        if self.plan_of is None:
+            raise DesignError(f"study {self.name} has no trial; write one under @study.trial")
+        return self.plan_of
+
+    def design(self, parameters: Mapping[str, Any]) -> Design:
+        """Return the design with parameters in force, levels of factors among them.
+
+        Raises:
+            DesignError: it cannot be balanced or ordered so.
+        """
+        practice = parameters["practice"]
+        return Design(
+            study=self.name,
+            version=self.version,
+            factors=tuple(
+                Factor(f.name, tuple(parameters.get(f.name, f.levels)), f.between)
+                for f in self.factors
+            ),
+            repetitions=int(parameters["repetitions"]),
+            blocks=int(parameters["blocks"]),
+            order=parameters["order"],
+            balanced=tuple(self.balanced),
+            blocked_by=self.blocked_by,
+            block_order=self.block_order,
+            constraints=tuple(self.constraints),
+            practice=practice if isinstance(practice, int) else tuple(dict(c) for c in practice),
+            calibrate_blocks=False,
+            calibrate_practice=self.calibrate,
+            questionnaires=tuple(self.questionnaires),
+        )
+
+    def factor(self, name: str) -> Factor:
+        """Return a factor by name.
+
+        Raises:
+            DesignError: there is none.
+        """
+        for factor in self.factors:
+            if factor.name == name:
+                return factor
+        known = ", ".join(f.name for f in self.factors)
+        raise DesignError(f"study {self.name} has no factor {name!r}; it has {known}")

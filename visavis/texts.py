@@ -1,0 +1,121 @@
+"""Everything a participant reads, by language, with placeholders filled from parameters.
+
+A folder of `en.yaml`, `de.yaml` … holds nested texts; `questions.realism` is the text at `realism`
+below `questions`. The kit's own words (buttons of boards, names of blocks) lie in `visavis/words`;
+a study's file may replace any of them.
+"""
+
+import string
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from lab.errors import ConfigError
+from lab.yaml_lines import did_you_mean, read_document
+
+WORDS_DIR: Final = Path(__file__).parent / "words"
+DEFAULT_LANGUAGE: Final = "en"
+
+
+@dataclass(frozen=True)
+class Texts:
+    """The texts of one study in one language: `entries` by dotted name; `source` says whence."""
+
+    language: str
+    entries: Mapping[str, str] = field(repr=False)
+    own: frozenset[str] = frozenset()
+    source: str = ""
+
+    def get(self, name: str, values: Mapping[str, Any] | None = None) -> str:
+        """Return a text with its placeholders filled.
+
+        Raises:
+            ConfigError: there is no such text, or a placeholder that nothing fills.
+        """
+        if name not in self.entries:
+            raise ConfigError(
+                f"{self.source or 'the texts'} ({self.language}) has no text {name!r}"
+                f"{did_you_mean(name, tuple(self.entries))}"
+            )
+        text = self.entries[name]
+        known = values or {}
+        for placeholder in placeholders_of(text):
+            if placeholder not in known:
+                hint = did_you_mean(placeholder, tuple(known))
+                raise ConfigError(
+                    f"{self.source} ({self.language}), {name}: nothing fills {{{placeholder}}}"
+                    f"{hint}; it can name {', '.join(sorted(known)) or 'nothing'}"
+                )
+        return text.format_map({k: shown(v) for k, v in known.items()})
+
+    def find(self, *names: str, values: Mapping[str, Any] | None = None) -> str | None:
+        """Return the first of several texts that is there, None when none is."""
+        for name in names:
+            if name in self.entries:
+                return self.get(name, values)
+        return None
+
+    def below(self, prefix: str) -> Iterator[str]:
+        """Yield the names of the texts below a prefix."""
+        for name in self.entries:
+            if name.startswith(prefix + "."):
+                yield name.removeprefix(prefix + ".")
+
+
+def shown(value: Any) -> str:
+    """Write a value as a participant reads it: 4, not 4.0."""
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def placeholders_of(text: str) -> tuple[str, ...]:
+    """Return the names in braces of a text."""
+    return tuple(name for _, name, _, _ in string.Formatter().parse(text) if name)
+
+
+def languages_in(folder: Path) -> tuple[str, ...]:
+    """Return the languages a folder of texts has."""
+    return tuple(sorted(path.stem for path in folder.glob("*.yaml")))
+
+
+def read_texts(folder: Path | None, language: str = DEFAULT_LANGUAGE) -> Texts:
+    """Read the kit's words and over them a study's texts, in one language.
+
+    Raises:
+        ConfigError: the study has no such language, or a file cannot be read.
+    """
+    spoken = language if language in languages_in(WORDS_DIR) else DEFAULT_LANGUAGE
+    entries = dict(_read(WORDS_DIR / f"{spoken}.yaml"))
+    if folder is None:
+        return Texts(language, entries, source="Visavis")
+    if not folder.is_dir():
+        raise ConfigError(f"there is no folder {folder} for the study's texts; make it, or say "
+                          "texts=None")  # fmt: skip
+    if language not in languages_in(folder):
+        raise ConfigError(
+            f"{folder} has no {language}.yaml; it has {', '.join(languages_in(folder)) or 'none'}. "
+            f"Choose one of them with --language, or translate the file"
+        )
+    own = dict(_read(folder / f"{language}.yaml"))
+    return Texts(language, entries | own, frozenset(own), str(folder / f"{language}.yaml"))
+
+
+def _read(path: Path) -> Iterable[tuple[str, str]]:
+    document = read_document(path)
+    if document.problems:
+        raise ConfigError(f"{path}: {'; '.join(str(p) for p in document.problems)}")
+    raw = document.data
+    if not isinstance(raw, Mapping):
+        raise ConfigError(f"{path} holds no names with texts")
+    return tuple(_flat(raw, path))
+
+
+def _flat(raw: Mapping[Any, Any], path: Path, prefix: str = "") -> Iterator[tuple[str, str]]:
+    for key, value in raw.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, Mapping):
+            yield from _flat(value, path, f"{name}.")
+        elif isinstance(value, str | int | float) and not isinstance(value, bool):
+            yield name, str(value).strip()
+        else:
+            raise ConfigError(f"{path}: {name} is {value!r}; write a text")

@@ -1,0 +1,504 @@
+"""The steps a study's trial is written in: dark, show, ask, wait, key, point, vibrate, mark, walk.
+
+A trial is a generator over a `TrialScript`: it yields what the script's methods return and gets
+back what came of it (an `Answer`, a `ShownScene`). Whatever one step is made of (frames, marks, a
+board that follows a ray) happens inside, so a trial reads as its protocol does. Steps of
+`protocol.steps` may be yielded too, where a study needs the frame itself.
+"""
+
+from collections.abc import Callable, Generator, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from devices.contracts import VibrationPattern
+from lab.clock import NS_PER_MS, NS_PER_S
+from lab.errors import DesignError
+from lab.geometry import Pose, Vector
+from protocol.plan import Trial
+from protocol.steps import (
+    Answered,
+    FrameView,
+    Mark,
+    NextFrame,
+    Plan,
+    Play,
+    Scalar,
+    Show,
+    Silence,
+    Step,
+    TrialInterrupted,
+)
+from stimuli.panels import SIZE_M, PanelFrame, placed_before
+from stimuli.picture import Panel
+from stimuli.scene import Scene as StageScene
+from stimuli.scene import SceneFrame
+from visavis.asking import (
+    Answer,
+    Ways,
+    asked_elsewhere,
+    asked_on_board,
+    direction_columns,
+    frame,
+    pointed,
+    pressed,
+)
+from visavis.responses import Keys, Number, Pointing, Rating, Response, Text
+from visavis.scenes import Maker, Scene, Staged, Staging, stage
+from visavis.texts import Texts
+
+DRAIN_MS: Final = 50.0
+"""How long a scene stays for samples taken before its end that have not arrived yet."""
+SCENE_STREAM: Final = 100
+OWN_STREAM: Final = 200
+DARK: Final = StageScene(name="dark", agents=(), brightness_01=0.0)
+
+Performing: TypeAlias = Generator[Step, FrameView | Answered | None, Any]
+
+
+@dataclass(frozen=True)
+class ShownScene:
+    """What came of showing a scene: when its light came and went, and who was who in it."""
+
+    on_ns: int
+    off_ns: int
+    roles: Mapping[str, int]
+    view: FrameView
+
+    @property
+    def ms(self) -> float:
+        """How long it was there."""
+        return (self.off_ns - self.on_ns) / NS_PER_MS
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """A step of the kit: `name` says what, `seconds` how long at least, `perform` does it.
+
+    `response` is what is asked, `scene` what is shown, for those who read a trial without
+    performing it.
+    """
+
+    name: str
+    perform: Callable[[], Performing] = field(repr=False)
+    seconds: float = 0.0
+    response: Response | None = None
+    scene: Scene | None = None
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What every trial of a study shares: its parameters, words, scenes and ways of answering."""
+
+    parameters: Mapping[str, Any]
+    texts: Texts
+    values: Mapping[str, Any]
+    makers: Mapping[str, Maker]
+    ways: Ways
+    answer_by: str
+    folder: Path
+
+
+class TrialScript:
+    """One trial as its study writes it: factors are attributes, steps are methods.
+
+    `row` collects the trial's columns; a study may add its own. What a trial function returns is
+    added to it at the end.
+    """
+
+    def __init__(self, trial: Trial, settings: Settings) -> None:
+        self.trial = trial
+        self.settings = settings
+        self.row: dict[str, Scalar | None] = {}
+        self.view: FrameView | None = None
+        self._staged: Staged | None = None
+        self._onset_ns = 0
+        self._dark_since: int | None = None
+        self._names: dict[str, int] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a factor's level in this trial, or a parameter of the study."""
+        if name.startswith("_") or name in ("trial", "settings"):
+            raise AttributeError(name)
+        if name in self.trial.factors:
+            return self.trial.factors[name]
+        if name in self.settings.parameters:
+            return self.settings.parameters[name]
+        known = ", ".join((*self.trial.factors, *self.settings.parameters))
+        raise AttributeError(f"this trial has no factor or parameter {name!r}; it has {known}")
+
+    @property
+    def is_practice(self) -> bool:
+        """Whether the trial is practice."""
+        return self.trial.is_practice
+
+    def rng(self, stream: int = 0) -> np.random.Generator:
+        """Return chance for this trial: the same whenever the trial is performed again."""
+        key = (OWN_STREAM + stream,)
+        return np.random.default_rng(np.random.SeedSequence(self.trial.seed, spawn_key=key))
+
+    def text(self, name: str, **values: Any) -> str:
+        """Return one of the study's texts with its placeholders filled."""
+        return self.settings.texts.get(name, {**self.settings.values, **values})
+
+    # ---- steps ----
+
+    def dark(self, seconds: float) -> Action:
+        """Show nothing for so long."""
+        return Action("dark", lambda: self._dark(seconds), _duration("dark", seconds))
+
+    def show(
+        self,
+        scene: Scene,
+        seconds: float,
+        *,
+        name: str = "scene",
+        until: Callable[[FrameView], bool] | None = None,
+    ) -> Action:
+        """Show a scene for so long, or until `until` says of a frame that it is enough.
+
+        Columns: `NAME_on_ns` and `NAME_off_ns` (a second scene of a trial: `NAME2_on_ns`),
+        `NAME_frames`, and `NAME_ROLE` for the agent that plays a role. The step returns a
+        `ShownScene`. The scene stays until the next step shows something else.
+        """
+        shown_s = _duration("show", seconds)
+        return Action("show", lambda: self._show(scene, seconds, name, until), shown_s, scene=scene)
+
+    def ask(self, response: Response, *, over_scene: bool = False) -> Action:
+        """Ask something; the answer's columns join the row, and the step returns the `Answer`.
+
+        The board stands in the dark, or before the scene with `over_scene`. Free text and numbers
+        are asked at the terminal.
+        """
+        return Action("ask", lambda: self._ask(response, over_scene), response=response)
+
+    def key(self, response: Keys) -> Action:
+        """Wait for a press, timed from the last scene's onset; what is shown stays."""
+        return Action("key", lambda: self._key(response), 0.0, response=response)
+
+    def wait(self, seconds: float) -> Action:
+        """Leave everything as it is for so long."""
+        return Action("wait", lambda: self._wait(seconds), _duration("wait", seconds))
+
+    def vibrate(
+        self,
+        role: str,
+        seconds: float = 0.2,
+        *,
+        motors: tuple[int, ...] = (0,),
+        amplitude_01: float = 1.0,
+        pattern: VibrationPattern | None = None,
+    ) -> Action:
+        """Let an armband vibrate; it begins now and ends by itself, the trial goes on at once."""
+        _duration("vibrate", seconds)
+        played = pattern or VibrationPattern("steady", round(seconds * 1000))
+        return Action("vibrate", lambda: self._vibrate(role, played, motors, amplitude_01))
+
+    def mark(self, name: str, **payload: Scalar | None) -> Action:
+        """Write an event into the recording at the present frame's time."""
+        return Action("mark", lambda: self._mark(name, payload))
+
+    def walk_to(
+        self, x_m: float, z_m: float, *, within_m: float = 0.35, limit_s: float = 60.0
+    ) -> Action:
+        """Wait until the participant's head is above a point of the floor.
+
+        Columns: `walk_ms` and whether it was reached, `walk_reached`.
+        """
+        _duration("walk_to", limit_s)
+        place = (x_m, z_m)
+        return Action("walk_to", lambda: self._walk_to(place, within_m, limit_s))
+
+    # ---- how they are performed ----
+
+    def _frame(self) -> Performing:
+        self.view = yield from frame()
+        return self.view
+
+    def _now(self) -> Performing:
+        """Return the latest frame; the first of a trial has to be waited for."""
+        if self.view is None:
+            yield from self._frame()
+        return self.view
+
+    def _until(self, until_ns: int, each_frame: Callable[[FrameView], Show | None]) -> Performing:
+        view = yield from self._now()
+        while view.t_ns < until_ns:
+            step = each_frame(view)
+            if step is not None:
+                yield step
+            view = yield from self._frame()
+        return view
+
+    def _dark(self, seconds: float) -> Performing:
+        view = yield from self._now()
+        self._staged = None
+        yield dark_view(view.t_ns)
+        yield from self._until(view.t_ns + round(seconds * NS_PER_S), _nothing)
+
+    def _show(
+        self, wanted: Scene, seconds: float, name: str, until: Callable[[FrameView], bool] | None
+    ) -> Performing:
+        before = yield from self._now()
+        name = self._numbered(name)
+        staged = self._stage(wanted, seconds, len(self._names), before.t_ns)
+        self._staged, self._onset_ns = staged, before.t_ns
+        yield from _shown(staged.frame(before, 0))
+        view = yield from self._frame()
+        on_ns = self._onset_ns = view.t_ns
+        self.row.setdefault("t_start_ns", on_ns)
+        yield Mark("shown", _payload(self.trial, name, wanted, staged, before.t_ns))
+        end_ns = on_ns + round(seconds * NS_PER_S)
+        frames, off_ns = 0, end_ns
+        while True:
+            frames += 1
+            if until is not None and until(view):
+                off_ns = view.t_ns
+                break
+            if view.t_ns >= end_ns and _arrived(view, end_ns):
+                break
+            yield from _shown(staged.frame(view, view.t_ns - on_ns))
+            view = yield from self._frame()
+        self.row |= {
+            f"{name}_on_ns": on_ns,
+            f"{name}_off_ns": off_ns,
+            f"{name}_frames": frames,
+            **{f"{name}_{role}": index for role, index in staged.roles.items()
+               if role not in {a.place for a in staged.scene.agents}},
+            "t_end_ns": off_ns,
+        }  # fmt: skip
+        return ShownScene(on_ns, off_ns, staged.roles, view)
+
+    def _stage(self, wanted: Scene, seconds: float, number: int, start_ns: int) -> Staged:
+        key = (SCENE_STREAM + number,)
+        rng = np.random.default_rng(np.random.SeedSequence(self.trial.seed, spawn_key=key))
+        staging = Staging(rng, seconds, start_ns, self.settings.folder)
+        return stage(wanted, staging, self.settings.makers)
+
+    def _ask(self, response: Response, over_scene: bool) -> Performing:
+        view = yield from self._now()
+        prompt, labels = self.words_of(response)
+        if isinstance(response, Pointing):
+            answer = yield from pointed(response.limit_s, view, self._still)
+        elif isinstance(response, Text | Number) or self.settings.answer_by == "keyboard":
+            yield from self._clear(over_scene, view)
+            answer = yield from asked_elsewhere(
+                response.name, prompt, tuple(response.options), labels, view
+            )
+        else:
+            answer = yield from asked_on_board(
+                Panel(prompt, labels, self._board_pose(view), SIZE_M),
+                tuple(response.options),
+                response.name,
+                self.settings.ways,
+                view,
+                self._board_shown(over_scene),
+            )
+        yield from self._answered(response, answer)
+        if not over_scene and not isinstance(response, Pointing):
+            yield dark_view(answer.view.t_ns)
+            self._staged = None
+        return answer
+
+    def _key(self, response: Keys) -> Performing:
+        view = yield from self._now()
+        from_ns = self._onset_ns or view.t_ns
+        controls = tuple(response.options)
+        answer = yield from pressed(controls, response.limit_s, view, from_ns, self._still)
+        yield from self._answered(response, answer)
+        return answer
+
+    def _answered(self, response: Response, answer: Answer) -> Performing:
+        self.view = answer.view
+        name, option = response.name, answer.option
+        told = None if option is None else response.value(option)
+        self.row |= {name: told, f"{name}_by": answer.by, f"{name}_ms": answer.ms}
+        self.row |= response.more(option)
+        if isinstance(response, Pointing):
+            self.row |= self._pointed_at(name, answer.pose)
+        self.row["t_end_ns"] = answer.answered_ns
+        yield Mark(
+            "answered",
+            {"trial_id": self.trial.trial_id, "question": name, "answer": told, "by": answer.by},
+        )
+
+    def _pointed_at(self, name: str, pose: Pose | None) -> dict[str, Scalar | None]:
+        agents = () if self._staged is None else self._staged.scene.agents
+        heads: Vector = np.array([a.head_centre_m for a in agents]).reshape(-1, 3)
+        return direction_columns(name, pose, heads, tuple(a.place for a in agents))
+
+    def words_of(self, response: Response) -> tuple[str, tuple[str, ...]]:
+        """Return how a question is put, and its options, in the study's language."""
+        texts, name = self.settings.texts, response.name
+        values = {**self.settings.values, "name": name.replace("_", " ")}
+        standard = "question"
+        if isinstance(response, Rating):
+            values |= {"low": response.low, "high": response.high}
+            standard = "rating"
+        prompt = texts.find(f"questions.{name}", standard, values=values) or name
+        labels = tuple(
+            texts.find(f"choices.{name}.{option}", values=values) or option
+            for option in response.options
+        )
+        return prompt, labels
+
+    def _board_pose(self, view: FrameView) -> Pose:
+        return placed_before(view.head)
+
+    def _board_shown(self, over_scene: bool) -> Callable[[FrameView, Panel], Show | None]:
+        staged = self._staged if over_scene else None
+        last: list[tuple[SceneFrame, int | None]] = []
+
+        def show(view: FrameView, panel: Panel) -> Show | None:
+            elapsed_ns = view.t_ns - self._onset_ns
+            behind = None if staged is None else staged.frame(view, elapsed_ns)
+            if last and behind is None and last[-1][1] == panel.highlighted:
+                return None
+            if behind is None:
+                behind = last[-1][0] if last else _dark_frame(view.t_ns)
+            last[:] = [(behind, panel.highlighted)]
+            return Show(
+                PanelFrame(behind.scene, view.t_ns, behind.gaze_direction,
+                           behind.eye_openness_01, behind.people, panels=(panel,))
+            )  # fmt: skip
+
+        return show
+
+    def _still(self, view: FrameView) -> Show | None:
+        """Go on with the scene that is shown."""
+        staged = self._staged
+        moved = None if staged is None else staged.frame(view, view.t_ns - self._onset_ns)
+        return None if moved is None else Show(moved)
+
+    def _clear(self, over_scene: bool, view: FrameView) -> Performing:
+        if not over_scene:
+            yield dark_view(view.t_ns)
+
+    def _wait(self, seconds: float) -> Performing:
+        view = yield from self._now()
+        yield from self._until(view.t_ns + round(seconds * NS_PER_S), self._still)
+
+    def _vibrate(
+        self, role: str, pattern: VibrationPattern, motors: tuple[int, ...], amplitude_01: float
+    ) -> Performing:
+        yield from self._now()
+        yield Play(role, pattern, motors, amplitude_01)
+        yield Mark("vibrated", {"trial_id": self.trial.trial_id, "role": role})
+
+    def _mark(self, name: str, payload: Mapping[str, Scalar | None]) -> Performing:
+        yield from self._now()
+        yield Mark(name, {"trial_id": self.trial.trial_id, **payload})
+
+    def _walk_to(self, place: tuple[float, float], within_m: float, limit_s: float) -> Performing:
+        view = yield from self._now()
+        began_ns, is_there = view.t_ns, False
+        until_ns = began_ns + round(limit_s * NS_PER_S)
+        while view.t_ns < until_ns:
+            x, _, z = view.head.position_m.tolist()
+            if view.head_valid and np.hypot(x - place[0], z - place[1]) <= within_m:
+                is_there = True
+                break
+            step = self._still(view)
+            if step is not None:
+                yield step
+            view = yield from self._frame()
+        took = (view.t_ns - began_ns) / NS_PER_MS
+        self.row |= {"walk_ms": took if is_there else None, "walk_reached": is_there}
+        return is_there
+
+    def _numbered(self, name: str) -> str:
+        count = self._names[name] = self._names.get(name, 0) + 1
+        return name if count == 1 else f"{name}{count}"
+
+
+TrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Action | Step]]
+"""A study's trial: a generator over its script."""
+
+
+def perform(script: TrialScript, plan: TrialPlan) -> Plan:
+    """Perform a study's trial as the session does: actions unfolded into steps of the engine.
+
+    An interruption is thrown into the study's generator too, so that its `finally` runs; motors
+    are silenced in any case.
+    """
+    steps: Any = plan(script)
+    reply: Any = None
+    try:
+        while True:
+            wanted = steps.send(reply)
+            if isinstance(wanted, Action):
+                reply = yield from wanted.perform()
+            else:
+                reply = yield wanted
+                if isinstance(wanted, NextFrame):
+                    script.view = reply
+    except StopIteration as end:
+        return {**script.row, **(end.value or {})}
+    except TrialInterrupted as stop:
+        yield Silence()
+        yield from _unwound(steps, stop)
+        raise
+
+
+def _unwound(steps: Any, stop: TrialInterrupted) -> Performing:
+    try:
+        wanted = steps.throw(stop)
+        while True:
+            if isinstance(wanted, Action):
+                if wanted.name not in ("mark", "vibrate"):
+                    raise DesignError(
+                        f"a trial that was interrupted may still mark, not {wanted.name}"
+                    )
+                reply = yield from wanted.perform()
+            else:
+                reply = yield wanted
+            wanted = steps.send(reply)
+    except (StopIteration, TrialInterrupted):
+        return
+
+
+def dark_view(t_ns: int) -> Show:
+    """Return the step that makes everything dark."""
+    return Show(_dark_frame(t_ns))
+
+
+def _dark_frame(t_ns: int) -> SceneFrame:
+    return SceneFrame(DARK, t_ns, np.zeros((0, 3)), np.zeros(0))
+
+
+def _nothing(view: FrameView) -> Show | None:
+    return None
+
+
+def _shown(view: SceneFrame | None) -> Performing:
+    if view is not None:
+        yield Show(view)
+
+
+def _arrived(view: FrameView, end_ns: int) -> bool:
+    """Tell whether every gaze sample from before the end is here, or was waited for long enough."""
+    stamps = view.gaze.t_ns
+    waited = view.t_ns >= end_ns + round(DRAIN_MS * NS_PER_MS)
+    return waited or bool(stamps.shape[0] and stamps[-1] >= end_ns)
+
+
+def _payload(
+    trial: Trial, name: str, wanted: Scene, staged: Staged, start_ns: int
+) -> dict[str, Scalar | None]:
+    return {
+        "trial_id": trial.trial_id,
+        "name": name,
+        "scene": wanted.name,
+        "start_ns": start_ns,
+        **{f"option_{k}": v if isinstance(v, str | int | float | bool) else str(v)
+           for k, v in wanted.options.items()},
+        **{f"role_{role}": index for role, index in staged.roles.items()},
+    }  # fmt: skip
+
+
+def _duration(step: str, seconds: float) -> float:
+    if not 0 <= seconds < np.inf:
+        raise DesignError(f"t.{step}({seconds}): give seconds from 0")
+    return float(seconds)
