@@ -4,7 +4,7 @@ Every way ends in an `Answer`: the option chosen, how, when it was asked and whe
 """
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -54,13 +54,13 @@ class Answer:
 class Ways:
     """How questions are answered on boards.
 
-    `limit_s` after the board appeared the question is given over to the operator. With `dwell` a
-    choice looked at for long enough is taken; `head_points` lets the head point where neither a
-    hand nor a controller is tracked.
+    `limit_s` after the board appeared the question is given over to the operator. While neither a
+    hand nor a controller is tracked, a choice looked at for as long as `dwell` says is taken, and
+    before that by a button; `head_points` lets the head point where there is no gaze either.
     """
 
     limit_s: float = 30.0
-    dwell: DwellRule | None = None
+    dwell: DwellRule | None = field(default_factory=DwellRule)
     head_points: bool = True
 
 
@@ -130,14 +130,16 @@ def asked_on_board(
     view = replace(view, pressed=())
     while view.t_ns < until_ns:
         ray = newer_ray(ray, view, head_points=ways.head_points)
-        lit = chosen_by(None if ray is None else ray.pose, panel)
-        looked = None if dwell is None else dwelt(dwell, panel, view, asked_ns)
-        if lit is None and dwell is not None:
-            lit = dwell.choice
-        pose = None if ray is None else ray.pose
+        by_hand = ray is not None and ray.is_hand
+        looked = None
+        if dwell is not None and not by_hand:
+            looked = dwelt(dwell, panel, view, asked_ns)
+        at_gaze = None if dwell is None or by_hand else dwell.choice
+        lit = chosen_by(None if ray is None else ray.pose, panel) if at_gaze is None else at_gaze
         for control in view.pressed:
             if control in CONFIRM and lit is not None:
-                return Answer(options[lit], "ray", asked_ns, view.t_ns, view, pose)
+                by, pose = ("gaze", None) if at_gaze is not None else ("ray", ray and ray.pose)
+                return Answer(options[lit], by, asked_ns, view.t_ns, view, pose)
             if control.isdigit() and 1 <= int(control) <= len(options):
                 return Answer(options[int(control) - 1], "keys", asked_ns, view.t_ns, view)
         if looked is not None:

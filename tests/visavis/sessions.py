@@ -1,0 +1,36 @@
+"""Studies of the tests, simulated at low rates on the virtual clock."""
+
+from pathlib import Path
+from typing import Any
+
+from cli.perform import perform_new, simulated_request
+from recording.reader import Recording
+from tests.faults.sessions import lab
+from visavis.catalogue import find_study
+from visavis.opened import OpenedStudy
+
+STUDIES = Path(__file__).parent / "studies"
+
+
+def opened(name: str) -> OpenedStudy:
+    """Return a study of the tests."""
+    found = find_study(str(STUDIES / f"{name}.py"))
+    assert isinstance(found, OpenedStudy)
+    return found
+
+
+def perform(
+    name: str, data_root: Path, index: int = 0, *, effect: bool = True, **parameters: Any
+) -> Recording:
+    """Simulate one participant of a study and return what was recorded."""
+    study = opened(name)
+    request = simulated_request(
+        study,
+        study.experiment(parameters),
+        lab(data_root),
+        label=f"S{index + 1:02d}",
+        index=index,
+        seed=1,
+        effect=effect,
+    )
+    return Recording(perform_new(request))
