@@ -79,7 +79,8 @@ def _recording_findings(recording: Recording) -> list[Finding]:
                 RESUME,
             )
         )
-    return found or [Finding(Level.GREEN, "recording", "complete: every file closed and verified")]
+    found = found or [Finding(Level.GREEN, "recording", "complete: every file closed and verified")]
+    return [*found, *(Finding(Level.AMBER, "recording", note) for note in damage.notes)]
 
 
 # ---- trials ----------------------------------------------------------------------------------

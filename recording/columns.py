@@ -1,6 +1,7 @@
 """Translate stream schemas to Arrow and back, and sample batches to Arrow IPC messages."""
 
 import json
+import math
 import zlib
 from dataclasses import dataclass
 from typing import Any
@@ -10,11 +11,15 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from lab.errors import RecordingError
+from lab.plain_files import parse_json
 from lab.schema import Field, StreamSchema
 from recording.framing import read_message
 
 FORMAT_VERSION = 1
 """Version of stream files; a reader understands this and all earlier ones."""
+
+MAX_ITEMS = 1_000_000
+"""No field holds more values a sample."""
 
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 """The eight bytes that close an Arrow IPC stream."""
@@ -91,16 +96,27 @@ def stream_schema(schema: Any) -> StreamSchema:
                 dtype=notes["dtype"],
                 unit=notes["unit"],
                 frame=notes["frame"],
-                shape=tuple(json.loads(notes["shape"])),
+                shape=_shape(notes["shape"]),
                 description=notes["description"],
             )
         )
+        if np.dtype(fields[-1].dtype).str[1:] not in _ARROW_TYPES:
+            raise ValueError(f"a dtype that can be recorded: {column.name!r}")
     return StreamSchema(
         name=meta["stream"],
         fields=tuple(fields),
         nominal_rate_hz=float(meta["nominal_rate_hz"]),
         version=int(meta["stream_version"]),
     )
+
+
+def _shape(text: str) -> tuple[int, ...]:
+    shape = parse_json(text)
+    if not isinstance(shape, list) or not all(type(n) is int and 0 < n <= MAX_ITEMS for n in shape):
+        raise ValueError(f"a shape that can be: {text!r}")
+    if math.prod(shape) > MAX_ITEMS:
+        raise ValueError(f"a shape that can be: {text!r}")
+    return tuple(shape)
 
 
 def row_dtype(schema: StreamSchema) -> np.dtype[np.void]:

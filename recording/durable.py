@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lab.errors import RecordingError
+from lab.plain_files import open_plain
 
 _ADVICE = {
     errno.ENOSPC: "the disk is full: free some space, then resume the session",
@@ -71,7 +72,7 @@ def replace_file(path: Path, data: bytes) -> None:
 
 def sha256_of(path: Path) -> str:
     """Return the SHA-256 of a file as hexadecimal digits."""
-    with path.open("rb") as file:
+    with open_plain(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

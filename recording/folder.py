@@ -4,7 +4,6 @@
 per part. Every resumption begins a new part, so no file is ever appended to after a crash.
 """
 
-import re
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,13 +15,20 @@ from lab.clock import Clock
 from lab.errors import UsageError
 from recording.durable import make_folder, sync_folder, write_failure
 from recording.lock import SessionLock
-from recording.manifest import Manifest, Part, PartStatus, read_manifest, write_manifest
-from recording.recovery import RecoveryReport, recover_held
+from recording.manifest import (
+    MAX_SESSION,
+    PARTICIPANT,
+    Manifest,
+    Part,
+    PartStatus,
+    read_manifest,
+    write_manifest,
+)
+from recording.recovery import RecoveryReport, other_files, recover_held
 from recording.summary import PartSummary
 
 SIMULATED_ROOT = "simulated"
 REAL_ROOT = "real"
-_LABEL = re.compile(r"[A-Za-z0-9]+")
 
 
 def study_dir(data_root: Path, study: str, *, is_simulated: bool) -> Path:
@@ -34,13 +40,13 @@ def session_dir(
     data_root: Path, study: str, participant: str, session: int, *, is_simulated: bool
 ) -> Path:
     """Return the folder of a session, whether or not it exists."""
-    if not _LABEL.fullmatch(participant):
+    if not PARTICIPANT.fullmatch(participant):
         raise UsageError(
             f"participant label {participant!r} may hold only letters and digits; "
             "take the one the ledger issued"
         )
-    if not 1 <= session <= 999:
-        raise UsageError(f"session number {session} must lie between 1 and 999")
+    if not 1 <= session <= MAX_SESSION:
+        raise UsageError(f"session number {session} must lie between 1 and {MAX_SESSION}")
     folder = study_dir(data_root, study, is_simulated=is_simulated)
     return folder / f"sub-{participant}" / f"ses-{session:03d}"
 
@@ -105,6 +111,7 @@ class SessionFolder:
             reason="; ".join(t for t in (reason, summary.failure if summary else "") if t),
             streams=summary.streams if summary else (),
             journal=summary.journal if summary else None,
+            others=other_files(self.path / running.folder),
         )
         self._write(self.manifest.with_part(ended))
 

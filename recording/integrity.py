@@ -4,6 +4,7 @@ Damage is what happened to files after they were written. What a killed process 
 torn last batch or line, a part without its end) costs no finished trial and is none.
 """
 
+import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +14,9 @@ from weakref import WeakKeyDictionary
 import pandas as pd
 
 from recording.journal import JOURNAL_NAME
-from recording.manifest import Part
+from recording.manifest import MANIFEST_NAME, Part
 from recording.reader import CHANGED, PART_COLUMN, Recording
+from recording.sealed import copy_path, copy_state
 from recording.stream_file import Gap, StreamContent
 
 DAMAGED = "damaged"
@@ -69,7 +71,10 @@ class TrialDamage:
 
 @dataclass(frozen=True)
 class DamageReport:
-    """Everything found wrong with one session's files; see `damage_of`."""
+    """Everything found wrong with one session's files; see `damage_of`.
+
+    `notes` is what no number depends on, and is no damage: a copy that cannot be read.
+    """
 
     session: Path
     participant: str
@@ -78,6 +83,7 @@ class DamageReport:
     streams: tuple[StreamDamage, ...]
     trials: tuple[TrialDamage, ...]
     journal_lines_lost: int
+    notes: tuple[str, ...] = ()
 
     @property
     def is_damaged(self) -> bool:
@@ -96,7 +102,7 @@ class DamageReport:
             struck = [t.trial_id for t in self.trials if stream.stream in t.streams]
             where = f", during {_counted(struck, 'trial')}" if struck else ", outside all trials"
             lines.append(f"{stream.stream} (part {stream.part}): {_rows(stream)}{where}")
-        if not lines:
+        if not lines or not self.streams:
             lines += self.problems
         return tuple(lines)
 
@@ -116,7 +122,7 @@ def damage_of(recording: Recording) -> DamageReport:
 
 
 def _damage_of(recording: Recording) -> DamageReport:
-    problems: list[str] = []
+    problems: list[str] = [*_misplaced(recording)]
     streams: list[StreamDamage] = []
     trials: list[TrialDamage] = []
     lines_lost = 0
@@ -151,6 +157,7 @@ def _damage_of(recording: Recording) -> DamageReport:
         streams=tuple(streams),
         trials=tuple(trials),
         journal_lines_lost=lines_lost,
+        notes=tuple(_notes(recording)),
     )
 
 
@@ -207,6 +214,29 @@ def _planned_row(
         row |= {k: manifest.plan[k] for k in ("participant_index", "group")}
         row |= planned["factors"]
     return row
+
+
+def _misplaced(recording: Recording) -> Iterator[str]:
+    """Yield what is wrong where a session stands in another one's folder."""
+    manifest, path = recording.manifest, recording.path.resolve()
+    own = f"sub-{manifest.participant}/ses-{manifest.session:03d}"
+    here = f"{path.parent.name}/{path.name}"
+    if re.fullmatch(r"sub-[^/]+/ses-[0-9]{3}", here) and here != own:
+        yield f"{path / MANIFEST_NAME} is of {own}, not of {here}"
+
+
+def _notes(recording: Recording) -> Iterator[str]:
+    path = recording.path / MANIFEST_NAME
+    if not recording.is_sealed:
+        yield (
+            "the manifest was written before manifests had checksums, so that changes to it "
+            "cannot be seen"
+        )
+        return
+    state = copy_state(path)
+    if state != "same":
+        said = {"missing": "is missing", "damaged": "is damaged", "other": "says something else"}
+        yield f"{copy_path(path)} {said[state]}; `visavis recover {recording.path}` renews it"
 
 
 def _problems(recording: Recording, part: Part, changed: Collection[str]) -> list[str]:

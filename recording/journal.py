@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from lab.plain_files import parse_json
+
 JOURNAL_NAME = "events.jsonl"
 
 
@@ -56,9 +58,27 @@ _TAIL_BYTES = len(b',"crc32":"00000000"}')
 
 
 def decode_line(line: bytes) -> dict[str, Any] | None:
-    """Return the entry of one line (without newline), None when it is torn or damaged."""
+    """Return the entry of one line (without newline), None when it is torn, damaged or foreign."""
     body, tail = line[:-_TAIL_BYTES] + b"}", line[-_TAIL_BYTES:]
     if tail != b',"crc32":"%08x"}' % zlib.crc32(body):
         return None
-    entry: dict[str, Any] = json.loads(body)
-    return entry
+    try:
+        entry = parse_json(body)
+    except ValueError:
+        return None
+    return entry if isinstance(entry, dict) else None
+
+
+_ENTRIES: Mapping[str, Mapping[str, type]] = {
+    "header": {"format": int, "is_simulated": bool},
+    "stream": {"name": str, "header": str},
+    "event": {"name": str, "t_ns": int, "payload": dict},
+    "trial": {"t_ns": int, "row": dict},
+    "end": {"lines": int},
+}
+
+
+def is_entry(entry: Mapping[str, Any]) -> bool:
+    """Tell whether an entry has what readers count on; one of a kind to come has nothing to."""
+    needed = _ENTRIES.get(str(entry.get("kind")), {"kind": str})
+    return all(isinstance(entry.get(name), kind) for name, kind in needed.items())

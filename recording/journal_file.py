@@ -1,14 +1,17 @@
 """Read an event journal, whole, torn or damaged."""
 
 import base64
-import binascii
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from lab.errors import RecordingError
+from lab.plain_files import read_plain
 from recording.columns import FORMAT_VERSION
-from recording.journal import decode_line
+from recording.journal import decode_line, is_entry
+from recording.manifest import STREAM
+
+MAX_JOURNAL_BYTES = 4 * 1024**3
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class JournalContent:
 def read_journal(path: Path) -> JournalContent:
     """Read every intact line; never raises for damage, RecordingError for a newer version."""
     try:
-        data = path.read_bytes()
+        data = read_plain(path, max_bytes=MAX_JOURNAL_BYTES)
     except FileNotFoundError:
         return JournalContent((), (), {}, 0, None, False, (f"{path} is missing",))
     except OSError as error:
@@ -45,7 +48,7 @@ def read_journal(path: Path) -> JournalContent:
     lines = data.split(b"\n")
     for number, line in enumerate(lines, start=1):
         entry = decode_line(line)
-        if entry is not None:
+        if entry is not None and is_entry(entry):
             entries.append(entry)
         elif line and number == len(lines):
             tail_problem = f"{path}: line {number} is cut; {len(line)} bytes were left out"
@@ -80,7 +83,9 @@ def _headers(entries: list[dict[str, Any]], path: Path, problems: list[str]) -> 
     for entry in entries:
         if entry["kind"] == "stream":
             try:
+                if not STREAM.fullmatch(entry["name"]):
+                    raise ValueError("it names no file")
                 headers[str(entry["name"])] = base64.b64decode(entry["header"], validate=True)
-            except binascii.Error as error:
+            except ValueError as error:  # or binascii.Error, which is one
                 problems.append(f"{path}: the header of {entry['name']!r} is damaged ({error})")
     return headers

@@ -14,7 +14,7 @@ from lab.schema import StreamSchema
 from recording.durable import sha256_of
 from recording.journal_file import JournalContent, read_journal
 from recording.lock import is_held
-from recording.manifest import Manifest, Part, PartStatus, read_manifest
+from recording.manifest import STREAM, Manifest, Part, PartStatus, read_with_seal
 from recording.stream_file import Columns, StreamContent, empty_columns, read_stream_file
 
 PART_COLUMN = "recording_part"
@@ -40,12 +40,14 @@ class Recording:
     """A session folder, read only.
 
     Files are read when first asked for; open it anew to see what a running session wrote since.
-    Raises RecordingError when the folder has no manifest or was written by a newer Visavis.
+    `is_sealed` tells whether a checksum vouches for the manifest. Raises RecordingError when the
+    folder has no manifest, a damaged one, or was written by a newer Visavis.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.manifest: Manifest = read_manifest(path)
+        self.manifest: Manifest
+        self.manifest, self.is_sealed = read_with_seal(path)
         self._journals: dict[int, JournalContent] = {}
         self._states: dict[tuple[int, str], StreamContent] = {}
 
@@ -92,6 +94,11 @@ class Recording:
                 f"{folder / 'events.jsonl'}: the manifest counts {part.journal.lines} lines, "
                 f"{journal.n_lines} are there"
             )
+        problems += [
+            f"{folder / other.file} is missing"
+            for other in part.others
+            if not (folder / other.file).exists()
+        ]
         expected = {s.name: s.rows for s in part.streams}
         for name in self._names(number):
             state = self._state(number, name)
@@ -209,14 +216,20 @@ class Recording:
         """
         part = self._part(number)
         kept = [(s.file, s.sha256) for s in part.streams]
+        kept += [(s.file, s.sha256) for s in part.others]
         if part.journal is not None:
             kept.append((part.journal.file, part.journal.sha256))
         folder = self.path / part.folder
-        return tuple(
-            file
-            for file, digest in kept
-            if digest and (folder / file).exists() and sha256_of(folder / file) != digest
-        )
+        try:
+            return tuple(
+                file
+                for file, digest in kept
+                if digest and (folder / file).exists() and sha256_of(folder / file) != digest
+            )
+        except OSError as error:
+            raise RecordingError(
+                f"{error.filename or folder} cannot be read: {error.strerror}; check the disk"
+            ) from error
 
     def journal(self, number: int) -> JournalContent:
         """Return what the event journal of a part holds, and what is wrong with it."""
@@ -246,7 +259,8 @@ class Recording:
     def _names(self, number: int) -> tuple[str, ...]:
         part = self._part(number)
         declared = [s.name for s in part.streams] + list(self._journal(number).headers)
-        files = sorted(p.stem for p in (self.path / part.folder).glob("*.arrows"))
+        found = (p.stem for p in (self.path / part.folder).glob("*.arrows"))
+        files = sorted(name for name in found if STREAM.fullmatch(name))
         return tuple(dict.fromkeys(declared + files))
 
     def _parts_with(self, name: str) -> list[Part]:

@@ -3,13 +3,23 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from lab.errors import RecordingError
 from recording.durable import sha256_of
 from recording.journal import JOURNAL_NAME
 from recording.journal_file import read_journal
 from recording.lock import SessionLock
-from recording.manifest import Part, PartStatus, read_manifest, write_manifest
+from recording.manifest import (
+    MANIFEST_NAME,
+    SEALED_SINCE,
+    Manifest,
+    Part,
+    PartStatus,
+    read_manifest,
+    write_manifest,
+)
+from recording.sealed import copy_path, copy_state, restore
 from recording.stream_file import read_stream_file
-from recording.summary import JournalSummary, StreamSummary
+from recording.summary import FileSummary, JournalSummary, StreamSummary
 
 
 @dataclass(frozen=True)
@@ -37,11 +47,15 @@ class PartFindings:
 
 @dataclass(frozen=True)
 class RecoveryReport:
-    """What recovery found; `changed` tells whether the manifest was replaced."""
+    """What recovery found; `changed` tells whether the manifest was replaced.
+
+    `repaired` says what was put in place of which damaged file.
+    """
 
     session: Path
     changed: bool
     parts: tuple[PartFindings, ...]
+    repaired: tuple[str, ...] = ()
 
     @property
     def trials(self) -> int:
@@ -52,9 +66,11 @@ class RecoveryReport:
 def recover(session_dir: Path) -> RecoveryReport:
     """Mark parts whose process died as crashed and report what is left of every part.
 
-    Raises UsageError while another process still records the session.
+    A damaged or missing manifest is put back from its copy first. Raises UsageError while another
+    process still records the session, RecordingError when no copy of the manifest can be read.
     """
-    read_manifest(session_dir)
+    if not copy_path(session_dir / MANIFEST_NAME).exists():
+        read_manifest(session_dir)
     lock = SessionLock(session_dir)
     try:
         return recover_held(session_dir)
@@ -64,7 +80,7 @@ def recover(session_dir: Path) -> RecoveryReport:
 
 def recover_held(session_dir: Path) -> RecoveryReport:
     """Do what `recover` does for a caller who holds the session's lock."""
-    manifest = read_manifest(session_dir)
+    manifest, repaired = _manifest_or_copy(session_dir)
     findings = []
     changed = False
     for part in manifest.parts:
@@ -73,9 +89,33 @@ def recover_held(session_dir: Path) -> RecoveryReport:
         if part_now != part:
             manifest = manifest.with_part(part_now)
             changed = True
-    if changed:
+    copy = copy_state(session_dir / MANIFEST_NAME)
+    if changed or (copy != "same" and manifest.format_version >= SEALED_SINCE):
         write_manifest(session_dir, manifest)
-    return RecoveryReport(session_dir, changed, tuple(findings))
+    return RecoveryReport(session_dir, changed, tuple(findings), repaired)
+
+
+def other_files(folder: Path) -> tuple[FileSummary, ...]:
+    """Return the files of a part that are neither stream nor journal."""
+    known = (".arrows", ".jsonl")
+    paths = sorted(folder.iterdir()) if folder.is_dir() else []
+    return tuple(
+        FileSummary(path.name, path.stat().st_size, sha256_of(path))
+        for path in paths
+        if path.is_file() and path.suffix not in known and not path.name.startswith(".")
+    )
+
+
+def _manifest_or_copy(session_dir: Path) -> tuple[Manifest, tuple[str, ...]]:
+    path = session_dir / MANIFEST_NAME
+    try:
+        return read_manifest(session_dir), ()
+    except RecordingError:
+        if not restore(path):
+            raise
+    damaged = path.with_name(path.name + ".damaged")
+    kept = f"; the damaged one is kept as {damaged.name}" if damaged.exists() else ""
+    return read_manifest(session_dir), (f"{path} was put back from its copy{kept}",)
 
 
 def _take_stock(session_dir: Path, part: Part) -> tuple[PartFindings, Part]:
@@ -112,6 +152,7 @@ def _take_stock(session_dir: Path, part: Part) -> tuple[PartFindings, Part]:
             reason=part.reason or "the recording process ended without closing its files",
             streams=tuple(summaries),
             journal=_journal_as_found(folder / JOURNAL_NAME, journal.n_lines, len(journal.trials)),
+            others=other_files(folder),
         )
     found = PartFindings(
         number=part.number,

@@ -1,6 +1,7 @@
 """Read one stream file, whole, torn or damaged."""
 
 import mmap
+import os
 import zlib
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,6 +13,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from lab.errors import RecordingError
+from lab.plain_files import open_plain
 from lab.schema import Field, StreamSchema
 from recording.columns import (
     FORMAT_VERSION,
@@ -123,8 +125,8 @@ def empty_columns(schema: StreamSchema) -> Columns:
 
 
 def _bytes_of(path: Path) -> bytes | mmap.mmap:
-    with path.open("rb") as file:
-        if path.stat().st_size == 0:
+    with open_plain(path) as file:
+        if os.fstat(file.fileno()).st_size == 0:
             return b""
         return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
 
@@ -140,13 +142,17 @@ def _header(
     if spare is not None:
         if data[: len(spare)] != spare:
             problems.append(f"{path}: the header is damaged; the journal's copy was used")
-        return min(len(spare), len(data)), pa.ipc.read_schema(pa.py_buffer(spare))
+        try:
+            return min(len(spare), len(data)), pa.ipc.read_schema(pa.py_buffer(spare))
+        except (pa.ArrowException, OSError, ValueError) as error:
+            problems.append(f"{path}: the journal's copy of the header is no header ({error})")
+            return 0, None
     try:
         message = read_message(data, 0)
         if not message.is_schema:
             raise Torn("the first message is not a schema")
         return message.end, pa.ipc.read_schema(pa.py_buffer(bytes(data[: message.end])))
-    except (Torn, pa.ArrowInvalid, OSError) as error:
+    except (Torn, pa.ArrowException, OSError, ValueError) as error:
         problems.append(f"{path}: the header is cut or damaged ({error})")
         return 0, None
 

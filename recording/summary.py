@@ -46,6 +46,15 @@ class JournalSummary:
 
 
 @dataclass(frozen=True)
+class FileSummary:
+    """Any other file as it was when its part ended."""
+
+    file: str
+    bytes: int
+    sha256: str
+
+
+@dataclass(frozen=True)
 class PartSummary:
     """Everything the manifest says of a part that was closed."""
 

@@ -100,6 +100,6 @@ def record_session(
 
 
 if __name__ == "__main__":
-    target = Path(sys.argv[1]) / "format_1"
+    target = Path(sys.argv[1]) / "format_2"
     shutil.rmtree(target, ignore_errors=True)
     record_session(target, 2)

@@ -22,7 +22,7 @@ from tests.recording.sessions import (
 def test_sessions_lie_where_the_layout_says(tmp_path: Path) -> None:
     path = record_session(tmp_path)
     assert tmp_path / "simulated" / "probe" / "sub-P01" / "ses-001" == path
-    assert {"manifest.json", "part-01"} == {p.name for p in path.iterdir()}
+    assert {"manifest.json", "manifest.copy.json", "part-01"} == {p.name for p in path.iterdir()}
     assert (path,) == list_sessions(tmp_path, "probe", is_simulated=True)
     assert () == list_sessions(tmp_path, "probe", is_simulated=False)
 
@@ -124,7 +124,7 @@ def test_left_over_of_a_killed_creation_is_no_obstacle(tmp_path: Path) -> None:
     path = session_dir(tmp_path, "probe", "P01", 1, is_simulated=True)
     (path.parent / ".ses-001.new").mkdir(parents=True)
     create_session(tmp_path, probe_manifest()).close()
-    assert ["manifest.json"] == [p.name for p in path.iterdir()]
+    assert {"manifest.json", "manifest.copy.json"} == {p.name for p in path.iterdir()}
 
 
 def test_manifest_is_old_or_new_when_its_replacement_fails(

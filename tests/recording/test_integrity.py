@@ -147,6 +147,16 @@ def test_a_trial_whose_line_is_destroyed_is_lost_with_what_was_planned(
     assert "cannot be read" in rows.loc["T2", "reason"]
 
 
+def test_a_session_moved_under_another_persons_name_is_named(tmp_path: Path) -> None:
+    session = record(tmp_path)
+    other = session.parent.with_name("sub-P02") / session.name
+    other.parent.mkdir()
+    session.rename(other)
+    report = damage_of(Recording(other))
+    assert "is of sub-P01/ses-001, not of sub-P02/ses-001" in report.problems[0]
+    assert report.summary() == report.problems
+
+
 def test_what_a_killed_process_leaves_behind_is_no_damage(tmp_path: Path) -> None:
     session = record(tmp_path, is_closed=False)
     for name, torn in (("probe.arrows", b"\xff\xff\xff\xff torn"), ("events.jsonl", b'{"kind"')):

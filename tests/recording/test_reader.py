@@ -28,6 +28,8 @@ from tests.recording.sessions import (
 )
 
 STORED = Path(__file__).parent / "data" / "format_1/simulated/probe/sub-P01/ses-001"
+STORED_2 = Path(__file__).parent / "data" / "format_2/simulated/probe/sub-P01/ses-001"
+"""Its manifest has a checksum and a copy; streams and journal are as in format 1."""
 
 
 def batch_ends(path: Path) -> list[int]:
@@ -249,18 +251,20 @@ def test_stored_file_of_format_1_still_reads() -> None:
     assert "ségur" == recording.manifest.configuration["rooms"]["name"]
 
 
-def test_stored_file_of_format_1_is_what_we_write_today(tmp_path: Path) -> None:
+def test_stored_files_are_what_we_write_today(tmp_path: Path) -> None:
     fresh = record_session(tmp_path, 2)
-    for file in ("part-01/probe.arrows", "part-01/events.jsonl", "manifest.json"):
+    for file in ("part-01/probe.arrows", "part-01/events.jsonl"):
         assert (STORED / file).read_bytes() == (fresh / file).read_bytes()
+    for file in ("manifest.json", "manifest.copy.json"):
+        assert (STORED_2 / file).read_bytes() == (fresh / file).read_bytes()
 
 
 def test_newer_format_is_refused_with_the_way_out(tmp_path: Path) -> None:
     session = record_session(tmp_path)
     path = session / "manifest.json"
     raw = json.loads(path.read_bytes())
-    path.write_text(json.dumps({**raw, "format_version": 2}), "utf-8")
-    with pytest.raises(RecordingError, match=r"format version 2.*install a newer Visavis"):
+    path.write_text(json.dumps({**raw, "format_version": 3}), "utf-8")
+    with pytest.raises(RecordingError, match=r"format version 3.*install a newer Visavis"):
         Recording(session)
     schema = arrow_schema(PROBE, is_simulated=True)
     newer = schema.with_metadata({**schema.metadata, b"visavis_format": b"2"})

@@ -1,0 +1,67 @@
+"""Open files and read JSON that may come from anywhere: bounded, and never a pipe or a device."""
+
+import errno
+import json
+import stat
+from collections.abc import Iterator
+from io import BufferedReader
+from pathlib import Path
+from typing import Any
+
+MAX_DEPTH = 64
+MAX_TEXT_BYTES = 256 * 1024 * 1024
+"""No file of text that Visavis writes comes near this."""
+
+
+def open_plain(path: Path) -> BufferedReader:
+    """Open a regular file for reading.
+
+    Raises OSError, also for a pipe, a device or a folder, at which other calls would wait.
+    """
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise OSError(errno.EINVAL, "it is not a regular file", str(path))
+    return path.open("rb")
+
+
+def read_plain(path: Path, *, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
+    """Return what a regular file holds; raises OSError, also when it is larger than `max_bytes`."""
+    with open_plain(path) as file:
+        data = file.read(max_bytes + 1)
+    if len(data) > max_bytes:
+        raise OSError(errno.EFBIG, f"it is larger than {max_bytes} bytes", str(path))
+    return data
+
+
+def parse_json(data: bytes | str, *, max_depth: int = MAX_DEPTH) -> Any:
+    """Return what a JSON text says.
+
+    Raises ValueError for anything else: numbers that are none, text that is no UTF-8, lists and
+    objects nested deeper than `max_depth`.
+    """
+    try:
+        value = json.loads(data, parse_constant=_refuse)
+    except RecursionError:
+        raise ValueError(f"it is nested deeper than {max_depth} levels") from None
+    raw = data.encode(errors="replace") if isinstance(data, str) else data
+    if raw.count(b"[") + raw.count(b"{") > max_depth and _depth(value) > max_depth:
+        raise ValueError(f"it is nested deeper than {max_depth} levels")
+    return value
+
+
+def _refuse(constant: str) -> Any:
+    raise ValueError(f"{constant} is no JSON number")
+
+
+def _depth(value: Any) -> int:
+    depth, level = 0, [value]
+    while level:
+        depth += 1
+        level = [inner for outer in level for inner in _inside(outer)]
+    return depth - 1
+
+
+def _inside(value: Any) -> Iterator[Any]:
+    if isinstance(value, dict):
+        yield from value.values()
+    elif isinstance(value, list):
+        yield from value

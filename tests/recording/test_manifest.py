@@ -1,0 +1,170 @@
+"""A manifest is read as it was written or not at all, and comes back from its copy."""
+
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lab.errors import RecordingError
+from recording.integrity import damage_of
+from recording.manifest import read_manifest
+from recording.reader import Recording
+from recording.recovery import recover
+from recording.sealed import seal, unseal
+from tests.recording.sessions import record_session
+
+STORED = Path(__file__).parent / "data" / "format_1/simulated/probe/sub-P01/ses-001"
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Path:
+    return record_session(tmp_path, 1)
+
+
+def rewritten(at: Path, /, **changes: Any) -> None:
+    """Write a manifest with other fields and a right checksum, as another program might."""
+    path = at / "manifest.json"
+    path.write_bytes(seal({**unseal(path.read_bytes()).content, **changes}))
+
+
+def test_no_flipped_bit_of_a_manifest_is_read(session: Path) -> None:
+    path = session / "manifest.json"
+    data = path.read_bytes()
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        at, bit = int(rng.integers(len(data))), 1 << int(rng.integers(8))
+        path.write_bytes(data[:at] + bytes([data[at] ^ bit]) + data[at + 1 :])
+        with pytest.raises(RecordingError, match=r"visavis recover|newer Visavis"):
+            read_manifest(session)
+
+
+def test_a_manifest_cut_anywhere_is_not_read(session: Path) -> None:
+    path = session / "manifest.json"
+    data = path.read_bytes()
+    for cut in range(0, len(data), 7):
+        path.write_bytes(data[:cut])
+        with pytest.raises(RecordingError):
+            read_manifest(session)
+
+
+@pytest.mark.parametrize("how", ["flip", "cut", "gone"])
+def test_recovery_puts_a_damaged_manifest_back_from_its_copy(session: Path, how: str) -> None:
+    path = session / "manifest.json"
+    data = path.read_bytes()
+    if how == "gone":
+        path.unlink()
+    else:
+        path.write_bytes(data[:-9] if how == "cut" else data.replace(b'"seed": 7', b'"seed": 6'))
+    with pytest.raises(RecordingError, match="visavis recover"):
+        Recording(session)
+    report = recover(session)
+    assert data == path.read_bytes()
+    assert "put back from its copy" in report.repaired[0]
+    assert "complete" == Recording(session).status
+
+
+def test_recovery_renews_a_damaged_copy(session: Path) -> None:
+    copy = session / "manifest.copy.json"
+    data = copy.read_bytes()
+    copy.write_bytes(data[:-5])
+    assert "manifest.copy.json is damaged" in damage_of(Recording(session)).notes[0]
+    assert not damage_of(Recording(session)).is_damaged
+    recover(session)
+    assert data == copy.read_bytes()
+    assert () == damage_of(Recording(session)).notes
+
+
+def test_without_an_intact_copy_recovery_says_what_is_wrong(session: Path) -> None:
+    for name in ("manifest.json", "manifest.copy.json"):
+        (session / name).write_bytes(b"{")
+    with pytest.raises(RecordingError, match=r"manifest\.json cannot be read"):
+        recover(session)
+
+
+def test_a_manifest_without_checksum_is_read_and_said_to_have_none(tmp_path: Path) -> None:
+    session = tmp_path / "sub-P01" / "ses-001"
+    shutil.copytree(STORED, session)
+    report = damage_of(Recording(session))
+    assert not report.is_damaged
+    assert "before manifests had checksums" in report.notes[0]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"participant": "../../x"},
+        {"participant": ""},
+        {"study": "../x"},
+        {"session": 0},
+        {"session": "1"},
+        {"seed": 1.5},
+        {"is_simulated": "yes"},
+        {"plan": []},
+        {"plan": {"blocks": {}}},
+        {"plan": {"blocks": [{"trials": [[]]}]}},
+        {"plan": {"blocks": [{"trials": [{"trial_id": 1}]}]}},
+        {"parts": [{"number": "../part", "status": "complete"}]},
+        {"parts": {}},
+        {"strange": 1},
+    ],
+)
+def test_what_a_manifest_may_not_hold_is_named(session: Path, changes: dict[str, Any]) -> None:
+    rewritten(session, **changes)
+    with pytest.raises(RecordingError, match="lacks or misstates a field"):
+        Recording(session)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("number", "../../etc"), ("number", 0), ("number", True), ("status", "fine"), ("journal", 3)],
+)
+def test_a_part_that_is_none_is_named(session: Path, key: str, value: object) -> None:
+    part = unseal((session / "manifest.json").read_bytes()).content["parts"][0]
+    rewritten(session, parts=[{**part, key: value}])
+    with pytest.raises(RecordingError, match="lacks or misstates a field"):
+        Recording(session)
+
+
+@pytest.mark.parametrize("file", ["../../manifest.json", "/etc/passwd", "other.arrows"])
+def test_a_stream_in_another_folder_is_named(session: Path, file: str) -> None:
+    part = unseal((session / "manifest.json").read_bytes()).content["parts"][0]
+    stream = {**part["streams"][0], "file": file}
+    rewritten(session, parts=[{**part, "streams": [stream]}])
+    with pytest.raises(RecordingError, match="no file of a stream"):
+        Recording(session)
+
+
+def test_deep_json_is_named(session: Path) -> None:
+    for depth in (200, 200_000):
+        text = b'{"format_version": 2, "plan": ' + b"[" * depth + b"]" * depth + b"}"
+        (session / "manifest.json").write_bytes(text)
+        with pytest.raises(RecordingError, match="nested deeper"):
+            Recording(session)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with names")
+@pytest.mark.parametrize("file", ["manifest.json", "part-01/probe.arrows", "part-01/events.jsonl"])
+def test_a_pipe_instead_of_a_file_is_named_and_not_waited_for(session: Path, file: str) -> None:
+    (session / file).unlink()
+    os.mkfifo(session / file)
+    with pytest.raises(RecordingError, match="not a regular file"):
+        damage_of(Recording(session))
+
+
+def test_files_beside_the_streams_are_hashed_too(tmp_path: Path) -> None:
+    from lab.clock import SimClock
+    from recording.folder import create_session
+    from tests.recording.sessions import new_recorder, probe_manifest
+
+    with create_session(tmp_path, probe_manifest()) as folder:
+        recorder = new_recorder(folder, SimClock())
+        beside = folder.path / "part-01" / "doctor.json"
+        beside.write_text(json.dumps({"says": "well"}))
+        folder.end_part(SimClock(), recorder.close("complete"))
+    assert not damage_of(Recording(folder.path)).is_damaged
+    beside.write_text(json.dumps({"says": "bell"}))
+    assert "doctor.json: SHA-256 differs" in damage_of(Recording(folder.path)).problems[0]
