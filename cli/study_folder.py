@@ -1,19 +1,24 @@
 """The folder of a study: its settings, its sessions, and what analysis derives from it."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import yaml
 
 from lab.errors import DataError, UsageError
-from recording.durable import replace_file
 from recording.reader import Recording
+from recording.sealed import copy_path, read_sealed, write_sealed
 from visavis.catalogue import AnyStudy, digest_of, file_of
 from visavis.texts import DEFAULT_LANGUAGE
 
 SETTINGS_NAME = "study.json"
+SETTINGS_VERSION = 2
+SEALED_SINCE = 2
+"""Settings of this version and later end in their own checksum."""
+
 DEFAULT_SEED = 1
 DERIVED = "derived"
 MEASURED = "measured"
@@ -29,10 +34,12 @@ class StudySettings:
     is_simulated: bool
     effect: bool = True
     parameters: dict[str, Any] = field(default_factory=dict)
-    format_version: int = 1
+    format_version: int = SETTINGS_VERSION
     source: str = ""
     """The study's file; empty for a study of an installed package."""
     source_sha256: str = ""
+
+    __pydantic_config__: ClassVar[Mapping[str, str]] = {"extra": "forbid"}
 
 
 def read_parameters(assignments: list[str]) -> dict[str, Any]:
@@ -64,14 +71,33 @@ def read_settings(folder: Path) -> StudySettings | None:
         DataError: the file is damaged.
     """
     path = folder / SETTINGS_NAME
-    if not path.exists():
+    if not path.exists() and not copy_path(path).exists():
         return None
+    from pydantic import TypeAdapter  # slow to import, and not needed for most commands
+
     try:
-        return StudySettings(**json.loads(path.read_text(encoding="utf-8")))
-    except (ValueError, TypeError) as error:
+        found = read_sealed(path)
+        text = json.dumps(found.content)
+        settings: StudySettings = TypeAdapter(StudySettings).validate_json(text, strict=True)
+        if not found.is_sealed and settings.format_version >= SEALED_SINCE:
+            raise ValueError("it lost its checksum")
+    except (OSError, ValueError) as error:
+        way_out = (
+            f"`visavis recover {folder}` puts its copy in its place"
+            if copy_path(path).exists()
+            else "restore it from a copy: it holds the study's seed"
+        )
+        raise DataError(f"{path} is damaged ({_in_one_line(error)}); {way_out}") from error
+    if settings.format_version > SETTINGS_VERSION:
         raise DataError(
-            f"{path} is damaged ({error}); restore it from a copy: it holds the study's seed"
-        ) from error
+            f"{path} has format version {settings.format_version}, this Visavis reads up to "
+            f"{SETTINGS_VERSION}; install a newer Visavis"
+        )
+    return settings
+
+
+def _in_one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
 
 
 def wanted_settings(
@@ -119,8 +145,7 @@ def settle(folder: Path, wanted: StudySettings, *, seed_given: bool) -> StudySet
     present = read_settings(folder)
     if present is None:
         folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(asdict(wanted), indent=1, ensure_ascii=False) + "\n"
-        replace_file(folder / SETTINGS_NAME, text.encode())
+        write_sealed(folder / SETTINGS_NAME, asdict(wanted))
         return wanted
     if seed_given and wanted.seed != present.seed:
         raise UsageError(

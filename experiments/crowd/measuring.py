@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ from experiments.crowd.replay import walk_of, walk_records
 from lab.errors import DataError
 from recording.durable import replace_file
 from recording.reader import Recording
+from recording.sealed import read_sealed, seal
 
 MEASURE_VERSION: Final = 6
 """Raise it when measures change: what was kept before is then measured again."""
@@ -91,7 +93,7 @@ def measure_sessions(
     if missing:
         store.mkdir(parents=True, exist_ok=True)
         for number, measured in run(measure_job, [job for job, _ in missing]):
-            replace_file(missing[number][1], json.dumps(as_json(measured)).encode())
+            replace_file(missing[number][1], seal(as_json(measured)))
             done += 1
             if on_walk is not None:
                 on_walk(done, len(jobs))
@@ -138,8 +140,9 @@ def from_json(content: dict[str, Any]) -> MeasuredWalk:
 def read_kept(path: Path) -> MeasuredWalk | None:
     """Return a walk measured before; None when there is none, or a damaged file."""
     try:
-        return from_json(json.loads(path.read_text(encoding="utf-8")))
-    except (FileNotFoundError, ValueError, KeyError, TypeError, IndexError):
+        kept = read_sealed(path)
+        return from_json(kept.content) if kept.is_sealed else None
+    except (OSError, ValueError, KeyError, TypeError, IndexError):
         return None
 
 
@@ -166,9 +169,8 @@ def _kept_at(store: Path, recording: Recording, job: WalkJob) -> Path:
         asdict(job.params),
     ]
     digest = hashlib.sha256(json.dumps(content, default=str).encode()).hexdigest()[:16]
-    return (
-        store / f"{recording.path.parent.name}_{recording.path.name}_{job.trial_id}_{digest}.json"
-    )
+    trial = re.sub(r"[^A-Za-z0-9_-]", "_", job.trial_id)  # which foreign data may make a path
+    return store / f"{recording.path.parent.name}_{recording.path.name}_{trial}_{digest}.json"
 
 
 def _plain(value: Any) -> Any:

@@ -19,6 +19,7 @@ from cli.study_folder import StudySettings, settle
 from lab.config_files import EXAMPLE
 from lab.errors import ConfigError, DataError, SessionAborted, UsageError
 from recording.reader import Recording
+from recording.sealed import seal, unseal
 
 SHORT = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
 SHORT += ["--set", "repetitions=1"]
@@ -34,11 +35,13 @@ def simulate(root: Path, *more: str, participants: int = 2) -> Path:
     return root / "simulated" / "stare"
 
 
-REVISION = re.compile(rb'"code_revision": "[^"]*"')
+REVISION = re.compile(rb'"code_revision": "[^"]*"|"sha256": "[0-9a-f]+"\n}\n\\Z')
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """Hash every file; the revision in manifests is left out: it may move between two runs."""
+    """Hash every file; the revision in manifests is left out, as is the checksum over it: it may
+    move between two runs.
+    """
     return {
         str(p.relative_to(folder)): hashlib.sha256(REVISION.sub(b"", p.read_bytes())).hexdigest()
         for p in sorted(folder.rglob("*"))
@@ -100,11 +103,11 @@ def test_another_seed_for_the_same_folder_is_refused(study: Path) -> None:
 def test_a_mixture_of_simulated_and_real_is_refused(study: Path, tmp_path: Path) -> None:
     mixed = tmp_path / "mixed"
     for number, session in enumerate(sorted(study.glob("sub-*/ses-001"))):
-        manifest = json.loads((session / "manifest.json").read_text())
+        manifest = unseal((session / "manifest.json").read_bytes()).content
         manifest["is_simulated"] = number == 0
         target = mixed / session.parent.name / "ses-001"
         target.mkdir(parents=True)
-        (target / "manifest.json").write_text(json.dumps(manifest))
+        (target / "manifest.json").write_bytes(seal(manifest))
 
     result = CliRunner().invoke(app, ["analyse", str(mixed)])
 
