@@ -11,9 +11,11 @@ from rich.table import Table
 from analysis.session_check import check_session
 from analysis.session_verdict import Level, SessionCheck
 from cli.app import JsonOption, app, console
+from cli.study_check import is_study, repair_study, session_folders, study_problems
 from lab.errors import UsageError
 from recording.reader import Recording
 from recording.recovery import recover as recover_session
+from recording.sealed import copy_path
 
 EXIT_RED = 5
 STYLE = {Level.GREEN: "green", Level.AMBER: "yellow", Level.RED: "bold red"}
@@ -30,7 +32,8 @@ def require_session(path: Path) -> None:
     Raises:
         UsageError: it has no manifest.
     """
-    if (path / "manifest.json").exists():
+    manifest = path / "manifest.json"
+    if manifest.exists() or copy_path(manifest).exists():
         return
     near = sorted(p.parent for p in path.parent.glob("*/manifest.json"))
     near += sorted(p.parent for p in path.glob("*/manifest.json"))
@@ -42,14 +45,21 @@ def require_session(path: Path) -> None:
 
 @app.command()
 def check(
-    session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
+    session_path: Annotated[
+        Path, typer.Argument(help="Folder of a session (ses-…), or of a study.")
+    ],
     trials: Annotated[bool, typer.Option("--trials", help="List every trial.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Can they leave? Compare what was planned with what was recorded.
 
+    Of a study's folder, every file of every session is verified, settings and ledger too.
+
     Example: visavis check data/simulated/stare/sub-S07H/ses-001
     """
+    if is_study(session_path):
+        _check_study(session_path, as_json=as_json)
+        return
     require_session(session_path)
     verdict = check_session(Recording(session_path))
     if as_json:
@@ -58,6 +68,25 @@ def check(
     else:
         print_check(verdict, session_path, list_trials=trials)
     if verdict.level is Level.RED:
+        raise typer.Exit(EXIT_RED)
+
+
+def _check_study(folder: Path, *, as_json: bool) -> None:
+    problems = study_problems(folder)
+    count = len(session_folders(folder))
+    if as_json:
+        content = {"sessions": count, "problems": problems}
+        typer.echo(json.dumps(content, ensure_ascii=False, indent=1))
+    elif problems:
+        for problem in problems:
+            console.print(f"● {problem}", style="red", markup=False, highlight=False)
+        console.print(
+            f"[bold]→ run `visavis recover {folder}`; it puts back what has an intact copy[/]",
+            soft_wrap=True,
+        )
+    else:
+        console.print(f"[green]{count} sessions, every file verified[/]")
+    if problems:
         raise typer.Exit(EXIT_RED)
 
 
@@ -110,18 +139,31 @@ def print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False)
 
 @app.command()
 def recover(
-    session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
+    session_path: Annotated[
+        Path, typer.Argument(help="Folder of a session (ses-…), or of a study.")
+    ],
     as_json: JsonOption = False,
 ) -> None:
     """Take stock of a crashed session; raw files are never changed.
 
+    Manifests, settings and ledgers that are damaged are put back from their copies.
+
     Example: visavis recover data/simulated/stare/sub-S07H/ses-001
     """
+    if is_study(session_path):
+        done = repair_study(session_path)
+        for line in done:
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
+        if not done:
+            console.print("nothing needed to be put back")
+        return
     require_session(session_path)
     report = recover_session(session_path)
     if as_json:
         typer.echo(json.dumps(asdict(report), default=str, ensure_ascii=False, indent=1))
         return
+    for line in report.repaired:
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
     console.print(f"[b]{report.trials}[/b] finished trials are safe in {session_path}")
     for part in report.parts:
         console.print(f"part {part.number}: {part.status}")

@@ -1,13 +1,12 @@
 """The participant ledger of a study: who takes part, in which order and group, and who left.
 
 `<study_root>/participants.jsonl` only grows: one JSON line per event, flushed and synced under a
-lock, so that two rooms cannot issue one identifier or one place in the order. It holds no names;
-those are in the key file (protocol.key_file).
+lock, so that two rooms cannot issue one identifier or one place in the order. Every line vouches
+for all before it, and the file has a copy (recording.chained). It holds no names; those are in the
+key file (protocol.key_file).
 """
 
 import builtins
-import json
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,11 +18,12 @@ from protocol.file_lock import locked
 from protocol.identifiers import MAX_NUMBER, is_one_slip_apart, make_label, read_label
 from protocol.key_file import KeyFile
 from protocol.withdrawal import Removal, remove_participant
+from recording.chained import append_lines, read_lines
 
 LEDGER_NAME = "participants.jsonl"
 LOCK_NAME = ".participants.lock"
 DERIVED_NAME = "derived"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 Status = Literal["active", "withdrawing", "withdrawn"]
 
@@ -297,47 +297,29 @@ class Ledger:
 
     def _records(self) -> builtins.list[tuple[int, dict[str, Any]]]:
         try:
-            data = self.path.read_bytes()
-        except FileNotFoundError:
-            return []
+            found = read_lines(self.path)
         except OSError as error:
             raise LedgerError(f"{self.path} cannot be read: {error.strerror}") from error
-        # what follows the last newline was never acknowledged: its writer died
-        lines = data[: data.rfind(b"\n") + 1].splitlines()
-        records = []
-        for line_number, line in enumerate(lines, start=1):
-            try:
-                record = json.loads(line)
-            except ValueError as error:
-                raise self._damaged(line_number, "is not JSON") from error
-            if not isinstance(record, dict):
-                raise self._damaged(line_number, "is not an object")
-            records.append((line_number, record))
-        return records
+        if found.damaged_line is not None:
+            line_number, what = found.damaged_line
+            raise self._damaged(line_number, what)
+        return builtins.list(enumerate(found.records, start=1))
 
     def _damaged(self, line_number: int, what: str) -> LedgerError:
         return LedgerError(
-            f"{self.path}:{line_number}: the ledger is damaged, the line {what}; restore the file "
-            "from a backup, and do not edit it by hand"
+            f"{self.path}:{line_number}: the ledger is damaged, the line {what}; "
+            f"`visavis recover {self._root}` puts its copy in its place where that is intact. "
+            "Do not edit it by hand"
         )
 
     def _append(self, event: str, **content: object) -> None:
         """Write one line durably; the caller holds the lock."""
         lines = [{"event": event, **content}]
+        if not read_lines(self.path).records:
+            head = {"event": "ledger", "format": FORMAT_VERSION, "study": self.study}
+            lines.insert(0, {**head, "prefix": self.prefix})
         try:
-            with self.path.open("a+b") as file:
-                end = file.seek(0, os.SEEK_END)
-                file.seek(0)
-                whole = file.read().rfind(b"\n") + 1
-                if whole != end:
-                    file.truncate(whole)
-                if whole == 0:
-                    head = {"event": "ledger", "format": FORMAT_VERSION, "study": self.study}
-                    lines.insert(0, {**head, "prefix": self.prefix})
-                text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
-                file.write(text.encode("utf-8"))
-                file.flush()
-                os.fsync(file.fileno())
+            append_lines(self.path, lines)
         except OSError as error:
             raise LedgerError(
                 f"{self.path} cannot be written: {error.strerror}; nothing was registered, check "
@@ -349,6 +331,11 @@ def _apply(record: dict[str, Any], entries: dict[str, Participant], ledger: Ledg
     """Bring the entries up to date with one line of the ledger."""
     event = record["event"]
     if event == "ledger":
+        if record["study"] != ledger.study:
+            raise LedgerError(
+                f"{ledger.path} is the ledger of {record['study']}, not of {ledger.study}; put "
+                "back the one that belongs here, or name the folder as the study is named"
+            )
         if int(record["format"]) > FORMAT_VERSION:
             raise LedgerError(
                 f"{ledger.path} was written by a newer Visavis (format {record['format']}); "

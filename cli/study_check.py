@@ -1,0 +1,105 @@
+"""Look through every file of a study's folder, and put back what has an intact copy."""
+
+from pathlib import Path
+
+from cli.study_folder import SETTINGS_NAME, read_settings
+from lab.clock import SystemClock
+from lab.errors import LabError, RecordingError
+from protocol.ledger import LEDGER_NAME, Ledger
+from recording.chained import read_lines, repair_lines
+from recording.durable import replace_file
+from recording.folder import SIMULATED_ROOT
+from recording.integrity import damage_of
+from recording.reader import Recording
+from recording.recovery import recover
+from recording.sealed import copy_path, copy_state, restore
+
+SIMULATED_PREFIX = "S"
+
+
+def is_study(folder: Path) -> bool:
+    """Tell whether a folder is that of a study: it has settings, a ledger, or what is left."""
+    names = (SETTINGS_NAME, LEDGER_NAME)
+    return any((folder / n).exists() or copy_path(folder / n).exists() for n in names)
+
+
+def study_problems(folder: Path) -> tuple[str, ...]:
+    """Return everything wrong with any file of a study: settings, ledger, every session.
+
+    Copies that differ are named, too, though nothing reads them while the original is intact.
+    """
+    problems = [*_settings_problems(folder), *_ledger_problems(folder)]
+    for session in session_folders(folder):
+        problems += session_problems(session)
+    return tuple(problems)
+
+
+def session_folders(folder: Path) -> tuple[Path, ...]:
+    """Return the sessions of a study, those without a manifest, too."""
+    return tuple(sorted(p for p in folder.glob("sub-*/ses-*") if p.is_dir()))
+
+
+def session_problems(session: Path) -> tuple[str, ...]:
+    """Return everything wrong with the files of a session, copies included."""
+    try:
+        report = damage_of(Recording(session))
+    except RecordingError as error:
+        return (str(error),)
+    return (*report.problems, *report.notes)
+
+
+def repair_study(folder: Path) -> tuple[str, ...]:
+    """Put settings, ledger and manifests back from their copies; return what was done.
+
+    Raises RecordingError where the ledger and its copy are both damaged.
+    """
+    done = []
+    settings = folder / SETTINGS_NAME
+    if _settings_problems(folder):
+        try:
+            intact = read_settings(folder)
+        except LabError:
+            intact = None
+        if intact is None and restore(settings):
+            done.append(f"{settings} was put back from its copy")
+        elif intact is not None:
+            _renew_copy(settings)
+            done.append(f"{copy_path(settings)} was renewed")
+    try:
+        repaired = repair_lines(folder / LEDGER_NAME)
+    except ValueError as error:
+        raise RecordingError(str(error)) from error
+    done += [repaired] if repaired else []
+    for session in session_folders(folder):
+        done += recover(session).repaired
+    return tuple(done)
+
+
+def _renew_copy(path: Path) -> None:
+    """Make a file's copy anew from the file."""
+    replace_file(copy_path(path), path.read_bytes())
+
+
+def _settings_problems(folder: Path) -> list[str]:
+    path = folder / SETTINGS_NAME
+    try:
+        settings = read_settings(folder)
+    except LabError as error:
+        return [str(error)]
+    if settings is None:
+        return []
+    state = copy_state(path)
+    is_old = settings.format_version == 1 and state == "missing"
+    return [] if state == "same" or is_old else [f"{copy_path(path)} is {state}"]
+
+
+def _ledger_problems(folder: Path) -> list[str]:
+    path = folder / LEDGER_NAME
+    if not path.exists() and not copy_path(path).exists():
+        return []
+    prefix = SIMULATED_PREFIX if folder.resolve().parent.name == SIMULATED_ROOT else ""
+    try:
+        Ledger(folder, SystemClock(), prefix=prefix).list()
+        return list(read_lines(path).notes)
+    except (LabError, OSError) as error:
+        return [str(error)]

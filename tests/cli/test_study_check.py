@@ -1,0 +1,118 @@
+"""Every changed byte of a study's folder is named, and what has an intact copy comes back."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cli.main import app
+from cli.study_check import repair_study, study_problems
+from cli.study_folder import StudySettings, read_settings, settle
+from lab.clock import SimClock
+from lab.errors import DataError
+from protocol.ledger import Ledger
+from tests.recording.sessions import record_session
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    folder = tmp_path / "simulated" / "probe"
+    settle(folder, StudySettings("probe", 5, True, parameters={"trial_s": 8}), seed_given=True)
+    ledger = Ledger(folder, SimClock(), prefix="S")
+    for _ in range(4):
+        ledger.add()
+    for person in ("S01A", "S02B"):
+        record_session(tmp_path, 2, participant=person)
+    return folder
+
+
+def files(study: Path) -> list[Path]:
+    return [p for p in sorted(study.rglob("*")) if p.is_file() and p.stat().st_size]
+
+
+def put(path: Path, data: bytes) -> None:
+    path.chmod(0o644)
+    path.write_bytes(data)
+
+
+def test_an_intact_study_has_no_problems(study: Path) -> None:
+    assert () == study_problems(study)
+    checked = CliRunner().invoke(app, ["check", str(study)])
+    assert 0 == checked.exit_code, checked.output
+    assert "2 sessions, every file verified" in checked.output
+
+
+def test_every_flipped_bit_is_named(study: Path) -> None:
+    rng = np.random.default_rng(3)
+    everything = files(study)
+    for _ in range(300):
+        path = everything[int(rng.integers(len(everything)))]
+        data = path.read_bytes()
+        at, bit = int(rng.integers(len(data))), 1 << int(rng.integers(8))
+        put(path, data[:at] + bytes([data[at] ^ bit]) + data[at + 1 :])
+        assert study_problems(study), f"{path.name}: bit {bit} of byte {at}"
+        put(path, data)
+
+
+def test_every_cut_and_every_swap_of_files_is_named(study: Path) -> None:
+    everything = files(study)
+    rng = np.random.default_rng(4)
+    for path in everything:
+        data = path.read_bytes()
+        for cut in (0, *rng.integers(1, len(data), 4).tolist()):
+            put(path, data[:cut])
+            assert study_problems(study), f"{path.name} cut to {cut} bytes"
+        put(path, data)
+        same_kind = [p for p in everything if p.name == path.name and p != path]
+        for other in same_kind:
+            theirs = other.read_bytes()
+            if theirs == data:
+                continue
+            put(path, theirs)
+            put(other, data)
+            assert study_problems(study), f"{path} swapped with {other}"
+            put(path, data)
+            put(other, theirs)
+
+
+@pytest.mark.parametrize(
+    "name", ["study.json", "participants.jsonl", "sub-S01A/ses-001/manifest.json"]
+)
+def test_recover_puts_damaged_files_back(study: Path, name: str) -> None:
+    path = study / name
+    data = path.read_bytes()
+    put(path, data[:50] + b"#" + data[51:])
+
+    checked = CliRunner().invoke(app, ["check", str(study)])
+    assert 5 == checked.exit_code
+    assert "visavis recover" in checked.output
+    done = CliRunner().invoke(app, ["recover", str(study)])
+
+    assert 0 == done.exit_code, done.output
+    assert "put back from its copy" in done.output
+    assert data == path.read_bytes()
+    assert () == study_problems(study)
+
+
+def test_damaged_settings_are_not_taken(study: Path) -> None:
+    path = study / "study.json"
+    put(path, path.read_bytes().replace(b'"seed": 5', b'"seed": 4'))
+    with pytest.raises(DataError, match=r"checksum disagrees.*visavis recover"):
+        read_settings(study)
+    repair_study(study)
+    settings = read_settings(study)
+    assert settings is not None
+    assert 5 == settings.seed
+
+
+def test_settings_of_an_earlier_version_are_read(study: Path) -> None:
+    (study / "study.copy.json").unlink()
+    (study / "study.json").write_text(
+        '{"study": "probe", "seed": 9, "is_simulated": true, "effect": true, "parameters": {}, '
+        '"format_version": 1}\n'
+    )
+    settings = read_settings(study)
+    assert settings is not None
+    assert 9 == settings.seed
+    assert () == study_problems(study)
