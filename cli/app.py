@@ -2,16 +2,20 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 from rich.console import Console
 from rich.markup import escape
+from typer._completion_classes import completion_init
+from typer.completion import install_callback, show_callback
 
 from cli.command_table import LazyGroup
-from lab.config import LabConfig, load_config, parse_config, with_devices
 from lab.config_files import CONFIG_NAME, EXAMPLE, find_config
 from lab.errors import ConfigError, UsageError
+
+if TYPE_CHECKING:
+    from lab.config import LabConfig
 
 console = Console()
 errors = Console(stderr=True)
@@ -23,8 +27,9 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    add_completion=False,
+    add_completion=False,  # as options of ours: typer's own would load pydantic at every start
 )
+completion_init()
 
 
 def _print_version(is_asked: bool) -> None:
@@ -41,6 +46,24 @@ def _every_command(
         bool,
         typer.Option(
             "--version", help="Say which Visavis this is.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+    install_completion: Annotated[
+        bool,
+        typer.Option(
+            "--install-completion",
+            help="Let this shell complete verbs and options.",
+            callback=install_callback,
+            is_eager=True,
+        ),
+    ] = False,
+    show_completion: Annotated[
+        bool,
+        typer.Option(
+            "--show-completion",
+            help="Print the lines that do so, to put them elsewhere.",
+            callback=show_callback,
+            is_eager=True,
         ),
     ] = False,
 ) -> None:
@@ -68,7 +91,7 @@ def load_lab(
     *,
     only_simulates: bool = False,
     quiet: bool = False,
-) -> LabConfig:
+) -> "LabConfig":
     """Read the configuration in force and say on stderr which one that is, unless `quiet`.
 
     Without a path it is looked for in the current folder and those above. Where there is none, a
@@ -88,7 +111,9 @@ def load_lab(
             f"there is no {CONFIG_NAME} in {here} or above it; run `visavis init` to write one "
             "here, or give the path of yours with --config"
         )
-    from devices.option_models import option_models  # pydantic, only for commands that need it
+    # Both take pydantic along, which only commands that read a configuration need.
+    from devices.option_models import option_models
+    from lab.config import load_config, parse_config, with_devices
 
     if path is None:
         config = parse_config(EXAMPLE.read_text("utf-8"), EXAMPLE, option_models(), folder=here)

@@ -5,7 +5,8 @@ A new command is a line here; `tests/cli/test_command_table.py` compares the lin
 
 import difflib
 import importlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import typer
@@ -106,10 +107,36 @@ class LazyGroup(TyperGroup):
         return load_command(cmd_name)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help from the table."""
+        """Write the help from the table, as plain text: what frames it takes as long to load."""
+        with self._listing():
+            styled, self.rich_markup_mode = self.rich_markup_mode, None
+            try:
+                super().format_help(ctx, formatter)
+            finally:
+                self.rich_markup_mode = styled
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write every command's line in full."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, entry.help) for name, entry in COMMANDS.items()])
+
+    def get_help_option(self, ctx: Any) -> Any:
+        """Return --help, off by default: without a default typer loads pydantic to check it."""
+        option = super().get_help_option(ctx)
+        if option is not None:
+            option.default = False
+        return option
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+        """Return the commands and options that begin like this, from the table."""
+        with self._listing():
+            return super().shell_complete(ctx, incomplete)
+
+    @contextmanager
+    def _listing(self) -> Iterator[None]:
         self._is_listing = True
         try:
-            super().format_help(ctx, formatter)
+            yield
         finally:
             self._is_listing = False
 

@@ -1,18 +1,20 @@
 """The table of commands says what the modules register, and `--help` imports none of them."""
 
 import importlib
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from typer.main import get_group
+from typer.testing import CliRunner
 
 import cli
 from cli.app import app
 from cli.command_table import COMMANDS
 
-HEAVY = ("numba", "pandas", "pyarrow", "scipy", "matplotlib", "zmq")
+HEAVY = ("pydantic", "numpy", "numba", "pandas", "pyarrow", "scipy", "matplotlib", "zmq", "yaml")
 
 
 @pytest.fixture(scope="module")
@@ -37,16 +39,59 @@ def test_line_in_the_table_is_the_commands_own(name, registered):
     assert COMMANDS[name].help == " ".join(said.split())
 
 
-def test_help_imports_no_heavy_library():
-    program = (
-        "import sys\nfrom cli.main import main\ntry:\n    main(['--help'])\nexcept SystemExit:\n"
-        f"    print([m for m in {HEAVY!r} if m in sys.modules])"
-    )
+PROGRAM = (
+    "import atexit, sys\n"
+    f"atexit.register(lambda: print('loaded', *(m for m in {HEAVY!r} if m in sys.modules)))\n"
+    "sys.argv[0] = 'visavis'\n"
+    "from cli.main import main\nmain()"
+)
+"""The command; its last line names the heavy libraries that were loaded."""
+
+
+def answered(*arguments: str, **environment: str) -> list[str]:
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", PROGRAM, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, **environment},
     )
-    assert done.stdout.rstrip().endswith("[]"), done.stdout[-300:] + done.stderr[-300:]
-    assert "doctor" in done.stdout
+    assert "" == done.stderr
+    return done.stdout.splitlines()
+
+
+def test_help_lists_every_command_in_full_and_loads_nothing_heavy():
+    *lines, loaded = answered("--help", COLUMNS="80")
+    assert "loaded" == loaded
+    said = " ".join(" ".join(lines).split())
+    assert [] == [name for name, entry in COMMANDS.items() if f"{name} {entry.help}" not in said]
+
+
+def test_version_loads_nothing_heavy():
+    assert ["loaded"] == answered("--version")[1:]
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_of_commands_loads_nothing_heavy(shell):
+    typed = {"COMP_WORDS": "visavis re", "COMP_CWORD": "1"}
+    typed |= {"_TYPER_COMPLETE_ARGS": "visavis re", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
+    *lines, loaded = answered(_VISAVIS_COMPLETE=f"complete_{shell}", **typed)
+    expected = [name for name in COMMANDS if name.startswith("re")]
+    assert [] == [name for name in expected if name not in " ".join(lines)]
+    assert "Simulate a whole study" not in " ".join(lines)
+    assert "loaded" == loaded
+
+
+def test_options_of_a_command_are_completed():
+    typed = {"COMP_WORDS": "visavis init --", "COMP_CWORD": "2"}
+    assert "--help" in answered(_VISAVIS_COMPLETE="complete_bash", **typed)
+
+
+def test_completion_is_shown_for_the_shell_in_use(monkeypatch):
+    monkeypatch.setattr("typer.completion._get_shell_name", lambda: "zsh")
+    shown = CliRunner().invoke(app, ["--show-completion"], prog_name="visavis").stdout
+    assert "#compdef visavis" in shown
+    assert "_VISAVIS_COMPLETE=complete_zsh" in shown
 
 
 def test_mistyped_command_is_refused_with_the_nearest():
