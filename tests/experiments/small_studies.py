@@ -27,6 +27,7 @@ from experiments.stare.quick_study import run_study as quick_stare
 from experiments.waving import analysis as waving
 from experiments.waving.design import WavingParameters
 from experiments.waving.quick_study import quick_study as quick_waving
+from lab.config_files import EXAMPLE
 from tests.experiments.crowd.synthetic_walks import tables, walks
 from tests.experiments.fingerprint import (
     fingerprint_of_study,
@@ -34,7 +35,6 @@ from tests.experiments.fingerprint import (
     write_fingerprint,
 )
 
-CONFIG: Final = Path(__file__).resolve().parents[2] / "lab_config.yaml"
 PINNED: Final = Path(__file__).parent / "pinned"
 SEED: Final = 1
 
@@ -77,7 +77,7 @@ def sessions(name: str, root: Path) -> dict[str, Any]:
     settings = StudySettings(
         small.study, SEED, is_simulated=True, parameters=dict(small.parameters)
     )
-    folder = simulate_study(load_lab(CONFIG, "sim"), settings, 2, root, processes=1)
+    folder = simulate_study(load_lab(EXAMPLE, "sim"), settings, 2, root, processes=1)
     analyse_study(folder, None, mixture=False, processes=1, measure=small.measure)
     return fingerprint_of_study(folder)
 
