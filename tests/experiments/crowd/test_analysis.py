@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from experiments.crowd import published
-from experiments.crowd.analysis import analyse_tables
+from experiments.crowd.analysis import analyse_tables, select
 from experiments.crowd.analysis_parameters import AnalysisParameters
 from experiments.crowd.collision_table import collision_facts
 from experiments.crowd.conclusions import conclude
@@ -118,6 +118,24 @@ def test_people_without_a_block_or_any_walk_are_named_and_left_out_of_paths_too(
     assert {"S01", "S77"} == out
     assert 5 == len(study.main.people) == study.main.paths.n_people
     assert 7 == len(study.planned)
+
+
+def test_a_walk_that_lost_exactly_the_allowed_share_stays():
+    limit_01 = QUICK.max_lost_01
+    walked = walks(4)
+    walked[0].row["lost_01"] = limit_01
+    walked[1].row["lost_01"] = np.nextafter(limit_01, 1.0)
+    _, excluded = select(tables(walked)["trials"], QUICK)
+    assert [walked[1].row["trial_id"]] == [e.trial_id for e in excluded]
+
+
+@pytest.mark.parametrize(("lost", "out"), [(1, []), (2, ["S00"])])
+def test_a_person_with_exactly_the_allowed_share_of_a_blocks_walks_stays(lost, out):
+    walked = walks(4, configurations=2)
+    for walk in walked[:lost]:
+        walk.row["came_back"] = False
+    _, excluded = select(tables(walked)["trials"], AnalysisParameters(min_walks_01=0.5))
+    assert out == [e.participant for e in excluded if e.trial_id is None]
 
 
 def test_facts_about_collisions_are_of_the_group_that_felt_vibrations():

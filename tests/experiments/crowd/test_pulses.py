@@ -5,17 +5,34 @@ from typing import Any, cast
 
 import numpy as np
 import pandas as pd
+import pytest
 
-from experiments.crowd.pulses import PATTERN, pulse_rows
+from experiments.crowd.pulses import ASKED_WITHIN_NS, PATTERN, pulse_rows
 from lab.clock import NS_PER_MS
 from recording.reader import Recording
 
 ROLE = "armband_left_forearm"
 
 
-def recorded(contacts_ms: list[tuple[int, int]], commanded_ms: list[int]) -> Recording:
-    """Return contacts (begin, end) of one band, and when a pattern was commanded."""
+def recorded(
+    contacts_ms: list[tuple[int, int]],
+    commanded_ms: list[int],
+    starts_ms: tuple[tuple[int, int], ...] = (),
+) -> Recording:
+    """Return contacts (begin, end) of one band, and when a pattern was commanded.
+
+    `starts_ms` holds when the walk began, and at which attempt.
+    """
     events: list[dict[str, Any]] = [
+        {
+            "recording_part": 1,
+            "t_ns": t_ms * NS_PER_MS,
+            "name": "trial_start",
+            "payload": {"trial_id": "T09", "attempt": attempt},
+        }
+        for t_ms, attempt in starts_ms
+    ]
+    events += [
         {
             "recording_part": 1,
             "t_ns": t_ms * NS_PER_MS,
@@ -63,3 +80,23 @@ def test_each_contact_has_the_first_command_after_it() -> None:
 def test_a_command_long_after_a_contact_is_not_its_answer() -> None:
     (row,) = pulse_rows(recorded([(1000, 2000)], commanded_ms=[1500]))
     assert row["commanded_ms"] is None
+
+
+def test_a_command_of_the_very_sample_that_began_a_contact_is_that_contacts() -> None:
+    rows = pulse_rows(recorded([(1000, 1020), (1050, 1200)], commanded_ms=[1050]))
+    assert [None, 0.0] == [row["commanded_ms"] for row in rows]
+
+
+def test_a_command_exactly_at_the_limit_is_the_answer_and_one_after_is_not() -> None:
+    limit_ms = ASKED_WITHIN_NS // NS_PER_MS
+    (at,) = pulse_rows(recorded([(1000, 2000)], commanded_ms=[1000 + limit_ms]))
+    assert limit_ms == at["commanded_ms"]
+    (after,) = pulse_rows(recorded([(1000, 2000)], commanded_ms=[1001 + limit_ms]))
+    assert after["commanded_ms"] is None
+
+
+@pytest.mark.parametrize(("t_ms", "attempt"), [(899, None), (900, 1), (1199, 1), (1200, 2)])
+def test_a_contact_is_of_the_attempt_begun_last_before_it_or_with_it(t_ms, attempt) -> None:
+    starts = ((900, 1), (1200, 2))
+    (row,) = pulse_rows(recorded([(t_ms, 2000)], commanded_ms=[], starts_ms=starts))
+    assert attempt == row["attempt"]

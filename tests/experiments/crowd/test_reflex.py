@@ -10,7 +10,7 @@ from lab.clock import NS_PER_MS
 from protocol.steps import BodyView, Play, Silence
 from stimuli.contact.body import BODY_JOINTS
 from stimuli.contact.idle import crowd_poses, people_of
-from stimuli.scenes.station_crowd import station_crowd
+from stimuli.scenes.station_crowd import ROOM_SIDE_M, station_crowd
 
 CROWD = station_crowd(1)
 STEP_NS = 10 * NS_PER_MS
@@ -72,6 +72,53 @@ def test_lasting_contact_renews_the_pattern_before_it_runs_out_and_not_sooner():
 
 def test_samples_before_the_walk_command_nothing():
     assert reflex().answer(body_at(-STEP_NS)) == []
+
+
+def test_the_sample_of_the_walks_first_moment_is_answered():
+    assert 4 == len(reflex().answer(body_at(0)))
+
+
+def test_a_gap_of_exactly_the_limit_is_no_silence_and_a_longer_one_is_all_silence():
+    contact = reflex()
+    contact.answer(body_at(0))
+    contact.answer(body_at(QUIET_NS, shift_m=1e-6))
+    assert 0.0 == contact.account()[0]["body_silent_ms"]
+    contact.answer(body_at(2 * QUIET_NS + 1, shift_m=2e-6))
+    columns, flags = contact.account()
+    assert (QUIET_NS + 1) / NS_PER_MS == columns["body_silent_ms"]
+    assert ["body_silent"] == flags
+
+
+def test_a_walk_that_ends_exactly_at_the_limit_of_silence_was_not_silent():
+    contact = reflex()
+    contact.answer(body_at(0))
+    contact.end(QUIET_NS)
+    assert [] == contact.account()[1]
+
+
+def test_a_pose_that_repeats_for_exactly_the_limit_is_believed():
+    contact = reflex()
+    contact.answer(body_at(0))
+    contact.answer(body_at(QUIET_NS // 2))
+    assert [] == contact.answer(body_at(QUIET_NS))
+    assert [] == contact.account()[1]
+    steps = contact.answer(body_at(QUIET_NS + 1))
+    assert {Silence(role) for role in BAND_ROLES} == set(steps)
+    assert ["body_frozen"] == contact.account()[1]
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+@pytest.mark.parametrize("side", [1, -1])
+def test_hips_on_the_rooms_edge_are_in_the_room_and_beyond_it_outside(axis, side):
+    def outside(at_m):
+        body = body_at(STEP_NS)
+        body.position_m[0, BODY_JOINTS.index("hips"), axis] = side * at_m
+        contact = reflex()
+        contact.answer(body)
+        return contact.account()[0]["outside_room_samples"]
+
+    assert 0 == outside(ROOM_SIDE_M / 2)
+    assert 1 == outside(np.nextafter(ROOM_SIDE_M / 2, 99.0))
 
 
 def test_a_tracker_that_repeats_itself_silences_and_is_counted():

@@ -26,6 +26,27 @@ def test_trial_with_thirty_percent_lost_stays_and_more_goes_out(rows):
     assert selection.flow.analysed == len(rows) - 1
 
 
+def test_participant_with_exactly_the_allowed_share_of_lost_trials_stays(rows):
+    quarter = AnalysisParameters(max_bad_trials_01=0.25)
+    rows.loc[:17, "lost_01"] = 0.9  # 18 of 72 trials of S01: 25 %
+    rows.loc[72:90, "lost_01"] = 0.9  # 19 of 72 trials of S02
+
+    selection = select_trials(rows, quarter)
+
+    assert ["S02"] == [e.participant for e in selection.excluded if e.trial_id is None]
+
+
+def test_participant_with_exactly_the_allowed_calibration_error_stays(rows):
+    limit_deg = DEFAULT_PARAMETERS.max_error_deg
+    beyond_deg = np.nextafter(limit_deg, 90.0)
+    rows.loc[rows["participant"] == "S01", "calibration_accuracy_deg"] = limit_deg
+    rows.loc[rows["participant"] == "S02", "calibration_accuracy_deg"] = beyond_deg
+
+    selection = select_trials(rows, DEFAULT_PARAMETERS)
+
+    assert ["S02"] == [e.participant for e in selection.excluded]
+
+
 def test_trial_of_unknown_loss_goes_out(rows):
     rows.loc[3, "lost_01"] = np.nan
 
@@ -87,6 +108,16 @@ def test_last_finished_attempt_counts_and_unfinished_ones_are_listed(rows):
     assert first["dwell_ms"].tolist() == [4321.0, 4321.0]
     assert (flow.performed, flow.unfinished, flow.superseded) == (len(rows) + 2, 1, 1)
     assert flow.complete == len(rows)
+
+
+@pytest.mark.parametrize("order", [(1, 2), (2, 1)])
+def test_the_attempt_made_last_counts_wherever_its_row_stands(rows, order):
+    twice = pd.concat([rows.iloc[[0]]] * 2, ignore_index=True)
+    twice["attempt"], twice["dwell_ms"] = order, [1000.0 * attempt for attempt in order]
+
+    kept = select_trials(twice, DEFAULT_PARAMETERS).kept
+
+    assert kept["dwell_ms"].tolist() == [2000.0]
 
 
 def test_practice_is_never_analysed(rows):

@@ -1,0 +1,124 @@
+"""Which trials of the waving study count, and the exact bounds of its measures."""
+
+import math
+
+import pandas as pd
+import pytest
+
+from experiments.waving.design import DIRECTIONS, TECHNIQUES
+from experiments.waving.measures import (
+    EYE_HEIGHT_TOLERANCE_M,
+    analysed_trials,
+    cell_means,
+    complete_participants,
+    eye_heights,
+    relative_confusion,
+)
+
+
+def trial(**changed):
+    row = {
+        "participant": "S01",
+        "session": 1,
+        "trial_id": "T01",
+        "is_practice": False,
+        "status": "complete",
+        "technique": "warping",
+        "direction": "self",
+        "participant_place": "place_3",
+        "target_place": "place_3",
+        "who": "place_3",
+        "is_right": True,
+        "who_ms": 1000.0,
+        "realism": 7,
+        "eye_height_m": 1.62,
+        "planned_eye_height_m": 1.62,
+    }
+    return {**row, **changed}
+
+
+def test_of_a_trial_finished_twice_the_last_attempt_counts():
+    table = pd.DataFrame([trial(who="place_1"), trial(who="place_2"), trial(who="place_4")])
+    assert ["place_4"] == analysed_trials(table)["who"].tolist()
+
+
+def test_an_attempt_that_was_not_finished_or_not_answered_does_not_replace_one_that_was():
+    table = pd.DataFrame(
+        [trial(who="place_1"), trial(who="place_2", status="interrupted"), trial(who=None)]
+    )
+    assert ["place_1"] == analysed_trials(table)["who"].tolist()
+
+
+def test_training_never_counts():
+    assert analysed_trials(pd.DataFrame([trial(is_practice=True)])).empty
+
+
+@pytest.mark.parametrize("other", [{"participant": "S02"}, {"session": 2}, {"trial_id": "T02"}])
+def test_attempts_are_of_one_trial_of_one_session_of_one_person(other):
+    assert 2 == len(analysed_trials(pd.DataFrame([trial(), trial(**other)])))
+
+
+def test_only_a_participant_with_every_cell_is_complete():
+    cells = [(t, d) for t in TECHNIQUES for d in DIRECTIONS]
+    whole = [trial(participant="S01", technique=t, direction=d) for t, d in cells]
+    short = [trial(participant="S02", technique=t, direction=d) for t, d in cells[1:]]
+    assert ("S01",) == complete_participants(cell_means(pd.DataFrame([*whole, *short])))
+
+
+def test_response_time_is_the_median_and_accuracy_the_mean_of_a_cell():
+    table = pd.DataFrame(
+        [
+            trial(who_ms=100.0, realism=1),
+            trial(who_ms=200.0, realism=1, is_right=False),
+            trial(who_ms=900.0, realism=4),
+        ]
+    )
+    (cell,) = cell_means(table).to_dict("records")
+    assert (200.0, 2.0, 3) == (cell["response_ms"], cell["realism"], cell["n"])
+    assert 2 / 3 == pytest.approx(cell["accuracy"])
+
+
+@pytest.mark.parametrize(
+    ("who", "told"),
+    [
+        ("place_1", "farther"),
+        ("place_2", "left"),
+        ("place_3", "self"),
+        ("place_4", "right"),
+        ("place_5", "farther"),
+    ],
+)
+def test_an_answer_one_place_aside_is_left_or_right_and_two_places_farther(who, told):
+    table = relative_confusion(pd.DataFrame([trial(who=who)]))
+    counts = table[["left", "self", "right", "farther"]].sum()
+    assert told == counts.idxmax()
+    assert 1 == counts.sum()
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_an_eye_height_at_the_tolerance_is_not_off_and_one_beyond_is(side):
+    at = side * EYE_HEIGHT_TOLERANCE_M
+    beyond = math.nextafter(at, side * math.inf)
+    table = pd.DataFrame(
+        [
+            trial(participant="at", eye_height_m=at, planned_eye_height_m=0.0),
+            trial(participant="beyond", eye_height_m=beyond, planned_eye_height_m=0.0),
+        ]
+    )
+    off = eye_heights(table).set_index("participant")["eye_height_is_off"]
+    assert {"at": False, "beyond": True} == off.to_dict()
+
+
+def test_eye_height_is_the_median_of_finished_trials_and_unknown_where_no_head_was_tracked():
+    heights = (1.60, 1.61, 1.69)
+    table = pd.DataFrame(
+        [
+            *(trial(eye_height_m=h) for h in heights),
+            trial(eye_height_m=0.3, status="interrupted"),
+            trial(participant="S02", eye_height_m=None),
+        ]
+    )
+    found = eye_heights(table).set_index("participant")
+    assert 1.61 == found.loc["S01", "eye_height_m"]
+    assert math.isnan(found.loc["S02", "eye_height_m"])
+    assert not found.loc["S02", "eye_height_is_off"]
