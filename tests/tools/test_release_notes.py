@@ -1,0 +1,90 @@
+"""Fragments become a changelog, each exactly once."""
+
+from pathlib import Path
+
+import pytest
+
+from tools.release_notes import HEAD, ReleaseError, fragments, release
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def changed(root: Path, **texts: str) -> Path:
+    """Write fragments; in names of arguments `_` stands for a full stop, `__` for a hyphen."""
+    folder = root / "changelog.d"
+    folder.mkdir(exist_ok=True)
+    (folder / "README.md").write_text("What lies here.")
+    for name, text in texts.items():
+        file = name.lstrip("_").replace("__", "-").replace("_", ".") + ".md"
+        (folder / file).write_text(text, "utf-8")
+    return root
+
+
+def test_changes_stand_by_kind_then_by_issue(tmp_path: Path) -> None:
+    changed(
+        tmp_path,
+        _10_fixed="Ten is\nmended.\n",
+        _2_fixed="Two is mended.",
+        _3_added="Three – new.",
+        _2_long__name_added="Two has a name.",
+    )
+    assert 4 == release(tmp_path, "0.2.0", "2026-11-30")
+    assert (
+        f"{HEAD}\n## 0.2.0, 2026-11-30\n\n"
+        "### Added\n\n- Two has a name.\n- Three – new.\n\n"
+        "### Fixed\n\n- Two is mended.\n- Ten is mended.\n"
+    ) == (tmp_path / "CHANGELOG.md").read_text("utf-8")
+    assert ["README.md"] == [p.name for p in (tmp_path / "changelog.d").iterdir()]
+
+
+def test_a_newer_version_stands_above_the_older(tmp_path: Path) -> None:
+    release(changed(tmp_path, _1_added="First."), "0.1.0", "2026-11-01")
+    release(changed(tmp_path, _2_added="Second."), "0.2.0", "2026-11-30")
+    text = (tmp_path / "CHANGELOG.md").read_text("utf-8")
+    assert (
+        f"{HEAD}\n## 0.2.0, 2026-11-30\n\n### Added\n\n- Second.\n"
+        "\n## 0.1.0, 2026-11-01\n\n### Added\n\n- First.\n"
+    ) == text
+
+
+def test_paragraphs_stay_apart(tmp_path: Path) -> None:
+    release(changed(tmp_path, _1_added="One,\nthe first.\n\nTwo.\n"), "0.1.0", "2026-11-01")
+    text = (tmp_path / "CHANGELOG.md").read_text("utf-8")
+    assert text.endswith("- One, the first.\n\n  Two.\n")
+
+
+def test_long_changes_are_wrapped_under_themselves(tmp_path: Path) -> None:
+    release(changed(tmp_path, _1_added="a-word " * 40), "0.1.0", "2026-11-01")
+    lines = (tmp_path / "CHANGELOG.md").read_text("utf-8").splitlines()
+    assert max(map(len, lines)) <= 100
+    assert 3 == sum("a-word" in line for line in lines)
+    assert all(line.startswith(("- ", "  ")) for line in lines if "a-word" in line)
+
+
+WRONG = {
+    "kind": ({"_1_mended": "x"}, "1.0", "2026-11-01", "is no fragment"),
+    "name": ({"Notes": "x"}, "1.0", "2026-11-01", "is no fragment"),
+    "empty": ({"_1_added": " \n"}, "1.0", "2026-11-01", "is empty"),
+    "none": ({}, "1.0", "2026-11-01", "no fragments"),
+    "again": ({"_1_added": "x"}, "0.9", "2026-11-01", "has 0.9 already"),
+    "day": ({"_1_added": "x"}, "1.0", "tomorrow", "takes a day"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_is_said_before_anything_is_written(name: str, tmp_path: Path) -> None:
+    texts, version, day, message = WRONG[name]
+    release(changed(tmp_path, _1_added="Old."), "0.9", "2026-10-01")
+    changed(tmp_path, **texts)
+    before = {p: p.read_bytes() for p in tmp_path.rglob("*.md")}
+    with pytest.raises(ReleaseError, match=message):
+        release(tmp_path, version, day)
+    assert before == {p: p.read_bytes() for p in tmp_path.rglob("*.md")}
+
+
+def test_every_fragment_of_the_repository_can_be_gathered() -> None:
+    fragments(ROOT / "changelog.d")
+
+
+def test_the_changelog_of_the_repository_begins_as_the_tool_writes_it() -> None:
+    assert (ROOT / "CHANGELOG.md").read_text("utf-8").startswith(HEAD)
