@@ -138,6 +138,16 @@ def stats(
     family: Annotated[
         str, typer.Option("--family", help="Of gee: gaussian, binomial or poisson.")
     ] = "gaussian",
+    correction: Annotated[
+        str,
+        typer.Option(
+            "--correction",
+            help="For sphericity, of rm (mauchly) and art (gg): mauchly, gg, hf or none.",
+        ),
+    ] = "",
+    equal_variances: Annotated[
+        bool, typer.Option("--equal-variances", help="Of t between groups: Student's, not Welch's.")
+    ] = False,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder; FILE_TEST when left out.")
     ] = None,
@@ -171,6 +181,8 @@ def stats(
         mu=mu,
         levels=read_levels(levels or []),
         family=family,
+        correction=correction,
+        equal_variances=equal_variances,
     )
     outcome = answer(read_table(file), question)
     folder = Path(f"{file.stem}_{test}") if output is None else output

@@ -10,8 +10,11 @@ from analysis.statistics.anova import Anova, AnovaEffect, between_anova, rm_anov
 from analysis.statistics.art import AlignmentCheck, ArtAnova, art_anova
 from analysis.statistics.art_contrasts import art_contrasts, art_interaction_contrasts
 from analysis.statistics.between import (
+    DunnPair,
     KruskalWallis,
     OneWay,
+    dunn,
+    games_howell,
     group_means,
     kruskal_wallis,
     levene,
@@ -79,6 +82,7 @@ __all__ = [
     "Correlation",
     "CronbachAlpha",
     "Design",
+    "DunnPair",
     "Effect",
     "Equivalence",
     "Friedman",
@@ -116,8 +120,10 @@ __all__ = [
     "correct_family",
     "cronbach_alpha",
     "describe",
+    "dunn",
     "estimation_plot",
     "friedman",
+    "games_howell",
     "group_means",
     "independent_t",
     "independent_t_from_summary",

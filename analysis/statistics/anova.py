@@ -1,5 +1,6 @@
 """Analysis of variance: repeated measures, mixed designs (type III), sphericity, effect sizes."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
@@ -140,10 +141,13 @@ def between_anova(
     between: Sequence[str],
     subject: str | None = None,
     levels: Levels | None = None,
+    missing: Literal["error", "listwise"] = "error",
     ss_type: Literal[2, 3] = 3,
 ) -> Anova:
     """Test all effects of a between-subject factorial design, sums of squares of type II or III."""
-    design = read_design(frame, dv, subject=subject, between=between, levels=levels)
+    design = read_design(
+        frame, dv, subject=subject, between=between, levels=levels, missing=_no_mixed(missing)
+    )
     table = anova_of_design(design, subject=subject or "row", correction="none")
     if ss_type == 3:
         return table
@@ -207,13 +211,7 @@ def effect_of_stratum(
     refuse_zero_error(design.dv, s.term, s.ss, s.ss_error)
     F = (s.ss / s.df1) / (s.ss_error / s.df2)
     p = float(special.fdtrc(s.df1, s.df2, F))
-    judged = None
-    if any(f.name in s.term for f in design.within) and s.errors.shape[1] > 1:
-        cells = 1
-        for factor in design.within:
-            cells *= factor.k
-        df = s.errors.shape[0] - s.n_groups
-        judged = sphericity(s.errors, df, F, s.df1, n_cells=cells)
+    judged = _judged(s, design, F)
     epsilon, p_used, name = _report(p, judged, correction)
     return AnovaEffect(
         term=s.term,
@@ -232,6 +230,21 @@ def effect_of_stratum(
         df2_used=s.df2 * epsilon,
         p_used=p_used,
     )
+
+
+def p_of_stratum(s: Stratum, design: Design, correction: Correction) -> float:
+    """Return the p to report of sums of squares, 1 without effect and 0 without error."""
+    if s.ss == 0 or s.ss_error == 0:
+        return 1.0 if s.ss == 0 else 0.0
+    F = (s.ss / s.df1) / (s.ss_error / s.df2)
+    return _report(float(special.fdtrc(s.df1, s.df2, F)), _judged(s, design, F), correction)[1]
+
+
+def _judged(s: Stratum, design: Design, F: float) -> Sphericity | None:
+    if not any(f.name in s.term for f in design.within) or s.errors.shape[1] < 2:
+        return None
+    cells = math.prod(f.k for f in design.within)
+    return sphericity(s.errors, s.errors.shape[0] - s.n_groups, F, s.df1, n_cells=cells)
 
 
 def refuse_zero_error(dv: str, term: Sequence[str], ss: float, ss_error: float) -> None:
@@ -259,5 +272,5 @@ def _rest(provenance: Provenance, effect: AnovaEffect) -> Row:
 
 def _no_mixed(missing: Missing) -> Missing:
     if missing == "mixed":
-        raise UnknownMethod("a repeated-measures ANOVA needs complete cells; use mixed_anova")
+        raise UnknownMethod("an ANOVA needs complete cells; use mixed_anova")
     return missing

@@ -14,6 +14,7 @@ from analysis.statistics.anova import (
     AnovaEffect,
     Correction,
     effect_of_stratum,
+    p_of_stratum,
 )
 from analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
 from analysis.statistics.errors import StatisticsError, UnknownMethod
@@ -81,7 +82,7 @@ def art_anova(
     error: ArtError = "strata",
     missing: Missing = "error",
     transform: Transform = "art",
-    sphericity: Correction = "none",
+    correction: Correction = "gg",
     ddf: Ddf = "kenward-roger",
     random: RandomPart = "slopes",
     alpha: float = 0.05,
@@ -94,8 +95,8 @@ def art_anova(
     `missing="mixed"` keeps incomplete subjects and implies the mixed model. `transform="int"`
     runs the ANOVA on normal scores of the plain ranks, which holds its error rate on skewed data
     where ART does not (Tsandilas and Casiez 2024); it is computed beside ART in any case, and a
-    note says when the two disagree at `alpha`. `sphericity` corrects the reported p of the
-    strata tests; by default epsilon is only shown.
+    note says when the two disagree at `alpha`. `correction` for sphericity is that of
+    `rm_anova`, applied to the ranks of the strata tests; "none" is ARTool's.
     """
     for value, kind in ((error, ArtError), (transform, Transform)):
         if value not in get_args(kind):
@@ -113,8 +114,8 @@ def art_anova(
     scores = normal_scores(design.y)
     plain = dict.fromkeys(aligned, scores)
     used, other = (ranks, plain) if transform == "art" else (plain, ranks)
-    effects = _effects(design, used, name, error, sphericity, ddf, random)
-    second = _p_values(design, other, name, error, ddf, random)
+    effects = _effects(design, used, name, error, correction, ddf, random)
+    second = _p_values(design, other, name, error, correction, ddf, random)
     check = alignment_check(design, aligned)
     skew = skewness(design.y - _mean_by(design.y, _cell_codes(design, design.terms[-1])))
     notes = _notes(design, effects, second, check, skew, transform, alpha)
@@ -123,7 +124,7 @@ def art_anova(
         design.n,
         unit="subjects" if subject else "rows",
         error_term=_error_text(design, error, ddf, effects),
-        correction="sphericity: " + CORRECTION_NAME[sphericity] if within else "none",
+        correction="sphericity: " + CORRECTION_NAME[correction] if within else "none",
         dropped=design.dropped,
         notes=notes,
     )
@@ -199,7 +200,7 @@ def _effects(
     columns: Mapping[str, Array],
     subject: str,
     error: ArtError,
-    sphericity: Correction,
+    correction: Correction,
     ddf: Ddf,
     random: RandomPart,
 ) -> tuple[AnovaEffect, ...]:
@@ -209,7 +210,7 @@ def _effects(
             for term, column in _by_term(design, columns)
         )
     return tuple(
-        effect_of_stratum(s, design, sphericity if error == "strata" else "none", total_error=None)
+        effect_of_stratum(s, design, correction if error == "strata" else "none", total_error=None)
         for s in _strata(design, columns, subject, error)
     )
 
@@ -219,15 +220,17 @@ def _p_values(
     columns: Mapping[str, Array],
     subject: str,
     error: ArtError,
+    correction: Correction,
     ddf: Ddf,
     random: RandomPart,
 ) -> dict[str, float]:
-    """Return p of every term."""
+    """Return the p to report of every term."""
     if error == "mixed":
         effects = _effects(design, columns, subject, error, "none", ddf, random)
-        return {e.name: e.p for e in effects}
+        return {e.name: e.p_used for e in effects}
+    used = correction if error == "strata" else "none"
     tested = _strata(design, columns, subject, error)
-    return {":".join(s.term): float(special.fdtrc(s.df1, s.df2, _f(s))) for s in tested}
+    return {":".join(s.term): p_of_stratum(s, design, used) for s in tested}
 
 
 def _by_term(design: Design, columns: Mapping[str, Array]) -> list[tuple[tuple[str, ...], Array]]:
@@ -263,9 +266,9 @@ def _notes(
     beside = "inverse-normal ranks" if transform == "art" else "the aligned rank transform"
     for effect in effects:
         p = second[effect.name]
-        if (effect.p < alpha) != (p < alpha):
+        if (effect.p_used < alpha) != (p < alpha):
             notes.append(
-                f"{effect.name}: {p_text(effect.p)} here but {p_text(p)} by {beside}; "
+                f"{effect.name}: {p_text(effect.p_used)} here but {p_text(p)} by {beside}; "
                 "the verdict depends on the transform, do not rest a claim on it"
             )
     if abs(skew) > SKEW_LIMIT and transform == "art":
@@ -273,6 +276,13 @@ def _notes(
             f"residuals are skewed ({number(skew)}); ART may report effects that are not there, "
             "prefer transform='int' or a model of the response"
         )
+    for effect in effects:
+        s = effect.sphericity
+        if s is not None and effect.correction == "none" and (s.p is None or s.p < alpha):
+            notes.append(
+                f"{effect.name}: the error is not spherical and not corrected for it; "
+                f"Greenhouse-Geisser gives {p_text(s.p_gg)}"
+            )
     if not check.is_clean:
         notes.append(
             "cells are unequal, so alignment is approximate: other effects reach "

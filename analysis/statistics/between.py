@@ -1,11 +1,13 @@
-"""Between-subject designs: one-way ANOVA and its relatives, Tukey, type II sums of squares."""
+"""Between-subject designs: one-way ANOVA and its relatives, post-hocs, type II sums of squares."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy import special
 
+from analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment, adjust_p
 from analysis.statistics.anova import AnovaEffect
 from analysis.statistics.contrasts import (
     ContrastAdjustment,
@@ -19,7 +21,17 @@ from analysis.statistics.effects import partial_eta_squared
 from analysis.statistics.errors import ConstantResponse
 from analysis.statistics.linear import model_matrix, residual_ss
 from analysis.statistics.ranks import average_ranks, tie_sizes
-from analysis.statistics.results import Array, Effect, Provenance, Result, Row, f_text, p_text
+from analysis.statistics.results import (
+    MINUS,
+    Array,
+    Effect,
+    Provenance,
+    Result,
+    Row,
+    f_text,
+    number,
+    p_text,
+)
 
 
 @dataclass(frozen=True)
@@ -89,6 +101,41 @@ class KruskalWallis(Result):
 
 
 @dataclass(frozen=True)
+class DunnPair(Result):
+    """Two groups compared by their mean ranks among all groups; `estimate` is the difference."""
+
+    level_1: str
+    level_2: str
+    estimate: float
+    se: float
+    z: float
+    p: float
+    p_adjusted: float
+    adjustment: Adjustment
+
+    def sentence(self) -> str:
+        """Return the comparison as an APA sentence."""
+        return (
+            f"{self.level_1} {MINUS} {self.level_2}: mean ranks differ by {number(self.estimate)}, "
+            f"z = {number(self.z)}, {p_text(self.p_adjusted, 'adjusted p')} "
+            f"({ADJUSTMENT_NAME[self.adjustment]})"
+        )
+
+    def row(self) -> Row:
+        """Return the comparison as one flat table row."""
+        return {
+            "level_1": self.level_1,
+            "level_2": self.level_2,
+            "estimate": self.estimate,
+            "se": self.se,
+            "z": self.z,
+            "p": self.p,
+            "p_adjusted": self.p_adjusted,
+            "adjustment": self.adjustment,
+        }
+
+
+@dataclass(frozen=True)
 class GroupMeans:
     """Regression on one factor, first level as baseline, one entry per coefficient."""
 
@@ -149,6 +196,64 @@ def welch_anova(
             "Welch's ANOVA", sum(g.size for g in groups), unit="rows",
             error_term="separate variances",
         ),
+        eta=partial_eta_squared(float(F), k - 1, float(df2)),
+    )  # fmt: skip
+
+
+def games_howell(
+    frame: Frame,
+    dv: str,
+    *,
+    factor: str,
+    levels: Sequence[object] | None = None,
+    adjust: ContrastAdjustment = "tukey",
+) -> Contrasts:
+    """Compare all pairs of groups by Welch's t (Games and Howell 1976 with Tukey's p)."""
+    names, groups = _groups(frame, dv, factor, levels)
+    L = pair_matrix(len(groups))
+    shares = np.array([g.var(ddof=1) / g.size for g in groups])
+    inside = np.abs(L)
+    variance = inside @ shares
+    if (variance <= 0).any():
+        raise ConstantResponse(f"{dv} does not vary in two groups; Welch's t is not defined")
+    dfs = variance**2 / (inside @ (shares**2 / np.array([g.size - 1 for g in groups])))
+    return contrast_family(
+        (factor,), pair_labels(names), L @ np.array([g.mean() for g in groups]),
+        np.sqrt(variance), dfs, k=len(groups), adjustment=adjust,
+        provenance=Provenance(
+            "Games-Howell" if adjust == "tukey" else "pairwise Welch t",
+            sum(g.size for g in groups), unit="rows", error_term="separate variances",
+        ),
+    )  # fmt: skip
+
+
+def dunn(
+    frame: Frame,
+    dv: str,
+    *,
+    factor: str,
+    levels: Sequence[object] | None = None,
+    adjust: Adjustment = "holm",
+) -> tuple[DunnPair, ...]:
+    """Compare all pairs of groups by mean ranks among all rows, corrected for ties (Dunn 1964)."""
+    names, groups = _groups(frame, dv, factor, levels)
+    every = np.concatenate(groups)
+    N = every.size
+    ranks = np.split(average_ranks(every), np.cumsum([g.size for g in groups])[:-1])
+    ties = tie_sizes(every)
+    spread = N * (N + 1) / 12 - float((ties**3 - ties).sum()) / (12 * (N - 1))
+    pairs = list(combinations(range(len(groups)), 2))
+    off = np.array([ranks[a].mean() - ranks[b].mean() for a, b in pairs])
+    ses = np.sqrt([spread * (1 / ranks[a].size + 1 / ranks[b].size) for a, b in pairs])
+    z = off / ses
+    p = 2 * special.ndtr(-np.abs(z))
+    adjusted = adjust_p(p, adjust)
+    return tuple(
+        DunnPair(
+            names[a], names[b], float(off[i]), float(ses[i]), float(z[i]), float(p[i]),
+            float(adjusted[i]), adjust,
+        )
+        for i, (a, b) in enumerate(pairs)
     )  # fmt: skip
 
 

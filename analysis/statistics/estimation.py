@@ -34,9 +34,9 @@ def estimation_plot(
 
     `conditions` name → one value per participant, in the same order when `paired`. The lower
     panel shows each mean difference (condition − reference, by default the first) with its
-    t interval at `level` and the sampling distribution behind it. Returns a matplotlib figure
-    that no window shows; save it with `savefig`. `watermark` is written across it, for
-    simulated data.
+    t interval at `level` (Welch's between groups) and the sampling distribution behind it.
+    Returns a matplotlib figure that no window shows; save it with `savefig`. `watermark` is
+    written across it, for simulated data.
     """
     from matplotlib.figure import Figure  # late: a second that tables need not pay
 
@@ -102,8 +102,13 @@ def _draw_differences(
     for i, column in enumerate(columns):
         if i == base:
             continue
-        test: TTest = (paired_t if paired else independent_t)(
-            column, columns[base], names=(names[i], names[base]), level=level
+        both = (names[i], names[base])
+        test: TTest = (
+            paired_t(column, columns[base], names=both, level=level)
+            if paired
+            else independent_t(
+                column, columns[base], names=both, level=level, equal_variances=False
+            )
         )
         colour = COLOURS[i % len(COLOURS)]
         se = (test.interval.high - test.interval.low) / 2

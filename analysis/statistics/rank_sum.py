@@ -1,4 +1,4 @@
-"""Mann-Whitney's U of two independent groups: exact without ties, normal."""
+"""Mann-Whitney's U of two independent groups: exact, also given ties, or normal."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from analysis.statistics.errors import ConstantResponse, StatisticsError, UnknownMethod
+from analysis.statistics.errors import ConstantResponse, UnknownMethod
 from analysis.statistics.inputs import is_constant, sample
 from analysis.statistics.ranks import average_ranks, tie_sizes
 from analysis.statistics.results import (
@@ -22,6 +22,8 @@ from analysis.statistics.results import (
 )
 
 RankSumMethod: TypeAlias = Literal["auto", "exact", "normal"]
+EXACT_BELOW = 50
+"""Size of a group from which "auto" takes the normal approximation."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,9 @@ def mann_whitney(
 ) -> RankSum:
     """Test whether values of one group tend to be larger.
 
-    "auto" is exact for groups below 50 without ties, else normal; "exact" refuses ties. The
-    effect is the rank-biserial correlation 2U/(n1·n2) − 1 with a Fisher z interval.
+    "exact" counts all ways to deal the ranks at hand, ties included, to the groups; "auto" does so
+    for groups below 50 and takes the normal approximation above. The effect is the rank-biserial
+    correlation 2U/(n1·n2) − 1 with a Fisher z interval.
     """
     if method not in get_args(RankSumMethod):
         raise UnknownMethod(
@@ -77,14 +80,14 @@ def mann_whitney(
     N = m + n
     ties = tie_sizes(every)
     has_ties = bool((ties > 1).any())
-    U = float(average_ranks(every)[:m].sum() - m * (m + 1) / 2)
+    ranks = average_ranks(every)
+    U = float(ranks[:m].sum() - m * (m + 1) / 2)
     variance = m * n / 12 * (N + 1 - (ties**3 - ties).sum() / (N * (N - 1)))
     off = U - m * n / 2
     z = float(off / np.sqrt(variance))
-    if method == "exact" and has_ties:
-        raise StatisticsError("the exact rank-sum test needs untied values; use method='normal'")
-    if method == "exact" or (method == "auto" and not has_ties and max(m, n) < 50):
-        label, p = "exact", _exact_p(U, m, n)
+    if method == "exact" or (method == "auto" and max(m, n) < EXACT_BELOW):
+        label = "exact, given the ties" if has_ties else "exact"
+        p = _exact_p(ranks, m)
     else:
         label = "normal, continuity-corrected" if continuity else "normal"
         corrected = off - np.sign(off) * 0.5 if continuity else off
@@ -105,17 +108,20 @@ def _interval(value: float, m: int, n: int, level: float) -> Interval:
     return Interval(min(low, value), max(high, value), level)
 
 
-def _exact_p(U: float, m: int, n: int) -> float:
-    """Return twice the smaller tail of U over all arrangements of untied values."""
-    rows: list[Array] = [np.ones(1) for _ in range(n + 1)]  # P(U) of 0 against 0..n values
-    for i in range(1, m + 1):
-        current = [np.ones(1)]
-        for j in range(1, n + 1):  # the largest value is one of the i, or one of the j
-            mass = np.zeros(i * j + 1)
-            mass[j:] = rows[j] * (i / (i + j))
-            mass[: i * (j - 1) + 1] += current[j - 1] * (j / (i + j))
-            current.append(mass)
-        rows = current
-    mass = rows[n]
-    place = round(U)
-    return float(min(1.0, 2 * min(mass[: place + 1].sum(), mass[place:].sum())))
+def _exact_p(ranks: Array, m: int) -> float:
+    """Return the share of all choices of m ranks whose sum is at least as far from its mean.
+
+    Counts of subsets by size and sum of doubled ranks, which are whole numbers.
+    """
+    doubled = np.round(2 * ranks).astype(np.intp)
+    smaller = min(m, ranks.size - m)  # both groups' sums lie equally far from their means
+    counts = np.zeros((smaller + 1, int(np.sort(doubled)[::-1][:smaller].sum()) + 1))
+    counts[0, 0] = 1.0
+    for rank in doubled:
+        counts[1:, rank:] += counts[:-1, : counts.shape[1] - rank].copy()
+    of_size = counts[smaller]
+    mean = smaller * doubled.sum() / doubled.size
+    part = doubled[:m] if smaller == m else doubled[m:]
+    away = np.abs(np.arange(of_size.size) - mean)
+    reached = away >= abs(part.sum() - mean) - 1e-9
+    return float(min(1.0, of_size[reached].sum() / of_size.sum()))

@@ -13,13 +13,16 @@ from analysis.statistics import (
     ArtAnova,
     Contrasts,
     Design,
+    DunnPair,
     SignedRankPair,
     art_anova,
     art_contrasts,
     art_interaction_contrasts,
     between_anova,
     compare_conditions,
+    dunn,
     friedman,
+    games_howell,
     kruskal_wallis,
     mixed_anova,
     pairwise_t,
@@ -27,8 +30,10 @@ from analysis.statistics import (
     posthoc_signed_rank,
     rm_anova,
     tukey_hsd,
+    welch_anova,
 )
 from analysis.statistics.adjust import Adjustment
+from analysis.statistics.anova import Correction
 from analysis.statistics.art import ArtError, Transform
 from analysis.statistics.contrasts import ContrastAdjustment
 from analysis.statistics.errors import StatisticsError
@@ -117,13 +122,30 @@ def _art(table: DataTable, q: Question) -> Outcome:
     made = art_anova(
         prepared.frame, q.dv, subject=q.subject or None, within=q.within, between=q.between,
         levels=prepared.levels, error=cast(ArtError, q.error), missing=q.missing,
-        transform=cast(Transform, q.transform), alpha=q.alpha,
+        transform=cast(Transform, q.transform), correction=_correction(q, "gg"), alpha=q.alpha,
     )  # fmt: skip
     families = _Families(q, lambda effect: _art_has_contrasts(made, effect))
     for effect in made.effects:
         if families.wanted(effect, adjust):
             _art_contrasts(families, made, effect, adjust)
     return _anova_outcome(table, q, prepared, made, families, _art_path(made))
+
+
+def _correction(q: Question, default: Correction) -> Correction:
+    if q.correction:
+        _refuse_method("correction", q.correction, get_args(Correction))
+    return cast(Correction, q.correction) if q.correction else default
+
+
+def _sphericity_path(made: Anova) -> list[str]:
+    path = []
+    for effect in made.effects:
+        if effect.sphericity is not None:
+            used = "no correction" if effect.correction == "none" else effect.correction
+            path.append(
+                f"Is the error of {effect.name} spherical (Mauchly): {effect.sphericity} → {used}"
+            )
+    return path
 
 
 def _art_path(made: ArtAnova) -> list[str]:
@@ -135,6 +157,7 @@ def _art_path(made: ArtAnova) -> list[str]:
             "Is alignment clean (other effects' F in aligned columns): largest "
             f"{number(check.largest_other_f)} → {'yes' if check.is_clean else 'no, see notes'}"
         )
+    path += _sphericity_path(made)
     skew = made.residual_skewness
     path.append(
         f"Are the residuals skewed: skewness {number(skew)} → "
@@ -179,13 +202,10 @@ def _rm(table: DataTable, q: Question) -> Outcome:
     made = rm_anova(
         prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
         levels=prepared.levels, missing="listwise" if q.missing == "listwise" else "error",
+        correction=_correction(q, "mauchly"),
     )  # fmt: skip
     path = [f"Has every subject every cell: n = {design.n} → yes"]
-    for effect in made.effects:
-        s = effect.sphericity
-        if s is not None:
-            used = "no correction" if effect.correction == "none" else effect.correction
-            path.append(f"Is the error of {effect.name} spherical (Mauchly): {s} → {used}")
+    path += _sphericity_path(made)
     families = _Families(q, _is_main)
     for effect in made.effects:
         if families.wanted(effect, adjust):
@@ -278,8 +298,9 @@ def _between(table: DataTable, q: Question) -> Outcome:
     prepared = prepare(table, q)
     adjust = q.adjustment("tukey", CONTRAST_WAYS)
     made = between_anova(
-        prepared.frame, q.dv, between=q.between, subject=q.subject or None, levels=prepared.levels
-    )
+        prepared.frame, q.dv, between=q.between, subject=q.subject or None, levels=prepared.levels,
+        missing="listwise" if q.missing == "listwise" else "error",
+    )  # fmt: skip
     families = _Families(q, _is_main)
     for effect in made.effects:
         if families.wanted(effect, adjust):
@@ -371,15 +392,48 @@ def _conditions(table: DataTable, q: Question) -> Outcome:
 def _kruskal(table: DataTable, q: Question) -> Outcome:
     factor = q.one_between()
     prepared = prepare(table, q)
+    adjust = q.adjustment("holm", RANK_WAYS)
     design = read(prepared, q)
-    made = kruskal_wallis(
-        _kept(prepared, design), q.dv, factor=factor, levels=prepared.levels[factor]
-    )
+    frame, levels = _kept(prepared, design), prepared.levels[factor]
+    made = kruskal_wallis(frame, q.dv, factor=factor, levels=levels)
+    significant = made.p < q.alpha
+    pairs: tuple[DunnPair, ...] = ()
+    if adjust != "none" and (significant or q.always_posthoc):
+        pairs = dunn(frame, q.dv, factor=factor, levels=levels, adjust=cast(Adjustment, adjust))
     return Outcome(
         question=q, title="Kruskal-Wallis test", rows=(made.row(),),
         sentences=(f"Kruskal-Wallis test of {factor} on {q.dv}: {made.sentence()}.",),
+        path=(f"{made.sentence()}, α = {threshold_text(q.alpha)} → {_verdict(significant)}",),
+        contrasts=tuple({"family": factor, **p.row()} for p in pairs),
+        contrast_sentences=tuple(p.sentence() + "." for p in pairs),
         cells=cell_rows(design),
         notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
+        samples=samples_of(design), is_simulated=table.is_simulated,
+    )  # fmt: skip
+
+
+def _welch(table: DataTable, q: Question) -> Outcome:
+    factor = q.one_between()
+    prepared = prepare(table, q)
+    adjust = q.adjustment("tukey", CONTRAST_WAYS)
+    design = read(prepared, q)
+    frame, levels = _kept(prepared, design), prepared.levels[factor]
+    made = welch_anova(frame, q.dv, factor=factor, levels=levels)
+    significant = made.p < q.alpha
+    families = _Families(q, lambda effect: True)
+    if adjust != "none" and (significant or q.always_posthoc):
+        way = cast(ContrastAdjustment, adjust)
+        families.add(
+            factor, lambda: games_howell(frame, q.dv, factor=factor, levels=levels, adjust=way)
+        )
+    return Outcome(
+        question=q, title=made.provenance.test, rows=({"term": factor, **made.row()},),
+        sentences=(f"{factor} on {q.dv}: {made.sentence()}.",),
+        path=(f"{factor}: {p_text(made.p)}, α = {threshold_text(q.alpha)} → "
+              f"{_verdict(significant)}",),
+        contrasts=tuple(families.rows), contrast_sentences=tuple(families.sentences),
+        cells=cell_rows(design),
+        notes=(*prepared.notes, *left_out(design), *made.provenance.notes, *families.notes),
         samples=samples_of(design), is_simulated=table.is_simulated,
     )  # fmt: skip
 
@@ -396,6 +450,7 @@ FACTORIAL_TESTS: Mapping[str, TestRun] = {
     "lmm": _lmm,
     "gee": _gee,
     "anova": _between,
+    "welch": _welch,
     "friedman": _friedman,
     "conditions": _conditions,
     "kruskal": _kruskal,

@@ -38,6 +38,8 @@ class Question:
     mu: float = 0.0
     levels: Mapping[str, Sequence[str]] = field(default_factory=dict)
     family: str = "gaussian"
+    correction: str = ""
+    equal_variances: bool = False
 
     def __post_init__(self) -> None:
         """Refuse values that no test knows."""

@@ -1,6 +1,7 @@
 """Tests of one or two samples: pairs, groups, correlation, normality, equivalence, reliability."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import combinations
 from typing import Any, cast
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from analysis.statistics import (
     Design,
+    TTest,
     adjust_p,
     compare_paired,
     correct_family,
@@ -118,9 +120,12 @@ def _t(table: DataTable, q: Question) -> Outcome:
     prepared = prepare(table, q)
     design = read(prepared, q)
     columns = _columns(design)
-    run = paired_t if q.within else independent_t
+    run: Callable[..., TTest] = paired_t
+    title = "Paired t test"
+    if q.between:
+        run = partial(independent_t, equal_variances=q.equal_variances)
+        title = "Student's t test" if q.equal_variances else "Welch's t test"
     rows, said = _family(q, columns, lambda a, b: run(columns[a], columns[b], names=(a, b)))
-    title = "Paired t test" if q.within else "Welch's t test"
     return _outcome(table, q, title, prepared, design, rows, said)
 
 

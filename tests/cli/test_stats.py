@@ -149,9 +149,13 @@ def test_a_factor_left_out_is_averaged_over(table: Path) -> None:
         ("gee", [*TWO, "--always-posthoc"]),
         ("gee", [*ONE, "--between", "group", "--family", "gaussian", "--posthoc", "tukey"]),
         ("anova", ["--dv", "accuracy", "--between", "group", "--subject", "participant"]),
+        ("welch", ["--dv", "accuracy", "--between", "group", "--subject", "participant"]),
+        ("welch", ["--dv", "accuracy", "--between", "group", "--always-posthoc"]),
+        ("rm", [*TWO, "--correction", "hf"]),
         ("friedman", ONE),
         ("conditions", ONE),
         ("kruskal", ["--dv", "accuracy", "--between", "group", "--subject", "participant"]),
+        ("kruskal", ["--dv", "accuracy", "--between", "direction", "--always-posthoc"]),
         ("paired", ONE),
         ("t", PAIR),
         ("t", ["--dv", "accuracy", "--between", "group", "--subject", "participant"]),
@@ -323,6 +327,7 @@ def test_a_subject_in_two_groups_names_both_rows(tmp_path: Path) -> None:
         (["--test", "tost", *PAIR], "needs low and high"),
         (["--test", "spearman", "--dv", "accuracy"], "needs with"),
         (["--test", "art", *TWO, "--transform", "log"], "transform takes art, int"),
+        (["--test", "art", *TWO, "--correction", "box"], "correction takes mauchly, gg"),
         (["--test", "art", *TWO, "--missing", "ignore"], "missing takes error"),
         (["--test", "art", *TWO, "--between", "technique"], "two roles"),
         (["--test", "art", *TWO, "--levels", "hand=a,b"], "no factor"),
@@ -366,5 +371,5 @@ def test_a_mixture_of_simulated_and_real_rows_is_refused(tmp_path: Path) -> None
 
 def test_the_printed_answer_holds_table_sentence_path_and_contrasts(table: Path) -> None:
     result = stats(table, "--test", "art", *TWO)
-    for part in ("Contrasts of technique", "How it was decided", "η²p", "F(2, 22)"):
+    for part in ("Contrasts of technique", "How it was decided", "η²p", "F(1.", "ε(GG)"):
         assert part in result.output

@@ -5,10 +5,12 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from analysis import statistics
 from analysis.statistics.gee import gee
 from analysis.statistics.lmm import LinearMixed, linear_mixed
+from analysis.statistics_report import Question, answer
 from tests.reference.stats_compare import both_ways, by_key, term_key, turned
 
 Entry = Mapping[str, Any]
@@ -268,6 +270,18 @@ def _gee(case: Case, entry: Entry) -> dict[str, Any]:
     }
 
 
+def _answer(case: Case, entry: Entry) -> dict[str, Any]:
+    """Ask the question of an entry as an analyst would; give back what is compared."""
+    asked = {k: tuple(v) if isinstance(v, list) else v for k, v in entry["question"].items()}
+    outcome = answer(pd.DataFrame(case.frame), Question(**asked))
+    columns = entry["expected"].get("contrasts", ())
+    return {
+        "title": outcome.title,
+        "row": outcome.rows[0],
+        "contrasts": {name: [c[name] for c in outcome.contrasts] for name in columns},
+    }
+
+
 def _posthoc(error: str) -> Callable[[Case, Entry], dict[str, Any]]:
     def run(case: Case, entry: Entry) -> dict[str, Any]:
         factor = entry.get("factor") or case.design["within"][0]
@@ -307,6 +321,7 @@ FACTORIAL: Mapping[str, Callable[[Case, Entry], dict[str, Any]]] = {
     "lmm": _lmm,
     "lmm_contrasts": _lmm_contrasts,
     "gee": _gee,
+    "answer": _answer,
     "posthoc_paired_t": _posthoc("per_pair"),
     "posthoc_tukey_multivariate": _posthoc("per_pair"),
     "posthoc_tukey_univariate": _posthoc("pooled"),
