@@ -2,7 +2,7 @@
 
 import difflib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -36,7 +36,7 @@ from analysis.power.summary import target_text
 from analysis.statistics import PowerPoint
 from analysis.statistics.power import AdequacyRule
 from analysis.statistics.results import number
-from cli.app import JsonOption, StudyArgument, app, console, errors
+from cli.app import ConfigOption, JsonOption, StudyArgument, app, console, errors, load_lab
 from cli.quick_tracker import tracker_of
 from cli.replicate_runners import on_scheduler, on_this_machine
 from cli.simulation import worker_count
@@ -44,7 +44,9 @@ from cli.study_commands import ProcessesOption
 from cli.study_folder import DEFAULT_SEED
 from lab.clock import StopWatch
 from lab.errors import UsageError
-from visavis.catalogue import find_study
+from visavis.catalogue import find_study, reference_of
+from visavis.opened import OpenedStudy
+from visavis.power import KitPower
 
 TESTS_PER_TABLE = 5
 POOL_PEOPLE = 240
@@ -54,7 +56,7 @@ FAST_JOB = 10
 POOL_SEED_STEP = 1_000_003
 
 
-def power_study(name: str) -> PowerStudy:
+def power_study(name: str, of_lab: Mapping[str, Path] | None = None) -> PowerStudy:
     """Return a study's power simulation.
 
     Raises:
@@ -64,8 +66,10 @@ def power_study(name: str) -> PowerStudy:
         from experiments.stare.power import StarePower  # late: compiles when imported
 
         return StarePower(tracker_of)
-    find_study(name)
-    raise UsageError(f"{name} offers no power simulation yet; there is one for stare")
+    found = find_study(name, of_lab)
+    if not isinstance(found, OpenedStudy):
+        raise UsageError(f"{name} offers no power simulation yet; studies on the kit and stare do")
+    return KitPower(reference_of(found), tracker_of)
 
 
 @app.command()
@@ -111,6 +115,7 @@ def power(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder; power_STUDY when left out.")
     ] = None,
+    config: ConfigOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Find the number of participants a study needs, by simulating it many times.
@@ -119,7 +124,8 @@ def power(
 
     Example: visavis power stare --participants 8:32:8 --replicates 200 --fast
     """
-    chosen = power_study(study)
+    of_lab = load_lab(config, "sim", only_simulates=True, quiet=True).studies
+    chosen = power_study(study, of_lab)
     if tests and "list" in tests:
         for name, claim in chosen.tests.items():
             typer.echo(f"{name:40} {claim}")
@@ -149,7 +155,7 @@ def power(
         rule=adequacy,
         notes=notes,
     )
-    folder = Path(f"power_{study}") if output is None else output
+    folder = Path(f"power_{chosen.name}") if output is None else output
     written = write_power(summary, folder)
     if as_json:
         typer.echo(json.dumps(as_data(summary, written), ensure_ascii=False, indent=1))

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from analysis.gaze.aoi import DEFAULT_PAD_DEG, aoi_of_samples
 from analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS, LookMeasures, measure_trial
 from analysis.gaze.targets import GazeTargets, targets_of_part
-from lab.errors import DataError
+from lab.errors import DataError, UsageError
 from protocol.columns import Column
 from protocol.steps import Scalar
 from recording.reader import Recording
@@ -30,12 +30,19 @@ LOST_COLUMN: Final = "gaze_lost_01"
 class TrialRecord:
     """One trial as recorded: its row, and what the session's streams hold of it.
 
-    `gaze` are the gaze samples of the whole session's part (None without an eye tracker).
+    `gaze` are the gaze samples of the whole session's part (None without an eye tracker);
+    `recording` is None for a trial of the quick path of power.
     """
 
     row: Mapping[str, Any]
-    recording: Recording
+    recording: Recording | None
     gaze: GazeTargets | None = field(repr=False, default=None)
+
+    @property
+    def name(self) -> str:
+        """What messages call the trial: its session's folder and its identifier."""
+        where = "a simulated trial" if self.recording is None else str(self.recording.path)
+        return f"{where}, trial {self.row.get('trial_id')}"
 
     def number(self, column: str) -> float | None:
         """Return a number of the row, None where it is missing."""
@@ -56,6 +63,11 @@ class TrialRecord:
 
     def stream(self, name: str, start_ns: int, end_ns: int) -> dict[str, npt.NDArray[Any]]:
         """Return a stream's columns between two times of this trial's part."""
+        if self.recording is None:
+            raise UsageError(
+                f"stream {name!r} is measured from recordings, which the quick path of power does "
+                "not make; simulate sessions and give their folder with --from"
+            )
         columns = self.recording.stream_arrays(name)
         at = columns["t_host_ns"]
         part = columns["recording_part"] == int(self.row["recording_part"])
@@ -192,8 +204,8 @@ def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
         return measure.of(record)
     except (KeyError, ValueError, IndexError) as error:
         raise DataError(
-            f"{record.recording.path}, trial {record.row.get('trial_id')}: {measure.column} could "
-            f"not be measured ({type(error).__name__}: {error})"
+            f"{record.name}: {measure.column} could not be measured "
+            f"({type(error).__name__}: {error})"
         ) from error
 
 

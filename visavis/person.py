@@ -96,7 +96,9 @@ class StudyPerson(Observer):
     # ---- SimulatedParticipant ----
 
     def prepare(self, stretch: int, t_ns: int) -> None:
-        """Begin a new stretch of behaviour: nothing seen, the hand down."""
+        """Begin a new stretch of behaviour: nothing seen, the hand down, no board to look at."""
+        if self._panel_text:
+            self._instructed = None
         super().prepare(stretch, t_ns)
         self._forget()
 

@@ -76,6 +76,14 @@ class PowerSummary:
             if self.source == "studies"
             else f"studies resampled from a {self.source}"
         )
+        if self.request.effect == 0:
+            point = first.curve.points[-1]
+            low, high = point.interval.low, point.interval.high
+            return (
+                f"{first.claim}: significant in {point.power:.3f} of studies without an effect "
+                f"(n = {self.request.numbers[-1]}, 95% CI [{low:.3f}, {high:.3f}]); "
+                f"α = {self.request.alpha:g} is nominal; {how}, {self.rule_of_significance}."
+            )
         return (
             f"{first.claim}: {first.curve.sentence()}; {how}, "
             f"effect × {self.request.effect:g}, {self.rule_of_significance}."
