@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from protocol.design import Factor
     from protocol.orders import never_next_to, no_more_than
     from visavis.compare import Compare, Published
+    from visavis.deriving import derive
     from visavis.exclusions import STANDARD_RULES, Exclusion
     from visavis.measures import (
         Measure,
@@ -31,6 +32,7 @@ _HOMES = {
     "no_more_than": "protocol.orders",
     "Compare": "visavis.compare",
     "Published": "visavis.compare",
+    "derive": "visavis.deriving",
     "STANDARD_RULES": "visavis.exclusions",
     "Exclusion": "visavis.exclusions",
     "Measure": "visavis.measures",
@@ -75,6 +77,7 @@ __all__ = [
     "Text",
     "TrialRecord",
     "column",
+    "derive",
     "dwell_on",
     "first_fixation_on",
     "fixations_on",

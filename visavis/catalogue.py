@@ -153,10 +153,18 @@ def file_of(study: AnyStudy) -> Path | None:
 
 
 def digest_of(path: Path) -> str:
-    """Return the SHA-256 of a study file with its texts, so that a change is noticed."""
-    digest = hashlib.sha256(path.read_bytes())
-    for text in sorted(path.parent.glob("*/*.yaml")):
-        digest.update(text.read_bytes())
+    """Return the SHA-256 of a study file with its texts, so that a change is noticed.
+
+    The files of the studies it was derived from, and questionnaires of its own, belong to it.
+    """
+    digest = hashlib.sha256()
+    study: Study | None = study_of_file(path)
+    while study is not None and study.path is not None:
+        texts = () if study.texts is None else (study.folder / study.texts).glob("*.yaml")
+        asked = (study.folder / f"{name}.yaml" for name in study.questionnaires)
+        for file in (study.path, *sorted(texts), *asked):
+            digest.update(file.read_bytes() if file.is_file() else b"")
+        study = study.base
     return digest.hexdigest()
 
 
@@ -173,6 +181,9 @@ def study_of_file(path: Path) -> Study:
         raise UsageError(f"there is no study file {path}{near}")
     module = _module_of(path)
     found = [v for v in vars(module).values() if isinstance(v, Study)]
+    named = vars(module).get("study")
+    if isinstance(named, Study):
+        found = [named]  # others may stand beside it, such as the one it is derived from
     if len(found) != 1:
         raise DesignError(
             f"{path} declares {len(found) or 'no'} studies; a study file makes one: "

@@ -60,8 +60,7 @@ class StudyExperiment:
     @cached_property
     def texts(self) -> Texts:
         """Everything a participant reads."""
-        folder = None if self.study.texts is None else self.study.folder / self.study.texts
-        return read_texts(folder, self.language)
+        return read_texts(self.study.text_folders, self.language)
 
     @cached_property
     def settings(self) -> Settings:
@@ -76,7 +75,7 @@ class StudyExperiment:
             makers=self.study.makers,
             ways=Ways(limit_s=float(p["answer_limit_s"])),
             answer_by=str(p["answer_by"]),
-            folder=self.study.folder,
+            folder=self.study.files_folder,
         )
 
     @cached_property

@@ -35,10 +35,10 @@ class SessionIntake:
         return sum(not t["is_practice"] for b in blocks for t in b["trials"])
 
 
-def questionnaire(name: str, folder: Path, wording: Path | None = None) -> Questionnaire:
-    """Return a questionnaire: one of the study's folder (NAME.yaml), or one of Visavis."""
-    own = folder / f"{name}.yaml"
-    return load_questionnaire(own if own.is_file() else name, wording)
+def questionnaire(name: str, folders: Sequence[Path], wording: Path | None = None) -> Questionnaire:
+    """Return a questionnaire: one of the study's folders (NAME.yaml), or one of Visavis."""
+    own = next((path for f in folders if (path := f / f"{name}.yaml").is_file()), None)
+    return load_questionnaire(own or name, wording)
 
 
 def take_in(

@@ -74,7 +74,7 @@ class OpenedStudy:
     def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
         """Return the questionnaires asked at the end, in the lab's wording."""
         return tuple(
-            questionnaire(n, self.study.folder, config.wording.get(n))
+            questionnaire(n, self.study.folders, config.wording.get(n))
             for n in self.study.questionnaires
         )
 
@@ -89,7 +89,7 @@ class OpenedStudy:
         options = {k.removeprefix("option_"): v for k, v in payload.items()
                    if k.startswith("option_")}  # fmt: skip
         staging = Staging(np.random.default_rng(0), 0.0, int(payload["start_ns"]),
-                          self.study.folder)  # fmt: skip
+                          self.study.files_folder)  # fmt: skip
         staged = stage(Scene(payload["scene"], **options), staging, self.study.makers)
         scene = replace(staged.scene, agents=shown.scene.agents,
                         brightness_01=shown.scene.brightness_01)  # fmt: skip
@@ -107,7 +107,7 @@ class OpenedStudy:
     def measure(self, recording: Recording) -> SessionIntake:
         """Take in one session."""
         experiment = self.experiment(overrides_of(recording.manifest.plan))
-        asked = [questionnaire(n, self.study.folder) for n in self.study.questionnaires]
+        asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
         return take_in(recording, self.measures(experiment), asked)
 
     def analysis_of(
@@ -168,7 +168,7 @@ class OpenedStudy:
             self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands
         )
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
-        asked = [questionnaire(n, self.study.folder) for n in self.study.questionnaires]
+        asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
         return write_study(analysis, experiment, asked, provenance, out_dir)
 
 

@@ -103,6 +103,10 @@ class Study:
     makers: dict[str, Maker] = field(default_factory=dict)
     path: Path | None = None
     """The file it was read from; None for a study of an installed package."""
+    base: "Study | None" = None
+    """The study it was derived from, if it was."""
+    plan_folder: Path | None = None
+    """Where the files of a trial lie that was taken over; None: in the study's own folder."""
 
     def __post_init__(self) -> None:
         problems = []
@@ -127,7 +131,7 @@ class Study:
 
     def trial(self, plan: TrialPlan) -> TrialPlan:
         """Take a generator as the study's trial (a decorator)."""
-        self.plan_of = plan
+        self.plan_of, self.plan_folder = plan, None
         return plan
 
     def answer(self, answer: AnswerOf) -> AnswerOf:
@@ -190,6 +194,22 @@ class Study:
             calibrate_practice=self.calibrate,
             questionnaires=tuple(self.questionnaires),
         )
+
+    @property
+    def files_folder(self) -> Path:
+        """The folder from which the relative paths in the trial's scenes start."""
+        return self.folder if self.plan_folder is None else self.plan_folder
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """The study's folder, then those of the studies it was derived from."""
+        return (self.folder, *(() if self.base is None else self.base.folders))
+
+    @property
+    def text_folders(self) -> tuple[Path, ...]:
+        """The folders of its texts: the base's first, over which its own lie."""
+        before = () if self.base is None else self.base.text_folders
+        return before if self.texts is None else (*before, self.folder / self.texts)
 
     def factor(self, name: str) -> Factor:
         """Return a factor by name.

@@ -6,7 +6,7 @@ a study's file may replace any of them.
 """
 
 import string
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -78,26 +78,30 @@ def languages_in(folder: Path) -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in folder.glob("*.yaml")))
 
 
-def read_texts(folder: Path | None, language: str = DEFAULT_LANGUAGE) -> Texts:
-    """Read the kit's words and over them a study's texts, in one language.
+def read_texts(folders: Sequence[Path], language: str = DEFAULT_LANGUAGE) -> Texts:
+    """Read the kit's words and over them a study's texts, in one language; later folders win.
 
     Raises:
         ConfigError: the study has no such language, or a file cannot be read.
     """
     spoken = language if language in languages_in(WORDS_DIR) else DEFAULT_LANGUAGE
     entries = dict(_read(WORDS_DIR / f"{spoken}.yaml"))
-    if folder is None:
-        return Texts(language, entries, source="Visavis")
-    if not folder.is_dir():
-        raise ConfigError(f"there is no folder {folder} for the study's texts; make it, or say "
-                          "texts=None")  # fmt: skip
-    if language not in languages_in(folder):
-        raise ConfigError(
-            f"{folder} has no {language}.yaml; it has {', '.join(languages_in(folder)) or 'none'}. "
-            f"Choose one of them with --language, or translate the file"
-        )
-    own = dict(_read(folder / f"{language}.yaml"))
-    return Texts(language, entries | own, frozenset(own), str(folder / f"{language}.yaml"))
+    own: dict[str, str] = {}
+    source = "Visavis"
+    for folder in folders:
+        if not folder.is_dir():
+            raise ConfigError(
+                f"there is no folder {folder} for the study's texts; make it, or say texts=None"
+            )
+        if language not in languages_in(folder):
+            has = ", ".join(languages_in(folder)) or "none"
+            raise ConfigError(
+                f"{folder} has no {language}.yaml; it has {has}. Choose one of them with "
+                "--language, or translate the file"
+            )
+        source = str(folder / f"{language}.yaml")
+        own |= dict(_read(folder / f"{language}.yaml"))
+    return Texts(language, entries | own, frozenset(own), source)
 
 
 def _read(path: Path) -> Iterable[tuple[str, str]]:
