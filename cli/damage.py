@@ -8,6 +8,7 @@ import pandas as pd
 
 from cli.app import console
 from lab.errors import DataError
+from recording.csv_file import write_csv
 from recording.integrity import DamageReport, damage_of
 from recording.reader import Recording
 
@@ -66,7 +67,7 @@ def write_damage(damaged: Sequence[DamageReport], out_dir: Path) -> None:
     if rows:
         names = ["participant", "session", "part", "trial_id", "attempt", "status", "reason"]
         table = pd.DataFrame(rows, columns=names)
-        table.to_csv(path, index=False, encoding="utf-8", lineterminator="\n")
+        write_csv(table, path)
 
 
 def _find_damage(session: Path) -> DamageReport:

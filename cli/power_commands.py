@@ -44,6 +44,7 @@ from cli.study_commands import ProcessesOption
 from cli.study_folder import DEFAULT_SEED
 from lab.clock import StopWatch
 from lab.errors import UsageError
+from recording.csv_file import write_csv
 from visavis.catalogue import find_study, reference_of
 from visavis.opened import OpenedStudy
 from visavis.power import KitPower
@@ -325,9 +326,7 @@ def write_power(summary: PowerSummary, folder: Path) -> tuple[Path, ...]:
     """Write power.csv, power.txt and the figure; return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
     table = folder / "power.csv"
-    pd.DataFrame(list(summary.rows())).to_csv(
-        table, index=False, encoding="utf-8", lineterminator="\n"
-    )
+    write_csv(pd.DataFrame(list(summary.rows())), table)
     words = folder / "power.txt"
     drawn = draw_power(summary)
     lines = [summary.sentence(), drawn.caption, *(f"Note: {note}." for note in summary.notes)]

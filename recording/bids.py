@@ -18,6 +18,7 @@ import pandas as pd
 
 from lab.clock import NS_PER_S
 from lab.errors import RecordingError, UsageError
+from recording.csv_file import NEUTRALISED, neutralised
 from recording.durable import make_folder, replace_file
 from recording.journal import as_json
 from recording.reader import PART_COLUMN, Recording, require_one_kind
@@ -102,9 +103,8 @@ class _Files:
 
 
 def _tsv(frame: pd.DataFrame, *, header: bool) -> str:
-    text: str = frame.to_csv(
-        sep="\t", index=False, header=header, na_rep="n/a", lineterminator="\n"
-    )
+    safe, _ = neutralised(frame)
+    text: str = safe.to_csv(sep="\t", index=False, header=header, na_rep="n/a", lineterminator="\n")
     return text
 
 
@@ -344,6 +344,8 @@ def _events_notes(recording: Recording, events: pd.DataFrame) -> dict[str, Any]:
         },
         "IsSimulated": recording.is_simulated,
     }
+    _, touched = neutralised(events)
     for column in events.columns[3:]:
-        notes[str(column)] = {"Description": f"{column}, as the study recorded it"}
+        note = f"; {NEUTRALISED}" if str(column) in touched else ""
+        notes[str(column)] = {"Description": f"{column}, as the study recorded it{note}"}
     return notes

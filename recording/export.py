@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 from lab.errors import RecordingError, UsageError
 from recording.bids import export_bids
 from recording.columns import STAMPS
+from recording.csv_file import write_csv
 from recording.durable import make_folder, write_failure
 from recording.reader import Recording, component_names
 from recording.xdf import export_xdf
@@ -18,7 +19,8 @@ def export_tables(recording: Recording, target: Path) -> tuple[Path, ...]:
     """Write `<stream>.parquet` for every stream, `trials.csv` and `trials.parquet`.
 
     Units, frames and descriptions are field metadata; every table carries `is_simulated`.
-    CSV is UTF-8 with dot decimals and commas whatever the locale, missing values are empty.
+    CSV is UTF-8 with dot decimals and commas whatever the locale, missing values are empty;
+    text that a spreadsheet would run is neutralised (`recording.csv_file`).
     Raises RecordingError when a file is there already.
     """
     make_folder(target, exist_ok=True)
@@ -27,7 +29,7 @@ def export_tables(recording: Recording, target: Path) -> tuple[Path, ...]:
     csv = _new_file(target / "trials.csv")
     parquet = _new_file(target / "trials.parquet")
     try:
-        trials.to_csv(csv, index=False, encoding="utf-8", lineterminator="\n")
+        write_csv(trials, csv)
         trials.to_parquet(parquet, index=False)
     except OSError as error:
         raise write_failure(csv, error) from error

@@ -10,6 +10,7 @@ import pandas as pd
 from lab.errors import DataError
 from protocol.columns import ENGINE_COLUMNS, Column
 from protocol.questionnaires import Questionnaire
+from recording.csv_file import tell_neutralised, write_csv
 from visavis.experiment import StudyExperiment
 from visavis.measures import Measure
 
@@ -28,6 +29,7 @@ PEOPLE: Final = (
     Column("is_analysed", "", "the person counts"),
     Column("is_simulated", "", "nobody took part"),
 )
+
 STATISTICS: Final = (
     Column("comparison", "", "measure and factors of the planned comparison"),
     Column("claim", "", "what a significant result would show"),
@@ -159,9 +161,10 @@ def write_table(
         described[name] = {"Description": column.description}
         if column.unit:
             described[name]["Units"] = column.unit
-    table.to_csv(path, index=False, encoding="utf-8", lineterminator="\n", na_rep="")
+    touched = write_csv(table, path)
     sidecar = path.with_suffix(".json")
     sidecar.write_text(json.dumps(described, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    tell_neutralised(sidecar, touched)
     return path, sidecar
 
 

@@ -11,6 +11,7 @@ from typing import Any, Final, Literal
 import numpy as np
 import pandas as pd
 
+from recording.integrity import DAMAGED, LOST
 from visavis.measures import LOST_COLUMN
 
 Level = Literal["trial", "participant"]
@@ -122,6 +123,8 @@ def select(
             left.append(Left(rule, level, int(count), said[int(np.flatnonzero(out)[0])]))
 
     leave(table["is_practice"].astype(bool), "practice", "trial", "practice")
+    unreadable = table["status"].isin((DAMAGED, LOST))
+    leave(unreadable, "damaged", "trial", "the recording is damaged")
     leave(table["status"] != "complete", "unfinished", "trial", "not finished")
     done = table[reasons == ""].sort_values("attempt", kind="stable")
     again = pd.Series(False, index=table.index)
@@ -171,7 +174,8 @@ def participant_facts(
 ) -> pd.DataFrame:
     """Return what rules about people look at, one row per participant.
 
-    `completed_01` is the share of planned trials that were finished, `bad_trials_01` the share of
+    `completed_01` is the share of planned trials that were finished, those of damaged recordings
+    not counted, `bad_trials_01` the share of
     finished ones left out, `smallest_cell_trials` the trials that count in the emptiest cell,
     `calibration_error_deg` the mean error over the validations their trials were made with.
     """
@@ -179,13 +183,14 @@ def participant_facts(
     for name in sorted(set(rows["participant"].astype(str))):
         mine = finished[finished["participant"].astype(str) == name]
         good = mine[counts.reindex(mine.index, fill_value=False)]
+        intact = planned.get(name, 0) - _unreadable(rows, name)
         sizes = good.groupby(list(cells)).size() if cells and len(good) else pd.Series([len(good)])
         smallest = 0 if len(sizes) < cell_count else int(sizes.min())
         found.append(
             {
                 "participant": name,
                 "trials_finished": len(mine),
-                "completed_01": len(mine) / planned[name] if planned.get(name) else np.nan,
+                "completed_01": len(mine) / intact if intact > 0 else np.nan,
                 "bad_trials_01": 1 - len(good) / len(mine) if len(mine) else np.nan,
                 "smallest_cell_trials": smallest,
                 "calibration_error_deg": _mean_error_deg(mine),
@@ -193,6 +198,13 @@ def participant_facts(
             }
         )
     return pd.DataFrame(found)
+
+
+def _unreadable(rows: pd.DataFrame, name: str) -> int:
+    """Return how many of a participant's trials a damaged recording cost: nobody's doing."""
+    gone = rows["status"].isin((DAMAGED, LOST)) & ~rows["is_practice"].astype(bool)
+    mine = rows["participant"].astype(str) == name
+    return int(rows.loc[gone & mine, "trial_id"].nunique())
 
 
 def _mean_error_deg(rows: pd.DataFrame) -> float:

@@ -38,6 +38,7 @@ from analysis.gaze.stamps import Order, Times, order_of, typical_step_ns
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import DataError, UsageError
 from lab.geometry import Vector, rotate, unit, yaw_pitch_deg_of
+from recording.csv_file import write_csv
 
 Format = Literal["vive", "bids", "pupil", "csv"]
 FORMATS: tuple[Format, ...] = ("vive", "bids", "pupil", "csv")
@@ -318,5 +319,5 @@ def _write(name: str, folder: Path, tables: Mapping[str, pd.DataFrame]) -> tuple
     if there:
         raise UsageError(f"{there[0]} is already there; give an empty folder")
     for kind, path in paths.items():
-        tables[kind].to_csv(path, index=False)
+        write_csv(tables[kind], path)
     return tuple(paths.values())

@@ -13,6 +13,7 @@ from analysis.plots import BLUE, Drawn, draw, new_figure, write_figure
 from analysis.statistics import StatisticsError, estimation_plot
 from analysis.statistics.results import Row
 from analysis.statistics_report.outcome import Outcome, Samples
+from recording.csv_file import write_csv
 
 
 def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tuple[str, ...]]:
@@ -27,9 +28,7 @@ def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tup
         if rows:
             path = folder / f"{name}.csv"
             frame = pd.DataFrame([dict(r) for r in rows])
-            frame.assign(is_simulated=outcome.is_simulated).to_csv(
-                path, index=False, encoding="utf-8", lineterminator="\n"
-            )
+            write_csv(frame.assign(is_simulated=outcome.is_simulated), path)
             written.append(path)
     words = folder / "report.txt"
     words.write_text(outcome_text(outcome), encoding="utf-8", newline="\n")

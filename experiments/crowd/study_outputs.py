@@ -20,6 +20,7 @@ from experiments.crowd.report import build_report
 from experiments.crowd.table_dictionaries import write_dictionary
 from lab.errors import UsageError
 from lab.geometry import Vector
+from recording.csv_file import tell_neutralised, write_csv
 
 REPORT_NAME: Final = "report.html"
 _WHICH: Final = ("participant", "condition", "configuration", "measure_rule", "measure_surface")
@@ -145,9 +146,10 @@ def write_tables(analysis: CrowdAnalysis, tables: Tables, out_dir: Path) -> None
     }
     for name, table in everything.items():
         marked = table.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
-        marked.to_csv(out_dir / f"{name}.csv", index=False, encoding="utf-8", lineterminator="\n")
+        touched = write_csv(marked, out_dir / f"{name}.csv")
         uniform(marked).to_parquet(out_dir / f"{name}.parquet", index=False)
-        write_dictionary(name, map(str, marked.columns), out_dir / f"{name}.json")
+        sidecar = write_dictionary(name, map(str, marked.columns), out_dir / f"{name}.json")
+        tell_neutralised(sidecar, touched)
 
 
 def uniform(table: pd.DataFrame) -> pd.DataFrame:

@@ -19,6 +19,7 @@ from experiments.stare.report import build_report
 from experiments.stare.table_dictionaries import write_table_dictionary
 from experiments.stare.table_types import typed_trials
 from lab.errors import UsageError
+from recording.csv_file import tell_neutralised, write_csv
 
 REPORT_NAME = "report.html"
 
@@ -117,15 +118,18 @@ def write_tables(
     }
     if analysis.sensitivity:
         tables["sensitivity"] = pd.DataFrame([r.row() for r in analysis.sensitivity])
-    written = [_csv(trials, out_dir / "trials.csv"), write_dictionary(out_dir / "trials.json")]
+    written = [out_dir / "trials.csv", write_dictionary(out_dir / "trials.json")]
+    tell_neutralised(written[1], write_csv(trials, written[0]))
     parquet = out_dir / "trials.parquet"
     trials.to_parquet(parquet, index=False)
     written.append(parquet)
     for name, table in tables.items():
         marked = _marked(table, simulated)
-        written.append(_csv(marked, out_dir / f"{name}.csv"))
+        written.append(out_dir / f"{name}.csv")
+        touched = write_csv(marked, written[-1])
         columns = map(str, marked.columns)
         written.append(write_table_dictionary(name, columns, out_dir / f"{name}.json"))
+        tell_neutralised(written[-1], touched)
     return tuple(written)
 
 
@@ -146,8 +150,3 @@ def _is_analysed(analysis: StareAnalysis, trials: pd.DataFrame) -> list[bool]:
 
 def _marked(table: pd.DataFrame, is_simulated: bool) -> pd.DataFrame:
     return table.assign(**{SIMULATED_COLUMN: is_simulated})
-
-
-def _csv(table: pd.DataFrame, path: Path) -> Path:
-    table.to_csv(path, index=False, encoding="utf-8", lineterminator="\n", na_rep="")
-    return path

@@ -17,6 +17,7 @@ from experiments.waving.intake import SessionIntake
 from experiments.waving.measures import PLACES, eye_heights
 from experiments.waving.report import build_report
 from lab.errors import UsageError
+from recording.csv_file import tell_neutralised, write_csv
 
 REPORT_NAME = "report.html"
 
@@ -70,10 +71,9 @@ def write_tables(analysis: WavingAnalysis, people: pd.DataFrame, out_dir: Path) 
     }
     for name, table in tables.items():
         marked = table.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
-        marked.to_csv(
-            out_dir / f"{name}.csv", index=False, encoding="utf-8", lineterminator="\n", na_rep=""
-        )
+        touched = write_csv(marked, out_dir / f"{name}.csv")
         write_dictionary(name, map(str, marked.columns), out_dir / f"{name}.json")
+        tell_neutralised(out_dir / f"{name}.json", touched)
     analysis.trials.to_parquet(out_dir / "trials.parquet", index=False)
 
 

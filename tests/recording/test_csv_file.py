@@ -1,0 +1,46 @@
+"""What is written as CSV is text to a spreadsheet, and reads back otherwise unchanged."""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from recording.csv_file import tell_neutralised, write_csv
+
+
+@pytest.mark.parametrize(
+    "text", ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1", "\x00=1"]
+)
+def test_a_formula_becomes_text(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "t.csv"
+    assert ("comment",) == write_csv(pd.DataFrame({"comment": ["fine", text], "n": [1, -2]}), path)
+    with path.open(encoding="utf-8", newline="") as file:
+        content = file.read()
+    assert f"'{text}" in content.replace('""', '"')
+    assert "\n-2" not in content
+    assert ",-2" in content
+
+
+def test_numbers_dates_and_missing_values_stay_as_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    table = pd.DataFrame({"mixed": ["-0.5", "+3", "-1e-7", None, -2], "day": ["2026-03-02"] * 5})
+    assert () == write_csv(table, path)
+    assert "mixed,day\n-0.5,2026-03-02\n+3,2026-03-02\n-1e-7,2026-03-02\n,2026-03-02\n" in (
+        path.read_text()
+    )
+
+
+def test_column_names_are_neutralised_too(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    write_csv(pd.DataFrame({"=x": [1], "y": ["=z"]}), path)
+    assert "'=x,y\n1,'=z\n" == path.read_text()
+
+
+def test_the_dictionary_says_where(tmp_path: Path) -> None:
+    sidecar = tmp_path / "t.json"
+    sidecar.write_text(json.dumps({"comment": {"Description": "free comment"}, "n": {}}))
+    tell_neutralised(sidecar, ("comment",))
+    told = json.loads(sidecar.read_text())
+    assert told["comment"]["Description"].startswith("free comment; text that a spreadsheet")
+    assert {} == told["n"]
