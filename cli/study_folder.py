@@ -57,7 +57,7 @@ def read_parameters(assignments: list[str]) -> dict[str, Any]:
             raise UsageError(f"{name.strip()} is set twice; give --set {name.strip()}=… once")
         try:
             read[name.strip()] = yaml.safe_load(value)
-        except yaml.YAMLError as error:
+        except (yaml.YAMLError, RecursionError) as error:
             raise UsageError(
                 f"--set takes NAME=VALUE, such as trial_s=8; the value in {text!r} cannot be read"
             ) from error

@@ -9,6 +9,11 @@ from typing import Any, TypeAlias
 import yaml
 
 from lab.errors import ConfigError
+from lab.plain_files import read_plain
+
+MAX_BYTES = 16 * 1024 * 1024
+MAX_DEPTH = 50
+MAX_KEYS = 200_000
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 
@@ -85,7 +90,7 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
 def read_document(path: Path) -> Document:
     """Read a YAML file. Raises ConfigError when it cannot be read or is not YAML."""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = read_plain(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         raise ConfigError(f"{path} is not there; give the path of an existing file") from None
     except OSError as error:
@@ -124,8 +129,30 @@ def parse_document(text: str, path: Path) -> Document:
     return Document(path, text, data, lines, tuple(problems))
 
 
+class _Loader(yaml.SafeLoader):
+    """Reads only what it is safe to walk through: not nested beyond all sense."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Compose a node and those below it."""
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]  # PyYAML's
+            raise yaml.composer.ComposerError(
+                None, None, f"it is nested deeper than {MAX_DEPTH} levels", mark
+            )
+        try:
+            node: yaml.Node | None = super().compose_node(parent, index)
+            return node
+        finally:
+            self._depth -= 1
+
+
 def _load(text: str, lines: dict[KeyPath, int], problems: list[Problem]) -> Any:
-    loader = yaml.SafeLoader(text)
+    loader = _Loader(text)
     try:
         node = loader.get_single_node()
         if node is None:
@@ -146,6 +173,10 @@ def _walk(
     if any(node is ancestor for ancestor in above):
         raise yaml.constructor.ConstructorError(
             None, None, "a part contains itself through an alias", node.start_mark
+        )
+    if len(lines) > MAX_KEYS:
+        raise yaml.constructor.ConstructorError(
+            None, None, f"it has more than {MAX_KEYS} entries, aliases counted", node.start_mark
         )
     inner = (*above, node)
     if isinstance(node, yaml.MappingNode):

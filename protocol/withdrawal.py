@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 import os
 import re
 import shutil
@@ -14,6 +13,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from lab.plain_files import parse_json, read_plain
 from recording.lock import is_held
 
 LABEL_COLUMNS = ("participant", "participant_id", "participant_label")
@@ -77,7 +77,7 @@ def _own_folders(study: str, label: str, root: Path, removal: Removal) -> list[P
                 folders.remove(name)
         if MANIFEST_NAME in files:
             try:
-                manifest = json.loads((here / MANIFEST_NAME).read_bytes())
+                manifest = parse_json(read_plain(here / MANIFEST_NAME))
             except (OSError, ValueError):
                 removal.unreadable.append(here / MANIFEST_NAME)
                 continue

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import zlib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -79,6 +80,16 @@ _ENTRIES: Mapping[str, Mapping[str, type]] = {
 
 
 def is_entry(entry: Mapping[str, Any]) -> bool:
-    """Tell whether an entry has what readers count on; one of a kind to come has nothing to."""
+    """Tell whether an entry has what readers count on; one of a kind to come has nothing to.
+
+    A trial's name may not be a path: files are named after it.
+    """
     needed = _ENTRIES.get(str(entry.get("kind")), {"kind": str})
-    return all(isinstance(entry.get(name), kind) for name, kind in needed.items())
+    if not all(isinstance(entry.get(name), kind) for name, kind in needed.items()):
+        return False
+    return entry["kind"] != "trial" or can_name_files(entry["row"].get("trial_id"))
+
+
+def can_name_files(name: object) -> bool:
+    """Tell whether a name can be part of a file's name in every folder."""
+    return not isinstance(name, str) or re.search(r"^[.]|[/\\\x00-\x1f]", name) is None

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from lab.errors import RecordingError
-from recording.journal import JOURNAL_NAME, as_json
+from recording.journal import JOURNAL_NAME, as_json, can_name_files
 from recording.provenance import Provenance
 from recording.sealed import copy_path, read_sealed, write_sealed
 from recording.summary import FileSummary, JournalSummary, StreamSummary
@@ -213,6 +213,8 @@ def _plan_problems(plan: Any) -> Iterator[str]:
             wrong = [name for name, kind in _TRIAL.items() if not isinstance(trial.get(name), kind)]
             if wrong:
                 yield f"plan.blocks.{i}.trials: a trial lacks or misstates {wrong[0]}"
+            elif not can_name_files(trial["trial_id"]):
+                yield f"plan.blocks.{i}.trials: {trial['trial_id']!r} cannot name a file"
     if blocks and not isinstance(plan.get("questionnaires", []), list):
         yield "plan.questionnaires: it is no list"
 

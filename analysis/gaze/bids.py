@@ -19,6 +19,7 @@ from analysis.gaze.text_table import NS_PER_UNIT, TextTable, read_text_table
 from lab.clock import NS_PER_S
 from lab.errors import DataError, UsageError
 from lab.geometry import Vector, direction_from_yaw_pitch_deg, yaw_pitch_deg_of
+from lab.plain_files import parse_json, read_plain
 
 BIDS_VERSION = "1.11.1"
 _EYES = {"left": ("eye1", "left"), "right": ("eye2", "right"), "combined": ("eye3", "cyclopean")}
@@ -179,10 +180,10 @@ def read_bids(path: Path) -> GazeRecording:
 def _read_sidecar(path: Path) -> dict[str, Any]:
     beside = path.with_name(path.name.removesuffix(".tsv.gz") + ".json")
     try:
-        content = json.loads(beside.read_text(encoding="utf-8"))
+        content = parse_json(read_plain(beside))
     except FileNotFoundError as error:
         raise DataError(f"{beside}: no such file; every physio table needs its sidecar") from error
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise DataError(f"{beside}: not JSON ({error}); mend the sidecar") from error
     if not isinstance(content, dict):
         raise DataError(f"{beside}: not a JSON object; mend the sidecar")

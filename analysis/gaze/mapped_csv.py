@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from analysis.gaze.foreign import (
@@ -18,6 +17,7 @@ from analysis.gaze.foreign import (
 from analysis.gaze.text_table import TextTable, read_text_table
 from lab.errors import ConfigError
 from lab.geometry import Vector, direction_from_yaw_pitch_deg, unit
+from lab.yaml_lines import ProblemsError, read_document
 
 Three = Annotated[list[str], Field(min_length=3, max_length=3)]
 Four = Annotated[list[str], Field(min_length=4, max_length=4)]
@@ -113,11 +113,10 @@ class GazeMapping(_Strict):
 
 def read_mapping(path: Path) -> GazeMapping:
     """Read a mapping from YAML. Raises ConfigError with every problem at once."""
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: cannot be read as YAML ({error})") from error
-    return mapping_of(content, source=str(path))
+    document = read_document(path)
+    if document.problems:
+        raise ProblemsError(path, document.problems)
+    return mapping_of(document.data, source=str(path))
 
 
 def mapping_of(content: object, *, source: str = "mapping") -> GazeMapping:

@@ -1,7 +1,6 @@
 """Read glTF binary files into arrays: quantised, meshopt-packed and WebP-textured ones too."""
 
 import io
-import json
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from lab.plain_files import parse_json, read_plain
 from stimuli.characters.errors import CharacterError
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32,
@@ -158,6 +158,9 @@ def _octahedral(data: bytes, stride: int) -> bytes:
     return out.tobytes()
 
 
+MAX_BYTES = 2 * 1024**3
+
+
 def read_glb(path: Path) -> GltfFile:
     """Read a .glb file.
 
@@ -165,7 +168,7 @@ def read_glb(path: Path) -> GltfFile:
         CharacterError: it is no whole glTF binary, or needs an extension that is not read.
     """
     try:
-        data = path.read_bytes()
+        data = read_plain(path, max_bytes=MAX_BYTES)
     except OSError as e:
         raise CharacterError(f"{path}: cannot be read ({e.strerror}); check the path") from e
     if len(data) < 20 or data[:4] != b"glTF":
@@ -183,7 +186,7 @@ def read_glb(path: Path) -> GltfFile:
         chunks.setdefault(kind, data[at + 8 : at + 8 + length])
         at += 8 + length
     try:
-        tree = json.loads(chunks[b"JSON"])
+        tree = parse_json(chunks[b"JSON"])
     except (KeyError, ValueError) as e:
         raise CharacterError(f"{path}: its description is broken ({e}); export it again") from e
     if not isinstance(tree, dict):

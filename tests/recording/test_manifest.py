@@ -11,6 +11,8 @@ import pytest
 
 from lab.errors import RecordingError
 from recording.integrity import damage_of
+from recording.journal import encode_line
+from recording.journal_file import read_journal
 from recording.manifest import read_manifest
 from recording.reader import Recording
 from recording.recovery import recover
@@ -168,3 +170,30 @@ def test_files_beside_the_streams_are_hashed_too(tmp_path: Path) -> None:
     assert not damage_of(Recording(folder.path)).is_damaged
     beside.write_text(json.dumps({"says": "bell"}))
     assert "doctor.json: SHA-256 differs" in damage_of(Recording(folder.path)).problems[0]
+
+
+def test_a_trial_named_as_a_path_is_no_trial(tmp_path: Path) -> None:
+    path = tmp_path / "events.jsonl"
+    rows = [{"trial_id": name} for name in ("T1", "../../T2", "a\\b", ".hidden", "T 3")]
+    path.write_bytes(b"".join(encode_line({"kind": "trial", "t_ns": 0, "row": r}) for r in rows))
+    content = read_journal(path)
+    assert ["T1", "T 3"] == [t["row"]["trial_id"] for t in content.trials]
+    assert 3 == content.damaged_lines
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"kind": "trial", "t_ns": 0},
+        {"kind": "trial", "t_ns": 0, "row": []},
+        {"kind": "event", "t_ns": "0", "name": "x", "payload": {}},
+        {"kind": "end"},
+        {"nothing": 1},
+    ],
+)
+def test_a_journal_line_without_what_it_must_have_is_damaged(
+    tmp_path: Path, entry: dict[str, Any]
+) -> None:
+    path = tmp_path / "events.jsonl"
+    path.write_bytes(encode_line(entry) + encode_line({"kind": "end", "lines": 1}))
+    assert 1 == read_journal(path).damaged_lines

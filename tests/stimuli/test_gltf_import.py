@@ -194,3 +194,13 @@ def test_valid_avatars_import_whole() -> None:
         assert set(np.unique(person.levels[0].triangle_part)) == set(range(1, 20))
         assert 1.5 < person.stature_m < 2.1
         assert len(person.capsules) >= 19
+
+
+def test_a_description_nested_without_end_is_named(tmp_path: Path) -> None:
+    deep = b'{"asset": ' + b"[" * 100_000 + b"]" * 100_000 + b"}"
+    size = len(deep)
+    path = tmp_path / "deep_F.glb"
+    head = b"glTF" + struct.pack("<II", 2, 20 + size) + struct.pack("<I4s", size, b"JSON")
+    path.write_bytes(head + deep)
+    with pytest.raises(CharacterError, match="nested deeper"):
+        read_glb(path)

@@ -1,0 +1,72 @@
+"""Files from anywhere end in an error that names them, never in a wait or an overflow."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from lab.errors import ConfigError
+from lab.plain_files import open_plain, parse_json, read_plain
+from lab.yaml_lines import parse_document, read_document
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with names")
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(OSError, match="not a regular file"):
+        open_plain(pipe)
+    with pytest.raises(ConfigError, match="not a regular file"):
+        read_document(pipe)
+
+
+def test_a_folder_and_a_file_too_large_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="not a regular file"):
+        read_plain(tmp_path)
+    (tmp_path / "large").write_bytes(b"x" * 101)
+    with pytest.raises(OSError, match="larger than 100 bytes"):
+        read_plain(tmp_path / "large", max_bytes=100)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["[" * 70 + "]" * 70, "[" * 100_000 + "]" * 100_000, '{"a":' * 300 + "1" + "}" * 300],
+)
+def test_deep_json_is_a_value_error(text: str) -> None:
+    for data in (text, text.encode()):
+        with pytest.raises(ValueError, match="nested deeper than 64"):
+            parse_json(data)
+
+
+@pytest.mark.parametrize("text", ["NaN", "[Infinity]", '{"a": -Infinity}', "", "{", "\xff"])
+def test_what_is_no_json_is_a_value_error(text: str) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        parse_json(text)
+
+
+def test_many_brackets_beside_each_other_are_not_deep() -> None:
+    assert 500 == len(parse_json("[" + ",".join(["[]"] * 500) + "]"))
+
+
+def deep_flow() -> str:
+    return "[" * 20_000 + "]" * 20_000
+
+
+def deep_block() -> str:
+    return "".join(" " * i + "a:\n" for i in range(2_000))
+
+
+def alias_bomb() -> str:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 9)]
+    return "\n".join(lines)
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [(deep_flow, "nested deeper"), (deep_block, "nested deeper"), (alias_bomb, "aliases counted")],
+)
+def test_yaml_that_would_never_end_is_refused_soon(make, said) -> None:
+    with pytest.raises(ConfigError, match=said):
+        parse_document(make(), Path("hostile.yaml"))
