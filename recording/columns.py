@@ -112,7 +112,9 @@ def stream_schema(schema: Any) -> StreamSchema:
 
 def _shape(text: str) -> tuple[int, ...]:
     shape = parse_json(text)
-    if not isinstance(shape, list) or not all(type(n) is int and 0 < n <= MAX_ITEMS for n in shape):
+    if not isinstance(shape, list) or not all(
+        type(n) is int and 0 <= n <= MAX_ITEMS for n in shape
+    ):
         raise ValueError(f"a shape that can be: {text!r}")
     if math.prod(shape) > MAX_ITEMS:
         raise ValueError(f"a shape that can be: {text!r}")
@@ -210,12 +212,14 @@ class BatchEncoder:
             )
         data = bytearray(sink.getvalue().to_pybytes()[len(self.header) : -len(END_OF_STREAM)])
         layout = read_message(memoryview(data), 0)
-        # Validity buffers are empty (nothing is nullable); the others are the columns in order.
-        offsets = [int(at) for at, length in layout.buffers if length > 0]
+        # Validity buffers are empty (nothing is nullable), and so are those of columns without
+        # values; the others are the columns in order.
+        offsets = iter([int(at) for at, length in layout.buffers if length > 0])
         columns = []
-        for field, at in zip(self._fields, offsets, strict=True):
+        for field in self._fields:
             size = buffer_bytes(field, n)
-            raw = np.frombuffer(data, np.uint8, count=size, offset=layout.body + at)
+            at = layout.body + next(offsets) if size else 0
+            raw = np.frombuffer(data, np.uint8, count=size, offset=at)
             if not is_flag(field):
                 raw = raw.view(field.dtype).reshape((n, *field.shape))
             columns.append(raw)

@@ -254,15 +254,18 @@ def _decode(data: memoryview, message: Message, fields: tuple[Field, ...]) -> _B
         raise Torn("a second header")
     places = [(at, size) for at, size in message.buffers.tolist() if size > 0]
     n, body, end = message.n_rows, message.body, message.end
-    if len(places) != len(fields):
-        raise Torn(f"{len(places)} columns instead of {len(fields)}")
+    sizes = _sizes(fields, n)
+    filled = len(sizes) - sizes.count(0)  # a column without values takes no bytes
+    if not places or len(places) != filled:
+        raise Torn(f"{len(places)} columns instead of {filled}")
     if end - body != -(-sum(places[-1]) // 8) * 8:
         raise Torn("the body has another length than its columns")
     row, stated = message.metadata.get("row", ""), message.metadata.get("crc32", "")
     crc = zlib.crc32(row.encode())
     buffers = []
-    sizes = _sizes(fields, n)
-    for field, (at, size), due in zip(fields, places, sizes, strict=True):
+    place = iter(places)
+    for field, due in zip(fields, sizes, strict=True):
+        at, size = next(place) if due else (0, 0)
         if size != due or at < 0 or body + at + size > end:
             raise Torn(f"column {field.name!r} has another size")
         buffer = data[body + at : body + at + size]
@@ -275,12 +278,13 @@ def _decode(data: memoryview, message: Message, fields: tuple[Field, ...]) -> _B
 
 def _columns(batches: list[_Batch], fields: tuple[Field, ...]) -> Columns:
     columns: Columns = {}
+    n_rows = sum(b.n_rows for b in batches)
     for i, field in enumerate(fields):
         if is_flag(field):
             columns[field.name] = _unpack(batches, i, field)
             continue
         raw = b"".join([b.buffers[i] for b in batches])
-        columns[field.name] = np.frombuffer(raw, field.dtype).reshape((-1, *field.shape))
+        columns[field.name] = np.frombuffer(raw, field.dtype).reshape((n_rows, *field.shape))
     return columns
 
 
@@ -293,4 +297,4 @@ def _unpack(batches: list[_Batch], index: int, field: Field) -> npt.NDArray[np.b
         for b in batches
     ]
     bits = np.concatenate(pieces) if pieces else np.zeros(0, np.uint8)
-    return bits.view(np.bool_).reshape((-1, *field.shape))
+    return bits.view(np.bool_).reshape((sum(b.n_rows for b in batches), *field.shape))

@@ -113,6 +113,43 @@ def test_driver_may_reuse_its_arrays_after_append(tmp_path: Path) -> None:
     assert [0, 1] == table["seq"].to_pylist() == table["code"].to_pylist()
 
 
+def test_columns_of_no_values_are_recorded_and_read_as_such(tmp_path: Path) -> None:
+    nobody = StreamSchema(
+        "scene_states",
+        (
+            Field("gaze_direction", "f4", "1", "world", (0, 3), "of each agent, of whom none is"),
+            Field("scene", "i4", ""),
+            Field("seen", "?", "", shape=(0,)),
+        ),
+        0.0,
+    )
+    clock = SimClock()
+    folder = create_session(tmp_path, probe_manifest())
+    recorder = new_recorder(folder, clock)
+    recorder.declare(nobody)
+    for first in (0, 2, 5):
+        seq = np.arange(first, first + 2, dtype=np.int64)
+        values = empty_values(nobody, 2)
+        values["scene"] = seq
+        recorder.append(SampleBatch(nobody, seq, seq, seq, values))
+    folder.end_part(clock, recorder.close("complete"))
+    folder.close()
+
+    recording = Recording(folder.path)
+
+    assert recording.verify().is_intact
+    assert recording.stream_schema("scene_states") == nobody
+    read = recording.stream_arrays("scene_states")
+    assert ((6, 0, 3), (6, 0)) == (read["gaze_direction"].shape, read["seen"].shape)
+    assert [0, 1, 2, 3, 5, 6] == read["scene"].tolist()
+    own = ["seq", "t_device_ns", "t_host_ns", "scene", "recording_part"]
+    assert own == list(recording.stream("scene_states"))
+    with pa.OSFile(str(folder.path / "part-01" / "scene_states.arrows")) as source:
+        table = pa.ipc.open_stream(source).read_all()
+    table.validate(full=True)
+    assert [[]] * 6 == table["gaze_direction"].to_pylist()
+
+
 def test_undeclared_and_changed_streams_are_refused_by_name(tmp_path: Path) -> None:
     recorder = recorder_in(tmp_path / "part-01")
     other = StreamSchema("other", (Field("code", "u2", ""),), 1.0)

@@ -13,8 +13,8 @@ STUDIES = Path(__file__).parent / "studies"
 
 
 def opened(name: str) -> OpenedStudy:
-    """Return a study of the tests."""
-    found = find_study(str(STUDIES / f"{name}.py"))
+    """Return a study of the tests by name, or any by the path of its file."""
+    found = find_study(name if name.endswith(".py") else str(STUDIES / f"{name}.py"))
     assert isinstance(found, OpenedStudy)
     return found
 

@@ -136,6 +136,28 @@ def test_session_is_recorded_and_measured_from_the_recording_alone(tmp_path: Pat
 
 
 @pytest.mark.slow
+def test_study_without_people_is_performed_and_recorded(tmp_path: Path) -> None:
+    path = written(
+        tmp_path,
+        """from visavis import Factor, Rating, Study
+study = Study("tone", factors=[Factor("pitch", ["low", "high"])], practice=0)
+
+@study.trial
+def trial(t):
+    yield t.dark(0.2)
+    yield t.ask(Rating("pleasantness", 1, 9))
+""",
+    )
+
+    recording = perform(str(path), tmp_path / "data")
+
+    assert recording.verify().is_intact
+    assert {"complete"} == set(recording.trials()["status"])
+    states = recording.stream_arrays("scene_states")
+    assert (len(states["seq"]), 0, 3) == states["gaze_direction"].shape
+    assert 0 == recording.stream_arrays("gaze_targets")["angle_deg"].shape[1]
+
+
 def test_same_seed_gives_the_same_session_bit_for_bit(tmp_path: Path) -> None:
     first = perform("duel", tmp_path / "a", **SMALL)
     again = perform("duel", tmp_path / "b", **SMALL)
