@@ -1,10 +1,10 @@
 """Derive a study from another: it states what differs, the rest stays as it is.
 
-study = derive("stare", "my_stare", title="…", repetitions=2, parameters={"trial_s": 8.0})
+For example `study = derive("stare", "my_stare", title="…", repetitions=2, parameters={"trial_s": 8})`.
 """
 
 import dataclasses
-import sys
+import inspect
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -33,7 +33,10 @@ def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
         DesignError: the base cannot be derived from, or has nothing of such a name.
         ConfigError: a parameter does not exist, or is none.
     """
-    source = base if isinstance(base, Study) else _found(base, sys._getframe(1).f_globals)
+    frame = inspect.currentframe()
+    caller = None if frame is None else frame.f_back
+    file = None if caller is None else caller.f_globals.get("__file__")
+    source = base if isinstance(base, Study) else _found(base, Path(file or ".").parent)
     possible = [f.name for f in dataclasses.fields(Study) if f.name not in OWN]
     for given in differs:
         if given not in possible:
@@ -54,13 +57,12 @@ def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
     )
 
 
-def _found(base: str | Path, globals_of_caller: Mapping[str, Any]) -> Study:
+def _found(base: str | Path, here: Path) -> Study:
     from visavis.catalogue import find_study, is_file  # which derives nothing itself
     from visavis.opened import OpenedStudy
 
     wanted = str(base)
     if is_file(wanted):
-        here = Path(globals_of_caller.get("__file__", ".")).parent
         wanted = str(here / wanted)
     found = find_study(wanted)
     if not isinstance(found, OpenedStudy):

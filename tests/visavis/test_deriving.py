@@ -19,7 +19,8 @@ def derived(**differs: object) -> Study:
 
 
 def test_everything_that_is_not_named_stays() -> None:
-    base, own = opened("duel").study, derived(title="Mine")
+    base = opened("duel").study
+    own = derive(base, "my_duel", title="Mine")
     assert ("my_duel", "Mine") == (own.name, own.title)
     for field in ("repetitions", "practice", "factors", "measures", "compare", "exclusions"):
         assert getattr(base, field) == getattr(own, field), field
