@@ -1,6 +1,6 @@
 """Derive a study from another: it states what differs, the rest stays as it is.
 
-For example `study = derive("stare", "my_stare", title="…", repetitions=2, parameters={"trial_s": 8})`.
+For example `study = derive("stare", "my_stare", repetitions=2, parameters={"trial_s": 8})`.
 """
 
 import dataclasses
