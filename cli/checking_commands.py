@@ -11,7 +11,8 @@ from rich.table import Table
 from analysis.session_check import check_session
 from analysis.session_verdict import Level, SessionCheck
 from cli.app import JsonOption, app, console
-from cli.study_check import is_study, repair_study, session_folders, study_problems
+from cli.study_check import is_study, repair_study, study_problems
+from cli.study_folder import session_folders
 from lab.errors import UsageError
 from recording.reader import Recording
 from recording.recovery import recover as recover_session

@@ -1,13 +1,15 @@
 """participant add, list, withdraw: the ledger of a study."""
 
+from functools import partial
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, load_lab
+from cli.data_root import prepare_data_root
 from cli.rigs import is_simulated
-from cli.session_commands import SetOption, ledger_of
+from cli.session_commands import SetOption, groups_hold, ledger_of
 from cli.studies import study_of_lab
 from cli.study_folder import settle, wanted_settings
 from lab.errors import UsageError
@@ -50,8 +52,12 @@ def add(
         language=lab.language,
     )  # fmt: skip
     experiment = chosen.experiment(wanted.parameters)
-    settings = settle(folder, wanted, seed_given=seed is not None)
-    entry = ledger_of(lab, chosen.name, simulated=simulated).add(
+    prepare_data_root(lab)
+    ledger = ledger_of(lab, chosen.name, simulated=simulated)
+    settings = settle(
+        folder, wanted, seed_given=seed is not None, fits=partial(groups_hold, chosen, ledger)
+    )
+    entry = ledger.add(
         number,
         group=lambda index: experiment.plan(index, settings.seed).group,
         consent_version=consent or lab.privacy.consent_version,

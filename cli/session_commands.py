@@ -5,6 +5,7 @@ import shlex
 import signal
 from contextlib import ExitStack
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -24,6 +25,7 @@ from cli.app import (
 )
 from cli.checking_commands import print_check
 from cli.checking_commands import require_session as require_session
+from cli.data_root import prepare_data_root
 from cli.operator_screen import TerminalOperator
 from cli.perform import Request, perform_new, perform_rest
 from cli.questions import TerminalRespondent
@@ -32,6 +34,7 @@ from cli.studies import study_of_folder, study_of_lab
 from cli.study_folder import (
     DEFAULT_SEED,
     StudySettings,
+    may_become,
     read_settings,
     refuse_other,
     settle,
@@ -106,7 +109,7 @@ def plan(
         folder, chosen, is_simulated=simulated, assignments=assignments,
         language=language or lab.language,
     )  # fmt: skip
-    if settings is not None:
+    if settings is not None and not may_become(folder, settings, wanted):
         refuse_other(folder, settings, wanted)
     in_force = _seed_in_force(settings, seed)
     ledger = ledger_of(lab, chosen.name, simulated=simulated)
@@ -186,7 +189,11 @@ def run(
         language=language or lab.language,
     )  # fmt: skip
     chosen.experiment(wanted.parameters)
-    settings = settle(folder, wanted, seed_given=seed is not None)
+    prepare_data_root(lab)
+    ledger = ledger_of(lab, chosen.name, simulated=simulated)
+    settings = settle(
+        folder, wanted, seed_given=seed is not None, fits=partial(groups_hold, chosen, ledger)
+    )
     entry = _entry(lab, chosen, settings, participant, simulated=simulated)
     path = session_dir(lab.data_root, chosen.name, entry.label, session, is_simulated=simulated)
     if path.exists():
@@ -199,6 +206,14 @@ def run(
             f"  {first}\n  or run a further one: add --session {others + 1}"
         )
     _perform(lab, chosen, settings, entry, session, fast=fast, blind=blind, resume_from=None)
+
+
+def groups_hold(study: AnyStudy, ledger: Ledger, settings: StudySettings) -> bool:
+    """Tell whether everybody in the ledger has the group that a study with these settings gives."""
+    experiment = study.experiment(settings.parameters)
+    return all(
+        entry.group == experiment.plan(entry.index, settings.seed).group for entry in ledger.list()
+    )
 
 
 def _entry(

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cli.study_folder import SETTINGS_NAME, read_settings
+from cli.study_folder import SETTINGS_NAME, read_settings, session_folders
 from lab.clock import SystemClock
 from lab.errors import LabError, RecordingError
 from protocol.ledger import LEDGER_NAME, Ledger
@@ -32,11 +32,6 @@ def study_problems(folder: Path) -> tuple[str, ...]:
     for session in session_folders(folder):
         problems += session_problems(session)
     return tuple(problems)
-
-
-def session_folders(folder: Path) -> tuple[Path, ...]:
-    """Return the sessions of a study, those without a manifest, too."""
-    return tuple(sorted(p for p in folder.glob("sub-*/ses-*") if p.is_dir()))
 
 
 def session_problems(session: Path) -> tuple[str, ...]:

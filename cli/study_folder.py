@@ -1,14 +1,15 @@
 """The folder of a study: its settings, its sessions, and what analysis derives from it."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
 import yaml
 
 from lab.errors import DataError, UsageError
+from recording.durable import make_folder
 from recording.reader import Recording
 from recording.sealed import copy_path, read_sealed, write_sealed
 from visavis.catalogue import AnyStudy, digest_of, file_of
@@ -136,15 +137,24 @@ def wanted_settings(
     )
 
 
-def settle(folder: Path, wanted: StudySettings, *, seed_given: bool) -> StudySettings:
+def settle(
+    folder: Path,
+    wanted: StudySettings,
+    *,
+    seed_given: bool,
+    fits: Callable[[StudySettings], bool] | None = None,
+) -> StudySettings:
     """Return the settings in force, writing them when the study is new.
+
+    Until its first session a study may take more parameters than it was begun with, where `fits`
+    tells that everybody registered keeps their group.
 
     Raises:
         UsageError: another seed or other parameters were asked for than the study was begun with.
     """
     present = read_settings(folder)
     if present is None:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder, exist_ok=True)
         write_sealed(folder / SETTINGS_NAME, asdict(wanted))
         return wanted
     if seed_given and wanted.seed != present.seed:
@@ -152,8 +162,23 @@ def settle(folder: Path, wanted: StudySettings, *, seed_given: bool) -> StudySet
             f"{folder} was begun with seed {present.seed}; another seed would change every "
             f"order. Leave --seed out, or use another data root"
         )
+    changed = replace(present, parameters=wanted.parameters)
+    if changed != present and may_become(folder, present, wanted) and fits and fits(changed):
+        write_sealed(folder / SETTINGS_NAME, asdict(changed))
+        return changed
     refuse_other(folder, present, wanted)
     return present
+
+
+def may_become(folder: Path, present: StudySettings, wanted: StudySettings) -> bool:
+    """Tell whether nothing was recorded yet, and all that was chosen before stays as it was."""
+    kept = present.parameters.items() <= wanted.parameters.items()
+    return kept and present.effect == wanted.effect and not session_folders(folder)
+
+
+def session_folders(folder: Path) -> tuple[Path, ...]:
+    """Return the sessions of a study by participant and number, those without manifest, too."""
+    return tuple(sorted(p for p in folder.glob("sub-*/ses-*") if p.is_dir() and any(p.iterdir())))
 
 
 def refuse_other(folder: Path, present: StudySettings, wanted: StudySettings) -> None:
@@ -186,14 +211,14 @@ def one_per_participant(
 
 
 def sessions_of(folder: Path) -> tuple[Path, ...]:
-    """Return the session folders of a study, by participant and session number.
+    """Return the session folders of a study, at least one; see `session_folders`.
 
     Raises:
         UsageError: there is none.
     """
     if not folder.is_dir():
         raise UsageError(f"{folder} does not exist; give the folder of a study")
-    found = tuple(sorted(p.parent for p in folder.glob("sub-*/ses-*/manifest.json")))
+    found = session_folders(folder)
     if not found:
         inner = sorted(p.parent for p in folder.glob(f"*/{SETTINGS_NAME}"))
         inner += sorted(p.parent for p in folder.glob(f"*/*/{SETTINGS_NAME}"))

@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cli.main import app
+from cli.study_folder import read_settings
 from lab.errors import UsageError
 from tests.faults.sessions import CONFIG
 
@@ -61,3 +62,37 @@ def test_other_parameters_than_those_begun_with_are_refused_by_name(lab_config: 
     for command in (("participant", "add", "crowd"), ("plan", "crowd", "--participant", "1")):
         with pytest.raises(UsageError, match="begun with limit_s=90"):
             visavis(lab_config, *command, "--set", "limit_s=60")
+
+
+@pytest.mark.slow
+def test_parameters_can_come_with_the_first_session_of_somebody_registered_before(
+    lab_config: Path,
+) -> None:
+    visavis(lab_config, "participant", "add", "stare", "--devices", "sim")
+    few = ("trial_s=1", "intertrial_s=0.5", "practice_s=1", "repetitions=1")
+    here = [text for setting in few for text in ("--set", setting)]
+    visavis(lab_config, "plan", "stare", "--participant", "1", "--devices", "sim", *here)
+    visavis(lab_config, "run", "stare", "--participant", "1", "--devices", "sim", "--fast", *here)
+
+    settings = read_settings(lab_config.parent / "data" / "simulated" / "stare")
+    assert settings is not None
+    assert {"trial_s": 1, "intertrial_s": 0.5, "practice_s": 1, "repetitions": 1} == (
+        settings.parameters
+    )
+    with pytest.raises(UsageError, match="which holds for all of its sessions"):
+        visavis(
+            lab_config, "run", "stare", "--participant", "2", "--devices", "sim", "--fast",
+            *here, "--set", "pad_deg=2",
+        )  # fmt: skip
+
+
+def test_parameters_that_would_move_somebody_to_another_group_are_refused(
+    lab_config: Path,
+) -> None:
+    for _ in range(4):
+        visavis(lab_config, "participant", "add", "crowd", "--devices", "sim")
+    with pytest.raises(UsageError, match="begun with no --set"):
+        visavis(
+            lab_config, "participant", "add", "crowd", "--devices", "sim",
+            "--set", "with_control_group=yes",
+        )  # fmt: skip
