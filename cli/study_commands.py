@@ -18,6 +18,7 @@ from rich.progress import (
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab
 from cli.damage import require_intact, write_damage
+from cli.data_root import prepare_data_root
 from cli.replicate_runners import on_scheduler, on_this_machine
 from cli.session_commands import SIMULATED_PREFIX, LanguageOption
 from cli.simulation import SimulationTask, in_parallel, measure_one, simulate_one, worker_count
@@ -38,6 +39,7 @@ from lab.clock import SimClock, StopWatch
 from lab.config import LabConfig
 from lab.errors import DataError, SessionAborted
 from protocol.ledger import Ledger, Participant, UnknownParticipant
+from recording.durable import make_folder, protect
 from recording.folder import SIMULATED_ROOT
 from recording.manifest import read_manifest
 from recording.reader import Recording
@@ -124,6 +126,7 @@ def simulate_study(
     lab = lab.model_copy(update={"data_root": data_root})
     folder = data_root / SIMULATED_ROOT / chosen.name
     chosen.experiment(wanted.parameters)
+    prepare_data_root(lab)
     settings = settle(folder, wanted, seed_given=True)
     experiment = chosen.experiment(settings.parameters)
     entries = [
@@ -237,7 +240,7 @@ def analyse_study(
     watch = StopWatch()
     damaged = require_intact(sessions, accept=accept_damage)
     out_dir = output.resolve() if output is not None else folder / DERIVED
-    out_dir.mkdir(parents=True, exist_ok=True)
+    make_folder(out_dir, exist_ok=True)
     chosen, changed = study_of_folder(folder, study)
     if changed:
         console.print(f"[yellow]{changed}[/]", soft_wrap=True)
@@ -265,6 +268,7 @@ def analyse_study(
         settings=settings,
     )
     write_damage(damaged, out_dir)
+    protect(out_dir)
     console.print(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
     return report_path
 

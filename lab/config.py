@@ -67,10 +67,15 @@ class Sync(_Part):
 
 
 class Privacy(_Part):
-    """What participants agreed to; the version is recorded with every session."""
+    """What participants agreed to; the version is recorded with every session.
+
+    Recordings are for the account that made them alone; with `group`, for that group of the
+    computer's accounts, too.
+    """
 
     consent_version: str = Field(min_length=1)
     contact: str = ""
+    group: str = ""
 
 
 class DeviceConfig(BaseModel):

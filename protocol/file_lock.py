@@ -6,7 +6,8 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from lab.errors import LedgerError
+from lab.errors import LedgerError, RecordingError
+from recording.durable import make_folder, modes_in
 
 
 @contextmanager
@@ -17,10 +18,12 @@ def locked(path: Path) -> Iterator[None]:
         LedgerError: the file cannot be opened, or its disk knows no locks (some network drives).
     """
     # Never a lock that is only the file's presence: a process that dies would leave it held.
-    lock = FileLock(path, mode=0o600, fallback_to_soft=False)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent, exist_ok=True)
+        lock = FileLock(path, mode=modes_in(path.parent).file, fallback_to_soft=False)
         lock.acquire()
+    except RecordingError as error:
+        raise LedgerError(str(error)) from error
     except OSError as error:
         raise LedgerError(
             f"{path} cannot be locked: {error.strerror}; check that the folder is there, that you "

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from lab.plain_files import parse_json, read_plain
-from recording.durable import replace_file
+from recording.durable import open_private, replace_file
 from recording.journal import decode_line, encode_line
 from recording.sealed import copy_path
 
@@ -145,7 +145,7 @@ def _unchained(line: bytes) -> dict[str, Any] | None:
 def _extend(path: Path, whole: bytes, added: bytes) -> None:
     if (_content(path) or b"") != whole:
         replace_file(path, whole)
-    with path.open("ab") as file:
+    with os.fdopen(open_private(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab") as file:
         file.write(added)
         file.flush()
         os.fsync(file.fileno())

@@ -3,7 +3,10 @@
 import errno
 import hashlib
 import os
+import shutil
+import stat
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from lab.errors import RecordingError
@@ -40,14 +43,83 @@ def sync_folder(folder: Path) -> None:
         os.close(fd)
 
 
+@dataclass(frozen=True)
+class Modes:
+    """Who may enter a folder and read files in it."""
+
+    folder: int
+    file: int
+
+    @property
+    def read_only(self) -> int:
+        """The mode of a file that nobody writes to any more."""
+        return self.file & 0o444
+
+
+PRIVATE = Modes(0o700, 0o600)
+GROUP = Modes(0o2770, 0o660)
+
+
+def modes_in(folder: Path) -> Modes:
+    """Return the modes of what is made in a folder: for its owner alone.
+
+    In a folder whose group is handed on (setgid, as `share_with_group` sets it), also for the
+    group. On Windows, where access is inherited, modes change nothing.
+    """
+    try:
+        return GROUP if folder.stat().st_mode & stat.S_ISGID else PRIVATE
+    except OSError:
+        return PRIVATE
+
+
+def share_with_group(folder: Path, group: str) -> None:
+    """Let a group read and write a folder and all that is made in it from now on.
+
+    Raises RecordingError when there is no such group, or you are not in it.
+    """
+    if os.name == "nt":
+        return
+    try:
+        if modes_in(folder) is GROUP and folder.group() == group:
+            return  # another of the group made it, and only that one may change it
+        shutil.chown(folder, group=group)
+        folder.chmod(GROUP.folder)
+        if not folder.stat().st_mode & stat.S_ISGID:
+            raise PermissionError(errno.EPERM, "you are not in it")
+    except (LookupError, OSError) as error:
+        raise RecordingError(
+            f"{folder} cannot be given to the group {group!r}: {error}; correct privacy.group in "
+            "the lab's configuration, or have an administrator add you to the group"
+        ) from error
+
+
+def protect(root: Path) -> None:
+    """Take what others may do from a folder and everything in it; links are left alone."""
+    if os.name == "nt":
+        return
+    modes = modes_in(root)
+    for folder, _, files in os.walk(root):
+        os.chmod(folder, modes.folder)
+        for name in files:
+            path = Path(folder, name)
+            if not path.is_symlink():
+                path.chmod(modes.file & ~(0o222 if not path.stat().st_mode & 0o200 else 0))
+
+
 def make_folder(folder: Path, *, exist_ok: bool = False) -> None:
-    """Create a folder and its parents, durably; raises RecordingError with advice."""
+    """Create a folder and its parents, durably and private; raises RecordingError with advice."""
     try:
         missing = [folder, *folder.parents]
         present = next(i for i, p in enumerate(missing) if p.exists())
-        folder.mkdir(parents=True, exist_ok=exist_ok)
-        for created in missing[1 : present + 1]:
-            sync_folder(created)
+        modes = modes_in(missing[present])
+        if present == 0:
+            folder.mkdir(exist_ok=exist_ok)
+        for created in reversed(missing[:present]):
+            created.mkdir(mode=modes.folder, exist_ok=exist_ok or created != folder)
+            if os.name != "nt":
+                created.chmod(modes.folder)
+        for changed in missing[1 : present + 1]:
+            sync_folder(changed)
     except FileExistsError as error:
         raise RecordingError(f"{folder} exists already; nothing was overwritten") from error
     except OSError as error:
@@ -58,7 +130,7 @@ def replace_file(path: Path, data: bytes) -> None:
     """Put `data` at `path` atomically: a reader sees the old or the new file, never a mixture."""
     temporary = path.with_name(path.name + ".new")
     try:
-        fd = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | _BINARY, 0o644)
+        fd = open_private(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         try:
             _write_all(fd, memoryview(data))
             os.fsync(fd)
@@ -68,6 +140,16 @@ def replace_file(path: Path, data: bytes) -> None:
         sync_folder(path.parent)
     except OSError as error:
         raise write_failure(path, error) from error
+
+
+def open_private(path: Path, flags: int) -> int:
+    """Open a file that none but its owner, or its folder's group, can read; raises OSError."""
+    modes = modes_in(path.parent)
+    is_new = not path.exists()
+    fd = os.open(path, flags | _BINARY, modes.file)
+    if is_new and modes is GROUP:  # which the umask may have cut down
+        path.chmod(modes.file)
+    return fd
 
 
 def sha256_of(path: Path) -> str:
@@ -95,7 +177,7 @@ class AppendOnlyFile:
         self._unsynced = False
         self._fd: int | None = None
         try:
-            self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, 0o644)
+            self._fd = open_private(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
         except FileExistsError as error:
             raise RecordingError(
                 f"{path} exists already and raw files are never overwritten; "
@@ -136,7 +218,7 @@ class AppendOnlyFile:
         fd, self._fd = self._fd, None
         os.close(fd)
         if os.name != "nt" and self.path.exists():
-            self.path.chmod(0o444)
+            self.path.chmod(modes_in(self.path.parent).read_only)
 
     def sha256(self) -> str:
         """Return the SHA-256 of what was written."""

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from lab.errors import UsageError
-from recording.durable import write_failure
+from recording.durable import open_private, write_failure
 
 
 def lock_path(session_dir: Path) -> Path:
@@ -44,7 +44,7 @@ class SessionLock:
     def __init__(self, session_dir: Path) -> None:
         path = lock_path(session_dir)
         try:
-            self._fd: int | None = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+            self._fd: int | None = open_private(path, os.O_RDWR | os.O_CREAT)
         except OSError as error:
             raise write_failure(path, error) from error
         if not _try_lock(self._fd, shared=False):

@@ -1,0 +1,72 @@
+"""Recordings are for their owner alone, or for a group that was given the folder."""
+
+import os
+import shutil
+import stat
+from pathlib import Path
+
+import pytest
+
+from lab.clock import SimClock
+from lab.errors import RecordingError
+from protocol.ledger import Ledger
+from recording.durable import make_folder, protect, share_with_group
+from recording.sealed import write_sealed
+from tests.recording.sessions import record_session
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="access is inherited there")
+
+
+def others_may(root: Path) -> list[str]:
+    """Return what others may do anything with, the root's parents apart."""
+    return [
+        f"{p.relative_to(root)} {stat.S_IMODE(p.stat().st_mode):o}"
+        for p in [root, *root.rglob("*")]
+        if p.stat().st_mode & 0o007
+    ]
+
+
+def modes(root: Path) -> set[str]:
+    return {f"{stat.S_IMODE(p.stat().st_mode):o}" for p in root.rglob("*")}
+
+
+@pytest.fixture(autouse=True)
+def _usual_umask():
+    before = os.umask(0o022)
+    yield
+    os.umask(before)
+
+
+def test_nobody_else_can_read_what_is_recorded(tmp_path: Path) -> None:
+    root = tmp_path / "data"
+    session = record_session(root)
+    study = session.parents[1]
+    Ledger(study, SimClock(), prefix="S").add()
+    write_sealed(study / "study.json", {"study": "probe"})
+    assert [] == others_may(root)
+    assert {"700", "600", "400"} == modes(root)
+
+
+def test_a_shared_folder_hands_on_its_group_and_keeps_others_out(tmp_path: Path) -> None:
+    root = tmp_path / "data"
+    make_folder(root)
+    share_with_group(root, tmp_path.group())
+    share_with_group(root, tmp_path.group())
+    session = record_session(root)
+    Ledger(session.parents[1], SimClock(), prefix="S").add()
+    assert [] == others_may(root)
+    assert {"2770", "660", "440"} == modes(root)
+
+
+def test_a_group_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"nosuchgroup.*privacy\.group"):
+        share_with_group(tmp_path, "nosuchgroup")
+
+
+def test_tables_and_figures_are_protected_afterwards(tmp_path: Path) -> None:
+    make_folder(tmp_path / "derived")
+    (tmp_path / "derived" / "figures").mkdir()
+    (tmp_path / "derived" / "figures" / "a.svg").write_text("x")
+    protect(tmp_path / "derived")
+    assert [] == others_may(tmp_path / "derived")
+    shutil.rmtree(tmp_path / "derived")
