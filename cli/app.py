@@ -77,6 +77,14 @@ ConfigOption = Annotated[
 StudyArgument = Annotated[
     str, typer.Argument(help="A study by name, such as stare, or its file, such as ./duel.py.")
 ]
+SessionArgument = Annotated[
+    Path,
+    typer.Argument(help="A session's folder (ses-…), or a study: its folder, file, or name."),
+]
+OfParticipant = Annotated[
+    str,
+    typer.Option("--participant", help="Whose session, where a study was named; else the latest."),
+]
 DevicesOption = Annotated[
     str | None, typer.Option("--devices", help="sim or real: overrides every role.")
 ]

@@ -10,7 +10,8 @@ from rich.table import Table
 
 from analysis.session_check import check_session
 from analysis.session_verdict import Level, SessionCheck
-from cli.app import JsonOption, app, console
+from cli.app import ConfigOption, JsonOption, OfParticipant, SessionArgument, app, console
+from cli.studies import folder_of, session_of
 from cli.study_check import is_study, repair_study, study_problems
 from cli.study_folder import session_folders
 from lab.errors import UsageError
@@ -46,10 +47,10 @@ def require_session(path: Path) -> None:
 
 @app.command()
 def check(
-    session_path: Annotated[
-        Path, typer.Argument(help="Folder of a session (ses-…), or of a study.")
-    ],
+    session_path: SessionArgument,
+    participant: OfParticipant = "",
     trials: Annotated[bool, typer.Option("--trials", help="List every trial.")] = False,
+    config: ConfigOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Can they leave? Compare what was planned with what was recorded.
@@ -58,6 +59,10 @@ def check(
 
     Example: visavis check data/simulated/stare/sub-S07H/ses-001
     """
+    if participant:
+        session_path = session_of(session_path, config, participant)
+    elif not session_path.is_dir():
+        session_path = folder_of(session_path, config)
     if is_study(session_path):
         _check_study(session_path, as_json=as_json)
         return

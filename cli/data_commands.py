@@ -8,7 +8,11 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from cli.app import app, console
+from analysis.report.notation import counted
+from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console
+from cli.studies import folder_of, session_of
+from cli.study_check import is_study
+from cli.study_folder import sessions_of
 from lab.config_files import CONFIG_NAME, EXAMPLE
 from lab.errors import DataError, UsageError
 
@@ -86,7 +90,7 @@ def _shown(value: object) -> str:
 
 @app.command()
 def export(
-    session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
+    session_path: SessionArgument,
     format_name: Annotated[
         str,
         typer.Option(
@@ -96,26 +100,43 @@ def export(
     output: Annotated[Path, typer.Option("--output", "-o", help="Where to write.")] = Path(
         "exported"
     ),
+    participant: OfParticipant = "",
     accept_damage: Annotated[
         bool, typer.Option("--accept-damage", help="Export what is left of a damaged recording.")
     ] = False,
+    config: ConfigOption = None,
 ) -> None:
     """Copy a session into files that other programs read; the recording is not touched.
+
+    Of a study every session is copied, or --participant's.
 
     Example: visavis export data/simulated/stare/sub-S07H/ses-001 --format bids -o out/bids
     """
     from cli.damage import require_intact
 
-    require_intact([session_path], accept=accept_damage)
-    if format_name == "pedpy":
-        from experiments.crowd.pedestrian_export import export_walks
+    sessions = _exported(session_path, config, participant)
+    require_intact(sessions, accept=accept_damage)
+    written = 0
+    for session in sessions:
+        if format_name == "pedpy":
+            from experiments.crowd.pedestrian_export import export_walks
 
-        written = export_walks(session_path, output)
-    else:
-        from recording.export import export_session
+            written += len(export_walks(session, output))
+        else:
+            from recording.export import export_session
 
-        written = export_session(session_path, format_name, output)
-    console.print(f"{len(written)} files in [b]{output}[/]", soft_wrap=True)
+            written += len(export_session(session, format_name, output))
+    console.print(
+        f"{written} files of {counted(len(sessions), 'session')} in [b]{output}[/]",
+        soft_wrap=True,
+    )
+
+
+def _exported(wanted: Path, config: Path | None, participant: str) -> list[Path]:
+    """Return the sessions meant: one by its folder, or those of a study."""
+    if participant or (wanted.is_dir() and not is_study(wanted)):
+        return [session_of(wanted, config, participant)]
+    return list(sessions_of(folder_of(wanted, config)))
 
 
 @app.command()

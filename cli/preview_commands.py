@@ -184,7 +184,7 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
     frames = spread(showing.frames(most_s), rate_hz, most_s)
     label = f"{SIMULATED}  ·  from {showing.label} on"
     with (
-        _film_renderer() as renderer,
+        film_renderer() as renderer,
         open_movie(path, showing.size_px, rate_hz) as film,
         Progress(console=console, transient=True) as bar,
     ):
@@ -195,7 +195,7 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
 
 
 @contextmanager
-def _film_renderer() -> "Iterator[Renderer]":
+def film_renderer() -> "Iterator[Renderer]":
     """Open a renderer; where a processor draws, without the smoothing that takes it so long."""
     from stage.context import draws_on_processor, offscreen_context
     from stage.renderer import Quality, Renderer

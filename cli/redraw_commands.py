@@ -6,19 +6,22 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from cli.app import app, console
+from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console
 from cli.checking_commands import require_session
 from cli.preview_pictures import check_picture_name
+from cli.studies import session_of
 from lab.errors import UsageError
 from recording.reader import Recording
 
 
 @app.command()
 def redraw(
-    session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
+    session_path: SessionArgument,
     frame: Annotated[int, typer.Option(help="Number of the frame, as in the stream `drawn`.")],
     png: Annotated[Path, typer.Option(help="Write both eyes side by side.")],
     part: Annotated[int | None, typer.Option(help="Part of a resumed session.")] = None,
+    participant: OfParticipant = "",
+    config: ConfigOption = None,
 ) -> None:
     """Draw what a participant was shown in one frame, as it was.
 
@@ -28,6 +31,7 @@ def redraw(
 
     from cli.redraw import redraw as draw_again
 
+    session_path = session_of(session_path, config, participant)
     require_session(session_path)
     check_picture_name(png)
     if png.exists():

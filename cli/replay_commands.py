@@ -6,67 +6,56 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
-from cli.app import app, console
+from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console
+from cli.checking_commands import require_session
 from cli.preview_commands import picture_size
-from cli.session_commands import require_session
-from lab.errors import DataError, UsageError
-from recording.integrity import damage_of
+from cli.preview_pictures import Viewpoint
+from cli.studies import session_of, study_of_folder
 from recording.reader import Recording
+from visavis.catalogue import FilmedStudy
 
 
 @app.command()
 def replay(
-    session_path: Annotated[Path, typer.Argument(help="Folder of the session (ses-…).")],
+    session_path: SessionArgument,
     trial: Annotated[str, typer.Option("--trial", help="Which trial: T07.")],
     video: Annotated[Path, typer.Option("--video", help="Film to write: .avi, .mp4 or .webm.")],
+    participant: OfParticipant = "",
+    view: Annotated[Viewpoint, typer.Option(help="eyes, above, or orbit.")] = Viewpoint.EYES,
     seconds: Annotated[
         float | None, typer.Option("--seconds", help="At most so long; the whole when left out.")
     ] = None,
     rate: Annotated[int, typer.Option("--rate", help="Pictures a second.")] = 25,
     size: Annotated[str, typer.Option("--size", help="Width x height in pixels.")] = "1280x720",
-    accept_damage: Annotated[
-        bool, typer.Option("--accept-damage", help="Film what is left of a damaged trial.")
-    ] = False,
+    config: ConfigOption = None,
 ) -> None:
-    """Film a recorded walk of the crowd study: from above, the body, contacts, vibrations.
+    """Film a recorded trial as it was: what was shown, where gaze fell; of the crowd, from above.
 
-    Example: visavis replay data/simulated/crowd/sub-S01B/ses-001 --trial T07 --video walk.avi
+    Example: visavis replay data/simulated/stare/sub-S01B/ses-001 --trial T07 --video trial.avi
     """
+    session_path = session_of(session_path, config, participant)
     require_session(session_path)
     recording = Recording(session_path)
-    if recording.manifest.study != "crowd":
-        raise UsageError(
-            f"{session_path} is a session of {recording.manifest.study}; films of recorded trials "
-            "are made of the crowd study"
-        )
-    _require_intact_trial(recording, trial, accept=accept_damage)
-    from experiments.crowd.film import write_film
-
+    study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
+    if changed:
+        console.print(f"[yellow]{changed}[/]", soft_wrap=True)
+    size_px = picture_size(size)
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("drawing", total=None)
-        n = write_film(
-            recording,
-            trial,
-            video,
-            size_px=picture_size(size),
-            rate_hz=rate,
-            seconds=seconds,
-            on_frame=lambda done, of: bar.update(line, completed=done, total=of),
-        )
+
+        def told(done: int, of: int) -> None:
+            bar.update(line, completed=done, total=of)
+
+        if isinstance(study, FilmedStudy):
+            n = study.write_film(
+                recording, trial, video, size_px=size_px, rate_hz=rate, seconds=seconds,
+                on_frame=told,
+            )  # fmt: skip
+        else:
+            from cli.replay import write_film
+
+            n = write_film(
+                study, recording, trial, video, view=view, size_px=size_px, rate_hz=rate,
+                seconds=seconds, on_frame=told,
+            )  # fmt: skip
     console.print(f"written [b]{video}[/], {n / rate:.1f} s", soft_wrap=True)
-
-
-def _require_intact_trial(recording: Recording, trial_id: str, *, accept: bool) -> None:
-    """Refuse to film a trial that lost samples; damage elsewhere in the session does not matter.
-
-    Raises:
-        DataError: naming what is missing.
-    """
-    reasons = [t.reason for t in damage_of(recording).trials if t.trial_id == trial_id]
-    if reasons and not accept:
-        raise DataError(
-            f"{recording.path}: trial {trial_id} cannot be shown as it was ({reasons[0]}); restore "
-            "the files from a copy, or add --accept-damage to film what is left"
-        )
-    for reason in reasons:
-        console.print(f"[yellow]trial {trial_id}: {reason}[/]")

@@ -238,7 +238,9 @@ def _entry(
 def resume(
     session_path: Annotated[
         Path | None,
-        typer.Argument(help="Folder of the session (ses-…); the one unfinished when left out."),
+        typer.Argument(
+            help="Folder of the session (ses-…), or a study; the one unfinished when left out."
+        ),
     ] = None,
     devices: DevicesOption = None,
     fast: FastOption = False,
@@ -252,6 +254,8 @@ def resume(
     lab = load_lab(config, devices)
     if session_path is None:
         session_path = _the_unfinished(lab)
+    elif not session_path.is_dir():
+        session_path = _the_unfinished(lab, study_of_lab(str(session_path), lab).name)
     require_session(session_path)
     recording = Recording(session_path)
     manifest = recording.manifest
@@ -288,9 +292,9 @@ def resume(
     )
 
 
-def _the_unfinished(lab: LabConfig) -> Path:
+def _the_unfinished(lab: LabConfig, study: str = "*") -> Path:
     kind = SIMULATED_ROOT if is_simulated(lab) else REAL_ROOT
-    sessions = sorted((lab.data_root / kind).glob("*/sub-*/ses-*/manifest.json"))
+    sessions = sorted((lab.data_root / kind).glob(f"{study}/sub-*/ses-*/manifest.json"))
     unfinished = [
         p.parent for p in sessions if Recording(p.parent).status in ("aborted", "crashed")
     ]

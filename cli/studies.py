@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
-from cli.study_folder import read_settings
+from cli.study_check import is_study
+from cli.study_folder import read_settings, sessions_of
 from lab.config import LabConfig
 from lab.errors import UsageError
 from recording.folder import study_dir
+from recording.manifest import read_manifest
 from visavis.catalogue import AnyStudy, digest_of, find_study
 
 
@@ -70,3 +72,30 @@ def folder_of(wanted: Path, config: Path | None) -> Path:
             f"{' or '.join(map(str, there))}"
         )
     return there[0]
+
+
+def session_of(wanted: Path, config: Path | None, participant: str = "") -> Path:
+    """Return a session's folder, given it, or a study (folder, file, name) and a participant.
+
+    Without a participant it is the session begun last.
+
+    Raises:
+        UsageError: there is no such study, or nobody of that label or number has a session.
+    """
+    if wanted.is_dir() and not is_study(wanted):
+        return wanted
+    sessions = sessions_of(folder_of(wanted, config))
+    if participant:
+        mine = [s for s in sessions if participant.upper() in _names(s)]
+        if not mine:
+            known = ", ".join(dict.fromkeys(s.parent.name.removeprefix("sub-") for s in sessions))
+            raise UsageError(f"{participant} has no session there; there are {known}")
+        return mine[-1]
+    return max(sessions, key=lambda s: read_manifest(s).created_wall_iso)
+
+
+def _names(session: Path) -> tuple[str, ...]:
+    """Return what a session's participant may be called: the label, its number."""
+    label = session.parent.name.removeprefix("sub-")
+    number = "".join(c for c in label if c.isdigit())
+    return (label, number, number.lstrip("0"))

@@ -138,8 +138,9 @@ def asked_on_board(
         lit = chosen_by(None if ray is None else ray.pose, panel) if at_gaze is None else at_gaze
         for control in view.pressed:
             if control in CONFIRM and lit is not None:
-                by, pose = ("gaze", None) if at_gaze is not None else ("ray", ray and ray.pose)
-                return Answer(options[lit], by, asked_ns, view.t_ns, view, pose)
+                if at_gaze is not None or ray is None:
+                    return Answer(options[lit], "gaze", asked_ns, view.t_ns, view)
+                return Answer(options[lit], "ray", asked_ns, view.t_ns, view, ray.pose)
             if control.isdigit() and 1 <= int(control) <= len(options):
                 return Answer(options[int(control) - 1], "keys", asked_ns, view.t_ns, view)
         if looked is not None:

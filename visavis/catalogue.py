@@ -106,6 +106,25 @@ class PiecewiseStudy(Protocol):
         ...
 
 
+@runtime_checkable
+class FilmedStudy(Protocol):
+    """A study that films its recorded trials in a way of its own."""
+
+    def write_film(
+        self,
+        recording: Recording,
+        trial_id: str,
+        video: Path,
+        *,
+        size_px: tuple[int, int],
+        rate_hz: int,
+        seconds: float | None,
+        on_frame: Callable[[int, int], None] | None,
+    ) -> int:
+        """Write the film of a trial and return its number of pictures."""
+        ...
+
+
 def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> AnyStudy:
     """Return a study by its file's path, or by name; `of_lab` are the lab's own by name.
 

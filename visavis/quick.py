@@ -125,7 +125,7 @@ class _Frames:
         reply: FrameView | Answered | None = None
         try:
             while True:
-                step = plan.send(reply)  # type: ignore[arg-type]  # None begins a generator
+                step = plan.send(reply)
                 reply = None
                 if isinstance(step, NextFrame):
                     reply = self._next()

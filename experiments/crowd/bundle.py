@@ -80,6 +80,25 @@ class CrowdBundle:
         params = measure_parameters(settings)
         return measure_sessions(sessions, store, run, params=params, on_walk=on_walk)
 
+    def write_film(
+        self,
+        recording: Recording,
+        trial_id: str,
+        video: Path,
+        *,
+        size_px: tuple[int, int],
+        rate_hz: int,
+        seconds: float | None,
+        on_frame: Callable[[int, int], None] | None,
+    ) -> int:
+        """Write the film of a walk from above, contacts lit; return its number of pictures."""
+        from experiments.crowd.film import write_film
+
+        return write_film(
+            recording, trial_id, video, size_px=size_px, rate_hz=rate_hz, seconds=seconds,
+            on_frame=on_frame,
+        )  # fmt: skip
+
     def analyse(
         self,
         sessions: Sequence[SessionIntake],
