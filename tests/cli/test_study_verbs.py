@@ -76,5 +76,5 @@ def test_replay_films_a_recorded_trial_of_any_study(here: Path) -> None:
 
 
 def test_replay_of_a_trial_that_is_not_there_lists_those_that_are(here: Path) -> None:
-    with pytest.raises(Exception, match=r"has no trial T99; it has P1, P2, T1"):
+    with pytest.raises(Exception, match=r"has no trial T99; it has P1, P2, T01"):
         said(here, "replay ./duel.py --trial T99 --video u.avi")
