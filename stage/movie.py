@@ -19,6 +19,17 @@ HAS_INDEX: Final = 0x10
 KEY_FRAME: Final = 0x10
 Picture = npt.NDArray[np.uint8]
 
+COLOURS: Final = (
+    "-vf", "scale=out_color_matrix=bt709:out_range=tv:flags=bicubic+accurate_rnd+full_chroma_int",
+    "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1",
+    "-color_range", "tv", "-pix_fmt", "yuv420p",
+)  # fmt: skip
+"""sRGB, told to the player; the halved colour resolution is all that every player can show."""
+CODECS: Final = {
+    ".mp4": ("-c:v", "libx264", "-crf", "18", "-movflags", "+faststart"),
+    ".webm": ("-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0", "-row-mt", "1", "-cpu-used", "3"),
+}
+
 
 class Movie(Protocol):
     """A film being written; frames (h, w, 3) sRGB bytes of one size, in order."""
@@ -48,7 +59,7 @@ class Movie(Protocol):
 def open_movie(path: Path, size_px: tuple[int, int], rate_hz: int) -> Movie:
     """Begin a film of (width, height) at so many frames a second; never replaces a file.
 
-    `.avi` needs nothing; `.mp4` and `.webm` need the ffmpeg program.
+    `.avi` needs nothing and is twenty times as large; `.mp4` and `.webm` need the ffmpeg program.
 
     Raises:
         StageError: the file exists, the ending is unknown, or ffmpeg is not installed.
@@ -70,18 +81,30 @@ def film_program(path: Path) -> str | None:
     ending = path.suffix.lower()
     if ending == ".avi":
         return None
-    if ending not in (".mp4", ".webm"):
+    if ending not in CODECS:
         raise StageError(
             f"{path}: no film of the kind {ending or 'without ending'!r} can be written",
             remedy="name it .avi, .mp4 or .webm",
         )
-    program = shutil.which("ffmpeg")
+    program = _ffmpeg()
     if program is None:
         raise StageError(
             f"{path}: writing {ending} needs the program ffmpeg, which is not installed",
-            remedy="install ffmpeg, or name the film .avi",
+            remedy="run: pip install 'visavis[films]' (or install ffmpeg), or name the film .avi",
         )
     return program
+
+
+def _ffmpeg() -> str | None:
+    """Return the program as the extra `films` brings it, or else the system's."""
+    try:
+        import imageio_ffmpeg
+    except ImportError:
+        return shutil.which("ffmpeg")
+    try:
+        return str(imageio_ffmpeg.get_ffmpeg_exe())
+    except RuntimeError:  # a package without its program
+        return shutil.which("ffmpeg")
 
 
 class MotionJpeg:
@@ -178,14 +201,10 @@ class PipedMovie:
     def __init__(self, program: str, path: Path, size_px: tuple[int, int], rate_hz: int) -> None:
         width, height = size_px
         self._path, self._size_px = path, size_px
-        codec = (
-            ["-c:v", "libvpx-vp9", "-crf", "32", "-b:v", "0"]
-            if path.suffix.lower() == ".webm"
-            else ["-pix_fmt", "yuv420p", "-movflags", "+faststart"]
-        )
+        codec = CODECS[path.suffix.lower()]
         self._process: subprocess.Popen[bytes] | None = subprocess.Popen(  # noqa: S603  (a fixed program; the path is one argument)
             [program, "-loglevel", "error", "-n", "-f", "rawvideo", "-pix_fmt", "rgb24",
-             "-s", f"{width}x{height}", "-r", str(rate_hz), "-i", "-", *codec, str(path)],
+             "-s", f"{width}x{height}", "-r", str(rate_hz), "-i", "-", *COLOURS, *codec, str(path)],
             stdin=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
 

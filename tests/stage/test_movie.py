@@ -1,13 +1,15 @@
 import io
 import shutil
 import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from stage.errors import StageError
-from stage.movie import open_movie
+from stage.movie import film_program, open_movie
 
 SIZE = (64, 48)
 
@@ -73,7 +75,46 @@ def test_unknown_ending_is_refused_with_those_that_work(tmp_path):
         open_movie(tmp_path / "film.gifv", SIZE, 25)
 
 
+def decoded(program, path):
+    """Return a film's frames as a player shows them, and what the program says of it."""
+    command = [program, "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    done = subprocess.run(command, capture_output=True, check=True)
+    raw = np.frombuffer(done.stdout, np.uint8)
+    return raw.reshape(-1, SIZE[1], SIZE[0], 3), done.stderr.decode()
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film.WEBM"])
+def test_film_of_the_program_shows_every_frame_in_its_colours(name, tmp_path):
+    try:
+        program = film_program(tmp_path / name)
+    except StageError as problem:
+        pytest.skip(str(problem))
+    with open_movie(tmp_path / name, SIZE, 25) as film:
+        for frame in frames():
+            film.add(frame)
+    seen, told = decoded(program, tmp_path / name)
+    assert 5 == len(seen)
+    for expected, got in zip(frames(), seen, strict=True):
+        flat = expected[:, -8:].astype(float)  # away from the edge, where colour is halved
+        assert np.abs(got[:, -8:] - flat).max() <= 4
+    red = seen[4][10:-10, 4:20].reshape(-1, 3).mean(0)
+    assert (200, 30, 30) == pytest.approx(red, abs=4)
+    assert "yuv420p(tv, bt709" in told
+    assert "25 fps" in told
+
+
+def test_film_the_program_cannot_write_is_refused_with_its_words(tmp_path):
+    try:
+        film_program(tmp_path / "film.mp4")
+    except StageError as problem:
+        pytest.skip(str(problem))
+    film = open_movie(tmp_path / "no folder" / "film.mp4", SIZE, 25)
+    with pytest.raises(StageError, match="No such file"):
+        film.close()
+
+
 def test_without_ffmpeg_the_way_out_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
-    with pytest.raises(StageError, match=r"name the film \.avi"):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(StageError, match=r"visavis\[films\].* or name the film \.avi"):
         open_movie(tmp_path / "film.mp4", SIZE, 25)
