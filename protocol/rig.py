@@ -243,8 +243,8 @@ class RunningRig:
         return tuple(f for pump in self._in_order for f in pump.faults())
 
     def health(self) -> dict[str, Health]:
-        """Return what every device has delivered."""
-        return {role: device.health() for role, device in self._devices.items()}
+        """Return what every device has delivered, what was lost and how often it came back."""
+        return {role: pump.health() for role, pump in self._pumps.items()}
 
 
 def _of_band(role: str, schema: StreamSchema) -> StreamSchema:
