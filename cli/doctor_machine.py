@@ -10,6 +10,7 @@ from statistics import median
 
 from cli.device_states import is_installed
 from cli.doctor_findings import Finding
+from cli.rigs import NO_PICTURE_REMEDY, shows_nothing
 from devices.driver_facts import FACTS, LSL, Library, facts_of
 from lab.clock import NS_PER_MS, Clock
 from lab.config import LabConfig
@@ -157,6 +158,8 @@ def _screens(lab: LabConfig) -> Finding:
     else:
         text = ", ".join(modes) or "no screen"
     text += f"; display.show is {wanted}"
+    if shows_nothing(lab):
+        return Finding(COMPUTER, "display", "missing", text, NO_PICTURE_REMEDY)
     if not modes and wanted == "window":
         remedy = "log in on a desktop, or set display.show to none or offscreen"
         return Finding(COMPUTER, "display", "missing", text, remedy)

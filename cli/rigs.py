@@ -95,6 +95,27 @@ def is_simulated(config: LabConfig) -> bool:
     return any(d.simulated for d in config.devices.values())
 
 
+NO_PICTURE_REMEDY = "set it to headset or window, or rehearse with --devices sim"
+
+
+def shows_nothing(config: LabConfig) -> bool:
+    """Tell whether a person would sit before real devices with nothing to see."""
+    return config.display.show == "none" and not is_simulated(config)
+
+
+def require_picture(config: LabConfig) -> None:
+    """Refuse a session with a person that draws nothing.
+
+    Raises:
+        ConfigError: the devices are real and `display.show` is none.
+    """
+    if shows_nothing(config):
+        raise ConfigError(
+            f"{config.path}: display.show is none: the participant would see nothing; "
+            f"{NO_PICTURE_REMEDY}"
+        )
+
+
 def build_device(
     device: DeviceConfig,
     clock: Clock,

@@ -29,7 +29,7 @@ from cli.data_root import prepare_data_root
 from cli.operator_screen import TerminalOperator
 from cli.perform import Request, perform_new, perform_rest
 from cli.questions import TerminalRespondent
-from cli.rigs import is_simulated
+from cli.rigs import is_simulated, require_picture
 from cli.studies import study_of_folder, study_of_lab
 from cli.study_folder import (
     DEFAULT_SEED,
@@ -179,6 +179,7 @@ def run(
     Example: visavis run stare --participant 07
     """
     lab = load_lab(config, devices)
+    require_picture(lab)
     chosen = study_of_lab(study, lab)
     simulated = is_simulated(lab)
     if fast and not simulated:
@@ -252,6 +253,7 @@ def resume(
     Example: visavis resume data/simulated/stare/sub-S07H/ses-001
     """
     lab = load_lab(config, devices)
+    require_picture(lab)
     if session_path is None:
         session_path = _the_unfinished(lab)
     elif not session_path.is_dir():
