@@ -17,8 +17,14 @@ from lab.errors import ConfigError, UsageError
 if TYPE_CHECKING:
     from lab.config import LabConfig
 
-console = Console()
-errors = Console(stderr=True)
+console = Console(emoji=False)
+errors = Console(stderr=True, emoji=False)
+
+
+def verbatim(value: object) -> str:
+    """Return text of the user's (a path, a label, a column) so that markup prints it as it is."""
+    return escape(str(value))
+
 
 app = typer.Typer(
     name="visavis",

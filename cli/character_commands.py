@@ -7,7 +7,7 @@ from typing import Annotated, Literal, cast
 import typer
 from rich.table import Table
 
-from cli.app import ConfigOption, JsonOption, app, console, load_lab
+from cli.app import ConfigOption, JsonOption, app, console, load_lab, verbatim
 from lab.config import LabConfig
 from lab.errors import UsageError
 from stimuli.characters.cast import cast_names, load_character
@@ -100,7 +100,7 @@ def sheet_command(
         raise UsageError(f"there is no {', '.join(strangers)} in {folder}; known: {known}")
     people = [load_character(folder / f"{n}.npz" if n in imported else n) for n in wanted]
     people_sheet(SHEET_TILE_PX, people).save(png)
-    console.print(f"written [b]{png}[/]", soft_wrap=True)
+    console.print(f"written [b]{verbatim(png)}[/]", soft_wrap=True)
 
 
 @characters.command("import")
@@ -139,7 +139,9 @@ def import_command(
     if as_json:
         print(json.dumps(rows, indent=1))
     elif failed < len(rows):
-        console.print(f"They are in {folder}; name them in a scene as above.", soft_wrap=True)
+        console.print(
+            f"They are in {verbatim(folder)}; name them in a scene as above.", soft_wrap=True
+        )
     if failed:
         raise CharacterError(
             f"{failed} of {len(rows)} files could not be imported; mend them as said above and "

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from analysis.session_check import check_session
 from analysis.session_verdict import Level, SessionCheck
-from cli.app import ConfigOption, JsonOption, OfParticipant, SessionArgument, app, console
+from cli.app import ConfigOption, JsonOption, OfParticipant, SessionArgument, app, console, verbatim
 from cli.studies import folder_of, session_of
 from cli.study_check import is_study, repair_study, study_problems
 from cli.study_folder import session_folders
@@ -87,7 +87,8 @@ def _check_study(folder: Path, *, as_json: bool) -> None:
         for problem in problems:
             console.print(f"● {problem}", style="red", markup=False, highlight=False)
         console.print(
-            f"[bold]→ run `visavis recover {folder}`; it puts back what has an intact copy[/]",
+            f"[bold]→ run `visavis recover {verbatim(folder)}`; "
+            "it puts back what has an intact copy[/]",
             soft_wrap=True,
         )
     else:
@@ -139,8 +140,8 @@ def print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False)
             )
         console.print(rows)
     for step in verdict.redo:
-        console.print(f"[bold]→ {step}[/]")
-    console.print(f"[dim]{path}[/]", soft_wrap=True)
+        console.print(f"[bold]→ {verbatim(step)}[/]")
+    console.print(f"[dim]{verbatim(path)}[/]", soft_wrap=True)
 
 
 @app.command()
@@ -170,17 +171,17 @@ def recover(
         return
     for line in report.repaired:
         console.print(line, markup=False, highlight=False, soft_wrap=True)
-    console.print(f"[b]{report.trials}[/b] finished trials are safe in {session_path}")
+    console.print(f"[b]{report.trials}[/b] finished trials are safe in {verbatim(session_path)}")
     for part in report.parts:
-        console.print(f"part {part.number}: {part.status}")
+        console.print(f"part {part.number}: {verbatim(part.status)}")
         for stream in part.streams:
-            console.print(f"  {stream.name}: {stream.rows} rows")
+            console.print(f"  {verbatim(stream.name)}: {stream.rows} rows")
         for problem in part.problems:
-            console.print(f"  [yellow]{problem}[/]")
+            console.print(f"  [yellow]{verbatim(problem)}[/]")
     status = Recording(session_path).status
     verb = (
         "Complete; look at it with: visavis check"
         if status == "complete"
         else ("Continue with: visavis resume")
     )
-    console.print(f"{verb} {session_path}", soft_wrap=True)
+    console.print(f"{verb} {verbatim(session_path)}", soft_wrap=True)

@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from analysis.report.notation import counted
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console
+from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
 from cli.studies import folder_of, session_of
 from cli.study_check import is_study
 from cli.study_folder import sessions_of
@@ -56,8 +56,8 @@ def import_gaze_files(
         _print_columns(f"{result.name}: quality", _columns(result.quality), across="eye")
         _print_columns(f"{result.name}: fixations", _columns(result.detectors))
     for failure in failures:
-        console.print(f"[yellow]left out: {failure}[/]", soft_wrap=True)
-    console.print(f"tables and figures in [b]{output}[/]", soft_wrap=True)
+        console.print(f"[yellow]left out: {verbatim(failure)}[/]", soft_wrap=True)
+    console.print(f"tables and figures in [b]{verbatim(output)}[/]", soft_wrap=True)
     if failures:
         raise typer.Exit(DataError.exit_code)
 
@@ -127,7 +127,7 @@ def export(
 
             written += len(export_session(session, format_name, output))
     console.print(
-        f"{written} files of {counted(len(sessions), 'session')} in [b]{output}[/]",
+        f"{written} files of {counted(len(sessions), 'session')} in [b]{verbatim(output)}[/]",
         soft_wrap=True,
     )
 
@@ -152,4 +152,6 @@ def init(
         raise UsageError(f"{target} exists already; it was left as it is")
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(EXAMPLE, target)
-    console.print(f"wrote [b]{target}[/]; edit it, then: visavis devices list", soft_wrap=True)
+    console.print(
+        f"wrote [b]{verbatim(target)}[/]; edit it, then: visavis devices list", soft_wrap=True
+    )

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from rich.markup import escape
 
-from cli.app import console
+from cli.app import console, verbatim
 from cli.device_bench import Trial
 from devices.contracts import Fault
 from devices.stream_figures import ClockFigures, StreamFigures
@@ -22,7 +22,8 @@ def print_trials(trials: Sequence[Trial]) -> None:
         _say("[dim]≥: above the quickest sample, as the device answers no time requests[/]")
     for trial in trials:
         if trial.error:
-            _say(f"[red]✗[/] [b]{trial.role}[/] ({trial.driver}): {escape(trial.error)}")
+            who = f"[b]{verbatim(trial.role)}[/] ({verbatim(trial.driver)})"
+            _say(f"[red]✗[/] {who}: {escape(trial.error)}")
             _advise(trial.remedy)
 
 
@@ -33,7 +34,7 @@ def _print_streaming(trial: Trial) -> None:
         made = " ".join(name for name in names if name and name != "simulated")
         who = f"{trial.driver}: {made}"
     mark = "  [magenta]simulated[/]" if trial.simulated else ""
-    _say(f"[b]{trial.role}[/]  {escape(who)}{mark}")
+    _say(f"[b]{verbatim(trial.role)}[/]  {escape(who)}{mark}")
     for stream in trial.streams:
         for number, line in enumerate(_lines(stream)):
             _say(f"  {stream.stream if not number else '':<{NAME_WIDTH}}{line}")

@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from cli.app import ConfigOption, JsonOption, app, console, load_lab
+from cli.app import ConfigOption, JsonOption, app, console, load_lab, verbatim
 from lab.config import DeviceConfig, LabConfig
 from lab.errors import DataError, DeviceError, UsageError
 
@@ -157,7 +157,8 @@ def capture_wire(
         raise typer.Exit(DeviceError.exit_code)
     size_kb = path.stat().st_size / 1000
     console.print(
-        f"wrote [b]{path}[/] ({size_kb:.0f} kB); play it back: visavis devices replay {path}",
+        f"wrote [b]{verbatim(path)}[/] ({size_kb:.0f} kB); play it back: "
+        f"visavis devices replay {verbatim(path)}",
         soft_wrap=True,
     )
 

@@ -10,6 +10,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from cli.app import verbatim
 from cli.keyboard import KeyReader
 from cli.rigs import ESSENTIAL_ROLES
 from devices.contracts import Health
@@ -182,7 +183,7 @@ def _headline(status: SessionStatus) -> Group:
         grid.add_column(ratio=1)
     left = "–" if status.trial_left_s is None else f"{status.trial_left_s:.0f} s"
     grid.add_row(
-        f"participant  [b]{status.participant}[/b]",
+        f"participant  [b]{verbatim(status.participant)}[/b]",
         f"[b]{status.state.value.upper()}[/b]",
         f"block  [b]{status.block or '–'}[/b]",
         f"trial  [b]{status.trial_id or '–'}[/b]",

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, load_lab
+from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, load_lab, verbatim
 from cli.data_root import prepare_data_root
 from cli.rigs import is_simulated
 from cli.session_commands import SetOption, groups_hold, ledger_of
@@ -67,10 +67,10 @@ def add(
     if name:
         KeyFile(lab.key_root, chosen.name, [lab.data_root]).identify(entry.label, {"name": name})
     console.print(
-        f"[b]{entry.label}[/b] is participant {entry.number} of {study}, place {entry.index + 1}"
-        + (f", group {entry.group}" if entry.group else "")
+        f"[b]{verbatim(entry.label)}[/b] is participant {entry.number} of {verbatim(study)}, "
+        f"place {entry.index + 1}" + (f", group {entry.group}" if entry.group else "")
     )
-    console.print(f"next: visavis run {study} --participant {entry.label}")
+    console.print(f"next: visavis run {verbatim(study)} --participant {verbatim(entry.label)}")
 
 
 @participant_app.command("list")
@@ -99,7 +99,9 @@ def list_them(
             e.added_at[:16].replace("T", " "),
         )
     console.print(table)
-    console.print(f"{len(entries)} in the ledger of {study}{' (simulated)' if simulated else ''}")
+    console.print(
+        f"{len(entries)} in the ledger of {verbatim(study)}{' (simulated)' if simulated else ''}"
+    )
 
 
 @participant_app.command("withdraw")
@@ -136,9 +138,9 @@ def withdraw(
         f"rows cut from {len(removal.rows)} tables"
     )
     for path in removal.stale:
-        console.print(f"[yellow]made with this person's data, make it again: {path}[/]")
+        console.print(f"[yellow]made with this person's data, make it again: {verbatim(path)}[/]")
     for path in removal.unreadable:
-        console.print(f"[yellow]could not be read, look yourself: {path}[/]")
+        console.print(f"[yellow]could not be read, look yourself: {verbatim(path)}[/]")
 
 
 def _label_of(ledger: Ledger, participant: str) -> str:

@@ -36,7 +36,16 @@ from analysis.power.summary import target_text
 from analysis.statistics import PowerPoint
 from analysis.statistics.power import AdequacyRule
 from analysis.statistics.results import number
-from cli.app import ConfigOption, JsonOption, StudyArgument, app, console, errors, load_lab
+from cli.app import (
+    ConfigOption,
+    JsonOption,
+    StudyArgument,
+    app,
+    console,
+    errors,
+    load_lab,
+    verbatim,
+)
 from cli.quick_tracker import tracker_of
 from cli.replicate_runners import on_scheduler, on_this_machine
 from cli.simulation import worker_count
@@ -163,7 +172,7 @@ def power(
         return
     print_power(summary)
     console.print(f"{replicates} replicates in {watch.elapsed_s():.0f} s")
-    console.print(f"curve and figure in [b]{folder}[/]", soft_wrap=True)
+    console.print(f"curve and figure in [b]{verbatim(folder)}[/]", soft_wrap=True)
 
 
 class _Run:
@@ -377,7 +386,7 @@ def print_power(summary: PowerSummary) -> None:
         f"[b]{summary.sentence()}[/]".replace("CI [", "CI \\["), soft_wrap=True, highlight=False
     )
     for note in summary.notes:
-        console.print(f"note: {note}", soft_wrap=True, highlight=False)
+        console.print(f"note: {verbatim(note)}", soft_wrap=True, highlight=False)
 
 
 def _table(summary: PowerSummary, tests: tuple[TestPower, ...]) -> Table:

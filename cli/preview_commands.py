@@ -13,7 +13,7 @@ import numpy.typing as npt
 import typer
 from rich.progress import Progress
 
-from cli.app import ConfigOption, StudyArgument, app, console, load_lab
+from cli.app import ConfigOption, StudyArgument, app, console, load_lab, verbatim
 from cli.preview_capture import Capture, Meanwhile, Seen, spread
 from cli.preview_pictures import (
     SIMULATED,
@@ -261,4 +261,4 @@ def picture_size(text: str) -> tuple[int, int]:
 
 
 def _written(path: Path, more: str = "") -> None:
-    console.print(f"written [b]{path}[/]{more}", soft_wrap=True)
+    console.print(f"written [b]{verbatim(path)}[/]{more}", soft_wrap=True)

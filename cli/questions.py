@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 
 from rich.console import Console
 
+from cli.app import verbatim
+
 
 class TerminalRespondent:
     """Read answers from the keyboard; an empty line leaves a question out.
@@ -20,9 +22,9 @@ class TerminalRespondent:
         if self._before_first is not None:
             self._before_first()
             self._before_first = None
-        self._console.print(f"\n[b]{prompt}[/b]")
+        self._console.print(f"\n[b]{verbatim(prompt)}[/b]")
         for number, option in enumerate(options, start=1):
-            self._console.print(f"  {number}  {option}")
+            self._console.print(f"  {number}  {verbatim(option)}")
         while True:
             reply = self._console.input("> ").strip()
             if not reply:

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console
+from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
 from cli.checking_commands import require_session
 from cli.preview_pictures import check_picture_name
 from cli.studies import session_of
@@ -38,4 +38,4 @@ def redraw(
         raise UsageError(f"{png} exists already; choose another name")
     images = draw_again(Recording(session_path), frame, part=part)
     Image.fromarray(np.concatenate(images, axis=1)).save(png)
-    console.print(f"written [b]{png}[/]", soft_wrap=True)
+    console.print(f"written [b]{verbatim(png)}[/]", soft_wrap=True)

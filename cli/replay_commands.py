@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console
+from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
 from cli.checking_commands import require_session
 from cli.preview_commands import picture_size
 from cli.preview_pictures import Viewpoint
@@ -38,7 +38,7 @@ def replay(
     recording = Recording(session_path)
     study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
     if changed:
-        console.print(f"[yellow]{changed}[/]", soft_wrap=True)
+        console.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
     size_px = picture_size(size)
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("drawing", total=None)
@@ -58,4 +58,4 @@ def replay(
                 study, recording, trial, video, view=view, size_px=size_px, rate_hz=rate,
                 seconds=seconds, on_frame=told,
             )  # fmt: skip
-    console.print(f"written [b]{video}[/], {n / rate:.1f} s", soft_wrap=True)
+    console.print(f"written [b]{verbatim(video)}[/], {n / rate:.1f} s", soft_wrap=True)

@@ -22,6 +22,7 @@ from cli.app import (
     console,
     errors,
     load_lab,
+    verbatim,
 )
 from cli.checking_commands import print_check
 from cli.checking_commands import require_session as require_session
@@ -136,11 +137,12 @@ def _seed_in_force(settings: StudySettings | None, seed: int | None) -> int:
 
 def _print_plan(made: SessionPlan, label: str, note: str) -> None:
     console.print(
-        f"[b]{made.study}[/b]  participant [b]{label}[/b]  place {made.participant_index + 1}  "
+        f"[b]{verbatim(made.study)}[/b]  participant [b]{verbatim(label)}[/b]  "
+        f"place {made.participant_index + 1}  "
         f"seed {made.seed}" + (f"  group {made.group}" if made.group else "")
     )
     if note:
-        console.print(f"[yellow]{note}[/]")
+        console.print(f"[yellow]{verbatim(note)}[/]")
     for block in made.blocks:
         calibration = "calibration and validation first" if block.calibrate else ""
         table = Table(title=f"{block.name}  ({calibration})" if calibration else block.name)
@@ -274,7 +276,7 @@ def resume(
     folder = session_path.resolve().parent.parent
     chosen, changed = study_of_folder(folder, manifest.study)
     if changed:
-        errors.print(f"[yellow]{changed}[/]", soft_wrap=True)
+        errors.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
     settings = read_settings(folder)
     if settings is None:
         raise UsageError(f"{folder} has no study.json; restore it from a copy")
@@ -358,7 +360,7 @@ def _perform(
             if not isinstance(error, SessionAborted):
                 _print_way_on(path, fast=fast)
                 raise
-            errors.print(f"[yellow]{error}[/]", soft_wrap=True)
+            errors.print(f"[yellow]{verbatim(error)}[/]", soft_wrap=True)
             _print_way_on(path, fast=fast)
             raise typer.Exit(error.exit_code) from error
     print_check(check_session(Recording(path)), path)

@@ -20,7 +20,7 @@ from analysis.statistics_report import (
     read_table,
     write_outcome,
 )
-from cli.app import JsonOption, app, console
+from cli.app import JsonOption, app, console, verbatim
 from lab.errors import UsageError
 
 SEVERAL = ("--within", "--between", "--items", "--reverse", "--levels")
@@ -192,8 +192,8 @@ def stats(
         return
     print_outcome(outcome)
     for problem in problems:
-        console.print(f"[yellow]{problem}[/]", soft_wrap=True, highlight=False)
-    console.print(f"tables, text and figures in [b]{folder}[/]", soft_wrap=True)
+        console.print(f"[yellow]{verbatim(problem)}[/]", soft_wrap=True, highlight=False)
+    console.print(f"tables, text and figures in [b]{verbatim(folder)}[/]", soft_wrap=True)
 
 
 def read_levels(texts: Sequence[str]) -> dict[str, list[str]]:
@@ -215,7 +215,8 @@ def read_levels(texts: Sequence[str]) -> dict[str, list[str]]:
 def print_outcome(outcome: Outcome) -> None:
     """Print an outcome for a person."""
     mark = "[magenta]SIMULATED[/]  " if outcome.is_simulated else ""
-    console.print(f"{mark}[b]{outcome.title}[/] of {outcome.question.dv or 'the items'}")
+    of = outcome.question.dv or "the items"
+    console.print(f"{mark}[b]{verbatim(outcome.title)}[/] of {verbatim(of)}")
     if outcome.cells:
         _print_rows("", outcome.cells, tuple(outcome.cells[0]))
     if "term" in outcome.rows[0]:
@@ -228,7 +229,7 @@ def print_outcome(outcome: Outcome) -> None:
     _print_lines("How it was decided", numbered)
     for family in dict.fromkeys(str(row["family"]) for row in outcome.contrasts):
         rows = [row for row in outcome.contrasts if row["family"] == family]
-        _print_rows(f"\n[b]Contrasts of {family}[/]", rows, CONTRAST_COLUMNS)
+        _print_rows(f"\n[b]Contrasts of {verbatim(family)}[/]", rows, CONTRAST_COLUMNS)
     _print_lines("Notes", [f"- {note}" for note in outcome.notes])
 
 
@@ -245,7 +246,7 @@ def _print_rows(title: str, rows: Sequence[Row], columns: Sequence[str]) -> None
     for column in shown:
         is_text = any(isinstance(row.get(column), str) for row in rows)
         table.add_column(
-            HEADINGS.get(column, column),
+            HEADINGS.get(column, verbatim(column)),
             justify="left" if is_text else "right",
             no_wrap=column == "contrast",
         )
@@ -265,4 +266,4 @@ def _cell(column: str, value: object) -> str:
         return degrees(value)
     if isinstance(value, float):
         return number(value, 3) if abs(value) < 10 else number(value, 2)
-    return str(value)
+    return verbatim(value)

@@ -16,7 +16,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from cli.app import ConfigOption, StudyArgument, app, console, load_lab
+from cli.app import ConfigOption, StudyArgument, app, console, load_lab, verbatim
 from cli.damage import require_intact, write_damage
 from cli.data_root import prepare_data_root
 from cli.replicate_runners import on_scheduler, on_this_machine
@@ -104,8 +104,8 @@ def simulate(
         assignments=parameters, language=language or lab.language, effect=effect,
     )  # fmt: skip
     folder = simulate_study(lab, chosen, wanted, participants, output, processes)
-    console.print(f"[magenta]SIMULATED[/] study in [b]{folder}[/]", soft_wrap=True)
-    console.print(f"next: visavis analyse {folder}", soft_wrap=True)
+    console.print(f"[magenta]SIMULATED[/] study in [b]{verbatim(folder)}[/]", soft_wrap=True)
+    console.print(f"next: visavis analyse {verbatim(folder)}", soft_wrap=True)
 
 
 def simulate_study(
@@ -200,8 +200,10 @@ def analyse(
         measure=measure or [],
         accept_damage=accept_damage,
     )
-    console.print(f"tables, figures and report in [b]{report_path.parent}[/]", soft_wrap=True)
-    console.print(f"report: [b]{report_path}[/]", soft_wrap=True)
+    console.print(
+        f"tables, figures and report in [b]{verbatim(report_path.parent)}[/]", soft_wrap=True
+    )
+    console.print(f"report: [b]{verbatim(report_path)}[/]", soft_wrap=True)
 
 
 def analyse_study(
@@ -223,8 +225,8 @@ def analyse_study(
     sessions, left_out = one_per_participant(sessions_of(folder))
     for path in left_out:
         console.print(
-            f"[yellow]left out: {path.parent.name}/{path.name}; of several sessions of one person "
-            "the first complete one is analysed[/]"
+            f"[yellow]left out: {verbatim(path.parent.name)}/{verbatim(path.name)}; "
+            "of several sessions of one person the first complete one is analysed[/]"
         )
     manifests = [read_manifest(s) for s in sessions]
     names = {m.study for m in manifests}
@@ -243,7 +245,7 @@ def analyse_study(
     make_folder(out_dir, exist_ok=True)
     chosen, changed = study_of_folder(folder, study)
     if changed:
-        console.print(f"[yellow]{changed}[/]", soft_wrap=True)
+        console.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
     settings = read_parameters(list(measure))
     if isinstance(chosen, PiecewiseStudy):
         ordered = _measured_piecewise(chosen, sessions, folder, processes, scheduler, settings)
@@ -355,7 +357,7 @@ def report(
         measure=measure or [],
         accept_damage=accept_damage,
     )
-    console.print(f"report: [b]{path}[/]", soft_wrap=True)
+    console.print(f"report: [b]{verbatim(path)}[/]", soft_wrap=True)
     if open_it:
         webbrowser.open(path.as_uri())
 
@@ -385,7 +387,7 @@ def demo(
     folder = simulate_study(lab, chosen, wanted, participants, output, processes)
     path = analyse_study(folder, None, mixture=False, processes=processes)
     console.print(f"done in {watch.elapsed_s():.0f} s; everything is marked [magenta]SIMULATED[/]")
-    console.print(f"[b]report: {path}[/]", soft_wrap=True)
+    console.print(f"[b]report: {verbatim(path)}[/]", soft_wrap=True)
 
 
 def _progress() -> Progress:

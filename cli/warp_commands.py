@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from rich.progress import Progress
 
-from cli.app import JsonOption, app, console
+from cli.app import JsonOption, app, console, verbatim
 from lab.errors import UsageError
 from lab.geometry import Vector
 from stimuli.characters.character import Character
@@ -67,7 +67,7 @@ def warp(
 
     if cases:
         for known in CASES.values():
-            console.print(f"[b]{known.name:<13}[/] {known.about}", highlight=False)
+            console.print(f"[b]{known.name:<13}[/] {verbatim(known.about)}", highlight=False)
         return
     if output.exists() and any(output.iterdir()):
         raise UsageError(f"{output} is not empty; give a new folder with --output")
@@ -120,7 +120,7 @@ def warp(
     console.print(warped.summary, highlight=False, soft_wrap=True)
     if not drawn:
         console.print("[yellow]no OpenGL here: the sheet shows body parts instead of people[/]")
-    console.print(f"written to [b]{output}[/]: {', '.join(OUT_NAMES)}", soft_wrap=True)
+    console.print(f"written to [b]{verbatim(output)}[/]: {', '.join(OUT_NAMES)}", soft_wrap=True)
 
 
 def _posed(

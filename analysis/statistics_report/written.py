@@ -15,10 +15,22 @@ from analysis.statistics.results import Row
 from analysis.statistics_report.outcome import Outcome, Samples
 from recording.csv_file import write_csv
 
+OWN_FILES = (
+    "tests.csv", "contrasts.csv", "cells.csv", "report.txt",
+    "estimation_*.svg", "estimation_*.png", "scatter_*.svg", "scatter_*.png",
+)  # fmt: skip
+"""What an outcome writes; none of it may be mistaken for part of the next one."""
+
 
 def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tuple[str, ...]]:
-    """Write everything; return the files and what could not be drawn, with the reason."""
+    """Write everything; return the files and what could not be drawn, with the reason.
+
+    Files that an earlier outcome left in the folder are removed, others stay.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    for pattern in OWN_FILES:
+        for old in folder.glob(pattern):
+            old.unlink()
     written = []
     for name, rows in (
         ("tests", outcome.rows),

@@ -373,3 +373,28 @@ def test_the_printed_answer_holds_table_sentence_path_and_contrasts(table: Path)
     result = stats(table, "--test", "art", *TWO)
     for part in ("Contrasts of technique", "How it was decided", "η²p", "F(1.", "ε(GG)"):
         assert part in result.output
+
+
+def test_labels_of_the_user_are_printed_as_they_are(tmp_path: Path) -> None:
+    frame = trials().replace({"ray": ":B:", "touch": "[b]x[/b]"})
+    path = tmp_path / "t.csv"
+    frame.to_csv(path, index=False)
+    folder = tmp_path / "[red]out"
+    result = stats(path, "--test", "conditions", *ONE, output=folder)
+    assert result.exception is None
+    lines = result.output.splitlines()
+    assert 1 <= sum(line.startswith(" :B:") for line in lines)
+    assert 1 <= sum(line.startswith(" [b]x[/b]") for line in lines)
+    assert "[red]out" in result.output
+
+
+def test_a_folder_used_again_keeps_nothing_of_the_test_before(table: Path) -> None:
+    folder = table.parent / "out"
+    answer(table, "--test", "rm", *TWO)
+    own = folder / "my notes.txt"
+    own.write_text("mine")
+    answer(table, "--test", "wilcoxon", *PAIR)
+    left = {p.name for p in folder.iterdir()}
+    assert own.name in left
+    assert "contrasts.csv" not in left
+    assert {"estimation_direction.svg"} == {n for n in left if n.endswith(".svg")}
