@@ -27,11 +27,11 @@ import numpy as np
 from devices.byte_links import MemoryLink
 from devices.contracts import HAPTICS
 from devices.drivers.armband import codec
-from devices.drivers.links.serial_port import serial_armband
+from devices.faults import FaultSchedule
 from devices.pump import Pump
+from devices.registry import driver_spec
 from devices.sim.armband.firmware import HIGHEST_DUTY, LOWEST_DUTY, ArmbandFirmware
 from devices.sim.armband.simulator import ArmbandSimulator
-from devices.sim.faults import FaultSchedule
 from devices.testing.armband_machine import TerminalMachine, build, make
 from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock, cpu_time_s
 from lab.errors import DeviceNotFound
@@ -55,9 +55,9 @@ while True:
 
 HOST = """
 import sys
-from devices.drivers.links.serial_port import serial_armband
+from devices.registry import driver_spec
 from lab.clock import SystemClock
-driver = serial_armband("arm", SystemClock(), port=sys.argv[1])
+driver = driver_spec("serial_armband").on_wire("arm", SystemClock(), port=sys.argv[1])
 driver.open(30.0)
 driver.start(lambda batch: None)
 driver.set_amplitudes((1, 1, 1, 1), 10_000)
@@ -125,7 +125,7 @@ def bare_round_trips_ms(port: str, count: int) -> list[float]:
 def driver_round_trips_ms(port: str, count: int) -> list[float]:
     """Command through the driver, and wait until its row is delivered as acknowledged."""
     clock = SystemClock()
-    driver = serial_armband("arm", clock, port=port, max_rate_hz=100_000)
+    driver = driver_spec("serial_armband").on_wire("arm", clock, port=port, max_rate_hz=100_000)
     done: dict[int, bool] = {}
 
     def take(batch: SampleBatch) -> None:
@@ -156,7 +156,7 @@ def contact_to_command_ms(port: str) -> list[float]:
     work without the waiting between them.
     """
     clock = SystemClock()
-    driver = serial_armband("arm", clock, port=port, max_rate_hz=100_000)
+    driver = driver_spec("serial_armband").on_wire("arm", clock, port=port, max_rate_hz=100_000)
     batches: list[SampleBatch] = []
     pump = Pump(driver, batches.append, clock)
     driver.open(10.0)
@@ -283,7 +283,7 @@ def reconnect_after_return_s() -> float:
     clock = SimClock()
     faults = FaultSchedule.from_config([{"kind": "disconnect", "start_s": 1, "duration_s": 3}])
     peer = ArmbandSimulator("arm", clock, faults=faults)
-    driver = serial_armband("arm", clock, link=MemoryLink(peer, clock))
+    driver = driver_spec("serial_armband").on_wire("arm", clock, MemoryLink(peer, clock))
     pump = Pump(driver, lambda batch: None, clock)
     driver.open(1.0)
     pump.start()
@@ -349,7 +349,9 @@ def driver_cpu_ms(count: int = 3000) -> float:
     """Return CPU time of one command, its answer and its row, simulator included."""
     clock = SimClock()
     peer = ArmbandSimulator("arm", clock, latency_ms=0, jitter_ms=0)
-    driver = serial_armband("arm", clock, link=MemoryLink(peer, clock), max_rate_hz=1e6)
+    driver = driver_spec("serial_armband").on_wire(
+        "arm", clock, MemoryLink(peer, clock), max_rate_hz=1e6
+    )
     driver.open(1.0)
     driver.start(lambda batch: None)
 

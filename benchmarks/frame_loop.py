@@ -22,8 +22,8 @@ import numpy as np
 
 from cli.perform import device_seed
 from devices.drivers.pupil.driver import PupilCore
+from devices.sim.body.headset import SimulatedHeadset
 from devices.sim.body.shared import SharedBody
-from devices.sim.headset import SimulatedHeadset
 from devices.sim.pupil.capture import PupilCoreSimulator
 from devices.sim.zmq_host import ZmqHost
 from devices.transports import MemoryTransport, MessageTransport, ZmqTransport

@@ -40,9 +40,9 @@ from devices.drivers.neon import codec as neon_codec
 from devices.drivers.neon.driver import Neon
 from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
 from devices.drivers.streaming.one_way_clock import OneWayClock
+from devices.faults import FaultSchedule, WireFault
 from devices.pump import Pump
 from devices.sim.eyelink import EyeLinkSimulator
-from devices.sim.faults import FaultSchedule, WireFault
 from devices.sim.fove import FoveSimulator, FoveStub, build_stub
 from devices.sim.gazepoint import GazepointSimulator
 from devices.sim.hid_gaze import DESCRIPTOR, HidGazeSimulator

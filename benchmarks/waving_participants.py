@@ -139,7 +139,7 @@ def _coverage(clerk: str, place: str, technique: str, off_m: float) -> float:
 def session_row() -> dict[str, object]:
     """Return the processor time of one whole simulated session, waves being there already."""
     from cli.perform import perform_new, simulated_request
-    from devices.option_models import OPTION_MODELS
+    from devices.registry import OPTION_MODELS
     from lab.config import load_config
     from visavis.catalogue import find_study
 

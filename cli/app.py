@@ -126,17 +126,17 @@ def load_lab(
             "here, or give the path of yours with --config"
         )
     # Both take pydantic along, which only commands that read a configuration need.
-    from devices.option_models import option_models
+    from devices.registry import OPTION_MODELS
     from lab.config import load_config, parse_config, with_devices
 
     if path is None:
-        config = parse_config(EXAMPLE.read_text("utf-8"), EXAMPLE, option_models(), folder=here)
+        config = parse_config(EXAMPLE.read_text("utf-8"), EXAMPLE, OPTION_MODELS, folder=here)
         said = (
             f"the example of Visavis, everything simulated: there is no {CONFIG_NAME} here or "
             "above (visavis init writes one)"
         )
     else:
-        config = load_config(path, option_models())
+        config = load_config(path, OPTION_MODELS)
         said = f"{config.path} ({config.lab})"
     if not quiet:
         errors.print(f"[dim]configuration: {escape(said)}[/]", soft_wrap=True, highlight=False)

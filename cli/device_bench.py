@@ -5,14 +5,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
-from cli.rigs import build_device
-from cli.wires import BARE, Wires
+from devices.building import build_device
 from devices.contracts import Armband, Body, Device, DeviceInfo, Fault, Headset, Health
 from devices.haptic_safety import HapticGuard
 from devices.pump import Pump
 from devices.sim.body.idle import IdleBody
 from devices.sim.body.shared import SharedBody
 from devices.stream_figures import ClockFigures, StreamFigures, clock_figures, stream_figures
+from devices.wires import BARE, Wires
 from lab.clock import NS_PER_S, Clock
 from lab.config import DeviceConfig
 from lab.errors import DeviceTimeout, LabError

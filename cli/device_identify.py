@@ -2,7 +2,7 @@
 
 from contextlib import ExitStack
 
-from cli.rigs import build_device
+from devices.building import build_device
 from devices.contracts import Armband
 from devices.haptic_safety import HapticGuard
 from devices.pump import Pump

@@ -3,8 +3,9 @@
 import importlib.util
 from dataclasses import dataclass
 
-from devices.driver_facts import DriverFacts, Library, facts_of
-from devices.registry import driver_names
+from devices.libraries import Library
+from devices.registry import driver_spec, driver_specs
+from devices.spec import AnySpec
 from lab.config import LabConfig
 
 RUNTIMES = {
@@ -48,7 +49,7 @@ def role_states(lab: LabConfig) -> tuple[RoleState, ...]:
     """Return every configured role."""
     found = []
     for role, device in lab.devices.items():
-        facts = facts_of(device.driver)
+        facts = driver_spec(device.driver)
         missing = _missing(facts)
         if device.simulated:
             needs = missing if facts.runtime in ("openvr", "openxr") else ""
@@ -65,19 +66,18 @@ def driver_states() -> tuple[DriverState, ...]:
     """Return every driver known here, eye trackers first."""
     order = ("eye tracker", "headset", "responses", "body tracker", "armband", "other")
     states = []
-    for name in driver_names():
-        facts = facts_of(name)
+    for facts in driver_specs():
         missing = _missing(facts)
         library = facts.library.distribution if facts.library else ""
         state = missing or (f"{library} installed" if library else "nothing to install")
         if not missing and facts.runtime:
             state = f"needs {RUNTIMES[facts.runtime]}"
         ok = None if facts.library is None else not missing
-        states.append(DriverState(name, facts.kind, facts.wire, ok, state))
+        states.append(DriverState(facts.name, facts.kind, facts.wire, ok, state))
     return tuple(sorted(states, key=lambda s: (order.index(s.kind), s.driver)))
 
 
-def _missing(facts: DriverFacts) -> str:
+def _missing(facts: AnySpec) -> str:
     if facts.library is None or is_installed(facts.library):
         return ""
     return f"missing: {facts.library.install}"

@@ -130,7 +130,7 @@ def capture_wire(
     from cli.device_bench import capture
     from cli.device_report import print_trials
     from cli.wire_notes import note_of
-    from cli.wires import CapturedWires
+    from devices.wires import CapturedWires
     from lab.clock import SystemClock
 
     lab = load_lab(config)
@@ -179,8 +179,8 @@ def replay(
     from cli.device_bench import capture
     from cli.device_report import print_trials
     from cli.wire_notes import device_of
-    from cli.wires import ReplayedWires
     from devices.wirelog import read_wire_log
+    from devices.wires import ReplayedWires
     from lab.clock import SimClock
 
     if not file.is_file():

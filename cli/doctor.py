@@ -12,7 +12,7 @@ from cli.doctor_machine import COMPUTER, computer, libraries, licence_of
 from cli.doctor_wires import RUNTIME_NAMES, RUNTIMES, network, ports, runtimes
 from cli.rigs import ESSENTIAL_ROLES
 from devices.contracts import Device
-from devices.driver_facts import FACTS, facts_of
+from devices.registry import driver_spec, driver_specs
 from lab.clock import Clock
 from lab.config import DeviceConfig, LabConfig
 from lab.config_files import CONFIG_NAME, EXAMPLE
@@ -144,7 +144,7 @@ def _devices(lab: LabConfig, trials: Sequence[Trial]) -> list[Finding]:
 
 def _without_runtime(device: DeviceConfig, absent: Mapping[str, Finding]) -> Trial | None:
     """Return the failure of a device whose runtime is missing: opening it would tell no more."""
-    runtime = RUNTIME_NAMES.get(facts_of(device.driver).runtime, "")
+    runtime = RUNTIME_NAMES.get(driver_spec(device.driver).runtime, "")
     if device.simulated or runtime not in absent:
         return None
     return Trial(device.role, device.driver, False, error=f"needs {runtime}, which is missing")
@@ -182,7 +182,7 @@ def _device(device: DeviceConfig, trial: Trial) -> Finding:
 
 
 def _licences() -> dict[str, str]:
-    names = sorted({f.library.distribution for f in FACTS.values() if f.library is not None})
+    names = sorted({f.library.distribution for f in driver_specs() if f.library is not None})
     return {name: licence_of(name) for name in names}
 
 

@@ -11,7 +11,8 @@ from statistics import median
 from cli.device_states import is_installed
 from cli.doctor_findings import Finding
 from cli.rigs import NO_PICTURE_REMEDY, shows_nothing
-from devices.driver_facts import FACTS, LSL, Library, facts_of
+from devices.libraries import LSL, Library
+from devices.registry import driver_spec, driver_specs
 from lab.clock import NS_PER_MS, Clock
 from lab.config import LabConfig
 from recording.provenance import provenance
@@ -46,11 +47,11 @@ def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
 
 def libraries(lab: LabConfig) -> tuple[Finding, ...]:
     """Return versions and licences of what drivers need; missing ones matter if a role asks."""
-    wanted = {facts_of(d.driver).library for d in lab.devices.values() if not d.simulated}
+    wanted = {driver_spec(d.driver).library for d in lab.devices.values() if not d.simulated}
     if lab.sync.lsl:
         wanted.add(LSL)
     known = sorted(
-        {f.library for f in FACTS.values() if f.library is not None}, key=lambda k: k.distribution
+        {f.library for f in driver_specs() if f.library is not None}, key=lambda k: k.distribution
     )
     present = [k for k in known if is_installed(k)]
     rows = [Finding(LIBRARIES, "installed", "ok", ", ".join(map(_version, present)) or "none")]

@@ -11,7 +11,8 @@ from typing import Any
 
 from cli.device_states import is_installed
 from cli.doctor_findings import Finding
-from devices.driver_facts import HID, SERIAL, facts_of
+from devices.libraries import HID, SERIAL
+from devices.registry import driver_spec
 from lab.config import DeviceConfig, LabConfig
 
 RUNTIME_NAMES = {"openvr": "SteamVR", "openxr": "OpenXR", "fove": "FOVE"}
@@ -28,7 +29,7 @@ NOBODY = ("192.0.2.1", 9)
 
 def runtimes(lab: LabConfig) -> tuple[Finding, ...]:
     """Return which headset runtimes and vendor libraries are installed."""
-    wanted = {facts_of(d.driver).runtime for d in lab.devices.values() if not d.simulated}
+    wanted = {driver_spec(d.driver).runtime for d in lab.devices.values() if not d.simulated}
     looked_for = (
         (RUNTIME_NAMES["openvr"], "openvr", openvr_runtime(), "install and start SteamVR"),
         (RUNTIME_NAMES["openxr"], "openxr", openxr_runtime(), XR_REMEDY),
@@ -167,14 +168,15 @@ def network(lab: LabConfig, *, are_open: bool = False) -> tuple[Finding, ...]:
     """
     rows = [Finding(NETWORK, "this computer", "ok", own_address() or "no network")]
     real = [d for d in lab.devices.values() if not d.simulated]
+    specs = [(d, driver_spec(d.driver)) for d in real]
     if not are_open:
-        rows += [_dial(d) for d in real if facts_of(d.driver).tcp]
+        rows += [_dial(d) for d, spec in specs if spec.dials]
         rows += [row for d in real for row in _taken(d)]
     let_in = sorted(
         {
-            rule.format(**{"port": "9763", "data_port": "1511", **d.options})
-            for d in real
-            for rule in facts_of(d.driver).udp_in
+            rule.format(**spec.checked_options(d.role, d.options).model_dump())
+            for d, spec in specs
+            for rule in spec.listens
         }
     )
     if let_in:
@@ -216,8 +218,8 @@ def _dial(device: DeviceConfig) -> Finding:
 
 
 def _taken(device: DeviceConfig) -> Sequence[Finding]:
-    key = {"xsens": "port", "natnet": "data_port"}.get(device.driver)
-    if key is None:
+    key = driver_spec(device.driver).binds
+    if not key:
         return ()
     port = int(device.options[key])
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

@@ -1,38 +1,17 @@
 """Put a session's devices together from the lab's configuration."""
 
-import importlib
-from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 
-from cli.wires import BARE, Wires
-from devices import registry
+from devices.building import build_device
 from devices.contracts import Body, Device, EyeTracker, Headset
 from lab.clock import Clock
-from lab.config import DeviceConfig, LabConfig
+from lab.config import LabConfig
 from lab.errors import ConfigError
 from protocol.experiment import Experiment, demands_of
 from protocol.rig import Rig
 
 ESSENTIAL_ROLES = ("headset", "eye_tracker")
 """What a lab is expected to have; a study may do without the eye tracker."""
-
-_GAZE = ("eyelink", "fove", "gazepoint", "hid_gaze", "lsl_gaze", "neon", "tobii_lsl")
-_BODY = ("lsl_body", "natnet", "openvr_controllers", "openvr_headset", "openvr_trackers",
-         "openxr_controllers", "openxr_gaze", "openxr_headset", "xsens")  # fmt: skip
-_BANDS = ("ascii_armband", "bhaptics", "ble_armband", "hid_armband", "neosensory_buzz",
-          "serial_armband", "simulated_armband", "spp_armband", "usb_armband", "vhp_sleeve",
-          "vhp_slim")  # fmt: skip
-_BASIC = ("pupil_core", "simulated_body", "simulated_headset", "simulated_responses")
-
-BUILDERS: Mapping[str, str] = {
-    **dict.fromkeys(_BASIC, "cli.basic_builders:BASIC_BUILDERS"),
-    **dict.fromkeys(_GAZE, "cli.gaze_builders:GAZE_BUILDERS"),
-    **dict.fromkeys(_BODY, "cli.body_builders:BODY_BUILDERS"),
-    **dict.fromkeys(_BANDS, "cli.armband_builders:ARMBAND_BUILDERS"),
-}
-"""Driver name -> the table that holds its builder, imported when the driver is asked for."""
-
-Builder = Callable[[str, DeviceConfig, Clock, Body | None, int, ExitStack, Wires], Device]
 
 
 def build_rig(
@@ -42,7 +21,7 @@ def build_rig(
 
     Raises:
         ConfigError: there is no headset, or a simulated device has no body to measure.
-        DeviceNotFound: the configuration wants a real device that has no driver yet.
+        DeviceNotFound: a driver's library is missing, or it exists in simulation only.
     """
     if "headset" not in config.devices:
         raise ConfigError(
@@ -114,39 +93,6 @@ def require_picture(config: LabConfig) -> None:
             f"{config.path}: display.show is none: the participant would see nothing; "
             f"{NO_PICTURE_REMEDY}"
         )
-
-
-def build_device(
-    device: DeviceConfig,
-    clock: Clock,
-    body: Body | None,
-    seed: int,
-    stack: ExitStack,
-    wires: Wires = BARE,
-) -> Device:
-    """Build the device of one role; a driver from an installed package takes its options as such.
-
-    Raises:
-        ConfigError: a simulated device has no body to measure, or no simulator.
-        DeviceNotFound: the driver is unknown, or needs a library that is not installed.
-    """
-    role = device.role
-    if device.simulated and body is None:
-        raise ConfigError(f"{role}: a simulated device needs a simulated participant")
-    if device.driver not in BUILDERS:
-        if device.simulated:
-            raise ConfigError(
-                f"devices.{role}: driver {device.driver!r} comes from another package, whose "
-                "simulator is not known here; set `simulated: false`"
-            )
-        return registry.load(device.driver)(role, clock, **device.options)
-    return _builder(device.driver)(role, device, clock, body, seed, stack, wires)
-
-
-def _builder(driver: str) -> Builder:
-    module, _, table = BUILDERS[driver].partition(":")
-    found: Builder = getattr(importlib.import_module(module), table)[driver]
-    return found
 
 
 def _as_headset(device: Device) -> Headset:

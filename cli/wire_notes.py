@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from devices.registry import driver_names
+from devices.registry import driver_names, driver_spec
 from devices.wirelog import WireLog
 from lab.config import DeviceConfig
 from lab.errors import DataError, UsageError
@@ -18,14 +18,13 @@ def note_of(device: DeviceConfig) -> Mapping[str, Any]:
     A simulated band is noted as the driver of the real one, whose protocol it speaks.
     """
     options = {k: v for k, v in device.options.items() if k not in ("faults", "drift_ppm")}
-    driver = device.driver
-    if driver == "simulated_armband":
-        driver, options = "serial_armband", {"max_rate_hz": options.get("max_rate_hz", 150.0)}
+    spec = driver_spec(device.driver)
+    if spec.speaks_as:
+        spec = driver_spec(spec.speaks_as)
+        options = {k: v for k, v in options.items() if k in spec.options.model_fields}
     elif device.simulated:
-        from devices.sim.bands.by_driver import SIMULATED_OPTIONS
-
-        options |= SIMULATED_OPTIONS.get(driver, {})
-    return {"role": device.role, "driver": driver, "options": options}
+        options |= spec.understood
+    return {"role": device.role, "driver": spec.name, "options": options}
 
 
 def device_of(path: Path, log: WireLog, driver: str | None = None) -> DeviceConfig:

@@ -1,104 +1,105 @@
-"""Find a driver by the name written in `lab_config.yaml` and build it, importing it only then."""
+"""Find drivers by the name written in `lab_config.yaml`; no driver is imported for it.
+
+Drivers of Visavis are described in the `spec` module of their folder, as `SPECS`; installed
+packages name theirs under the entry-point group `visavis.drivers` (`name = "module:SPEC"`).
+"""
 
 import difflib
 import importlib
-from collections.abc import Callable
-from importlib.metadata import entry_points
-from typing import Any
+import importlib.util
+import pkgutil
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 
-from devices.contracts import Device
-from lab.errors import ConfigError, DeviceNotFound
+from pydantic import BaseModel
+
+from devices.spec import AnySpec, DriverSpec
+from lab.errors import ConfigError
 
 ENTRY_POINT_GROUP = "visavis.drivers"
-"""Installed packages add drivers under this entry-point group."""
+FOLDERS = ("devices.drivers", "devices.sim")
 
-BUILT_IN: dict[str, str] = {
-    "lsl_body": "devices.drivers.lsl.body:LslBody",
-    "natnet": "devices.drivers.natnet.driver:NatNet",
-    "openvr_controllers": "devices.drivers.openvr.controllers:OpenVrControllers",
-    "openvr_headset": "devices.drivers.openvr.headset:OpenVrHeadset",
-    "openvr_trackers": "devices.drivers.openvr.trackers:OpenVrTrackers",
-    "openxr_controllers": "devices.drivers.openxr.controllers:OpenXrControllers",
-    "openxr_gaze": "devices.drivers.openxr.gaze:OpenXrGaze",
-    "openxr_headset": "devices.drivers.openxr.headset:OpenXrHeadset",
-    "eyelink": "devices.drivers.eyelink.driver:EyeLink",
-    "fove": "devices.drivers.fove.driver:Fove",
-    "gazepoint": "devices.drivers.gazepoint.driver:Gazepoint",
-    "hid_gaze": "devices.drivers.hid_gaze.driver:HidGaze",
-    "lsl_gaze": "devices.drivers.lsl.gaze:LslGaze",
-    "tobii_lsl": "devices.drivers.lsl.gaze:TobiiLsl",
-    "neon": "devices.drivers.neon.driver:Neon",
-    "pupil_core": "devices.drivers.pupil.driver:PupilCore",
-    "serial_armband": "devices.drivers.links.serial_port:serial_armband",
-    "simulated_body": "devices.sim.body.tracker:SimulatedBodyTracker",
-    "simulated_armband": "devices.sim.armband.simulator:simulated_armband",
-    "xsens": "devices.drivers.xsens.driver:XsensMvn",
-    "ascii_armband": "devices.drivers.bands.builders:ascii_armband",
-    "bhaptics": "devices.drivers.bands.builders:bhaptics",
-    "ble_armband": "devices.drivers.armband.wireless:ble_armband",
-    "hid_armband": "devices.drivers.bands.builders:hid_armband",
-    "neosensory_buzz": "devices.drivers.bands.builders:neosensory_buzz",
-    "spp_armband": "devices.drivers.armband.wireless:spp_armband",
-    "usb_armband": "devices.drivers.bands.builders:usb_armband",
-    "vhp_sleeve": "devices.drivers.bands.builders:vhp_sleeve",
-    "vhp_slim": "devices.drivers.bands.builders:vhp_slim",
-    "simulated_headset": "devices.sim.headset:SimulatedHeadset",
-    "simulated_responses": "devices.sim.responses:SimulatedResponses",
-}
-"""Driver name -> "module:Class" of the drivers that ship with Visavis."""
 
-EXTRA_OF_LIBRARY: dict[str, str] = {
-    "zmq": "pyzmq",
-    "msgpack": "msgpack",
-    "serial": "visavis[serial]",
-}
-"""Import name -> what `pip install` calls it."""
+@cache
+def built_in() -> Mapping[str, AnySpec]:
+    """Return the drivers that ship with Visavis, by name."""
+    found: dict[str, AnySpec] = {}
+    for folder in FOLDERS:
+        for part in pkgutil.iter_modules(importlib.import_module(folder).__path__):
+            module = f"{folder}.{part.name}.spec"
+            if part.ispkg and importlib.util.find_spec(module) is not None:
+                specs: tuple[AnySpec, ...] = importlib.import_module(module).SPECS
+                found |= {spec.name: spec for spec in specs}
+    return found
 
 
 def driver_names() -> tuple[str, ...]:
     """Return every driver name known here, sorted."""
-    return tuple(sorted(_targets()))
+    return tuple(sorted({*built_in(), *_others()}))
 
 
-def load(name: str) -> Callable[..., Device]:
-    """Import a driver and return its class.
+def driver_spec(name: str) -> AnySpec:
+    """Return what is known of a driver.
 
-    Raises ConfigError for an unknown name, with the nearest one, and DeviceNotFound when a
-    library that it needs is missing, with the command that installs it.
+    Raises ConfigError for an unknown name, with the nearest one, and for an installed package
+    whose entry point leads to no `DriverSpec`.
     """
-    targets = _targets()
-    if name not in targets:
-        near = difflib.get_close_matches(name, targets, n=1, cutoff=0.4)
+    if name in built_in():
+        return built_in()[name]
+    others = _others()
+    if name not in others:
+        known = driver_names()
+        near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
         hint = f"did you mean {near[0]!r}? " if near else ""
-        raise ConfigError(f"unknown driver {name!r}; {hint}Known: {', '.join(sorted(targets))}")
-    module_name, _, class_name = targets[name].partition(":")
+        raise ConfigError(f"unknown driver {name!r}; {hint}Known: {', '.join(known)}")
+    return _loaded(others[name])
+
+
+def driver_specs() -> tuple[AnySpec, ...]:
+    """Return every driver known here, by name; raises as `driver_spec`."""
+    return tuple(driver_spec(name) for name in driver_names())
+
+
+class _OptionModels(Mapping[str, type[BaseModel]]):
+    """Options by driver name; a package's description is loaded when a role asks for it."""
+
+    def __getitem__(self, name: str) -> type[BaseModel]:
+        if name not in self:
+            raise KeyError(name)
+        options: type[BaseModel] = driver_spec(name).options
+        return options
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(driver_names())
+
+    def __len__(self) -> int:
+        return len(driver_names())
+
+    def __contains__(self, name: object) -> bool:
+        return name in built_in() or name in _others()
+
+
+OPTION_MODELS: Mapping[str, type[BaseModel]] = _OptionModels()
+"""The options of every driver known here, as `lab.config` checks them."""
+
+
+@cache
+def _others() -> Mapping[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}
+
+
+@cache
+def _loaded(point: EntryPoint) -> AnySpec:
     try:
-        module = importlib.import_module(module_name)
-    except ImportError as cause:
-        library = (cause.name or "").partition(".")[0]
-        if not library or library == module_name.partition(".")[0]:
-            raise ConfigError(
-                f"driver {name!r} names {targets[name]!r}, which cannot be imported: {cause}"
-            ) from cause
-        package = EXTRA_OF_LIBRARY.get(library, library)
-        raise DeviceNotFound(
-            f"driver {name!r} needs the library {library!r}, which is not installed",
-            remedy=f"run: pip install {package}",
-        ) from cause
-    try:
-        driver: Callable[..., Device] = getattr(module, class_name)
-    except AttributeError as cause:
+        spec = point.load()
+    except (ImportError, AttributeError) as cause:
         raise ConfigError(
-            f"driver {name!r} names {targets[name]!r}, but the module has no {class_name!r}"
+            f"driver {point.name!r} names {point.value!r}, which cannot be imported: {cause}"
         ) from cause
-    return driver
-
-
-def create(name: str, *args: Any, **kwargs: Any) -> Device:
-    """Build a driver by name with its constructor's arguments."""
-    return load(name)(*args, **kwargs)
-
-
-def _targets() -> dict[str, str]:
-    found = {point.name: point.value for point in entry_points(group=ENTRY_POINT_GROUP)}
-    return found | BUILT_IN
+    if not isinstance(spec, DriverSpec) or spec.name != point.name:
+        raise ConfigError(
+            f"driver {point.name!r} names {point.value!r}, which is no DriverSpec of that name; "
+            "docs/add-a-device.md shows one"
+        )
+    return spec

@@ -13,7 +13,7 @@ import threading
 from pathlib import Path
 
 from devices.contracts import Body
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
 from devices.sim.gaze.tracker_error import TrackerErrorModel
 from devices.transports import Frames

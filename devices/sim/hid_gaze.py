@@ -10,7 +10,7 @@ from typing import Any
 
 from devices.contracts import Body
 from devices.drivers.streaming.gaze_rays import Screen, Triple
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
 from devices.sim.gaze.tracker_error import TrackerErrorModel
 from devices.transports import Frames

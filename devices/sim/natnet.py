@@ -10,8 +10,8 @@ import struct
 from collections.abc import Mapping, Sequence
 
 from devices.contracts import MovingBody
+from devices.faults import FaultSchedule
 from devices.sim.body.wire import BodyWire
-from devices.sim.faults import FaultSchedule
 from lab.clock import NS_PER_S, Clock
 from lab.geometry import Vector
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from devices.contracts import Body
 from devices.drivers.streaming.gaze_rays import Triple
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
 from devices.sim.gaze.tracker_error import TrackerErrorModel
 from devices.transports import Frames

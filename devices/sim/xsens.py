@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from devices.contracts import MovingBody
+from devices.faults import FaultSchedule
 from devices.sim.body.wire import BodyWire
-from devices.sim.faults import FaultSchedule
 from lab.clock import NS_PER_MS, Clock
 from lab.geometry import Vector
 

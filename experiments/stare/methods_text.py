@@ -7,7 +7,7 @@ from typing import Any, Final
 from analysis.gaze.looks import LookParameters
 from analysis.gaze.loss import DEFAULT_LOSS
 from analysis.report.notation import counted, decimal, percentage, threshold
-from devices.option_models import PupilCoreOptions
+from devices.registry import driver_spec
 from experiments.stare.analysis_parameters import AnalysisParameters
 from experiments.stare.conclusions import RULE
 from experiments.stare.design import CONDITIONS, DEFAULT_PARAMETERS, StareParameters
@@ -85,7 +85,7 @@ def differences_from_source(
 
 def confidence_rule() -> str:
     """Return which samples a tracker's confidence makes invalid, live and on import."""
-    driver = PupilCoreOptions.model_fields["confidence_threshold_01"].default
+    driver = driver_spec("pupil_core").options.model_fields["confidence_threshold_01"].default
     return (
         f"recorded live with a Pupil Core: confidence below {_plain(driver)} (the driver's "
         "default, device option confidence_threshold_01) is invalid; other trackers: their own "

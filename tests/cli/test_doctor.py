@@ -29,7 +29,7 @@ Usage = namedtuple("Usage", "total used free")
 
 def real(role: str, driver: str, **options: Any) -> LabConfig:
     """The shipped lab with one real device and nothing else."""
-    from devices.option_models import OPTION_MODELS
+    from devices.registry import OPTION_MODELS
 
     made = OPTION_MODELS[driver].model_validate(options).model_dump()
     device = DeviceConfig(role=role, driver=driver, simulated=False, options=made)

@@ -12,12 +12,12 @@ import cli.lsl_announcer
 from cli.lsl_announcer import AnnouncingRecorder, scope_of
 from cli.perform import perform_new
 from devices.drivers.lsl.outlet import LslScope
-from devices.sim.armband.simulator import simulated_armband
 from lab.clock import SystemClock
 from lab.config import Sync
 from lab.errors import DeviceNotFound, SessionAborted
 from protocol.operator import Command, UnattendedOperator
 from protocol.rig import _of_band
+from tests.devices.band_makers import simulated_armband
 from tests.devices.test_lsl_outlet import FakeLsl
 from tests.faults.sessions import lab, request
 

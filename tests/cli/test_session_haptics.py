@@ -11,10 +11,11 @@ import pytest
 
 import cli.perform
 from devices.drivers.armband.driver import ArmbandDriver
-from devices.sim.armband.simulator import ArmbandSimulator, simulated_armband
+from devices.sim.armband.simulator import ArmbandSimulator
 from lab.clock import Clock, SimClock, SystemClock
 from lab.errors import SessionAborted
 from protocol.operator import Command, UnattendedOperator
+from tests.devices.band_makers import simulated_armband
 from tests.faults.sessions import lab, request
 
 ROLE = "armband_left_forearm"

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from devices.faults import FaultSchedule
 from devices.pump import Pump
-from devices.sim.faults import FaultSchedule
 from devices.transports import MemoryTransport
 from lab.clock import NS_PER_S, SimClock
 from lab.geometry import quat_multiply

@@ -2,13 +2,12 @@
 
 import contextlib
 
-from cli.rigs import build_device
 from cli.wire_notes import device_of, note_of
-from cli.wires import BARE, CapturedWires, ReplayedWires
 from devices import conformance
-from devices.driver_facts import FACTS
-from devices.option_models import OPTION_MODELS
+from devices.building import build_device
+from devices.registry import built_in
 from devices.wirelog import read_wire_log
+from devices.wires import BARE, CapturedWires, ReplayedWires
 from lab.clock import NS_PER_S, SimClock
 from lab.config import DeviceConfig
 from tests.devices.body_rigs import WalkingBody
@@ -31,14 +30,13 @@ LATER_NS = 3600 * NS_PER_S
 
 
 def own_options(driver):
-    from devices.sim.bands.by_driver import SIMULATED_OPTIONS
-
-    return {**NEEDED.get(driver, {}), **SIMULATED_OPTIONS.get(driver, {})}
+    return {**NEEDED.get(driver, {}), **built_in()[driver].understood}
 
 
 def config_of(driver):
-    options = OPTION_MODELS[driver].model_validate(own_options(driver)).model_dump()
-    role = ROLES[FACTS[driver].kind]
+    spec = built_in()[driver]
+    options = spec.options.model_validate(own_options(driver)).model_dump()
+    role = ROLES[spec.kind]
     return DeviceConfig(role=role, driver=driver, simulated=True, options=options)
 
 
@@ -60,7 +58,7 @@ class Bench:
 def checks_of(driver):
     """Every check of the conformance suite for this kind of device, by name."""
     found = {"lifecycle": conformance.check_lifecycle, "batches": conformance.check_batches}
-    if FACTS[driver].kind == "headset":
+    if built_in()[driver].kind == "headset":
         # a headset delivers with its frames, which the other checks do not wait for
         return {
             "lifecycle": conformance.check_lifecycle,
@@ -72,7 +70,7 @@ def checks_of(driver):
         "responses": conformance.check_response_input,
         "armband": conformance.check_armband,
     }
-    return {**found, FACTS[driver].kind: own[FACTS[driver].kind]}
+    return {**found, built_in()[driver].kind: own[built_in()[driver].kind]}
 
 
 def check_on_simulator(driver, check):

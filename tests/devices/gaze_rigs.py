@@ -5,8 +5,8 @@ import contextlib
 import numpy as np
 
 from devices import conformance
+from devices.faults import FaultSchedule, WireFault
 from devices.pump import Pump
-from devices.sim.faults import FaultSchedule, WireFault
 from devices.sim.gaze.tracker_error import TrackerErrorModel
 from devices.transports import MemoryTransport
 from devices.wirelog import ReplayTransport, TeeTransport

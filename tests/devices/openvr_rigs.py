@@ -4,7 +4,7 @@ import contextlib
 
 import pytest
 
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from devices.sim.native_build import find_compiler
 from devices.sim.openvr.runtime import SimulatedVrRuntime
 from lab.clock import NS_PER_S, SimClock

@@ -4,7 +4,13 @@ import numpy as np
 
 from devices.byte_links import MemoryLink
 from devices.contracts import BAND, HAPTICS
-from devices.drivers.bands.builders import (
+from devices.faults import FaultSchedule
+from devices.sim.bands.bhaptics import BhapticsPlayerSimulator
+from devices.sim.bands.buzz import BuzzSimulator
+from devices.sim.bands.plain import ReportBandSimulator, TextBandSimulator
+from devices.sim.bands.vhp import SleeveSimulator, SlimBoardSimulator
+from lab.clock import NS_PER_S, SimClock
+from tests.devices.band_makers import (
     ascii_armband,
     bhaptics,
     hid_armband,
@@ -13,12 +19,6 @@ from devices.drivers.bands.builders import (
     vhp_sleeve,
     vhp_slim,
 )
-from devices.sim.bands.bhaptics import BhapticsPlayerSimulator
-from devices.sim.bands.buzz import BuzzSimulator
-from devices.sim.bands.plain import ReportBandSimulator, TextBandSimulator
-from devices.sim.bands.vhp import SleeveSimulator, SlimBoardSimulator
-from devices.sim.faults import FaultSchedule
-from lab.clock import NS_PER_S, SimClock
 
 COMMANDS = {
     "set_one": "M{motor} {amplitude}\n",

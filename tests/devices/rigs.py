@@ -3,8 +3,8 @@
 import numpy as np
 
 from devices.drivers.pupil.driver import PupilCore
+from devices.faults import FaultSchedule
 from devices.pump import Pump
-from devices.sim.faults import FaultSchedule
 from devices.sim.pupil.capture import PupilCoreSimulator
 from devices.transports import MemoryTransport
 from lab.clock import NS_PER_S, SimClock

@@ -73,6 +73,18 @@ def test_driver_of_another_package_stands_in_the_configuration(package):
     assert "cannot open nowhere" in tested.stdout
 
 
+def test_simulator_of_another_package_is_captured_and_played_back(package):
+    (package / "simulated.yaml").write_text(
+        "lab: L\ndata_root: data\nkey_root: keys\nprivacy: {consent_version: '1'}\n"
+        "devices:\n  responses: {driver: pedal, simulated: true}\n"
+    )
+    capture = ("devices", "capture", "responses", "-o", "pedal.wire", "--seconds", "1.2")
+    captured = run(package, "-m", "cli.main", *capture, "--config", "simulated.yaml")
+    assert "Example foot pedal" in captured.stdout, captured.stdout + captured.stderr
+    played = run(package, "-m", "cli.main", "devices", "replay", "pedal.wire")
+    assert re.search(r"responses +\d+ rows", played.stdout), played.stdout + played.stderr
+
+
 def test_wrong_option_of_another_package_is_refused_with_its_line(package):
     (package / "wrong.yaml").write_text(
         "lab: L\ndata_root: data\nkey_root: keys\nprivacy: {consent_version: '1'}\n"

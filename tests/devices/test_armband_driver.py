@@ -17,10 +17,9 @@ from devices.contracts import (
 )
 from devices.drivers.armband import codec
 from devices.drivers.armband.ledger import DeviceMicros
-from devices.drivers.links.serial_port import serial_armband
+from devices.faults import FaultSchedule
 from devices.pump import Pump
 from devices.sim.armband.simulator import ArmbandSimulator, serial_of
-from devices.sim.faults import FaultSchedule
 from experiments.crowd.haptics import BAND_ROLES
 from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
 from lab.clock_fit import fit_clock
@@ -31,6 +30,7 @@ from lab.errors import (
     DeviceTimeout,
     ProtocolViolation,
 )
+from tests.devices.band_makers import serial_armband
 
 ON = (1.0, 0.5, 0.0, 0.25)
 OFF = (0, 0, 0, 0)

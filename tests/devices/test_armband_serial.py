@@ -9,10 +9,11 @@ from types import SimpleNamespace
 import pytest
 
 from devices.drivers.links import serial_port as armband_serial
-from devices.drivers.links.serial_port import SerialLink, find_port, serial_armband
+from devices.drivers.links.serial_port import SerialLink, find_port
 from devices.sim.armband.firmware import ArmbandFirmware
 from lab.clock import SystemClock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
+from tests.devices.band_makers import serial_armband
 
 pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminals here")

@@ -10,14 +10,13 @@ import pytest
 from devices import conformance
 from devices.byte_links import MemoryLink
 from devices.contracts import HAPTICS, DeviceState
-from devices.drivers.armband.wireless import ble_armband
-from devices.drivers.bands.builders import neosensory_buzz, vhp_slim
 from devices.drivers.links.ble import BleLink, BleThread
 from devices.sim.armband.simulator import ArmbandSimulator
 from devices.sim.bands.buzz import BuzzSimulator
 from devices.sim.bands.vhp import SlimBoardSimulator
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
+from tests.devices.band_makers import ble_armband, neosensory_buzz, vhp_slim
 
 ON = (1.0, 0.5, 0.0, 0.25)
 CLOCK = SystemClock()

@@ -6,9 +6,9 @@ import pytest
 
 from devices import conformance
 from devices.drivers.pupil.driver import PupilCore
-from devices.sim.headset import SimulatedHeadset
+from devices.sim.body.headset import SimulatedHeadset
+from devices.sim.body.responses import SimulatedResponses
 from devices.sim.pupil.capture import PupilCoreSimulator
-from devices.sim.responses import SimulatedResponses
 from devices.sim.zmq_host import ZmqHost
 from devices.transports import MemoryTransport, ZmqTransport
 from devices.wirelog import ReplayTransport, TeeTransport

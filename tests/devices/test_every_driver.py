@@ -5,8 +5,7 @@ import json
 import pytest
 
 from devices.conformance import check_headset, collect
-from devices.driver_facts import FACTS
-from devices.registry import BUILT_IN
+from devices.registry import built_in
 from devices.sim.native_build import find_compiler
 from devices.wirelog import read_wire_log
 from tests.devices.every_driver import (
@@ -18,13 +17,13 @@ from tests.devices.every_driver import (
 from tests.wire.record import EXPECTED, FOLDER, FRAMES, decoded, wired
 
 WITHOUT_WIRE = ("simulated_body", "simulated_headset", "simulated_responses")
-CASES = [(driver, name) for driver in sorted(BUILT_IN) for name in checks_of(driver)]
+CASES = [(driver, name) for driver in sorted(built_in()) for name in checks_of(driver)]
 
 
 def need(driver):
     """Skip where the driver's simulator cannot run."""
-    library = FACTS[driver].library
-    if FACTS[driver].runtime in ("openvr", "openxr"):
+    library = built_in()[driver].library
+    if built_in()[driver].runtime in ("openvr", "openxr"):
         pytest.importorskip(library.module, reason=f"{library.install}")
         if find_compiler() is None:
             pytest.skip("the simulated runtime needs a C compiler: apt-get install gcc")
@@ -43,7 +42,7 @@ def test_driver_keeps_the_contract_on_a_capture(driver, name, tmp_path):
     check = checks_of(driver)[name]
 
     def as_long(make, let_pass):
-        if FACTS[driver].kind in ("armband", "headset"):
+        if built_in()[driver].kind in ("armband", "headset"):
             check(make, let_pass)  # answers meet their questions: the same calls are made
         else:
             device = make()
@@ -58,7 +57,7 @@ STORED = sorted(path.stem for path in FOLDER.glob("*.wire"))
 
 
 def test_every_driver_with_a_wire_has_a_stored_capture():
-    own_wire = set(BUILT_IN) - {*WITHOUT_WIRE, "simulated_armband"}  # which speaks serial_armband
+    own_wire = set(built_in()) - {*WITHOUT_WIRE, "simulated_armband"}  # which speaks serial_armband
     assert own_wire == set(STORED)
 
 
@@ -70,7 +69,7 @@ def test_stored_capture_says_that_it_is_simulated(driver):
 @pytest.mark.parametrize("driver", STORED)
 def test_driver_keeps_the_contract_on_its_stored_capture(driver):
     checks = checks_of(driver)
-    kind = FACTS[driver].kind
+    kind = built_in()[driver].kind
     if kind == "headset":
         checks = {kind: lambda make, _: check_headset(make, n_frames=FRAMES - 2)}
     elif kind == "armband":

@@ -7,10 +7,11 @@ from hypothesis import strategies as st
 
 from devices.contracts import DeviceState
 from devices.drivers.gazepoint import codec
-from devices.drivers.gazepoint.driver import REMEDY, Gazepoint
+from devices.drivers.gazepoint.driver import Gazepoint
+from devices.drivers.gazepoint.spec import REMEDY
 from devices.drivers.links.stream_socket import StreamSocket
 from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from devices.sim.gazepoint import GazepointHost, GazepointSimulator
 from lab.clock import SystemClock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout, ProtocolViolation

@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from devices.contracts import DeviceState
 from devices.drivers.neon import codec
-from devices.drivers.neon.driver import REMEDY, Neon
+from devices.drivers.neon.driver import Neon
 from devices.drivers.neon.network import NeonNetwork
+from devices.drivers.neon.spec import REMEDY
 from devices.drivers.streaming.gaze_rays import rows_to_values
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from devices.sim.neon import PAYLOAD_SIZES, NeonSimulator
 from devices.testing.neon_host import NeonHost
 from lab.clock import NS_PER_MS, SystemClock

@@ -10,7 +10,7 @@ from devices.contracts import DeviceState
 from devices.drivers.openxr.gaze import OpenXrGaze
 from devices.drivers.openxr.headset import OpenXrHeadset
 from devices.drivers.openxr.runtime_time import PERFORMANCE_COUNTER
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from devices.sim.native_build import find_compiler
 from devices.sim.openxr.runtime import EPOCH_NS, SimulatedXrRuntime
 from devices.wirelog import ReplayTransport, TeeTransport

@@ -1,19 +1,20 @@
 """Armbands that are not our own: what each promises, on its simulator and a virtual clock."""
 
 import math
+from contextlib import ExitStack
 from itertools import pairwise
 
 import pytest
 
-from devices import conformance, registry
+from devices import conformance
+from devices.building import build_device
 from devices.byte_wirelog import ReplayLink, TeeLink
 from devices.contracts import BAND_EVENTS, NO_DEVICE_TIME, DeviceState, VibrationPattern
-from devices.drivers.bands.builders import ascii_armband, hid_armband
 from devices.drivers.bands.driver import HOST_SIDE_ONLY
 from devices.drivers.bands.open_bands import silence_every_open_band
-from devices.option_models import OPTION_MODELS
-from devices.sim.bands.by_driver import SIMULATED_OPTIONS, SIMULATORS, simulated_link
+from devices.registry import OPTION_MODELS, built_in
 from lab.clock import NS_PER_MS, SimClock, SystemClock
+from lab.config import DeviceConfig
 from lab.errors import (
     ConfigError,
     DeviceDisconnected,
@@ -22,6 +23,8 @@ from lab.errors import (
     DeviceTimeout,
     ProtocolViolation,
 )
+from tests.devices.band_makers import ascii_armband, hid_armband
+from tests.devices.every_driver import own_options
 from tests.devices.other_band_rigs import BANDS, RUNS_FOR_EVER, BandRig
 
 ON = (1.0, 0.5, 0.0, 0.25)
@@ -402,11 +405,14 @@ class FeelingBody:
         self.felt.append((role, [round(a, 2) for a in amplitudes_01]))
 
 
-@pytest.mark.parametrize("driver", SIMULATORS)
+BAND_DRIVERS = sorted(name for name, spec in built_in().items() if spec.kind == "armband")
+
+
+@pytest.mark.parametrize("driver", BAND_DRIVERS)
 def test_simulated_body_feels_our_motors_in_our_order(driver):
     clock, body = SimClock(), FeelingBody()
-    link = simulated_link(driver, "arm", clock, body=body)
-    band = registry.load(driver)("arm", clock, link=link, **SIMULATED_OPTIONS.get(driver, {}))
+    config = DeviceConfig(role="arm", driver=driver, simulated=True, options=own_options(driver))
+    band = build_device(config, clock, body, 0, ExitStack())
     band.open(5.0)
     band.start(lambda batch: None)
 
@@ -420,11 +426,6 @@ def test_simulated_body_feels_our_motors_in_our_order(driver):
     assert (role, third, fourth) == ("arm", 0.0, 0.0)
     assert first > second > 0.0
     band.close()
-
-
-@pytest.mark.parametrize("driver", SIMULATED_OPTIONS)
-def test_options_of_simulated_bands_are_valid_in_the_configuration(driver):
-    OPTION_MODELS[driver].model_validate(dict(SIMULATED_OPTIONS[driver]))
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from devices.contracts import DeviceInfo, DeviceState
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.pump import Pump
-from devices.sim.headset import SimulatedHeadset
+from devices.sim.body.headset import SimulatedHeadset
 from lab.clock import SimClock, SystemClock
 from lab.errors import DeviceDisconnected
 from lab.schema import Field, SampleBatch, StreamSchema

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from devices.contracts import DeviceState
-from devices.sim.faults import FAULT_KINDS, FaultSchedule, WireFault
+from devices.faults import FAULT_KINDS, FaultSchedule, WireFault
 from lab.clock import SimClock
 from lab.errors import ConfigError, DeviceTimeout, ProtocolViolation
 from tests.devices.rigs import Rig

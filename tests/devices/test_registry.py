@@ -1,38 +1,114 @@
 """Drivers are found by name, and what is missing is named with its cure."""
 
+import subprocess
+import sys
+from contextlib import ExitStack
+from importlib.metadata import EntryPoint
+
 import pytest
 
 from devices import registry
-from devices.drivers.pupil.driver import PupilCore
+from devices.building import build_device
+from devices.drivers.pupil.spec import PUPIL_CORE
+from devices.libraries import Library
+from devices.options import Options
+from devices.spec import DriverSpec, no_wire
+from lab.clock import SimClock
+from lab.config import DeviceConfig
 from lab.errors import ConfigError, DeviceNotFound
 
+LISTED = """
+import sys
+from devices.registry import OPTION_MODELS, driver_specs
+models = [OPTION_MODELS[name] for name in OPTION_MODELS]
+names = [spec.name for spec in driver_specs()]
+light = ("spec", "options")
+print(*(m for m in sys.modules if m.startswith(("devices.drivers.", "devices.sim."))
+        and m.count(".") > 2 and m.rpartition(".")[2] not in light))
+print(*(m for m in sys.modules if m in ("numpy", "zmq", "msgpack", "pylsl", "openvr", "xr")))
+"""
 
-def test_every_built_in_driver_can_be_loaded():
-    for name in registry.BUILT_IN:
-        assert callable(registry.load(name))
+
+def missing(site, wire):
+    import no_such_library_here  # noqa: F401 - what the test is about
 
 
-def test_known_name_gives_its_class():
-    assert registry.load("pupil_core") is PupilCore
+def odd(**more):
+    return DriverSpec("odd", "responses", Options, missing, real=no_wire, carries="nothing", **more)
+
+
+@pytest.fixture
+def installed(monkeypatch):
+    """Let a package announce the driver `odd`."""
+
+    def announce(value):
+        point = EntryPoint("odd", value, registry.ENTRY_POINT_GROUP)
+        monkeypatch.setattr(registry, "_others", lambda: {"odd": point})
+        registry._loaded.cache_clear()
+
+    return announce
+
+
+def test_known_name_gives_its_description():
+    assert registry.driver_spec("pupil_core") is PUPIL_CORE
+
+
+def test_every_driver_is_described_in_full():
+    for spec in registry.driver_specs():
+        assert spec.vendor or spec.runtime or spec.library, spec.name
+        assert spec.model, spec.name
+        assert bool(spec.checked) == bool(spec.unproven) == (spec.real is not None), spec.name
+        assert spec.options.__doc__, spec.name
+
+
+def test_looking_drivers_up_imports_none():
+    done = subprocess.run(
+        [sys.executable, "-c", LISTED], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.split() == []
 
 
 def test_unknown_driver_names_the_nearest():
     with pytest.raises(ConfigError, match="did you mean 'pupil_core'"):
-        registry.load("pupil-core")
+        registry.driver_spec("pupil-core")
 
 
-def test_missing_library_says_what_to_install(monkeypatch, tmp_path):
-    (tmp_path / "driver_without_library.py").write_text("import no_such_library_here\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setitem(registry.BUILT_IN, "odd", "driver_without_library:Odd")
-    monkeypatch.setitem(registry.EXTRA_OF_LIBRARY, "no_such_library_here", "visavis[odd]")
+@pytest.mark.parametrize(
+    ("spec", "cure"),
+    [
+        (odd(), r"run: pip install no_such_library_here"),
+        (odd(library=Library("n", "n", "pip install 'odd[n]'")), r"run: pip install 'odd\[n\]'"),
+    ],
+)
+def test_missing_library_says_what_to_install(installed, monkeypatch, spec, cure):
+    installed("tests.devices.test_registry:ODD")
+    monkeypatch.setattr(sys.modules[__name__], "ODD", spec, raising=False)
+    config = DeviceConfig(role="responses", driver="odd", simulated=False, options={})
 
-    with pytest.raises(DeviceNotFound, match=r"run: pip install visavis\[odd\]"):
-        registry.load("odd")
+    with ExitStack() as stack, pytest.raises(DeviceNotFound, match=cure):
+        build_device(config, SimClock(), None, 1, stack)
 
 
-def test_entry_that_names_no_class_is_a_configuration_error(monkeypatch):
-    monkeypatch.setitem(registry.BUILT_IN, "odd", "devices.pump:Nothing")
+def test_driver_without_a_simulator_says_so(installed, monkeypatch):
+    installed("tests.devices.test_registry:ODD")
+    monkeypatch.setattr(sys.modules[__name__], "ODD", odd(), raising=False)
+    config = DeviceConfig(role="responses", driver="odd", simulated=True, options={})
 
-    with pytest.raises(ConfigError, match="has no 'Nothing'"):
-        registry.load("odd")
+    with ExitStack() as stack, pytest.raises(ConfigError, match="has no simulator"):
+        build_device(config, SimClock(), object(), 1, stack)
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        ("devices.pump:Nothing", "cannot be imported"),
+        ("no_such_package:SPEC", "cannot be imported"),
+        ("devices.pump:Pump", "no DriverSpec"),
+        ("devices.drivers.pupil.spec:PUPIL_CORE", "of that name"),
+    ],
+)
+def test_entry_that_leads_to_no_description_is_a_configuration_error(installed, value, says):
+    installed(value)
+
+    with pytest.raises(ConfigError, match=says):
+        registry.driver_spec("odd")

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.sim.faults import FaultSchedule
-from devices.sim.headset import SimulatedHeadset
-from devices.sim.responses import SimulatedResponses
+from devices.faults import FaultSchedule
+from devices.sim.body.headset import SimulatedHeadset
+from devices.sim.body.responses import SimulatedResponses
 from lab.clock import SimClock
 from lab.errors import ConfigError, ProtocolViolation
 from tests.devices.bodies import FixatingBody

@@ -4,13 +4,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from devices.drivers.bands.builders import hid_armband, usb_armband
 from devices.drivers.links.usb import HidLink, UsbLink
+from devices.faults import FaultSchedule
 from devices.sim.bands.plain import ReportBandSimulator
-from devices.sim.faults import FaultSchedule
 from devices.testing.usb_bus import FakeHidapi, FakeUsbBus
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
+from tests.devices.band_makers import hid_armband, usb_armband
 from tests.devices.other_band_rigs import LAYOUT
 
 CLOCK = SystemClock()

@@ -6,10 +6,10 @@ import pytest
 
 from devices import conformance
 from devices.contracts import HAPTICS, DeviceState
-from devices.drivers.armband.wireless import spp_armband
 from devices.sim.armband.simulator import ArmbandSimulator
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import DeviceDisconnected
+from tests.devices.band_makers import spp_armband
 
 ON = (1.0, 0.5, 0.0, 0.25)
 CLOCK = SystemClock()

@@ -6,12 +6,12 @@ import pytest
 
 from devices import conformance
 from devices.contracts import DeviceState
-from devices.drivers.bands.builders import bhaptics
 from devices.drivers.links.websocket import WebSocketLink
+from devices.faults import FaultSchedule
 from devices.sim.bands.bhaptics import BhapticsPlayerSimulator
-from devices.sim.faults import FaultSchedule
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import DeviceDisconnected, DeviceNotFound
+from tests.devices.band_makers import bhaptics
 
 ON = (1.0, 0.5, 0.0, 0.25)
 CLOCK = SystemClock()

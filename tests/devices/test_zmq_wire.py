@@ -4,8 +4,8 @@ import pytest
 
 from devices.contracts import DeviceState
 from devices.drivers.pupil.driver import PupilCore
+from devices.faults import FaultSchedule
 from devices.pump import Pump
-from devices.sim.faults import FaultSchedule
 from devices.sim.pupil.capture import PupilCoreSimulator
 from devices.sim.zmq_host import ZmqHost
 from devices.transports import ZmqTransport

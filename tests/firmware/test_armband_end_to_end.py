@@ -10,10 +10,10 @@ import pytest
 
 from devices.byte_links import MemoryLink
 from devices.contracts import CONTACT_PATTERN, HAPTICS, DeviceState
-from devices.drivers.links.serial_port import serial_armband
 from devices.testing.armband_machine import LockstepMachine, TerminalMachine
 from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
 from lab.clock_fit import fit_clock
+from tests.devices.band_makers import serial_armband
 
 FULL = (255, 255, 255, 255)
 OFF = (0, 0, 0, 0)
@@ -115,7 +115,7 @@ def test_clock_of_the_firmware_is_found_within_a_millisecond(pair):
 
 HOST_PROGRAM = """
 import sys
-from devices.drivers.links.serial_port import serial_armband
+from tests.devices.band_makers import serial_armband
 from lab.clock import SystemClock
 driver = serial_armband("arm", SystemClock(), port=sys.argv[1])
 driver.open(20.0)
@@ -144,7 +144,7 @@ def test_killed_host_is_followed_by_silence_within_300_ms(built, kind):
 
 GUARDED_PROGRAM = """
 import sys
-from devices.drivers.links.serial_port import serial_armband
+from tests.devices.band_makers import serial_armband
 from devices.haptic_safety import HapticGuard
 from devices.pump import Pump
 from lab.clock import SystemClock

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict, Field
 
-from devices.option_models import OPTION_MODELS
+from devices.registry import OPTION_MODELS
 from lab.config import load_config, parse_config, with_devices
 from lab.config_files import EXAMPLE
 from lab.errors import ConfigError

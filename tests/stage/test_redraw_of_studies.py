@@ -9,7 +9,7 @@ import pytest
 import cli.perform
 from cli.perform import perform_new, simulated_request
 from cli.redraw import redraw
-from devices.option_models import OPTION_MODELS
+from devices.registry import OPTION_MODELS
 from lab.config import load_config
 from recording.reader import Recording
 from stage.drawn_stage import Display, default_views

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-import cli.body_builders
 import cli.stages
+import devices.sim.openvr.runtime
+import devices.sim.openxr.runtime
 import stage.drawn_stage
 from devices.sim.native_build import find_compiler
 from devices.sim.openvr.runtime import SimulatedVrRuntime
@@ -126,7 +127,7 @@ def test_openvr_reads_back_what_was_drawn_and_faults_pause_without_loss(
             made.fails = True
             return super()._submit(*arguments)
 
-    monkeypatch.setattr(cli.body_builders, "SimulatedVrRuntime", Runtime)
+    monkeypatch.setattr(devices.sim.openvr.runtime, "SimulatedVrRuntime", Runtime)
     start_s, end_s = UNPLUGGED_S
     unplugged = {"kind": "disconnect", "start_s": start_s, "duration_s": end_s - start_s}
     recording = perform_shortest(_config(tmp_path, "openvr_headset", [unplugged]), (1, 2))
@@ -187,7 +188,7 @@ def test_openxr_reads_back_what_was_drawn_from_where_the_head_was(
             middle = np.mean([eye.position_m for eye in shown.eyes], axis=0)
             places.setdefault(len(places), tuple(middle))
 
-    monkeypatch.setattr(cli.body_builders, "SimulatedXrRuntime", Runtime)
+    monkeypatch.setattr(devices.sim.openxr.runtime, "SimulatedXrRuntime", Runtime)
     recording = perform_shortest(_config(tmp_path, "openxr_headset"))
 
     assert recording.status == "complete"

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from devices.conformance import check_headset, collect
-from devices.driver_facts import FACTS
+from devices.registry import built_in
 from lab.schema import SampleBatch
 from tests.devices.every_driver import capture, check_on_replay, checks_of
 
@@ -33,7 +33,7 @@ def record(driver: str, folder: Path = FOLDER) -> Path:
     """Write one driver's capture."""
     path = folder / f"{driver}.wire"
     path.unlink(missing_ok=True)
-    kind = FACTS[driver].kind
+    kind = built_in()[driver].kind
 
     def check(make, let_pass):  # type: ignore[no-untyped-def]  # as the suite's checks are
         if kind == "armband":
@@ -58,7 +58,7 @@ def decoded(driver: str) -> dict[str, dict[str, float | int]]:
         device.open(1.0)
         device.start(batches.append)
         for _ in range(60):
-            if FACTS[driver].kind == "headset":
+            if built_in()[driver].kind == "headset":
                 if len(batches) >= FRAMES - 2:
                     break
                 device.wait_frame()
@@ -81,12 +81,12 @@ def decoded(driver: str) -> dict[str, dict[str, float | int]]:
 
 def wired() -> list[str]:
     """Return the drivers that have a wire, except bands: what those say answers a command."""
-    return [d for d, f in sorted(FACTS.items()) if f.wire != "none" and f.kind != "armband"]
+    return [d for d, f in sorted(built_in().items()) if f.wire != "none" and f.kind != "armband"]
 
 
 def main() -> None:
     """Write every capture, say how large it is, and write what they decode to."""
-    for driver, facts in sorted(FACTS.items()):
+    for driver, facts in sorted(built_in().items()):
         if facts.wire != "none":
             path = record(driver)
             print(f"{path.name} {path.stat().st_size}")  # noqa: T201 - what the command is for

@@ -13,7 +13,6 @@ from devices.contracts import (
     BAND,
     HAPTICS,
     ClockPair,
-    DeviceInfo,
     DeviceState,
     Fault,
     Health,
@@ -24,10 +23,12 @@ from devices.drivers.armband import codec
 from devices.drivers.armband.dialect import Drive, FramedDialect
 from devices.drivers.armband.ledger import band_batch, command_batch
 from devices.drivers.armband.limits import Limits
+from devices.drivers.armband.spec import SERIAL_ARMBAND
 from devices.drivers.armband.status import BandStatus
 from devices.drivers.armband.traffic import GIVE_UP_NS, STOP_TRIES, TRY_NS, Traffic
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
+from devices.spec import AnySpec
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.clock_fit import fit_clock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolViolation
@@ -56,7 +57,7 @@ class ArmbandDriver:
         dialect: FramedDialect,
         clock: Clock,
         *,
-        driver: str = "serial_armband",
+        spec: AnySpec = SERIAL_ARMBAND,
         max_rate_hz: float = 150.0,
     ) -> None:
         self._role = role
@@ -65,17 +66,7 @@ class ArmbandDriver:
         self._clock = clock
         self._life = Lifecycle(role)
         self._limits = Limits(role, dialect.motor_count, UNKNOWN_RANGE_HZ)
-        self.info = DeviceInfo(
-            role=role,
-            driver=driver,
-            driver_version="1",
-            vendor="Visavis",
-            model="armband",
-            serial="",
-            transport=link.kind,
-            is_simulated=link.is_simulated,
-            capabilities=frozenset({"haptics", "rate", "patterns"}),
-        )
+        self.info = spec.info(role, link)
         self._traffic = Traffic(
             link, dialect, clock, BandStatus(role), spacing_ns=round(NS_PER_S / max_rate_hz)
         )

@@ -19,7 +19,6 @@ from devices.contracts import (
     HAPTICS,
     NO_DEVICE_TIME,
     ClockPair,
-    DeviceInfo,
     DeviceState,
     Fault,
     Health,
@@ -37,6 +36,7 @@ from devices.drivers.bands.open_bands import open_bands
 from devices.drivers.bands.traffic import BandTraffic
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
+from devices.spec import AnySpec
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolViolation
 from lab.schema import StreamSchema
@@ -67,9 +67,7 @@ class HostTimedBand:
         language: BandLanguage,
         clock: Clock,
         *,
-        driver: str,
-        vendor: str,
-        model: str,
+        spec: AnySpec,
         max_rate_hz: float = 50.0,
     ) -> None:
         self._role = role
@@ -88,17 +86,8 @@ class HostTimedBand:
             abilities.add(HOST_SIDE_ONLY)
         if not math.isnan(self.rate_range_hz[0]):
             abilities.add("rate")
-        self.info = DeviceInfo(
-            role=role,
-            driver=driver,
-            driver_version="1",
-            vendor=vendor,
-            model=model,
-            serial="",
-            transport=link.kind,
-            is_simulated=link.is_simulated,
-            capabilities=frozenset(abilities),
-        )
+        spec = replace(spec, capabilities=frozenset(abilities))
+        self.info = spec.info(role, link)
         self._condition = Condition()
         self._refusals: dict[str, str] = {}
         self._reset()

@@ -11,23 +11,13 @@ from dataclasses import replace
 from devices.contracts import CalibrationOutcome, ClockPair, DeviceState
 from devices.drivers.eyelink import codec
 from devices.drivers.eyelink.library import TIME, VERDICT
-from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.eyelink.spec import EYELINK
+from devices.drivers.streaming.gaze_device import GazeDevice
 from devices.drivers.streaming.gaze_rays import Sample, Screen
 from devices.transports import Exchange, Frames, Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceTimeout
 
-REMEDY = (
-    "switch the EyeLink's host computer on, connect its cable, set this computer's address to "
-    "100.1.1.2, and check `address`"
-)
-EYELINK = Make(
-    driver="eyelink",
-    vendor="SR Research",
-    model="EyeLink",
-    remedy=REMEDY,
-    capabilities=frozenset({"gaze", "per_eye", "screen_frame", "annotation"}),
-)
 ASK_WITHIN_NS = NS_PER_S // 5
 
 

@@ -11,19 +11,13 @@ from dataclasses import replace
 from devices.contracts import CalibrationOutcome, DeviceState, Fault
 from devices.drivers.fove import codec
 from devices.drivers.fove.library import ANSWER, SERVICE_REMEDY
-from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.fove.spec import FOVE
+from devices.drivers.streaming.gaze_device import GazeDevice
 from devices.drivers.streaming.gaze_rays import Sample
 from devices.transports import Frames, Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceError, DeviceNotFound, ProtocolViolation
 
-FOVE = Make(
-    driver="fove",
-    vendor="FOVE",
-    model="FOVE headset",
-    remedy=SERVICE_REMEDY,
-    capabilities=frozenset({"gaze", "per_eye", "pupil", "head_frame", "calibration"}),
-)
 STATE_EVERY_NS = NS_PER_S // 10
 PROBE_EVERY_NS = NS_PER_S
 STATE_QUESTIONS = (b"calibrated", b"hardware")

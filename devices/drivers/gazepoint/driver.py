@@ -10,22 +10,13 @@ from dataclasses import replace
 
 from devices.contracts import CalibrationOutcome, DeviceState
 from devices.drivers.gazepoint import codec
-from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.gazepoint.spec import GAZEPOINT
+from devices.drivers.streaming.gaze_device import GazeDevice
 from devices.drivers.streaming.gaze_rays import Sample, Screen
 from devices.transports import Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ProtocolViolation
 
-REMEDY = "start Gazepoint Control, connect the tracker, and check address, port 4242 and firewall"
-GAZEPOINT = Make(
-    driver="gazepoint",
-    vendor="Gazepoint",
-    model="Gazepoint",
-    remedy=REMEDY,
-    capabilities=frozenset(
-        {"gaze", "per_eye", "pupil", "screen_frame", "calibration", "annotation"}
-    ),
-)
 OLDEST_API = 2.0
 USUAL_TICKS_PER_S = 10_000_000
 LEAST_POINTS_SHARE = 0.5

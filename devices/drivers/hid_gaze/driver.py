@@ -9,20 +9,13 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from devices.drivers.hid_gaze import codec
-from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.hid_gaze.spec import HID_GAZE
+from devices.drivers.streaming.gaze_device import GazeDevice
 from devices.drivers.streaming.gaze_rays import Sample, Screen
 from devices.transports import Message, MessageTransport
 from lab.clock import Clock
 from lab.errors import ProtocolViolation
 
-REMEDY = "plug the eye tracker in, install its software, and calibrate it there"
-HID_GAZE = Make(
-    driver="hid_gaze",
-    vendor="HID",
-    model="HID eye tracker",
-    remedy=REMEDY,
-    capabilities=frozenset({"gaze", "screen_frame"}),
-)
 STEPS_FOR_UNIT = 12
 MODE_GAZE_AND_EYES = 2
 
@@ -117,4 +110,4 @@ class HidGaze(GazeDevice):
             )
         state = value(codec.STATUS, codec.CONFIGURATION_STATUS)
         text = codec.STATUS_TEXTS.get(state or 0)
-        self._note("status", None if text is None else self._blocking(text, REMEDY))
+        self._note("status", None if text is None else self._blocking(text, HID_GAZE.remedy))

@@ -9,9 +9,7 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
-from devices.byte_links import ByteLink, Chunk
-from devices.drivers.armband.dialect import FramedDialect
-from devices.drivers.armband.driver import ArmbandDriver
+from devices.byte_links import Chunk
 from lab.clock import Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
@@ -164,26 +162,6 @@ def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
     raise DeviceNotFound(
         f"no serial port fits {wanted}; plugged in: {described or 'none'}", remedy=REMEDY
     )
-
-
-def serial_armband(
-    role: str,
-    clock: Clock,
-    *,
-    port: str = "",
-    vid: int | None = None,
-    pid: int | None = None,
-    serial_number: str = "",
-    baud: int = BAUD,
-    max_rate_hz: float = 150.0,
-    link: ByteLink | None = None,
-) -> ArmbandDriver:
-    """Return our armband on a serial port; `link` takes the place of the port, as for a replay."""
-    if link is None:
-        link = SerialLink(
-            clock, port=port, vid=vid, pid=pid, serial_number=serial_number, baud=baud
-        )
-    return ArmbandDriver(role, link, FramedDialect(), clock, max_rate_hz=max_rate_hz)
 
 
 def _library() -> Any:

@@ -11,17 +11,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from devices.drivers.streaming.body_device import BodyDevice, BodySample, Make
+from devices.drivers.lsl.spec import LSL_BODY
+from devices.drivers.streaming.body_device import BodyDevice, BodySample
 from devices.transports import Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ConfigError, ProtocolViolation
 
-MAKE = Make(
-    driver="lsl_body",
-    vendor="",
-    model="LSL motion stream",
-    remedy="start the program that sends the stream and check name, session id and firewall",
-)
 POSITION = ("PositionX", "PositionY", "PositionZ")
 TURN = ("OrientationA", "OrientationB", "OrientationC", "OrientationD")
 VALID = "Valid"
@@ -71,7 +66,7 @@ class LslBody(BodyDevice):
             role,
             transport,
             clock,
-            MAKE,
+            LSL_BODY,
             segments=tuple(self._objects.values()),
             rate_hz=rate_hz,
             lost_after_s=lost_after_s,

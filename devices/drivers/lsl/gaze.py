@@ -11,19 +11,15 @@ from dataclasses import replace
 from devices.contracts import ClockPair
 from devices.drivers.lsl import gaze_codec as codec
 from devices.drivers.lsl.inlet import OFFSET
-from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.lsl.spec import LSL_GAZE
+from devices.drivers.streaming.gaze_device import GazeDevice
 from devices.drivers.streaming.gaze_rays import Sample, Screen
+from devices.spec import AnySpec
 from devices.transports import Frames, Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ProtocolViolation
 from lab.schema import StreamSchema
 
-REMEDY = (
-    "start the program that sends the gaze stream, on this network and in the same LSL session, "
-    "and check the firewall"
-)
-LSL_GAZE = Make("lsl_gaze", "LSL", "LSL gaze stream", REMEDY, frozenset({"gaze", "pupil"}))
-TOBII_LSL = Make("tobii_lsl", "Tobii", "Tobii by LSL", REMEDY, frozenset({"gaze", "pupil"}))
 MOST_OFFSET_S = 4e9
 
 
@@ -33,8 +29,6 @@ class LslGaze(GazeDevice):
     Streams of points on a screen use `screen`; directions must be in the head frame. The rate is
     the stream's own where it states one.
     """
-
-    make = LSL_GAZE
 
     def __init__(
         self,
@@ -48,6 +42,7 @@ class LslGaze(GazeDevice):
         screen: Screen | None = None,
         eye_distance_mm: float = 64.0,
         screen_px: tuple[int, int] = (1920, 1080),
+        spec: AnySpec = LSL_GAZE,
     ) -> None:
         self._screen = screen or Screen()
         self._screen_px = screen_px
@@ -57,7 +52,7 @@ class LslGaze(GazeDevice):
             role,
             transport,
             clock,
-            self.make,
+            spec,
             rate_hz=rate_hz,
             lost_after_s=lost_after_s,
             exchange_interval_s=exchange_interval_s,
@@ -124,9 +119,3 @@ class LslGaze(GazeDevice):
         middle_ns = t_host_ns - round_trip_ns // 2
         device_ns = middle_ns - round(offset_s * NS_PER_S)
         self._add_pair(ClockPair(t_host_ns - round_trip_ns, device_ns, t_host_ns))
-
-
-class TobiiLsl(LslGaze):
-    """A Tobii tracker sent by TittaLSL: the same driver, named for what it is."""
-
-    make = TOBII_LSL

@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from devices.drivers.natnet import codec
-from devices.drivers.streaming.body_device import BodyDevice, BodySample, Make
+from devices.drivers.natnet.spec import NATNET
+from devices.drivers.streaming.body_device import BodyDevice, BodySample
 from devices.transports import Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ConfigError, DataError, DeviceTimeout, ProtocolViolation
@@ -21,13 +22,6 @@ from lab.geometry import quat_conjugate, quat_from_yaw_pitch_deg, quat_multiply,
 COMMAND_PORT, DATA_PORT, GROUP = 1510, 1511, "239.255.42.99"
 KEEP_ALIVE_EVERY_NS = NS_PER_S
 ASK_AGAIN_NS = NS_PER_S // 4
-MAKE = Make(
-    driver="natnet",
-    vendor="OptiTrack",
-    model="Motive",
-    remedy="in Motive's streaming settings switch streaming on, with rigid bodies or skeletons "
-    "and y up, choose this network, and let UDP 1510 and 1511 through the firewall",
-)
 
 MOTIVE_BONES: Mapping[str, str] = {
     "Hip": "hips",
@@ -87,7 +81,7 @@ class NatNet(BodyDevice):
             role,
             transport,
             clock,
-            MAKE,
+            NATNET,
             segments=tuple(self._names.values()),
             rate_hz=rate_hz,
             lost_after_s=lost_after_s,
@@ -111,7 +105,7 @@ class NatNet(BodyDevice):
 
     def _known_server(self) -> codec.Server:
         if self._server is None:
-            raise DeviceTimeout("Motive did not say who it is", remedy=MAKE.remedy)
+            raise DeviceTimeout("Motive did not say who it is", remedy=NATNET.remedy)
         return self._server
 
     def _ask(
@@ -120,7 +114,7 @@ class NatNet(BodyDevice):
         while not is_there():
             now_ns = self._clock.now_ns()
             if now_ns >= deadline_ns:
-                raise DeviceTimeout("Motive did not answer in time", remedy=MAKE.remedy)
+                raise DeviceTimeout("Motive did not answer in time", remedy=NATNET.remedy)
             self._transport.post((codec.encode(message, payload),))
             until_ns = min(now_ns + ASK_AGAIN_NS, deadline_ns)
             while not is_there() and (left_ns := until_ns - self._clock.now_ns()) > 0:

@@ -13,23 +13,13 @@ from typing import Any
 
 from devices.contracts import ClockPair, DeviceState, Fault, Health
 from devices.drivers.neon import codec
-from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.neon.spec import NEON
+from devices.drivers.streaming.gaze_device import GazeDevice
 from devices.drivers.streaming.gaze_rays import Sample
 from devices.transports import Frames, Message, MessageTransport
 from lab.clock import NS_PER_MS, Clock
 from lab.errors import DeviceError, DeviceNotFound
 
-REMEDY = (
-    "start the Neon Companion app, put phone and computer into one network, and check the "
-    "address and the ports 8080 and 8086"
-)
-NEON = Make(
-    driver="neon",
-    vendor="Pupil Labs",
-    model="Neon",
-    remedy=REMEDY,
-    capabilities=frozenset({"gaze", "per_eye", "pupil", "head_frame", "annotation"}),
-)
 ECHO = struct.Struct("!Q")
 HALF_MS_NS = NS_PER_MS // 2
 NEWER_APP = "update Visavis; until then choose fewer gaze data in the Companion app"
@@ -105,7 +95,7 @@ class Neon(GazeDevice):
             self._take_echo(exchange.frames, exchange.t_send_ns, exchange.t_receive_ns)
         if not self._exchanges.pairs and self._opening_exchanges:
             raise DeviceError(
-                "the phone did not answer a time echo", role=self.info.role, remedy=REMEDY
+                "the phone did not answer a time echo", role=self.info.role, remedy=NEON.remedy
             )
 
     def _resume(self) -> None:

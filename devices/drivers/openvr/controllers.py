@@ -13,13 +13,13 @@ from devices.contracts import (
     POINTER,
     RESPONSES,
     ClockPair,
-    DeviceInfo,
     DeviceState,
     Fault,
     Health,
     Sink,
 )
 from devices.drivers.openvr import codec
+from devices.drivers.openvr.spec import OPENVR_CONTROLLERS
 from devices.drivers.runtimes.controller_rows import Change, Levels, Ray, ray_batch, response_batch
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
@@ -78,17 +78,7 @@ class OpenVrControllers:
         self._batteries: dict[str, float] = {}
         self._retry_ns = 0
         self._seq = 0
-        self.info = DeviceInfo(
-            role=role,
-            driver="openvr_controllers",
-            driver_version="1",
-            vendor="",
-            model="OpenVR controllers",
-            serial="",
-            transport=transport.kind,
-            is_simulated=transport.is_simulated,
-            capabilities=frozenset({"responses", "haptics"}),
-        )
+        self.info = OPENVR_CONTROLLERS.info(role, transport)
 
     @property
     def state(self) -> DeviceState:

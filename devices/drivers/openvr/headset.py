@@ -21,7 +21,6 @@ from devices.contracts import (
     FRAME_TIMING,
     HEAD,
     ClockPair,
-    DeviceInfo,
     DeviceState,
     Fault,
     Health,
@@ -30,6 +29,7 @@ from devices.contracts import (
 from devices.drivers.openvr import codec
 from devices.drivers.openvr.display import BaseStations, read_display, timing_row
 from devices.drivers.openvr.findings import COMPOSITOR_REMEDIES, FOCUS_LOST, REMEDY, Findings
+from devices.drivers.openvr.spec import OPENVR_HEADSET
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import Exchange, MessageTransport
@@ -75,17 +75,7 @@ class OpenVrHeadset:
         self._bases = BaseStations()
         self._base_due_ns = 0
         self._last_poses = codec.decode_poses(b"")
-        self.info = DeviceInfo(
-            role=role,
-            driver="openvr_headset",
-            driver_version="1",
-            vendor="",
-            model="OpenVR headset",
-            serial="",
-            transport=transport.kind,
-            is_simulated=transport.is_simulated,
-            capabilities=frozenset({"head", "frame_timing", "display"}),
-        )
+        self.info = OPENVR_HEADSET.info(role, transport)
         self._reset()
 
     @property

@@ -11,18 +11,13 @@ import msgpack
 import numpy as np
 
 from devices.drivers.openvr import codec
-from devices.drivers.streaming.body_device import BodyDevice, BodySample, Make
+from devices.drivers.openvr.spec import OPENVR_TRACKERS
+from devices.drivers.streaming.body_device import BodyDevice, BodySample
 from devices.transports import Exchange, Frames, Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ConfigError, DeviceError, ProtocolViolation
 from lab.geometry import Pose, quat_conjugate, quat_multiply, rotate
 
-MAKE = Make(
-    driver="openvr_trackers",
-    vendor="",
-    model="OpenVR trackers",
-    remedy="switch the trackers on, let the base stations see them, and look at SteamVR",
-)
 LEARN_EVERY_NS = 5 * NS_PER_S
 NOWHERE = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
@@ -60,7 +55,7 @@ class OpenVrTrackers(BodyDevice):
             role,
             PolledPoses(transport, clock, rate_hz),
             clock,
-            MAKE,
+            OPENVR_TRACKERS,
             segments=tuple(self._worn.values()),
             rate_hz=rate_hz,
             lost_after_s=lost_after_s,
@@ -80,7 +75,7 @@ class OpenVrTrackers(BodyDevice):
         self._learn_ns = self._clock.now_ns() + LEARN_EVERY_NS
         frames = self._transport.request((b"devices",), 1.0).frames
         if frames[0] or len(frames) < 2:
-            raise ProtocolViolation("the runtime lists no devices", remedy=MAKE.remedy)
+            raise ProtocolViolation("the runtime lists no devices", remedy=OPENVR_TRACKERS.remedy)
         slots = {row[3]: row[0] for row in msgpack.unpackb(frames[1])}
         self._slot_of = {serial: slots[serial] for serial in self._worn if serial in slots}
         self._notes.pop("missing", None)
@@ -88,7 +83,7 @@ class OpenVrTrackers(BodyDevice):
         if missing:
             others = ", ".join(sorted(set(slots) - set(self._worn))) or "nothing else"
             text = f"trackers not there: {', '.join(missing)}; the runtime has {others}"
-            self._note("missing", text, MAKE.remedy)
+            self._note("missing", text, OPENVR_TRACKERS.remedy)
 
     def _decode(self, message: Message) -> Iterable[BodySample]:
         kind, error, *rest = message.frames

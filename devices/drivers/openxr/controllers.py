@@ -14,7 +14,6 @@ from devices.contracts import (
     POINTER,
     RESPONSES,
     ClockPair,
-    DeviceInfo,
     DeviceState,
     Fault,
     Health,
@@ -23,6 +22,7 @@ from devices.contracts import (
 from devices.drivers.openvr.trackers import PolledPoses
 from devices.drivers.openxr.actions import BUTTON_STATES, BUTTONS, HAND, HANDS
 from devices.drivers.openxr.packing import INSTANT
+from devices.drivers.openxr.spec import OPENXR_CONTROLLERS
 from devices.drivers.runtimes.controller_rows import Change, Levels, Ray, ray_batch, response_batch
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
@@ -76,17 +76,7 @@ class OpenXrControllers:
         self._is_there = (False, False)
         self._seqs = [0, 0]
         self._last_ns = self._retry_ns = 0
-        self.info = DeviceInfo(
-            role=role,
-            driver="openxr_controllers",
-            driver_version="1",
-            vendor="",
-            model="OpenXR controllers",
-            serial="",
-            transport=transport.kind,
-            is_simulated=transport.is_simulated,
-            capabilities=frozenset({"responses", "pointer", "haptics"}),
-        )
+        self.info = OPENXR_CONTROLLERS.info(role, transport)
 
     @property
     def state(self) -> DeviceState:

@@ -14,7 +14,8 @@ import msgpack
 from devices.contracts import ClockPair
 from devices.drivers.openvr.trackers import PolledPoses
 from devices.drivers.openxr.packing import LOCATED
-from devices.drivers.streaming.gaze_device import GazeDevice, Make
+from devices.drivers.openxr.spec import OPENXR_GAZE
+from devices.drivers.streaming.gaze_device import GazeDevice
 from devices.drivers.streaming.gaze_rays import LOST, NAN, NO_EYE, Sample, gaze_row
 from devices.transports import Message, MessageTransport
 from lab.clock import Clock
@@ -22,14 +23,6 @@ from lab.errors import DeviceNotFound
 
 ORIENTATION_VALID, POSITION_VALID = 1, 2
 ORIENTATION_TRACKED = 4
-MAKE = Make(
-    driver="openxr_gaze",
-    vendor="",
-    model="OpenXR eye gaze",
-    remedy="make the headset vendor's OpenXR runtime the active one, switch eye tracking on and "
-    "allow it there, and calibrate in the vendor's program",
-    capabilities=frozenset({"gaze", "may_be_smoothed"}),
-)
 
 
 class OpenXrGaze(GazeDevice):
@@ -45,7 +38,9 @@ class OpenXrGaze(GazeDevice):
         lost_after_s: float = 2.0,
     ) -> None:
         polled = PolledPoses(transport, clock, rate_hz, ask=b"gaze")
-        super().__init__(role, polled, clock, MAKE, rate_hz=rate_hz, lost_after_s=lost_after_s)
+        super().__init__(
+            role, polled, clock, OPENXR_GAZE, rate_hz=rate_hz, lost_after_s=lost_after_s
+        )
         self._last_sample: int | None = None
 
     def _connect(self, deadline_ns: int) -> None:
@@ -53,7 +48,7 @@ class OpenXrGaze(GazeDevice):
         name, offers_gaze = msgpack.unpackb(frames[1]) if len(frames) > 1 else ("", False)
         if not offers_gaze:
             raise DeviceNotFound(
-                f"the OpenXR runtime {name!r} offers no eye gaze", remedy=MAKE.remedy
+                f"the OpenXR runtime {name!r} offers no eye gaze", remedy=OPENXR_GAZE.remedy
             )
         self._last_sample = None
         self.info = replace(

@@ -21,7 +21,6 @@ from devices.contracts import (
     FRAME_TIMING,
     HEAD,
     ClockPair,
-    DeviceInfo,
     DeviceState,
     Fault,
     Health,
@@ -29,6 +28,7 @@ from devices.contracts import (
 )
 from devices.drivers.openxr.graphics import packed_images
 from devices.drivers.openxr.packing import FRAME
+from devices.drivers.openxr.spec import OPENXR_HEADSET
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.transports import MessageTransport
@@ -67,17 +67,7 @@ class OpenXrHeadset:
         self._retry_ns = 0
         self._lost = self._refused = ""
         self._shows_images = self._unfocused = False
-        self.info = DeviceInfo(
-            role=role,
-            driver="openxr_headset",
-            driver_version="1",
-            vendor="",
-            model="OpenXR headset",
-            serial="",
-            transport=transport.kind,
-            is_simulated=transport.is_simulated,
-            capabilities=frozenset({"head"}),
-        )
+        self.info = OPENXR_HEADSET.info(role, transport)
         self._reset()
 
     @property

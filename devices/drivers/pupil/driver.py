@@ -15,7 +15,6 @@ from devices.contracts import (
     GAZE,
     CalibrationOutcome,
     ClockPair,
-    DeviceInfo,
     DeviceState,
     Fault,
     Health,
@@ -26,6 +25,7 @@ from devices.drivers.pupil.answers import ROW_BYTES, check_version, eyes_seen, r
 from devices.drivers.pupil.calibration import HmdCalibration
 from devices.drivers.pupil.findings import Findings, SeenEyes, describe
 from devices.drivers.pupil.layout import GazeDecoder
+from devices.drivers.pupil.spec import PUPIL_CORE, REMEDY
 from devices.drivers.streaming.exchange_log import ExchangeLog
 from devices.drivers.streaming.wire_thread import WireThread
 from devices.lifecycle import Lifecycle
@@ -43,10 +43,6 @@ from lab.errors import (
 from lab.geometry import Vector
 from lab.schema import SampleBatch, StreamSchema
 
-REMEDY = (
-    "start Pupil Capture, enable the plug-in Pupil Remote on port 50020, and check address and "
-    "firewall"
-)
 TOPICS = (codec.GAZE_TOPIC, codec.NOTIFY_TOPIC)
 RECONNECT_WINDOW_NS = 250 * NS_PER_MS
 POSTS_BEFORE_LOST = 3
@@ -91,17 +87,7 @@ class PupilCore:
         self._offset_of: tuple[int, int] | None = None
         self._wire = WireThread(role, remedy=REMEDY, timeout_s=2 * COMMAND_TIMEOUT_S)
         self._attempt_ends_ns: int | None = None
-        self.info = DeviceInfo(
-            role=role,
-            driver="pupil_core",
-            driver_version="1",
-            vendor="Pupil Labs",
-            model="Core",
-            serial="",
-            transport=transport.kind,
-            is_simulated=transport.is_simulated,
-            capabilities=frozenset({"gaze", "calibration", "annotation"}),
-        )
+        self.info = PUPIL_CORE.info(role, transport)
         self._reset(clock.now_ns())
 
     @property
@@ -334,7 +320,9 @@ class PupilCore:
             self._life.state = DeviceState.FAULT
             quiet_s = (now_ns - self._heard_ns) / NS_PER_S
             raise DeviceDisconnected(
-                f"neither data nor answers for {quiet_s:.1f} s", role=self.info.role, remedy=REMEDY
+                f"neither data nor answers for {quiet_s:.1f} s",
+                role=self.info.role,
+                remedy=REMEDY,
             )
         self._next_exchange_ns = now_ns + self._interval_ns
         self._posts_unheard += 1
@@ -412,7 +400,9 @@ class PupilCore:
             answer = self._transport.request(frames, COMMAND_TIMEOUT_S).frames[0]
             if answer.startswith(b"Unknown"):
                 raise ProtocolViolation(
-                    f"refused {subject!r}: {answer[:80]!r}", role=self.info.role, remedy=REMEDY
+                    f"refused {subject!r}: {answer[:80]!r}",
+                    role=self.info.role,
+                    remedy=REMEDY,
                 )
 
         self._wire.do(send)

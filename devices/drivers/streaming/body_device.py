@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from devices.contracts import (
     ClockPair,
-    DeviceInfo,
     DeviceState,
     Fault,
     Health,
@@ -25,6 +24,7 @@ from devices.drivers.streaming.one_way_clock import OneWayClock
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.segment_watch import SegmentWatch
+from devices.spec import AnySpec
 from devices.transports import Message, MessageTransport
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceError
@@ -38,16 +38,6 @@ ATTEMPT_EVERY_NS = 500 * NS_PER_MS
 ATTEMPT_S = 0.4
 RESTART_AFTER_S = 10.0
 """A counter further off than this much of the stream is a stream that began anew."""
-
-
-@dataclass(frozen=True)
-class Make:
-    """What is known of a tracker before it is open; `remedy` is said when it is not there."""
-
-    driver: str
-    vendor: str
-    model: str
-    remedy: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +66,7 @@ class BodyDevice(ABC):
         role: str,
         transport: MessageTransport,
         clock: Clock,
-        make: Make,
+        spec: AnySpec,
         *,
         segments: Sequence[str],
         rate_hz: float,
@@ -84,24 +74,14 @@ class BodyDevice(ABC):
     ) -> None:
         self._transport = transport
         self._clock = clock
-        self._make = make
+        self._spec = spec
         self._life = Lifecycle(role)
         self.segments = tuple(segments)
         self._schema = body_schema(self.segments, rate_hz)
         self._lost_after_ns = round(lost_after_s * NS_PER_S)
         self._sink: Sink | None = None
         self._notes: dict[str, Fault] = {}
-        self.info = DeviceInfo(
-            role=role,
-            driver=make.driver,
-            driver_version="1",
-            vendor=make.vendor,
-            model=make.model,
-            serial="",
-            transport=transport.kind,
-            is_simulated=transport.is_simulated,
-            capabilities=frozenset({"body"}),
-        )
+        self.info = spec.info(role, transport)
         self._reset(clock.now_ns())
 
     # ---- what a driver adds -----------------------------------------------------------------
@@ -148,7 +128,7 @@ class BodyDevice(ABC):
             if problem.role:
                 raise
             message = str(problem).removesuffix(f"; {problem.remedy}")
-            remedy = problem.remedy or self._make.remedy
+            remedy = problem.remedy or self._spec.remedy
             raise type(problem)(message, role=self.info.role, remedy=remedy) from problem
         self._life.state = DeviceState.OPEN
 
@@ -176,7 +156,7 @@ class BodyDevice(ABC):
             self._life.state = DeviceState.FAULT
             quiet_s = (now_ns - self._heard_ns) / NS_PER_S
             raise DeviceDisconnected(
-                f"nothing came for {quiet_s:.1f} s", role=self.info.role, remedy=self._make.remedy
+                f"nothing came for {quiet_s:.1f} s", role=self.info.role, remedy=self._spec.remedy
             )
         self._tick(now_ns)
         return delivered
@@ -321,7 +301,7 @@ class BodyDevice(ABC):
                 self._resume()
             except DeviceError as problem:
                 self._transport.close()
-                self._note("reconnect", f"still away: {problem}", self._make.remedy)
+                self._note("reconnect", f"still away: {problem}", self._spec.remedy)
                 return 0
         messages = self._transport.receive(timeout_s)
         if not messages:

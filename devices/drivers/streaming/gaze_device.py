@@ -6,7 +6,7 @@ wires are `devices.transports.MessageTransport`s, so each can be teed to a `.wir
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from devices.contracts import (
     GAZE,
     CalibrationOutcome,
     ClockPair,
-    DeviceInfo,
     DeviceState,
     Fault,
     Health,
@@ -29,6 +28,7 @@ from devices.drivers.streaming.sample_numbers import SampleNumbers
 from devices.drivers.streaming.wire_thread import WireThread
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
+from devices.spec import AnySpec
 from devices.transports import Exchange, Frames, Message, MessageTransport
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.clock_fit import fit_clock, offset_ns
@@ -41,17 +41,6 @@ ATTEMPT_S = 0.4
 COMMAND_TIMEOUT_S = 2.0
 RECENT_BATCHES = 90
 EVERYTHING = (b"",)
-
-
-@dataclass(frozen=True)
-class Make:
-    """What is known of a tracker before it is open; `remedy` is said when it is not there."""
-
-    driver: str
-    vendor: str
-    model: str
-    remedy: str
-    capabilities: frozenset[str]
 
 
 class GazeDevice(ABC):
@@ -67,7 +56,7 @@ class GazeDevice(ABC):
         role: str,
         transport: MessageTransport,
         clock: Clock,
-        make: Make,
+        spec: AnySpec,
         *,
         rate_hz: float,
         lost_after_s: float = 2.0,
@@ -75,7 +64,7 @@ class GazeDevice(ABC):
     ) -> None:
         self._transport = transport
         self._clock = clock
-        self._make = make
+        self._spec = spec
         self._life = Lifecycle(role)
         self._schema = StreamSchema(GAZE.name, GAZE.fields, rate_hz, GAZE.version)
         self._lost_after_ns = round(lost_after_s * NS_PER_S)
@@ -86,20 +75,10 @@ class GazeDevice(ABC):
         self._counts = Counts()
         self._calibration: CalibrationOutcome | None = None
         self._exchanges = ExchangeLog()
-        self._wire = WireThread(role, remedy=make.remedy, timeout_s=COMMAND_TIMEOUT_S)
+        self._wire = WireThread(role, remedy=spec.remedy, timeout_s=COMMAND_TIMEOUT_S)
         self._asked_ns: int | None = None
         self._next_exchange_ns = self._heard_ns = self._attempt_ns = 0
-        self.info = DeviceInfo(
-            role=role,
-            driver=make.driver,
-            driver_version="1",
-            vendor=make.vendor,
-            model=make.model,
-            serial="",
-            transport=transport.kind,
-            is_simulated=transport.is_simulated,
-            capabilities=make.capabilities,
-        )
+        self.info = spec.info(role, transport)
         self._reset(clock.now_ns())
 
     # ---- what a driver adds -----------------------------------------------------------------
@@ -148,7 +127,7 @@ class GazeDevice(ABC):
             self._connect(deadline_ns)
         except DeviceError as problem:
             self._transport.close()
-            raise named(problem, self.info.role, self._make.remedy) from problem
+            raise named(problem, self.info.role, self._spec.remedy) from problem
         self._life.state = DeviceState.OPEN
 
     def describe(self) -> tuple[StreamSchema, ...]:
@@ -175,14 +154,14 @@ class GazeDevice(ABC):
             messages = self._transport.receive(timeout_s)
         except DeviceDisconnected as gone:
             self._lose()
-            raise named(gone, self.info.role, self._make.remedy) from gone
+            raise named(gone, self.info.role, self._spec.remedy) from gone
         delivered = self._take(messages) if messages else 0
         now_ns = self._clock.now_ns()
         if now_ns - self._heard_ns > self._lost_after_ns:
             self._lose()
             quiet_s = (now_ns - self._heard_ns) / NS_PER_S
             raise DeviceDisconnected(
-                f"nothing came for {quiet_s:.1f} s", role=self.info.role, remedy=self._make.remedy
+                f"nothing came for {quiet_s:.1f} s", role=self.info.role, remedy=self._spec.remedy
             )
         if self._interval_ns is not None and now_ns >= self._next_exchange_ns:
             self._next_exchange_ns = now_ns + self._interval_ns
@@ -230,7 +209,7 @@ class GazeDevice(ABC):
                 lost=self._numbers.lost,
                 jumps_ms=self._one_way.jumps_ms if one_way else self._counts.clock_jumps_ms,
                 unanswered_s=waited_ns / NS_PER_S,
-                remedy=self._make.remedy,
+                remedy=self._spec.remedy,
             ),
             *eye_faults(self.info.role, self._recent),
         )
@@ -269,7 +248,7 @@ class GazeDevice(ABC):
             return self._transport.request(frames, left_s)
         except DeviceTimeout as cause:
             raise DeviceTimeout(
-                "nobody answered in time", role=self.info.role, remedy=self._make.remedy
+                "nobody answered in time", role=self.info.role, remedy=self._spec.remedy
             ) from cause
 
     def _add_pair(self, pair: ClockPair) -> None:
@@ -305,7 +284,7 @@ class GazeDevice(ABC):
             now_ns = self._clock.now_ns()
             if now_ns >= deadline_ns:
                 raise DeviceTimeout(
-                    f"no {what} in time", role=self.info.role, remedy=self._make.remedy
+                    f"no {what} in time", role=self.info.role, remedy=self._spec.remedy
                 )
             if self._wire.is_elsewhere:
                 self._clock.sleep_until_ns(now_ns + 5 * NS_PER_MS)

@@ -7,20 +7,14 @@ the arrivals. MVN's z-up world becomes ours; where its x axis points is where âˆ
 
 from collections.abc import Iterable
 
-from devices.drivers.streaming.body_device import BodyDevice, BodySample, Make
+from devices.drivers.streaming.body_device import BodyDevice, BodySample
 from devices.drivers.xsens import codec
+from devices.drivers.xsens.spec import XSENS
 from devices.transports import Message, MessageTransport
 from lab.clock import NS_PER_MS, Clock
 from lab.errors import DeviceTimeout
 
 DEFAULT_PORT = 9763
-MAKE = Make(
-    driver="xsens",
-    vendor="Movella",
-    model="Xsens MVN",
-    remedy="in MVN's network streamer add this computer and port, choose Position + Orientation "
-    "(Quaternion), and let UDP through the firewall",
-)
 
 
 class XsensMvn(BodyDevice):
@@ -42,7 +36,7 @@ class XsensMvn(BodyDevice):
             role,
             transport,
             clock,
-            MAKE,
+            XSENS,
             segments=codec.SEGMENTS,
             rate_hz=rate_hz,
             lost_after_s=lost_after_s,
@@ -60,7 +54,7 @@ class XsensMvn(BodyDevice):
                 if found is not None:
                     others.add(found)
         heard = f"only types {', '.join(sorted(others))}" if others else "nothing"
-        raise DeviceTimeout(f"heard {heard} from MVN in time", remedy=MAKE.remedy)
+        raise DeviceTimeout(f"heard {heard} from MVN in time", remedy=XSENS.remedy)
 
     def _decode(self, message: Message) -> Iterable[BodySample]:
         datagram = codec.decode_datagram(message.frames[0])

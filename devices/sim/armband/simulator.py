@@ -8,17 +8,14 @@ modelled: skin and strap, motor spread, magnetic coupling, radio collisions.
 import math
 import zlib
 from collections import deque
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from devices.byte_links import ByteLink, Chunk, MemoryLink
+from devices.byte_links import Chunk
 from devices.contracts import MovingBody
-from devices.drivers.armband.dialect import FramedDialect
-from devices.drivers.armband.driver import ArmbandDriver
+from devices.faults import FaultSchedule
 from devices.sim.armband.firmware import HIGHEST_DUTY, ArmbandFirmware, Surroundings
-from devices.sim.faults import FaultSchedule
 from devices.sim.wire_noise import WireNoise
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound
@@ -228,24 +225,3 @@ class ArmbandSimulator:
 def serial_of(role: str) -> str:
     """Return the serial number of the simulated band worn as `role`: every band has its own."""
     return f"SIM{zlib.crc32(role.encode()) % 100_000:05d}"
-
-
-def simulated_armband(
-    role: str,
-    clock: Clock,
-    *,
-    max_rate_hz: float = 150.0,
-    wrap: Callable[[ByteLink], ByteLink] | None = None,
-    **simulator: Any,
-) -> ArmbandDriver:
-    """Return our driver on a simulated band; `simulator` goes to `ArmbandSimulator`.
-
-    `wrap` puts something on the link, such as a log.
-    """
-    peer = ArmbandSimulator(role, clock, **simulator)
-    link: ByteLink = MemoryLink(peer, clock)
-    if wrap is not None:
-        link = wrap(link)
-    return ArmbandDriver(
-        role, link, FramedDialect(), clock, driver="simulated_armband", max_rate_hz=max_rate_hz
-    )

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from devices.byte_links import Chunk
 from devices.contracts import MovingBody
-from devices.sim.faults import FaultSchedule, WireFault
+from devices.faults import FaultSchedule, WireFault
 from devices.sim.wire_noise import WireNoise
 from lab.clock import NS_PER_MS, Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound

@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from devices.contracts import (
     ClockPair,
-    DeviceInfo,
     DeviceState,
     Fault,
     Health,
@@ -22,10 +21,11 @@ from devices.contracts import (
     Sink,
     body_schema,
 )
+from devices.faults import FaultSchedule
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.segment_watch import SegmentWatch
-from devices.sim.faults import FaultSchedule
+from devices.sim.body.spec import SIMULATED_BODY
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceDisconnected
 from lab.schema import SampleBatch, StreamSchema, empty_values
@@ -84,17 +84,7 @@ class SimulatedBodyTracker:
         self._watch = SegmentWatch(self.segments)
         self._looked_ns = -1
         self._last = empty_values(self._schema, 1)
-        self.info = DeviceInfo(
-            role=role,
-            driver="simulated_body",
-            driver_version="1",
-            vendor="Visavis",
-            model="simulated body tracker",
-            serial="simulated",
-            transport="none",
-            is_simulated=True,
-            capabilities=frozenset({"body"}),
-        )
+        self.info = SIMULATED_BODY.info(role, None)
 
     @property
     def state(self) -> DeviceState:

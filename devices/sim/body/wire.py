@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import MovingBody
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from devices.sim.wire_noise import WireNoise
 from devices.transports import Frames, Message
 from lab.clock import NS_PER_MS, NS_PER_S, Clock

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import Body
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from devices.sim.gaze.tracker_error import (
     N_SLOW,
     N_WHITE,

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from devices.contracts import MovingBody, body_schema
+from devices.faults import FaultSchedule
 from devices.sim.body.wire import BodyWire
-from devices.sim.faults import FaultSchedule
 from lab.clock import NS_PER_S, Clock
 from lab.geometry import Vector
 from lab.xdf_channels import describe

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 from devices.contracts import GAZE, Body
 from devices.drivers.streaming.gaze_rays import Screen
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
 from devices.sim.gaze.tracker_error import TrackerErrorModel
 from devices.transports import Frames

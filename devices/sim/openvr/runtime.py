@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from devices.contracts import Body
 from devices.drivers.openvr.library import OpenVrLibrary
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from devices.sim.image_reader import ImageReader
 from devices.sim.native_build import build_library
 from devices.sim.openvr.events import button_of, packed_event

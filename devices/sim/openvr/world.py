@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from devices.contracts import Body, MovingBody
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from lab.geometry import rotate
 
 HMD, CONTROLLER, TRACKER, BASE_STATION = 1, 2, 3, 4

@@ -26,7 +26,7 @@ from devices.contracts import Body
 from devices.drivers.openxr.graphics import EGL, OPENGL
 from devices.drivers.openxr.library import EYE_GAZE, HEADLESS, OpenXrLibrary
 from devices.drivers.openxr.runtime_time import FROM_COUNTER, TIMESPEC
-from devices.sim.faults import FaultSchedule
+from devices.faults import FaultSchedule
 from devices.sim.native_build import build_library
 from devices.sim.openxr.hands import SimulatedHands
 from devices.sim.openxr.images import CALL_ORDER_INVALID, SimulatedImages

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import Body
-from devices.sim.faults import FaultSchedule, WireFault
+from devices.faults import FaultSchedule, WireFault
 from devices.sim.gaze.calibration import CalibrationJudge
 from devices.sim.gaze.tracker_error import (
     N_SLOW,

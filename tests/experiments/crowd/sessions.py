@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from cli.perform import Request, perform_new, simulated_request
-from devices.option_models import OPTION_MODELS
+from devices.registry import OPTION_MODELS
 from lab.config import LabConfig, load_config
 from lab.config_files import EXAMPLE
 from recording.reader import Recording

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cli.perform import perform_new, simulated_request
-from devices.option_models import OPTION_MODELS
+from devices.registry import OPTION_MODELS
 from experiments.waving.analysis import effects_of
 from experiments.waving.design import WavingParameters
 from experiments.waving.intake import take_in

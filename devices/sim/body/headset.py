@@ -18,15 +18,15 @@ from devices.contracts import (
     HEAD,
     Body,
     ClockPair,
-    DeviceInfo,
     DeviceState,
     Fault,
     Health,
     Sink,
 )
+from devices.faults import FaultSchedule
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
-from devices.sim.faults import FaultSchedule
+from devices.sim.body.spec import SIMULATED_HEADSET
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ConfigError
 from lab.frame import FrameInfo
@@ -76,16 +76,7 @@ class SimulatedHeadset:
         self._schema = replace(HEAD, nominal_rate_hz=self.display_rate_hz)
         self._timing_schema = replace(FRAME_TIMING, nominal_rate_hz=self.display_rate_hz)
         self._timing_held = round(self.display_rate_hz) if clock.is_virtual else 1
-        self.info = DeviceInfo(
-            role=role,
-            driver="simulated_headset",
-            driver_version="1",
-            vendor="Visavis",
-            model="simulated headset",
-            serial="simulated",
-            transport="none",
-            is_simulated=True,
-        )
+        self.info = SIMULATED_HEADSET.info(role, None)
         self._meter = StreamMeter(self.display_rate_hz)
         self._pending: deque[SampleBatch] = deque()
         self._ready = threading.Event()

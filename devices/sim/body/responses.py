@@ -11,7 +11,6 @@ from devices.contracts import (
     RESPONSES,
     Body,
     ClockPair,
-    DeviceInfo,
     DeviceState,
     Fault,
     Health,
@@ -19,6 +18,7 @@ from devices.contracts import (
 )
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
+from devices.sim.body.spec import SIMULATED_RESPONSES
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ProtocolViolation
 from lab.schema import SampleBatch, StreamSchema
@@ -44,16 +44,7 @@ class SimulatedResponses:
         self._meter = StreamMeter(RESPONSES.nominal_rate_hz)
         self._sink: Sink | None = None
         self._seq = 0
-        self.info = DeviceInfo(
-            role=role,
-            driver="simulated_responses",
-            driver_version="1",
-            vendor="Visavis",
-            model="simulated responses",
-            serial="simulated",
-            transport="none",
-            is_simulated=True,
-        )
+        self.info = SIMULATED_RESPONSES.info(role, None)
 
     @property
     def state(self) -> DeviceState:

@@ -1,0 +1,84 @@
+"""Build the device of a role from its configuration, real, simulated or played back."""
+
+from contextlib import ExitStack
+from typing import Any
+from weakref import WeakKeyDictionary
+
+from devices.contracts import Body, Device
+from devices.faults import FaultSchedule
+from devices.registry import driver_spec
+from devices.spec import AnySpec, Site
+from devices.wires import BARE, Wires
+from lab.clock import Clock
+from lab.config import DeviceConfig
+from lab.errors import ConfigError, DeviceNotFound
+
+_SHARED: WeakKeyDictionary[ExitStack, dict[str, Any]] = WeakKeyDictionary()
+"""What the devices of one rig share: its runtimes and libraries, by name."""
+
+
+def build_device(
+    device: DeviceConfig,
+    clock: Clock,
+    body: Body | None,
+    seed: int,
+    stack: ExitStack,
+    wires: Wires = BARE,
+) -> Device:
+    """Build the device of one role; nothing is opened yet.
+
+    Raises:
+        ConfigError: a simulated device has no body to measure or no simulator, an option or a
+            fault is wrong.
+        DeviceNotFound: the driver needs a library that is not installed, its options name no
+            device, or it exists in simulation only.
+    """
+    role, spec = device.role, driver_spec(device.driver)
+    if device.simulated and body is None:
+        raise ConfigError(f"{role}: a simulated device needs a simulated participant")
+    given = dict(device.options)
+    if device.simulated:
+        given |= spec.understood
+    options = spec.checked_options(role, given)
+    try:
+        faults = FaultSchedule.from_config(getattr(options, "faults", ()))
+    except ConfigError as error:
+        raise ConfigError(f"devices.{role}.faults in lab_config.yaml: {error}") from error
+    shared = _SHARED.setdefault(stack, {})
+    site = Site(spec, role, clock, options, body, faults, seed, shared, stack)
+    try:
+        return spec.make(site, _wire(spec, site, wires, is_simulated=device.simulated))
+    except DeviceNotFound as problem:
+        message = str(problem).removesuffix(f"; {problem.remedy}")
+        raise DeviceNotFound(message, role=role, remedy=problem.remedy) from problem
+    except ImportError as cause:
+        raise _missing(spec, cause) from cause
+
+
+def _wire(spec: AnySpec, site: Site[Any], wires: Wires, *, is_simulated: bool) -> Any:
+    maker = spec.simulated if is_simulated else spec.real
+    if maker is None and is_simulated:
+        raise ConfigError(
+            f"devices.{site.role}: driver {spec.name!r} has no simulator; set `simulated: false`"
+        )
+    if maker is None:
+        raise DeviceNotFound(
+            f"{spec.name} has no real counterpart",
+            remedy="set `simulated: true`, name a real device's driver, or leave the role out",
+        )
+    if spec.carries == "nothing":
+        return maker(site)
+    if spec.carries == "bytes":
+        return wires.link(site.role, lambda: maker(site))
+    return wires.messages(site.role, lambda: maker(site))
+
+
+def _missing(spec: AnySpec, cause: ImportError) -> Exception:
+    library = (cause.name or "").partition(".")[0]
+    if not library:
+        return ConfigError(f"driver {spec.name!r} cannot be imported: {cause}")
+    install = spec.library.install if spec.library else f"pip install {library}"
+    return DeviceNotFound(
+        f"driver {spec.name!r} needs the library {library!r}, which is not installed",
+        remedy=f"run: {install}",
+    )

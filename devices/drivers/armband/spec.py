@@ -1,0 +1,147 @@
+"""Our armband on a cable, over Bluetooth, and in simulation alone."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field, model_validator
+
+from devices.drivers.links.options import BandOptions, BleBandOptions, SerialBandOptions
+from devices.libraries import BLE, SERIAL
+from devices.options import SimulatedOptions
+from devices.spec import AnySpec, DriverSpec, Site
+
+if TYPE_CHECKING:
+    from devices.byte_links import ByteLink
+    from devices.drivers.armband.driver import ArmbandDriver
+
+BAUD = 38_400
+
+
+class SerialArmbandOptions(SerialBandOptions):
+    """Options of `serial_armband`: a port by name, or by what is plugged in."""
+
+    baud: int = Field(default=BAUD, ge=1200, le=3_000_000)
+    max_rate_hz: float = Field(default=150.0, ge=1, le=1000)
+
+
+class BleArmbandOptions(BleBandOptions):
+    """Options of `ble_armband`: our own protocol over Bluetooth LE."""
+
+
+class SppArmbandOptions(BandOptions):
+    """Options of `spp_armband`: our own protocol over Bluetooth classic's serial port."""
+
+    port: str = ""
+    address: str = Field(default="", pattern=r"^([0-9A-Fa-f]{2}(:[0-9A-Fa-f]{2}){5})?$")
+    channel: int = Field(default=1, ge=1, le=30)
+
+    @model_validator(mode="after")
+    def _has_a_way(self) -> "SppArmbandOptions":
+        if bool(self.port) == bool(self.address):
+            raise ValueError("give either port (the paired serial port) or address")
+        return self
+
+
+class SimulatedArmbandOptions(SimulatedOptions):
+    """Options of `simulated_armband`; the link's delays, the band's clock and motors."""
+
+    seed: int = Field(default=0, ge=0)
+    latency_ms: float = Field(default=1.0, ge=0, le=1000)
+    jitter_ms: float = Field(default=0.5, ge=0, le=1000)
+    rise_ms: float = Field(default=30.0, ge=0, le=1000)
+    max_rate_hz: float = Field(default=150.0, ge=1, le=1000)
+    drift_ppm: float = Field(
+        default=0.0, ge=-1000, le=1000, json_schema_extra={"any_magnitude": True}
+    )
+
+
+def _serial(site: Site[SerialArmbandOptions]) -> "ByteLink":
+    return site.options.serial_link(site.clock, site.options.baud)
+
+
+def _ble(site: Site[BleArmbandOptions]) -> "ByteLink":
+    return site.options.ble_link(site.clock)
+
+
+def _spp(site: Site[SppArmbandOptions]) -> "ByteLink":
+    from devices.drivers.links.rfcomm import RfcommLink
+    from devices.drivers.links.serial_port import SerialLink
+
+    options = site.options
+    if options.port:
+        return SerialLink(site.clock, port=options.port, baud=BAUD)
+    return RfcommLink(site.clock, address=options.address, channel=options.channel)
+
+
+def _simulated(site: Site[Any]) -> "ByteLink":
+    from devices.sim.armband.simulator import ArmbandSimulator
+
+    return site.worn(ArmbandSimulator)
+
+
+def _simulated_as_told(site: Site[SimulatedArmbandOptions]) -> "ByteLink":
+    from devices.sim.armband.simulator import ArmbandSimulator
+
+    return site.worn(ArmbandSimulator, **site.options.model_dump(exclude={"faults", "max_rate_hz"}))
+
+
+def _armband(site: Site[Any], link: "ByteLink") -> "ArmbandDriver":
+    from devices.drivers.armband.dialect import FramedDialect
+    from devices.drivers.armband.driver import ArmbandDriver
+
+    rate_hz = site.options.max_rate_hz
+    return ArmbandDriver(
+        site.role, link, FramedDialect(), site.clock, spec=site.spec, max_rate_hz=rate_hz
+    )
+
+
+SERIAL_ARMBAND: AnySpec = DriverSpec(
+    name="serial_armband",
+    kind="armband",
+    options=SerialArmbandOptions,
+    make=_armband,
+    real=_serial,
+    simulated=_simulated,
+    carries="bytes",
+    vendor="Visavis",
+    model="armband",
+    wire="serial port",
+    capabilities=frozenset({"haptics", "rate", "patterns"}),
+    library=SERIAL,
+    stands_for="our armband, cable",
+    checked="the firmware's image in simavr, on a pseudo-terminal",
+    unproven="motors, skin, radio, battery under load",
+)
+BLE_ARMBAND: AnySpec = replace(
+    SERIAL_ARMBAND,
+    name="ble_armband",
+    options=BleArmbandOptions,
+    real=_ble,
+    wire="Bluetooth LE",
+    library=BLE,
+    stands_for="our armband, Bluetooth",
+    checked="genuine bleak over our BlueZ; RFCOMM of a virtual radio",
+    unproven="intervals, pairing, jitter",
+)
+SPP_ARMBAND = replace(
+    BLE_ARMBAND,
+    name="spp_armband",
+    options=SppArmbandOptions,
+    real=_spp,
+    wire="Bluetooth serial",
+    library=SERIAL,
+)
+SIMULATED_ARMBAND = replace(
+    SERIAL_ARMBAND,
+    name="simulated_armband",
+    options=SimulatedArmbandOptions,
+    real=None,
+    simulated=_simulated_as_told,
+    wire="none",
+    library=None,
+    speaks_as="serial_armband",
+    stands_for="",
+    checked="",
+    unproven="",
+)
+SPECS = (SERIAL_ARMBAND, BLE_ARMBAND, SPP_ARMBAND, SIMULATED_ARMBAND)

@@ -1,0 +1,88 @@
+"""Gazepoint: its options, its wire, its simulator."""
+
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from devices.drivers.streaming.options import (
+    SCREEN_NAMES,
+    EyeDistanceMm,
+    OffsetMm,
+    ScreenOptions,
+)
+from devices.spec import DriverSpec, Site
+
+if TYPE_CHECKING:
+    from devices.drivers.gazepoint.driver import Gazepoint
+    from devices.transports import MessageTransport
+
+REMEDY = "start Gazepoint Control, connect the tracker, and check address, port 4242 and firewall"
+
+
+class GazepointOptions(ScreenOptions):
+    """Options of `gazepoint`; the camera's place is given from the screen's centre."""
+
+    address: str = Field(default="127.0.0.1", min_length=1)
+    port: int = Field(default=4242, ge=1, le=65535)
+    rate_hz: float = Field(default=60.0, ge=1, le=2000)
+    camera_right_mm: OffsetMm = 0.0
+    camera_up_mm: OffsetMm = -180.0
+    camera_toward_mm: OffsetMm = 0.0
+    eye_distance_mm: EyeDistanceMm = 64.0
+
+    def camera_m(self) -> tuple[float, float, float]:
+        """Return the camera's place in the head frame, metres."""
+        return (
+            (self.screen_center_right_mm + self.camera_right_mm) * 1e-3,
+            (self.screen_center_up_mm + self.camera_up_mm) * 1e-3,
+            (self.camera_toward_mm - self.screen_distance_mm) * 1e-3,
+        )
+
+
+Here = Site[GazepointOptions]
+
+
+def _server(site: Here) -> "MessageTransport":
+    from devices.drivers.links.stream_socket import StreamSocket
+
+    return StreamSocket(site.options.address, site.options.port, site.clock, remedy=REMEDY)
+
+
+def _simulated_server(site: Here) -> "MessageTransport":
+    from devices.sim.gazepoint import GazepointSimulator
+
+    return site.streamed(
+        GazepointSimulator,
+        site.watched,
+        screen=site.options.screen(),
+        camera_m=site.options.camera_m(),
+    )
+
+
+def _gazepoint(site: Here, wire: "MessageTransport") -> "Gazepoint":
+    from devices.drivers.gazepoint.driver import Gazepoint
+
+    options = site.options.without("address", "port", *SCREEN_NAMES)
+    return Gazepoint(site.role, wire, site.clock, screen=site.options.screen(), **options)
+
+
+GAZEPOINT = DriverSpec(
+    name="gazepoint",
+    kind="eye tracker",
+    options=GazepointOptions,
+    make=_gazepoint,
+    real=_server,
+    simulated=_simulated_server,
+    vendor="Gazepoint",
+    model="Gazepoint",
+    wire="TCP",
+    remedy=REMEDY,
+    capabilities=frozenset(
+        {"gaze", "per_eye", "pupil", "screen_frame", "calibration", "annotation"}
+    ),
+    dials=True,
+    stands_for="Gazepoint GP3",
+    checked="TCP",
+    unproven="axes of eye positions, missing fields",
+)
+SPECS = (GAZEPOINT,)

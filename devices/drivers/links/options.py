@@ -1,0 +1,58 @@
+"""Options of armbands by the wire they hang on."""
+
+from typing import TYPE_CHECKING
+
+from pydantic import Field, model_validator
+
+from devices.options import SimulatedOptions
+
+if TYPE_CHECKING:
+    from devices.byte_links import ByteLink
+    from lab.clock import Clock
+
+
+class BandOptions(SimulatedOptions):
+    """What every armband takes: how many commands a second its wire may carry."""
+
+    max_rate_hz: float = Field(default=50.0, ge=1, le=1000)
+
+
+class SerialBandOptions(BandOptions):
+    """A port by name, or by what is plugged in."""
+
+    port: str = ""
+    vid: int | None = Field(default=None, ge=0, le=0xFFFF)
+    pid: int | None = Field(default=None, ge=0, le=0xFFFF)
+    serial_number: str = ""
+
+    def serial_link(self, clock: "Clock", baud: int) -> "ByteLink":
+        """Return the port; raises DeviceNotFound when the options name none."""
+        from devices.drivers.links.serial_port import SerialLink
+
+        return SerialLink(
+            clock,
+            port=self.port,
+            vid=self.vid,
+            pid=self.pid,
+            serial_number=self.serial_number,
+            baud=baud,
+        )
+
+
+class BleBandOptions(BandOptions):
+    """A band by its address, or by the beginning of the name it advertises."""
+
+    address: str = ""
+    name: str = ""
+
+    @model_validator(mode="after")
+    def _has_a_way(self) -> "BleBandOptions":
+        if not self.address and not self.name:
+            raise ValueError("give the band's address or the name it advertises")
+        return self
+
+    def ble_link(self, clock: "Clock", *, splits: bool = True) -> "ByteLink":
+        """Return the link; `splits` where the band takes a message in pieces."""
+        from devices.drivers.links.ble import BleLink
+
+        return BleLink(clock, address=self.address, name=self.name, splits=splits)

@@ -1,0 +1,77 @@
+"""Neon: its options, its wire, its simulator."""
+
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from devices.libraries import NEON as NEON_LIBRARY
+from devices.options import StreamOptions
+from devices.spec import DriverSpec, Site
+
+if TYPE_CHECKING:
+    from devices.drivers.neon.driver import Neon
+    from devices.transports import MessageTransport
+
+REMEDY = (
+    "start the Neon Companion app, put phone and computer into one network, and check the "
+    "address and the ports 8080 and 8086"
+)
+
+
+class NeonOptions(StreamOptions):
+    """Options of `neon`; the scene camera is a pinhole of these pixels until it is calibrated."""
+
+    address: str = Field(default="neon.local", min_length=1)
+    port: int = Field(default=8080, ge=1, le=65535)
+    rate_hz: float = Field(default=200.0, ge=1, le=2000)
+    exchange_interval_s: float = Field(default=1.0, gt=0, le=60)
+    opening_exchanges: int = Field(default=20, ge=1, le=1000)
+    focal_length_px: float = Field(default=891.0, gt=0, le=10_000)
+    center_x_px: float = Field(default=800.0, ge=0, le=10_000)
+    center_y_px: float = Field(default=600.0, ge=0, le=10_000)
+    camera_pitch_deg: float = Field(
+        default=0.0, ge=-60, le=60, json_schema_extra={"any_magnitude": True}
+    )
+
+
+Here = Site[NeonOptions]
+
+
+def _network(site: Here) -> "MessageTransport":
+    from devices.drivers.neon.network import NeonNetwork
+
+    return NeonNetwork(site.options.address, site.options.port, site.clock, remedy=REMEDY)
+
+
+def _simulated_network(site: Here) -> "MessageTransport":
+    from devices.sim.neon import NeonSimulator
+
+    return site.streamed(NeonSimulator, site.watched)
+
+
+def _neon(site: Here, wire: "MessageTransport") -> "Neon":
+    from devices.drivers.neon.driver import Neon
+
+    return Neon(site.role, wire, site.clock, **site.options.without("address", "port"))
+
+
+NEON = DriverSpec(
+    name="neon",
+    kind="eye tracker",
+    options=NeonOptions,
+    make=_neon,
+    real=_network,
+    simulated=_simulated_network,
+    vendor="Pupil Labs",
+    model="Neon",
+    wire="HTTP, RTSP",
+    remedy=REMEDY,
+    capabilities=frozenset({"gaze", "per_eye", "pupil", "head_frame", "annotation"}),
+    library=NEON_LIBRARY,
+    dials=True,
+    listens=("UDP 49152-65535",),
+    stands_for="Pupil Labs Neon",
+    checked="the vendor's client over HTTP, RTSP",
+    unproven="newer payloads, Wi-Fi load",
+)
+SPECS = (NEON,)

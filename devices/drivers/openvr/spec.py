@@ -1,0 +1,161 @@
+"""Devices of an OpenVR runtime: options, and the one connection they share."""
+
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field
+
+from devices.libraries import OPENVR
+from devices.options import SimulatedOptions, StreamOptions
+from devices.spec import DriverSpec, Site
+
+if TYPE_CHECKING:
+    from devices.drivers.openvr.controllers import OpenVrControllers
+    from devices.drivers.openvr.headset import OpenVrHeadset
+    from devices.drivers.openvr.library import OpenVrLibrary
+    from devices.drivers.openvr.trackers import OpenVrTrackers
+    from devices.sim.openvr.runtime import SimulatedVrRuntime
+    from devices.transports import MessageTransport
+
+
+class OpenVrHeadsetOptions(SimulatedOptions):
+    """Options of `openvr_headset`; the rate counts on the simulated runtime only."""
+
+    display_rate_hz: float = Field(default=90.0, ge=1, le=1000)
+
+
+class OpenVrControllersOptions(SimulatedOptions):
+    """Options of `openvr_controllers`: the study's control -> "left trigger", "any grip",
+    "right trigger axis"; `rays` records where the controllers point.
+    """
+
+    controls: dict[str, str] = Field(default_factory=dict)
+    rays: bool = True
+
+
+class OpenVrTrackersOptions(StreamOptions):
+    """Options of `openvr_trackers`: serial number -> segment."""
+
+    worn: dict[str, str] = Field(default_factory=dict)
+
+
+def _library(site: Site[Any]) -> "OpenVrLibrary":
+    """Return the rig's connection to the runtime."""
+    from devices.drivers.openvr.library import OpenVrLibrary
+
+    if "openvr" not in site.shared:
+        site.shared["openvr"] = OpenVrLibrary(site.clock, application="other")
+    library: OpenVrLibrary = site.shared["openvr"]
+    return library
+
+
+def _runtime(site: Site[Any]) -> "SimulatedVrRuntime":
+    """Return the rig's simulated runtime, started."""
+    from devices.sim.openvr.runtime import SimulatedVrRuntime
+
+    if "openvr runtime" not in site.shared:
+        rate_hz = getattr(site.options, "display_rate_hz", 90.0)
+        runtime = SimulatedVrRuntime(
+            site.watched,
+            site.clock,
+            seed=site.seed,
+            faults=site.faults,
+            display_rate_hz=rate_hz,
+        )
+        site.shared["openvr runtime"] = site.stack.enter_context(runtime)
+    shared: SimulatedVrRuntime = site.shared["openvr runtime"]
+    return shared
+
+
+def _wire(site: Site[Any]) -> "MessageTransport":
+    return _library(site).transport()
+
+
+def _simulated_wire(site: Site[Any]) -> "MessageTransport":
+    _runtime(site)
+    return _wire(site)
+
+
+def _showing_wire(site: Site[Any]) -> "MessageTransport":
+    _library(site).show_images()
+    return _wire(site)
+
+
+def _simulated_showing_wire(site: Site[Any]) -> "MessageTransport":
+    _runtime(site)
+    return _showing_wire(site)
+
+
+def _worn_wire(site: Site[OpenVrTrackersOptions]) -> "MessageTransport":
+    body = site.moving
+    assert body is not None  # noqa: S101 - said by `moving` otherwise
+    _runtime(site).wear(site.options.worn)
+    return _wire(site)
+
+
+def _headset(site: Site[OpenVrHeadsetOptions], wire: "MessageTransport") -> "OpenVrHeadset":
+    from devices.drivers.openvr.headset import OpenVrHeadset
+
+    return OpenVrHeadset(site.role, wire, site.clock)
+
+
+def _controllers(
+    site: Site[OpenVrControllersOptions], wire: "MessageTransport"
+) -> "OpenVrControllers":
+    from devices.drivers.openvr.controllers import OpenVrControllers
+
+    return OpenVrControllers(site.role, wire, site.clock, **site.options.without())
+
+
+def _trackers(site: Site[OpenVrTrackersOptions], wire: "MessageTransport") -> "OpenVrTrackers":
+    from devices.drivers.openvr.trackers import OpenVrTrackers
+
+    return OpenVrTrackers(site.role, wire, site.clock, **site.options.without())
+
+
+OPENVR_HEADSET = DriverSpec(
+    name="openvr_headset",
+    kind="headset",
+    options=OpenVrHeadsetOptions,
+    make=_headset,
+    real=_showing_wire,
+    simulated=_simulated_showing_wire,
+    model="OpenVR headset",
+    wire="OpenVR",
+    library=OPENVR,
+    runtime="openvr",
+    stands_for="SteamVR headset",
+    checked="genuine package, C `vrclient` of our own",
+    unproven="SteamVR; what the eye sees",
+)
+OPENVR_CONTROLLERS = DriverSpec(
+    name="openvr_controllers",
+    kind="responses",
+    options=OpenVrControllersOptions,
+    make=_controllers,
+    real=_wire,
+    simulated=_simulated_wire,
+    model="OpenVR controllers",
+    wire="OpenVR",
+    library=OPENVR,
+    runtime="openvr",
+    stands_for="controllers",
+    checked="as the headset",
+    unproven="legacy input of each controller",
+)
+OPENVR_TRACKERS = DriverSpec(
+    name="openvr_trackers",
+    kind="body tracker",
+    options=OpenVrTrackersOptions,
+    make=_trackers,
+    real=_wire,
+    simulated=_worn_wire,
+    model="OpenVR trackers",
+    wire="OpenVR",
+    remedy="switch the trackers on, let the base stations see them, and look at SteamVR",
+    library=OPENVR,
+    runtime="openvr",
+    stands_for="Vive trackers",
+    checked="as the headset",
+    unproven="SteamVR; straps",
+)
+SPECS = (OPENVR_HEADSET, OPENVR_CONTROLLERS, OPENVR_TRACKERS)

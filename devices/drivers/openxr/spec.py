@@ -1,0 +1,127 @@
+"""Devices of an OpenXR runtime: options, and the one session they share."""
+
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field
+
+from devices.libraries import OPENXR
+from devices.options import SimulatedOptions
+from devices.spec import DriverSpec, Site
+
+if TYPE_CHECKING:
+    from devices.drivers.openxr.controllers import OpenXrControllers
+    from devices.drivers.openxr.gaze import OpenXrGaze
+    from devices.drivers.openxr.headset import OpenXrHeadset
+    from devices.transports import MessageTransport
+
+
+class OpenXrHeadsetOptions(SimulatedOptions):
+    """Options of `openxr_headset`; the rate counts on the simulated runtime only."""
+
+    display_rate_hz: float = Field(default=90.0, ge=1, le=1000)
+
+
+class OpenXrControllersOptions(SimulatedOptions):
+    """Options of `openxr_controllers`: the study's control -> "left select", "any menu"."""
+
+    controls: dict[str, str] = Field(default_factory=dict)
+
+
+class OpenXrGazeOptions(SimulatedOptions):
+    """Options of `openxr_gaze`."""
+
+    rate_hz: float = Field(default=120.0, ge=1, le=2000)
+    lost_after_s: float = Field(default=2.0, gt=0, le=60)
+
+
+def _wire(site: Site[Any]) -> "MessageTransport":
+    """Return a wire to the rig's session."""
+    from devices.drivers.openxr.library import OpenXrLibrary
+
+    if "openxr" not in site.shared:
+        site.shared["openxr"] = OpenXrLibrary(site.clock)
+    library: OpenXrLibrary = site.shared["openxr"]
+    return library.transport()
+
+
+def _simulated_wire(site: Site[Any]) -> "MessageTransport":
+    from devices.sim.openxr.runtime import SimulatedXrRuntime
+
+    if "openxr runtime" not in site.shared:
+        rate_hz = getattr(site.options, "display_rate_hz", 90.0)
+        runtime = SimulatedXrRuntime(
+            site.watched, site.clock, faults=site.faults, display_rate_hz=rate_hz
+        )
+        site.shared["openxr runtime"] = site.stack.enter_context(runtime)
+    return _wire(site)
+
+
+def _headset(site: Site[OpenXrHeadsetOptions], wire: "MessageTransport") -> "OpenXrHeadset":
+    from devices.drivers.openxr.headset import OpenXrHeadset
+
+    return OpenXrHeadset(site.role, wire, site.clock)
+
+
+def _controllers(
+    site: Site[OpenXrControllersOptions], wire: "MessageTransport"
+) -> "OpenXrControllers":
+    from devices.drivers.openxr.controllers import OpenXrControllers
+
+    return OpenXrControllers(site.role, wire, site.clock, **site.options.without())
+
+
+def _gaze(site: Site[OpenXrGazeOptions], wire: "MessageTransport") -> "OpenXrGaze":
+    from devices.drivers.openxr.gaze import OpenXrGaze
+
+    return OpenXrGaze(site.role, wire, site.clock, **site.options.without())
+
+
+OPENXR_HEADSET = DriverSpec(
+    name="openxr_headset",
+    kind="headset",
+    options=OpenXrHeadsetOptions,
+    make=_headset,
+    real=_wire,
+    simulated=_simulated_wire,
+    model="OpenXR headset",
+    wire="OpenXR",
+    library=OPENXR,
+    runtime="openxr",
+    stands_for="OpenXR headset: poses and pace",
+    checked="genuine loader, C runtime of our own",
+    unproven="any runtime",
+)
+OPENXR_CONTROLLERS = DriverSpec(
+    name="openxr_controllers",
+    kind="responses",
+    options=OpenXrControllersOptions,
+    make=_controllers,
+    real=_wire,
+    simulated=_simulated_wire,
+    model="OpenXR controllers",
+    wire="OpenXR",
+    library=OPENXR,
+    runtime="openxr",
+    stands_for="OpenXR controllers",
+    checked="genuine loader, C runtime of our own",
+    unproven="any runtime and its profiles",
+)
+OPENXR_GAZE = DriverSpec(
+    name="openxr_gaze",
+    kind="eye tracker",
+    options=OpenXrGazeOptions,
+    make=_gaze,
+    real=_wire,
+    simulated=_simulated_wire,
+    model="OpenXR eye gaze",
+    wire="OpenXR",
+    remedy="make the headset vendor's OpenXR runtime the active one, switch eye tracking on and "
+    "allow it there, and calibrate in the vendor's program",
+    capabilities=frozenset({"gaze", "may_be_smoothed"}),
+    library=OPENXR,
+    runtime="openxr",
+    stands_for="OpenXR eye gaze",
+    checked="genuine loader, C runtime of our own",
+    unproven="any runtime: latency, smoothing",
+)
+SPECS = (OPENXR_HEADSET, OPENXR_CONTROLLERS, OPENXR_GAZE)

@@ -1,0 +1,62 @@
+"""Xsens MVN: its options, its wire, its simulator."""
+
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from devices.options import StreamOptions
+from devices.spec import DriverSpec, Site
+
+if TYPE_CHECKING:
+    from devices.drivers.xsens.driver import XsensMvn
+    from devices.transports import MessageTransport
+
+
+class XsensOptions(StreamOptions):
+    """Options of `xsens`: the port MVN sends to, and which of its characters."""
+
+    port: int = Field(default=9763, ge=1, le=65535)
+    rate_hz: float = Field(default=240.0, ge=1, le=2000)
+    character: int = Field(default=0, ge=0, le=255)
+
+
+Here = Site[XsensOptions]
+
+
+def _streamer(site: Here) -> "MessageTransport":
+    from devices.datagrams import UdpTransport
+
+    return UdpTransport(site.clock, local_port=site.options.port)
+
+
+def _simulated_streamer(site: Here) -> "MessageTransport":
+    from devices.sim.xsens import XsensSimulator
+
+    return site.streamed(XsensSimulator, site.moving)
+
+
+def _xsens(site: Here, wire: "MessageTransport") -> "XsensMvn":
+    from devices.drivers.xsens.driver import XsensMvn
+
+    return XsensMvn(site.role, wire, site.clock, **site.options.without("port"))
+
+
+XSENS = DriverSpec(
+    name="xsens",
+    kind="body tracker",
+    options=XsensOptions,
+    make=_xsens,
+    real=_streamer,
+    simulated=_simulated_streamer,
+    vendor="Movella",
+    model="Xsens MVN",
+    wire="UDP",
+    remedy="in MVN's network streamer add this computer and port, choose Position + Orientation "
+    "(Quaternion), and let UDP through the firewall",
+    listens=("UDP {port}",),
+    binds="port",
+    stands_for="Xsens MVN",
+    checked="UDP",
+    unproven="MVN's axes per message type",
+)
+SPECS = (XSENS,)

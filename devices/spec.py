@@ -1,0 +1,191 @@
+"""The description of a driver: all that Visavis knows of it before it is used.
+
+A driver is described once, by a `DriverSpec` beside it, whoever made it. The module that holds the
+description imports no driver, simulator or vendor library; its functions do, once they are called.
+"""
+
+import zlib
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast
+
+from pydantic import ValidationError
+
+from devices.libraries import Library
+from devices.options import Options, StreamOptions
+from lab.errors import ConfigError
+
+if TYPE_CHECKING:
+    from devices.byte_links import ByteLink, BytePeer
+    from devices.contracts import Body, Device, DeviceInfo, MovingBody
+    from devices.faults import FaultSchedule
+    from devices.transports import MessageTransport, Peer
+    from lab.clock import Clock
+
+Kind = Literal["eye tracker", "headset", "responses", "body tracker", "armband", "other"]
+O = TypeVar("O", bound=Options)  # noqa: E741 - of options
+P = TypeVar("P")
+
+
+@dataclass(frozen=True)
+class Site(Generic[O]):
+    """Where a device is to work: its role, its options, and what is around it.
+
+    `body` is whom a simulated device measures and `faults` what goes wrong on its wire; `seed` is
+    the session's. What the devices of one rig share stands in `shared`; what has to be closed
+    after them goes on `stack`.
+    """
+
+    spec: "DriverSpec[O]"
+    role: str
+    clock: "Clock"
+    options: O
+    body: "Body | None" = None
+    faults: "FaultSchedule | None" = None
+    seed: int = 0
+    shared: dict[str, Any] = field(default_factory=dict)
+    stack: ExitStack = field(default_factory=ExitStack)
+
+    @property
+    def own_seed(self) -> int:
+        """The seed of this role alone: no two devices of a session share their noise."""
+        return zlib.crc32(self.role.encode()) + self.seed
+
+    @property
+    def watched(self) -> "Body":
+        """The body that is measured; raises ConfigError when there is none."""
+        if self.body is None:
+            raise ConfigError(f"{self.role}: a simulated device needs a simulated participant")
+        return self.body
+
+    @property
+    def moving(self) -> "MovingBody":
+        """The body as one with limbs and skin; raises ConfigError when it has none."""
+        if not hasattr(self.watched, "feel"):
+            raise ConfigError(
+                f"{self.role}: this study's simulated participant has no limbs to track and feels "
+                "nothing; leave the role out"
+            )
+        return cast("MovingBody", self.body)
+
+    def peer(self, simulator: Callable[..., P], body: "Body", **more: Any) -> P:
+        """Return a simulator that streams what it measures of the body, on a clock of its own."""
+        options = cast("StreamOptions", self.options)
+        return simulator(
+            body,
+            clock=self.clock,
+            seed=self.seed,
+            faults=self.faults,
+            rate_hz=options.rate_hz,
+            drift_ppm=options.drift_ppm,
+            **more,
+        )
+
+    def streamed(
+        self, simulator: Callable[..., "Peer"], body: "Body", **more: Any
+    ) -> "MessageTransport":
+        """Return such a simulator at the other end of a wire in memory."""
+        from devices.transports import MemoryTransport
+
+        return MemoryTransport(self.peer(simulator, body, **more), self.clock)
+
+    def worn(
+        self, simulator: Callable[..., "BytePeer"], *, seed: int = 0, **more: Any
+    ) -> "ByteLink":
+        """Return a simulated band at the other end of a link in memory; the body feels it."""
+        from devices.byte_links import MemoryLink
+
+        seed += self.own_seed
+        peer = simulator(
+            self.role, self.clock, seed=seed, body=self.moving, faults=self.faults, **more
+        )
+        return MemoryLink(peer, self.clock)
+
+
+Wire = Callable[[Site[Any]], Any]
+
+
+def no_wire(site: Site[Any]) -> None:
+    """Stand where a device has no wire that could be captured."""
+
+
+@dataclass(frozen=True)
+class DriverSpec(Generic[O]):
+    """One driver: its name in `lab_config.yaml`, what it is for, and how to come by a device.
+
+    `make` puts the driver on a wire: what `real` or `simulated` returned, or a replay. `carries`
+    says what crosses it: messages (`MessageTransport`), bytes (`ByteLink`) or nothing that could be
+    captured. Without `real` it exists in simulation only, without `simulated` it has no simulator.
+    `understood` are the options that its simulator takes, where it knows one dialect only.
+    """
+
+    name: str
+    kind: Kind
+    options: type[O]
+    make: Callable[[Site[O], Any], "Device"]
+    real: Callable[[Site[O]], Any] | None = None
+    simulated: Callable[[Site[O]], Any] | None = None
+    carries: Literal["messages", "bytes", "nothing"] = "messages"
+    understood: Mapping[str, Any] = field(default_factory=dict)
+    speaks_as: str = ""
+    """The driver of the real device whose protocol it speaks, of one that is simulated only."""
+
+    vendor: str = ""
+    model: str = ""
+    wire: str = "none"
+    """What it speaks over, in words."""
+    remedy: str = ""
+    """What to do when it is not there."""
+    capabilities: frozenset[str] = frozenset()
+    library: Library | None = None
+    runtime: Literal["", "openvr", "openxr", "fove"] = ""
+    """A program or vendor library that runs beside ours."""
+    dials: bool = False
+    """`address` and `port` of the options are dialled."""
+    listens: tuple[str, ...] = ()
+    """What the firewall must let in, such as "UDP {port}"; names in braces are options."""
+    binds: str = ""
+    """The option whose UDP port nobody else may hold."""
+    stands_for: str = ""
+    """The devices it drives, for docs/devices.md; `vendor` and `model` when left out."""
+    checked: str = ""
+    """The lowest boundary at which it was exercised."""
+    unproven: str = ""
+    """What only the real unit can show."""
+
+    def info(self, role: str, wire: Any) -> "DeviceInfo":
+        """Return who the device is before it is open; without a wire (None) it is simulated."""
+        from devices.contracts import DeviceInfo
+
+        return DeviceInfo(
+            role=role,
+            driver=self.name,
+            driver_version="1",
+            vendor=self.vendor,
+            model=self.model,
+            serial="" if wire is not None else "simulated",
+            transport="none" if wire is None else wire.kind,
+            is_simulated=wire is None or wire.is_simulated,
+            capabilities=self.capabilities,
+        )
+
+    def checked_options(self, role: str, given: Mapping[str, Any]) -> O:
+        """Return options with their defaults; raises ConfigError naming what is wrong."""
+        try:
+            return self.options.model_validate(dict(given))
+        except ValidationError as wrong:
+            told = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in wrong.errors())
+            raise ConfigError(
+                f"devices.{role} ({self.name}): {told}; correct it in lab_config.yaml"
+            ) from wrong
+
+    def on_wire(self, role: str, clock: "Clock", wire: Any = None, /, **options: Any) -> "Device":
+        """Return the device on a wire that is given, or on its real one: for scripts and tests."""
+        site = Site(self, role, clock, self.checked_options(role, options))
+        if wire is None and self.real is not None:
+            wire = self.real(site)
+        return self.make(site, wire)
+
+
+AnySpec = DriverSpec[Any]

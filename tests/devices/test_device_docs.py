@@ -1,0 +1,30 @@
+"""docs/devices.md says of every driver what its description says."""
+
+import re
+from itertools import groupby
+from pathlib import Path
+
+from devices.registry import built_in
+
+PAGE = Path(__file__).parents[2] / "docs" / "devices.md"
+
+
+def told(spec):
+    if spec.real is None:
+        return "exist in simulation only", "–", "–"
+    return spec.stands_for, spec.checked, spec.unproven
+
+
+def test_the_table_of_drivers_follows_their_descriptions():
+    specs = sorted(built_in().values(), key=told)
+    described = {
+        told(group[0]): {spec.name for spec in group}
+        for group in (list(g) for _, g in groupby(specs, key=told))
+    }
+    rows = re.findall(r"^\| (`.*) \| (.*) \| (.*) \| (.*) \|$", PAGE.read_text("utf-8"), re.M)
+    table = {
+        (stands_for, checked, unproven): set(re.findall(r"`(\w+)`", names))
+        for names, stands_for, checked, unproven in rows
+        if set(re.findall(r"`(\w+)`", names)) <= set(built_in())
+    }
+    assert described == table
