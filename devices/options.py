@@ -4,7 +4,7 @@ Options are what stands beside `driver` and `simulated`; they are checked before
 their names carry their units.
 """
 
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -14,9 +14,16 @@ class Options(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
-    def without(self, *names: str) -> dict[str, Any]:
-        """Return the options by name, except these and those of the simulated wire."""
-        return self.model_dump(exclude={"faults", "drift_ppm", *names})
+    of_wire: ClassVar[frozenset[str]] = frozenset()
+    """Options that are for the wire and not for the driver on it."""
+
+    def for_driver(self) -> dict[str, Any]:
+        """Return what the driver is constructed with, beside role, wire and clock."""
+        return self.model_dump(exclude={"faults", "drift_ppm", *self.of_wire})
+
+    def for_simulator(self) -> dict[str, Any]:
+        """Return what a simulator is constructed with, beside body, clock, seed and faults."""
+        return {}
 
 
 class SimulatedOptions(Options):
@@ -34,3 +41,7 @@ class StreamOptions(SimulatedOptions):
     drift_ppm: float = Field(
         default=0.0, ge=-1000, le=1000, json_schema_extra={"any_magnitude": True}
     )
+
+    def for_simulator(self) -> dict[str, Any]:
+        """Return the rate and the drift of the simulated clock."""
+        return {"rate_hz": self.rate_hz, "drift_ppm": self.drift_ppm}

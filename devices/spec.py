@@ -4,6 +4,7 @@ A driver is described once, by a `DriverSpec` beside it, whoever made it. The mo
 description imports no driver, simulator or vendor library; its functions do, once they are called.
 """
 
+import importlib
 import zlib
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
@@ -13,19 +14,18 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast
 from pydantic import ValidationError
 
 from devices.libraries import Library
-from devices.options import Options, StreamOptions
+from devices.options import Options
 from lab.errors import ConfigError
 
 if TYPE_CHECKING:
-    from devices.byte_links import ByteLink, BytePeer
+    from devices.byte_links import ByteLink
     from devices.contracts import Body, Device, DeviceInfo, MovingBody
     from devices.faults import FaultSchedule
-    from devices.transports import MessageTransport, Peer
+    from devices.transports import MessageTransport
     from lab.clock import Clock
 
 Kind = Literal["eye tracker", "headset", "responses", "body tracker", "armband", "other"]
 O = TypeVar("O", bound=Options)  # noqa: E741 - of options
-P = TypeVar("P")
 
 
 @dataclass(frozen=True)
@@ -69,41 +69,62 @@ class Site(Generic[O]):
             )
         return cast("MovingBody", self.body)
 
-    def peer(self, simulator: Callable[..., P], body: "Body", **more: Any) -> P:
-        """Return a simulator that streams what it measures of the body, on a clock of its own."""
-        options = cast("StreamOptions", self.options)
-        return simulator(
-            body,
+    def peer(self, simulator: str) -> Any:
+        """Return a simulator ("module:Class") that streams what it measures of the body.
+
+        It is given body, clock, seed, faults and what the options say for it.
+        """
+        has_limbs = self.spec.kind in ("body tracker", "armband")
+        return imported(simulator)(
+            self.moving if has_limbs else self.watched,
             clock=self.clock,
             seed=self.seed,
             faults=self.faults,
-            rate_hz=options.rate_hz,
-            drift_ppm=options.drift_ppm,
-            **more,
+            **self.options.for_simulator(),
         )
 
-    def streamed(
-        self, simulator: Callable[..., "Peer"], body: "Body", **more: Any
-    ) -> "MessageTransport":
-        """Return such a simulator at the other end of a wire in memory."""
+
+def imported(target: str) -> Any:
+    """Return what "module:name" names; the module is imported only now."""
+    module, _, name = target.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def driven_by(driver: str) -> Callable[[Site[Any], Any], "Device"]:
+    """Return a `make`: a driver ("module:Class") that takes role, wire, clock and its options."""
+
+    def make(site: Site[Any], wire: Any) -> "Device":
+        device: Device = imported(driver)(site.role, wire, site.clock, **site.options.for_driver())
+        return device
+
+    return make
+
+
+def streamed_by(simulator: str) -> Callable[[Site[Any]], "MessageTransport"]:
+    """Return a `simulated`: a memory wire to `Site.peer`."""
+
+    def wire(site: Site[Any]) -> "MessageTransport":
         from devices.transports import MemoryTransport
 
-        return MemoryTransport(self.peer(simulator, body, **more), self.clock)
+        return MemoryTransport(site.peer(simulator), site.clock)
 
-    def worn(
-        self, simulator: Callable[..., "BytePeer"], *, seed: int = 0, **more: Any
-    ) -> "ByteLink":
-        """Return a simulated band at the other end of a link in memory; the body feels it."""
+    return wire
+
+
+def worn_as(simulator: str, **more: Any) -> Callable[[Site[Any]], "ByteLink"]:
+    """Return a `simulated`: a memory link to a band ("module:Class") which the body feels."""
+
+    def link(site: Site[Any]) -> "ByteLink":
         from devices.byte_links import MemoryLink
 
-        seed += self.own_seed
-        peer = simulator(
-            self.role, self.clock, seed=seed, body=self.moving, faults=self.faults, **more
+        options = {"seed": 0, **more, **site.options.for_simulator()}
+        options["seed"] += site.own_seed
+        peer = imported(simulator)(
+            site.role, site.clock, body=site.moving, faults=site.faults, **options
         )
-        return MemoryLink(peer, self.clock)
+        return MemoryLink(peer, site.clock)
 
-
-Wire = Callable[[Site[Any]], Any]
+    return link
 
 
 def no_wire(site: Site[Any]) -> None:

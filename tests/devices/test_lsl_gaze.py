@@ -5,7 +5,6 @@ import os
 import struct
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from devices.drivers.lsl import gaze_codec as codec
-from devices.drivers.lsl.gaze import LslGaze
-from devices.drivers.lsl.spec import TOBII_LSL
+from devices.drivers.lsl.gaze import LslGaze, TobiiLsl
 from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
 from devices.sim.lsl.gaze import LAYOUTS, LslGazeSimulator
 from lab.errors import ProtocolViolation
@@ -85,7 +83,7 @@ def test_tobii_millimetres_from_the_screen_centre_make_rays():
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-@pytest.mark.parametrize("driver", [LslGaze, partial(LslGaze, spec=TOBII_LSL)])
+@pytest.mark.parametrize("driver", [LslGaze, TobiiLsl])
 def test_every_layout_gives_the_body_direction(layout, driver):
     rig = GazeRig(driver, LslGazeSimulator, error=PERFECT, layout=layout).start().run(0.5)
 

@@ -5,14 +5,20 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, model_validator
 
-from devices.drivers.links.options import BandOptions, BleBandOptions, SerialBandOptions
+from devices.drivers.links.options import (
+    BandOptions,
+    BleBandOptions,
+    SerialBandOptions,
+    own_link,
+)
 from devices.libraries import BLE, SERIAL
 from devices.options import SimulatedOptions
-from devices.spec import AnySpec, DriverSpec, Site
+from devices.spec import AnySpec, DriverSpec, Site, worn_as
 
 if TYPE_CHECKING:
     from devices.byte_links import ByteLink
     from devices.drivers.armband.driver import ArmbandDriver
+    from lab.clock import Clock
 
 BAUD = 38_400
 
@@ -22,6 +28,10 @@ class SerialArmbandOptions(SerialBandOptions):
 
     baud: int = Field(default=BAUD, ge=1200, le=3_000_000)
     max_rate_hz: float = Field(default=150.0, ge=1, le=1000)
+
+    def link(self, clock: "Clock") -> "ByteLink":
+        """Return its serial port."""
+        return self.serial_link(clock, self.baud)
 
 
 class BleArmbandOptions(BleBandOptions):
@@ -41,6 +51,15 @@ class SppArmbandOptions(BandOptions):
             raise ValueError("give either port (the paired serial port) or address")
         return self
 
+    def link(self, clock: "Clock") -> "ByteLink":
+        """Return the paired serial port, or the way by address."""
+        from devices.drivers.links.rfcomm import RfcommLink
+        from devices.drivers.links.serial_port import SerialLink
+
+        if self.port:
+            return SerialLink(clock, port=self.port, baud=BAUD)
+        return RfcommLink(clock, address=self.address, channel=self.channel)
+
 
 class SimulatedArmbandOptions(SimulatedOptions):
     """Options of `simulated_armband`; the link's delays, the band's clock and motors."""
@@ -54,35 +73,9 @@ class SimulatedArmbandOptions(SimulatedOptions):
         default=0.0, ge=-1000, le=1000, json_schema_extra={"any_magnitude": True}
     )
 
-
-def _serial(site: Site[SerialArmbandOptions]) -> "ByteLink":
-    return site.options.serial_link(site.clock, site.options.baud)
-
-
-def _ble(site: Site[BleArmbandOptions]) -> "ByteLink":
-    return site.options.ble_link(site.clock)
-
-
-def _spp(site: Site[SppArmbandOptions]) -> "ByteLink":
-    from devices.drivers.links.rfcomm import RfcommLink
-    from devices.drivers.links.serial_port import SerialLink
-
-    options = site.options
-    if options.port:
-        return SerialLink(site.clock, port=options.port, baud=BAUD)
-    return RfcommLink(site.clock, address=options.address, channel=options.channel)
-
-
-def _simulated(site: Site[Any]) -> "ByteLink":
-    from devices.sim.armband.simulator import ArmbandSimulator
-
-    return site.worn(ArmbandSimulator)
-
-
-def _simulated_as_told(site: Site[SimulatedArmbandOptions]) -> "ByteLink":
-    from devices.sim.armband.simulator import ArmbandSimulator
-
-    return site.worn(ArmbandSimulator, **site.options.model_dump(exclude={"faults", "max_rate_hz"}))
+    def for_simulator(self) -> dict[str, Any]:
+        """Return the link's delays, the band's clock and motors."""
+        return self.model_dump(exclude={"faults", "max_rate_hz"})
 
 
 def _armband(site: Site[Any], link: "ByteLink") -> "ArmbandDriver":
@@ -100,8 +93,8 @@ SERIAL_ARMBAND: AnySpec = DriverSpec(
     kind="armband",
     options=SerialArmbandOptions,
     make=_armband,
-    real=_serial,
-    simulated=_simulated,
+    real=own_link,
+    simulated=worn_as("devices.sim.armband.simulator:ArmbandSimulator"),
     carries="bytes",
     vendor="Visavis",
     model="armband",
@@ -116,7 +109,6 @@ BLE_ARMBAND: AnySpec = replace(
     SERIAL_ARMBAND,
     name="ble_armband",
     options=BleArmbandOptions,
-    real=_ble,
     wire="Bluetooth LE",
     library=BLE,
     stands_for="our armband, Bluetooth",
@@ -127,7 +119,6 @@ SPP_ARMBAND = replace(
     BLE_ARMBAND,
     name="spp_armband",
     options=SppArmbandOptions,
-    real=_spp,
     wire="Bluetooth serial",
     library=SERIAL,
 )
@@ -136,7 +127,6 @@ SIMULATED_ARMBAND = replace(
     name="simulated_armband",
     options=SimulatedArmbandOptions,
     real=None,
-    simulated=_simulated_as_told,
     wire="none",
     library=None,
     speaks_as="serial_armband",

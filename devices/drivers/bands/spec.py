@@ -2,21 +2,27 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from urllib.parse import urlencode
 
 from pydantic import Field, field_validator, model_validator
 
-from devices.drivers.links.options import BandOptions, BleBandOptions, SerialBandOptions
+from devices.drivers.links.options import (
+    BandOptions,
+    BleBandOptions,
+    SerialBandOptions,
+    own_link,
+)
 from devices.libraries import BLE, HID, SERIAL, USB, WEBSOCKETS
 from devices.options import Options
-from devices.spec import AnySpec, DriverSpec, Site
+from devices.spec import AnySpec, DriverSpec, Site, worn_as
 from lab.errors import ConfigError
 
 if TYPE_CHECKING:
     from devices.byte_links import ByteLink
     from devices.drivers.bands.driver import HostTimedBand
     from devices.drivers.bands.language import BandLanguage
+    from lab.clock import Clock
 
 VHP_BAUD = 1_000_000
 PLAYER_REMEDY = "start the bHaptics Player on this computer, switch the unit on and pair it there"
@@ -28,13 +34,17 @@ def _within(numbers: list[int], count: int, what: str) -> list[int]:
     return numbers
 
 
-def _band(
-    site: Site[Any], link: "ByteLink", language: "BandLanguage", model: str = ""
-) -> "HostTimedBand":
+def _band(site: Site[Any], link: "ByteLink") -> "HostTimedBand":
+    """Return the driver of a band; its options know the language, and perhaps the model."""
     from devices.drivers.bands.driver import HostTimedBand
 
-    spec = replace(site.spec, model=model) if model else site.spec
-    rate_hz = site.options.max_rate_hz
+    options = site.options
+    spec = replace(site.spec, model=options.model()) if hasattr(options, "model") else site.spec
+    try:
+        language = options.language()
+    except ValueError as cause:
+        raise ConfigError(f"{site.role}: {cause}; correct it in lab_config.yaml") from cause
+    rate_hz = options.max_rate_hz
     return HostTimedBand(site.role, link, language, site.clock, spec=spec, max_rate_hz=rate_hz)
 
 
@@ -46,31 +56,20 @@ class BuzzOptions(BleBandOptions):
 
     name: str = "Buzz"
 
+    def language(self) -> "BandLanguage":
+        """Return what it speaks."""
+        from devices.drivers.bands.buzz_codec import BuzzLanguage
 
-def _ble(site: Site[Any]) -> "ByteLink":
-    link: ByteLink = site.options.ble_link(site.clock)
-    return link
-
-
-def _simulated_buzz(site: Site[BuzzOptions]) -> "ByteLink":
-    from devices.sim.bands.buzz import BuzzSimulator
-
-    return site.worn(BuzzSimulator)
-
-
-def _buzz(site: Site[BuzzOptions], link: "ByteLink") -> "HostTimedBand":
-    from devices.drivers.bands.buzz_codec import BuzzLanguage
-
-    return _band(site, link, BuzzLanguage())
+        return BuzzLanguage()
 
 
 NEOSENSORY_BUZZ: AnySpec = DriverSpec(
     name="neosensory_buzz",
     kind="armband",
     options=BuzzOptions,
-    make=_buzz,
-    real=_ble,
-    simulated=_simulated_buzz,
+    make=_band,
+    real=own_link,
+    simulated=worn_as("devices.sim.bands.buzz:BuzzSimulator"),
     carries="bytes",
     vendor="Neosensory",
     model="Buzz",
@@ -91,10 +90,22 @@ class VhpSlimOptions(BleBandOptions):
     name: str = "Slim"
     channels: list[int] = Field(default=[0, 2, 4, 8], min_length=1, max_length=4)
 
+    splits: ClassVar[bool] = False
+
     @field_validator("channels")
     @classmethod
     def _exist(cls, channels: list[int]) -> list[int]:
         return _within(channels, 12, "channels")
+
+    def language(self) -> "BandLanguage":
+        """Return what it speaks."""
+        from devices.drivers.bands.vhp_codec import VhpSlimLanguage
+
+        return VhpSlimLanguage(self.channels)
+
+    def for_simulator(self) -> dict[str, Any]:
+        """Return where our motors are among its own."""
+        return {"places": self.channels}
 
 
 class VhpSleeveOptions(SerialBandOptions):
@@ -108,48 +119,30 @@ class VhpSleeveOptions(SerialBandOptions):
     def _exist(cls, channels: list[int]) -> list[int]:
         return _within(channels, 12, "channels")
 
+    def link(self, clock: "Clock") -> "ByteLink":
+        """Return its serial port."""
+        return self.serial_link(clock, VHP_BAUD)
 
-def _slim_link(site: Site[VhpSlimOptions]) -> "ByteLink":
-    return site.options.ble_link(site.clock, splits=False)
+    def model(self) -> str:
+        """Return which of the two boards it is."""
+        return f"VHP {self.board}"
 
+    def language(self) -> "BandLanguage":
+        """Return what it speaks."""
+        from devices.drivers.bands.vhp_codec import SLEEVE, SLIM_BOARD, VhpSleeveLanguage
 
-def _simulated_slim(site: Site[VhpSlimOptions]) -> "ByteLink":
-    from devices.sim.bands.vhp import SlimBoardSimulator
+        return VhpSleeveLanguage(self.channels, SLEEVE if self.board == "sleeve" else SLIM_BOARD)
 
-    return site.worn(SlimBoardSimulator, places=site.options.channels)
-
-
-def _slim(site: Site[VhpSlimOptions], link: "ByteLink") -> "HostTimedBand":
-    from devices.drivers.bands.vhp_codec import VhpSlimLanguage
-
-    return _band(site, link, VhpSlimLanguage(site.options.channels))
-
-
-def _sleeve_link(site: Site[VhpSleeveOptions]) -> "ByteLink":
-    return site.options.serial_link(site.clock, VHP_BAUD)
-
-
-def _simulated_sleeve(site: Site[VhpSleeveOptions]) -> "ByteLink":
-    from devices.sim.bands.vhp import SleeveSimulator
-
-    return site.worn(SleeveSimulator, places=site.options.channels)
-
-
-def _sleeve(site: Site[VhpSleeveOptions], link: "ByteLink") -> "HostTimedBand":
-    from devices.drivers.bands.vhp_codec import SLEEVE, SLIM_BOARD, VhpSleeveLanguage
-
-    board = site.options.board
-    language = VhpSleeveLanguage(site.options.channels, SLEEVE if board == "sleeve" else SLIM_BOARD)
-    return _band(site, link, language, f"VHP {board}")
+    def for_simulator(self) -> dict[str, Any]:
+        """Return where our motors are among its own."""
+        return {"places": self.channels}
 
 
 VHP_SLIM = replace(
     NEOSENSORY_BUZZ,
     name="vhp_slim",
     options=VhpSlimOptions,
-    make=_slim,
-    real=_slim_link,
-    simulated=_simulated_slim,
+    simulated=worn_as("devices.sim.bands.vhp:SlimBoardSimulator"),
     vendor="Google (open hardware)",
     model="VHP slim board",
 )
@@ -157,9 +150,9 @@ VHP_SLEEVE: AnySpec = DriverSpec(
     name="vhp_sleeve",
     kind="armband",
     options=VhpSleeveOptions,
-    make=_sleeve,
-    real=_sleeve_link,
-    simulated=_simulated_sleeve,
+    make=_band,
+    real=own_link,
+    simulated=worn_as("devices.sim.bands.vhp:SleeveSimulator"),
     carries="bytes",
     vendor="Google (open hardware)",
     model="VHP sleeve",
@@ -188,39 +181,37 @@ class BhapticsOptions(BandOptions):
     def _exist(cls, points: list[int]) -> list[int]:
         return _within(points, 6, "points")
 
+    def link(self, clock: "Clock") -> "ByteLink":
+        """Return the way to the Player."""
+        from devices.drivers.bands.bhaptics_codec import PATH
+        from devices.drivers.links.websocket import WebSocketLink
 
-def _player(site: Site[BhapticsOptions]) -> "ByteLink":
-    from devices.drivers.bands.bhaptics_codec import PATH
-    from devices.drivers.links.websocket import WebSocketLink
+        query = urlencode({"app_id": self.app_id, "app_name": "Visavis"})
+        url = f"ws://{self.address}:{self.port}{PATH}?{query}"
+        return WebSocketLink(url, clock, remedy=PLAYER_REMEDY)
 
-    options = site.options
-    query = urlencode({"app_id": options.app_id, "app_name": "Visavis"})
-    url = f"ws://{options.address}:{options.port}{PATH}?{query}"
-    return WebSocketLink(url, site.clock, remedy=PLAYER_REMEDY)
+    def model(self) -> str:
+        """Return which arm it is made for."""
+        return f"Tactosy {self.position}"
 
+    def language(self) -> "BandLanguage":
+        """Return what it speaks."""
+        from devices.drivers.bands.bhaptics_codec import BhapticsLanguage
 
-def _simulated_player(site: Site[BhapticsOptions]) -> "ByteLink":
-    from devices.sim.bands.bhaptics import BhapticsPlayerSimulator
+        return BhapticsLanguage(self.position, self.points)
 
-    options = site.options
-    return site.worn(BhapticsPlayerSimulator, position=options.position, places=options.points)
-
-
-def _bhaptics(site: Site[BhapticsOptions], link: "ByteLink") -> "HostTimedBand":
-    from devices.drivers.bands.bhaptics_codec import BhapticsLanguage
-
-    position = site.options.position
-    language = BhapticsLanguage(position, site.options.points)
-    return _band(site, link, language, f"Tactosy {position}")
+    def for_simulator(self) -> dict[str, Any]:
+        """Return which unit it is, and where our motors are on it."""
+        return {"position": self.position, "places": self.points}
 
 
 BHAPTICS = DriverSpec(
     name="bhaptics",
     kind="armband",
     options=BhapticsOptions,
-    make=_bhaptics,
-    real=_player,
-    simulated=_simulated_player,
+    make=_band,
+    real=own_link,
+    simulated=worn_as("devices.sim.bands.bhaptics:BhapticsPlayerSimulator"),
     carries="bytes",
     vendor="bHaptics",
     model="Tactosy ForearmL",
@@ -265,6 +256,19 @@ class AsciiArmbandOptions(SerialBandOptions):
     baud: int = Field(default=115_200, ge=300, le=3_000_000)
     commands: AsciiCommands
 
+    def link(self, clock: "Clock") -> "ByteLink":
+        """Return its serial port."""
+        return self.serial_link(clock, self.baud)
+
+    def language(self) -> "BandLanguage":
+        """Return the commands as a language; raises ValueError where a template is wrong."""
+        from devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
+
+        given: dict[str, Any] = {
+            k: tuple(v) if isinstance(v, list) else v for k, v in self.commands.model_dump().items()
+        }
+        return AsciiLanguage(AsciiTemplates(**given))
+
 
 TEXT_UNDERSTOOD: Mapping[str, Any] = {
     "commands": {
@@ -278,37 +282,11 @@ TEXT_UNDERSTOOD: Mapping[str, Any] = {
 """What the simulated text band understands; a laboratory's own commands cannot be simulated."""
 
 
-def _text_link(site: Site[AsciiArmbandOptions]) -> "ByteLink":
-    return site.options.serial_link(site.clock, site.options.baud)
-
-
-def _simulated_text(site: Site[AsciiArmbandOptions]) -> "ByteLink":
-    from devices.sim.bands.plain import TextBandSimulator
-
-    return site.worn(TextBandSimulator)
-
-
-def _text_band(site: Site[AsciiArmbandOptions], link: "ByteLink") -> "HostTimedBand":
-    from devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
-
-    commands = site.options.commands.model_dump()
-    listed: dict[str, Any] = {
-        k: tuple(v) if isinstance(v, list) else v for k, v in commands.items()
-    }
-    try:
-        language = AsciiLanguage(AsciiTemplates(**listed))
-    except ValueError as cause:
-        raise ConfigError(f"{site.role}: {cause}; correct `commands` in lab_config.yaml") from cause
-    return _band(site, link, language)
-
-
 ASCII_ARMBAND = replace(
     VHP_SLEEVE,
     name="ascii_armband",
     options=AsciiArmbandOptions,
-    make=_text_band,
-    real=_text_link,
-    simulated=_simulated_text,
+    simulated=worn_as("devices.sim.bands.plain:TextBandSimulator"),
     understood=TEXT_UNDERSTOOD,
     vendor="own firmware",
     model="text commands",
@@ -331,13 +309,42 @@ class ReportLayoutOptions(Options):
     battery_byte: int | None = Field(default=None, ge=0, le=63)
 
 
-class ReportArmbandOptions(BandOptions):
-    """Options of `hid_armband` and `usb_armband`."""
+class HidArmbandOptions(BandOptions):
+    """Options of `hid_armband`."""
+
+    no_number: ClassVar[int | None] = 0
 
     vid: int = Field(ge=0, le=0xFFFF)
     pid: int = Field(ge=0, le=0xFFFF)
     serial_number: str = ""
     layout: ReportLayoutOptions = ReportLayoutOptions()
+
+    def link(self, clock: "Clock") -> "ByteLink":
+        """Return the way by hidapi."""
+        from devices.drivers.links.usb import HidLink
+
+        return HidLink(clock, vid=self.vid, pid=self.pid, serial_number=self.serial_number)
+
+    def language(self) -> "BandLanguage":
+        """Return the layout as a language; raises ValueError where it does not fit."""
+        from devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
+
+        given = self.layout.model_dump() | {"prefix": bytes.fromhex(self.layout.prefix)}
+        if self.layout.report_id is None:
+            given["report_id"] = self.no_number
+        return ReportLanguage(ReportLayout(**given))
+
+
+class UsbArmbandOptions(HidArmbandOptions):
+    """Options of `usb_armband`."""
+
+    no_number: ClassVar[int | None] = None
+
+    def link(self, clock: "Clock") -> "ByteLink":
+        """Return the way by libusb."""
+        from devices.drivers.links.usb import UsbLink
+
+        return UsbLink(clock, vid=self.vid, pid=self.pid, serial_number=self.serial_number)
 
 
 REPORTS_UNDERSTOOD: Mapping[str, Any] = {
@@ -348,61 +355,13 @@ REPORTS_UNDERSTOOD: Mapping[str, Any] = {
 """The one layout that the simulated report bands understand."""
 
 
-def _hid_link(site: Site[ReportArmbandOptions]) -> "ByteLink":
-    from devices.drivers.links.usb import HidLink
-
-    return HidLink(site.clock, **site.options.without("layout", "max_rate_hz"))
-
-
-def _usb_link(site: Site[ReportArmbandOptions]) -> "ByteLink":
-    from devices.drivers.links.usb import UsbLink
-
-    return UsbLink(site.clock, **site.options.without("layout", "max_rate_hz"))
-
-
-def _simulated_hid(site: Site[ReportArmbandOptions]) -> "ByteLink":
-    from devices.sim.bands.plain import ReportBandSimulator
-
-    return site.worn(ReportBandSimulator)
-
-
-def _simulated_usb(site: Site[ReportArmbandOptions]) -> "ByteLink":
-    from devices.sim.bands.plain import ReportBandSimulator
-
-    return site.worn(ReportBandSimulator, number=None)
-
-
-def _report_band(
-    site: Site[ReportArmbandOptions], link: "ByteLink", number: int | None
-) -> "HostTimedBand":
-    from devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
-
-    layout = site.options.layout
-    fields = layout.model_dump() | {"prefix": bytes.fromhex(layout.prefix)}
-    if layout.report_id is None:
-        fields["report_id"] = number
-    try:
-        language = ReportLanguage(ReportLayout(**fields))
-    except ValueError as cause:
-        raise ConfigError(f"{site.role}: {cause}; correct `layout` in lab_config.yaml") from cause
-    return _band(site, link, language)
-
-
-def _hid_band(site: Site[ReportArmbandOptions], link: "ByteLink") -> "HostTimedBand":
-    return _report_band(site, link, 0)
-
-
-def _usb_band(site: Site[ReportArmbandOptions], link: "ByteLink") -> "HostTimedBand":
-    return _report_band(site, link, None)
-
-
 HID_ARMBAND = DriverSpec(
     name="hid_armband",
     kind="armband",
-    options=ReportArmbandOptions,
-    make=_hid_band,
-    real=_hid_link,
-    simulated=_simulated_hid,
+    options=HidArmbandOptions,
+    make=_band,
+    real=own_link,
+    simulated=worn_as("devices.sim.bands.plain:ReportBandSimulator"),
     carries="bytes",
     understood=REPORTS_UNDERSTOOD,
     vendor="own firmware",
@@ -416,9 +375,8 @@ HID_ARMBAND = DriverSpec(
 USB_ARMBAND = replace(
     HID_ARMBAND,
     name="usb_armband",
-    make=_usb_band,
-    real=_usb_link,
-    simulated=_simulated_usb,
+    options=UsbArmbandOptions,
+    simulated=worn_as("devices.sim.bands.plain:ReportBandSimulator", number=None),
     wire="USB",
     library=USB,
 )

@@ -1,20 +1,21 @@
 """EyeLink: its options, its wire, its simulator."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from devices.drivers.streaming.options import SCREEN_NAMES, EyeDistanceMm, ScreenOptions
+from devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
 from devices.libraries import PYLINK
-from devices.spec import DriverSpec, Site
+from devices.spec import DriverSpec, Site, driven_by, streamed_by
 
 if TYPE_CHECKING:
-    from devices.drivers.eyelink.driver import EyeLink
     from devices.transports import MessageTransport
 
 
 class EyeLinkOptions(ScreenOptions):
     """Options of `eyelink`."""
+
+    of_wire = frozenset({"address", "screen_width_px", "screen_height_px"})
 
     address: str = Field(default="100.1.1.1", min_length=1)
     rate_hz: float = Field(default=1000.0, ge=1, le=2000)
@@ -25,9 +26,15 @@ class EyeLinkOptions(ScreenOptions):
     """Millimetres of diameter per unit of the tracker's pupil size; 0 leaves pupils unknown."""
     eye_distance_mm: EyeDistanceMm = 64.0
 
-    def screen_px(self) -> tuple[int, int]:
-        """Return the width and height of the screen in pixels."""
-        return self.screen_width_px, self.screen_height_px
+    def for_driver(self) -> dict[str, Any]:
+        """Return the driver's options, with the pixels of the screen."""
+        pixels = (self.screen_width_px, self.screen_height_px)
+        return {**super().for_driver(), "screen_px": pixels}
+
+    def for_simulator(self) -> dict[str, Any]:
+        """Return rate, drift, screen and its pixels."""
+        pixels = (self.screen_width_px, self.screen_height_px)
+        return {**super().for_simulator(), "screen_px": pixels}
 
 
 Here = Site[EyeLinkOptions]
@@ -39,33 +46,13 @@ def _host(site: Here) -> "MessageTransport":
     return EyeLinkLibrary(site.options.address, site.clock)
 
 
-def _simulated_host(site: Here) -> "MessageTransport":
-    from devices.sim.eyelink import EyeLinkSimulator
-
-    return site.streamed(
-        EyeLinkSimulator,
-        site.watched,
-        screen=site.options.screen(),
-        screen_px=site.options.screen_px(),
-    )
-
-
-def _eyelink(site: Here, wire: "MessageTransport") -> "EyeLink":
-    from devices.drivers.eyelink.driver import EyeLink
-
-    given = site.options
-    options = given.without("address", "screen_width_px", "screen_height_px", *SCREEN_NAMES)
-    screen, screen_px = given.screen(), given.screen_px()
-    return EyeLink(site.role, wire, site.clock, screen=screen, screen_px=screen_px, **options)
-
-
 EYELINK = DriverSpec(
     name="eyelink",
     kind="eye tracker",
     options=EyeLinkOptions,
-    make=_eyelink,
+    make=driven_by("devices.drivers.eyelink.driver:EyeLink"),
     real=_host,
-    simulated=_simulated_host,
+    simulated=streamed_by("devices.sim.eyelink:EyeLinkSimulator"),
     vendor="SR Research",
     model="EyeLink",
     wire="vendor library",

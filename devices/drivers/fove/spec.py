@@ -6,15 +6,16 @@ from pydantic import Field
 
 from devices.drivers.streaming.options import EyeDistanceMm
 from devices.options import StreamOptions
-from devices.spec import DriverSpec, Site
+from devices.spec import DriverSpec, Site, driven_by, streamed_by
 
 if TYPE_CHECKING:
-    from devices.drivers.fove.driver import Fove
     from devices.transports import MessageTransport
 
 
 class FoveOptions(StreamOptions):
     """Options of `fove`."""
+
+    of_wire = frozenset({"library_path"})
 
     library_path: str = Field(default="FoveClient", min_length=1)
     eye_distance_mm: EyeDistanceMm = 64.0
@@ -29,25 +30,13 @@ def _client(site: Here) -> "MessageTransport":
     return FoveLibrary(site.options.library_path, site.clock)
 
 
-def _simulated_client(site: Here) -> "MessageTransport":
-    from devices.sim.fove import FoveSimulator
-
-    return site.streamed(FoveSimulator, site.watched)
-
-
-def _fove(site: Here, wire: "MessageTransport") -> "Fove":
-    from devices.drivers.fove.driver import Fove
-
-    return Fove(site.role, wire, site.clock, **site.options.without("library_path"))
-
-
 FOVE = DriverSpec(
     name="fove",
     kind="eye tracker",
     options=FoveOptions,
-    make=_fove,
+    make=driven_by("devices.drivers.fove.driver:Fove"),
     real=_client,
-    simulated=_simulated_client,
+    simulated=streamed_by("devices.sim.fove:FoveSimulator"),
     vendor="FOVE",
     model="FOVE headset",
     wire="vendor library",

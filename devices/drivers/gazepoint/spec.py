@@ -1,19 +1,17 @@
 """Gazepoint: its options, its wire, its simulator."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
 from devices.drivers.streaming.options import (
-    SCREEN_NAMES,
     EyeDistanceMm,
     OffsetMm,
     ScreenOptions,
 )
-from devices.spec import DriverSpec, Site
+from devices.spec import DriverSpec, Site, driven_by, streamed_by
 
 if TYPE_CHECKING:
-    from devices.drivers.gazepoint.driver import Gazepoint
     from devices.transports import MessageTransport
 
 REMEDY = "start Gazepoint Control, connect the tracker, and check address, port 4242 and firewall"
@@ -21,6 +19,8 @@ REMEDY = "start Gazepoint Control, connect the tracker, and check address, port 
 
 class GazepointOptions(ScreenOptions):
     """Options of `gazepoint`; the camera's place is given from the screen's centre."""
+
+    of_wire = frozenset({"address", "port"})
 
     address: str = Field(default="127.0.0.1", min_length=1)
     port: int = Field(default=4242, ge=1, le=65535)
@@ -30,13 +30,14 @@ class GazepointOptions(ScreenOptions):
     camera_toward_mm: OffsetMm = 0.0
     eye_distance_mm: EyeDistanceMm = 64.0
 
-    def camera_m(self) -> tuple[float, float, float]:
-        """Return the camera's place in the head frame, metres."""
-        return (
+    def for_simulator(self) -> dict[str, Any]:
+        """Return rate, drift, screen and the camera's place in the head frame, metres."""
+        camera_m = (
             (self.screen_center_right_mm + self.camera_right_mm) * 1e-3,
             (self.screen_center_up_mm + self.camera_up_mm) * 1e-3,
             (self.camera_toward_mm - self.screen_distance_mm) * 1e-3,
         )
+        return {**super().for_simulator(), "camera_m": camera_m}
 
 
 Here = Site[GazepointOptions]
@@ -48,31 +49,13 @@ def _server(site: Here) -> "MessageTransport":
     return StreamSocket(site.options.address, site.options.port, site.clock, remedy=REMEDY)
 
 
-def _simulated_server(site: Here) -> "MessageTransport":
-    from devices.sim.gazepoint import GazepointSimulator
-
-    return site.streamed(
-        GazepointSimulator,
-        site.watched,
-        screen=site.options.screen(),
-        camera_m=site.options.camera_m(),
-    )
-
-
-def _gazepoint(site: Here, wire: "MessageTransport") -> "Gazepoint":
-    from devices.drivers.gazepoint.driver import Gazepoint
-
-    options = site.options.without("address", "port", *SCREEN_NAMES)
-    return Gazepoint(site.role, wire, site.clock, screen=site.options.screen(), **options)
-
-
 GAZEPOINT = DriverSpec(
     name="gazepoint",
     kind="eye tracker",
     options=GazepointOptions,
-    make=_gazepoint,
+    make=driven_by("devices.drivers.gazepoint.driver:Gazepoint"),
     real=_server,
-    simulated=_simulated_server,
+    simulated=streamed_by("devices.sim.gazepoint:GazepointSimulator"),
     vendor="Gazepoint",
     model="Gazepoint",
     wire="TCP",

@@ -4,17 +4,18 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from devices.drivers.streaming.options import SCREEN_NAMES, EyeDistanceMm, ScreenOptions
+from devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
 from devices.libraries import HID
-from devices.spec import DriverSpec, Site
+from devices.spec import DriverSpec, Site, driven_by, streamed_by
 
 if TYPE_CHECKING:
-    from devices.drivers.hid_gaze.driver import HidGaze
     from devices.transports import MessageTransport
 
 
 class HidGazeOptions(ScreenOptions):
     """Options of `hid_gaze`; an empty serial takes the first eye tracker found."""
+
+    of_wire = frozenset({"serial"})
 
     serial: str = ""
     time_unit_us: float = Field(default=0.0, ge=0, le=1_000_000)
@@ -31,26 +32,13 @@ def _reports(site: Here) -> "MessageTransport":
     return HidReports(site.options.serial, site.clock)
 
 
-def _simulated_reports(site: Here) -> "MessageTransport":
-    from devices.sim.hid_gaze import HidGazeSimulator
-
-    return site.streamed(HidGazeSimulator, site.watched, screen=site.options.screen())
-
-
-def _hid_gaze(site: Here, wire: "MessageTransport") -> "HidGaze":
-    from devices.drivers.hid_gaze.driver import HidGaze
-
-    options = site.options.without("serial", *SCREEN_NAMES)
-    return HidGaze(site.role, wire, site.clock, screen=site.options.screen(), **options)
-
-
 HID_GAZE = DriverSpec(
     name="hid_gaze",
     kind="eye tracker",
     options=HidGazeOptions,
-    make=_hid_gaze,
+    make=driven_by("devices.drivers.hid_gaze.driver:HidGaze"),
     real=_reports,
-    simulated=_simulated_reports,
+    simulated=streamed_by("devices.sim.hid_gaze:HidGazeSimulator"),
     vendor="HID",
     model="HID eye tracker",
     wire="USB HID",

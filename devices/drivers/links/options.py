@@ -1,6 +1,6 @@
 """Options of armbands by the wire they hang on."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, model_validator
 
@@ -8,6 +8,7 @@ from devices.options import SimulatedOptions
 
 if TYPE_CHECKING:
     from devices.byte_links import ByteLink
+    from devices.spec import Site
     from lab.clock import Clock
 
 
@@ -42,6 +43,9 @@ class SerialBandOptions(BandOptions):
 class BleBandOptions(BandOptions):
     """A band by its address, or by the beginning of the name it advertises."""
 
+    splits: ClassVar[bool] = True
+    """Whether the band takes a message in pieces."""
+
     address: str = ""
     name: str = ""
 
@@ -51,8 +55,14 @@ class BleBandOptions(BandOptions):
             raise ValueError("give the band's address or the name it advertises")
         return self
 
-    def ble_link(self, clock: "Clock", *, splits: bool = True) -> "ByteLink":
-        """Return the link; `splits` where the band takes a message in pieces."""
+    def link(self, clock: "Clock") -> "ByteLink":
+        """Return the link to the first band that fits."""
         from devices.drivers.links.ble import BleLink
 
-        return BleLink(clock, address=self.address, name=self.name, splits=splits)
+        return BleLink(clock, address=self.address, name=self.name, splits=self.splits)
+
+
+def own_link(site: "Site[Any]") -> "ByteLink":
+    """Return the link that a band's options describe."""
+    link: ByteLink = site.options.link(site.clock)
+    return link

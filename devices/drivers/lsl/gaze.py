@@ -11,10 +11,9 @@ from dataclasses import replace
 from devices.contracts import ClockPair
 from devices.drivers.lsl import gaze_codec as codec
 from devices.drivers.lsl.inlet import OFFSET
-from devices.drivers.lsl.spec import LSL_GAZE
+from devices.drivers.lsl.spec import LSL_GAZE, TOBII_LSL
 from devices.drivers.streaming.gaze_device import GazeDevice
 from devices.drivers.streaming.gaze_rays import Sample, Screen
-from devices.spec import AnySpec
 from devices.transports import Frames, Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
 from lab.errors import ProtocolViolation
@@ -30,6 +29,8 @@ class LslGaze(GazeDevice):
     the stream's own where it states one.
     """
 
+    spec = LSL_GAZE
+
     def __init__(
         self,
         role: str,
@@ -42,7 +43,6 @@ class LslGaze(GazeDevice):
         screen: Screen | None = None,
         eye_distance_mm: float = 64.0,
         screen_px: tuple[int, int] = (1920, 1080),
-        spec: AnySpec = LSL_GAZE,
     ) -> None:
         self._screen = screen or Screen()
         self._screen_px = screen_px
@@ -52,7 +52,7 @@ class LslGaze(GazeDevice):
             role,
             transport,
             clock,
-            spec,
+            self.spec,
             rate_hz=rate_hz,
             lost_after_s=lost_after_s,
             exchange_interval_s=exchange_interval_s,
@@ -119,3 +119,9 @@ class LslGaze(GazeDevice):
         middle_ns = t_host_ns - round_trip_ns // 2
         device_ns = middle_ns - round(offset_s * NS_PER_S)
         self._add_pair(ClockPair(t_host_ns - round_trip_ns, device_ns, t_host_ns))
+
+
+class TobiiLsl(LslGaze):
+    """A Tobii tracker sent by TittaLSL: the same driver, named for what it is."""
+
+    spec = TOBII_LSL

@@ -1,18 +1,16 @@
 """Streams of Lab Streaming Layer: options, wires, simulators."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from devices.drivers.streaming.options import SCREEN_NAMES, EyeDistanceMm, ScreenOptions
+from devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
 from devices.libraries import LSL
 from devices.options import StreamOptions
-from devices.spec import DriverSpec, Site
+from devices.spec import DriverSpec, Site, driven_by, streamed_by
 
 if TYPE_CHECKING:
-    from devices.drivers.lsl.body import LslBody
-    from devices.drivers.lsl.gaze import LslGaze
     from devices.transports import MessageTransport
 
 LISTENS = ("UDP 16571-16604", "TCP 16572-16604")
@@ -20,11 +18,12 @@ GAZE_REMEDY = (
     "start the program that sends the gaze stream, on this network and in the same LSL session, "
     "and check the firewall"
 )
-GAZE_WIRE = ("stream_name", "stream_type", "source_id", "session_id")
 
 
 class LslGazeOptions(ScreenOptions):
     """Options of `lsl_gaze` and `tobii_lsl`; empty names match any stream of the type."""
+
+    of_wire = frozenset({"stream_name", "stream_type", "source_id", "session_id"})
 
     stream_name: str = ""
     stream_type: str = "Gaze"
@@ -37,10 +36,16 @@ class LslGazeOptions(ScreenOptions):
 class LslBodyOptions(StreamOptions):
     """Options of `lsl_body`: which stream, and the stream's object -> segment."""
 
+    of_wire = frozenset({"name", "source_id"})
+
     name: str = ""
     source_id: str = ""
     objects: dict[str, str] = Field(default_factory=dict)
     rate_hz: float = Field(default=60.0, ge=1, le=2000)
+
+    def for_simulator(self) -> dict[str, Any]:
+        """Return rate, drift and the objects that move."""
+        return {**super().for_simulator(), "objects": self.objects}
 
 
 GazeSite = Site[LslGazeOptions]
@@ -62,27 +67,6 @@ def _gaze_inlet(site: GazeSite) -> "MessageTransport":
     )
 
 
-def _simulated_gaze(site: GazeSite) -> "MessageTransport":
-    from devices.sim.lsl.gaze import LslGazeSimulator
-
-    return site.streamed(LslGazeSimulator, site.watched, screen=site.options.screen())
-
-
-def _simulated_tobii(site: GazeSite) -> "MessageTransport":
-    from devices.sim.lsl.gaze import LslGazeSimulator
-
-    screen = site.options.screen()
-    return site.streamed(LslGazeSimulator, site.watched, screen=screen, layout="titta")
-
-
-def _lsl_gaze(site: GazeSite, wire: "MessageTransport") -> "LslGaze":
-    from devices.drivers.lsl.gaze import LslGaze
-
-    options = site.options.without(*GAZE_WIRE, *SCREEN_NAMES)
-    screen = site.options.screen()
-    return LslGaze(site.role, wire, site.clock, spec=site.spec, screen=screen, **options)
-
-
 def _body_inlet(site: BodySite) -> "MessageTransport":
     from devices.drivers.lsl.inlet import LslInlet
 
@@ -92,25 +76,13 @@ def _body_inlet(site: BodySite) -> "MessageTransport":
     )
 
 
-def _simulated_body(site: BodySite) -> "MessageTransport":
-    from devices.sim.lsl.body import LslBodySimulator
-
-    return site.streamed(LslBodySimulator, site.moving, objects=site.options.objects)
-
-
-def _lsl_body(site: BodySite, wire: "MessageTransport") -> "LslBody":
-    from devices.drivers.lsl.body import LslBody
-
-    return LslBody(site.role, wire, site.clock, **site.options.without("name", "source_id"))
-
-
 LSL_GAZE = DriverSpec(
     name="lsl_gaze",
     kind="eye tracker",
     options=LslGazeOptions,
-    make=_lsl_gaze,
+    make=driven_by("devices.drivers.lsl.gaze:LslGaze"),
     real=_gaze_inlet,
-    simulated=_simulated_gaze,
+    simulated=streamed_by("devices.sim.lsl.gaze:LslGazeSimulator"),
     vendor="LSL",
     model="LSL gaze stream",
     wire="LSL",
@@ -125,7 +97,8 @@ LSL_GAZE = DriverSpec(
 TOBII_LSL = replace(
     LSL_GAZE,
     name="tobii_lsl",
-    simulated=_simulated_tobii,
+    make=driven_by("devices.drivers.lsl.gaze:TobiiLsl"),
+    simulated=streamed_by("devices.sim.lsl.gaze:TittaSimulator"),
     vendor="Tobii",
     model="Tobii by LSL",
 )
@@ -133,9 +106,9 @@ LSL_BODY = DriverSpec(
     name="lsl_body",
     kind="body tracker",
     options=LslBodyOptions,
-    make=_lsl_body,
+    make=driven_by("devices.drivers.lsl.body:LslBody"),
     real=_body_inlet,
-    simulated=_simulated_body,
+    simulated=streamed_by("devices.sim.lsl.body:LslBodySimulator"),
     model="LSL motion stream",
     wire="LSL",
     remedy="start the program that sends the stream and check name, session id and firewall",

@@ -1,19 +1,20 @@
 """OptiTrack Motive: its options, its wire, its simulator."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
 from devices.options import StreamOptions
-from devices.spec import DriverSpec, Site
+from devices.spec import DriverSpec, Site, driven_by, streamed_by
 
 if TYPE_CHECKING:
-    from devices.drivers.natnet.driver import NatNet
     from devices.transports import MessageTransport
 
 
 class NatNetOptions(StreamOptions):
     """Options of `natnet`: Motive's computer; without a group the stream is unicast."""
+
+    of_wire = frozenset({"address", "port", "multicast_group", "data_port"})
 
     address: str = Field(default="127.0.0.1", min_length=1)
     port: int = Field(default=1510, ge=1, le=65535)
@@ -24,6 +25,14 @@ class NatNetOptions(StreamOptions):
     yaw_deg: float = Field(
         default=180.0, ge=-360, le=360, json_schema_extra={"any_magnitude": True}
     )
+
+    def for_simulator(self) -> dict[str, Any]:
+        """Return rate, drift and what moves: the bodies named, or a skeleton."""
+        from devices.drivers.natnet.driver import MOTIVE_BONES
+
+        skeleton = "" if self.bodies else self.skeleton or "Participant"
+        bodies = self.bodies or MOTIVE_BONES
+        return {**super().for_simulator(), "bodies": bodies, "skeleton": skeleton}
 
 
 Here = Site[NatNetOptions]
@@ -41,33 +50,13 @@ def _motive(site: Here) -> "MessageTransport":
     )
 
 
-def _simulated_motive(site: Here) -> "MessageTransport":
-    from devices.drivers.natnet.driver import MOTIVE_BONES
-    from devices.sim.natnet import NatNetSimulator
-
-    bodies = site.options.bodies
-    return site.streamed(
-        NatNetSimulator,
-        site.moving,
-        bodies=bodies or MOTIVE_BONES,
-        skeleton="" if bodies else site.options.skeleton or "Participant",
-    )
-
-
-def _natnet(site: Here, wire: "MessageTransport") -> "NatNet":
-    from devices.drivers.natnet.driver import NatNet
-
-    options = site.options.without("address", "port", "multicast_group", "data_port")
-    return NatNet(site.role, wire, site.clock, **options)
-
-
 NATNET = DriverSpec(
     name="natnet",
     kind="body tracker",
     options=NatNetOptions,
-    make=_natnet,
+    make=driven_by("devices.drivers.natnet.driver:NatNet"),
     real=_motive,
-    simulated=_simulated_motive,
+    simulated=streamed_by("devices.sim.natnet:NatNetSimulator"),
     vendor="OptiTrack",
     model="Motive",
     wire="UDP",

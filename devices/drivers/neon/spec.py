@@ -6,10 +6,9 @@ from pydantic import Field
 
 from devices.libraries import NEON as NEON_LIBRARY
 from devices.options import StreamOptions
-from devices.spec import DriverSpec, Site
+from devices.spec import DriverSpec, Site, driven_by, streamed_by
 
 if TYPE_CHECKING:
-    from devices.drivers.neon.driver import Neon
     from devices.transports import MessageTransport
 
 REMEDY = (
@@ -20,6 +19,8 @@ REMEDY = (
 
 class NeonOptions(StreamOptions):
     """Options of `neon`; the scene camera is a pinhole of these pixels until it is calibrated."""
+
+    of_wire = frozenset({"address", "port"})
 
     address: str = Field(default="neon.local", min_length=1)
     port: int = Field(default=8080, ge=1, le=65535)
@@ -43,25 +44,13 @@ def _network(site: Here) -> "MessageTransport":
     return NeonNetwork(site.options.address, site.options.port, site.clock, remedy=REMEDY)
 
 
-def _simulated_network(site: Here) -> "MessageTransport":
-    from devices.sim.neon import NeonSimulator
-
-    return site.streamed(NeonSimulator, site.watched)
-
-
-def _neon(site: Here, wire: "MessageTransport") -> "Neon":
-    from devices.drivers.neon.driver import Neon
-
-    return Neon(site.role, wire, site.clock, **site.options.without("address", "port"))
-
-
 NEON = DriverSpec(
     name="neon",
     kind="eye tracker",
     options=NeonOptions,
-    make=_neon,
+    make=driven_by("devices.drivers.neon.driver:Neon"),
     real=_network,
-    simulated=_simulated_network,
+    simulated=streamed_by("devices.sim.neon:NeonSimulator"),
     vendor="Pupil Labs",
     model="Neon",
     wire="HTTP, RTSP",

@@ -6,19 +6,19 @@ from pydantic import Field
 
 from devices.libraries import OPENVR
 from devices.options import SimulatedOptions, StreamOptions
-from devices.spec import DriverSpec, Site
+from devices.spec import DriverSpec, Site, driven_by
 
 if TYPE_CHECKING:
-    from devices.drivers.openvr.controllers import OpenVrControllers
-    from devices.drivers.openvr.headset import OpenVrHeadset
+    from devices.contracts import Body
     from devices.drivers.openvr.library import OpenVrLibrary
-    from devices.drivers.openvr.trackers import OpenVrTrackers
     from devices.sim.openvr.runtime import SimulatedVrRuntime
     from devices.transports import MessageTransport
 
 
 class OpenVrHeadsetOptions(SimulatedOptions):
     """Options of `openvr_headset`; the rate counts on the simulated runtime only."""
+
+    of_wire = frozenset({"display_rate_hz"})
 
     display_rate_hz: float = Field(default=90.0, ge=1, le=1000)
 
@@ -48,14 +48,14 @@ def _library(site: Site[Any]) -> "OpenVrLibrary":
     return library
 
 
-def _runtime(site: Site[Any]) -> "SimulatedVrRuntime":
+def _runtime(site: Site[Any], body: "Body") -> "SimulatedVrRuntime":
     """Return the rig's simulated runtime, started."""
     from devices.sim.openvr.runtime import SimulatedVrRuntime
 
     if "openvr runtime" not in site.shared:
         rate_hz = getattr(site.options, "display_rate_hz", 90.0)
         runtime = SimulatedVrRuntime(
-            site.watched,
+            body,
             site.clock,
             seed=site.seed,
             faults=site.faults,
@@ -71,7 +71,7 @@ def _wire(site: Site[Any]) -> "MessageTransport":
 
 
 def _simulated_wire(site: Site[Any]) -> "MessageTransport":
-    _runtime(site)
+    _runtime(site, site.watched)
     return _wire(site)
 
 
@@ -81,42 +81,20 @@ def _showing_wire(site: Site[Any]) -> "MessageTransport":
 
 
 def _simulated_showing_wire(site: Site[Any]) -> "MessageTransport":
-    _runtime(site)
+    _runtime(site, site.watched)
     return _showing_wire(site)
 
 
 def _worn_wire(site: Site[OpenVrTrackersOptions]) -> "MessageTransport":
-    body = site.moving
-    assert body is not None  # noqa: S101 - said by `moving` otherwise
-    _runtime(site).wear(site.options.worn)
+    _runtime(site, site.moving).wear(site.options.worn)
     return _wire(site)
-
-
-def _headset(site: Site[OpenVrHeadsetOptions], wire: "MessageTransport") -> "OpenVrHeadset":
-    from devices.drivers.openvr.headset import OpenVrHeadset
-
-    return OpenVrHeadset(site.role, wire, site.clock)
-
-
-def _controllers(
-    site: Site[OpenVrControllersOptions], wire: "MessageTransport"
-) -> "OpenVrControllers":
-    from devices.drivers.openvr.controllers import OpenVrControllers
-
-    return OpenVrControllers(site.role, wire, site.clock, **site.options.without())
-
-
-def _trackers(site: Site[OpenVrTrackersOptions], wire: "MessageTransport") -> "OpenVrTrackers":
-    from devices.drivers.openvr.trackers import OpenVrTrackers
-
-    return OpenVrTrackers(site.role, wire, site.clock, **site.options.without())
 
 
 OPENVR_HEADSET = DriverSpec(
     name="openvr_headset",
     kind="headset",
     options=OpenVrHeadsetOptions,
-    make=_headset,
+    make=driven_by("devices.drivers.openvr.headset:OpenVrHeadset"),
     real=_showing_wire,
     simulated=_simulated_showing_wire,
     model="OpenVR headset",
@@ -131,7 +109,7 @@ OPENVR_CONTROLLERS = DriverSpec(
     name="openvr_controllers",
     kind="responses",
     options=OpenVrControllersOptions,
-    make=_controllers,
+    make=driven_by("devices.drivers.openvr.controllers:OpenVrControllers"),
     real=_wire,
     simulated=_simulated_wire,
     model="OpenVR controllers",
@@ -146,7 +124,7 @@ OPENVR_TRACKERS = DriverSpec(
     name="openvr_trackers",
     kind="body tracker",
     options=OpenVrTrackersOptions,
-    make=_trackers,
+    make=driven_by("devices.drivers.openvr.trackers:OpenVrTrackers"),
     real=_wire,
     simulated=_worn_wire,
     model="OpenVR trackers",

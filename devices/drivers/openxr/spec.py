@@ -6,17 +6,16 @@ from pydantic import Field
 
 from devices.libraries import OPENXR
 from devices.options import SimulatedOptions
-from devices.spec import DriverSpec, Site
+from devices.spec import DriverSpec, Site, driven_by
 
 if TYPE_CHECKING:
-    from devices.drivers.openxr.controllers import OpenXrControllers
-    from devices.drivers.openxr.gaze import OpenXrGaze
-    from devices.drivers.openxr.headset import OpenXrHeadset
     from devices.transports import MessageTransport
 
 
 class OpenXrHeadsetOptions(SimulatedOptions):
     """Options of `openxr_headset`; the rate counts on the simulated runtime only."""
+
+    of_wire = frozenset({"display_rate_hz"})
 
     display_rate_hz: float = Field(default=90.0, ge=1, le=1000)
 
@@ -56,31 +55,11 @@ def _simulated_wire(site: Site[Any]) -> "MessageTransport":
     return _wire(site)
 
 
-def _headset(site: Site[OpenXrHeadsetOptions], wire: "MessageTransport") -> "OpenXrHeadset":
-    from devices.drivers.openxr.headset import OpenXrHeadset
-
-    return OpenXrHeadset(site.role, wire, site.clock)
-
-
-def _controllers(
-    site: Site[OpenXrControllersOptions], wire: "MessageTransport"
-) -> "OpenXrControllers":
-    from devices.drivers.openxr.controllers import OpenXrControllers
-
-    return OpenXrControllers(site.role, wire, site.clock, **site.options.without())
-
-
-def _gaze(site: Site[OpenXrGazeOptions], wire: "MessageTransport") -> "OpenXrGaze":
-    from devices.drivers.openxr.gaze import OpenXrGaze
-
-    return OpenXrGaze(site.role, wire, site.clock, **site.options.without())
-
-
 OPENXR_HEADSET = DriverSpec(
     name="openxr_headset",
     kind="headset",
     options=OpenXrHeadsetOptions,
-    make=_headset,
+    make=driven_by("devices.drivers.openxr.headset:OpenXrHeadset"),
     real=_wire,
     simulated=_simulated_wire,
     model="OpenXR headset",
@@ -95,7 +74,7 @@ OPENXR_CONTROLLERS = DriverSpec(
     name="openxr_controllers",
     kind="responses",
     options=OpenXrControllersOptions,
-    make=_controllers,
+    make=driven_by("devices.drivers.openxr.controllers:OpenXrControllers"),
     real=_wire,
     simulated=_simulated_wire,
     model="OpenXR controllers",
@@ -110,7 +89,7 @@ OPENXR_GAZE = DriverSpec(
     name="openxr_gaze",
     kind="eye tracker",
     options=OpenXrGazeOptions,
-    make=_gaze,
+    make=driven_by("devices.drivers.openxr.gaze:OpenXrGaze"),
     real=_wire,
     simulated=_simulated_wire,
     model="OpenXR eye gaze",

@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from devices.libraries import ZMQ
-from devices.options import SimulatedOptions
-from devices.spec import DriverSpec, Site
+from devices.options import StreamOptions
+from devices.spec import DriverSpec, Site, driven_by
 
 if TYPE_CHECKING:
-    from devices.drivers.pupil.driver import PupilCore
     from devices.transports import MessageTransport
 
 
@@ -19,21 +18,18 @@ REMEDY = (
 )
 
 
-class PupilCoreOptions(SimulatedOptions):
+class PupilCoreOptions(StreamOptions):
     """Options of `pupil_core`; `faults` and `drift_ppm` count on a simulated wire only."""
+
+    of_wire = frozenset({"address", "port"})
 
     address: str = Field(default="127.0.0.1", min_length=1)
     port: int = Field(default=50020, ge=1, le=65535)
-    rate_hz: float = Field(default=120.0, ge=1, le=2000)
     confidence_threshold_01: float = Field(default=0.6, ge=0, le=1)
     exchange_interval_s: float = Field(default=0.5, gt=0, le=60)
     opening_exchanges: int = Field(default=20, ge=1, le=1000)
-    lost_after_s: float = Field(default=2.0, gt=0, le=60)
     eye_distance_mm: float = Field(default=64.0, ge=40, le=90)
     reference_distance_m: float = Field(default=1.0, gt=0, le=20)
-    drift_ppm: float = Field(
-        default=0.0, ge=-1000, le=1000, json_schema_extra={"any_magnitude": True}
-    )
 
 
 Here = Site[PupilCoreOptions]
@@ -47,28 +43,21 @@ def _capture(site: Here) -> "MessageTransport":
 
 def _simulated_capture(site: Here) -> "MessageTransport":
     """Return a simulator in memory, or on real sockets when the clock is real."""
-    from devices.sim.pupil.capture import PupilCoreSimulator
     from devices.sim.zmq_host import ZmqHost
     from devices.transports import MemoryTransport, ZmqTransport
 
-    simulator = site.peer(PupilCoreSimulator, site.watched)
+    simulator = site.peer("devices.sim.pupil.capture:PupilCoreSimulator")
     if site.clock.is_virtual:
         return MemoryTransport(simulator, site.clock)
     host = site.stack.enter_context(ZmqHost(simulator, site.clock))
     return ZmqTransport("127.0.0.1", host.port, site.clock, is_simulated=True)
 
 
-def _pupil_core(site: Here, wire: "MessageTransport") -> "PupilCore":
-    from devices.drivers.pupil.driver import PupilCore
-
-    return PupilCore(site.role, wire, site.clock, **site.options.without("address", "port"))
-
-
 PUPIL_CORE = DriverSpec(
     name="pupil_core",
     kind="eye tracker",
     options=PupilCoreOptions,
-    make=_pupil_core,
+    make=driven_by("devices.drivers.pupil.driver:PupilCore"),
     real=_capture,
     simulated=_simulated_capture,
     vendor="Pupil Labs",

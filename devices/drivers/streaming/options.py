@@ -1,6 +1,6 @@
 """Options of the eye trackers that stand before a screen."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
@@ -28,9 +28,18 @@ class ScreenOptions(StreamOptions):
         from devices.drivers.streaming.gaze_rays import Screen
 
         return Screen(
-            **{name.removeprefix("screen_"): getattr(self, name) for name in SCREEN_NAMES}
+            **{
+                name.removeprefix("screen_"): getattr(self, name)
+                for name in ScreenOptions.__annotations__
+            }
         )
 
+    def for_driver(self) -> dict[str, Any]:
+        """Return the driver's options, the screen as one."""
+        kept = super().for_driver().items()
+        own = {name: value for name, value in kept if name not in ScreenOptions.__annotations__}
+        return {**own, "screen": self.screen()}
 
-SCREEN_NAMES = tuple(ScreenOptions.__annotations__)
-"""The options that `screen()` takes together."""
+    def for_simulator(self) -> dict[str, Any]:
+        """Return rate, drift and the screen."""
+        return {**super().for_simulator(), "screen": self.screen()}

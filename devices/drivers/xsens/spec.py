@@ -5,15 +5,16 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from devices.options import StreamOptions
-from devices.spec import DriverSpec, Site
+from devices.spec import DriverSpec, Site, driven_by, streamed_by
 
 if TYPE_CHECKING:
-    from devices.drivers.xsens.driver import XsensMvn
     from devices.transports import MessageTransport
 
 
 class XsensOptions(StreamOptions):
     """Options of `xsens`: the port MVN sends to, and which of its characters."""
+
+    of_wire = frozenset({"port"})
 
     port: int = Field(default=9763, ge=1, le=65535)
     rate_hz: float = Field(default=240.0, ge=1, le=2000)
@@ -29,25 +30,13 @@ def _streamer(site: Here) -> "MessageTransport":
     return UdpTransport(site.clock, local_port=site.options.port)
 
 
-def _simulated_streamer(site: Here) -> "MessageTransport":
-    from devices.sim.xsens import XsensSimulator
-
-    return site.streamed(XsensSimulator, site.moving)
-
-
-def _xsens(site: Here, wire: "MessageTransport") -> "XsensMvn":
-    from devices.drivers.xsens.driver import XsensMvn
-
-    return XsensMvn(site.role, wire, site.clock, **site.options.without("port"))
-
-
 XSENS = DriverSpec(
     name="xsens",
     kind="body tracker",
     options=XsensOptions,
-    make=_xsens,
+    make=driven_by("devices.drivers.xsens.driver:XsensMvn"),
     real=_streamer,
-    simulated=_simulated_streamer,
+    simulated=streamed_by("devices.sim.xsens:XsensSimulator"),
     vendor="Movella",
     model="Xsens MVN",
     wire="UDP",

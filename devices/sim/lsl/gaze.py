@@ -154,6 +154,13 @@ class LslGazeSimulator(GazePeer):
         return values
 
 
+class TittaSimulator(LslGazeSimulator):
+    """The stream that TittaLSL sends of a Tobii tracker."""
+
+    def __init__(self, body: Body, **options: Any) -> None:
+        super().__init__(body, layout="titta", **options)
+
+
 class LslOutletHost:
     """Push a simulator's samples through a real outlet, in a thread; a context manager."""
 
