@@ -85,21 +85,21 @@ class EyeLink(GazeDevice):
             message.frames[0], self._screen, self._screen_px, self._half_m, self._pupil
         )
         if sample is None:
-            self._counts.malformed += 1
+            self._malformed += 1
         else:
             yield sample
 
     def _take_time(self, exchange: Exchange) -> None:
         frames: Frames = exchange.frames
         if len(frames) != 2 or len(frames[1]) != TIME.size:
-            self._counts.malformed += 1
+            self._malformed += 1
             return
         (device_ns,) = TIME.unpack(frames[1])
         self._add_pair(ClockPair(exchange.t_send_ns, device_ns, exchange.t_receive_ns))
 
     def _take_verdict(self, raw: bytes) -> None:
         if len(raw) < VERDICT.size:
-            self._counts.malformed += 1
+            self._malformed += 1
             return
         (code,) = VERDICT.unpack_from(raw)
         text = raw[VERDICT.size :].decode("utf-8", "replace").strip()

@@ -114,7 +114,7 @@ class Fove(GazeDevice):
             return
         found = codec.decode_eye_frame(message.frames[0], self._eye_distance_m)
         if found is None:
-            self._counts.malformed += 1
+            self._malformed += 1
             return
         sample, codes = found
         for code in codes:
@@ -123,7 +123,7 @@ class Fove(GazeDevice):
 
     def _take_answer(self, frames: Frames) -> None:
         if len(frames) < 2 or len(frames[1]) != ANSWER.size:
-            self._counts.malformed += 1
+            self._malformed += 1
             return
         question, (code, value) = frames[0], ANSWER.unpack(frames[1])
         if question == b"calibration_state":

@@ -105,12 +105,12 @@ class Gazepoint(GazeDevice):
         reader = self._reader
         before = reader.malformed
         lines = reader.feed(b"".join(message.frames))
-        self._counts.malformed += reader.malformed - before
+        self._malformed += reader.malformed - before
         for tag, values in lines:
             if tag == "REC":
                 sample = codec.decode_record(values, self._place, self._ticks_per_s)
                 if sample is None:
-                    self._counts.malformed += 1
+                    self._malformed += 1
                 else:
                     yield sample
             elif tag == "CAL":

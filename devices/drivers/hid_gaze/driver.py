@@ -85,7 +85,7 @@ class HidGaze(GazeDevice):
             return
         found = codec.decode_report(message.frames[0], layout, self._screen, self._eye_distance_mm)
         if found is None or found[0] * self._tick_ns >= 2**62:
-            self._counts.malformed += 1
+            self._malformed += 1
             return
         ticks, row = found
         if len(self._ticks) <= STEPS_FOR_UNIT:

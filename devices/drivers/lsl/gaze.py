@@ -103,17 +103,17 @@ class LslGaze(GazeDevice):
         if len(frames) == 2 and layout is not None:
             sample = codec.decode_sample(frames[1], layout, self._screen, self._half_m)
         if sample is None:
-            self._counts.malformed += 1
+            self._malformed += 1
         else:
             yield sample
 
     def _take_offset(self, frames: Frames, t_host_ns: int) -> None:
         if len(frames) != 2 or len(frames[1]) != OFFSET.size:
-            self._counts.malformed += 1
+            self._malformed += 1
             return
         offset_s, round_trip_s = OFFSET.unpack(frames[1])
         if not (abs(offset_s) < MOST_OFFSET_S and 0 <= round_trip_s < MOST_OFFSET_S):
-            self._counts.malformed += 1
+            self._malformed += 1
             return
         round_trip_ns = round(round_trip_s * NS_PER_S)
         middle_ns = t_host_ns - round_trip_ns // 2

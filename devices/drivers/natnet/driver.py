@@ -89,7 +89,7 @@ class NatNet(BodyDevice):
 
     def _connect(self, deadline_ns: int) -> None:
         self._server, self._models = None, None
-        self._ask(deadline_ns, codec.CONNECT, b"Ping\0", lambda: self._server is not None)
+        self._ask_until(deadline_ns, codec.CONNECT, b"Ping\0", lambda: self._server is not None)
         server = self._known_server()
         if not codec.OLDEST <= server.version:
             raise ProtocolViolation(
@@ -99,16 +99,17 @@ class NatNet(BodyDevice):
             )
         if server.version > codec.NEWEST_KNOWN:
             text = f"NatNet {server.version[0]}.{server.version[1]} is newer than this driver"
-            self._note("version", text, "compare a short capture with Motive before you rely on it")
+            remedy = "compare a short capture with Motive before you rely on it"
+            self._note("version", self._warning(text, remedy))
         self.info = replace(self.info, model=f"{server.program} {server.program_version}".strip())
-        self._ask(deadline_ns, codec.REQUEST_MODEL, b"", lambda: self._models is not None)
+        self._ask_until(deadline_ns, codec.REQUEST_MODEL, b"", lambda: self._models is not None)
 
     def _known_server(self) -> codec.Server:
         if self._server is None:
             raise DeviceTimeout("Motive did not say who it is", remedy=NATNET.remedy)
         return self._server
 
-    def _ask(
+    def _ask_until(
         self, deadline_ns: int, message: int, payload: bytes, is_there: Callable[[], bool]
     ) -> None:
         while not is_there():
@@ -163,10 +164,9 @@ class NatNet(BodyDevice):
                     self._row_of[number] = rows[self._names[name]]
                     found.add(name)
         missing = [name for name in self._names if name not in found]
-        self._notes.pop("names", None)
-        if missing:
-            text = f"Motive does not know {', '.join(missing)}"
-            self._note("names", text, "create it in Motive, or name the bodies as they are there")
+        text = f"Motive does not know {', '.join(missing)}"
+        fault = self._warning(text, "create it in Motive, or name the bodies as they are there")
+        self._note("names", fault if missing else None)
 
     def _sample(self, frame: codec.Frame) -> BodySample:
         if frame.models_changed:

@@ -115,7 +115,7 @@ class Neon(GazeDevice):
             self._packet = codec.unwrapped(number, self._packet)
             sample = codec.decode_gaze(stamp_ns, self._packet, frames[2], self._camera)
             if sample is None:
-                self._counts.malformed += 1
+                self._malformed += 1
                 size = len(frames[2])
                 self._unknown[size] = self._unknown.get(size, 0) + 1
             else:
@@ -125,11 +125,11 @@ class Neon(GazeDevice):
         elif kind == b"status":
             self._take_status(frames)
         else:
-            self._counts.malformed += 1
+            self._malformed += 1
 
     def _take_echo(self, frames: Frames, sent_ns: int, received_ns: int) -> None:
         if len(frames) != 2 or len(frames[1]) != ECHO.size:
-            self._counts.malformed += 1
+            self._malformed += 1
             return
         (phone_ms,) = ECHO.unpack(frames[1])
         if phone_ms < 2**43:  # the middle of the millisecond it counts
@@ -141,7 +141,7 @@ class Neon(GazeDevice):
             parts = json.loads(frames[1])
             rows = [(str(part["model"]), dict(part["data"])) for part in parts]
         except (ValueError, TypeError, KeyError, IndexError):
-            self._counts.malformed += 1
+            self._malformed += 1
             return
         for model, data in rows:
             if model == "Phone":

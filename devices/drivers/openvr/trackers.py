@@ -78,12 +78,11 @@ class OpenVrTrackers(BodyDevice):
             raise ProtocolViolation("the runtime lists no devices", remedy=OPENVR_TRACKERS.remedy)
         slots = {row[3]: row[0] for row in msgpack.unpackb(frames[1])}
         self._slot_of = {serial: slots[serial] for serial in self._worn if serial in slots}
-        self._notes.pop("missing", None)
         missing = [s for s in self._worn if s not in slots]
-        if missing:
-            others = ", ".join(sorted(set(slots) - set(self._worn))) or "nothing else"
-            text = f"trackers not there: {', '.join(missing)}; the runtime has {others}"
-            self._note("missing", text, OPENVR_TRACKERS.remedy)
+        others = ", ".join(sorted(set(slots) - set(self._worn))) or "nothing else"
+        text = f"trackers not there: {', '.join(missing)}; the runtime has {others}"
+        fault = self._warning(text, OPENVR_TRACKERS.remedy)
+        self._note("missing", fault if missing else None)
 
     def _decode(self, message: Message) -> Iterable[BodySample]:
         kind, error, *rest = message.frames

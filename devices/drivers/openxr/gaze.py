@@ -60,7 +60,7 @@ class OpenXrGaze(GazeDevice):
     def _decode(self, message: Message) -> Iterable[Sample]:
         _, error, *rest = message.frames
         if error or not rest or len(rest[0]) != LOCATED.size:
-            self._counts.malformed += 1
+            self._malformed += 1
             return ()
         _host_ns, now, sampled, flags, *numbers = LOCATED.unpack(rest[0])
         if message.t_sent_ns is not None:

@@ -1,30 +1,42 @@
 """What an eye tracker's driver noticed, said as faults an operator can act on."""
 
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 from devices.contracts import Fault
-from devices.drivers.pupil.findings import EYES_LOST_BELOW_01, FEWEST_SAMPLES, SeenEyes
 from devices.meter import StreamMeter
-from lab.errors import DeviceError
 
 ANSWERS_MISSED_S = 3.0
+EYES_LOST_BELOW_01 = 0.1
+MIN_SAMPLES = 20
 
 
-@dataclass
-class Counts:
-    """What a driver noticed since start; `notes` are faults that hold until removed."""
+class SeenEyes:
+    """Count in how many of the samples of the last polls each eye was valid."""
 
-    malformed: int = 0
-    clock_jumps_ms: list[float] = field(default_factory=list)
-    notes: dict[str, Fault] = field(default_factory=dict)
+    def __init__(self, polls: int) -> None:
+        self._polls = polls
+        self._counts: deque[tuple[int, int, int]] = deque()
+        self.samples = self.left = self.right = 0
+
+    def add(self, samples: int, left: int, right: int) -> None:
+        """Take one poll's counts and forget the oldest beyond the limit."""
+        self._counts.append((samples, left, right))
+        self.samples += samples
+        self.left += left
+        self.right += right
+        if len(self._counts) > self._polls:
+            samples, left, right = self._counts.popleft()
+            self.samples -= samples
+            self.left -= left
+            self.right -= right
 
 
 def stream_faults(
     role: str,
-    counts: Counts,
     meter: StreamMeter,
     *,
+    malformed: int,
     lost: int,
     jumps_ms: Sequence[float],
     unanswered_s: float,
@@ -36,8 +48,8 @@ def stream_faults(
     def warn(message: str, remedy: str) -> None:
         found.append(Fault(role, "warning", message, remedy))
 
-    if counts.malformed:
-        text = f"{counts.malformed} messages could not be read"
+    if malformed:
+        text = f"{malformed} messages could not be read"
         warn(text, "keep the .wire log and report it")
     if lost:
         warn(f"{lost} samples were lost on the way", "check cable, network and load")
@@ -54,7 +66,7 @@ def stream_faults(
 
 def eye_faults(role: str, seen: SeenEyes) -> list[Fault]:
     """Name eyes that were hardly seen of late."""
-    if seen.samples < FEWEST_SAMPLES:
+    if seen.samples < MIN_SAMPLES:
         return []
     counts = {"left": seen.left, "right": seen.right}
     lost = [eye for eye, n in counts.items() if n / seen.samples < EYES_LOST_BELOW_01]
@@ -62,11 +74,3 @@ def eye_faults(role: str, seen: SeenEyes) -> list[Fault]:
     if len(lost) == len(counts):
         return [Fault(role, "blocking", "neither eye is seen", remedy)]
     return [Fault(role, "warning", f"the {eye} eye is not seen", remedy) for eye in lost]
-
-
-def named(problem: DeviceError, role: str, remedy: str) -> DeviceError:
-    """Return the problem with the role's name, and with `remedy` where it has none."""
-    if problem.role:
-        return problem
-    message = str(problem).removesuffix(f"; {problem.remedy}")
-    return type(problem)(message, role=role, remedy=problem.remedy or remedy)

@@ -1,0 +1,160 @@
+"""The life that every driver on a message wire shares: open, start, stop, close, being named."""
+
+import struct
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+
+import msgpack
+
+from devices.contracts import ClockPair, DeviceState, Fault, Sink
+from devices.lifecycle import Lifecycle
+from devices.spec import AnySpec
+from devices.transports import Exchange, Frames, MessageTransport
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.errors import DeviceError, DeviceTimeout, ProtocolViolation
+
+ATTEMPT_EVERY_NS = 500 * NS_PER_MS
+"""How often a driver tries to reach a peer that is gone."""
+
+UNREADABLE = (
+    struct.error,
+    msgpack.UnpackException,
+    ValueError,
+    TypeError,
+    LookupError,
+    OverflowError,
+    AttributeError,
+)
+"""What taking an answer apart raises when it is none."""
+
+
+@contextmanager
+def legible(what: str, remedy: str) -> Iterator[None]:
+    """Take a peer's answer apart; one that cannot be read is a ProtocolViolation."""
+    try:
+        yield
+    except UNREADABLE as cause:
+        raise ProtocolViolation(f"cannot read {what}: {cause}", remedy=remedy) from cause
+
+
+def named(problem: DeviceError, role: str, remedy: str) -> DeviceError:
+    """Return the problem with the role's name, and with `remedy` where it has none."""
+    if problem.role and problem.remedy:
+        return problem
+    message = str(problem).removesuffix(f"; {problem.remedy}").removeprefix(f"{problem.role}: ")
+    return type(problem)(message, role=role, remedy=problem.remedy or remedy)
+
+
+class MessageDevice(ABC):
+    """Open a wire, say hello, deliver to a sink, close; a driver says what crosses the wire."""
+
+    def __init__(self, role: str, transport: MessageTransport, clock: Clock, spec: AnySpec) -> None:
+        self._transport = transport
+        self._clock = clock
+        self._spec = spec
+        self._life = Lifecycle(role)
+        self._sink: Sink | None = None
+        self._attempt_ns = 0
+        self.info = spec.info(role, transport)
+
+    # ---- what a driver adds -----------------------------------------------------------------
+
+    @abstractmethod
+    def _connect(self, deadline_ns: int) -> None:
+        """Say hello on the open wire: identity, version, streams. Raises DeviceError."""
+
+    def _prepare(self) -> None:
+        """Forget what was known of an earlier connection; for `open`."""
+        return
+
+    def _subscribe(self) -> None:
+        """Ask the open wire for what it sends by itself, before anything is said."""
+        return
+
+    def _begin_stream(self) -> None:
+        """Prepare for `start`, before anything is delivered; must not wait long."""
+        return
+
+    @abstractmethod
+    def _reset(self, now_ns: int) -> None:
+        """Begin counting anew; for `start`."""
+
+    # ---- the contract -----------------------------------------------------------------------
+
+    @property
+    def state(self) -> DeviceState:
+        """Where it is in its life; FAULT while the peer is gone."""
+        return self._life.state
+
+    def open(self, deadline_s: float) -> None:
+        """Open the wire and say hello; raises DeviceError with a remedy."""
+        self._life.require("open", DeviceState.CLOSED)
+        deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
+        self._prepare()
+        try:
+            self._transport.open(deadline_s)
+            self._subscribe()
+            self.info = replace(
+                self.info,
+                transport=self._transport.kind,
+                is_simulated=self._transport.is_simulated,
+            )
+            with legible("what it answered when it was opened", self._spec.remedy):
+                self._connect(deadline_ns)
+        except DeviceError as problem:
+            self._transport.close()
+            raise named(problem, self.info.role, self._spec.remedy) from problem
+        self._life.state = DeviceState.OPEN
+
+    def start(self, sink: Sink) -> None:
+        """Begin delivering; what came before is thrown away."""
+        self._life.require("start", DeviceState.OPEN)
+        self._transport.receive(0.0)
+        self._begin_stream()
+        self._sink = sink
+        self._reset(self._clock.now_ns())
+        self._life.state = DeviceState.STREAMING
+
+    def stop(self) -> None:
+        """Stop delivering; the wire stays open."""
+        self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
+        self._sink = None
+        self._life.state = DeviceState.OPEN
+
+    def close(self) -> None:
+        """Close the wire; idempotent."""
+        self._sink = None
+        self._transport.close()
+        self._life.state = DeviceState.CLOSED
+
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return nothing: its clock is not asked."""
+        return ()
+
+    # ---- for drivers ------------------------------------------------------------------------
+
+    def _ask(self, frames: Frames, deadline_ns: int) -> Exchange:
+        """Send a request and wait; raises DeviceTimeout with the remedy."""
+        left_s = max(0.001, (deadline_ns - self._clock.now_ns()) / NS_PER_S)
+        try:
+            return self._transport.request(frames, left_s)
+        except DeviceTimeout as cause:
+            raise DeviceTimeout(
+                "nobody answered in time", role=self.info.role, remedy=self._spec.remedy
+            ) from cause
+
+    def _attempt_is_due(self) -> bool:
+        """Tell whether to try and reach a peer that is gone, and remember that it was tried."""
+        now_ns = self._clock.now_ns()
+        if now_ns < self._attempt_ns:
+            return False
+        self._attempt_ns = now_ns + ATTEMPT_EVERY_NS
+        return True
+
+    def _warning(self, message: str, remedy: str) -> Fault:
+        return Fault(self.info.role, "warning", message, remedy)
+
+    def _blocking(self, message: str, remedy: str) -> Fault:
+        return Fault(self.info.role, "blocking", message, remedy)

@@ -1,0 +1,201 @@
+"""The life that eye and body trackers share: polling, numbers, one-way clock, reconnecting."""
+
+from abc import abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.contracts import DeviceState, Fault, Health
+from devices.drivers.streaming.message_device import MessageDevice, named
+from devices.drivers.streaming.one_way_clock import OneWayClock
+from devices.meter import StreamMeter
+from devices.spec import AnySpec
+from devices.transports import Message, MessageTransport
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.clock_fit import ClockFit
+from lab.errors import DeviceDisconnected, DeviceError
+from lab.schema import SampleBatch, StreamSchema
+
+ATTEMPT_S = 0.4
+EVERYTHING = (b"",)
+
+
+class Stamped(Protocol):
+    """A decoded sample, by the device's own time (ns)."""
+
+    @property
+    def t_device_ns(self) -> int:
+        """When it was taken."""
+        ...
+
+
+S = TypeVar("S", bound=Stamped)
+
+
+class StreamDevice(MessageDevice, Generic[S]):
+    """Deliver one stream of samples that a peer sends by itself.
+
+    The peer counts as lost when nothing came for `lost_after_s`; the driver then tries again
+    twice a second by itself and goes on with the first sample.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        transport: MessageTransport,
+        clock: Clock,
+        spec: AnySpec,
+        schema: StreamSchema,
+        *,
+        lost_after_s: float,
+    ) -> None:
+        super().__init__(role, transport, clock, spec)
+        self._schema = schema
+        self._lost_after_ns = round(lost_after_s * NS_PER_S)
+        self._notes: dict[str, Fault] = {}
+        self._reset(clock.now_ns())
+
+    # ---- what a driver adds -----------------------------------------------------------------
+
+    @abstractmethod
+    def _decode(self, message: Message) -> Iterable[S]:
+        """Return the samples a message completes; count what cannot be read."""
+
+    @abstractmethod
+    def _number(self, sample: S) -> int | None:
+        """Return the sample's `seq`; None leaves it out."""
+
+    @abstractmethod
+    def _values(self, samples: Sequence[S]) -> npt.NDArray[np.void]:
+        """Return the samples as rows of the schema."""
+
+    def _prepare(self) -> None:
+        self._notes = {}
+        self._malformed = 0
+
+    def _subscribe(self) -> None:
+        self._transport.subscribe(0, EVERYTHING)
+
+    def _resume(self) -> None:
+        """Ask for the stream again after the wire was opened anew; must not wait."""
+        return
+
+    def _came_back(self) -> None:
+        """Take note that a peer that was gone is there again."""
+        return
+
+    def _tick(self, now_ns: int) -> None:
+        """Do what is due while streaming, such as keeping the stream alive; must not wait."""
+        return
+
+    # ---- the contract -----------------------------------------------------------------------
+
+    def describe(self) -> tuple[StreamSchema, ...]:
+        """Return the stream at this tracker's rate."""
+        return (self._schema,)
+
+    def poll(self, timeout_s: float) -> int:
+        """Decode what came; see the contract. While the peer is gone, try again."""
+        if self._life.state is not DeviceState.STREAMING:
+            self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
+            return self._reconnect(timeout_s)
+        try:
+            messages = self._transport.receive(timeout_s)
+        except DeviceDisconnected as gone:
+            raise self._lose(gone) from gone
+        delivered = self._take(messages) if messages else 0
+        now_ns = self._clock.now_ns()
+        if now_ns - self._heard_ns > self._lost_after_ns:
+            quiet_s = (now_ns - self._heard_ns) / NS_PER_S
+            raise self._lose(DeviceDisconnected(f"nothing came for {quiet_s:.1f} s"))
+        self._tick(now_ns)
+        return delivered
+
+    def health(self) -> Health:
+        """Report deliveries and the clock's fit."""
+        health = self._meter.health(self.state, self._clock.now_ns())
+        fit = self._clock_fit()
+        if fit is None:
+            return health
+        return replace(
+            health, clock_offset_ms=fit.offset_ns / NS_PER_MS, clock_drift_ppm=fit.drift_ppm
+        )
+
+    # ---- inside -----------------------------------------------------------------------------
+
+    def _clock_fit(self) -> ClockFit | None:
+        """Return the lower envelope of arrivals over device times."""
+        return self._one_way.fit()
+
+    def _note(self, key: str, fault: Fault | None) -> None:
+        """Set or remove a fault that holds until removed."""
+        if fault is None:
+            self._notes.pop(key, None)
+        else:
+            self._notes[key] = fault
+
+    def _reset(self, now_ns: int) -> None:
+        self._meter = StreamMeter(self._schema.nominal_rate_hz)
+        self._one_way = OneWayClock()
+        self._malformed = 0
+        self._heard_ns = self._attempt_ns = now_ns
+
+    def _take(self, messages: Sequence[Message]) -> int:
+        samples: list[S] = []
+        seqs: list[int] = []
+        arrivals: list[int] = []
+        for message in messages:
+            for sample in self._decode(message):
+                seq = self._number(sample)
+                if seq is not None:
+                    samples.append(sample)
+                    seqs.append(seq)
+                    arrivals.append(message.t_host_ns)
+        self._heard_ns = max(self._heard_ns, messages[-1].t_host_ns)
+        if not samples or self._sink is None:
+            return 0
+        stamps = [sample.t_device_ns for sample in samples]
+        self._one_way.add(stamps, arrivals)
+        return self._deliver(seqs, stamps, arrivals, self._values(samples))
+
+    def _deliver(self, seqs: Any, stamps: Any, arrivals: Any, values: npt.NDArray[np.void]) -> int:
+        if self._sink is None:
+            return 0
+        seq, device, host = (np.asarray(column, np.int64) for column in (seqs, stamps, arrivals))
+        self._meter.update(device.tolist(), int(host[-1]))
+        self._sink(SampleBatch(self._schema, seq, device, host, values))
+        return len(values)
+
+    def _lose(self, gone: DeviceError) -> DeviceError:
+        """Count the peer as gone and return what to raise."""
+        self._life.state = DeviceState.FAULT
+        self._attempt_ns = self._clock.now_ns()
+        return named(gone, self.info.role, self._spec.remedy)
+
+    def _reconnect(self, timeout_s: float) -> int:
+        """Try to reach the peer; what fails was told already, and the next attempt follows."""
+        try:
+            if self._attempt_is_due():
+                self._transport.close()
+                self._transport.open(ATTEMPT_S)
+                self._subscribe()
+                self._resume()
+            messages = self._transport.receive(timeout_s)
+        except DeviceError as problem:
+            self._transport.close()
+            self._note("away", self._warning(f"still away: {problem}", self._spec.remedy))
+            if timeout_s > 0:
+                self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
+            return 0
+        if not messages:
+            return 0
+        self._came_back()
+        delivered = self._take(messages)
+        if delivered:
+            self._note("away", None)
+            self._heard_ns = self._clock.now_ns()
+            self._life.state = DeviceState.STREAMING
+        return delivered

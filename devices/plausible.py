@@ -1,0 +1,18 @@
+"""Which positions a device may tell: finite, and no further than a kilometre from the origin."""
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.geometry import Vector
+
+MAX_FAR_M = 1000.0
+
+
+def is_place(x: float, y: float, z: float) -> bool:
+    """Tell whether a position (m) can be one; NaN and infinite ones are none."""
+    return abs(x) <= MAX_FAR_M and abs(y) <= MAX_FAR_M and abs(z) <= MAX_FAR_M
+
+
+def are_places(position_m: Vector) -> npt.NDArray[np.bool_]:
+    """Tell which positions, shape (..., 3), can be such; shape (...)."""
+    return np.asarray((np.abs(position_m) <= MAX_FAR_M).all(axis=-1))
