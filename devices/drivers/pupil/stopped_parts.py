@@ -1,0 +1,28 @@
+"""Which parts of Pupil Capture have stopped, by its own notifications, in the operator's words."""
+
+from dataclasses import dataclass, field
+
+STOPPED = {
+    "eye_process.stopped": "the eye camera's process stopped",
+    "world_process.stopped": "Pupil Capture's main process stopped",
+    "service_process.stopped": "Pupil Service stopped",
+    "launcher_process.should_stop": "Pupil Capture is closing",
+    "stop_plugin": "a plug-in of Pupil Capture stopped",
+}
+STARTED_AGAIN = {"eye_process.started": "eye_process.stopped"}
+EYE_NAMES = {0: "right", 1: "left"}
+
+
+@dataclass
+class StoppedParts:
+    """What has stopped since start and not started again, by part and eye."""
+
+    stopped: dict[str, str] = field(default_factory=dict)
+
+    def note(self, subject: str, eye_id: object = None) -> None:
+        """Remember a notification about a part that stopped, or started again."""
+        eye = EYE_NAMES.get(eye_id, "") if isinstance(eye_id, int) else ""
+        if subject in STOPPED:
+            self.stopped[f"{subject} {eye}"] = f"{STOPPED[subject]}{f' ({eye})' if eye else ''}"
+        elif subject in STARTED_AGAIN:
+            self.stopped.pop(f"{STARTED_AGAIN[subject]} {eye}", None)
