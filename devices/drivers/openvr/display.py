@@ -1,6 +1,5 @@
 """What an OpenVR runtime says of display and frames, and whether base stations stay in place."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,11 +8,11 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from devices.contracts import FRAME_TIMING
 from devices.drivers.openvr import codec
+from devices.drivers.streaming.message_device import legible
 from lab.clock import NS_PER_S
 from lab.errors import ProtocolViolation
-from lab.frame import EyeView, FrameInfo
+from lab.frame import EyeView
 
 MOVED_BASE_STATION_M = 0.005
 
@@ -35,41 +34,26 @@ def read_display(
     display: bytes, eyes: tuple[bytes, bytes], *, role: str, remedy: str
 ) -> DisplayFacts:
     """Read the runtime's account of display and eyes; raises ProtocolViolation."""
-    try:
-        rate_hz, photons_s, width, height = msgpack.unpackb(display)
+    with legible("the runtime's account of the display", remedy):
+        rate_hz, photons_s, width, height = (float(n) for n in msgpack.unpackb(display))
         told = [msgpack.unpackb(eye) for eye in eyes]
-    except (ValueError, TypeError) as cause:
-        raise ProtocolViolation(
-            "the runtime's account of the display cannot be read", role=role, remedy=remedy
-        ) from cause
-    if not 1 <= rate_hz <= 1000:
-        raise ProtocolViolation(
-            f"the runtime says the display runs at {rate_hz} Hz", role=role, remedy=remedy
-        )
-    placed = [codec.decode_matrix(matrix) for _, matrix in told]
+        size_px = (int(width), int(height))
+        photons_ns = round(photons_s * NS_PER_S)
+        placed = [codec.decode_matrix([float(n) for n in matrix]) for _, matrix in told]
+        tangents = [[float(n) for n in four] for four, _ in told]
     if placed[0] is None or placed[1] is None:
         raise ProtocolViolation("the runtime gives no places of the eyes", role=role, remedy=remedy)
     midpoint_m = (np.array(placed[0][0]) + np.array(placed[1][0])) / 2
     left, right = (
-        _view(tangents, np.array(place[0]) - midpoint_m, place[1])
-        for (tangents, _), place in zip(told, (placed[0], placed[1]), strict=True)
+        _view(four, np.array(place[0]) - midpoint_m, place[1])
+        for four, place in zip(tangents, (placed[0], placed[1]), strict=True)
     )
-    size_px = (int(width), int(height))
-    photons_ns = round(photons_s * NS_PER_S)
     return DisplayFacts(float(rate_hz), size_px, photons_ns, midpoint_m, (left, right))
 
 
-def timing_row(frame: FrameInfo, pose_seq: int, submitted_ns: int, timing_raw: bytes) -> bytes:
-    """Return what became of a frame as a row of `FRAME_TIMING`."""
+def add_timing(row: np.void, timing_raw: bytes) -> None:
+    """Write the compositor's account of a frame, if it gave one, into its `FRAME_TIMING` row."""
     timing = codec.decode_frame_timing(timing_raw)
-    values = np.zeros(1, FRAME_TIMING.dtype)
-    row = values[0]
-    row["frame"] = frame.index
-    row["pose_seq"] = pose_seq
-    row["predicted_display_ns"] = frame.predicted_display_ns
-    row["t_submitted_ns"] = submitted_ns
-    row["skipped"] = frame.dropped
-    row["render_gpu_ms"] = math.nan
     if timing is not None:
         row["timing_known"] = True
         row["presents"] = timing.presents
@@ -77,7 +61,6 @@ def timing_row(frame: FrameInfo, pose_seq: int, submitted_ns: int, timing_raw: b
         row["runtime_dropped"] = timing.dropped
         row["reprojection_flags"] = timing.reprojection_flags
         row["render_gpu_ms"] = timing.render_gpu_ms
-    return values.tobytes()
 
 
 @dataclass

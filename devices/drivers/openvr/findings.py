@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from devices.contracts import Fault
+from devices.drivers.openvr.spec import OPENVR_HEADSET
 
-REMEDY = "look at SteamVR; start it again if it is not running"
 FOCUS_LOST = "CompositorError_DoNotHaveFocus"
 COMPOSITOR_REMEDIES = {
     "CompositorError_InvalidTexture": "the images were not textures of the current GL context: "
@@ -34,7 +34,7 @@ class Findings:
         """Return the faults; `lost` tells a runtime that is gone, `moved_m` base stations."""
         faults = []
         if lost:
-            faults.append(Fault(role, "blocking", lost, REMEDY))
+            faults.append(Fault(role, "blocking", lost, OPENVR_HEADSET.remedy))
         if self.standby:
             remedy = "ask the participant to put the headset on; wake it by moving it"
             faults.append(Fault(role, "blocking", "no head tracking: in standby", remedy))
@@ -48,7 +48,7 @@ class Findings:
             remedy = COMPOSITOR_REMEDIES[FOCUS_LOST]
             faults.append(Fault(role, "blocking", "another VR program has the display", remedy))
         if self.submit_problem:
-            remedy = COMPOSITOR_REMEDIES.get(self.submit_problem, REMEDY)
+            remedy = COMPOSITOR_REMEDIES.get(self.submit_problem, OPENVR_HEADSET.remedy)
             text = f"images were refused: {self.submit_problem}"
             faults.append(Fault(role, "blocking", text, remedy))
         for serial, far_m in moved_m.items():

@@ -1,10 +1,17 @@
 """How answers of an OpenXR runtime are packed for the wire and its log."""
 
+import math
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgpack
+
+Triple = tuple[float, float, float]
+Quadruple = tuple[float, float, float, float]
+
+VALID, TRACKED, ORIENTATION_TRACKED = 0b0011, 0b1100, 0b0100
+"""Flags of a location: both valid, both tracked, orientation tracked."""
 
 LOCATED = struct.Struct("<qqqQ7f")
 """Host ns and XrTime of one instant, XrTime of the sample (0: unknown), location flags, position,
@@ -21,6 +28,21 @@ def numbers(pose: Any) -> tuple[float, ...]:
     """Return a pose as position and quaternion (x, y, z, w)."""
     p, q = pose.position, pose.orientation
     return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+
+
+def pose_of(
+    flags: int, numbers: Sequence[float], *, fully_tracked: bool
+) -> tuple[Triple, Quadruple] | None:
+    """Return position and orientation (w, x, y, z) of a located space; None when it is not valid.
+
+    Of the head both must be tracked, of a hand its orientation: its place may be inferred.
+    """
+    x, y, z, i, j, k, w = numbers
+    tracked = TRACKED if fully_tracked else ORIENTATION_TRACKED
+    length = math.sqrt(w * w + i * i + j * j + k * k)
+    if flags & VALID != VALID or flags & tracked != tracked or not 0.9 < length < 1.1:
+        return None
+    return (x, y, z), (w / length, i / length, j / length, k / length)
 
 
 def number(value: Any) -> Any:

@@ -1,0 +1,233 @@
+"""The life that headsets of both runtimes share: frames, their timing, a runtime that is gone."""
+
+import math
+import struct
+from abc import abstractmethod
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from devices.contracts import FRAME_TIMING, HEAD, DeviceState, Health
+from devices.drivers.streaming.message_device import MessageDevice, legible
+from devices.meter import StreamMeter
+from devices.plausible import is_place
+from devices.spec import AnySpec
+from devices.transports import MessageTransport
+from lab.clock import NS_PER_S, Clock
+from lab.errors import DeviceDisconnected, DeviceError, ProtocolViolation
+from lab.frame import EyeView, FrameInfo
+from lab.schema import SampleBatch, StreamSchema
+
+CALL_TIMEOUT_S = 5.0
+RECONNECT_S = 0.2
+
+_HEAD_ROW = struct.Struct("<3f4f?")
+_LOST_ROW = _HEAD_ROW.pack(*[math.nan] * 7, False)
+
+HeadPose = tuple[tuple[float, float, float], tuple[float, float, float, float]] | None
+"""Position (m) and orientation (w, x, y, z) in the world; None: not tracked."""
+
+
+class RuntimeHeadset(MessageDevice):
+    """Follow the `Headset` contract over a runtime that is asked for frames.
+
+    Streams: the head (`HEAD`) and what became of every frame (`FRAME_TIMING`). While the runtime
+    is gone `wait_frame` keeps the pace by the clock with invalid poses, and `poll` raises
+    DeviceDisconnected until it is back. `display_rate_hz` and the views are known once open.
+    """
+
+    runtime = "runtime"
+
+    def __init__(
+        self,
+        role: str,
+        transport: MessageTransport,
+        clock: Clock,
+        spec: AnySpec,
+        *,
+        display_rate_hz: float,
+        render_size_px: tuple[int, int],
+    ) -> None:
+        super().__init__(role, transport, clock, spec)
+        self.display_rate_hz = display_rate_hz
+        self.render_size_px = render_size_px
+        self._views: tuple[EyeView, EyeView] | None = None
+        self._pending: deque[SampleBatch] = deque()
+        self._gone = ""
+        self._frame: FrameInfo | None = None
+        self._reset(clock.now_ns())
+
+    # ---- what a driver adds -----------------------------------------------------------------
+
+    @abstractmethod
+    def _connect_again(self) -> None:
+        """Say hello to a runtime that was gone, keeping count of the frames."""
+
+    def _take_events(self) -> None:
+        """Take what the runtime tells of its own accord."""
+        return
+
+    # ---- the contract -----------------------------------------------------------------------
+
+    def open(self, deadline_s: float) -> None:
+        """Connect to the runtime; read what it says of headset, display and views."""
+        super().open(deadline_s)
+        self._reset(self._clock.now_ns())
+
+    def describe(self) -> tuple[StreamSchema, ...]:
+        """Return the head stream and the frame timing, at the display's rate."""
+        return (self._head_schema, self._timing_schema)
+
+    def eye_views(self) -> tuple[EyeView, EyeView]:
+        """Return how the left and the right eye look through the display; known once open."""
+        if self._views is None:
+            raise DeviceError(
+                "the views are known once it is open", role=self.info.role, remedy="call open()"
+            )
+        return self._views
+
+    def poll(self, timeout_s: float) -> int:
+        """Hand over the frames since the last call; while the runtime is gone, try again.
+
+        `timeout_s` counts for nothing: the frames come from `wait_frame` in this same thread.
+        """
+        if self._life.state is not DeviceState.STREAMING:
+            self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
+        delivered = self._hand_over()
+        if self.state is DeviceState.FAULT and self._attempt_is_due():
+            self._reconnect()
+        self._take_events()
+        if self.state is DeviceState.FAULT and not delivered:
+            raise DeviceDisconnected(self._gone, role=self.info.role, remedy=self._spec.remedy)
+        return delivered
+
+    def close(self) -> None:
+        """Leave the runtime; idempotent."""
+        self._pending.clear()
+        super().close()
+
+    def health(self) -> Health:
+        """Report the rows of both streams; rate and gaps are the head's."""
+        health = self._meter.health(self.state, self._clock.now_ns())
+        return replace(health, received=health.received + self._timing_rows)
+
+    # ---- for drivers ------------------------------------------------------------------------
+
+    def _answer(self, name: str) -> bytes:
+        """Return what the runtime answers to a call; raises ProtocolViolation."""
+        frames = self._transport.request((name.encode(),), CALL_TIMEOUT_S).frames
+        if frames[0] or len(frames) < 2:
+            reason = frames[0].decode("ascii", "replace") or "an empty answer"
+            raise ProtocolViolation(
+                f"the runtime refused {name!r}: {reason}", remedy=self._spec.remedy
+            )
+        return frames[1]
+
+    def _lose(self, reason: str) -> None:
+        self._gone = f"lost the {self.runtime}: {reason}"
+        self._life.state = DeviceState.FAULT
+
+    def _wait_alone(self) -> FrameInfo:
+        """Keep the pace by the clock, so that the session can pause and the loop goes on."""
+        self._close_frame()
+        t_ns = self._last_t_ns + self._period_ns
+        skipped = max(0, (self._clock.now_ns() - t_ns) // self._period_ns)
+        t_ns += skipped * self._period_ns
+        self._clock.sleep_until_ns(t_ns)
+        return self._begin_frame(t_ns, t_ns + self._period_ns, skipped, None)
+
+    def _begin_frame(self, t_ns: int, predicted_ns: int, skipped: int, pose: HeadPose) -> FrameInfo:
+        if pose is None or not is_place(*pose[0]):
+            row, self._untracked = _LOST_ROW, True
+        else:
+            row, self._untracked = _HEAD_ROW.pack(*pose[0], *pose[1], True), False
+        self._index += 1 + skipped
+        self._last_t_ns = t_ns
+        self._submitted_ns = -1
+        self._queue(self._head_schema, self._seq, predicted_ns, t_ns, row)
+        self._frame = FrameInfo(self._index, t_ns, predicted_ns, skipped)
+        self._seq += 1
+        return self._frame
+
+    def _close_frame(self) -> None:
+        """Tell what became of the frame before."""
+        frame = self._frame
+        if frame is None:
+            return
+        values = np.zeros(1, FRAME_TIMING.dtype)
+        row = values[0]
+        row["frame"] = frame.index
+        row["pose_seq"] = self._seq - 1
+        row["predicted_display_ns"] = frame.predicted_display_ns
+        row["t_submitted_ns"] = self._submitted_ns
+        row["skipped"] = frame.dropped
+        row["render_gpu_ms"] = math.nan
+        self._add_timing(row)
+        told_ns = self._clock.now_ns()
+        predicted_ns, schema = frame.predicted_display_ns, self._timing_schema
+        self._queue(schema, self._timing_seq, predicted_ns, told_ns, values.tobytes())
+        self._timing_seq += 1
+
+    def _add_timing(self, row: np.void) -> None:
+        """Write the runtime's own account of the frame into its row, where it gives one."""
+        return
+
+    def _set_rate(self, rate_hz: float) -> None:
+        if not 1 <= rate_hz <= 1000:
+            raise ProtocolViolation(
+                f"the runtime says the display runs at {rate_hz:g} Hz", remedy=self._spec.remedy
+            )
+        self.display_rate_hz = rate_hz
+        self._period_ns = round(NS_PER_S / rate_hz)
+
+    # ---- inside -----------------------------------------------------------------------------
+
+    def _reset(self, now_ns: int) -> None:
+        self._set_rate(self.display_rate_hz)
+        self._head_schema = replace(HEAD, nominal_rate_hz=self.display_rate_hz)
+        self._timing_schema = replace(FRAME_TIMING, nominal_rate_hz=self.display_rate_hz)
+        self._meter = StreamMeter(self.display_rate_hz)
+        self._timing_rows = 0
+        self._pending.clear()
+        self._index = -1
+        self._seq = self._timing_seq = 0
+        self._last_t_ns = now_ns - 1
+        self._frame = None
+        self._submitted_ns = -1
+        self._untracked = False
+
+    def _queue(
+        self, schema: StreamSchema, seq: int, t_device_ns: int, t_host_ns: int, row: bytes
+    ) -> None:
+        self._pending.append(
+            SampleBatch(
+                schema,
+                np.array((seq,), np.int64),
+                np.array((t_device_ns,), np.int64),
+                np.array((t_host_ns,), np.int64),
+                np.frombuffer(row, schema.dtype),
+            )
+        )
+
+    def _hand_over(self) -> int:
+        delivered = 0
+        while self._pending and self._sink is not None:
+            batch = self._pending.popleft()
+            if batch.schema is self._head_schema:
+                self._meter.update(batch.t_device_ns.tolist(), int(batch.t_host_ns[-1]))
+            else:
+                self._timing_rows += 1
+            self._sink(batch)
+            delivered += 1
+        return delivered
+
+    def _reconnect(self) -> None:
+        try:
+            self._transport.open(RECONNECT_S)
+            with legible("what it answered when it came back", self._spec.remedy):
+                self._connect_again()
+        except DeviceError as problem:
+            self._gone = f"lost the {self.runtime}: {problem}"
+            return
+        self._life.state = DeviceState.STREAMING
