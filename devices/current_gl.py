@@ -1,4 +1,4 @@
-"""The OpenGL context that is current in this thread: whose it is, and its functions.
+"""The OpenGL context that is current in this thread: whose it is, and copies of its textures.
 
 Headset runtimes are handed a context that something else made, and copy textures within it. Only
 what that takes is here; nothing draws. EGL and GLX on Linux, WGL on Windows.
@@ -7,7 +7,6 @@ what that takes is here; nothing draws. EGL and GLX on Linux, WGL on Windows.
 import ctypes
 import ctypes.util
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
@@ -17,47 +16,17 @@ import numpy.typing as npt
 
 from lab.errors import DeviceError
 
-TEXTURE_2D, RGBA, UNSIGNED_BYTE = 0x0DE1, 0x1908, 0x1401
-TEXTURE_WIDTH, TEXTURE_HEIGHT = 0x1000, 0x1001
-TEXTURE_BINDING_2D, PACK_ALIGNMENT, PIXEL_PACK_BUFFER = 0x8069, 0x0D05, 0x88EB
-READ_FRAMEBUFFER, DRAW_FRAMEBUFFER, COLOR_ATTACHMENT0 = 0x8CA8, 0x8CA9, 0x8CE0
-READ_BINDING, DRAW_BINDING = 0x8CAA, 0x8CA6
-COLOR_BUFFER_BIT, NEAREST, FRAMEBUFFER_SRGB, SCISSOR_TEST = 0x4000, 0x2600, 0x8DB9, 0x0C11
-FRAMEBUFFER_COMPLETE = 0x8CD5
 SRGB8_ALPHA8 = 0x8C43
 
 _EGL_CONFIG_ID, _GLX_FBCONFIG_ID, _GLX_VISUAL_ID = 0x3028, 0x8013, 0x800B
 _REMEDY = "let the same thread open the window (or the off-screen context) first"
 
 _u, _i, _p = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
-_SIGNATURES: dict[str, tuple[Any, ...]] = {
-    "glGetError": (),
-    "glGetIntegerv": (_u, _p),
-    "glBindTexture": (_u, _u),
-    "glGetTexLevelParameteriv": (_u, _i, _u, _p),
-    "glGetTexImage": (_u, _i, _u, _u, _p),
-    "glPixelStorei": (_u, _i),
-    "glGenTextures": (_i, _p),
-    "glDeleteTextures": (_i, _p),
-    "glTexImage2D": (_u, _i, _i, _i, _i, _i, _u, _u, _p),
-    "glTexParameteri": (_u, _u, _i),
-    "glGenFramebuffers": (_i, _p),
-    "glDeleteFramebuffers": (_i, _p),
-    "glBindFramebuffer": (_u, _u),
-    "glFramebufferTexture2D": (_u, _u, _u, _u, _i),
-    "glCheckFramebufferStatus": (_u,),
-    "glBlitFramebuffer": (_i, _i, _i, _i, _i, _i, _i, _i, _u, _u),
-    "glIsEnabled": (_u,),
-    "glEnable": (_u,),
-    "glDisable": (_u,),
-    "glFlush": (),
-}
-_RESULTS = {"glGetError": _u, "glCheckFramebufferStatus": _u, "glIsEnabled": ctypes.c_ubyte}
 
 
 @dataclass(frozen=True)
 class GlContext:
-    """A current context by its handles, as numbers; `load` finds a GL function's address.
+    """A current context by its handles, as numbers.
 
     `display` is the EGL or X display or the Windows device context; `config`, `visual` and
     `drawable` are 0 where the system has no such thing.
@@ -69,7 +38,6 @@ class GlContext:
     config: int
     drawable: int
     visual: int
-    load: Callable[[str], int]
 
 
 def current_context() -> GlContext:
@@ -87,44 +55,43 @@ def current_context() -> GlContext:
 
 
 class GlCopies:
-    """Copy and read textures of the current context; leaves its state as it was."""
+    """Copy and read textures of the context that is current; leaves its state as it was."""
 
-    def __init__(self, context: GlContext) -> None:
-        self._functions = {name: _function(context, name) for name in _SIGNATURES}
-        self._frames = (_u * 2)()
-        self("glGenFramebuffers", 2, self._frames)
-
-    def __call__(self, name: str, *arguments: Any) -> Any:
-        """Call a GL function."""
-        return self._functions[name](*arguments)
+    def __init__(self) -> None:
+        self._gl = _functions()
+        self._frames = [int(name) for name in self._gl.glGenFramebuffers(2)]
 
     def copy(self, source: int, target: int, size_px: tuple[int, int]) -> str:
         """Copy a texture's bytes into another of this size; return what went wrong, or nothing."""
-        drawn, read = self._integer(DRAW_BINDING), self._integer(READ_BINDING)
-        enabled = [cap for cap in (FRAMEBUFFER_SRGB, SCISSOR_TEST) if self("glIsEnabled", cap)]
-        for cap in enabled:
-            self("glDisable", cap)
+        gl = self._gl
+        roles = (
+            (gl.GL_READ_FRAMEBUFFER, gl.GL_READ_FRAMEBUFFER_BINDING, self._frames[0], source),
+            (gl.GL_DRAW_FRAMEBUFFER, gl.GL_DRAW_FRAMEBUFFER_BINDING, self._frames[1], target),
+        )
         self._forget_errors()
+        bound = [(role, int(gl.glGetIntegerv(binding))) for role, binding, _, _ in roles]
+        enabled = [c for c in (gl.GL_FRAMEBUFFER_SRGB, gl.GL_SCISSOR_TEST) if gl.glIsEnabled(c)]
+        for capability in enabled:
+            gl.glDisable(capability)
         problem = ""
-        for frame, texture, role in (
-            (self._frames[0], source, READ_FRAMEBUFFER),
-            (self._frames[1], target, DRAW_FRAMEBUFFER),
-        ):
-            self("glBindFramebuffer", role, frame)
-            self("glFramebufferTexture2D", role, COLOR_ATTACHMENT0, TEXTURE_2D, texture, 0)
-            if self("glCheckFramebufferStatus", role) != FRAMEBUFFER_COMPLETE:
-                problem = f"texture {texture} cannot be copied"
-        if not problem:
-            box = (0, 0, *size_px)
-            self("glBlitFramebuffer", *box, *box, COLOR_BUFFER_BIT, NEAREST)
-            error = self("glGetError")
-            problem = f"GL error 0x{error:04x}" if error else ""
+        try:
+            for role, _, frame, texture in roles:
+                gl.glBindFramebuffer(role, frame)
+                place = (gl.GL_COLOR_ATTACHMENT0, gl.GL_TEXTURE_2D)
+                gl.glFramebufferTexture2D(role, *place, texture, 0)
+                if gl.glCheckFramebufferStatus(role) != gl.GL_FRAMEBUFFER_COMPLETE:
+                    problem = f"texture {texture} cannot be copied"
+            if not problem:
+                box = (0, 0, *size_px)
+                gl.glBlitFramebuffer(*box, *box, gl.GL_COLOR_BUFFER_BIT, gl.GL_NEAREST)
+        except gl.GLError as error:
+            problem = problem or f"GL error 0x{error.err:04x}"
         self._forget_errors()
-        self("glBindFramebuffer", READ_FRAMEBUFFER, read)
-        self("glBindFramebuffer", DRAW_FRAMEBUFFER, drawn)
-        for cap in enabled:
-            self("glEnable", cap)
-        self("glFlush")
+        for role, frame in bound:
+            gl.glBindFramebuffer(role, frame)
+        for capability in enabled:
+            gl.glEnable(capability)
+        gl.glFlush()
         return problem
 
     def read(self, texture: int) -> npt.NDArray[np.uint8]:
@@ -133,59 +100,68 @@ class GlCopies:
         Raises:
             DeviceError: there is no such texture.
         """
-        bound, packing = self._integer(TEXTURE_BINDING_2D), self._integer(PACK_ALIGNMENT)
+        gl = self._gl
         self._forget_errors()
-        self("glBindTexture", TEXTURE_2D, texture)
-        size = (_i * 2)()
-        for k, name in enumerate((TEXTURE_WIDTH, TEXTURE_HEIGHT)):
-            self("glGetTexLevelParameteriv", TEXTURE_2D, 0, name, ctypes.byref(size, 4 * k))
-        width, height = size
-        image = np.zeros((height, width, 4), np.uint8)
-        self("glPixelStorei", PACK_ALIGNMENT, 1)
-        self("glGetTexImage", TEXTURE_2D, 0, RGBA, UNSIGNED_BYTE, image.ctypes.data)
-        error = self("glGetError")
-        self("glPixelStorei", PACK_ALIGNMENT, packing)
-        self("glBindTexture", TEXTURE_2D, bound)
-        if error or not width or not height:
+        bound = int(gl.glGetIntegerv(gl.GL_TEXTURE_BINDING_2D))
+        packing = int(gl.glGetIntegerv(gl.GL_PACK_ALIGNMENT))
+        try:
+            gl.glBindTexture(gl.GL_TEXTURE_2D, texture)
+            width, height = (
+                int(gl.glGetTexLevelParameteriv(gl.GL_TEXTURE_2D, 0, name))
+                for name in (gl.GL_TEXTURE_WIDTH, gl.GL_TEXTURE_HEIGHT)
+            )
+            image = np.zeros((height, width, 4), np.uint8)
+            gl.glPixelStorei(gl.GL_PACK_ALIGNMENT, 1)
+            if image.size:
+                form = (gl.GL_RGBA, gl.GL_UNSIGNED_BYTE)
+                gl.glGetTexImage(gl.GL_TEXTURE_2D, 0, *form, image)
+        except gl.GLError:
+            image = np.zeros((0, 0, 4), np.uint8)
+        gl.glPixelStorei(gl.GL_PACK_ALIGNMENT, packing)
+        gl.glBindTexture(gl.GL_TEXTURE_2D, bound)
+        if not image.size:
             raise DeviceError(f"there is no texture {texture}", remedy="submit one that exists")
         return image[::-1]
 
     def texture(self, size_px: tuple[int, int], internal_format: int) -> int:
         """Make an empty texture and return its name."""
-        bound, made = self._integer(TEXTURE_BINDING_2D), _u()
-        self("glGenTextures", 1, ctypes.byref(made))
-        self("glBindTexture", TEXTURE_2D, made)
-        box = (*size_px, 0)
-        self("glTexImage2D", TEXTURE_2D, 0, internal_format, *box, RGBA, UNSIGNED_BYTE, None)
-        self("glTexParameteri", TEXTURE_2D, 0x2801, NEAREST)
-        self("glBindTexture", TEXTURE_2D, bound)
-        return int(made.value)
+        gl = self._gl
+        bound, made = int(gl.glGetIntegerv(gl.GL_TEXTURE_BINDING_2D)), int(gl.glGenTextures(1))
+        gl.glBindTexture(gl.GL_TEXTURE_2D, made)
+        form = (internal_format, *size_px, 0, gl.GL_RGBA, gl.GL_UNSIGNED_BYTE)
+        gl.glTexImage2D(gl.GL_TEXTURE_2D, 0, *form, None)
+        gl.glTexParameteri(gl.GL_TEXTURE_2D, gl.GL_TEXTURE_MIN_FILTER, gl.GL_NEAREST)
+        gl.glBindTexture(gl.GL_TEXTURE_2D, bound)
+        return made
 
     def delete(self, textures: list[int]) -> None:
         """Free textures."""
-        names = (_u * len(textures))(*textures)
-        self("glDeleteTextures", len(textures), names)
+        self._gl.glDeleteTextures(textures)
 
     def close(self) -> None:
         """Free what copying needs; the context is current."""
-        self("glDeleteFramebuffers", 2, self._frames)
-
-    def _integer(self, name: int) -> int:
-        value = _i()
-        self("glGetIntegerv", name, ctypes.byref(value))
-        return int(value.value)
+        self._gl.glDeleteFramebuffers(2, self._frames)
 
     def _forget_errors(self) -> None:
         for _ in range(16):
-            if not self("glGetError"):
+            if not self._gl.glGetError():
                 return
 
 
-def _function(context: GlContext, name: str) -> Any:
-    address = context.load(name)
-    if not address:
-        raise DeviceError(f"the graphics driver has no {name}", remedy="update it")
-    return ctypes.CFUNCTYPE(_RESULTS.get(name), *_SIGNATURES[name])(address)
+def _functions() -> Any:
+    """Return PyOpenGL's functions.
+
+    Raises:
+        DeviceError: it is not installed, or finds no OpenGL.
+    """
+    try:
+        from OpenGL import GL
+    except ImportError as error:
+        raise DeviceError(
+            f"textures cannot be copied without PyOpenGL ({error})",
+            remedy="run: pip install PyOpenGL",
+        ) from error
+    return GL
 
 
 @cache
@@ -202,13 +178,6 @@ def _call(library: Any, name: str, result: Any, *arguments: Any) -> Any:
     return function(*arguments)
 
 
-def _loader(library: Any, name: str) -> Callable[[str], int]:
-    def load(function: str) -> int:
-        return int(_call(library, name, _p, function.encode()) or 0)
-
-    return load
-
-
 def _egl() -> GlContext | None:
     egl = _library("EGL", "libEGL.so.1")
     context = _call(egl, "eglGetCurrentContext", _p) if egl is not None else None
@@ -219,8 +188,7 @@ def _egl() -> GlContext | None:
     _call(egl, "eglQueryContext", _u, display, _p(context), _EGL_CONFIG_ID, ctypes.byref(number))
     wanted = (_i * 3)(_EGL_CONFIG_ID, number.value, 0x3038)
     _call(egl, "eglChooseConfig", _u, display, wanted, ctypes.byref(config), 1, ctypes.byref(count))
-    load = _loader(egl, "eglGetProcAddress")
-    return GlContext("egl", display.value or 0, int(context), config.value or 0, 0, 0, load)
+    return GlContext("egl", display.value or 0, int(context), config.value or 0, 0, 0)
 
 
 def _glx() -> GlContext | None:
@@ -242,8 +210,7 @@ def _glx() -> GlContext | None:
     if config:
         where = ctypes.byref(visual)
         _call(glx, "glXGetFBConfigAttrib", _i, display, _p(config), _GLX_VISUAL_ID, where)
-    load = _loader(glx, "glXGetProcAddressARB")
-    return GlContext("glx", display.value or 0, int(context), config, drawable, visual.value, load)
+    return GlContext("glx", display.value or 0, int(context), config, drawable, visual.value)
 
 
 def _wgl() -> GlContext | None:
@@ -252,14 +219,4 @@ def _wgl() -> GlContext | None:
     if not context:
         return None
     display = int(_call(gl, "wglGetCurrentDC", _p) or 0)
-    extended = _loader(gl, "wglGetProcAddress")
-
-    def load(function: str) -> int:
-        """Look in the driver first, then among the functions of OpenGL 1.1."""
-        address = extended(function)
-        if address > 3 and address != 2**64 - 1:
-            return address
-        plain = getattr(gl, function, None)
-        return 0 if plain is None else int(ctypes.cast(plain, _p).value or 0)
-
-    return GlContext("wgl", display, int(context), 0, 0, 0, load)
+    return GlContext("wgl", display, int(context), 0, 0, 0)

@@ -17,7 +17,7 @@ class ImageReader:
         """The functions of the context that is current now; DeviceError when none is."""
         context = current_context()
         if context.context not in self._copies:
-            self._copies = {context.context: GlCopies(context)}
+            self._copies = {context.context: GlCopies()}
         return self._copies[context.context]
 
     def read(self, texture: int) -> npt.NDArray[np.uint8]:

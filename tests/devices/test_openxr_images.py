@@ -1,12 +1,14 @@
 """Images through an OpenXR session with graphics: read back from the simulated runtime's chains."""
 
 import contextlib
+import sys
 
 import numpy as np
 import pytest
 
 from devices.conformance import check_headset, check_lifecycle
 from devices.contracts import DeviceState
+from devices.current_gl import GlCopies
 from devices.drivers.openxr.gaze import OpenXrGaze
 from devices.drivers.openxr.headset import OpenXrHeadset
 from devices.sim.openxr.runtime import RENDER_SIZE_PX
@@ -165,6 +167,31 @@ def test_two_images_of_different_size_are_refused(context):
         (small, _), (large, _) = noise(context, rng)[1], noise(context, rng, (9, 9))[1]
         with pytest.raises(DeviceError, match="one size"):
             headset.submit(one_frame(headset), (small, large))
+
+
+def test_a_copy_that_fails_says_so_and_leaves_the_context_as_it_was(context) -> None:
+    from OpenGL import GL
+
+    held = context.texture((4, 4), 4, bytes(range(64)))
+    copies = GlCopies()
+    copies.copy(held.glo, held.glo, (4, 4))
+    GL.glEnable(GL.GL_SCISSOR_TEST)
+    drawn = GL.glGetIntegerv(GL.GL_DRAW_FRAMEBUFFER_BINDING)
+    assert "GL error" in copies.copy(held.glo, 999, (4, 4))
+    assert GL.glIsEnabled(GL.GL_SCISSOR_TEST)
+    assert drawn == GL.glGetIntegerv(GL.GL_DRAW_FRAMEBUFFER_BINDING)
+    assert 0 == GL.glGetError()
+    with pytest.raises(DeviceError, match="no texture 999"):
+        copies.read(999)
+    assert 63 == int(copies.read(held.glo).max())
+    copies.close()
+
+
+def test_without_pyopengl_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "OpenGL", None)
+    with pytest.raises(DeviceError, match="without PyOpenGL") as refused:
+        GlCopies()
+    assert "pip install PyOpenGL" in refused.value.remedy
 
 
 def test_without_a_current_context_it_says_what_to_open_first():

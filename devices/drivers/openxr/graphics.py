@@ -128,11 +128,11 @@ def packed_images(
 class EyeImages:
     """A swap chain per eye, made when the first images come, and the layer that shows them."""
 
-    def __init__(self, xr: Any, session: Any, space: Any, context: GlContext) -> None:
+    def __init__(self, xr: Any, session: Any, space: Any) -> None:
         self._xr = xr
         self._session = session
         self._space = space
-        self._copies = GlCopies(context)
+        self._copies = GlCopies()
         self._size_px = (0, 0)
         self._chains: list[tuple[Any, list[int]]] = []
         self._layer: Any = None

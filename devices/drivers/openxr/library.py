@@ -200,8 +200,7 @@ class OpenXrLibrary:
         self._actions = OpenXrActions(xr, self._instance, self._session, with_gaze=self.offers_gaze)
         self._spaces.update(self._actions.spaces)
         if self._binding is not None:
-            stage, context = self._spaces["stage"], self._binding.context
-            self._images = EyeImages(xr, self._session, stage, context)
+            self._images = EyeImages(xr, self._session, self._spaces["stage"])
         self._await_running(deadline_s)
 
     def _await_running(self, deadline_s: float) -> None:
