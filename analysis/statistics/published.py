@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import special
@@ -24,46 +25,62 @@ from analysis.statistics.signed_rank import signed_rank_p_from_t
 from analysis.statistics.studentized import studentized_range_sf
 from analysis.statistics.t_tests import independent_t_from_summary, two_sided_t
 
+MIN_BETA = 1e-290
+"""Beta quantile under which its reciprocal is no number any more."""
+
 
 def check_f(
     F: Printed,
-    df1: float,
-    df2: float,
+    df1: Printed,
+    df2: Printed,
     *,
     p: Printed | None = None,
     eta: Printed | None = None,
 ) -> PublishedCheck:
-    """Check p and partial eta squared of a printed F test; df may be fractional."""
-    figure = read_printed(F)
-    if figure.value < 0:
+    """Check p and partial eta squared of a printed F test.
+
+    Fractional df (corrected for sphericity, Welch) are rounded as F is, and allowed for alike.
+    """
+    figures = (read_printed(F), *(_df(v) for v in (df1, df2)))
+    if figures[0].value < 0:
         raise StatisticsError(f"F is never negative, got {F}")
-    functions: dict[str, tuple[Printed | None, Callable[[float], float]]] = {
-        "p": (p, lambda x: float(special.fdtrc(df1, df2, max(x, 0.0)))),
-        "eta2p": (eta, lambda x: eta_squared_of_f(max(x, 0.0), df1, df2)),
+    if min(f.value for f in figures[1:]) <= 0:
+        raise StatisticsError(f"degrees of freedom are positive, got {df1} and {df2}")
+    functions: dict[str, tuple[Printed | None, Callable[[float, float, float], float]]] = {
+        "p": (p, lambda x, a, b: float(special.fdtrc(a, b, max(x, 0.0)))),
+        "eta2p": (eta, lambda x, a, b: eta_squared_of_f(max(x, 0.0), a, b)),
     }
     verdicts, values = {}, {}
     for name, (printed, function) in functions.items():
-        values[name] = function(figure.value)
+        values[name] = function(*(f.value for f in figures))
         if printed is not None:
-            verdicts[name] = judge(printed, values[name], rounding_interval(function, figure))
+            verdicts[name] = judge(printed, values[name], rounding_interval(function, *figures))
     return PublishedCheck("F test", {"F": F, "df1": df1, "df2": df2}, values, verdicts)
 
 
+def _df(printed: Printed) -> Figure:
+    """Read degrees of freedom; whole ones are exact."""
+    figure = read_printed(printed)
+    whole = re.fullmatch(r"\d+(\.0)?", figure.text) is not None
+    return replace(figure, half_unit=0.0) if whole else figure
+
+
 def check_t(
-    t: Printed, df: float, *, p: Printed | None = None, eta: Printed | None = None
+    t: Printed, df: Printed, *, p: Printed | None = None, eta: Printed | None = None
 ) -> PublishedCheck:
-    """Check two-sided p and partial eta squared of a printed t test."""
+    """Check two-sided p and partial eta squared of a printed t test; df as in `check_f`."""
     figure = read_printed(t)
     size = Figure(figure.text, abs(figure.value), figure.half_unit)
-    functions: dict[str, tuple[Printed | None, Callable[[float], float]]] = {
-        "p": (p, lambda x: two_sided_t(x, df)),
-        "eta2p": (eta, lambda x: eta_squared_of_f(x * x, 1, df)),
+    figures = (size, _df(df))
+    functions: dict[str, tuple[Printed | None, Callable[[float, float], float]]] = {
+        "p": (p, two_sided_t),
+        "eta2p": (eta, lambda x, a: eta_squared_of_f(x * x, 1, a)),
     }
     verdicts, values = {}, {}
     for name, (printed, function) in functions.items():
-        values[name] = function(size.value)
+        values[name] = function(*(f.value for f in figures))
         if printed is not None:
-            verdicts[name] = judge(printed, values[name], rounding_interval(function, size))
+            verdicts[name] = judge(printed, values[name], rounding_interval(function, *figures))
     return PublishedCheck("t test", {"t": t, "df": df}, values, verdicts)
 
 
@@ -293,8 +310,15 @@ def read_verdicts(text: str, *, alpha: float = 0.05) -> dict[tuple[str, str], bo
 
 
 def _f_of_p(p: float, df1: float, df2: float) -> float:
-    """Return F with upper tail p; through the beta quantile, so that tiny p keep their digits."""
+    """Return F with upper tail p; through the beta quantile of the smaller tail, so that p near 0
+    or 1 keeps its digits (SciPy's f.isf returns infinity for p = 1e-40).
+    """
     if not 0 < p < 1:
         raise StatisticsError(f"no F belongs to p = {p}")
+    if p > 0.5:
+        x = float(special.betaincinv(df1 / 2, df2 / 2, 1 - p))
+        return df2 * x / (df1 * (1 - x))
     x = float(special.betaincinv(df2 / 2, df1 / 2, p))
+    if df1 * x < MIN_BETA:
+        raise StatisticsError(f"p = {p} with {df2:g} error df belongs to an F beyond all numbers")
     return df2 * (1 - x) / (df1 * x)

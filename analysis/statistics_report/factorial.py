@@ -125,6 +125,7 @@ def _art(table: DataTable, q: Question) -> Outcome:
         transform=cast(Transform, q.transform), correction=_correction(q, "gg"), alpha=q.alpha,
     )  # fmt: skip
     families = _Families(q, lambda effect: _art_has_contrasts(made, effect))
+    families.notes += _beside_listwise(table, q, made)
     for effect in made.effects:
         if families.wanted(effect, adjust):
             _art_contrasts(families, made, effect, adjust)
@@ -249,8 +250,33 @@ def _mixed(table: DataTable, q: Question) -> Outcome:
     )  # fmt: skip
     state = "yes" if made.design.is_complete else "no, the model uses what is there"
     families = _Families(q, lambda effect: False)
+    families.notes += _beside_listwise(table, q, made)
     path = [f"Has every subject every cell: n = {made.design.n} → {state}"]
     return _anova_outcome(table, q, prepared, made, families, path)
+
+
+def _beside_listwise(table: DataTable, q: Question, made: Anova) -> list[str]:
+    """Say where leaving out people with missing cells leads to another verdict."""
+    if made.design.is_complete:
+        return []
+    test = "art" if q.test == "art" else "rm"
+    try:
+        other = FACTORIAL_TESTS[test](
+            table, replace(q, test=test, missing="listwise", error="strata", posthoc="none")
+        )
+    except StatisticsError as error:
+        return [f"with missing=listwise there is nothing to compare with: {error}"]
+    told = []
+    for effect in made.effects:
+        p = other.p(effect.name)
+        if (p < q.alpha) != (effect.p_used < q.alpha):
+            told.append(
+                f"{effect.name}: {p_text(effect.p_used)} with the cells that are there but "
+                f"{p_text(p)} of the {other.row(effect.name)['n']} people who have all "
+                f"(missing=listwise), each against its own error; error here: "
+                f"{made.provenance.error_term}"
+            )
+    return told
 
 
 def _lmm(table: DataTable, q: Question) -> Outcome:

@@ -29,7 +29,7 @@ from analysis.collisions import (
     union,
 )
 from lab.errors import LabError
-from tests.reference.cells_map import check_cells, check_dice
+from tests.reference.cells_map import ANGLE_FIELDS, check_cells, check_dice
 from tests.reference.stats_compare import Failure, Outcome, total
 
 EXACT_REL = 1e-9
@@ -84,6 +84,16 @@ def not_compared(path: Path) -> tuple[str, ...]:
     cases = [*file.get("cases", ()), *file.get("dice", ())]
     known = {k: FIELDS.get(_kind(case) or "", set()) for k, case in enumerate(cases)}
     return tuple(sorted({f for k, c in enumerate(cases) for f in set(c) - DESCRIPTIONS - known[k]}))
+
+
+def without_angles(path: Path) -> tuple[str, ...]:
+    """Return the names of cases of cells that lack the shoulders or the angles to them."""
+    cases = json.loads(path.read_text(encoding="utf-8")).get("cases", ())
+    return tuple(
+        _name(case, i)
+        for i, case in enumerate(cases)
+        if _kind(case) == "cells" and not ANGLE_FIELDS <= case.keys()
+    )
 
 
 def _name(case: Any, i: int) -> str:
@@ -250,6 +260,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if outcomes[-1].compared > len(outcomes[-1].failures):
             for field in not_compared(path):
                 sys.stdout.write(f"{path.stem}: nothing is compared with field {field!r}\n")
+            for name in without_angles(path):
+                sys.stdout.write(f"{path.stem} {name}: no angles to the shoulders compared\n")
     summed = total(outcomes)
     sys.stdout.write(
         f"{summed.compared} values compared in {len(outcomes)} files, "

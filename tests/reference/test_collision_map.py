@@ -116,3 +116,14 @@ def test_new_pairs_with_known_answers_are_reached(away_m: float, tmp_path: Path)
     status, outcome = run(tmp_path, {"cases": cases})
     assert () == outcome.failures
     assert 0 == status
+
+
+def test_a_case_of_cells_without_shoulders_is_compared_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = json.loads((FOLDER / "cells.json").read_text(encoding="utf-8"))["cases"][0]
+    whole = run(tmp_path, {"cases": [case]})[1].compared
+    bare = {k: v for k, v in case.items() if k not in ("shoulder_axis", "alpha_sa_deg")}
+    status, outcome = run(tmp_path, {"cases": [bare]})
+    assert (0, whole - 1) == (status, outcome.compared)
+    assert "own kite_straight: no angles to the shoulders compared" in capsys.readouterr().out

@@ -1,11 +1,13 @@
 """Rules of the checker: what fits, what is cut off, what cannot be."""
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import stats
+from scipy import special, stats
 
 from analysis.statistics import published
+from analysis.statistics.errors import StatisticsError
 from analysis.statistics.printed import judge, read_printed
 
 
@@ -109,3 +111,38 @@ def test_signed_rank_without_continuity_is_told_from_with() -> None:
 def test_printed_stars_may_not_exceed_p() -> None:
     assert published.check_stars("0.00158", 30, printed="*").is_consistent
     assert not published.check_stars("0.00158", 30, printed="**").is_consistent
+
+
+@pytest.mark.parametrize("p", [1e-200, 1e-40, 1e-10, 0.001, 0.5, 0.99, 0.9999])
+@pytest.mark.parametrize("df2", [10, 30, 3000])
+def test_f_of_a_p_equals_the_closed_form_of_two_numerator_df(p: float, df2: int) -> None:
+    expected = df2 / 2 * np.expm1(-2 / df2 * np.log(p))
+    assert expected == pytest.approx(published._f_of_p(p, 2, df2), rel=1e-9)
+
+
+def test_an_f_beyond_all_numbers_is_refused() -> None:
+    with pytest.raises(StatisticsError, match="beyond all numbers"):
+        published._f_of_p(1e-200, 1, 1)
+
+
+def test_rounding_of_fractional_df_is_allowed_for() -> None:
+    """F 3.50 with true df 1.5649 and 34.249 has p .0516; from 1.56 and 34.2 it is .0517."""
+    p = float(special.fdtrc(1.5649, 34.249, 3.5))
+    check = published.check_f("3.500000", "1.56", "34.2", p=f"{p:.6f}")
+    assert check.is_consistent
+    far = published.check_f("3.500000", "1.56", "34.2", p=f"{p + 0.001:.6f}")
+    assert not far.is_consistent
+    whole = published.check_f("3.500000", 2, 30, p=f"{special.fdtrc(2.004, 30, 3.5):.6f}")
+    assert not whole.is_consistent
+
+
+def test_rounding_of_welchs_df_is_allowed_for() -> None:
+    p = 2 * float(special.stdtr(5.3746, -2.5))
+    assert published.check_t("2.500000", "5.37", p=f"{p:.5f}").is_consistent
+    assert not published.check_t("2.500000", "5.37", p=f"{p + 0.001:.5f}").is_consistent
+
+
+def test_degrees_of_freedom_may_be_text() -> None:
+    assert published.check_f("18.92", "2", "30", p="<.001").is_consistent
+    with pytest.raises(StatisticsError, match="degrees of freedom are positive"):
+        published.check_f("18.92", "0", "30")

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -130,3 +131,21 @@ def test_cells_are_those_of_the_people_tested(test: str) -> None:
         c["A"]: (c["n"], pytest.approx(c["mean"])) for c in outcome.cells
     }
     assert any("left out: subject 4" in note for note in outcome.notes)
+
+
+def test_a_verdict_that_hangs_on_people_with_missing_cells_is_told() -> None:
+    """Person 0 alone makes the effect; without one of its cells listwise leaves it out."""
+    rng = np.random.default_rng(1)
+    frame = pd.DataFrame(
+        [(s, a, b) for s in range(9) for a in "xy" for b in "pqr"], columns=["s", "A", "B"]
+    )
+    own = rng.normal(size=9)
+    frame["y"] = rng.normal(size=54) + (frame["A"] == "y") * (0.55 + 0.2 * own[frame["s"]])
+    frame.loc[(frame["s"] < 3) & (frame["A"] == "y"), "y"] += 1.2
+    holed = frame[~((frame["s"] < 3) & (frame["A"] == "x") & (frame["B"] == "q"))]
+    question = Question("mixed", dv="y", within=("A", "B"), subject="s", missing="mixed")
+    outcome = answer(holed, question)
+    listwise = answer(holed, replace(question, test="rm", missing="listwise"))
+    assert outcome.p("A") < 0.05 <= listwise.p("A")
+    assert any(n.startswith("A: p") and "of the 6 people" in n for n in outcome.notes)
+    assert any("effects of A and B" in sentence for sentence in outcome.sentences)
