@@ -26,6 +26,7 @@ COMMANDS: Mapping[str, Entry] = {
     "doctor": Entry(
         "doctor_commands", "Say in one screen what is there, what is missing and what to do."
     ),
+    "new": Entry("new_commands", "Write a study to begin with: its file, its texts, and a test."),
     "devices": Entry("devices_commands", "What devices there are, and whether they work."),
     "participant": Entry(
         "participant_commands", "Issue, list and withdraw participant identifiers."
