@@ -56,7 +56,8 @@ COMMANDS: Mapping[str, Entry] = {
     ),
     "replay": Entry(
         "replay_commands",
-        "Film a recorded walk of the crowd study: from above, the body, contacts, vibrations.",
+        "Film a recorded trial as it was: what was shown, where gaze fell; of the crowd, from "
+        "above.",
     ),
     "analyse": Entry(
         "study_commands", "Write one tidy row per trial, statistics, figures and the report."
