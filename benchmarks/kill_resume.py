@@ -28,8 +28,7 @@ import pandas as pd
 
 from analysis.session_check import check_session
 from cli.perform import Request, perform_new, perform_rest, simulated_request
-from experiments.stare.design import StareParameters
-from experiments.stare.study import StareStudy
+from experiments.stare.study import study
 from lab.clock import NS_PER_S, StopWatch, SystemClock
 from lab.config import DeviceConfig, LabConfig, load_config
 from lab.config_files import EXAMPLE
@@ -41,6 +40,7 @@ from protocol.states import SessionState
 from recording.folder import session_dir
 from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.experiment import StudyExperiment
 
 BLOCKS_KEPT = 3
 TRIALS_KEPT = 8
@@ -94,7 +94,7 @@ class Outcome:
         )
 
 
-class ShortStare(StareStudy):
+class ShortStare(StudyExperiment):
     """The stare study with the first trials of its first blocks alone."""
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
@@ -148,7 +148,9 @@ def _fast_config() -> LabConfig:
 def _request(config: LabConfig, data_root: Path) -> Request:
     request = simulated_request(
         find_study("stare"),
-        ShortStare(StareParameters(trial_s=1.0, practice_s=1.0, intertrial_s=0.2, repetitions=1)),
+        ShortStare(
+            study, {"trial_s": 1.0, "practice_s": 1.0, "intertrial_s": 0.2, "repetitions": 1}
+        ),
         config.model_copy(update={"data_root": data_root}),
         label=LABEL,
         index=INDEX,

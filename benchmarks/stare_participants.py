@@ -20,11 +20,11 @@ from benchmarks.stare_studies import StudyOutcome, simulate_studies
 from experiments.stare import published
 from experiments.stare.agreement import condition_agreement, count, mean_deviation_01
 from experiments.stare.design import CONDITIONS
-from experiments.stare.measures import (
+from visavis.looks import (
     DWELL_MS,
     FIRST_FIXATION_DURATION_MS,
     FIXATION_COUNT,
-    SIX_MEASURES,
+    MAIN_MEASURES,
 )
 
 LIMITS_01 = {DWELL_MS: 0.15, FIXATION_COUNT: 0.15, FIRST_FIXATION_DURATION_MS: 0.20}
@@ -36,7 +36,7 @@ def mean_rows(outcomes: Sequence[StudyOutcome]) -> list[dict[str, object]]:
     """Compare means and spreads: one row per condition and measure."""
     rows: list[dict[str, object]] = []
     for condition in CONDITIONS:
-        for measure in SIX_MEASURES:
+        for measure in MAIN_MEASURES:
             ours = [
                 d
                 for o in outcomes

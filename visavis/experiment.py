@@ -83,7 +83,7 @@ class StudyExperiment:
         """What every condition shows and asks."""
         design = self.study.design(self.parameters)
         trials = (
-            Trial(f"T{i}", i, 0, False, cell, i)
+            Trial(f"T{i}", i, 0, False, self._derived(cell), i)
             for i, cell in enumerate(combinations_of(design.factors), start=1)
         )
         return read_trials(self.study.trial_plan, trials, self.settings)
@@ -103,7 +103,7 @@ class StudyExperiment:
     @cached_property
     def agent_count(self) -> int:
         """Number of agents in every scene of a trial; fixes the width of recorded columns."""
-        counts = {t.agents for t in self.read.values() if t.scenes}
+        counts = {t.agents for t in self.read.values()}
         if len(counts - {0}) > 1:
             raise DesignError(
                 f"study {self.name} shows scenes of {', '.join(map(str, sorted(counts)))} people; "
@@ -119,12 +119,15 @@ class StudyExperiment:
     @property
     def trial_s(self) -> float:
         """Usual duration of a trial, for the time left on the operator's screen."""
-        return float(np.mean([t.seconds for t in self.read.values()]))
+        told = self.parameters.get("trial_s")
+        return (
+            float(np.mean([t.seconds for t in self.read.values()])) if told is None else float(told)
+        )
 
     @property
     def intertrial_s(self) -> float:
         """Duration of the dark before a trial."""
-        return self.study.intertrial_s
+        return float(self.parameters["intertrial_s"])
 
     @property
     def needed_roles(self) -> tuple[str, ...]:
@@ -155,13 +158,17 @@ class StudyExperiment:
             is_practice = own == 1 and block.index == 0
             known = {**values, "part": part, "parts": parts, "part_trials": len(block.trials)}
             titles = ("blocks.practice",) if is_practice else ("blocks.part",)
-            said = ("practice",) if is_practice else (f"instructions.{part}", "instruction")
+            said = ("practice",) if is_practice else _instructions(part, parts)
             blocks.append(
                 replace(
                     block,
+                    trials=tuple(
+                        replace(t, factors=self._derived(t.factors)) for t in block.trials
+                    ),
                     name=self.texts.find(*titles, values=known) or block.name,
                     instruction=self.texts.find(*said, values=known) or "",
-                    calibrate=self.study.calibrate and block.index == 0,
+                    calibrate=self.study.calibrate
+                    and (block.index == 0 or self.study.calibrate_blocks),
                 )
             )
         kept = {
@@ -187,11 +194,14 @@ class StudyExperiment:
         return perform(TrialScript(trial, self.settings), self.study.trial_plan)
 
     def intertrial(self, trial: Trial) -> Plan:
-        """Stay dark before a trial."""
+        """Stay dark before a trial, or do what the study does instead."""
+        own = self.study.intertrial_of
+        if own is not None:
+            return (yield from perform(TrialScript(trial, self.settings), own))
         view = yield from frame()
         start_ns = view.t_ns
         yield dark_view(start_ns)
-        until_ns = start_ns + round(self.study.intertrial_s * NS_PER_S)
+        until_ns = start_ns + round(self.intertrial_s * NS_PER_S)
         while view.t_ns < until_ns:
             view = yield from frame()
         return {"intertrial_ms": (view.t_ns - start_ns) / NS_PER_MS}
@@ -202,4 +212,18 @@ class StudyExperiment:
 
     def conditions(self) -> Iterator[Mapping[str, Any]]:
         """Yield every condition of the design."""
-        yield from combinations_of(self.study.design(self.parameters).factors)
+        for cell in combinations_of(self.study.design(self.parameters).factors):
+            yield self._derived(cell)
+
+    def _derived(self, factors: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a trial's factors with what follows from them."""
+        return {**factors, **{name: of(factors) for name, of in self.study.derived.items()}}
+
+
+def _instructions(part: int, parts: int) -> tuple[str, ...]:
+    """Return the texts of which the first that a study has is a part's instruction."""
+    if parts == 1:
+        place = "only"
+    else:
+        place = "first" if part == 1 else "last" if part == parts else "between"
+    return (f"instructions.{part}", f"instructions.{place}", "instruction")

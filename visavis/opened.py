@@ -83,7 +83,7 @@ class OpenedStudy:
         bare = shown.view
         latest = shown.latest("shown")
         if latest is None or not shown.scene.agents:
-            yield bare
+            yield replace(bare, scene=replace(bare.scene, dressed_by=self.study.dressed_by))
             return
         _, payload = latest
         options = {k.removeprefix("option_"): v for k, v in payload.items()

@@ -12,15 +12,18 @@ from visavis.study import SETTABLE, Study
 def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Return every parameter by name, with what was set in place of the study's own.
 
-    A factor's name sets its levels: `--set gaze=[averted,directed]`.
+    A factor's name, or its plural, sets its levels: `--set gaze=[averted,directed]`.
 
     Raises:
         ConfigError: listing every name that does not exist and every value that is none.
+        DesignError: the study refuses a value.
     """
     usual: dict[str, Any] = {**study.parameters, **{n: getattr(study, n) for n in SETTABLE}}
     factors = {f.name: f for f in study.factors}
+    plural = {f"{name}s": name for name in factors if f"{name}s" not in usual}
     problems: list[str] = []
-    for name, value in overrides.items():
+    for given, value in overrides.items():
+        name = plural.get(given, given)
         if name in factors:
             levels = value if isinstance(value, list) else [value]
             kind = {type(v) for v in factors[name].levels}
@@ -40,6 +43,8 @@ def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str,
         problems.append(f"parameters: {', '.join((*usual, *factors))}")
     if problems:
         raise ConfigError(f"{study.name} cannot be set so: {'; '.join(problems)}")
+    if study.check_of is not None:
+        study.check_of(usual)
     return usual
 
 

@@ -14,7 +14,7 @@ from lab.clock import NS_PER_S
 from lab.errors import DesignError
 from lab.geometry import Pose
 from protocol.plan import Trial
-from protocol.steps import Answered, Ask, FrameView, GazeView, NextFrame
+from protocol.steps import Answered, Ask, FrameView, GazeView, NextFrame, Show
 from visavis.asking import Answer
 from visavis.responses import Response
 from visavis.scenes import Scene, Staging, stage
@@ -23,7 +23,8 @@ from visavis.trial import Action, Settings, ShownScene, TrialPlan, TrialScript
 MAX_STEPS: Final = 100_000
 ANSWER_S: Final = 2.5
 """What a question is taken to need where only its answer ends it."""
-EMPTY: Final = np.empty(0)
+FRAME_S: Final = 0.25
+"""Time between frames that a trial asks for itself: enough to run through it."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,10 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
                     if reply.option is not None:
                         script.row[step.response.name] = step.response.value(reply.option)
             elif isinstance(step, NextFrame):
-                seconds += 1 / 90
+                seconds += FRAME_S
                 reply = script.view = still_view(round(seconds * NS_PER_S))
+            elif isinstance(step, Show):
+                agents = max(agents, len(step.view.scene.agents))
             elif isinstance(step, Ask):
                 reply = Answered(step.options[0] if step.options else "", 0)
         raise DesignError(f"after {MAX_STEPS} steps it has not ended")

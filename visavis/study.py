@@ -12,7 +12,7 @@ Everything else follows from it once, for every study: planning, sessions, simul
 tables with their dictionaries, statistics, figures, report, power.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -23,6 +23,7 @@ from lab.errors import DesignError
 from protocol.design import BlockOrder, Design, Factor, TrialOrder
 from protocol.orders import Constraint
 from protocol.participants import SimulatedParticipant
+from protocol.steps import Scalar, Step
 from visavis.compare import Compare
 from visavis.exclusions import STANDARD_RULES, Exclusion
 from visavis.measures import Measure
@@ -38,9 +39,12 @@ RESERVED: Final = frozenset(name for name in dir(TrialScript) if not name.starts
     "view",
 }
 """Names a trial script has already; no factor or parameter can be called so."""
-SETTABLE: Final = ("repetitions", "practice", "blocks", "order", "answer_by", "answer_limit_s")
+SETTABLE: Final = ("repetitions", "practice", "blocks", "order", "intertrial_s", "answer_by",
+                   "answer_limit_s")  # fmt: skip
 """Parameters that every study has."""
 
+IntertrialPlan = Callable[[TrialScript], Iterator[Step]]
+"""What happens before a trial: a generator over its script."""
 AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
 """What a simulated person answers: the option (or text) for what was seen; None leaves it out."""
 
@@ -66,6 +70,9 @@ class Study:
     and truths a lab may replace with `--set`; a trial reads them as attributes. `responses` need
     not be listed: they are found by reading the trial without performing it; list them where a
     trial asks only in some cases. `needs` and `uses` are roles of devices beside the headset.
+    `derived` are columns that follow from a trial's factors (a place from its zone and its depth);
+    `dressed_by` names what dresses scenes that a trial makes itself ("module:function"). The eye
+    tracker is calibrated at the beginning, and before every block with `calibrate_blocks`.
     """
 
     name: str
@@ -80,6 +87,7 @@ class Study:
     blocked_by: str | None = None
     block_order: BlockOrder = "fixed"
     constraints: Sequence[Constraint] = ()
+    derived: Mapping[str, Callable[[Mapping[str, Any]], Scalar]] = field(default_factory=dict)
     parameters: Mapping[str, Any] = field(default_factory=dict)
     texts: str | None = None
     responses: Sequence[Response] = ()
@@ -90,6 +98,7 @@ class Study:
     needs: Sequence[str] = ()
     uses: Sequence[str] = ("eye_tracker", "body_tracker")
     calibrate: bool = True
+    calibrate_blocks: bool = False
     intertrial_s: float = 1.0
     answer_by: Literal["board", "keyboard"] = "board"
     answer_limit_s: float = 30.0
@@ -97,7 +106,10 @@ class Study:
     methods: str = ""
     version: str = "1"
     folder: Path = field(default_factory=Path)
+    dressed_by: str = ""
     plan_of: TrialPlan | None = None
+    intertrial_of: IntertrialPlan | None = None
+    check_of: Callable[[Mapping[str, Any]], None] | None = None
     answer_of: AnswerOf | None = None
     person_of: Callable[[int, int, bool], SimulatedParticipant] | None = None
     makers: dict[str, Maker] = field(default_factory=dict)
@@ -116,7 +128,7 @@ class Study:
             problems.append("there is no factor; add one, if need be with one level")
         problems += [
             f"nothing can be called {name!r}: a trial uses that name itself"
-            for name in (*(f.name for f in self.factors), *self.parameters)
+            for name in (*(f.name for f in self.factors), *self.parameters, *self.derived)
             if name in RESERVED or not name.isidentifier()
         ]
         names = [f.name for f in self.factors]
@@ -133,6 +145,18 @@ class Study:
         """Take a generator as the study's trial (a decorator)."""
         self.plan_of, self.plan_folder = plan, None
         return plan
+
+    def intertrial(self, plan: IntertrialPlan) -> IntertrialPlan:
+        """Take a generator as what happens before a trial, darkness otherwise (a decorator)."""
+        self.intertrial_of = plan
+        return plan
+
+    def check(
+        self, check: Callable[[Mapping[str, Any]], None]
+    ) -> Callable[[Mapping[str, Any]], None]:
+        """Take a function that raises DesignError for parameters that do not fit (a decorator)."""
+        self.check_of = check
+        return check
 
     def answer(self, answer: AnswerOf) -> AnswerOf:
         """Take a function as what simulated people answer (a decorator)."""
@@ -175,13 +199,13 @@ class Study:
             DesignError: it cannot be balanced or ordered so.
         """
         practice = parameters["practice"]
+        factors = tuple(
+            Factor(f.name, tuple(parameters.get(f.name, f.levels)), f.between) for f in self.factors
+        )
         return Design(
             study=self.name,
             version=self.version,
-            factors=tuple(
-                Factor(f.name, tuple(parameters.get(f.name, f.levels)), f.between)
-                for f in self.factors
-            ),
+            factors=factors,
             repetitions=int(parameters["repetitions"]),
             blocks=int(parameters["blocks"]),
             order=parameters["order"],
@@ -189,8 +213,10 @@ class Study:
             blocked_by=self.blocked_by,
             block_order=self.block_order,
             constraints=tuple(self.constraints),
-            practice=practice if isinstance(practice, int) else tuple(dict(c) for c in practice),
-            calibrate_blocks=False,
+            practice=practice
+            if isinstance(practice, int)
+            else tuple(_possible(cell, factors) for cell in practice),
+            calibrate_blocks=self.calibrate_blocks,
             calibrate_practice=self.calibrate,
             questionnaires=tuple(self.questionnaires),
         )
@@ -222,3 +248,12 @@ class Study:
                 return factor
         known = ", ".join(f.name for f in self.factors)
         raise DesignError(f"study {self.name} has no factor {name!r}; it has {known}")
+
+
+def _possible(cell: Mapping[str, Any], factors: Sequence[Factor]) -> dict[str, Any]:
+    """Return a practice trial with the first level of a factor that lost the one it names."""
+    levels = {f.name: f.levels for f in factors}
+    return {
+        name: levels[name][0] if name in levels and level not in levels[name] else level
+        for name, level in cell.items()
+    }

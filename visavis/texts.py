@@ -39,8 +39,10 @@ class Texts:
                 f"{did_you_mean(name, tuple(self.entries))}"
             )
         text = self.entries[name]
-        known = values or {}
+        known = dict(values or {})
         for placeholder in placeholders_of(text):
+            if placeholder not in known:
+                known |= self._in_words(placeholder, known)
             if placeholder not in known:
                 hint = did_you_mean(placeholder, tuple(known))
                 raise ConfigError(
@@ -48,6 +50,15 @@ class Texts:
                     f"{hint}; it can name {', '.join(sorted(known)) or 'nothing'}"
                 )
         return text.format_map({k: shown(v) for k, v in known.items()})
+
+    def _in_words(self, placeholder: str, known: Mapping[str, Any]) -> dict[str, str]:
+        """Return {trials_in_words} and {part_ordinal}: words up to twelve, digits beyond."""
+        for ending, words in (("_in_words", "numbers"), ("_ordinal", "ordinals")):
+            name = placeholder.removesuffix(ending)
+            if name != placeholder and name in known:
+                return {placeholder: self.find(f"{words}.{shown(known[name])}")
+                        or shown(known[name])}  # fmt: skip
+        return {}
 
     def find(self, *names: str, values: Mapping[str, Any] | None = None) -> str | None:
         """Return the first of several texts that is there, None when none is."""

@@ -3,7 +3,8 @@
 import json
 from pathlib import Path
 
-from experiments.stare.measures import DATA_DICTIONARY, Column
+from protocol.columns import Column
+from visavis.looks import LOOK_COLUMNS
 
 SESSION_COLUMNS: tuple[Column, ...] = (
     Column("is_simulated", "", "nobody took part: simulated participant or devices"),
@@ -55,11 +56,10 @@ SESSION_COLUMNS: tuple[Column, ...] = (
 """Columns of a trial's row before it is measured."""
 
 ANALYSIS_COLUMNS: tuple[Column, ...] = (
-    Column("frozen_samples", "1", "samples that repeat one direction for 100 ms or more: lost"),
     Column("is_analysed", "", "went into the statistics (finished, not training, not excluded)"),
 )
 
-TRIAL_TABLE: tuple[Column, ...] = (*SESSION_COLUMNS, *DATA_DICTIONARY, *ANALYSIS_COLUMNS)
+TRIAL_TABLE: tuple[Column, ...] = (*SESSION_COLUMNS, *LOOK_COLUMNS, *ANALYSIS_COLUMNS)
 """Every column the trial table can have, in its order."""
 
 

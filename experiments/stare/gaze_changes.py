@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import pandas as pd
 
 from analysis.report.notation import counted, percentage
-from experiments.stare.measures import FIRST_FIXATION_DURATION_MS, FIRST_FIXATION_TIME_MS
 from lab.clock import NS_PER_MS
+from visavis.looks import FIRST_FIXATION_DURATION_MS, FIRST_FIXATION_TIME_MS
 
 CHANGING = ("AD", "DA")
 TOLERANCE_MS = 1.0

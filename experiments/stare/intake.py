@@ -11,19 +11,19 @@ import pandas as pd
 from analysis.gaze.targets import targets_of_part
 from analysis.report import ReportProvenance, SessionSource
 from analysis.report.sources import source_of
-from experiments.stare.design import QUESTIONNAIRES, STUDY
-from experiments.stare.measures import (
+from experiments.stare.study import QUESTIONNAIRES
+from protocol.gaze_setup import TARGETS
+from protocol.questionnaires import load_questionnaire, read_answers, score
+from recording.integrity import analysed_trials
+from recording.manifest import Manifest
+from recording.reader import Recording
+from visavis.looks import (
     DEFAULT_MEASURE_PARAMETERS,
     MeasureParameters,
     second_view,
     sensitivity_rows,
     trial_measures,
 )
-from protocol.gaze_setup import TARGETS
-from protocol.questionnaires import load_questionnaire, read_answers, score
-from recording.integrity import analysed_trials
-from recording.manifest import Manifest
-from recording.reader import Recording
 
 ANXIETY = "social_anxiety"
 
@@ -159,7 +159,7 @@ def provenance_of(sessions: Sequence[SessionIntake], commands: tuple[str, ...]) 
     span = dates[0] if len(dates) == 1 else f"{dates[0]} to {dates[-1]}"
     plans = json.dumps([s.manifest.plan for s in sessions], sort_keys=True)
     return ReportProvenance(
-        study=STUDY,
+        study="stare",
         study_version=str(first.plan["study_version"]),
         data_date="virtual time" if first.is_simulated and dates == ["2000-01-01"] else span,
         versions={"python": first.provenance.python, **first.provenance.packages},

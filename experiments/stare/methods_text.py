@@ -12,10 +12,10 @@ from experiments.stare.analysis_parameters import AnalysisParameters
 from experiments.stare.conclusions import RULE
 from experiments.stare.design import CONDITIONS, DEFAULT_PARAMETERS, StareParameters
 from experiments.stare.gaze_changes import GazeChanges
-from experiments.stare.measures import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 from experiments.stare.published import COMPARISONS
 from experiments.stare.terms import MEASURES
 from stimuli.scenes.audience import ACTIVE_PLACES
+from visavis.looks import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 
 REFERENCES = (
     "Raimbaud, P., Jovane, A., Zibrek, K., Pacchierotti, C., Christie, M., Hoyet, L., Pettré, J., "

@@ -24,7 +24,7 @@ from experiments.stare.anxiety import (
 )
 from experiments.stare.comparisons import Comparison, compare, condition_means
 from experiments.stare.conclusions import STARED_AT, conclude
-from experiments.stare.design import AVERTED, CONDITIONS, STUDY
+from experiments.stare.design import AVERTED, CONDITIONS
 from experiments.stare.exclusions import select_trials
 from experiments.stare.published import COMPARISONS
 from experiments.stare.quick_study import QuickStudy, TrackerModel, run_study
@@ -70,7 +70,7 @@ class StarePower:
 
     make_tracker: MakeTracker = field(repr=False)
     population: Population = DEFAULT_POPULATION
-    name: str = STUDY
+    name: str = "stare"
     smallest_n: int = 3
 
     @property

@@ -12,14 +12,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-from experiments.stare.measures import (
+from visavis.looks import (
     DWELL_MS,
     FIRST_FIXATION_DURATION_MS,
     FIRST_FIXATION_TIME_MS,
     FIXATION_COUNT,
+    MAIN_MEASURES,
     SECOND_FIXATION_DURATION_MS,
     SECOND_FIXATION_TIME_MS,
-    SIX_MEASURES,
 )
 
 CITATION: Final = (
@@ -214,7 +214,7 @@ def _test(first: str, second: str, table: str, measure: str, printed: _Printed) 
 TESTS: Final[tuple[PairedTest, ...]] = tuple(
     _test(first, second, table, measure, printed)
     for (first, second, table), rows in _TABLES.items()
-    for measure, printed in zip(SIX_MEASURES, rows, strict=True)
+    for measure, printed in zip(MAIN_MEASURES, rows, strict=True)
 )
 """The 30 tests of tables 3.1, 3.2, A.1, A.2 and A.3."""
 

@@ -30,10 +30,9 @@ from experiments.stare.design import (
     DEFAULT_PARAMETERS,
     DYNAMIC_CONDITIONS,
     StareParameters,
-    plan_session,
 )
-from experiments.stare.measures import SIX_MEASURES
 from experiments.stare.scene import active_index_of
+from experiments.stare.study import plan_session
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.geometry import Vector, rotate
 from protocol.plan import SessionPlan, Trial
@@ -49,6 +48,7 @@ from stimuli.scenes.audience import (
     black_scene,
 )
 from stimuli.visibility import SceneGeometry
+from visavis.looks import MAIN_MEASURES
 from visavis.observer import Observer
 from visavis.observer.temperament import DEFAULT_POPULATION, Population
 
@@ -278,13 +278,13 @@ def run_study(
                     "participant": label,
                     "trial_id": trial.trial_id,
                     **trial.factors,
-                    **{name: values[name] for name in (*SIX_MEASURES, "lost_01")},
+                    **{name: values[name] for name in (*MAIN_MEASURES, "lost_01")},
                     "switch_ms": switch_ms,
                 }
             )
         answers.append({"participant": label, "anxiety_total": anxiety_total(person)})
     trials = pd.DataFrame(rows)
-    trials = trials.astype(dict.fromkeys((*SIX_MEASURES, "lost_01", "switch_ms"), float))
+    trials = trials.astype(dict.fromkeys((*MAIN_MEASURES, "lost_01", "switch_ms"), float))
     return QuickStudy(trials, pd.DataFrame(answers))
 
 

@@ -29,7 +29,6 @@ from experiments.stare import report_tables as tables
 from experiments.stare.analysis import StareAnalysis
 from experiments.stare.design import DEFAULT_PARAMETERS, StareParameters
 from experiments.stare.figures import TrialExample, study_figures
-from experiments.stare.measures import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 from experiments.stare.methods_text import (
     REFERENCES,
     differences_from_source,
@@ -40,6 +39,7 @@ from experiments.stare.quality_table import StareQuality
 from experiments.stare.report_quality import quality_table
 from experiments.stare.reporting_list import reporting_table
 from experiments.stare.sensitivity import same_verdicts
+from visavis.looks import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 
 TITLE = "Stare in the crowd"
 

@@ -8,10 +8,10 @@ import pandas as pd
 from analysis.report import Cell, Column, ReportProvenance, Table
 from analysis.report.notation import MISSING, counted, decimal, percentage
 from experiments.stare.analysis import StareAnalysis
-from experiments.stare.measures import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 from experiments.stare.methods_text import confidence_rule, stamp_rule
 from experiments.stare.quality_table import DRIFT, END_ACCURACY, REJECTED, StareQuality
 from stimuli.scenes.audience import PARTICIPANT_EYE_M, SEATS
+from visavis.looks import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 
 OPEN = "not recorded – to be filled in by the lab"
 FILL_IN = "to be filled in by the lab"

@@ -1,7 +1,5 @@
 """Who sits where, and what their eyes do, in one trial of the stare study."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from experiments.stare.design import AVERTED, AVERTED_THEN_DIRECTED
@@ -21,25 +19,26 @@ CHARACTERS: tuple[str, ...] = (
     *(f"female_{i:02d}" for i in range(1, 7)),
     *(f"male_{i:02d}" for i in range(1, 6)),
 )
-"""The eleven models of the audience: six women and five men."""
+"""The eleven models of the audience: six women and five men; a smaller one draws among them."""
 
 _SHUFFLE, _BLINKS = range(2)
 
 
-def characters_of(trial: Trial, characters: Sequence[str] = CHARACTERS) -> tuple[str, ...]:
-    """Return the model at each of `PLACES`, shuffled anew for every trial from its seed."""
-    return tuple(characters[i] for i in _rng(trial, _SHUFFLE).permutation(len(characters)))
+def characters_of(trial: Trial, agents: int = len(CHARACTERS)) -> tuple[str, ...]:
+    """Return the model at each of the first places, shuffled anew for every trial by its seed."""
+    shuffled = [CHARACTERS[i] for i in _rng(trial, _SHUFFLE).permutation(len(CHARACTERS))]
+    return tuple(shuffled[:agents])
 
 
-def scene_of(trial: Trial) -> Scene:
+def scene_of(trial: Trial, agents: int = len(CHARACTERS)) -> Scene:
     """Return the lit scene of a trial."""
-    characters = characters_of(trial)
+    characters = characters_of(trial, agents)
     return training_scene(characters) if trial.is_practice else audience_scene(characters)
 
 
-def dark_scene_of(trial: Trial) -> Scene:
+def dark_scene_of(trial: Trial, agents: int = len(CHARACTERS)) -> Scene:
     """Return the dark scene before a trial, with the mark."""
-    return black_scene(characters_of(trial))
+    return black_scene(characters_of(trial, agents))
 
 
 def active_index_of(trial: Trial) -> int:
@@ -53,7 +52,7 @@ def opening_eyes(trial: Trial, scene: Scene, duration_s: float) -> EyeBehaviour:
     Everyone looks at the speaker, but for the active agent of D and DA, who looks at the
     participant. In practice nobody does.
     """
-    blinks = draw_blinks(_rng(trial, _BLINKS), len(PLACES), duration_s)
+    blinks = draw_blinks(_rng(trial, _BLINKS), len(scene.agents), duration_s)
     eyes = EyeBehaviour.of_scene(scene, target_m=SPEAKER_EYE_M, blinks=blinks)
     if trial.is_practice or trial.factors["condition"] in (AVERTED, AVERTED_THEN_DIRECTED):
         return eyes

@@ -14,10 +14,10 @@ from experiments.stare.comparisons import (
     condition_means,
     find,
 )
-from experiments.stare.measures import IDT, IVT
 from experiments.stare.published import COMPARISONS
 from experiments.stare.terms import DWELL, FIXATION_COUNT, Measure
 from lab.errors import DataError
+from visavis.looks import IDT, IVT
 
 PAD_COLUMN = "pad_deg"
 MINIMUM_COLUMN = "minimum_fixation_ms"

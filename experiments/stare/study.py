@@ -1,69 +1,91 @@
-"""The stare study as the session asks for it."""
+"""Stare in the crowd: do people look more at somebody in an audience who looks at them?
 
-from dataclasses import dataclass, field
+After Raimbaud et al. (2022) and Jovane (2023).
+"""
 
-from experiments.stare.design import DEFAULT_PARAMETERS, STUDY, StareParameters, plan_session
+from collections.abc import Mapping
+from dataclasses import asdict
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+from experiments.stare.design import (
+    AVERTED,
+    CONDITIONS,
+    DEFAULT_PARAMETERS,
+    DEPTHS,
+    ZONES,
+    StareParameters,
+    check_levels,
+    place_of,
+)
 from experiments.stare.trial import intertrial, run_trial
-from lab.geometry import Vector
-from protocol.plan import SessionPlan, Trial
+from protocol.design import Factor
+from protocol.plan import SessionPlan
 from protocol.steps import Plan
-from stimuli.scene import Scene
-from stimuli.scenes.audience import PLACES
+from stimuli.scenes.audience import DRESSED_BY
+from visavis.experiment import StudyExperiment
+from visavis.observer import Observer
+from visavis.study import SETTABLE, Study
+from visavis.trial import TrialScript
+
+QUESTIONNAIRES: Final = ("demographics", "social_anxiety", "free_comment")
+
+study = Study(
+    "stare",
+    "Stare in the crowd",
+    "Do people look more at an agent in a virtual crowd who looks at them?",
+    factors=[Factor("condition", CONDITIONS), Factor("zone", ZONES), Factor("depth", DEPTHS)],
+    derived={"place": place_of},
+    repetitions=2,
+    blocks=3,
+    order="balanced_blocks",
+    practice=[{"condition": AVERTED, "zone": "centre", "depth": "middle"}],
+    parameters={k: v for k, v in asdict(DEFAULT_PARAMETERS).items() if k not in SETTABLE},
+    intertrial_s=DEFAULT_PARAMETERS.intertrial_s,
+    texts="texts",
+    questionnaires=QUESTIONNAIRES,
+    needs=["eye_tracker"],
+    uses=[],
+    calibrate_blocks=True,
+    dressed_by=DRESSED_BY,
+    folder=Path(__file__).parent,
+)
 
 
-@dataclass(frozen=True)
-class StareStudy:
-    """Stare in the crowd: eleven seated agents, one of whom may look at the participant."""
+@study.check
+def check(parameters: Mapping[str, Any]) -> None:
+    """Refuse parameters and levels that do not fit the audience."""
+    StareParameters.of(parameters)
+    check_levels(parameters)
 
-    params: StareParameters = field(default=DEFAULT_PARAMETERS)
 
-    @property
-    def name(self) -> str:
-        """The study's name on the command line."""
-        return STUDY
+@study.trial
+def trial(t: TrialScript) -> Plan:
+    """Show the audience; the active agent's gaze may change with a look at it."""
+    return (yield from run_trial(t.trial, StareParameters.of(t.settings.parameters)))
 
-    @property
-    def agent_count(self) -> int:
-        """Agents in every scene."""
-        return len(PLACES)
 
-    @property
-    def people_count(self) -> int:
-        """The audience; a speaker on the stage is one more."""
-        return len(PLACES) + 1
+@study.intertrial
+def dark(t: TrialScript) -> Plan:
+    """Show the mark in the dark."""
+    return (yield from intertrial(t.trial, StareParameters.of(t.settings.parameters)))
 
-    @property
-    def trial_s(self) -> float:
-        """Nominal duration of a trial."""
-        return self.params.trial_s
 
-    @property
-    def intertrial_s(self) -> float:
-        """Nominal duration of the dark between trials."""
-        return self.params.intertrial_s
+@study.person
+def person(index: int, seed: int, effect: bool) -> Observer:
+    """Return a simulated participant, fitted to the published means and spreads."""
+    return Observer(index, seed, effect)
 
-    @property
-    def needed_roles(self) -> tuple[str, ...]:
-        """Where one looks is what the study measures."""
-        return ("eye_tracker",)
 
-    @property
-    def useful_roles(self) -> tuple[str, ...]:
-        """Nothing more."""
-        return ()
+@lru_cache(maxsize=8)
+def experiment_of(params: StareParameters = DEFAULT_PARAMETERS) -> StudyExperiment:
+    """Return the experiment as commands make it, with typed parameters."""
+    return StudyExperiment(study, asdict(params))
 
-    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
-        """Return everything one participant will do; the study has no groups."""
-        return plan_session(participant_index, seed, group=group, params=self.params)
 
-    def run_trial(self, trial: Trial) -> Plan:
-        """Return the generator that performs a trial."""
-        return run_trial(trial, self.params)
-
-    def intertrial(self, trial: Trial) -> Plan:
-        """Return the generator of the dark before a trial."""
-        return intertrial(trial, self.params)
-
-    def blank(self, mark_m: Vector | None) -> Scene:
-        """Return a dark scene without agents, for calibrations and breaks."""
-        return Scene(name="blank", agents=(), brightness_01=0.0, mark_m=mark_m)
+def plan_session(
+    participant_index: int, seed: int, *, params: StareParameters = DEFAULT_PARAMETERS
+) -> SessionPlan:
+    """Plan a participant's session: training, then the blocks; pure."""
+    return experiment_of(params).plan(participant_index, seed)

@@ -13,13 +13,13 @@ from experiments.stare.analysis import SIMULATED_COLUMN, StareAnalysis, analyse_
 from experiments.stare.analysis_parameters import DEFAULT_PARAMETERS, AnalysisParameters
 from experiments.stare.data_dictionary import write_dictionary
 from experiments.stare.figures import TrialExample, study_figures
-from experiments.stare.measures import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 from experiments.stare.quality_table import StareQuality, quality_of_trials
 from experiments.stare.report import build_report
 from experiments.stare.table_dictionaries import write_table_dictionary
 from experiments.stare.table_types import typed_trials
 from lab.errors import UsageError
 from recording.csv_file import tell_neutralised, write_csv
+from visavis.looks import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 
 REPORT_NAME = "report.html"
 

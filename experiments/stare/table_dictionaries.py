@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from experiments.stare.anxiety import SCORE_COLUMN
-from experiments.stare.design import CONDITIONS, QUESTIONNAIRES
-from experiments.stare.measures import DATA_DICTIONARY, SIX_MEASURES
+from experiments.stare.design import CONDITIONS
 from experiments.stare.published import COMPARISONS
 from experiments.stare.quality_table import DRIFT, END_ACCURACY, REJECTED
+from experiments.stare.study import QUESTIONNAIRES
 from experiments.stare.terms import CONDITION_NAMES
 from protocol.questionnaires import Question, load_questionnaire, score_range
+from visavis.looks import LOOK_COLUMNS, MAIN_MEASURES
 
 Entry = Mapping[str, Any]
 ANXIETY_QUESTIONNAIRE = "social_anxiety"
@@ -36,7 +37,7 @@ def _entry(description: str, units: str = "", levels: Mapping[str, str] | None =
 
 YES_NO = {"True": "yes", "False": "no"}
 _SIMULATED = _entry("nobody took part: simulated participant or devices", levels=YES_NO)
-_MEASURES = {c.name: c for c in DATA_DICTIONARY if c.name in SIX_MEASURES}
+_MEASURES = {c.name: c for c in LOOK_COLUMNS if c.name in MAIN_MEASURES}
 _CONDITION = _entry("gaze of the active agent", levels=CONDITION_NAMES)
 
 
@@ -163,7 +164,7 @@ def statistics_dictionary() -> dict[str, Entry]:
 
 def sensitivity_dictionary() -> dict[str, Entry]:
     """Describe sensitivity.csv: the thirty tests by padding and minimum fixation."""
-    n_tests = len(COMPARISONS) * len(SIX_MEASURES)
+    n_tests = len(COMPARISONS) * len(MAIN_MEASURES)
     entries: dict[str, Entry] = {
         "pad_deg": _entry("angular padding of heads", "deg"),
         "minimum_fixation_ms": _entry("shortest look that counts as a fixation", "ms"),

@@ -9,8 +9,9 @@ from typing import Any
 import pandas as pd
 
 from experiments.stare.data_dictionary import TRIAL_TABLE
-from experiments.stare.measures import AFTER, BEFORE, RAW, Column
 from lab.errors import DataError
+from protocol.columns import Column
+from visavis.looks import AFTER, BEFORE, RAW
 
 _DTYPES: dict[str, Any] = {
     "Int64": pd.Int64Dtype(),

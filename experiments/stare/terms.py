@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from experiments.stare.measures import (
+from visavis.looks import (
     DWELL_MS,
     FIRST_FIXATION_DURATION_MS,
     FIRST_FIXATION_TIME_MS,
     SECOND_FIXATION_DURATION_MS,
     SECOND_FIXATION_TIME_MS,
 )
-from experiments.stare.measures import FIXATION_COUNT as COUNT_COLUMN
+from visavis.looks import FIXATION_COUNT as COUNT_COLUMN
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,7 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
     frame at or after the trial's end that has brought a sample of that time, `drain_ms` at most;
     `t_end_ns` is the trial's end, not that frame's.
     """
-    scene = scene_of(trial)
+    scene = scene_of(trial, params.agents)
     active = active_index_of(trial)
     condition = str(trial.factors["condition"])
     duration_s = params.practice_s if trial.is_practice else params.trial_s
@@ -197,7 +197,7 @@ def _change(
 
 def intertrial(trial: Trial, params: StareParameters) -> Plan:
     """Stay dark before a trial, with the mark at top centre, for `intertrial_s`."""
-    scene = dark_scene_of(trial)
+    scene = dark_scene_of(trial, params.agents)
     facing = np.array([a.facing for a in scene.agents])
     view = yield from _frame()
     start_ns = view.t_ns

@@ -7,14 +7,14 @@ from analysis.gaze.looks import looks_on
 from analysis.gaze.targets import GazeTargets
 from experiments.stare.figures import TrialExample
 from experiments.stare.gaze_changes import TOLERANCE_MS
-from experiments.stare.measures import (
-    DEFAULT_MEASURE_PARAMETERS,
-    MeasureParameters,
-)
 from lab.clock import NS_PER_MS
 from lab.errors import DataError
 from protocol.steps import Row
 from recording.reader import Recording
+from visavis.looks import (
+    DEFAULT_MEASURE_PARAMETERS,
+    MeasureParameters,
+)
 
 SHOWN_CONDITION = "AD"
 

@@ -143,10 +143,11 @@ def stage_front_occluders() -> tuple[Capsule, ...]:
     )
 
 
-@lru_cache(maxsize=1)
-def _occluders() -> tuple[Capsule, ...]:
+@lru_cache(maxsize=4)
+def _occluders(people: int) -> tuple[Capsule, ...]:
     torsos = tuple(
-        _torso(_from_bearing(s.bearing_deg, s.distance_m, s.head_height_m)) for s in SEATS.values()
+        _torso(_from_bearing(s.bearing_deg, s.distance_m, s.head_height_m))
+        for s in list(SEATS.values())[:people]
     )
     feet = SPEAKER_EYE_M * np.array([1.0, 0.0, 1.0]) + np.array([0.0, 0.2, 0.0])
     return (*torsos, *stage_front_occluders(), Capsule(feet, SPEAKER_EYE_M, 0.2))
@@ -155,8 +156,9 @@ def _occluders() -> tuple[Capsule, ...]:
 def audience_scene(characters: Sequence[str], *, name: str = "audience") -> Scene:
     """Return the lit audience; `characters[i]` plays the agent at `PLACES[i]`.
 
-    The same object comes back for the same characters. Raises DesignError unless there are
-    eleven different ones.
+    The same object comes back for the same characters. Raises DesignError unless there are nine
+    to eleven different ones: without the last, the places that never hold the active agent stay
+    empty.
     """
     return _scene(tuple(characters), name, 1.0, False)
 
@@ -173,17 +175,18 @@ def black_scene(characters: Sequence[str]) -> Scene:
 
 @lru_cache(maxsize=512)
 def _scene(characters: tuple[str, ...], name: str, brightness_01: float, marked: bool) -> Scene:
-    if len(characters) != len(PLACES) or len(set(characters)) != len(PLACES):
+    people = len(characters)
+    if not len(ACTIVE_PLACES) <= people <= len(PLACES) or len(set(characters)) != people:
         raise DesignError(
-            f"an audience needs {len(PLACES)} different characters, one a place; "
-            f"got {len(characters)}: {', '.join(characters)}"
+            f"an audience needs {len(ACTIVE_PLACES)} to {len(PLACES)} different characters, one a "
+            f"place; got {people}: {', '.join(characters)}"
         )
     return Scene(
         name=name,
         agents=tuple(
-            _agent(i, p, c) for i, (p, c) in enumerate(zip(PLACES, characters, strict=True))
+            _agent(i, p, c) for i, (p, c) in enumerate(zip(PLACES, characters, strict=False))
         ),
-        occluders=_occluders(),
+        occluders=_occluders(people),
         brightness_01=brightness_01,
         mark_m=MARK_M if marked else None,
         dressed_by=DRESSED_BY,

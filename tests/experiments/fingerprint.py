@@ -18,6 +18,7 @@ import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -80,6 +81,51 @@ def first_difference(pinned: Fingerprint, found: Fingerprint) -> str:
             return f"{name}{where}: {difference}"
     new = [name for name in found if name not in pinned]
     return f"{new[0]} is new" if new else ""
+
+
+def in_layout(
+    pinned: Fingerprint,
+    found: Fingerprint,
+    moved: Mapping[str, str] = MappingProxyType({}),
+    renamed: Mapping[str, str] = MappingProxyType({}),
+) -> dict[str, Any]:
+    """Return what was found as the pinned tables lay it out, for `first_difference`.
+
+    Tables and columns may be added, and columns change places. `moved` leads from a pinned table
+    ("condition_means.csv") or column ("condition_means.csv: n_trials") to the name it has now;
+    `renamed` from a text in a cell to the one that stands there now. Nothing pinned is left out:
+    what is not found stays missing. Streams and events are compared as they are.
+    """
+    result: dict[str, Any] = {}
+    for name, value in pinned.items():
+        place, _, what = name.partition(".csv: ")
+        if not what:
+            if name in found:
+                result[name] = found[name]
+            continue
+        table = f"{place}.csv"
+        now = moved.get(table, table)
+        if f"{now}: columns" not in found:
+            continue
+        headings = list(found[f"{now}: columns"])
+        columns = pinned[f"{table}: columns"]
+        at = [moved.get(f"{table}: {c}", c) for c in columns]
+        if what == "columns":
+            result[name] = [c for c, new in zip(columns, at, strict=True) if new in headings]
+        elif what.startswith("row ") and f"{now}: {what}" in found:
+            row = dict(zip(headings, found[f"{now}: {what}"], strict=True))
+            cells = [row[new] for new in at if new in row]
+            result[name] = [
+                pin if isinstance(pin, str) and renamed.get(pin) == cell else cell
+                for pin, cell in zip(value, cells, strict=False)
+            ]
+        elif f"{now}: {moved.get(name, what)}" in found:
+            result[name] = found[f"{now}: {moved.get(name, what)}"]
+    return result | {
+        name: value
+        for name, value in found.items()
+        if name not in pinned and ".csv: " not in name and ": trial rows: " not in name
+    }
 
 
 def write_fingerprint(fingerprint: Fingerprint, path: Path) -> None:

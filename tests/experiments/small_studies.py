@@ -34,6 +34,7 @@ from tests.experiments.fingerprint import (
     fingerprint_of_table,
     write_fingerprint,
 )
+from visavis.catalogue import find_study
 
 PINNED: Final = Path(__file__).parent / "pinned"
 SEED: Final = 1
@@ -77,7 +78,9 @@ def sessions(name: str, root: Path) -> dict[str, Any]:
     settings = StudySettings(
         small.study, SEED, is_simulated=True, parameters=dict(small.parameters)
     )
-    folder = simulate_study(load_lab(EXAMPLE, "sim"), settings, 2, root, processes=1)
+    folder = simulate_study(
+        load_lab(EXAMPLE, "sim"), find_study(small.study), settings, 2, root, processes=1
+    )
     analyse_study(folder, None, mixture=False, processes=1, measure=small.measure)
     return fingerprint_of_study(folder)
 

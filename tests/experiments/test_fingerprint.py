@@ -12,6 +12,7 @@ from tests.experiments.fingerprint import (
     _of_values,
     fingerprint_of_table,
     first_difference,
+    in_layout,
     read_fingerprint,
     write_fingerprint,
 )
@@ -119,3 +120,41 @@ def test_a_fingerprint_is_read_as_it_was_written(tmp_path):
     write_fingerprint(found, tmp_path / "pinned.json")
 
     assert found == read_fingerprint(tmp_path / "pinned.json")
+
+
+def test_a_table_in_another_layout_is_compared_cell_by_cell(tmp_path):
+    before = table(tmp_path, ("S01", "10.5", "3"), ("S02", "11.5", "4"))
+    path = tmp_path / "means_by_gaze.csv"
+
+    def after(*rows):
+        with path.open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file).writerows([("n", "new", "participant", "dwell_ms"), *rows])
+        moved = {"means.csv": "means_by_gaze.csv", "means.csv: count": "n"}
+        return in_layout(before, fingerprint_of_table(path), moved)
+
+    same = after(("3", "x", "S01", "10.5"), ("4", "x", "S02", "11.5"))
+    other = after(("3", "x", "S01", "10.5"), ("4", "x", "S02", "11.6"))
+    gone = in_layout(before, fingerprint_of_table(path), {"means.csv": "means_by_gaze.csv"})
+
+    assert "" == first_difference(before, same)
+    assert "means.csv: row 2, dwell_ms: 11.5 pinned, 11.6 found" == first_difference(before, other)
+    assert "count" in first_difference(before, gone)
+
+
+def test_a_table_that_is_gone_and_an_event_that_is_new_are_differences(tmp_path):
+    before = table(tmp_path, ("S01", "10.5", "3"))
+
+    assert "means.csv: columns is gone" == first_difference(before, in_layout(before, {}))
+    assert "event 2 is new" == first_difference(
+        {"event 1": 1}, in_layout({"event 1": 1}, {"event 1": 1, "event 2": 2})
+    )
+    assert "" == first_difference(before, in_layout(before, {**before, "other.csv: rows": 2}))
+
+
+def test_a_text_that_changed_its_name_is_compared_by_the_new_one(tmp_path):
+    before = table(tmp_path, ("anxiety_total", "10.5", "3"))
+    after = table(tmp_path, ("social_anxiety_total", "10.5", "3"))
+    names = {"anxiety_total": "social_anxiety_total"}
+
+    assert first_difference(before, in_layout(before, after))
+    assert "" == first_difference(before, in_layout(before, after, renamed=names))

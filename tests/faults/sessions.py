@@ -10,8 +10,7 @@ import pandas as pd
 from analysis.session_check import check_session
 from analysis.session_verdict import SessionCheck
 from cli.perform import Request, perform_new, perform_rest, simulated_request
-from experiments.stare.design import StareParameters
-from experiments.stare.study import StareStudy
+from experiments.stare.study import study
 from lab.config import DeviceConfig, LabConfig, load_config
 from lab.config_files import EXAMPLE
 from protocol.gaze_setup import TargetTiming
@@ -21,6 +20,7 @@ from protocol.states import SessionState
 from recording.folder import session_dir
 from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.experiment import StudyExperiment
 
 CONFIG = EXAMPLE
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -32,7 +32,7 @@ PRACTICE_S = 1.0
 Rows = Sequence[Mapping[str, Any]]
 
 
-class FewTrials(StareStudy):
+class FewTrials(StudyExperiment):
     """Training and the first three trials of two blocks."""
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
@@ -61,11 +61,11 @@ def lab(data_root: Path, *, tracker: Rows = (), headset: Rows = (), **options: A
 
 def request(config: LabConfig, operator: Any = None, *, trial_s: float = TRIAL_S) -> Request:
     """Return a session of seven trials."""
-    parameters = StareParameters(
-        trial_s=trial_s, practice_s=PRACTICE_S, intertrial_s=0.5, repetitions=1
-    )
+    parameters = {
+        "trial_s": trial_s, "practice_s": PRACTICE_S, "intertrial_s": 0.5, "repetitions": 1,
+    }  # fmt: skip
     made = simulated_request(
-        find_study("stare"), FewTrials(parameters), config, label="S01", index=0, seed=1
+        find_study("stare"), FewTrials(study, parameters), config, label="S01", index=0, seed=1
     )
     return replace(
         made,

@@ -9,17 +9,17 @@ from typing import Any
 import pytest
 
 from cli.perform import perform_new
-from experiments.stare.bundle import StareBundle
-from experiments.stare.design import StareParameters
-from experiments.stare.study import StareStudy
+from experiments.stare.study import study
 from lab.clock import NS_PER_S, SystemClock
 from protocol.gaze_setup import TargetTiming
 from protocol.plan import SessionPlan
 from recording.reader import Recording
 from tests.faults.sessions import CONFIG, REPOSITORY, events, findings, lab, request
+from visavis.experiment import StudyExperiment
+from visavis.opened import OpenedStudy
 
 
-class Lenient(StareBundle):
+class Lenient(OpenedStudy):
     """The study with every validation accepted: there is no time for long ones here."""
 
     def judge_validation(self, points: Any, rate_hz: float) -> Any:
@@ -27,7 +27,7 @@ class Lenient(StareBundle):
         return replace(super().judge_validation(points, rate_hz), accepted=True)
 
 
-class TwoTrials(StareStudy):
+class TwoTrials(StudyExperiment):
     """The first two trials of the first block."""
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
@@ -38,13 +38,13 @@ class TwoTrials(StareStudy):
 
 
 def test_a_session_on_the_system_clock_over_sockets_is_complete(tmp_path: Path) -> None:
-    parameters = StareParameters(trial_s=0.6, practice_s=0.6, intertrial_s=0.2, repetitions=1)
+    parameters = {"trial_s": 0.6, "practice_s": 0.6, "intertrial_s": 0.2, "repetitions": 1}
     recording = Recording(
         perform_new(
             replace(
                 request(lab(tmp_path)),
-                study=Lenient(),
-                experiment=TwoTrials(parameters),
+                study=Lenient(study),
+                experiment=TwoTrials(study, parameters),
                 clock=SystemClock(),
                 timing=TargetTiming(60, 200, 20, 60),
             )

@@ -1,13 +1,12 @@
 """Sessions as short as they can be, drawn now and then, for tests of what was drawn."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from cli.perform import perform_new
-from experiments.stare.design import StareParameters
-from experiments.stare.study import StareStudy
+from experiments.stare.study import study
 from lab.config import LabConfig
 from lab.frame import FrameInfo
 from lab.geometry import Pose
@@ -18,11 +17,13 @@ from stage.drawn_stage import DrawnStage
 from stage.renderer import Image
 from stimuli.scene import SceneFrame
 from tests.faults.sessions import request
+from visavis.experiment import StudyExperiment
 
-PARAMETERS = StareParameters(trial_s=6.0, practice_s=2.0, intertrial_s=0.5, repetitions=1)
+PARAMETERS = {"trial_s": 6.0, "practice_s": 2.0, "intertrial_s": 0.5, "repetitions": 1}
 
 
-class Shortest(StareStudy):
+@dataclass(frozen=True, eq=False)
+class Shortest(StudyExperiment):
     """The beginning of a plan: so many trials of each of the first blocks."""
 
     trials_of_blocks: tuple[int, ...] = (1,)
@@ -39,8 +40,7 @@ class Shortest(StareStudy):
 
 def perform_shortest(config: LabConfig, trials_of_blocks: tuple[int, ...] = (1,)) -> Recording:
     """Perform practice, and as many trials of the blocks after it, to the end."""
-    experiment = Shortest(PARAMETERS)
-    experiment.trials_of_blocks = trials_of_blocks
+    experiment = Shortest(study, PARAMETERS, trials_of_blocks)
     path: Path = perform_new(replace(request(config), experiment=experiment))
     return Recording(path)
 

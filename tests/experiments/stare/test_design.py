@@ -1,14 +1,17 @@
 """The plan of the stare study."""
 
+import hashlib
 from collections import Counter
+from typing import Any
 
 import pytest
 
-from experiments.stare.design import CONDITIONS, StareParameters, plan_session
+from experiments.stare.design import CONDITIONS, StareParameters
 from experiments.stare.scene import CHARACTERS, characters_of, scene_of
-from experiments.stare.study import StareStudy
+from experiments.stare.study import experiment_of, plan_session, study
 from lab.errors import DesignError
 from stimuli.scenes.audience import ACTIVE_PLACES, PLACES, depth_of, zone_of
+from visavis.experiment import StudyExperiment
 
 PLAN = plan_session(7, 1)
 TRIALS = [t for t in PLAN.trials if not t.is_practice]
@@ -99,7 +102,7 @@ def test_one_repetition_makes_a_study_of_36_trials_still_balanced() -> None:
 
 
 def test_study_gives_the_session_what_it_asks_for() -> None:
-    study = StareStudy()
+    study = experiment_of()
 
     assert ("stare", 11, 16.0, 3.0) == (
         study.name,
@@ -114,7 +117,7 @@ def test_study_gives_the_session_what_it_asks_for() -> None:
 
 def test_a_group_is_refused() -> None:
     with pytest.raises(DesignError, match="no group 'b'"):
-        StareStudy().plan(0, 1, "b")
+        experiment_of().plan(0, 1, "b")
 
 
 @pytest.mark.parametrize(
@@ -122,7 +125,8 @@ def test_a_group_is_refused() -> None:
     [
         {"trial_s": 0.0},
         {"practice_s": -1.0},
-        {"repetitions": 0},
+        {"agents": 8},
+        {"agents": 12},
         {"switch_at_01": 1.0},
         {"pad_deg": -0.1},
     ],
@@ -130,3 +134,72 @@ def test_a_group_is_refused() -> None:
 def test_impossible_parameters_are_refused_by_name(wrong: dict[str, float]) -> None:
     with pytest.raises(DesignError, match=next(iter(wrong))):
         StareParameters(**wrong)
+
+
+def test_repetitions_below_one_are_refused() -> None:
+    with pytest.raises(DesignError, match="repetitions"):
+        experiment_of(StareParameters(repetitions=0))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "sizes"),
+    [
+        ({"blocks": 4}, [1, 18, 18, 18, 18]),
+        ({"blocks": 1}, [1, 72]),
+        ({"conditions": ["A", "D"]}, [1, 12, 12, 12]),
+        ({"conditions": ["D", "AD"], "zones": ["left"]}, [1, 4, 4, 4]),
+    ],
+)
+def test_blocks_conditions_and_places_are_set_by_name(
+    overrides: dict[str, Any], sizes: list[int]
+) -> None:
+    plan = StudyExperiment(study, overrides).plan(0, 1)
+    levels = {str(t.factors["condition"]) for t in plan.trials if not t.is_practice}
+
+    assert sizes == [len(b.trials) for b in plan.blocks]
+    assert set(overrides.get("conditions", CONDITIONS)) == levels
+
+
+def test_a_smaller_audience_keeps_the_active_places_and_hides_nobody_behind_the_absent() -> None:
+    experiment = StudyExperiment(study, {"agents": 9})
+    scene = scene_of(TRIALS[0], 9)
+
+    assert 9 == experiment.agent_count
+    assert ACTIVE_PLACES == tuple(a.place for a in scene.agents)
+    assert 2 == len(scene_of(TRIALS[0]).occluders) - len(scene.occluders)
+
+
+def test_a_condition_that_is_none_is_refused_with_those_there_are() -> None:
+    with pytest.raises(DesignError, match="no condition 'AA'; choose among A, D, AD, DA"):
+        StudyExperiment(study, {"conditions": ["A", "AA"]})
+
+
+def test_instructions_say_the_numbers_that_are_in_force() -> None:
+    changed = {"trial_s": 8.0, "blocks": 4, "intertrial_s": 2.0}
+    training, first, second, third, last = (
+        b.instruction for b in StudyExperiment(study, changed).plan(0, 1).blocks
+    )
+
+    assert "dark for two seconds" in training
+    assert first.startswith("Now the first of four parts begins: 18 scenes of 8 seconds.")
+    assert second.startswith("This is the second of four parts, with 18 scenes")
+    assert third.startswith("This is the third of four parts")
+    assert last.startswith("This is the last part")
+
+
+@pytest.mark.parametrize("language", ["en", "de", "fr"])
+@pytest.mark.parametrize("blocks", [1, 2, 4])
+def test_every_language_has_every_instruction(language: str, blocks: int) -> None:
+    plan = StudyExperiment(study, {"language": language, "blocks": blocks}).plan(0, 1)
+
+    assert blocks + 1 == len({b.instruction for b in plan.blocks})
+    assert not any("{" in b.instruction for b in plan.blocks)
+
+
+def test_the_instructions_of_the_source_read_as_they_did() -> None:
+    read = "\n".join(b.instruction for b in PLAN.blocks)
+
+    assert "dark for three seconds: bring head" in PLAN.blocks[0].instruction
+    assert "Now the first of three parts begins: 24 scenes of 16 seconds. Face" in read
+    assert "This is the second of three parts, with 24 scenes as before. Observe" in read
+    assert "950b75" == hashlib.sha256(read.encode()).hexdigest()[:6]

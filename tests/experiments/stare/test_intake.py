@@ -5,7 +5,7 @@ import numpy.typing as npt
 import pytest
 
 from analysis.gaze.aoi import LOST
-from experiments.stare import intake
+from analysis.gaze.targets import targets_of_part
 from experiments.stare.intake import measure_parameters_of
 
 
@@ -33,7 +33,7 @@ class FewSamples:
 
 
 def test_gaze_that_repeats_one_direction_for_100_ms_is_lost() -> None:
-    samples, frozen = intake._targets(FewSamples(), 1)  # type: ignore[arg-type]  # only its streams are read
+    samples, frozen = targets_of_part(FewSamples(), 1)  # type: ignore[arg-type]  # only its streams are read
 
     assert [True] * 12 + [False] * 12 == frozen.tolist()
     assert [LOST] * 12 + [0] * 12 == samples.hit.tolist()

@@ -3,13 +3,13 @@ from dataclasses import replace
 from experiments.stare.analysis_parameters import AnalysisParameters
 from experiments.stare.design import StareParameters
 from experiments.stare.gaze_changes import GazeChanges
-from experiments.stare.measures import DEFAULT_MEASURE_PARAMETERS
 from experiments.stare.methods_text import (
     differences_from_source,
     method_paragraphs,
     stamp_rule,
     study_of,
 )
+from visavis.looks import DEFAULT_MEASURE_PARAMETERS
 
 
 def test_design_is_written_from_the_plans_parameters():

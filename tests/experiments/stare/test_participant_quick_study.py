@@ -3,8 +3,8 @@ import pytest
 
 from benchmarks.simulated_tracker import tracker_of
 from experiments.stare.design import CONDITIONS, StareParameters
-from experiments.stare.measures import SIX_MEASURES
 from experiments.stare.quick_study import anxiety_total, run_study
+from visavis.looks import MAIN_MEASURES
 from visavis.observer import Observer
 
 
@@ -53,7 +53,7 @@ def test_without_the_effect_measures_do_not_depend_on_the_condition() -> None:
     by_condition = {}
     for condition in CONDITIONS:
         study = _one_condition(condition)
-        by_condition[condition] = study.trials[list(SIX_MEASURES)].to_numpy()
+        by_condition[condition] = study.trials[list(MAIN_MEASURES)].to_numpy()
     for condition in CONDITIONS[1:]:
         np.testing.assert_array_equal(by_condition["A"], by_condition[condition])
 

@@ -6,7 +6,6 @@ import pytest
 from scipy import stats
 
 from experiments.stare.design import CONDITIONS
-from experiments.stare.measures import DWELL_MS, SIX_MEASURES
 from experiments.stare.published import (
     COMPARISONS,
     CORRELATIONS,
@@ -23,13 +22,14 @@ from experiments.stare.published import (
     published_test,
 )
 from stimuli.scenes.audience import ACTIVE_PLACES
+from visavis.looks import DWELL_MS, MAIN_MEASURES
 
 DF = PARTICIPANTS - 1
 T_TESTS = [t for t in TESTS if t.t is not None]
 
 
 def test_thirty_tests_of_five_comparisons_on_six_measures() -> None:
-    expected = {(a, b, m) for a, b in COMPARISONS for m in SIX_MEASURES}
+    expected = {(a, b, m) for a, b in COMPARISONS for m in MAIN_MEASURES}
 
     assert expected == {(t.first, t.second, t.measure) for t in TESTS}
     assert 30 == len(TESTS)

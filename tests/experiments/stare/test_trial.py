@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.stare.design import StareParameters, plan_session
+from experiments.stare.design import StareParameters
+from experiments.stare.study import plan_session
 from experiments.stare.trial import intertrial, run_trial
 from lab.geometry import angle_deg, unit
 from protocol.plan import Trial

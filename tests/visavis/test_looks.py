@@ -6,19 +6,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.stare.design import StareParameters, plan_session
-from experiments.stare.measures import (
-    DATA_DICTIONARY,
-    SIX_MEASURES,
+from experiments.stare.design import StareParameters
+from experiments.stare.study import plan_session
+from experiments.stare.trial import run_trial
+from lab.errors import DataError
+from stimuli.scenes.audience import PLACES
+from tests.experiments.stare.performance import perform
+from visavis.looks import (
+    LOOK_COLUMNS,
+    MAIN_MEASURES,
     GazeTargets,
     second_view,
     sensitivity_rows,
     trial_measures,
 )
-from experiments.stare.trial import run_trial
-from lab.errors import DataError
-from stimuli.scenes.audience import PLACES
-from tests.experiments.stare.performance import perform
 
 MS = 1_000_000
 ACTIVE = PLACES.index("centre_far")
@@ -115,7 +116,7 @@ def test_sensitivity_table_varies_padding_and_minimum_duration() -> None:
     assert 15 == len(rows) == len(by)
     assert [3, 2, 1] == [by[1.0, m]["fixation_count"] for m in (100.0, 150.0, 200.0)]
     main = trial_measures(targets, row)
-    assert {n: main[n] for n in SIX_MEASURES} == {n: by[1.0, 150.0][n] for n in SIX_MEASURES}
+    assert {n: main[n] for n in MAIN_MEASURES} == {n: by[1.0, 150.0][n] for n in MAIN_MEASURES}
 
 
 def test_second_view_counts_fixations_everywhere_and_on_the_active_agent() -> None:
@@ -149,10 +150,10 @@ def test_repeated_rows_change_nothing_but_their_count() -> None:
 
 def test_dictionary_describes_every_column_and_no_other() -> None:
     targets, row = measured("AD", on_between((500, 800)))
-    columns = [*trial_measures(targets, row), *second_view(targets, row)]
+    columns = [*trial_measures(targets, row), *second_view(targets, row), "frozen_samples"]
 
-    assert sorted(c.name for c in DATA_DICTIONARY) == sorted(columns)
-    assert all(c.unit == "ms" for c in DATA_DICTIONARY if c.name.endswith("_ms"))
+    assert sorted(c.name for c in LOOK_COLUMNS) == sorted(columns)
+    assert all(c.unit == "ms" for c in LOOK_COLUMNS if c.name.endswith("_ms"))
 
 
 def test_missing_stream_column_is_named() -> None:

@@ -1,6 +1,8 @@
-"""From the gaze of one trial to one row of measures on the active agent.
+"""Everything about looks on one agent in a trial: whole, in parts, by ray, by other detectors.
 
-Column names are constants here; `DATA_DICTIONARY` says what each holds. Missing is None.
+A study declares `looks=LooksOn(...)`; the columns, their dictionary and what depends on padding and
+minimum duration follow. Column names are constants here, `LOOK_COLUMNS` says what each holds.
+Missing is None.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,7 +29,6 @@ from analysis.gaze.events import (
     detect_ivt,
 )
 from analysis.gaze.looks import (
-    DEFAULT_LOOK_PARAMETERS,
     LookMeasures,
     LookParameters,
     measure_trial,
@@ -36,7 +37,9 @@ from analysis.gaze.stamps import order_of
 from analysis.gaze.targets import GazeTargets
 from lab.clock import NS_PER_MS
 from lab.errors import DataError
+from protocol.columns import Column
 from protocol.steps import Row, Scalar
+from visavis.measures import LOOKS, TrialRecord
 
 DWELL_MS: Final = "dwell_ms"
 FIXATION_COUNT: Final = "fixation_count"
@@ -45,7 +48,7 @@ FIRST_FIXATION_DURATION_MS: Final = "first_fixation_duration_ms"
 SECOND_FIXATION_TIME_MS: Final = "second_fixation_time_ms"
 SECOND_FIXATION_DURATION_MS: Final = "second_fixation_duration_ms"
 
-SIX_MEASURES: Final = (
+MAIN_MEASURES: Final = (
     DWELL_MS,
     FIXATION_COUNT,
     FIRST_FIXATION_DURATION_MS,
@@ -53,7 +56,7 @@ SIX_MEASURES: Final = (
     SECOND_FIXATION_DURATION_MS,
     SECOND_FIXATION_TIME_MS,
 )
-"""The measures of the source, in the order of its tables."""
+"""What is measured of looks first of all; computed anew by padding and minimum duration."""
 
 BEFORE: Final = "before_"
 AFTER: Final = "after_"
@@ -64,17 +67,8 @@ IDT: Final = "idt_"
 SENSITIVITY_MINIMA_MS: Final = (100.0, 150.0, 200.0)
 
 
-@dataclass(frozen=True)
-class Column:
-    """One column of the trial table: `unit` "1" for counts and shares, "" for flags and codes."""
-
-    name: str
-    unit: str
-    description: str
-
-
-_LOOK_COLUMNS: Final = (
-    Column(DWELL_MS, "ms", "time of valid gaze on the active agent's head"),
+_OF_LOOKS: Final = (
+    Column(DWELL_MS, "ms", "time of valid gaze on the agent's head"),
     Column("dwell_in_fixations_ms", "ms", "the part of the dwell time that lies in fixations"),
     Column(FIXATION_COUNT, "1", "looks of at least the minimum duration (150 ms)"),
     Column("glance_count", "1", "shorter looks"),
@@ -82,7 +76,7 @@ _LOOK_COLUMNS: Final = (
     Column(FIRST_FIXATION_DURATION_MS, "ms", "its duration, bridged loss included"),
     Column(SECOND_FIXATION_TIME_MS, "ms", "onset of the second fixation from the start"),
     Column(SECOND_FIXATION_DURATION_MS, "ms", "its duration, bridged loss included"),
-    Column("on_at_onset", "", "the first sample was on the active agent"),
+    Column("on_at_onset", "", "the first sample was on the agent"),
     Column("cut_at_end", "", "the last look ran into the end"),
     Column("lost_01", "1", "share of the time without usable gaze, missing samples included"),
     Column("off_01", "1", "share of the time with valid gaze elsewhere"),
@@ -91,7 +85,7 @@ _EVENT_COLUMNS: Final = (
     Column("fixation_count", "1", "fixations anywhere in the scene"),
     Column("mean_fixation_ms", "ms", "their mean duration; missing without any"),
     Column("fixation_share_01", "1", "share of samples in a fixation"),
-    Column("on_active_count", "1", "fixations with most of their samples on the active agent"),
+    Column("on_active_count", "1", "fixations with most of their samples on the agent"),
 )
 
 
@@ -99,21 +93,22 @@ def _prefixed(prefix: str, note: str, columns: Sequence[Column]) -> tuple[Column
     return tuple(Column(prefix + c.name, c.unit, f"{note}: {c.description}") for c in columns)
 
 
-DATA_DICTIONARY: Final[tuple[Column, ...]] = (
-    *_LOOK_COLUMNS,
+LOOK_COLUMNS: Final[tuple[Column, ...]] = (
+    *_OF_LOOKS,
     Column("repeated_samples", "1", "samples left out because they repeat a time stamp"),
     Column("conflicting_samples", "1", "those of them that contradict the one kept, the first"),
     Column("backward_samples", "1", "samples stamped before the one that came before; sorted in"),
     Column("gaze_samples", "1", "samples within the trial"),
-    *_prefixed(RAW, "by the bare ray, without padding", _LOOK_COLUMNS),
-    *_prefixed(BEFORE, "AD and DA, from the start to the gaze change", _LOOK_COLUMNS),
-    *_prefixed(AFTER, "AD and DA, from the gaze change to the end", _LOOK_COLUMNS),
+    *_prefixed(RAW, "by the bare ray, without padding", _OF_LOOKS),
+    *_prefixed(BEFORE, "from the start to the change", _OF_LOOKS),
+    *_prefixed(AFTER, "from the change to the end", _OF_LOOKS),
     *_prefixed(IVT, "by velocity, gaze in world", _EVENT_COLUMNS),
     *_prefixed(IDT, "by dispersion, gaze in world", _EVENT_COLUMNS),
+    Column("frozen_samples", "1", "samples that repeat one direction for 100 ms or more: lost"),
 )
-"""Every column `trial_measures` adds to a trial's row, in order."""
+"""Every column that looks add to a trial's row."""
 
-_NO_LOOKS: Final[Mapping[str, None]] = {c.name: None for c in _LOOK_COLUMNS}
+_NO_LOOKS: Final[Mapping[str, None]] = {c.name: None for c in _OF_LOOKS}
 
 
 @dataclass(frozen=True)
@@ -125,9 +120,7 @@ class MeasureParameters:
     """
 
     pad_deg: float = DEFAULT_PAD_DEG
-    looks: LookParameters = field(
-        default=replace(DEFAULT_LOOK_PARAMETERS, backward="sort", conflicts="keep_first")
-    )
+    looks: LookParameters = field(default=LOOKS)
     ivt: IvtParameters = field(default=IVT_HEADSET)
     idt: IdtParameters = field(default=IDT_HEADSET)
 
@@ -167,7 +160,7 @@ def _span(row: Row) -> _Span:
 def trial_measures(
     targets: GazeTargets, row: Row, *, params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS
 ) -> dict[str, Scalar | None]:
-    """Measure a trial: the columns of `DATA_DICTIONARY`, without the second view's.
+    """Measure a trial: the columns of `LOOK_COLUMNS`, without the second view's.
 
     `targets` may hold the whole session; `row` is the trial's, with `active_index`, `t_start_ns`,
     `t_end_ns` and, after a gaze change, `switch_ns`. Parts exist only with a change; their
@@ -295,5 +288,49 @@ def sensitivity_rows(
         yield {
             "pad_deg": pad_deg,
             "minimum_fixation_ms": minimum_ms,
-            **{name: measures[name] for name in SIX_MEASURES},
+            **{name: measures[name] for name in MAIN_MEASURES},
         }
+
+
+@dataclass(frozen=True)
+class LooksOn:
+    """Ask for everything about looks on the agent whose index a trial's row names.
+
+    `agent`, `start`, `end` and `switch` are columns of the row; without `switch` there are no
+    parts. `pad` names the parameter of the plan that pads heads: measures follow the rule that
+    trials decided looks by.
+    """
+
+    agent: str = "scene_active"
+    start: str = "scene_on_ns"
+    end: str = "scene_off_ns"
+    switch: str = ""
+    pad: str = "pad_deg"
+
+    def rules(self, plan: Mapping[str, Any]) -> MeasureParameters:
+        """Return the thresholds for a recorded plan."""
+        given = plan.get("parameters", {}).get(self.pad, DEFAULT_MEASURE_PARAMETERS.pad_deg)
+        return replace(DEFAULT_MEASURE_PARAMETERS, pad_deg=float(given))
+
+    def measure(
+        self, record: TrialRecord, frozen: npt.NDArray[np.bool_], params: MeasureParameters
+    ) -> tuple[dict[str, Scalar | None], list[dict[str, Scalar | None]]]:
+        """Return a trial's columns, and its main measures by padding and minimum duration.
+
+        `frozen` says of every sample of the part whether it repeats one direction too long.
+        """
+        if record.gaze is None:
+            return {c.name: None for c in LOOK_COLUMNS}, []
+        row: dict[str, Any] = {
+            "trial_id": record.row.get("trial_id"),
+            "active_index": record.row.get(self.agent),
+            "t_start_ns": record.row.get(self.start),
+            "t_end_ns": record.row.get(self.end),
+            "switch_ns": record.row.get(self.switch) if self.switch else None,
+        }
+        span = _span(row)
+        within = (record.gaze.t_ns >= span.start_ns) & (record.gaze.t_ns < span.end_ns)
+        columns = trial_measures(record.gaze, row, params=params)
+        columns |= {"frozen_samples": int(frozen[within].sum())}
+        columns |= second_view(record.gaze, row, params=params)
+        return columns, list(sensitivity_rows(record.gaze, row, params=params))
