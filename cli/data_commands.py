@@ -1,7 +1,7 @@
 """export, import, init: data in and out, and a lab to start from."""
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,12 +9,14 @@ import typer
 from rich.table import Table
 
 from analysis.report.notation import counted
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
+from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, load_lab, verbatim
 from cli.studies import folder_of, session_of
 from cli.study_check import is_study
 from cli.study_folder import sessions_of
 from lab.config_files import CONFIG_NAME, EXAMPLE
 from lab.errors import DataError, UsageError
+from recording.durable import protect_files
+from recording.reader import Recording
 
 import_app = typer.Typer(help="Read data recorded by other programs.")
 app.add_typer(import_app, name="import")
@@ -104,32 +106,61 @@ def export(
     accept_damage: Annotated[
         bool, typer.Option("--accept-damage", help="Export what is left of a damaged recording.")
     ] = False,
+    tier: Annotated[
+        str,
+        typer.Option(
+            "--tier", help="shared: no free text, ages in bands of ten years; raw: everything."
+        ),
+    ] = "shared",
+    keep_label: Annotated[
+        bool, typer.Option("--keep-label", help="The ledger's label instead of a pseudonym.")
+    ] = False,
     config: ConfigOption = None,
 ) -> None:
     """Copy a session into files that other programs read; the recording is not touched.
 
     Of a study every session is copied, or --participant's.
 
+    People bear a pseudonym that only the study's key file links to their label.
+
     Example: visavis export data/simulated/stare/sub-S07H/ses-001 --format bids -o out/bids
     """
     from cli.damage import require_intact
+    from cli.sharing import RISK, shared_recording
 
     sessions = _exported(session_path, config, participant)
     require_intact(sessions, accept=accept_damage)
-    written = 0
-    for session in sessions:
+    is_simulated = all(Recording(session).is_simulated for session in sessions)
+    lab = load_lab(config, only_simulates=is_simulated, quiet=True)
+    shown = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
+    written = _written(shown, format_name, output)
+    protect_files(written)
+    console.print(
+        f"{len(written)} files of {counted(len(sessions), 'session')} in [b]{verbatim(output)}[/]",
+        soft_wrap=True,
+    )
+    if not is_simulated:
+        console.print(f"[yellow]{RISK}[/]", soft_wrap=True)
+
+
+def _written(shown: Sequence[Recording], format_name: str, output: Path) -> tuple[Path, ...]:
+    """Export recordings: one BIDS data set of all; tables of several in a folder for each."""
+    from recording.export import export_recording, export_together
+
+    if format_name == "bids":
+        return export_together(shown, output)
+    written: list[Path] = []
+    for recording in shown:
+        manifest = recording.manifest
+        own = output / f"sub-{manifest.participant}" / f"ses-{manifest.session:03d}"
         if format_name == "pedpy":
             from experiments.crowd.pedestrian_export import export_walks
 
-            written += len(export_walks(session, output))
+            written += export_walks(recording, output)
         else:
-            from recording.export import export_session
-
-            written += len(export_session(session, format_name, output))
-    console.print(
-        f"{written} files of {counted(len(sessions), 'session')} in [b]{verbatim(output)}[/]",
-        soft_wrap=True,
-    )
+            target = own if format_name == "parquet" and len(shown) > 1 else output
+            written += export_recording(recording, format_name, target)
+    return tuple(written)
 
 
 def _exported(wanted: Path, config: Path | None, participant: str) -> list[Path]:

@@ -242,6 +242,7 @@ def analyse_study(
     watch = StopWatch()
     damaged = require_intact(sessions, accept=accept_damage)
     out_dir = output.resolve() if output is not None else folder / DERIVED
+    is_ours = output is None or not out_dir.exists()
     make_folder(out_dir, exist_ok=True)
     chosen, changed = study_of_folder(folder, study)
     if changed:
@@ -270,7 +271,8 @@ def analyse_study(
         settings=settings,
     )
     write_damage(damaged, out_dir)
-    protect(out_dir)
+    if is_ours:
+        protect(out_dir)
     console.print(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
     return report_path
 

@@ -5,7 +5,7 @@ import hashlib
 import os
 import shutil
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -99,11 +99,16 @@ def protect(root: Path) -> None:
         return
     modes = modes_in(root)
     for folder, _, files in os.walk(root):
-        os.chmod(folder, modes.folder)
-        for name in files:
-            path = Path(folder, name)
-            if not path.is_symlink():
-                path.chmod(modes.file & ~(0o222 if not path.stat().st_mode & 0o200 else 0))
+        Path(folder).chmod(modes.folder)
+        protect_files([Path(folder, name) for name in files])
+
+
+def protect_files(files: Iterable[Path]) -> None:
+    """Take what others may do from files just written; links are left alone."""
+    for path in files if os.name != "nt" else ():
+        if not path.is_symlink():
+            modes = modes_in(path.parent)
+            path.chmod(modes.file if path.stat().st_mode & 0o200 else modes.read_only)
 
 
 def make_folder(folder: Path, *, exist_ok: bool = False) -> None:

@@ -76,14 +76,23 @@ def _stream_parquet(recording: Recording, name: str, target: Path) -> Path:
 
 
 def export_session(session_dir: Path, format_name: str, target: Path) -> tuple[Path, ...]:
+    """Export one session as it was recorded; see `export_recording`."""
+    return export_recording(Recording(session_dir), format_name, target)
+
+
+def export_recording(recording: Recording, format_name: str, target: Path) -> tuple[Path, ...]:
     """Export one session as "parquet" (tables), "bids" or "xdf" and return the files written."""
-    recording = Recording(session_dir)
     if format_name == "parquet":
         return export_tables(recording, target)
     if format_name == "bids":
-        study = recording.manifest.study
-        task = "".join(c for c in study if c.isascii() and c.isalnum())
-        return export_bids([recording], target, task=task, dataset_name=study)
+        return export_together([recording], target)
     if format_name == "xdf":
         return export_xdf(recording, target)
     raise UsageError(f"export format {format_name!r} is unknown; choose parquet, bids or xdf")
+
+
+def export_together(recordings: Sequence[Recording], target: Path) -> tuple[Path, ...]:
+    """Write recordings of one study as one BIDS data set and return the files written."""
+    study = recordings[0].manifest.study
+    task = "".join(c for c in study if c.isascii() and c.isalnum())
+    return export_bids(recordings, target, task=task, dataset_name=study)

@@ -9,7 +9,7 @@ from lab.errors import UsageError
 from recording.reader import Recording
 
 
-def export_walks(session: Path, output: Path) -> tuple[Path, ...]:
+def export_walks(recording: Recording, output: Path) -> tuple[Path, ...]:
     """Write every finished walk as text, sqlite and (with h5py) HDF5; return what was written.
 
     Files of simulated sessions say so in their names.
@@ -17,9 +17,7 @@ def export_walks(session: Path, output: Path) -> tuple[Path, ...]:
     Raises:
         UsageError: the session is of another study, or holds no finished walk.
     """
-    if not (session / "manifest.json").exists():
-        raise UsageError(f"{session} is no session (ses-…): it has no manifest.json")
-    recording = Recording(session)
+    session = recording.path
     if recording.manifest.study != STUDY:
         raise UsageError(
             f"{session} is a session of {recording.manifest.study}; only walks of the crowd study "
