@@ -13,8 +13,10 @@ from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, 
 from cli.studies import folder_of, session_of
 from cli.study_check import is_study
 from cli.study_folder import sessions_of
+from lab.clock import SystemClock
 from lab.config_files import CONFIG_NAME, EXAMPLE
 from lab.errors import DataError, UsageError
+from protocol.exports_register import register_export
 from recording.durable import protect_files
 from recording.reader import Recording
 
@@ -135,6 +137,10 @@ def export(
     shown = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
     written = _written(shown, format_name, output)
     protect_files(written)
+    study = sessions[0].resolve().parent.parent
+    if is_study(study):
+        labels = sorted({Recording(session).manifest.participant for session in sessions})
+        register_export(study, SystemClock(), format_name, output, labels, written)
     console.print(
         f"{len(written)} files of {counted(len(sessions), 'session')} in [b]{verbatim(output)}[/]",
         soft_wrap=True,

@@ -13,6 +13,7 @@ from cli.session_commands import SetOption, groups_hold, ledger_of
 from cli.studies import study_of_lab
 from cli.study_folder import settle, wanted_settings
 from lab.errors import UsageError
+from protocol.exports_register import registered_exports
 from protocol.key_file import KeyFile
 from protocol.ledger import Ledger
 from recording.folder import study_dir
@@ -141,6 +142,14 @@ def withdraw(
         console.print(f"[yellow]made with this person's data, make it again: {verbatim(path)}[/]")
     for path in removal.unreadable:
         console.print(f"[yellow]could not be read, look yourself: {verbatim(path)}[/]")
+    for line in removal.unreached:
+        console.print(f"[yellow]not reached: {verbatim(line)}[/]", soft_wrap=True, highlight=False)
+    given = [e for e in registered_exports(folder) if label in e.labels]
+    for export in given:
+        console.print(f"exported as {export.what} on {export.at[:10]} to {verbatim(export.where)}")
+    console.print(
+        "copies that were sent to others, backups and what was printed cannot be reached from here"
+    )
 
 
 def _label_of(ledger: Ledger, participant: str) -> str:

@@ -5,9 +5,10 @@ from pathlib import Path
 from cli.study_folder import SETTINGS_NAME, read_settings, session_folders
 from lab.clock import SystemClock
 from lab.errors import LabError, RecordingError
+from protocol.exports_register import REGISTER_NAME, registered_exports
 from protocol.ledger import LEDGER_NAME, Ledger
 from recording.chained import read_lines, repair_lines
-from recording.durable import replace_file
+from recording.durable import replace_file, sha256_of
 from recording.folder import SIMULATED_ROOT
 from recording.integrity import damage_of
 from recording.reader import Recording
@@ -28,7 +29,7 @@ def study_problems(folder: Path) -> tuple[str, ...]:
 
     Copies that differ are named, too, though nothing reads them while the original is intact.
     """
-    problems = [*_settings_problems(folder), *_ledger_problems(folder)]
+    problems = [*_settings_problems(folder), *_ledger_problems(folder), *_export_problems(folder)]
     for session in session_folders(folder):
         problems += session_problems(session)
     return tuple(problems)
@@ -60,11 +61,12 @@ def repair_study(folder: Path) -> tuple[str, ...]:
         elif intact is not None:
             _renew_copy(settings)
             done.append(f"{copy_path(settings)} was renewed")
-    try:
-        repaired = repair_lines(folder / LEDGER_NAME)
-    except ValueError as error:
-        raise RecordingError(str(error)) from error
-    done += [repaired] if repaired else []
+    for name in (LEDGER_NAME, REGISTER_NAME):
+        try:
+            repaired = repair_lines(folder / name)
+        except ValueError as error:
+            raise RecordingError(str(error)) from error
+        done += [repaired] if repaired else []
     for session in session_folders(folder):
         done += recover(session).repaired
     return tuple(done)
@@ -86,6 +88,25 @@ def _settings_problems(folder: Path) -> list[str]:
     state = copy_state(path)
     is_old = settings.format_version == 1 and state == "missing"
     return [] if state == "same" or is_old else [f"{copy_path(path)} is {state}"]
+
+
+def _export_problems(folder: Path) -> list[str]:
+    """Name what is wrong with the register, and what changed inside the study since it was made."""
+    try:
+        exports = registered_exports(folder)
+        problems = list(read_lines(folder / REGISTER_NAME).notes)
+    except LabError as error:
+        return [str(error)]
+    latest = {(e.where, tuple(e.files)): e for e in exports}
+    inside = folder.resolve()
+    for export in latest.values():
+        for name, digest in export.files.items() if export.where.is_relative_to(inside) else ():
+            path = export.where / name
+            if not path.is_file():
+                problems.append(f"{path} is gone; make it again")
+            elif sha256_of(path) != digest:
+                problems.append(f"{path} is not as {export.what} wrote it on {export.at[:10]}")
+    return problems
 
 
 def _ledger_problems(folder: Path) -> list[str]:

@@ -28,6 +28,7 @@ from cli.study_folder import (
     DERIVED,
     MEASURED,
     StudySettings,
+    made_files,
     one_per_participant,
     read_parameters,
     read_settings,
@@ -35,9 +36,10 @@ from cli.study_folder import (
     settle,
     wanted_settings,
 )
-from lab.clock import SimClock, StopWatch
+from lab.clock import SimClock, StopWatch, SystemClock
 from lab.config import LabConfig
 from lab.errors import DataError, SessionAborted
+from protocol.exports_register import ANALYSIS, register_export
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from recording.durable import make_folder, protect
 from recording.folder import SIMULATED_ROOT
@@ -273,6 +275,9 @@ def analyse_study(
     write_damage(damaged, out_dir)
     if is_ours:
         protect(out_dir)
+    labels = sorted({m.participant for m in manifests})
+    made = made_files(out_dir) if is_ours else ()
+    register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, made)
     console.print(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
     return report_path
 

@@ -196,6 +196,14 @@ def refuse_other(folder: Path, present: StudySettings, wanted: StudySettings) ->
         )
 
 
+def made_files(out_dir: Path) -> tuple[Path, ...]:
+    """Return what an analysis made, but for walks kept to be measured once only."""
+    kept = out_dir / MEASURED
+    return tuple(
+        p for p in sorted(out_dir.rglob("*")) if p.is_file() and not p.is_relative_to(kept)
+    )
+
+
 def one_per_participant(
     sessions: tuple[Path, ...],
 ) -> tuple[tuple[Path, ...], tuple[Path, ...]]:

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 from lab.clock import Clock
 from lab.errors import LedgerError
+from protocol.exports_register import registered_exports
 from protocol.file_lock import locked
 from protocol.identifiers import MAX_NUMBER, is_one_slip_apart, make_label, read_label
 from protocol.key_file import KeyFile
@@ -22,7 +23,6 @@ from recording.chained import append_lines, read_lines
 
 LEDGER_NAME = "participants.jsonl"
 LOCK_NAME = ".participants.lock"
-DERIVED_NAME = "derived"
 FORMAT_VERSION = 2
 
 Status = Literal["active", "withdrawing", "withdrawn"]
@@ -172,9 +172,11 @@ class Ledger:
         """Remove a participant's data everywhere and leave a tombstone.
 
         Session folders of this study go from `data_roots` (data roots or study folders, real and
-        simulated), rows from CSV and Parquet tables below `derived_roots` (default: `derived` in
-        the study's folder), the entry from the key file. Whatever cannot be removed is named in
-        a LedgerError; the ledger then says "withdrawing" and the call can be repeated.
+        simulated), rows from CSV and Parquet tables below `derived_roots` (default: every folder
+        in the study's that holds no sessions) and in registered exports, those under the
+        pseudonym, too, and the entry from the key file. Whatever cannot be removed is named in
+        a LedgerError; the ledger then says "withdrawing" and the call can be repeated. What was
+        done, and what could not be reached, is kept in the ledger.
         """
         with self._held():
             found = self._find(text, self._read())
@@ -188,13 +190,16 @@ class Ledger:
                     "withdrawing", label=found.label, at=self._clock.wall_iso(), reason=reason
                 )
         # not under the lock: removing hours of recordings must not stop other rooms
-        default = (self._root / DERIVED_NAME,)
+        default = self._derived_folders()
+        aliases = () if key_file is None else (key_file.pseudonym(found.label),)
         removal = remove_participant(
             self.study,
             found.label,
             data_roots,
             default if derived_roots is None else derived_roots,
             required_derived=derived_roots is not None,
+            aliases=aliases,
+            exports=registered_exports(self._root),
         )
         failures = builtins.list(removal.failures)
         if key_file is not None and not failures:
@@ -209,8 +214,17 @@ class Ledger:
             )
         with self._held():
             if self._find(found.label, self._read()).status != "withdrawn":
-                self._append("withdrawn", label=found.label, at=self._clock.wall_iso())
+                done = removal.record()
+                self._append("withdrawn", label=found.label, at=self._clock.wall_iso(), done=done)
         return removal
+
+    def _derived_folders(self) -> tuple[Path, ...]:
+        inside = sorted(self._root.iterdir()) if self._root.is_dir() else []
+        return tuple(
+            p
+            for p in inside
+            if p.is_dir() and not p.is_symlink() and not p.name.startswith((".", "sub-"))
+        )
 
     # ---- rules ---------------------------------------------------------------------------------
 

@@ -5,15 +5,18 @@ import io
 import os
 import re
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from lab.plain_files import parse_json, read_plain
+from protocol.exports_register import Export
+from recording.durable import modes_in, sha256_of
 from recording.lock import is_held
 
 LABEL_COLUMNS = ("participant", "participant_id", "participant_label")
@@ -27,7 +30,8 @@ class Removal:
     `removed` lists folders and files that are gone, `rows` the rows taken out of each table,
     `stale` derived files made with this participant's data that must be made anew, `unreadable`
     manifests outside the participant's own folders that could not be read, `failures` what could
-    not be removed and why.
+    not be removed and why. `unreached` are registered exports that are not where they were written
+    or were changed since: somebody has to look for them.
     """
 
     removed: list[Path] = field(default_factory=list)
@@ -35,6 +39,16 @@ class Removal:
     stale: list[Path] = field(default_factory=list)
     unreadable: list[Path] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
+    unreached: list[str] = field(default_factory=list)
+
+    def record(self) -> dict[str, Any]:
+        """Return what was done, as the tombstone keeps it."""
+        return {
+            "removed": [str(p) for p in self.removed],
+            "rows": {str(p): n for p, n in self.rows.items()},
+            "stale": [str(p) for p in self.stale],
+            "unreached": list(self.unreached),
+        }
 
 
 def remove_participant(
@@ -44,13 +58,17 @@ def remove_participant(
     derived_roots: Sequence[Path],
     *,
     required_derived: bool = True,
+    aliases: Sequence[str] = (),
+    exports: Sequence[Export] = (),
 ) -> Removal:
-    """Remove a participant of a study from data roots and derived tables; repeatable.
+    """Remove a participant of a study from data roots, derived tables and exports; repeatable.
 
-    Goes on after a failure, so that one locked file does not keep the rest. A data root that is
-    not there is a failure: its disk may only be unplugged.
+    `aliases` are further names the participant bears in what was exported. Goes on after a
+    failure, so that one locked file does not keep the rest. A data root that is not there is a
+    failure: its disk may only be unplugged.
     """
     removal = Removal()
+    names = (label, *aliases)
     for root in data_roots:
         if not root.is_dir():
             removal.failures.append(f"{root}: the data root is not there; connect its disk")
@@ -59,10 +77,43 @@ def remove_participant(
             _remove_sessions(folder, removal)
     for root in derived_roots:
         if root.is_dir():
-            _clean_derived(label, root, removal)
+            _clean_derived(names, root, removal)
         elif required_derived:
             removal.failures.append(f"{root}: the folder of derived data is not there")
+    cleaned = {root.resolve() for root in derived_roots}
+    for export in exports:
+        if label in export.labels and export.where not in cleaned:
+            _clean_export(label, names, export, removal)
     return removal
+
+
+def _clean_export(label: str, names: Sequence[str], export: Export, removal: Removal) -> None:
+    """Remove an export of one person; take the person out of one that holds others, too."""
+    what = f"{export.what}, {export.at[:10]}"
+    for name, digest in export.files.items():
+        path = export.where / name
+        if not path.is_file():
+            if path not in removal.removed:
+                removal.unreached.append(f"{path} ({what}): it is not there any more")
+        elif set(export.labels) == {label}:
+            if sha256_of(path) == digest:
+                _remove(path, removal)
+            else:
+                removal.unreached.append(f"{path} ({what}): it was changed since, look yourself")
+    if not export.where.is_dir():
+        return
+    if set(export.labels) != {label}:
+        _clean_derived(names, export.where, removal)
+    else:
+        _remove_empty(export.where)
+
+
+def _remove_empty(folder: Path) -> None:
+    for inner in sorted(folder.iterdir()):
+        if inner.is_dir() and not inner.is_symlink():
+            _remove_empty(inner)
+    if not any(folder.iterdir()):
+        folder.rmdir()
 
 
 def _own_folders(study: str, label: str, root: Path, removal: Removal) -> list[Path]:
@@ -127,8 +178,9 @@ def _make_writable(folder: Path) -> None:
                 file.chmod(0o600)
 
 
-def _clean_derived(label: str, root: Path, removal: Removal) -> None:
-    own = re.compile(rf"(?<![A-Za-z0-9])(sub-)?{re.escape(label)}(?![A-Za-z0-9])", re.IGNORECASE)
+def _clean_derived(names: Sequence[str], root: Path, removal: Removal) -> None:
+    any_name = "|".join(map(re.escape, names))
+    own = re.compile(rf"(?<![A-Za-z0-9])(sub-)?({any_name})(?![A-Za-z0-9])", re.IGNORECASE)
     rest: list[Path] = []
     for path in _walk(root, own):
         if own.search(path.name):
@@ -138,7 +190,7 @@ def _clean_derived(label: str, root: Path, removal: Removal) -> None:
     touched = False
     for path in rest:
         try:
-            count = _drop_rows(path, label)
+            count = _drop_rows(path, {f"{p}{n.upper()}" for n in names for p in ("", "SUB-")})
         except (OSError, ValueError, csv.Error, pa.ArrowException) as error:
             removal.failures.append(f"{path}: its rows cannot be removed ({error})")
             continue
@@ -159,16 +211,16 @@ def _walk(root: Path, own: re.Pattern[str]) -> Iterator[Path]:
             yield path
 
 
-def _drop_rows(path: Path, label: str) -> int:
+def _drop_rows(path: Path, labels: Collection[str]) -> int:
     suffix = path.suffix.lower()
     if suffix in (".csv", ".tsv"):
-        return _drop_csv_rows(path, label, "," if suffix == ".csv" else "\t")
+        return _drop_csv_rows(path, labels, "," if suffix == ".csv" else "\t")
     if suffix == ".parquet":
-        return _drop_parquet_rows(path, label)
+        return _drop_parquet_rows(path, labels)
     return 0
 
 
-def _drop_csv_rows(path: Path, label: str, delimiter: str) -> int:
+def _drop_csv_rows(path: Path, labels: Collection[str], delimiter: str) -> int:
     text = path.read_bytes().decode("utf-8")
     first_line = text.split("\n", 1)[0]
     if delimiter not in first_line and ";" in first_line:  # saved by a decimal-comma spreadsheet
@@ -178,7 +230,7 @@ def _drop_csv_rows(path: Path, label: str, delimiter: str) -> int:
         return 0
     names = [name.removeprefix("\ufeff").strip() for name in rows[0]]
     columns = [i for i, name in enumerate(names) if name in LABEL_COLUMNS]
-    kept = [rows[0], *(r for r in rows[1:] if not _names(r, columns, label))]
+    kept = [rows[0], *(r for r in rows[1:] if not _names(r, columns, labels))]
     if len(kept) == len(rows):
         return 0
     out = io.StringIO(newline="")
@@ -188,17 +240,17 @@ def _drop_csv_rows(path: Path, label: str, delimiter: str) -> int:
     return len(rows) - len(kept)
 
 
-def _names(row: Sequence[str], columns: Iterable[int], label: str) -> bool:
-    return any(i < len(row) and row[i].strip().upper() == label for i in columns)
+def _names(row: Sequence[str], columns: Iterable[int], labels: Collection[str]) -> bool:
+    return any(i < len(row) and row[i].strip().upper() in labels for i in columns)
 
 
-def _drop_parquet_rows(path: Path, label: str) -> int:
+def _drop_parquet_rows(path: Path, labels: Collection[str]) -> int:
     table = pq.read_table(path, partitioning=None)
     drop = pa.chunked_array([pa.array([False] * table.num_rows)])
     for name in LABEL_COLUMNS:
         if name in table.column_names:
             column = pc.utf8_upper(pc.cast(table[name], pa.string()))
-            drop = pc.or_(drop, pc.fill_null(pc.equal(column, label), False))
+            drop = pc.or_(drop, pc.is_in(column, value_set=pa.array(sorted(labels), pa.string())))
     kept = table.filter(pc.invert(drop))
     if kept.num_rows == table.num_rows:
         return 0
@@ -211,6 +263,8 @@ def _drop_parquet_rows(path: Path, label: str) -> int:
 def _replace(path: Path, data: bytes) -> None:
     temporary = path.with_name(f".{path.name}.new")
     with temporary.open("wb") as file:
+        if os.name != "nt":
+            temporary.chmod(modes_in(path.parent).file)
         file.write(data)
         file.flush()
         os.fsync(file.fileno())

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from cli.main import app
+from cli.study_check import study_problems
 from lab.errors import DataError
 from recording.reader import Recording
 
@@ -95,6 +96,11 @@ def test_an_intact_study_leaves_no_list_of_damage(intact: Path) -> None:
 
     assert 0 == done.exit_code, done.output
     assert not (intact / "derived" / "damage.csv").exists()
+    assert () == study_problems(intact)
+    table = intact / "derived" / "trials.csv"
+    table.write_text(table.read_text().replace("complete", "compLete", 1))
+    (said,) = study_problems(intact)
+    assert "trials.csv is not as analysis wrote it" in said
 
 
 def test_export_of_a_damaged_recording_is_refused(damaged: Path, tmp_path: Path) -> None:

@@ -11,8 +11,10 @@ import pytest
 
 from lab.clock import SimClock
 from lab.errors import LedgerError
+from protocol.exports_register import ANALYSIS, register_export
 from protocol.key_file import KeyFile
 from protocol.ledger import Ledger, WithdrawnParticipant
+from recording.chained import read_lines
 from recording.lock import SessionLock
 
 ROWS = [("07H", "1,5"), ("08J", 'with "quotes", and\na line'), ("07h", "x"), ("107Q", "y")]
@@ -263,3 +265,62 @@ def test_the_study_folder_may_be_named_relative_to_the_working_folder(book, data
     assert "stare" == here.study
     here.withdraw("7", [Path()])
     assert not mine.exists()
+
+
+# ---- exports ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def out(tmp_path, book, data):
+    """Export 07H to a folder outside the study, and an analysis of two people to another."""
+    study = data / "real" / "stare"
+    own, common = tmp_path / "out" / "bids", tmp_path / "out" / "analysis"
+    for folder in (own / "sub-x", common):
+        folder.mkdir(parents=True)
+    (own / "sub-x" / "eye.tsv").write_text("1\n")
+    (own / "participants.tsv").write_text("participant_id\nsub-x\n")
+    (common / "trials.csv").write_text("participant,x\n07H,1\n08J,2\n")
+    (common / "report.html").write_text("all of them")
+    register_export(study, SimClock(), "bids", own, ["07H"], sorted(own.rglob("*.tsv")))
+    register_export(study, SimClock(), ANALYSIS, common, ["07H", "08J"], common.iterdir())
+    return tmp_path / "out"
+
+
+def test_registered_exports_of_the_person_go(book, data, out):
+    removal = book.withdraw("7", [data])
+    assert not (out / "bids").exists()
+    assert "participant,x\n08J,2\n" == (out / "analysis" / "trials.csv").read_text()
+    assert [out / "analysis" / "report.html"] == removal.stale
+    assert [] == removal.unreached
+
+
+def test_exports_that_moved_or_changed_are_listed(book, data, out):
+    (out / "bids" / "participants.tsv").rename(out / "elsewhere.tsv")
+    (out / "bids" / "sub-x" / "eye.tsv").write_text("2\n")
+    removal = book.withdraw("7", [data])
+    assert 2 == len(removal.unreached)
+    assert "it is not there any more" in removal.unreached[0]
+    assert "changed since" in removal.unreached[1]
+    assert (out / "bids" / "sub-x" / "eye.tsv").exists()
+
+
+def test_exports_in_the_studys_folder_go_under_the_pseudonym_too(book, data, tmp_path):
+    key_file = KeyFile(tmp_path / "keys", "stare", [data])
+    alias = key_file.pseudonym("07H")
+    inside = data / "real" / "stare" / "for_colleagues"
+    (inside / f"sub-{alias}").mkdir(parents=True)
+    (inside / f"sub-{alias}" / "beh.tsv").write_text("x\n")
+    (inside / "participants.tsv").write_text(f"participant_id\nsub-{alias}\nsub-other\n")
+    book.withdraw("7", [data], key_file=key_file)
+    assert not (inside / f"sub-{alias}").exists()
+    assert "participant_id\nsub-other\n" == (inside / "participants.tsv").read_text()
+
+
+def test_the_tombstone_says_what_was_done(book, data, out):
+    (out / "bids" / "participants.tsv").unlink()
+    removal = book.withdraw("7", [data])
+    done = read_lines(book.path).records[-1]["done"]
+    assert removal.record() == done
+    assert "participants.tsv" in done["unreached"][0]
+    assert [str(p) for p in removal.removed] == done["removed"]
+    assert "withdrawn" == book.list()[0].status

@@ -1,0 +1,83 @@
+"""The register of a study's exports: what left the study's folders, of whom, where to, with hashes.
+
+`<study_root>/exports.jsonl` only grows (recording.chained). A withdrawal reads it to delete, or at
+least to name, what was made of a person's data.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from lab.clock import Clock
+from lab.errors import LedgerError
+from protocol.file_lock import locked
+from recording.chained import append_lines, read_lines
+from recording.durable import sha256_of
+
+REGISTER_NAME = "exports.jsonl"
+LOCK_NAME = ".exports.lock"
+ANALYSIS = "analysis"
+
+
+@dataclass(frozen=True)
+class Export:
+    """One export: `what` is its format, or ANALYSIS; `labels` whose data it holds.
+
+    `where` is the folder; `files` maps names below it to their SHA-256.
+    """
+
+    at: str
+    what: str
+    where: Path
+    labels: tuple[str, ...]
+    files: Mapping[str, str]
+
+
+def register_export(
+    study_root: Path, clock: Clock, what: str, where: Path, labels: Sequence[str],
+    files: Iterable[Path],
+) -> None:  # fmt: skip
+    """Note an export of a study.
+
+    Raises:
+        LedgerError: the register cannot be written; the export is there all the same.
+    """
+    folder = where.resolve()
+    hashes = {path.resolve().relative_to(folder).as_posix(): sha256_of(path) for path in files}
+    record = {"event": "export", "at": clock.wall_iso(), "what": what, "where": str(folder),
+              "labels": list(labels), "files": hashes}  # fmt: skip
+    path = study_root / REGISTER_NAME
+    try:
+        with locked(study_root / LOCK_NAME):
+            append_lines(path, [record])
+    except (OSError, ValueError) as error:
+        raise LedgerError(
+            f"{path} cannot be written ({error}), so that a withdrawal would not find this export; "
+            f"`visavis recover {study_root}` mends a damaged one, then export again"
+        ) from error
+
+
+def registered_exports(study_root: Path) -> tuple[Export, ...]:
+    """Return every export of a study, oldest first.
+
+    Raises:
+        LedgerError: the register is damaged.
+    """
+    path = study_root / REGISTER_NAME
+    try:
+        found = read_lines(path)
+    except OSError as error:
+        raise LedgerError(f"{path} cannot be read: {error.strerror}") from error
+    if found.damaged_line is not None:
+        raise LedgerError(
+            f"{path}:{found.damaged_line[0]}: the register is damaged, the line "
+            f"{found.damaged_line[1]}; `visavis recover {study_root}` puts its copy in its place"
+        )
+    try:
+        return tuple(
+            Export(str(r["at"]), str(r["what"]), Path(str(r["where"])),
+                   tuple(map(str, r["labels"])), {str(k): str(v) for k, v in r["files"].items()})
+            for r in found.records
+        )  # fmt: skip
+    except (KeyError, TypeError, AttributeError) as error:
+        raise LedgerError(f"{path}: a line lacks or misstates {error}") from error
