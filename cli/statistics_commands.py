@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, cast
 
+import numpy as np
 import typer
 from rich.table import Table
 from typer.core import TyperCommand
@@ -18,6 +19,7 @@ from analysis.statistics_report import (
     answer,
     outcome_data,
     read_table,
+    with_error_rates,
     write_outcome,
 )
 from cli.app import JsonOption, app, console, verbatim
@@ -60,6 +62,8 @@ HEADINGS = {
     "gg_epsilon": "ε (GG)",
     "p_adjusted": "p adj.",
 }
+ERROR_RATE_COLUMNS = ("term", "rate", "low", "high", "expected", "holds", "studies")
+ERROR_RATE_SEED = 1
 OF_PROVENANCE = ("test", "error_term", "correction", "dropped", "notes")
 
 
@@ -148,6 +152,16 @@ def stats(
     equal_variances: Annotated[
         bool, typer.Option("--equal-variances", help="Of t between groups: Student's, not Welch's.")
     ] = False,
+    error_rate: Annotated[
+        int,
+        typer.Option(
+            "--error-rate",
+            metavar="STUDIES",
+            min=0,
+            help="Simulate so many studies like this one per effect, without it: how often is it "
+            "found? 500 take about ten seconds.",
+        ),
+    ] = 0,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder; FILE_TEST when left out.")
     ] = None,
@@ -184,7 +198,11 @@ def stats(
         correction=correction,
         equal_variances=equal_variances,
     )
-    outcome = answer(read_table(file), question)
+    table = read_table(file)
+    outcome = answer(table, question)
+    if error_rate:
+        rng = np.random.default_rng(ERROR_RATE_SEED)
+        outcome = with_error_rates(outcome, table, rng, n_studies=error_rate)
     folder = Path(f"{file.stem}_{test}") if output is None else output
     files, problems = write_outcome(outcome, folder)
     if as_json:
@@ -230,6 +248,9 @@ def print_outcome(outcome: Outcome) -> None:
     for family in dict.fromkeys(str(row["family"]) for row in outcome.contrasts):
         rows = [row for row in outcome.contrasts if row["family"] == family]
         _print_rows(f"\n[b]Contrasts of {verbatim(family)}[/]", rows, CONTRAST_COLUMNS)
+    if outcome.error_rates:
+        title = "\n[b]Found where it is not, in simulated studies like this one[/]"
+        _print_rows(title, outcome.error_rates, ERROR_RATE_COLUMNS)
     _print_lines("Notes", [f"- {note}" for note in outcome.notes])
 
 

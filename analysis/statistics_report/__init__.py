@@ -10,9 +10,12 @@ Nothing here reads the command line or prints; `read_table` and `write_outcome` 
 
 import difflib
 from collections.abc import Mapping
+from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 
+from analysis.statistics_report.error_rate import error_rate_notes, error_rates
 from analysis.statistics_report.factorial import FACTORIAL_TESTS, TestRun
 from analysis.statistics_report.outcome import Outcome, Question, Samples
 from analysis.statistics_report.simple import SIMPLE_TESTS
@@ -42,6 +45,25 @@ def answer(
     return TESTS[question.test](table, question)
 
 
+def with_error_rates(
+    outcome: Outcome,
+    data: pd.DataFrame | DataTable,
+    rng: np.random.Generator,
+    *,
+    n_studies: int = 500,
+) -> Outcome:
+    """Return an outcome with its test's error rates in data like these, and notes where they leak.
+
+    One effect after the other is taken away from simulated studies with the cell sizes, ties,
+    bounds and skew of the data; see `error_rate.error_rates`.
+    """
+    table = data if isinstance(data, DataTable) else table_of(data)
+    question = outcome.question
+    rows = error_rates(table, question, TESTS[question.test], rng, n_studies)
+    notes = (*outcome.notes, *error_rate_notes(rows))
+    return replace(outcome, error_rates=rows, notes=notes)
+
+
 __all__ = [
     "TESTS",
     "DataTable",
@@ -53,5 +75,6 @@ __all__ = [
     "outcome_text",
     "read_table",
     "table_of",
+    "with_error_rates",
     "write_outcome",
 ]

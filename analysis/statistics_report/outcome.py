@@ -105,7 +105,8 @@ class Outcome:
     `rows` hold one row per effect (or pair of conditions) with its statistic, df, p and effect
     size; `sentences` say them in words; `path` tells every decision on the way; `contrasts` are
     post-hoc rows, each with the `family` they were corrected in; `cells` describe the data
-    tested; `notes` are what a reader must know; `samples` are what the figures draw.
+    tested; `notes` are what a reader must know; `samples` are what the figures draw;
+    `error_rates` say how often simulated studies like this one find what is not there.
     """
 
     question: Question
@@ -119,6 +120,7 @@ class Outcome:
     notes: tuple[str, ...] = ()
     samples: tuple[Samples, ...] = ()
     is_simulated: bool = False
+    error_rates: tuple[Row, ...] = ()
 
     def row(self, term: str = "") -> Row:
         """Return the row of an effect, or of a pair of conditions, or the only row.

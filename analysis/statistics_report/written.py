@@ -16,7 +16,7 @@ from analysis.statistics_report.outcome import Outcome, Samples
 from recording.csv_file import write_csv
 
 OWN_FILES = (
-    "tests.csv", "contrasts.csv", "cells.csv", "report.txt",
+    "tests.csv", "contrasts.csv", "cells.csv", "error_rates.csv", "report.txt",
     "estimation_*.svg", "estimation_*.png", "scatter_*.svg", "scatter_*.png",
 )  # fmt: skip
 """What an outcome writes; none of it may be mistaken for part of the next one."""
@@ -36,6 +36,7 @@ def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tup
         ("tests", outcome.rows),
         ("contrasts", outcome.contrasts),
         ("cells", outcome.cells),
+        ("error_rates", outcome.error_rates),
     ):
         if rows:
             path = folder / f"{name}.csv"
@@ -116,6 +117,7 @@ def outcome_data(outcome: Outcome, files: Sequence[Path]) -> dict[str, Any]:
         "rows": [_plain(r) for r in outcome.rows],
         "contrasts": [_plain(r) for r in outcome.contrasts],
         "cells": [_plain(r) for r in outcome.cells],
+        "error_rates": [_plain(r) for r in outcome.error_rates],
         "notes": list(outcome.notes),
         "files": [str(f) for f in files],
     }
