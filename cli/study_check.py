@@ -1,5 +1,6 @@
 """Look through every file of a study's folder, and put back what has an intact copy."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from cli.study_folder import SETTINGS_NAME, read_settings, session_folders
@@ -24,13 +25,14 @@ def is_study(folder: Path) -> bool:
     return any((folder / n).exists() or copy_path(folder / n).exists() for n in names)
 
 
-def study_problems(folder: Path) -> tuple[str, ...]:
+def study_problems(folder: Path, sessions: Sequence[Path] | None = None) -> tuple[str, ...]:
     """Return everything wrong with any file of a study: settings, ledger, every session.
 
-    Copies that differ are named, too, though nothing reads them while the original is intact.
+    With `sessions`, only these of its sessions are looked at. Copies that differ are named, too,
+    though nothing reads them while the original is intact.
     """
     problems = [*_settings_problems(folder), *_ledger_problems(folder), *_export_problems(folder)]
-    for session in session_folders(folder):
+    for session in session_folders(folder) if sessions is None else sessions:
         problems += session_problems(session)
     return tuple(problems)
 
