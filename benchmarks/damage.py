@@ -2,7 +2,7 @@
 
 python -m benchmarks.damage [--changes 10000] [--json] [--seed 1] [--keep DIR]
 
-Two people of a short stare study are simulated and analysed. Every change hits one file of the
+Two people of a short waving study are simulated and analysed. Every change hits one file of the
 study's folder, drawn anew: a flipped bit, a cut, bytes overwritten with zeros, two blocks of the
 file exchanged, its content exchanged with that of another file of its kind, or the file removed.
 After each, settings, ledger, register, derived files and the sessions that were touched are
@@ -30,8 +30,9 @@ from lab.clock import StopWatch
 from lab.errors import LabError
 from recording.sealed import copy_path
 
-SHORT = ("trial_s=1", "intertrial_s=0.5", "practice_s=1", "repetitions=1")
-"""Parameters that make sessions of half a minute."""
+STUDY = "waving"
+SHORT = ("clerks=1", "increment=0.1", "before_s=0.3", "wave_s=0.6", "after_s=0.1", "blocks=1")
+"""Parameters that make sessions short."""
 
 BLOCK_BYTES = 64
 
@@ -139,8 +140,8 @@ class DamagedStudy:
 def simulated_study(root: Path) -> Path:
     """Simulate and analyse a small study; return its folder."""
     options = [text for setting in SHORT for text in ("--set", setting)]
-    arguments = ["simulate", "stare", "--participants", "2", "--seed", "1", "--processes", "1"]
-    folder = root / "simulated" / "stare"
+    arguments = ["simulate", STUDY, "--participants", "2", "--seed", "1", "--processes", "1"]
+    folder = root / "simulated" / STUDY
     for command in (
         [*arguments, "--output", str(root), *options],
         ["analyse", str(folder), "--processes", "1"],
@@ -161,7 +162,7 @@ def measure(folder: Path, changes: int, seed: int) -> dict[str, object]:
     rng = np.random.default_rng(seed)
     counts: Counter[tuple[str, str]] = Counter()
     repaired: Counter[bool] = Counter()
-    unnamed: list[str] = []
+    places: dict[str, list[str]] = {"unnamed": [], "not repaired": []}
     watch = StopWatch()
     done = 0
     while done < changes:
@@ -172,10 +173,12 @@ def measure(folder: Path, changes: int, seed: int) -> dict[str, object]:
             outcome = study.judge(kind, changed)
             counts[kind, outcome] += 1
             if outcome == "unnamed":
-                unnamed.append(f"{kind}: {', '.join(str(p.relative_to(folder)) for p in changed)}")
+                places["unnamed"].append(_said(kind, changed, folder))
             whole = study.is_repaired(changed) if outcome == "named" else None
             if whole is not None:
                 repaired[whole] += 1
+            if whole is False:
+                places["not repaired"].append(_said(kind, changed, folder))
         study.put_back(changed)
     return {
         "changes": done,
@@ -187,9 +190,13 @@ def measure(folder: Path, changes: int, seed: int) -> dict[str, object]:
         "tracebacks": sum(n for (_, outcome), n in counts.items() if outcome == "traceback"),
         "with_a_copy": sum(repaired.values()),
         "repaired": repaired[True],
-        "unnamed_places": unnamed[:20],
+        "where": {what: found[:20] for what, found in places.items()},
         "seconds": round(watch.elapsed_s(), 1),
     }  # fmt: skip
+
+
+def _said(kind: str, changed: tuple[Path, ...], folder: Path) -> str:
+    return f"{kind}: {', '.join(str(p.relative_to(folder)) for p in changed)}"
 
 
 def main() -> None:
@@ -201,7 +208,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="keep the study here, and use it again")
     options = parser.parse_args()
     root = options.keep or Path(tempfile.mkdtemp(prefix="damage-"))
-    folder = root / "simulated" / "stare"
+    folder = root / "simulated" / STUDY
     if not (folder / "exports.jsonl").exists():
         folder = simulated_study(root)
     try:

@@ -2,7 +2,6 @@
 
 import hashlib
 import hmac
-import json
 import os
 import secrets
 import stat
@@ -12,6 +11,10 @@ from typing import Any
 
 from lab.errors import LedgerError
 from protocol.file_lock import locked
+from recording.sealed import read_sealed, seal
+
+FORMAT_VERSION = 2
+"""Key files of this version and later end in their own checksum."""
 
 
 class KeyFile:
@@ -67,7 +70,10 @@ class KeyFile:
     def _read(self) -> dict[str, Any]:
         try:
             mode = stat.S_IMODE(self.path.stat().st_mode)
-            content = json.loads(self.path.read_bytes())
+            found = read_sealed(self.path)
+            content = found.content
+            if not found.is_sealed and content.get("format", 1) != 1:
+                raise ValueError("it lost its checksum")
         except (OSError, ValueError) as error:
             raise LedgerError(
                 f"the key file {self.path} cannot be read ({error}); restore it from its backup"
@@ -77,7 +83,7 @@ class KeyFile:
                 f"the key file {self.path} can be read by others (mode {mode:04o}); "
                 f"protect it: chmod 600 '{self.path}'"
             )
-        if not isinstance(content, dict) or not {"salt", "identities"} <= content.keys():
+        if not {"salt", "identities"} <= content.keys():
             raise LedgerError(
                 f"the key file {self.path} lacks its salt or identities; restore it from its backup"
             )
@@ -88,8 +94,8 @@ class KeyFile:
         try:
             temporary.unlink(missing_ok=True)
             fd = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-            with os.fdopen(fd, "w", encoding="utf-8") as file:
-                json.dump(content, file, indent=1, ensure_ascii=False)
+            with os.fdopen(fd, "wb") as file:
+                file.write(seal({**content, "format": FORMAT_VERSION}))
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(temporary, self.path)

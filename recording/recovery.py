@@ -17,7 +17,7 @@ from recording.manifest import (
     read_manifest,
     write_manifest,
 )
-from recording.sealed import copy_path, copy_state, restore
+from recording.sealed import copy_path, copy_state, read_sealed, restore
 from recording.stream_file import read_stream_file
 from recording.summary import FileSummary, JournalSummary, StreamSummary
 
@@ -109,13 +109,28 @@ def other_files(folder: Path) -> tuple[FileSummary, ...]:
 def _manifest_or_copy(session_dir: Path) -> tuple[Manifest, tuple[str, ...]]:
     path = session_dir / MANIFEST_NAME
     try:
-        return read_manifest(session_dir), ()
+        manifest = read_manifest(session_dir)
     except RecordingError:
         if not restore(path):
             raise
+    else:
+        if not _is_strayed(path, manifest) or not restore(path):
+            return manifest, ()
     damaged = path.with_name(path.name + ".damaged")
     kept = f"; the damaged one is kept as {damaged.name}" if damaged.exists() else ""
     return read_manifest(session_dir), (f"{path} was put back from its copy{kept}",)
+
+
+def _is_strayed(path: Path, manifest: Manifest) -> bool:
+    """Tell whether a manifest is another session's while its copy is of this folder."""
+    here = path.parent.resolve()
+    try:
+        own = read_sealed(copy_path(path)).content
+        whose = str(own["participant"]), int(own["session"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+    is_of_here = (f"sub-{whose[0]}", f"ses-{whose[1]:03d}") == (here.parent.name, here.name)
+    return is_of_here and whose != (manifest.participant, manifest.session)
 
 
 def _take_stock(session_dir: Path, part: Part) -> tuple[PartFindings, Part]:

@@ -116,3 +116,14 @@ def test_settings_of_an_earlier_version_are_read(study: Path) -> None:
     assert settings is not None
     assert 9 == settings.seed
     assert () == study_problems(study)
+
+
+def test_exchanged_manifests_go_back_to_their_sessions(study: Path) -> None:
+    first, second = (p / "ses-001" / "manifest.json" for p in sorted(study.glob("sub-*")))
+    data = first.read_bytes(), second.read_bytes()
+    put(first, data[1])
+    put(second, data[0])
+    assert "is of sub-S02B/ses-001, not of sub-S01A/ses-001" in " ".join(study_problems(study))
+    assert 2 == len(repair_study(study))
+    assert data == (first.read_bytes(), second.read_bytes())
+    assert () == study_problems(study)

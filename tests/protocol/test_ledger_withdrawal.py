@@ -324,3 +324,13 @@ def test_the_tombstone_says_what_was_done(book, data, out):
     assert "participants.tsv" in done["unreached"][0]
     assert [str(p) for p in removal.removed] == done["removed"]
     assert "withdrawn" == book.list()[0].status
+
+
+def test_a_changed_salt_is_noticed(tmp_path):
+    keys = KeyFile(tmp_path / "keys", "stare", [])
+    data = keys.path.read_bytes()
+    at = data.index(b'"salt": "') + 12
+    for bit in (1, 2, 4):
+        keys.path.write_bytes(data[:at] + bytes([data[at] ^ bit]) + data[at + 1 :])
+        with pytest.raises(LedgerError, match=r"cannot be read.*backup"):
+            keys.pseudonym("07H")
