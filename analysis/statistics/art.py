@@ -1,6 +1,6 @@
 """Aligned rank transform ANOVA, with the checks and the second opinion it needs."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Literal, TypeAlias, get_args
@@ -16,10 +16,10 @@ from analysis.statistics.anova import (
     effect_of_stratum,
     p_of_stratum,
 )
+from analysis.statistics.bent_scales import SKEW_LIMIT, bent_interactions, residual_skewness
 from analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
 from analysis.statistics.errors import StatisticsError, UnknownMethod
 from analysis.statistics.mixed import Ddf, RandomPart, mixed_effects
-from analysis.statistics.normality import skewness
 from analysis.statistics.ranks import average_ranks
 from analysis.statistics.results import Array, Provenance, number, p_text
 from analysis.statistics.strata import Strata, Stratum
@@ -29,10 +29,6 @@ Transform: TypeAlias = Literal["art", "int"]
 
 ALIGNED_DECIMALS = 8
 """Aligned values are ranked after rounding to this many decimals, so that ties survive."""
-BOUND_SHARE = 0.1
-"""Share of responses at the lowest or highest value from which a scale counts as bounded."""
-SKEW_LIMIT = 1.0
-"""Residual skewness beyond which ART's false positives were seen to grow (docs/statistics.md)."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +115,7 @@ def art_anova(
     effects = _effects(design, used, name, error, correction, ddf, random)
     second = _p_values(design, other, name, error, correction, ddf, random)
     check = alignment_check(design, aligned)
-    skew = skewness(design.y - _mean_by(design.y, _cell_codes(design, design.terms[-1])))
+    skew = residual_skewness(design)
     notes = _notes(design, effects, second, check, skew, transform, alpha)
     provenance = Provenance(
         "Aligned rank transform ANOVA" if transform == "art" else "Inverse-normal-rank ANOVA",
@@ -278,7 +274,7 @@ def _notes(
             f"residuals are skewed ({number(skew)}); ART may report effects that are not there, "
             "prefer transform='int' or a model of the response"
         )
-    notes += _bent(design, effects, skew, alpha)
+    notes += bent_interactions(design, effects, alpha)
     for effect in effects:
         s = effect.sphericity
         if s is not None and effect.correction == "none" and (s.p is None or s.p < alpha):
@@ -292,27 +288,6 @@ def _notes(
             f"F = {number(check.largest_other_f)} in an aligned column"
         )
     return tuple(notes)
-
-
-def _bent(
-    design: Design, effects: tuple[AnovaEffect, ...], skew: float, alpha: float
-) -> Iterator[str]:
-    """Name interactions that additive effects on a bent or bounded scale make by themselves."""
-    extremes = (design.y == design.y.min()).mean(), (design.y == design.y.max()).mean()
-    bounded = max(extremes) >= BOUND_SHARE
-    if not bounded and abs(skew) <= SKEW_LIMIT:
-        return
-    found = {e.term for e in effects if e.p_used < alpha}
-    why = (
-        f"{max(extremes):.0%} of responses stand at a bound" if bounded else "residuals are skewed"
-    )
-    for term in found:
-        if len(term) > 1 and all((name,) in found for name in term):
-            yield (
-                f"{':'.join(term)}: {why} and its factors have effects of their own, which make an "
-                "interaction of ranks by themselves; do not rest a claim on it "
-                "(visavis stats --error-rate shows how often that happens in data like these)"
-            )
 
 
 def _error_text(design: Design, error: ArtError, ddf: Ddf, effects: Sequence[AnovaEffect]) -> str:

@@ -86,35 +86,14 @@ def ward(points: npt.ArrayLike, n_clusters: int) -> Ward:
     n = data.shape[0]
     if data.ndim != 2 or not 1 <= n_clusters <= n:
         raise TooFewLevels(f"{n} points cannot form {n_clusters} clusters")
-    centres, sizes = data.copy(), np.ones(n)
-    members = [[i] for i in range(n)]
-    alive = list(range(n))
-    increases: list[float] = []
-    labels = np.arange(1, n + 1)
-    for left in range(n, 0, -1):
-        if left == n_clusters:
-            labels = _labels([members[i] for i in alive], n)
-        if left == 1:
-            break
-        centre, size = centres[alive], sizes[alive]
-        apart = ((centre[:, None] - centre[None]) ** 2).sum(axis=-1)
-        cost = apart * size[:, None] * size[None] / (size[:, None] + size[None])
-        cost[np.tril_indices(left)] = np.inf
-        a, b = (int(i) for i in np.unravel_index(np.argmin(cost), cost.shape))
-        increases.append(float(cost[a, b]))
-        first, second = alive[a], alive[b]
-        total = sizes[first] + sizes[second]
-        centres[first] = (centres[first] * sizes[first] + centres[second] * sizes[second]) / total
-        sizes[first] = total
-        members[first] += members[second]
-        del alive[b]
+    if n == 1:
+        return Ward(np.empty(0), np.empty(0), np.ones(1, dtype=np.intp), data.copy())
+    from scipy.cluster.hierarchy import cut_tree, linkage  # late: tables need not pay for it
+
+    tree = linkage(data, "ward")
+    heights: Array = np.asarray(tree[:, 2], dtype=np.float64)
+    found = cut_tree(tree, [n_clusters])[:, 0]
+    first = [int(c) for c in dict.fromkeys(found.tolist())]
+    labels = np.array([first.index(int(c)) + 1 for c in found], dtype=np.intp)
     means = np.stack([data[labels == c].mean(axis=0) for c in range(1, n_clusters + 1)])
-    costs = np.array(increases)
-    return Ward(costs, np.sqrt(2 * costs), labels, means)
-
-
-def _labels(clusters: list[list[int]], n: int) -> npt.NDArray[np.intp]:
-    labels = np.zeros(n, dtype=np.intp)
-    for number, cluster in enumerate(sorted(clusters, key=min), 1):
-        labels[cluster] = number
-    return labels
+    return Ward(heights**2 / 2, heights, labels, means)

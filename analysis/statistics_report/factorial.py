@@ -35,6 +35,7 @@ from analysis.statistics import (
 from analysis.statistics.adjust import Adjustment
 from analysis.statistics.anova import Correction
 from analysis.statistics.art import ArtError, Transform
+from analysis.statistics.bent_scales import bent_interactions
 from analysis.statistics.contrasts import ContrastAdjustment
 from analysis.statistics.errors import StatisticsError
 from analysis.statistics.gee import Family, Gee, GeeEffect, gee
@@ -343,6 +344,8 @@ def _anova_outcome(
     path: list[str],
 ) -> Outcome:
     notes = [*prepared.notes, *left_out(made.design), *made.provenance.notes, *families.notes]
+    if isinstance(made, Anova):
+        notes += bent_interactions(made.design, made.effects, q.alpha)
     return Outcome(
         question=q,
         title=made.provenance.test,

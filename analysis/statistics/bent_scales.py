@@ -1,0 +1,43 @@
+"""Bounded and skewed responses, on which additive effects make interactions by themselves."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from analysis.statistics.anova import AnovaEffect
+from analysis.statistics.design import Design
+from analysis.statistics.normality import skewness
+
+BOUND_SHARE = 0.1
+"""Share of responses at the lowest or highest value from which a scale counts as bounded."""
+SKEW_LIMIT = 1.0
+"""Residual skewness beyond which false positives were seen to grow (docs/statistics.md)."""
+
+
+def residual_skewness(design: Design) -> float:
+    """Return the skewness of the responses around the means of their cells."""
+    shape = tuple(f.k for f in design.factors)
+    cells = np.ravel_multi_index(tuple(f.codes for f in design.factors), shape)
+    means = np.bincount(cells, design.y) / np.maximum(np.bincount(cells), 1)
+    return skewness(design.y - means[cells])
+
+
+def bent_interactions(
+    design: Design, effects: Iterable[AnovaEffect], alpha: float
+) -> Iterator[str]:
+    """Name significant interactions of significant factors on a bounded or skewed response."""
+    shares = (design.y == design.y.min()).mean(), (design.y == design.y.max()).mean()
+    if max(shares) >= BOUND_SHARE:
+        why = f"{max(shares):.0%} of responses stand at a bound"
+    elif abs(residual_skewness(design)) > SKEW_LIMIT:
+        why = "residuals are skewed"
+    else:
+        return
+    found = [e.term for e in effects if e.p_used < alpha]
+    for term in found:
+        if len(term) > 1 and all((name,) in found for name in term):
+            yield (
+                f"{':'.join(term)}: {why} and its factors have effects of their own, which make an "
+                "interaction by themselves on such a scale; do not rest a claim on it "
+                "(visavis stats --error-rate shows how often that happens in data like these)"
+            )
