@@ -396,7 +396,8 @@ class Traffic:
         self._told.append(BandRow(t_host_ns, device_ns, event, battery, heat))
 
     def _add_pair(self, send_ns: int, device_ns: int, receive_ns: int) -> None:
-        self.pairs.append(ClockPair(send_ns, device_ns, receive_ns))
+        if send_ns <= receive_ns:  # an answer to what was not yet asked is none
+            self.pairs.append(ClockPair(send_ns, device_ns, receive_ns))
         if len(self.pairs) > MOST_PAIRS:
             del self.pairs[: MOST_PAIRS // 2]
 

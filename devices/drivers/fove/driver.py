@@ -5,7 +5,7 @@ simulator in memory. The device's clock has an unspecified epoch and cannot be a
 comes from the least delayed arrivals. Calibration is the runtime's own, drawn by it.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from devices.contracts import CalibrationOutcome, DeviceState, Fault
@@ -90,7 +90,7 @@ class Fove(GazeDevice):
         code, calibrated = ANSWER.unpack(self._ask((b"calibrated",), deadline_ns).frames[1])
         self._note_calibrated(code == codec.OK and bool(calibrated))
 
-    def _begin_stream(self) -> None:
+    def _begin_stream(self, earlier: Sequence[Message]) -> None:
         self._flagged = {}
         self._state_asked_ns = self._clock.now_ns()
 

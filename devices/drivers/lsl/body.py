@@ -111,6 +111,6 @@ class LslBody(BodyDevice):
             with np.errstate(over="ignore", invalid="ignore"):
                 length = float(np.sqrt((q * q).sum()))
             told = flag is None or values[flag] > 0.5
-            if told and abs(length - 1) < 0.02 and bool((np.abs(p) < 1e6).all()):
+            if told and abs(length - 1) < 0.02:
                 position[row], turn[row], valid[row] = p, q / length, True
         return (BodySample(None, round(stamp_s * NS_PER_S), position, turn, valid),)

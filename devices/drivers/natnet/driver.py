@@ -183,14 +183,15 @@ class NatNet(BodyDevice):
                 continue
             i, j, k, w = body.turn_xyzw
             length = w * w + i * i + j * j + k * k
-            if abs(length - 1) < 0.02 and np.isfinite(body.position).all():
+            if abs(length - 1) < 0.02:
                 position[row] = body.position
                 turn[row] = np.array((w, i, j, k)) / np.sqrt(length)
                 valid[row] = True
         turn[valid] = quat_multiply(
             quat_multiply(self._turn, turn[valid]), quat_conjugate(self._turn)
         )
-        position[valid] = rotate(self._turn, position[valid])
+        with np.errstate(invalid="ignore", over="ignore"):  # infinite places: refused later
+            position[valid] = rotate(self._turn, position[valid])
         clock_hz = self._server.clock_hz if self._server is not None else 0
         device_ns = frame.exposure_ticks * NS_PER_S // clock_hz if clock_hz else 0
         return BodySample(frame.number, device_ns, position, turn, valid)

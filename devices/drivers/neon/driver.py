@@ -7,7 +7,7 @@ clock counts whole milliseconds when asked, so single exchanges are good to half
 
 import json
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -101,7 +101,7 @@ class Neon(GazeDevice):
     def _resume(self) -> None:
         self._packet = None
 
-    def _begin_stream(self) -> None:
+    def _begin_stream(self, earlier: Sequence[Message]) -> None:
         self._unknown = {}
 
     def _ask_time(self, now_ns: int) -> None:

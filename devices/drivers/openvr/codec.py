@@ -27,6 +27,8 @@ POSE_DTYPE = np.dtype(
 )
 """`TrackedDevicePose_t`, 80 bytes."""
 
+MAX_AGE_S = 60.0
+"""An event that says it is older is taken as new."""
 RUNNING_OK = 200
 HMD, CONTROLLER, TRACKER, BASE_STATION = 1, 2, 3, 4
 LEFT_HAND, RIGHT_HAND = 1, 2
@@ -144,7 +146,7 @@ def decode_event(raw: bytes) -> VrEvent | None:
         button = BUTTONS.get(struct.unpack_from("<I", raw, at)[0])
         if button is None:
             return None
-    return VrEvent(kind, slot, age_s if math.isfinite(age_s) else 0.0, button)
+    return VrEvent(kind, slot, age_s if abs(age_s) < MAX_AGE_S else 0.0, button)
 
 
 def decode_frame_timing(raw: bytes) -> FrameTiming | None:

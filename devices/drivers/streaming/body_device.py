@@ -5,7 +5,7 @@ that arrive after a later one are left out and counted; a hole in `seq` is a los
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from devices.contracts import Fault, body_schema
 from devices.drivers.streaming.stream_device import StreamDevice
+from devices.plausible import are_places
 from devices.segment_watch import SegmentWatch
 from devices.spec import AnySpec
 from devices.transports import MessageTransport
@@ -70,6 +71,7 @@ class BodyDevice(StreamDevice[BodySample]):
             (self._malformed, "messages could not be read", "keep the .wire log and report it"),
             (self._lost, "samples were lost on the way", "use a cable; check network and load"),
             (self._late, "samples came late or twice and were left out", "check the network"),
+            (self._refused, "positions that can be none were refused", "calibrate the tracker"),
             (self._restarts, "times the stream began anew", "stop other recordings of this body"),
             (len(jumps_ms), "jumps of the tracker's clock", "let nobody set its clock"),
         ):
@@ -100,8 +102,8 @@ class BodyDevice(StreamDevice[BodySample]):
 
     def _values(self, samples: Sequence[BodySample]) -> npt.NDArray[np.void]:
         values = np.empty(len(samples), self._schema.dtype)
-        for i, sample in enumerate(samples):
-            row = values[i]
+        for i, told in enumerate(samples):
+            sample, row = self._with_places(told), values[i]
             row["position_m"] = sample.position_m
             row["orientation_wxyz"] = sample.orientation_wxyz
             row["valid"] = sample.valid
@@ -110,6 +112,20 @@ class BodyDevice(StreamDevice[BodySample]):
             self._looked_ns = sample.t_device_ns
         self._seen = values["valid"][-1].copy()
         return values
+
+    def _with_places(self, sample: BodySample) -> BodySample:
+        """Return the sample without segments whose places can be none."""
+        position_m, turn = sample.position_m, sample.orientation_wxyz
+        bad = sample.valid & ~(are_places(position_m) & np.isfinite(turn).all(axis=-1))
+        if not bad.any():
+            return sample
+        self._refused += int((bad & ~np.isnan(position_m).any(axis=-1)).sum())
+        return replace(
+            sample,
+            position_m=np.where(bad[:, None], np.nan, position_m),
+            orientation_wxyz=np.where(bad[:, None], np.nan, turn),
+            valid=sample.valid & ~bad,
+        )
 
     def _number(self, sample: BodySample) -> int | None:
         """Return the sample's `seq`; None when it is older than one that was delivered."""

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import GAZE
+from devices.plausible import is_place
 
 Triple = tuple[float, float, float]
 
@@ -79,6 +80,8 @@ def gaze_row(
     if used is None:
         used = (1 if left.valid else 0) | (2 if right.valid else 0)
     at = LOST if origin is None else origin
+    if at[0] == at[0] and not is_place(*at):
+        at, valid = LOST, False
     return _ROW.pack(
         *map(_single, (*ray, *at)), valid, used, _single(confidence_01),
         *left.ray, left.valid and left.ray[0] == left.ray[0], _single(left.pupil_mm),

@@ -11,7 +11,7 @@ import msgpack
 from devices.contracts import ClockPair, DeviceState, Fault, Sink
 from devices.lifecycle import Lifecycle
 from devices.spec import AnySpec
-from devices.transports import Exchange, Frames, MessageTransport
+from devices.transports import Exchange, Frames, Message, MessageTransport
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceError, DeviceTimeout, ProtocolViolation
 
@@ -73,8 +73,8 @@ class MessageDevice(ABC):
         """Ask the open wire for what it sends by itself, before anything is said."""
         return
 
-    def _begin_stream(self) -> None:
-        """Prepare for `start`, before anything is delivered; must not wait long."""
+    def _begin_stream(self, earlier: Sequence[Message]) -> None:
+        """Prepare for `start`, before anything is delivered, with what came before it."""
         return
 
     @abstractmethod
@@ -111,10 +111,10 @@ class MessageDevice(ABC):
     def start(self, sink: Sink) -> None:
         """Begin delivering; what came before is thrown away."""
         self._life.require("start", DeviceState.OPEN)
-        self._transport.receive(0.0)
-        self._begin_stream()
-        self._sink = sink
+        earlier = self._transport.receive(0.0)
         self._reset(self._clock.now_ns())
+        self._begin_stream(earlier)
+        self._sink = sink
         self._life.state = DeviceState.STREAMING
 
     def stop(self) -> None:

@@ -1,0 +1,181 @@
+"""What controllers of both runtimes share: which part is which control, rows, pulses."""
+
+import math
+import struct
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from devices.contracts import POINTER, RESPONSES, DeviceState, Health
+from devices.drivers.streaming.message_device import MessageDevice, legible
+from devices.meter import StreamMeter
+from devices.plausible import is_place
+from devices.spec import AnySpec
+from devices.transports import MessageTransport
+from lab.clock import Clock
+from lab.errors import ConfigError, DeviceDisconnected, DeviceError
+from lab.schema import SampleBatch, StreamSchema
+
+SIDES = ("left", "right")
+ATTEMPT_S = 0.2
+SMALLEST_STEP_01 = 0.01
+"""An axis is told when it has moved by this much, or got to an end."""
+
+Ray = tuple[Sequence[float], Sequence[float]] | None
+"""Position and orientation (w, x, y, z); None: not tracked."""
+Change = tuple[int, int, int, float]
+"""When it happened, when it was known, control, value."""
+
+_RAY_ROW = struct.Struct("<B3f4f?")
+
+
+class Levels:
+    """Remember every control's value; tell those that changed."""
+
+    def __init__(self) -> None:
+        self._told: dict[int, float] = {}
+
+    def changed(self, control: int, value_01: float, *, axis: bool) -> bool:
+        """Tell whether a control's value is new enough to be told, and remember it then."""
+        before = self._told.get(control, 0.0)
+        moved = abs(value_01 - before)
+        at_end = axis and value_01 in (0.0, 1.0) and moved > 0.0
+        if moved < SMALLEST_STEP_01 and not at_end:
+            return False
+        self._told[control] = value_01
+        return True
+
+
+def response_batch(seq: int, rows: Sequence[Change]) -> SampleBatch:
+    """Return rows of `RESPONSES` from `seq` on."""
+    happened, known, controls, levels = zip(*rows, strict=True)
+    values = np.empty(len(rows), RESPONSES.dtype)
+    values["control"], values["value_01"] = controls, levels
+    return SampleBatch(
+        RESPONSES,
+        np.arange(seq, seq + len(rows)),
+        np.array(happened, np.int64),
+        np.array(known, np.int64),
+        values,
+    )
+
+
+def ray_batch(seq: int, t_device_ns: int, t_host_ns: int, rays: Sequence[Ray]) -> SampleBatch:
+    """Return rows of `POINTER` from `seq` on, one per hand, left first."""
+    packed = []
+    for hand, ray in enumerate(rays):
+        known = ray if ray is not None and is_place(*ray[0]) else None
+        numbers = [math.nan] * 7 if known is None else [*known[0], *known[1]]
+        packed.append(_RAY_ROW.pack(hand, *numbers, known is not None))
+    n = len(packed)
+    return SampleBatch(
+        POINTER,
+        np.arange(seq, seq + n),
+        np.full(n, t_device_ns, np.int64),
+        np.full(n, t_host_ns, np.int64),
+        np.frombuffer(b"".join(packed), POINTER.dtype),
+    )
+
+
+class RuntimeControllers(MessageDevice):
+    """Follow the `ResponseInput` contract over the controllers of a runtime.
+
+    `controls` maps the experiment's names to a hand and a button or axis: "left grip", "any
+    trigger", "right trigger axis". With `rays` there is a second stream, `POINTER`.
+    """
+
+    max_pulse_us = 0
+    parts: Sequence[str] = ()
+    usual_controls: Mapping[str, str] = {}
+
+    def __init__(
+        self,
+        role: str,
+        transport: MessageTransport,
+        clock: Clock,
+        spec: AnySpec,
+        *,
+        controls: Mapping[str, str] | None,
+        rays: bool,
+    ) -> None:
+        chosen = dict(controls or self.usual_controls)
+        self.controls = tuple(chosen)
+        self._wanted = [self._parsed(role, name, text) for name, text in chosen.items()]
+        super().__init__(role, transport, clock, spec)
+        self._rays = rays
+        self._reset(clock.now_ns())
+
+    # ---- what a driver adds -----------------------------------------------------------------
+
+    @abstractmethod
+    def _buzz(self, hand: str, duration_us: int) -> None:
+        """Let the controllers of a hand, or of any, vibrate."""
+
+    # ---- the contract -----------------------------------------------------------------------
+
+    def describe(self) -> tuple[StreamSchema, ...]:
+        """Return the responses and, where wanted, the rays."""
+        return (RESPONSES, POINTER) if self._rays else (RESPONSES,)
+
+    def health(self) -> Health:
+        """Report the rows of both streams so far."""
+        health = self._meter.health(self.state, self._clock.now_ns())
+        return replace(health, received=self._seq + self._ray_seq)
+
+    def pulse(self, hand: str, duration_us: int) -> None:
+        """Buzz the controller of a hand ("left", "right", "any") for up to `max_pulse_us`."""
+        self._life.require("pulse", DeviceState.OPEN, DeviceState.STREAMING)
+        if hand not in (*SIDES, "any") or not 0 < duration_us <= self.max_pulse_us:
+            raise ConfigError(
+                f"{self.info.role}: a pulse needs left, right or any and 1 to {self.max_pulse_us} "
+                f"µs, not {hand!r} and {duration_us}"
+            )
+        self._buzz(hand, duration_us)
+
+    # ---- for drivers ------------------------------------------------------------------------
+
+    def _reset(self, now_ns: int) -> None:
+        self._levels = Levels()
+        self._meter = StreamMeter(0.0)
+        self._seq = self._ray_seq = self._malformed = 0
+
+    def _tell(self, changes: Sequence[Change]) -> int:
+        """Deliver what changed; return how many rows."""
+        if changes and self._sink is not None:
+            self._meter.update([change[0] for change in changes], changes[-1][1])
+            self._sink(response_batch(self._seq, changes))
+            self._seq += len(changes)
+        return len(changes)
+
+    def _tell_rays(self, t_device_ns: int, t_host_ns: int, rays: Sequence[Ray]) -> int:
+        """Deliver where both hands point; return how many rows."""
+        if self._sink is None:
+            return 0
+        self._sink(ray_batch(self._ray_seq, t_device_ns, t_host_ns, rays))
+        self._ray_seq += len(rays)
+        return len(rays)
+
+    def _try_again(self, what: str) -> None:
+        """Reach for a runtime that is gone, now and then; raises DeviceDisconnected until then."""
+        if not self._attempt_is_due():
+            raise DeviceDisconnected(what, role=self.info.role, remedy=self._spec.remedy)
+        try:
+            self._transport.open(ATTEMPT_S)
+            with legible("what it answered when it came back", self._spec.remedy):
+                self._connect(self._clock.now_ns())
+        except DeviceError as problem:
+            raise DeviceDisconnected(
+                f"still away: {problem}", role=self.info.role, remedy=self._spec.remedy
+            ) from problem
+        self._life.state = DeviceState.STREAMING
+
+    def _parsed(self, role: str, name: str, text: str) -> tuple[str, str]:
+        hand, _, part = text.partition(" ")
+        if hand not in (*SIDES, "any") or part not in self.parts:
+            raise ConfigError(
+                f"{role}: control {name!r} is {text!r}; say left, right or any and one "
+                f"of {', '.join(self.parts)}"
+            )
+        return hand, part
