@@ -38,7 +38,7 @@ from cli.study_folder import (
 )
 from lab.clock import SimClock, StopWatch, SystemClock
 from lab.config import LabConfig
-from lab.errors import DataError, SessionAborted
+from lab.errors import DataError, LedgerError, SessionAborted
 from protocol.exports_register import ANALYSIS, register_export
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from recording.durable import make_folder, protect
@@ -277,7 +277,10 @@ def analyse_study(
         protect(out_dir)
     labels = sorted({m.participant for m in manifests})
     made = made_files(out_dir) if is_ours else ()
-    register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, made)
+    try:
+        register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, made)
+    except LedgerError as error:  # an archive that only can be read
+        console.print(f"[yellow]{verbatim(str(error))}[/]", soft_wrap=True)
     console.print(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
     return report_path
 

@@ -10,7 +10,7 @@ import yaml
 
 from lab.errors import DataError, UsageError
 from recording.durable import make_folder
-from recording.reader import Recording
+from recording.manifest import read_manifest
 from recording.sealed import copy_path, read_sealed, write_sealed
 from visavis.catalogue import AnyStudy, digest_of, file_of
 from visavis.texts import DEFAULT_LANGUAGE
@@ -196,6 +196,11 @@ def refuse_other(folder: Path, present: StudySettings, wanted: StudySettings) ->
         )
 
 
+def _was_completed(session: Path) -> bool:
+    parts = read_manifest(session).parts
+    return bool(parts) and parts[-1].status == "complete"
+
+
 def made_files(out_dir: Path) -> tuple[Path, ...]:
     """Return what an analysis made, but for walks kept to be measured once only."""
     kept = out_dir / MEASURED
@@ -207,13 +212,17 @@ def made_files(out_dir: Path) -> tuple[Path, ...]:
 def one_per_participant(
     sessions: tuple[Path, ...],
 ) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
-    """Return each person's first complete session (their first when none is), and the others."""
+    """Return each person's first complete session (their first when none is), and the others.
+
+    Complete is what was closed as such, whatever happened to its files later: a damaged session
+    gives way to no other.
+    """
     by_person: dict[str, list[Path]] = {}
     for path in sessions:
         by_person.setdefault(path.parent.name, []).append(path)
     chosen = []
     for paths in by_person.values():
-        complete = [p for p in paths if len(paths) > 1 and Recording(p).status == "complete"]
+        complete = [p for p in paths if len(paths) > 1 and _was_completed(p)]
         chosen.append((complete or paths)[0])
     return tuple(chosen), tuple(p for p in sessions if p not in chosen)
 

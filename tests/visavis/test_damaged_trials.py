@@ -1,0 +1,52 @@
+"""What a damaged recording cost is left out as such, and counts against nobody."""
+
+import numpy as np
+import pandas as pd
+
+from recording.integrity import DAMAGED, LOST
+from visavis.exclusions import REASON, STANDARD_RULES, limits_in_force, select
+
+
+def rows(*statuses: str) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "participant": "07H",
+            "session": 1,
+            "trial_id": [f"T{i}" for i in range(len(statuses))],
+            "attempt": [1 if s != LOST else np.nan for s in statuses],
+            "is_practice": False,
+            "status": statuses,
+            "side": "left",
+        }
+    )
+
+
+def selection(*statuses: str):
+    return select(
+        rows(*statuses),
+        STANDARD_RULES,
+        limits_in_force(STANDARD_RULES, {}),
+        cells=("side",),
+        planned={"07H": len(statuses)},
+        cell_count=1,
+    )
+
+
+def test_damaged_trials_are_left_out_with_their_reason_and_their_own_step() -> None:
+    found = selection("complete", DAMAGED, LOST, "interrupted", "complete", "complete")
+    said = found.rows.set_index("trial_id")[REASON].to_dict()
+    expected = ["", "the recording is damaged", "the recording is damaged", "not finished", "", ""]
+    assert expected == list(said.values())
+    assert [("damaged", 2), ("unfinished", 1)] == [(s.rule, s.count) for s in found.left]
+
+
+def test_a_person_is_not_left_out_for_what_a_damaged_recording_cost() -> None:
+    found = selection("complete", "complete", DAMAGED, DAMAGED, LOST, LOST)
+    assert 1.0 == found.people["completed_01"].iloc[0]
+    assert 2 == len(found.counted)
+
+
+def test_a_person_who_did_not_finish_still_is() -> None:
+    found = selection("complete", "complete", "interrupted", "interrupted", "interrupted", LOST)
+    assert 0.4 == found.people["completed_01"].iloc[0]
+    assert 0 == len(found.counted)
