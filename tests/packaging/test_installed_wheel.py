@@ -20,6 +20,8 @@ LEFT_BEHIND = shutil.ignore_patterns(
 """Of the clone: no earlier build may lend its files. (`stimuli/characters/data` comes below.)"""
 QUICK = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
 QUICK += ["--set", "repetitions=1"]
+ONE = ["--processes", "1"]
+"""Two would compile everything twice."""
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 
@@ -33,15 +35,27 @@ class Installed(NamedTuple):
 
     def run(self, program: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         """Run a program of the environment; nothing of the clone is on its path."""
-        clean = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
         return subprocess.run(
             [str(self.programs / program), *arguments],
             capture_output=True,
             text=True,
             check=False,
             cwd=cwd,
-            env={**clean, "PYTHONNOUSERSITE": "1", "COLUMNS": "200"},
+            env={**without_the_clone(), "PYTHONNOUSERSITE": "1", "COLUMNS": "200"},
         )
+
+
+def without_the_clone() -> dict[str, str]:
+    """Return the environment without paths to Python modules.
+
+    With the clone among them pip finds its egg-info and installs nothing.
+    """
+    return {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
+
+
+def pip(*arguments: str, cwd: Path) -> None:
+    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q", *arguments]
+    subprocess.run(command, check=True, timeout=600, cwd=cwd, env=without_the_clone())
 
 
 @pytest.fixture(scope="module")
@@ -51,21 +65,14 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     source = folder / "source"
     shutil.copytree(ROOT, source, ignore=LEFT_BEHIND)
     shutil.copytree(ROOT / "stimuli/characters/data", source / "stimuli/characters/data")
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q"]
     alone = ["--no-deps", "--no-index"]
-    subprocess.run(
-        [*pip, "wheel", *alone, "--no-build-isolation", "-w", str(folder), str(source)],
-        check=True,
-        timeout=300,
-    )
+    pip("wheel", *alone, "--no-build-isolation", "-w", str(folder), str(source), cwd=folder)
     (wheel,) = folder.glob("visavis-*.whl")
     environment = folder / "environment"
     venv.create(environment, with_pip=False, symlinks=os.name != "nt")
     programs = environment / ("Scripts" if os.name == "nt" else "bin")
     python = programs / "python"
-    subprocess.run(
-        [*pip, "--python", str(python), "install", *alone, str(wheel)], check=True, timeout=300
-    )
+    pip("--python", str(python), "install", *alone, str(wheel), cwd=folder)
     # Folders named in a .pth file come last, and .pth files in them (the editable install of the
     # clone is one) are not read.
     where = sysconfig.get_path("purelib", vars={"base": str(environment)})
@@ -146,9 +153,9 @@ def test_a_plan_is_shown(installed: Installed, folder: Path) -> None:
 
 
 def test_a_study_is_simulated_and_analysed(installed: Installed, folder: Path) -> None:
-    simulate = ["simulate", "stare", "--participants", "2", *QUICK, "--output", "dry"]
+    simulate = ["simulate", "stare", "--participants", "2", *QUICK, *ONE, "--output", "dry"]
     said(installed.run("visavis", *simulate, cwd=folder))
-    said(installed.run("visavis", "analyse", "dry/simulated/stare", cwd=folder))
+    said(installed.run("visavis", "analyse", "dry/simulated/stare", *ONE, cwd=folder))
     assert (folder / "dry/simulated/stare/derived/report.html").stat().st_size > 10_000
 
 
