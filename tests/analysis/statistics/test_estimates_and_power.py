@@ -142,17 +142,13 @@ def test_interval_of_alpha_is_felds_f_interval() -> None:
     assert result.interval.low < result.alpha < result.interval.high
 
 
-def test_ward_heights_equal_scipy() -> None:
-    from scipy.cluster.hierarchy import fcluster, linkage
-
-    points = np.random.default_rng(3).normal(size=(12, 4))
-    tree = statistics.ward(points, 3)
-    peer = linkage(points, "ward")
-    assert peer[:, 2] == pytest.approx(tree.heights)
-    labels = fcluster(peer, 3, "maxclust")
-    pairs = (labels[:, None] == labels[None]) == (tree.labels[:, None] == tree.labels[None])
-    assert pairs.all()
-    assert 1 == tree.labels[0]
+def test_ward_merges_by_the_smallest_increase_in_sum_of_squares() -> None:
+    points = [[12.0], [0.0], [1.0], [10.0]]
+    tree = statistics.ward(points, 2)
+    assert [0.5, 2.0, 110.25] == pytest.approx(tree.increases.tolist())  # 1/2, 4/2, 2·2/4 · 10.5²
+    assert [1, 2, 2, 1] == tree.labels.tolist()
+    assert [[11.0], [0.5]] == tree.means.tolist()
+    assert [1] == statistics.ward([[3.0]], 1).labels.tolist()
 
 
 def test_scales_are_kept_when_raters_agree_on_a_motion() -> None:
