@@ -13,13 +13,21 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 from scipy.io import loadmat
 
-from analysis.gaze.events import Fixations, IvtParameters, detect_idt, detect_ivt
+from analysis.gaze.events import (
+    IDT_HEADSET,
+    IVT_HEADSET,
+    IVT_MOVING_HEAD,
+    Fixations,
+    detect_idt,
+    detect_ivt,
+)
 from lab.clock import cpu_time_s
 from lab.geometry import Vector
 
@@ -38,6 +46,18 @@ LIMITS = {
 
 Labels = npt.NDArray[np.bool_]
 Detector = Callable[[npt.NDArray[np.int64], Vector], Fixations]
+
+
+DETECTORS: dict[str, Detector] = {
+    "IVT_SCREEN": detect_ivt,
+    "IVT_HEADSET": partial(detect_ivt, params=IVT_HEADSET),
+    "IVT_MOVING_HEAD": partial(detect_ivt, params=IVT_MOVING_HEAD),
+    "IDT_SCREEN": detect_idt,
+    "IDT_HEADSET": partial(detect_idt, params=IDT_HEADSET),
+}
+"""Every preset by its name in `analysis.gaze.events`."""
+LIMITED = "IVT_SCREEN"
+"""The preset that `LIMITS` hold for."""
 
 
 @dataclass(frozen=True)
@@ -204,28 +224,24 @@ def rows_of(recordings: Sequence[Recording]) -> list[dict[str, object]]:
             }
         )
 
-    detectors: dict[str, Detector] = {
-        "I-VT 30°/s": detect_ivt,
-        "I-VT 70°/s": lambda t, v: detect_ivt(t, v, IvtParameters(threshold_deg_s=70.0)),
-        "I-DT 1.0° 100 ms": detect_idt,
-    }
-    conditions = [("500 Hz", 1, 0.0)] + [
-        (f"125 Hz + {noise}°" if noise else "125 Hz", 4, noise) for noise in (0.0, 0.25, 0.5, 1.0)
-    ]
+    conditions = [
+        ("500 Hz", 1, 0.0), ("250 Hz", 2, 0.0), ("125 Hz", 4, 0.0), ("62.5 Hz", 8, 0.0),
+        *((f"125 Hz + {noise}°", 4, noise) for noise in (0.25, 0.5, 1.0)),
+    ]  # fmt: skip
     for label, step, noise in conditions:
         draws = [
             [noisy(thinned(r, step), noise, draw) for r in recordings]
             for draw in (NOISE_DRAWS if noise else NOISE_DRAWS[:1])
         ]
         human = between_humans(draws[0])
-        for name, detect in detectors.items():
+        for name, detect in DETECTORS.items():
             got = averaged([against_humans(data, detect) for data in draws])
             what = f"{name}, {label}"
             add(f"{what}: kappa", got.kappa, "1", "other human", human.kappa)
             add(f"{what}: event F1", got.f1, "1", "other human", human.f1)
             add(f"{what}: events / human's", got.count_ratio, "1", "human", 1.0)
-            if name == "I-VT 30°/s":
-                for measure, limit in LIMITS[label].items():
+            if name == LIMITED:
+                for measure, limit in LIMITS.get(label, {}).items():
                     value = got.kappa if measure == "kappa" else got.f1
                     add(f"{what}: {measure} against limit", value, "1", "limit", limit)
             if noise == 0.0:
@@ -256,7 +272,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     missed = [
         r
         for r in rows
-        if r["against"] == "limit" and float(str(r["ratio"])) < 1 and "I-VT 30" in str(r["name"])
+        if r["against"] == "limit"
+        and float(str(r["ratio"])) < 1
+        and str(r["name"]).startswith(LIMITED)
     ]
     return 1 if missed else 0
 
