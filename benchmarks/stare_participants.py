@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.stare_studies import StudyOutcome, simulate_studies
 from experiments.stare import published
-from experiments.stare.agreement import condition_agreement, count, mean_deviation_01
+from experiments.stare.comparisons import mean_deviation_01
 from experiments.stare.design import CONDITIONS
 from visavis.looks import (
     DWELL_MS,
@@ -26,6 +26,7 @@ from visavis.looks import (
     FIXATION_COUNT,
     MAIN_MEASURES,
 )
+from visavis.pairs import agreement, count_agreement
 
 LIMITS_01 = {DWELL_MS: 0.15, FIXATION_COUNT: 0.15, FIRST_FIXATION_DURATION_MS: 0.20}
 """How far a condition's mean may lie from the published one; other measures have no limit."""
@@ -71,11 +72,11 @@ def verdict_rows(outcomes: Sequence[StudyOutcome]) -> list[dict[str, object]]:
     return [
         {
             "seed": o.seed,
-            "agree": count([condition_agreement(c) for c in o.comparisons]).agree,
+            "agree": count_agreement(o.comparisons).agree,
             "differ": [
                 f"{c.name} {c.measure.column}"
                 for c in o.comparisons
-                if not condition_agreement(c).agrees
+                if not (found := agreement(c)) or not found.agrees
             ],
         }
         for o in outcomes
@@ -96,7 +97,7 @@ def anxiety_rows(outcomes: Sequence[StudyOutcome]) -> list[dict[str, object]]:
                         for o in outcomes
                         for c in o.anxiety
                         if c.outcome is not None
-                        and (c.condition, c.measure.column) == (row.condition, row.measure)
+                        and (c.level, c.measure.column) == (row.condition, row.measure)
                     ]
                 )
             ),

@@ -5,17 +5,20 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 
 from benchmarks.simulated_tracker import tracker_of
-from experiments.stare.analysis_parameters import DEFAULT_PARAMETERS
-from experiments.stare.anxiety import AnxietyCorrelation, anxiety_scores, correlate_anxiety
 from experiments.stare.comparisons import (
-    Comparison,
+    ALL_MEASURES,
+    ANXIETY_TESTS,
+    CONDITION_TESTS,
+    LEVELS,
+    SCORE_COLUMN,
+    ZONE_TESTS,
     Descriptive,
-    compare_conditions,
     condition_means,
     describe,
 )
-from experiments.stare.positions import compare_zones
+from experiments.stare.design import CONDITIONS
 from experiments.stare.quick_study import run_study
+from visavis.pairs import CorrelationTest, PairTest, compare_pairs, correlate, scores_of
 
 
 @dataclass(frozen=True)
@@ -24,9 +27,9 @@ class StudyOutcome:
 
     seed: int
     descriptives: tuple[Descriptive, ...]
-    comparisons: tuple[Comparison, ...]
-    zones: tuple[Comparison, ...]
-    anxiety: tuple[AnxietyCorrelation, ...]
+    comparisons: tuple[PairTest, ...]
+    zones: tuple[PairTest, ...]
+    anxiety: tuple[CorrelationTest, ...]
 
 
 @dataclass(frozen=True)
@@ -44,9 +47,11 @@ def _simulate(job: _Job) -> StudyOutcome:
     return StudyOutcome(
         job.seed,
         describe(means),
-        compare_conditions(means, DEFAULT_PARAMETERS),
-        compare_zones(study.trials, DEFAULT_PARAMETERS) if job.effect else (),
-        correlate_anxiety(means, anxiety_scores(study.answers), DEFAULT_PARAMETERS),
+        compare_pairs(CONDITION_TESTS, study.trials, ALL_MEASURES, LEVELS),
+        compare_pairs(ZONE_TESTS, study.trials, ALL_MEASURES, LEVELS) if job.effect else (),
+        correlate(
+            ANXIETY_TESTS, means, scores_of(study.answers, SCORE_COLUMN), ALL_MEASURES, CONDITIONS
+        ),
     )
 
 

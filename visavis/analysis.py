@@ -12,7 +12,7 @@ from lab.errors import DataError, LabError
 from protocol.steps import Scalar
 from visavis.compare import Compare
 from visavis.exclusions import Selection
-from visavis.measures import Measure
+from visavis.measures import Measure, aggregated
 from visavis.study import Study
 
 SIMULATED_COLUMN: Final = "is_simulated"
@@ -89,22 +89,6 @@ def measures_of(study: Study, responses: Mapping[str, Any]) -> tuple[Measure, ..
                                   None, "median")
         )  # fmt: skip
     return tuple(found.values())
-
-
-def aggregated(
-    trials: pd.DataFrame, measures: Sequence[Measure], factors: Sequence[str]
-) -> pd.DataFrame:
-    """Return one row per participant and cell: each measure as it says, and `n` trials."""
-    keys = ["participant", *factors]
-    grouped = trials.groupby(keys, sort=True, observed=True)
-    found: dict[str, Any] = {"n": grouped.size()}
-    for measure in measures:
-        if measure.column not in trials:
-            continue
-        values = pd.to_numeric(trials[measure.column], errors="coerce").astype(float)
-        cell = values.groupby([trials[k] for k in keys], sort=True, observed=True)
-        found[measure.column] = cell.median() if measure.aggregate == "median" else cell.mean()
-    return pd.DataFrame(found).reset_index()
 
 
 def analyse_rows(

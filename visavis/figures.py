@@ -21,7 +21,8 @@ from analysis.plots import (
 from analysis.plots.flow import Stage, flow_chart
 from analysis.plots.panels import Values, draw_mean, paired_lines, published_mark, spread_out
 from analysis.report.notation import counted
-from visavis.analysis import Finding, StudyAnalysis, aggregated
+from visavis.analysis import Finding, StudyAnalysis
+from visavis.measures import aggregated
 from visavis.texts import Texts
 
 COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)

@@ -4,13 +4,14 @@ A measure is computed trial by trial from the recording alone. Answers are measu
 `dwell_on("active")` and its like measure gaze on an agent that plays a role in a scene.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from analysis.gaze.aoi import DEFAULT_PAD_DEG, aoi_of_samples
 from analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS, LookMeasures, measure_trial
@@ -113,6 +114,11 @@ class Measure:
         kind = {"mean": "", "median": "median ", "share": "share: "}[self.aggregate]
         return f"{kind}{self.words}{shown}".capitalize() if kind else f"{self.words}{shown}"
 
+    @property
+    def digits(self) -> int:
+        """Decimals to print: none of milliseconds."""
+        return 0 if self.unit == "ms" else 2
+
     def description(self) -> Column:
         """Return the column as a dictionary describes it."""
         return Column(self.column, self.unit, self.words[:1].lower() + self.words[1:])
@@ -207,6 +213,22 @@ def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
             f"{record.name}: {measure.column} could not be measured "
             f"({type(error).__name__}: {error})"
         ) from error
+
+
+def aggregated(
+    trials: pd.DataFrame, measures: Sequence[Measure], factors: Sequence[str]
+) -> pd.DataFrame:
+    """Return one row per participant and cell: each measure as it says, and `n` trials."""
+    keys = ["participant", *factors]
+    grouped = trials.groupby(keys, sort=True, observed=True)
+    found: dict[str, Any] = {"n": grouped.size()}
+    for measure in measures:
+        if measure.column not in trials:
+            continue
+        values = pd.to_numeric(trials[measure.column], errors="coerce").astype(float)
+        cell = values.groupby([trials[k] for k in keys], sort=True, observed=True)
+        found[measure.column] = cell.median() if measure.aggregate == "median" else cell.mean()
+    return pd.DataFrame(found).reset_index()
 
 
 class SessionGaze:

@@ -27,9 +27,10 @@ from analysis.report import (
     write_page,
 )
 from analysis.report.notation import counted, mean_sd, probability
-from visavis.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term, aggregated
+from visavis.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term
 from visavis.experiment import StudyExperiment
 from visavis.figures import figure_name, label_of
+from visavis.measures import aggregated
 from visavis.methods import method_paragraphs
 
 REPORT_NAME: Final = "report.html"

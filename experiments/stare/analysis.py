@@ -3,29 +3,42 @@
 `analyse_rows` computes; `analyse_study` also writes the tables and figures into a folder.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import pandas as pd
 
 from analysis.statistics.results import Cell
-from experiments.stare import agreement
-from experiments.stare.agreement import Agreement, AgreementCount
 from experiments.stare.analysis_parameters import DEFAULT_PARAMETERS, AnalysisParameters
-from experiments.stare.anxiety import AnxietyCorrelation, anxiety_scores, correlate_anxiety
 from experiments.stare.comparisons import (
-    Comparison,
+    ALL_MEASURES,
+    ANXIETY_TESTS,
+    CONDITION_TESTS,
+    LEVELS,
+    PLACE_TESTS,
+    SCORE_COLUMN,
+    SECOND_VIEW_TESTS,
+    ZONE_TESTS,
     Descriptive,
-    compare_conditions,
     condition_means,
     describe,
 )
 from experiments.stare.conclusions import Conclusion, conclude
 from experiments.stare.exclusions import Selection, select_trials
 from experiments.stare.gaze_changes import GazeChanges, gaze_changes
-from experiments.stare.positions import compare_places, compare_zones
-from experiments.stare.sensitivity import SensitivityRow, second_view, sensitivity
 from lab.errors import DataError
+from visavis.pairs import (
+    AgreementCount,
+    CorrelationTest,
+    PairTest,
+    Test,
+    compare_pairs,
+    correlate,
+    count_agreement,
+    published_cells,
+    scores_of,
+)
+from visavis.sensitivity import SensitivityRow, sensitivity
 
 SIMULATED_COLUMN = "is_simulated"
 
@@ -47,13 +60,13 @@ class StareAnalysis:
     means: pd.DataFrame = field(repr=False)
     anxiety_scores: "pd.Series[float]" = field(repr=False)
     descriptives: tuple[Descriptive, ...] = field(repr=False)
-    comparisons: tuple[Comparison, ...] = field(repr=False)
-    without_rules: tuple[Comparison, ...] = field(repr=False)
-    places: tuple[Comparison, ...] = field(repr=False)
-    zones: tuple[Comparison, ...] = field(repr=False)
-    anxiety: tuple[AnxietyCorrelation, ...] = field(repr=False)
+    comparisons: tuple[PairTest, ...] = field(repr=False)
+    without_rules: tuple[PairTest, ...] = field(repr=False)
+    places: tuple[PairTest, ...] = field(repr=False)
+    zones: tuple[PairTest, ...] = field(repr=False)
+    anxiety: tuple[CorrelationTest, ...] = field(repr=False)
     sensitivity: tuple[SensitivityRow, ...] = field(repr=False)
-    second_view: tuple[Comparison, ...] = field(repr=False)
+    second_view: tuple[PairTest, ...] = field(repr=False)
     conclusions: tuple[Conclusion, ...]
     changes: GazeChanges | None = None
 
@@ -66,31 +79,19 @@ class StareAnalysis:
     def agreements(self) -> dict[str, AgreementCount]:
         """How many published verdicts come back, by family of tests."""
         return {
-            "conditions": self._counted(
-                [agreement.condition_agreement(c) for c in self.comparisons]
-            ),
-            "places": self._counted([agreement.place_agreement(c) for c in self.places]),
-            "zones": self._counted([agreement.place_agreement(c) for c in self.zones]),
-            "anxiety": self._counted([agreement.anxiety_agreement(c) for c in self.anxiety]),
+            "conditions": count_agreement(self.comparisons),
+            "places": count_agreement(self.places),
+            "zones": count_agreement(self.zones),
+            "anxiety": count_agreement(self.anxiety),
         }
-
-    @staticmethod
-    def _counted(found: list[Agreement]) -> AgreementCount:
-        return agreement.count(found)
 
     def statistics_rows(self) -> Iterator[dict[str, Cell]]:
         """Yield one flat row per test of every family, with the published verdict beside it."""
-        for comparison in self.comparisons:
-            found = agreement.condition_agreement(comparison)
-            yield comparison.row() | _agreement_cells(found)
-        for comparison in (*self.places, *self.zones):
-            yield comparison.row() | _agreement_cells(agreement.place_agreement(comparison))
-        for correlation in self.anxiety:
-            yield correlation.row() | _agreement_cells(agreement.anxiety_agreement(correlation))
-        for comparison in self.second_view:
-            yield comparison.row()
-        for comparison in self.without_rules:
-            yield comparison.row()
+        main: tuple[Test, ...] = (*self.comparisons, *self.places, *self.zones, *self.anxiety)
+        for test in main:
+            yield test.row() | published_cells(test)
+        for other in (*self.second_view, *self.without_rules):
+            yield other.row()
 
 
 def analyse_rows(
@@ -100,13 +101,15 @@ def analyse_rows(
     *,
     is_simulated: bool,
     sensitivity_rows: pd.DataFrame | None = None,
+    levels: Mapping[str, Sequence[str]] = LEVELS,
     allow_mixture: bool = False,
 ) -> StareAnalysis:
     """Analyse a study from its tidy trial table and its participants' answers.
 
     `trials` has one row per trial attempt, practice and interrupted ones included, with the
     columns of the study's measures; `answers` one row per participant with `participant` and
-    `anxiety_total`; `sensitivity_rows` the measures by padding and minimum duration. Works with
+    `anxiety_total`; `sensitivity_rows` the measures by padding and minimum duration; `levels` what
+    this study varied, a part of the source's where it was set so. Works with
     any number of participants: what cannot be tested says why. Raises DataError for a table
     that is not this study's or that mixes simulated and real data; `allow_mixture` takes a
     mixture, which then counts as simulated.
@@ -115,12 +118,16 @@ def analyse_rows(
         _refuse_mixture(trials, is_simulated)
     selection = select_trials(trials, parameters)
     means = condition_means(selection.kept)
-    comparisons = compare_conditions(means, parameters)
-    scores = anxiety_scores(answers)
-    anxiety = correlate_anxiety(means, scores, parameters)
+    rules = parameters.tests
+    kept = selection.kept
+    comparisons = compare_pairs(CONDITION_TESTS, kept, ALL_MEASURES, levels, rules)
+    scores = scores_of(answers, SCORE_COLUMN)
+    anxiety = correlate(ANXIETY_TESTS, means, scores, ALL_MEASURES, levels["condition"], rules)
     varied: tuple[SensitivityRow, ...] = ()
     if sensitivity_rows is not None and len(sensitivity_rows):
-        varied = sensitivity(sensitivity_rows, selection.kept, comparisons, parameters)
+        varied = sensitivity(
+            sensitivity_rows, kept, comparisons, CONDITION_TESTS, ALL_MEASURES, levels, rules
+        )
     return StareAnalysis(
         parameters=parameters,
         is_simulated=is_simulated,
@@ -130,16 +137,26 @@ def analyse_rows(
         anxiety_scores=scores,
         descriptives=describe(means),
         comparisons=comparisons,
-        without_rules=compare_conditions(
-            condition_means(selection.complete), parameters, family="without exclusions"
+        without_rules=compare_pairs(
+            CONDITION_TESTS,
+            selection.complete,
+            ALL_MEASURES,
+            levels,
+            rules,
+            family="without exclusions",
         ),
-        places=compare_places(selection.kept, parameters),
-        zones=compare_zones(selection.kept, parameters),
+        places=compare_pairs(PLACE_TESTS, kept, ALL_MEASURES, levels, rules),
+        zones=compare_pairs(ZONE_TESTS, kept, ALL_MEASURES, levels, rules),
         anxiety=anxiety,
         sensitivity=varied,
-        second_view=second_view(selection.kept, parameters),
+        second_view=tuple(
+            test
+            for family in SECOND_VIEW_TESTS
+            if family.measures[0] in kept
+            for test in compare_pairs(family, kept, ALL_MEASURES, levels, rules)
+        ),
         conclusions=conclude(comparisons, anxiety),
-        changes=gaze_changes(selection.kept),
+        changes=gaze_changes(kept),
     )
 
 
@@ -154,7 +171,3 @@ def _refuse_mixture(trials: pd.DataFrame, is_simulated: bool) -> None:
             f"the trial table holds {other} sessions but was given as {said} data; analyse "
             "simulated and real sessions apart"
         )
-
-
-def _agreement_cells(found: Agreement) -> dict[str, Cell]:
-    return {"published_significant": found.published, "agrees_with_published": found.agrees}

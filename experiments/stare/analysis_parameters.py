@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from lab.errors import UsageError
+from visavis.pairs import TestRules
 
 
 @dataclass(frozen=True)
@@ -25,19 +26,20 @@ class AnalysisParameters:
     minimum_participants: int = 3
     trials_per_condition: int = 18
 
+    @property
+    def tests(self) -> TestRules:
+        """The thresholds of testing."""
+        return TestRules(
+            self.alpha, self.normality_alpha, self.interval_level, self.minimum_participants
+        )
+
     def __post_init__(self) -> None:
-        for name in ("alpha", "normality_alpha", "interval_level"):
-            if not 0 < getattr(self, name) < 1:
-                raise UsageError(f"{name} is {getattr(self, name)}; give a number between 0 and 1")
+        _ = self.tests  # which refuses what is out of range
         for name in ("max_trial_lost_01", "max_bad_trials_01"):
             if not 0 <= getattr(self, name) <= 1:
                 raise UsageError(f"{name} is {getattr(self, name)}; give a share from 0 to 1")
         if self.max_error_deg <= 0:
             raise UsageError(f"max_error_deg is {self.max_error_deg}; give an angle above 0")
-        if self.minimum_participants < 3:
-            raise UsageError(
-                f"minimum_participants is {self.minimum_participants}; a paired test needs 3"
-            )
 
 
 DEFAULT_PARAMETERS = AnalysisParameters()

@@ -8,11 +8,12 @@ from typing import Any
 import pandas as pd
 
 from experiments.stare.analysis_parameters import AnalysisParameters
+from experiments.stare.comparisons import LEVELS
 from experiments.stare.intake import SessionIntake, measure_parameters_of, provenance_of, take_in
 from experiments.stare.study import study
 from protocol.parameters import parameters_from
 from recording.reader import Recording
-from visavis.opened import OpenedStudy
+from visavis.opened import OpenedStudy, overrides_of
 from visavis.study import Study
 
 
@@ -21,6 +22,11 @@ class StareBundle(OpenedStudy):
     """The declared study with an analysis of its own."""
 
     study: Study = field(default_factory=lambda: study)
+
+    def levels(self, plan: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
+        """Return what a recorded study varied, places in the order of the audience."""
+        cells = list(self.experiment(overrides_of(plan)).conditions())
+        return {name: tuple(dict.fromkeys(str(c[name]) for c in cells)) for name in LEVELS}
 
     def measure(self, recording: Recording) -> SessionIntake:  # type: ignore[override]  # its own, until its analysis is the kit's
         """Take in one session: trials measured, answers scored, sources noted."""
@@ -52,6 +58,7 @@ class StareBundle(OpenedStudy):
             parameters=parameters_from(AnalysisParameters, settings or {}, "analysis of stare"),
             facts=sessions[0].facts,
             measures=measure_parameters_of(sessions[0].manifest.plan),
+            levels=self.levels(sessions[0].manifest.plan),
             study_parameters=sessions[0].manifest.plan["parameters"],
         )
         return outputs.report

@@ -5,10 +5,8 @@ from dataclasses import dataclass
 
 from analysis.report.blocks import Status
 from analysis.report.notation import counted, fraction
-from experiments.stare.anxiety import AnxietyCorrelation
-from experiments.stare.comparisons import Comparison, find
-from experiments.stare.reach import can_reach, correlation_can_reach
 from experiments.stare.terms import DWELL, FIXATION_COUNT
+from visavis.pairs import CorrelationTest, PairTest, find_test
 
 STARED_AT = ("D", "AD", "DA")
 """Conditions in which the active agent looks at the participant for some time."""
@@ -54,7 +52,7 @@ class Conclusion:
 
 
 def conclude(
-    comparisons: Sequence[Comparison], anxiety: Sequence[AnxietyCorrelation]
+    comparisons: Sequence[PairTest], anxiety: Sequence[CorrelationTest]
 ) -> tuple[Conclusion, ...]:
     """Answer hypothesis 1 in its static and two dynamic forms, and hypothesis 2."""
     return (
@@ -65,14 +63,14 @@ def conclude(
     )
 
 
-def _effect(question: str, pair: tuple[str, str], comparisons: Sequence[Comparison]) -> Conclusion:
-    tests = [find(comparisons, measure, pair) for measure in (DWELL, FIXATION_COUNT)]
+def _effect(question: str, pair: tuple[str, str], comparisons: Sequence[PairTest]) -> Conclusion:
+    tests = [find_test(comparisons, measure.column, pair) for measure in (DWELL, FIXATION_COUNT)]
     evidence = tuple(t.sentence() for t in tests)
     if any(t.outcome is None for t in tests):
         return Conclusion("undecided", question, "not tested", evidence, was_tested=False)
-    more = [t.measure.label.lower() for t in tests if t.is_significant and t.direction > 0]
-    less = [t.measure.label.lower() for t in tests if t.is_significant and t.direction < 0]
-    out_of_reach = [t.measure.label.lower() for t in tests if not can_reach(t)]
+    more = [t.measure.words.lower() for t in tests if t.is_significant and t.direction > 0]
+    less = [t.measure.words.lower() for t in tests if t.is_significant and t.direction < 0]
+    out_of_reach = [t.measure.words.lower() for t in tests if not t.can_reach]
     n = min(t.n_pairs for t in tests)
     if more and less:
         answer = f"mixed (more {more[0]}, less {less[0]})"
@@ -98,9 +96,9 @@ def _nothing_found(
     return Conclusion("not_found", question, f"not significant with n = {n}", evidence)
 
 
-def _anxiety(correlations: Sequence[AnxietyCorrelation]) -> Conclusion:
+def _anxiety(correlations: Sequence[CorrelationTest]) -> Conclusion:
     question = "Less looking with more social anxiety"
-    dwell = [c for c in correlations if c.measure == DWELL and c.condition in STARED_AT]
+    dwell = [c for c in correlations if c.measure == DWELL and c.level in STARED_AT]
     evidence = tuple(c.sentence() for c in dwell)
     tested = [(c, c.outcome.r) for c in dwell if c.outcome is not None]
     if not tested:
@@ -116,10 +114,10 @@ def _anxiety(correlations: Sequence[AnxietyCorrelation]) -> Conclusion:
         answer = f"found in {of_all} ({_listed(falling)})"
         status: Status = "found" if len(falling) == len(dwell) else "partly"
         return Conclusion(status, question, answer, evidence)
-    out_of_reach = [c.condition for c, _ in tested if not correlation_can_reach(c)]
+    out_of_reach = [c.level for c, _ in tested if not c.can_reach]
     n = min(c.n for c, _ in tested)
     return _nothing_found(question, n, out_of_reach, len(tested), evidence)
 
 
-def _listed(found: Sequence[tuple[AnxietyCorrelation, float]]) -> str:
-    return ", ".join(f"{c.condition} rs = {fraction(r)}" for c, r in found)
+def _listed(found: Sequence[tuple[CorrelationTest, float]]) -> str:
+    return ", ".join(f"{c.level} rs = {fraction(r)}" for c, r in found)

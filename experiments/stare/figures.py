@@ -22,11 +22,12 @@ from analysis.report.notation import counted, fraction, probability
 from analysis.statistics.ranks import average_ranks
 from experiments.stare import published
 from experiments.stare.analysis import StareAnalysis
-from experiments.stare.comparisons import find
 from experiments.stare.design import CONDITIONS
 from experiments.stare.figures_places import place_figure
 from experiments.stare.quality_table import QUALITY_COLUMNS, StareQuality
-from experiments.stare.terms import CONDITION_NAMES, DWELL, FIXATION_COUNT, MEASURES, Measure
+from experiments.stare.terms import CONDITION_NAMES, DWELL, FIXATION_COUNT, MEASURES
+from visavis.measures import Measure
+from visavis.pairs import find_test
 
 COLOURS = {"A": BLUE, "D": VERMILION, "AD": PURPLE, "DA": GREEN}
 
@@ -168,12 +169,12 @@ def _effect(analysis: StareAnalysis) -> Figure:
             published_mark(both, x, value.mean, value.sd)
         both.set_ylabel(measure.axis)
         both.set_ylim(bottom=min(0.0, means[1].mean - means[1].sd))
-        both.set_title(measure.label)
+        both.set_title(measure.words)
         paired_lines(difference, table[:, 1:] - table[:, :1], ("D − A",), (BLACK,))
         published_mark(difference, 0.3, means[1].mean - means[0].mean)
         difference.axhline(0, color=BLACK, linewidth=0.8)
-        difference.set_ylabel("Difference" + (f" ({measure.unit})" if measure.unit else ""))
-        difference.set_title(find(analysis.comparisons, measure, ("A", "D")).stars)
+        difference.set_ylabel("Difference" + (f" ({measure.unit})" if measure.unit != "1" else ""))
+        difference.set_title(find_test(analysis.comparisons, measure.column, ("A", "D")).stars)
     return figure
 
 
@@ -197,13 +198,13 @@ def _differences(analysis: StareAnalysis) -> Figure:
         for j, pair in enumerate(published.COMPARISONS):
             table = _table(analysis, measure, pair)
             columns.append(table[:, 1] - table[:, 0])
-            stars = find(analysis.comparisons, measure, pair).stars
+            stars = find_test(analysis.comparisons, measure.column, pair).stars
             labels.append(f"{pair[1]} − {pair[0]} {stars:<3}" if i % 3 == 0 else stars)
             first, second = (published.MEANS[c][measure.column].mean for c in pair)
             published_mark(axes, j + 0.3, second - first, horizontal=True)
         differences(axes, columns, labels, BLUE)
-        axes.set_title(measure.label)
-        axes.set_xlabel("Difference" + (f" ({measure.unit})" if measure.unit else ""))
+        axes.set_title(measure.words)
+        axes.set_xlabel("Difference" + (f" ({measure.unit})" if measure.unit != "1" else ""))
     return figure
 
 
@@ -216,7 +217,7 @@ def _anxiety(analysis: StareAnalysis) -> Figure:
         top, bottom = grid[0, j], grid[1, j]
         known = wide[condition].dropna()
         both = known.index.intersection(analysis.anxiety_scores.index)
-        found = next(c for c in analysis.anxiety if c.measure == DWELL and c.condition == condition)
+        found = next(c for c in analysis.anxiety if c.measure == DWELL and c.level == condition)
         top.set_title(f"{condition} – {CONDITION_NAMES[condition]}", fontsize=9.5)
         bottom.set_xlabel("Rank of anxiety")
         top.set_xlabel("Social anxiety score")

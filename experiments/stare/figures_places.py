@@ -13,10 +13,10 @@ from matplotlib.patches import Circle
 from analysis.plots import new_figure
 from analysis.plots.style import BLACK
 from experiments.stare.analysis import StareAnalysis
-from experiments.stare.comparisons import find
-from experiments.stare.positions import place_means
+from experiments.stare.comparisons import place_means
 from experiments.stare.terms import DWELL
 from stimuli.scenes.audience import HEAD_RADIUS_M, PARTICIPANT_EYE_M, PLACES, SEATS
+from visavis.pairs import find_test
 
 DISC_M = 0.28
 
@@ -38,7 +38,7 @@ def place_figure(analysis: StareAnalysis) -> Figure:
     figure = new_figure(9.6, 7.0)
     grid = figure.subplots(2, 3, height_ratios=(3.6, 1.45))
     stars = {
-        p: find(analysis.places, DWELL, ("A", "D"), p).stars
+        p: find_test(analysis.places, DWELL.column, ("A", "D"), p).stars
         for p in PLACES
         if np.isfinite(difference[p])
     }

@@ -16,21 +16,23 @@ import pandas as pd
 
 from analysis.power import Found, Source, Verdicts
 from experiments.stare.analysis_parameters import AnalysisParameters
-from experiments.stare.anxiety import (
+from experiments.stare.comparisons import (
+    ALL_MEASURES,
+    ANXIETY_TESTS,
+    CONDITION_TESTS,
     SCORE_COLUMN,
-    AnxietyCorrelation,
-    anxiety_scores,
-    correlate_anxiety,
+    condition_means,
 )
-from experiments.stare.comparisons import Comparison, compare, condition_means
 from experiments.stare.conclusions import STARED_AT, conclude
 from experiments.stare.design import AVERTED, CONDITIONS
 from experiments.stare.exclusions import select_trials
 from experiments.stare.published import COMPARISONS
 from experiments.stare.quick_study import QuickStudy, TrackerModel, run_study
-from experiments.stare.terms import DWELL, FIXATION_COUNT, MEASURES, Measure
+from experiments.stare.terms import DWELL, FIXATION_COUNT, MEASURES
 from lab.errors import DataError, UsageError
+from visavis.measures import Measure
 from visavis.observer.temperament import DEFAULT_POPULATION, Population
+from visavis.pairs import CorrelationTest, PairTest, compare, correlate, scores_of
 
 MakeTracker = Callable[[int, int], TrackerModel]
 
@@ -55,7 +57,7 @@ _COMPARED: Final = {
 _CORRELATED: Final = {f"anxiety-{c}:{DWELL.column}": c for c in STARED_AT}
 _TESTS: Final[Mapping[str, str]] = MappingProxyType(
     {
-        **{n: f"{p[0]} – {p[1]}, {m.label.lower()}" for n, (p, m) in _COMPARED.items()},
+        **{n: f"{p[0]} – {p[1]}, {m.words.lower()}" for n, (p, m) in _COMPARED.items()},
         "stare-effect": "A – D, dwell time and fixation count both greater",
         "caught-staring": "A – AD, dwell time and fixation count both greater",
         "catching-staring": "A – DA, dwell time and fixation count both greater",
@@ -231,7 +233,7 @@ def _people(
 ) -> pd.DataFrame:
     """Return one row per person and condition with the six means and the anxiety score."""
     means = condition_means(select_trials(trials, parameters).kept)
-    scores = anxiety_scores(answers)
+    scores = scores_of(answers, SCORE_COLUMN)
     kept = means[["participant", "condition", *COLUMNS]]
     return kept.assign(**{SCORE_COLUMN: kept["participant"].map(scores).astype(float)})
 
@@ -276,24 +278,23 @@ def _at_every_number(
 def _verdicts(
     means: pd.DataFrame, tests: Sequence[str], parameters: AnalysisParameters
 ) -> dict[str, Found]:
-    made: dict[tuple[tuple[str, str], str], Comparison] = {}
+    made: dict[tuple[tuple[str, str], str], PairTest] = {}
 
-    def compared(pair: tuple[str, str], measure: Measure) -> Comparison:
+    def compared(pair: tuple[str, str], measure: Measure) -> PairTest:
         key = (pair, measure.column)
         if key not in made:
             made[key] = compare(
-                means, measure, pair, parameters, family="conditions", n_tests=N_TESTS
+                means, measure, pair, CONDITION_TESTS, parameters.tests, n_tests=N_TESTS
             )
         return made[key]
 
-    correlated: dict[str, AnxietyCorrelation] = {}
+    correlated: dict[str, CorrelationTest] = {}
     if any(name in _CORRELATED for name in tests):
-        scores = anxiety_scores(means.drop_duplicates("participant"))
-        correlated = {
-            c.condition: c
-            for c in correlate_anxiety(means, scores, parameters)
-            if c.measure == DWELL
-        }
+        scores = scores_of(means.drop_duplicates("participant"), SCORE_COLUMN)
+        made_of = correlate(
+            ANXIETY_TESTS, means, scores, ALL_MEASURES, CONDITIONS, parameters.tests
+        )
+        correlated = {c.level: c for c in made_of if c.measure == DWELL}
     wide = means.pivot(index="participant", columns="condition", values=list(COLUMNS))
     found = {}
     for name in tests:
@@ -309,7 +310,7 @@ def _verdicts(
     return found
 
 
-def _found(comparison: Comparison, wide: pd.DataFrame) -> Found:
+def _found(comparison: PairTest, wide: pd.DataFrame) -> Found:
     """Return the outcome; `wide` holds measures by condition, one row per participant."""
     if comparison.outcome is None:
         return Found(None)

@@ -38,8 +38,8 @@ from experiments.stare.methods_text import (
 from experiments.stare.quality_table import StareQuality
 from experiments.stare.report_quality import quality_table
 from experiments.stare.reporting_list import reporting_table
-from experiments.stare.sensitivity import same_verdicts
 from visavis.looks import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
+from visavis.pairs import same_verdicts
 
 TITLE = "Stare in the crowd"
 

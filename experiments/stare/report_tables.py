@@ -15,14 +15,20 @@ from analysis.report.notation import (
     threshold,
 )
 from analysis.statistics import Effect
-from experiments.stare import agreement, published
-from experiments.stare.agreement import Agreement
+from experiments.stare import published
 from experiments.stare.analysis import StareAnalysis
-from experiments.stare.comparisons import Comparison, find
+from experiments.stare.comparisons import mean_deviation_01
 from experiments.stare.design import CONDITIONS, ZONES
-from experiments.stare.positions import PLACE_MEASURES
-from experiments.stare.terms import CONDITION_NAMES, FIRST_TIME, MEASURES
+from experiments.stare.terms import (
+    CONDITION_NAMES,
+    DWELL,
+    FIRST_TIME,
+    FIXATION_COUNT,
+    MEASURES,
+    short,
+)
 from stimuli.scenes.audience import ACTIVE_PLACES
+from visavis.pairs import Agreement, PairTest, Printed, agreement, find_test
 
 HERE, PRINTED = "This study", "Published"
 
@@ -40,7 +46,7 @@ def means_table(analysis: StareAnalysis) -> Table:
     by_key = {(d.measure, d.condition): d for d in analysis.descriptives}
     rows = []
     for measure in MEASURES:
-        row: list[Cell | str] = [measure.short]
+        row: list[Cell | str] = [short(measure)]
         for condition in CONDITIONS:
             here = by_key[measure, condition]
             printed = published.MEANS[condition][measure.column]
@@ -50,7 +56,7 @@ def means_table(analysis: StareAnalysis) -> Table:
                     hint=counted(here.n, "participant"),
                 ),
                 Cell(mean_sd(printed.mean, printed.sd, measure.digits), "weak"),
-                _signed_percentage(agreement.mean_deviation_01(here)),
+                _signed_percentage(mean_deviation_01(here)),
             ]
         rows.append(tuple(row))
     n = sorted({d.n for d in analysis.descriptives})
@@ -85,7 +91,10 @@ def comparison_table(analysis: StareAnalysis, pair: tuple[str, str]) -> Table:
         Column("η²p", "right", PRINTED),
         Column("Verdict", "centre"),
     )
-    rows = tuple(_comparison_row(find(analysis.comparisons, measure, pair)) for measure in MEASURES)
+    rows = tuple(
+        _comparison_row(find_test(analysis.comparisons, measure.column, pair))
+        for measure in MEASURES
+    )
     limit = analysis.parameters.alpha / 30
     one, two, three = (threshold(limit / divisor) for divisor in (1, 5, 50))
     return Table(
@@ -99,9 +108,8 @@ def comparison_table(analysis: StareAnalysis, pair: tuple[str, str]) -> Table:
     )
 
 
-def _comparison_row(test: Comparison) -> tuple[Cell | str, ...]:
+def _comparison_row(test: PairTest) -> tuple[Cell | str, ...]:
     printed = published.published_test(test.first, test.second, test.measure.column)
-    found = agreement.condition_agreement(test)
     digits = test.measure.digits
     wilcoxon = printed.t is None
     published_cells = (
@@ -112,7 +120,7 @@ def _comparison_row(test: Comparison) -> tuple[Cell | str, ...]:
     )
     if test.outcome is None:
         return (
-            test.measure.short,
+            short(test.measure),
             decimal(test.first_mean, digits),
             "",
             decimal(test.second_mean, digits),
@@ -120,12 +128,12 @@ def _comparison_row(test: Comparison) -> tuple[Cell | str, ...]:
             Cell("not tested", "weak", test.problem),
             *[MISSING, "", MISSING, MISSING],
             *published_cells,
-            verdict_cell(found),
+            verdict_cell(agreement(test)),
         )
     eta = test.outcome.eta
     arrow = {1: "↗", -1: "↘"}.get(test.direction, "") if test.is_significant else ""
     return (
-        test.measure.short,
+        short(test.measure),
         mean_sd(test.first_mean, test.first_sd, digits),
         Cell(arrow, "strong"),
         mean_sd(test.second_mean, test.second_sd, digits),
@@ -136,11 +144,11 @@ def _comparison_row(test: Comparison) -> tuple[Cell | str, ...]:
         _effect(test.outcome.effect),
         MISSING if eta is None else fraction(eta.value),
         *published_cells,
-        verdict_cell(found),
+        verdict_cell(agreement(test)),
     )
 
 
-def _short_statistic(test: Comparison) -> str:
+def _short_statistic(test: PairTest) -> str:
     row = test.row()
     if test.outcome is not None and test.outcome.is_parametric:
         return f"t({row['df']:.0f}) = {decimal(_number(row['t']))}"
@@ -157,8 +165,10 @@ def _effect(effect: Effect) -> str:
     return text if bounds is None else f"{text} {interval(bounds.low, bounds.high)}"
 
 
-def verdict_cell(found: Agreement) -> Cell:
+def verdict_cell(found: Agreement | None) -> Cell:
     """Return how our verdict stands to the published one."""
+    if found is None:
+        return Cell(MISSING, "weak")
     if found.ours is not None and not found.is_decidable:
         return Cell(
             "? undecided", "weak", "with so few participants the test cannot reach its threshold"
@@ -175,7 +185,7 @@ def verdict_cell(found: Agreement) -> Cell:
 def places_table(analysis: StareAnalysis) -> Table:
     """Return A against D at the nine places."""
     columns = [Column("Place")]
-    for measure in PLACE_MEASURES:
+    for measure in (DWELL, FIXATION_COUNT):
         columns += [
             Column("A", "right", measure.axis),
             Column("D", "right", measure.axis),
@@ -186,13 +196,13 @@ def places_table(analysis: StareAnalysis) -> Table:
     rows = []
     for place in ACTIVE_PLACES:
         row: list[Cell | str] = [place.replace("_", " ").capitalize()]
-        for measure in PLACE_MEASURES:
-            test = find(analysis.places, measure, ("A", "D"), place)
+        for measure in (DWELL, FIXATION_COUNT):
+            test = find_test(analysis.places, measure.column, ("A", "D"), place)
             row += [
                 decimal(test.first_mean, measure.digits),
                 decimal(test.second_mean, measure.digits),
                 *_p_pair(test),
-                verdict_cell(agreement.place_agreement(test)),
+                verdict_cell(agreement(test)),
             ]
         rows.append(tuple(row))
     limit = threshold(analysis.parameters.alpha / len(ACTIVE_PLACES))
@@ -219,8 +229,8 @@ def zones_table(analysis: StareAnalysis) -> Table:
     for zone in ZONES:
         row: list[Cell | str] = [zone.capitalize()]
         for pair in published.COMPARISONS:
-            test = find(analysis.zones, FIRST_TIME, pair, zone)
-            verdict = verdict_cell(agreement.place_agreement(test))
+            test = find_test(analysis.zones, FIRST_TIME.column, pair, zone)
+            verdict = verdict_cell(agreement(test))
             row += [*_p_pair(test), Cell(verdict.text[:1], verdict.mark, verdict.text)]
         rows.append(tuple(row))
     limit = threshold(analysis.parameters.alpha / len(ZONES))
@@ -233,8 +243,8 @@ def zones_table(analysis: StareAnalysis) -> Table:
     )
 
 
-def _p_pair(test: Comparison) -> tuple[Cell, Cell]:
-    printed = agreement.place_p(test)
+def _p_pair(test: PairTest) -> tuple[Cell, Cell]:
+    printed = test.printed or Printed(False)
     here = Cell(MISSING, "weak", test.problem)
     if test.outcome is not None:
         text = f"{probability(test.outcome.p)} {test.stars}".strip()
@@ -252,14 +262,14 @@ def anxiety_table(analysis: StareAnalysis) -> Table:
             Column("publ. rs", "right", condition),
             Column("", "left", condition),
         ]
-    by_key = {(c.measure, c.condition): c for c in analysis.anxiety}
+    by_key = {(c.measure, c.level): c for c in analysis.anxiety}
     rows = []
     for measure in MEASURES:
-        row: list[Cell | str] = [measure.short]
+        row: list[Cell | str] = [short(measure)]
         for condition in CONDITIONS:
             found = by_key[measure, condition]
-            printed = agreement.published_correlation(found)
-            verdict = verdict_cell(agreement.anxiety_agreement(found))
+            printed = found.printed
+            verdict = verdict_cell(agreement(found))
             here = (
                 [Cell(MISSING, "weak", found.problem), Cell(MISSING, "weak")]
                 if found.outcome is None
@@ -270,7 +280,9 @@ def anxiety_table(analysis: StareAnalysis) -> Table:
             )
             row += [
                 *here,
-                Cell("n.s." if printed is None else fraction(printed.r_s), "weak"),
+                Cell(
+                    "n.s." if printed is None or printed.r is None else fraction(printed.r), "weak"
+                ),
                 Cell(verdict.text[:1], verdict.mark, verdict.text),
             ]
         rows.append(tuple(row))
@@ -300,16 +312,19 @@ def sensitivity_table(analysis: StareAnalysis) -> Table:
         Column("Significant", "right", "Thirty tests"),
         Column("Verdict as in the main analysis", "right", "Thirty tests"),
     )
-    rows = tuple(
+    rows: tuple[tuple[Cell | str, ...], ...] = tuple(
         (
             decimal(r.pad_deg, 1),
             decimal(r.minimum_fixation_ms, 0),
-            decimal(r.dwell.first_mean, 0),
-            decimal(r.dwell.second_mean, 0),
-            probability(r.dwell.outcome.p if r.dwell.outcome else None),
-            decimal(r.count.first_mean, 2),
-            decimal(r.count.second_mean, 2),
-            probability(r.count.outcome.p if r.count.outcome else None),
+            *(
+                text
+                for test in r.shown
+                for text in (
+                    decimal(test.first_mean, test.measure.digits),
+                    decimal(test.second_mean, test.measure.digits),
+                    probability(test.outcome.p if test.outcome else None),
+                )
+            ),
             str(r.significant),
             Cell(
                 f"{r.same_verdicts} of {r.n_tests}",
@@ -327,7 +342,7 @@ def sensitivity_table(analysis: StareAnalysis) -> Table:
     )
 
 
-def second_view_table(tests: Sequence[Comparison]) -> Table:
+def second_view_table(tests: Sequence[PairTest]) -> Table:
     """Return the comparisons on fixations found without areas of interest."""
     columns = (
         Column("Measure"),
@@ -340,7 +355,7 @@ def second_view_table(tests: Sequence[Comparison]) -> Table:
     )
     rows = tuple(
         (
-            t.measure.label,
+            t.measure.words,
             t.name,
             decimal(t.first_mean, 2),
             decimal(t.second_mean, 2),

@@ -1,6 +1,6 @@
 """Analyse a study and write what an analyst takes away: tables, figures, report."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from analysis.plots import Drawn, write_figure
 from analysis.report import ReportProvenance
 from experiments.stare.analysis import SIMULATED_COLUMN, StareAnalysis, analyse_rows
 from experiments.stare.analysis_parameters import DEFAULT_PARAMETERS, AnalysisParameters
+from experiments.stare.comparisons import LEVELS
 from experiments.stare.data_dictionary import write_dictionary
 from experiments.stare.figures import TrialExample, study_figures
 from experiments.stare.quality_table import StareQuality, quality_of_trials
@@ -47,6 +48,7 @@ def analyse_study(
     example: TrialExample | None = None,
     facts: Mapping[str, str] | None = None,
     study_parameters: Mapping[str, Any] | None = None,
+    levels: Mapping[str, Sequence[str]] = LEVELS,
     allow_mixture: bool = False,
 ) -> StudyOutputs:
     """Analyse a study and write trials, participants, statistics, figures and the report.
@@ -61,6 +63,7 @@ def analyse_study(
         parameters,
         is_simulated=is_simulated,
         sensitivity_rows=sensitivity_rows,
+        levels=levels,
         allow_mixture=allow_mixture,
     )
     quality = quality_of_trials(

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from experiments.stare.anxiety import SCORE_COLUMN
+from experiments.stare.comparisons import SCORE_COLUMN
 from experiments.stare.design import CONDITIONS
 from experiments.stare.published import COMPARISONS
 from experiments.stare.quality_table import DRIFT, END_ACCURACY, REJECTED
@@ -177,7 +177,7 @@ def sensitivity_dictionary() -> dict[str, Entry]:
             )
     return {
         **entries,
-        "dwell_p": _entry("p of dwell time, A against D, uncorrected"),
+        "dwell_ms_p": _entry("p of dwell time, A against D, uncorrected"),
         "fixation_count_p": _entry("p of fixation count, A against D, uncorrected"),
         "significant_tests": _entry(f"significant tests of {n_tests}", "1"),
         "same_verdicts": _entry("tests with the verdict of the main analysis", "1"),

@@ -13,11 +13,12 @@ from cli import replicate_runners
 from cli.main import app
 from cli.power_commands import power_study, read_effect, read_numbers, read_tests
 from cli.replicate_runners import on_scheduler, on_this_machine
-from experiments.stare.comparisons import compare_conditions, condition_means
+from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS, LEVELS, condition_means
 from experiments.stare.power import StarePower, draw_people, scaled_population
 from lab.errors import DataError, UsageError
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
 from visavis.observer.temperament import DEFAULT_POPULATION
+from visavis.pairs import compare_pairs
 
 DWELL = "A-D:dwell_ms"
 
@@ -131,13 +132,12 @@ def test_drawn_people_bring_all_their_rows(study: StarePower, folder: Path) -> N
 
 
 def test_verdicts_are_those_of_the_study_analysis(study: StarePower, folder: Path) -> None:
-    from experiments.stare.analysis_parameters import AnalysisParameters
 
     people, _ = study.people_of(folder, effect=1.0)
     seed = 5
     found = study.resample(people, (12,), tuple(study.tests), seed=seed, alpha=0.05)[12]
     drawn = draw_people(people, 12, np.random.default_rng(seed))
-    for c in compare_conditions(drawn, AnalysisParameters()):
+    for c in compare_pairs(CONDITION_TESTS, drawn, ALL_MEASURES, LEVELS):
         name = f"{c.first}-{c.second}:{c.measure.column}"
         assert found[name].is_significant == c.is_significant
         assert found[name].difference == pytest.approx(c.second_mean - c.first_mean)

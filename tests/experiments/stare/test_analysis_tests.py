@@ -3,22 +3,22 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from experiments.stare import agreement, published
-from experiments.stare.agreement import Agreement
+from experiments.stare import published
 from experiments.stare.analysis import analyse_rows
-from experiments.stare.analysis_parameters import DEFAULT_PARAMETERS
 from experiments.stare.comparisons import (
-    compare,
-    compare_conditions,
+    ALL_MEASURES,
+    CONDITION_TESTS,
+    LEVELS,
     condition_means,
     describe,
-    find,
+    mean_deviation_01,
 )
 from experiments.stare.conclusions import conclude
 from experiments.stare.design import CONDITIONS
 from experiments.stare.terms import DWELL, FIRST_TIME, FIXATION_COUNT, MEASURES
 from lab.errors import DataError
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows, varied_rows
+from visavis.pairs import Agreement, agreement, compare, compare_pairs, find_test
 
 N = 20
 
@@ -43,7 +43,11 @@ def means_of(**columns: list[float]) -> pd.DataFrame:
 
 
 def dwell(means: pd.DataFrame):
-    return compare(means, DWELL, ("A", "D"), DEFAULT_PARAMETERS, family="f", n_tests=30)
+    return compare(means, DWELL, ("A", "D"), CONDITION_TESTS, n_tests=30)
+
+
+def thirty(rows):
+    return compare_pairs(CONDITION_TESTS, rows, ALL_MEASURES, LEVELS)
 
 
 def test_condition_mean_averages_the_trials_of_a_condition(study):
@@ -67,7 +71,7 @@ def test_thirty_tests_share_alpha_over_thirty(study):
 def test_test_equals_scipy_on_the_participants_means(study):
     wide = study.means.pivot(index="participant", columns="condition", values="dwell_ms")
     expected = stats.ttest_rel(wide["A"], wide["D"])
-    outcome = find(study.comparisons, DWELL, ("A", "D")).outcome
+    outcome = find_test(study.comparisons, DWELL.column, ("A", "D")).outcome
 
     assert outcome is not None
     assert outcome.is_parametric == (stats.shapiro(wide["A"] - wide["D"]).pvalue > 0.05)
@@ -160,18 +164,18 @@ def test_reversed_effect_does_not_agree_with_the_published_one():
     rows = study_rows(N)
     rows["condition"] = rows["condition"].map({"A": "D", "D": "A", "AD": "AD", "DA": "DA"})
     means = condition_means(rows)
-    test = compare(means, DWELL, ("A", "D"), DEFAULT_PARAMETERS, family="f", n_tests=30)
+    test = compare(means, DWELL, ("A", "D"), CONDITION_TESTS, n_tests=30)
 
     assert test.is_significant is True
-    assert agreement.condition_agreement(test).agrees is False
-    assert conclude(compare_conditions(means, DEFAULT_PARAMETERS), ())[0].status == "not_found"
+    assert agreement(test).agrees is False
+    assert conclude(thirty(means), ())[0].status == "not_found"
 
 
 def test_effect_is_found_only_with_both_dwell_time_and_fixation_count():
     rows = study_rows(N)
-    both = conclude(compare_conditions(condition_means(rows), DEFAULT_PARAMETERS), ())
+    both = conclude(thirty(rows), ())
     rows["fixation_count"] = study_rows(N, effect=False, seed=3)["fixation_count"]
-    dwell_only = conclude(compare_conditions(condition_means(rows), DEFAULT_PARAMETERS), ())
+    dwell_only = conclude(thirty(rows), ())
 
     assert both[0].status == "found"
     assert dwell_only[0].status == "partly"
@@ -200,7 +204,7 @@ def test_anxiety_correlation_uses_those_with_a_score(study):
     answers = anxiety_answers(N)
     answers.loc[0:1, "anxiety_total"] = np.nan
     found = analyse_rows(study.trials, answers, is_simulated=True).anxiety
-    with_d = next(c for c in found if c.measure == DWELL and c.condition == "D")
+    with_d = next(c for c in found if c.measure == DWELL and c.level == "D")
 
     assert {c.n for c in study.anxiety if c.measure == DWELL} == {N}
     assert with_d.n == N - 2
@@ -244,8 +248,8 @@ def test_sensitivity_repeats_the_main_analysis_at_its_own_setting(study):
 
     assert len(study.sensitivity) == 15
     assert own[0].same_verdicts == 30
-    main = find(study.comparisons, DWELL, ("A", "D"))
-    assert own[0].dwell.first_mean == pytest.approx(main.first_mean)
+    main = find_test(study.comparisons, DWELL.column, ("A", "D"))
+    assert own[0].shown[0].first_mean == pytest.approx(main.first_mean)
 
 
 def test_sensitivity_leaves_out_excluded_trials():
@@ -255,7 +259,7 @@ def test_sensitivity_leaves_out_excluded_trials():
     varied.loc[varied["trial_id"] == "T01", "dwell_ms"] = 1e9
     found = analyse_rows(rows, anxiety_answers(5), is_simulated=True, sensitivity_rows=varied)
 
-    assert max(r.dwell.first_mean for r in found.sensitivity) < 1e5
+    assert max(r.shown[0].first_mean for r in found.sensitivity) < 1e5
 
 
 def test_second_view_compares_fixations_of_the_velocity_detector(study):
@@ -267,7 +271,7 @@ def test_zone_means_average_the_three_depths(study):
     rows = study.selection.kept
     part = rows[(rows["zone"] == "centre") & (rows["condition"].isin(["A", "D"]))]
     means = part.groupby(["participant", "condition"])[FIRST_TIME.column].mean().unstack()
-    test = find(study.zones, FIRST_TIME, ("A", "D"), "centre")
+    test = find_test(study.zones, FIRST_TIME.column, ("A", "D"), "centre")
 
     assert test.first_mean == pytest.approx(means.dropna()["A"].mean())
 
@@ -307,7 +311,7 @@ def test_published_means_lie_at_zero_deviation():
         ]
     )
 
-    assert {agreement.mean_deviation_01(d) for d in describe(means)} == {0.0}
+    assert {mean_deviation_01(d) for d in describe(means)} == {0.0}
 
 
 def test_allowed_mixture_counts_as_simulated():
@@ -321,3 +325,20 @@ def test_allowed_mixture_counts_as_simulated():
     assert analyse_rows(
         rows, anxiety_answers(3), is_simulated=True, allow_mixture=True
     ).is_simulated
+
+
+def test_conditions_left_out_of_a_study_are_not_tested_and_share_no_alpha():
+    rows = study_rows(N)
+    rows = rows[rows["condition"].isin(["A", "D"])]
+    levels = {**LEVELS, "condition": ("A", "D"), "zone": ("left", "right")}
+    found = analyse_rows(rows, anxiety_answers(N), is_simulated=True, levels=levels)
+    tested = [c for c in found.comparisons if c.outcome is not None]
+
+    assert {("A", "D")} == {(c.first, c.second) for c in tested}
+    assert {0.05 / 6} == {c.threshold for c in tested}
+    assert {0.05 / 2} == {c.threshold for c in found.zones}
+    assert {"A", "D"} == {c.level for c in found.anxiety}
+    untested = find_test(found.comparisons, DWELL.column, ("D", "DA"))
+    assert untested.sentence().endswith("not tested, the study was performed without DA.")
+    assert found.conclusions[0].status == "found"
+    assert found.conclusions[2].answer == "not tested"

@@ -2,13 +2,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.stare import agreement
-from experiments.stare.analysis_parameters import DEFAULT_PARAMETERS
-from experiments.stare.anxiety import correlate_anxiety
-from experiments.stare.comparisons import compare
+from experiments.stare.comparisons import ALL_MEASURES, ANXIETY_TESTS, CONDITION_TESTS
 from experiments.stare.conclusions import RULE, STARED_AT, conclude
-from experiments.stare.reach import can_reach, correlation_can_reach
+from experiments.stare.design import CONDITIONS
 from experiments.stare.terms import DWELL, FIXATION_COUNT, MEASURES
+from visavis.pairs import compare, correlate, count_agreement
 
 PAIRS = (("A", "D"), ("A", "AD"), ("A", "DA"))
 
@@ -32,7 +30,7 @@ def made_tests(difference, *, sign_of_count=1.0):
         frames.append(frame)
     means = pd.concat(frames, ignore_index=True)
     return [
-        compare(means, m, pair, DEFAULT_PARAMETERS, family="conditions", n_tests=30)
+        compare(means, m, pair, CONDITION_TESTS, n_tests=30)
         for pair in PAIRS
         for m in (DWELL, FIXATION_COUNT)
     ]
@@ -43,7 +41,7 @@ def test_exact_signed_rank_of_eight_cannot_reach_the_threshold():
 
     assert not any(t.outcome.is_parametric for t in tests)
     assert tests[0].outcome.p == pytest.approx(2 / 2**8)
-    assert [can_reach(t) for t in tests] == [False] * 6
+    assert [t.can_reach for t in tests] == [False] * 6
     assert conclude(tests, ())[0].headline == (
         "Stare-in-the-crowd effect: undecided: n = 8 cannot reach the threshold"
     )
@@ -52,15 +50,12 @@ def test_exact_signed_rank_of_eight_cannot_reach_the_threshold():
 def test_exact_signed_rank_of_eleven_reaches_the_threshold():
     tests = made_tests(skewed(11))
 
-    assert can_reach(tests[0]) is True
+    assert tests[0].can_reach is True
     assert conclude(tests, ())[0].status == "found"
 
 
 def test_unreachable_test_neither_agrees_nor_disagrees():
-    found = agreement.condition_agreement(made_tests(skewed(8))[0])
-
-    assert found.agrees is None
-    assert str(agreement.count([found])) == "0 of 1 (1 undecided)"
+    assert str(count_agreement(made_tests(skewed(8))[:1])) == "0 of 1 (1 undecided)"
 
 
 def test_undecided_by_number_still_counts_as_tested():
@@ -97,7 +92,7 @@ def correlations(order, n):
         for c in ("A", "D", "AD", "DA")
         for i, v in enumerate(order(c))
     ]
-    return correlate_anxiety(pd.DataFrame(rows), scores, DEFAULT_PARAMETERS)
+    return correlate(ANXIETY_TESTS, pd.DataFrame(rows), scores, ALL_MEASURES, CONDITIONS)
 
 
 def test_rising_dwell_time_with_anxiety_is_reversed_and_both_is_mixed():
@@ -113,7 +108,7 @@ def test_rising_dwell_time_with_anxiety_is_reversed_and_both_is_mixed():
 def test_four_participants_cannot_decide_a_correlation():
     found = correlations(lambda _: np.array([2.0, 1.0, 4.0, 3.0]), 4)
 
-    assert correlation_can_reach(found[0]) is False
+    assert found[0].can_reach is False
     assert conclude(made_tests(skewed(8)), found)[-1].answer == (
         "undecided: n = 4 cannot reach the threshold"
     )
