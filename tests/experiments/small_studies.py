@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import pandas as pd
+from typer.testing import CliRunner
 
 from benchmarks.simulated_tracker import tracker_of
-from cli.app import load_lab
-from cli.study_commands import analyse_study, simulate_study
-from cli.study_folder import StudySettings
+from cli.main import app
 from experiments.crowd.analysis import analyse_tables
 from experiments.crowd.analysis_parameters import AnalysisParameters as CrowdThresholds
 from experiments.crowd.design import CONTROL_GROUP, HAPTICS_GROUP, CrowdParameters
@@ -28,13 +27,13 @@ from experiments.waving import analysis as waving
 from experiments.waving.design import WavingParameters
 from experiments.waving.quick_study import quick_study as quick_waving
 from lab.config_files import EXAMPLE
+from recording.folder import SIMULATED_ROOT
 from tests.experiments.crowd.synthetic_walks import tables, walks
 from tests.experiments.fingerprint import (
     fingerprint_of_study,
     fingerprint_of_table,
     write_fingerprint,
 )
-from visavis.catalogue import find_study
 
 PINNED: Final = Path(__file__).parent / "pinned"
 SEED: Final = 1
@@ -75,14 +74,19 @@ SESSIONS: Final = {
 def sessions(name: str, root: Path) -> dict[str, Any]:
     """Simulate and analyse two people of a study; return the fingerprint."""
     small = SESSIONS[name]
-    settings = StudySettings(
-        small.study, SEED, is_simulated=True, parameters=dict(small.parameters)
-    )
-    folder = simulate_study(
-        load_lab(EXAMPLE, "sim"), find_study(small.study), settings, 2, root, processes=1
-    )
-    analyse_study(folder, None, mixture=False, processes=1, measure=small.measure)
+    given = [f"--set={key}={value}" for key, value in small.parameters.items()]
+    few = ["--participants", "2", "--seed", str(SEED), "--processes", "1"]
+    _visavis("simulate", small.study, *few, *given, "--output", root, "--config", EXAMPLE)
+    folder = root / SIMULATED_ROOT / small.study
+    how = [f"--set={setting}" for setting in small.measure]
+    _visavis("analyse", folder, "--processes", "1", *how)
     return fingerprint_of_study(folder)
+
+
+def _visavis(*command: object) -> None:
+    result = CliRunner().invoke(app, [str(word) for word in command])
+    if result.exception is not None:
+        raise result.exception
 
 
 def quick_stare_tables() -> dict[str, pd.DataFrame]:
