@@ -1,6 +1,7 @@
 """Between the operator and the frame loop: requests, prompts, faults, the status shown."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from devices.contracts import Armband, Fault
 from lab.clock import NS_PER_MS, NS_PER_S
@@ -93,7 +94,16 @@ class OperatorDesk:
         if period_ns and view.t_ns >= self._next_status_ns:
             self._next_status_ns = view.t_ns + period_ns
             self._operator.show(self._status())
+        if self._advance and self._in_trial and self._prompt:
+            return replace(view, went_on=self.take_advance())
         return view
+
+    def prompt(self, text: str) -> bool:
+        """Show what a trial waits for, or nothing; tell whether nobody is there to go on."""
+        self._advance = False
+        goes_on = bool(text) and not self._operator.waits_for_advance(text)
+        self._prompt = "" if goes_on else text
+        return goes_on
 
     def wait(self, prompt: str, *, always: bool = False) -> None:
         """Let frames pass until the operator goes on; at once when nobody watches."""
@@ -132,6 +142,7 @@ class OperatorDesk:
     def end_trial(self, trial: Trial) -> None:
         """Note that this trial was the last one and that none runs."""
         self._in_trial = False
+        self._prompt = ""
         self.trial_end_ns = None
         self._last_trial = trial
 

@@ -72,6 +72,17 @@ class Ask:
 
 
 @dataclass(frozen=True, slots=True)
+class Prompt:
+    """Tell the operator what the plan waits for; empty takes it off the screen.
+
+    The plan receives None, and `FrameView.went_on` with the frame in which the operator goes on;
+    where nobody is there to do it, an `Answered` at once.
+    """
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class NextFrame:
     """Wait for the next frame; the plan receives a `FrameView`."""
 
@@ -117,6 +128,7 @@ class BodyView:
 class FrameView:
     """What one frame brought: time, head, gaze, buttons pressed, the body (None: no sample).
 
+    `went_on` tells that the operator, asked by a `Prompt`, went on since the frame before.
     `pointers` are the rays of the tracked controllers, right hand first: from the position along
     −z of the orientation, in world.
     """
@@ -129,6 +141,7 @@ class FrameView:
     pressed: tuple[str, ...] = ()
     body: BodyView | None = None
     pointers: tuple[Pose, ...] = ()
+    went_on: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +164,7 @@ class Reflex:
     answer: Callable[[BodyView], Sequence[Play | Silence]] | None
 
 
-Step: TypeAlias = Show | Mark | Vibrate | Play | Silence | Reflex | Ask | NextFrame
+Step: TypeAlias = Show | Mark | Vibrate | Play | Silence | Reflex | Ask | Prompt | NextFrame
 Plan: TypeAlias = Generator[Step, FrameView | Answered | None, Row]
 
 

@@ -23,6 +23,7 @@ from protocol.steps import (
     NextFrame,
     Plan,
     Play,
+    Prompt,
     Reflex,
     Row,
     Show,
@@ -196,6 +197,8 @@ class TrialRunner:
                 answer = setup.respondent.answer(question_id, prompt, options)
                 self._desk.expect_pause()
                 return Answered(answer, loop.t_ns)
+            case Prompt(text):
+                return Answered(None, loop.t_ns) if self._desk.prompt(text) else None
             case Vibrate():
                 self._rig.vibrate(step)
             case Play():

@@ -23,7 +23,7 @@ from protocol.observation import GazeObserver
 from protocol.participants import SimulatedParticipant
 from protocol.plan import Trial
 from protocol.row_buffer import RowBuffer
-from protocol.steps import Answered, Ask, FrameView, NextFrame, Plan, Show
+from protocol.steps import Answered, Ask, FrameView, NextFrame, Plan, Prompt, Show
 from protocol.streams import gaze_targets_schema
 from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
@@ -135,6 +135,8 @@ class _Frames:
                 elif isinstance(step, Ask):
                     said = self._person.answer(step.question_id, step.prompt, step.options)
                     reply = Answered(said, self._t_ns)
+                elif isinstance(step, Prompt):
+                    reply = Answered(None, self._t_ns)
         except StopIteration as end:
             return dict(end.value or {})
 

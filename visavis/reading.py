@@ -14,7 +14,7 @@ from lab.clock import NS_PER_S
 from lab.errors import DesignError
 from lab.geometry import Pose
 from protocol.plan import Trial
-from protocol.steps import Answered, Ask, FrameView, GazeView, NextFrame, Show
+from protocol.steps import Answered, Ask, FrameView, GazeView, NextFrame, Prompt, Show
 from visavis.asking import Answer
 from visavis.responses import Response
 from visavis.scenes import Scene, Staging, stage
@@ -88,6 +88,8 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
                 agents = max(agents, len(step.view.scene.agents))
             elif isinstance(step, Ask):
                 reply = Answered(step.options[0] if step.options else "", 0)
+            elif isinstance(step, Prompt):
+                reply = Answered(None, 0)
         raise DesignError(f"after {MAX_STEPS} steps it has not ended")
     except StopIteration:
         return TrialRead(seconds, tuple(responses), tuple(scenes), agents, vibrates)

@@ -1,5 +1,6 @@
 """The parameters of the stare study and its conditions."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Final
@@ -29,12 +30,15 @@ class StareParameters:
     agent. `pad_deg` widens heads in the area-of-interest rule that decides a look online and
     offline; `look_trigger_ms` lets a gaze change wait after the look that causes it; without a
     look it comes at `switch_at_01` of the trial. `drain_ms` is how long the scene stays after the
-    trial's end, at most, for samples taken before the end that have not arrived yet.
+    trial's end, at most, for samples taken before the end that have not arrived yet. The training
+    lasts as long as the participant likes: from `practice_s` on the operator's space bar or a key
+    of the participant ends it (at once where nobody watches), at the latest `practice_limit_s`.
     """
 
     trial_s: float = 16.0
     intertrial_s: float = 3.0
     practice_s: float = 16.0
+    practice_limit_s: float = 600.0
     repetitions: int = 2
     agents: int = MAX_AGENTS
     pad_deg: float = 1.0
@@ -47,6 +51,12 @@ class StareParameters:
             raise DesignError(
                 f"stare: trial_s {self.trial_s}, practice_s {self.practice_s} and intertrial_s "
                 f"{self.intertrial_s} are durations; give seconds above 0 (intertrial_s from 0)"
+            )
+        if not self.practice_s <= self.practice_limit_s < math.inf:
+            raise DesignError(
+                f"stare: practice_s {self.practice_s} is the shortest training and "
+                f"practice_limit_s {self.practice_limit_s} the longest; give a practice_limit_s "
+                "that is not shorter"
             )
         if not MIN_AGENTS <= self.agents <= MAX_AGENTS:
             raise DesignError(

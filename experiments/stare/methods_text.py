@@ -34,7 +34,8 @@ REFERENCES = (
 _DIFFERENCES: Final[Mapping[str, tuple[str, str]]] = {
     "trial_s": ("trials lasted", "s"),
     "intertrial_s": ("the dark between trials lasted", "s"),
-    "practice_s": ("the training trial lasted", "s"),
+    "practice_s": ("the training lasted at least", "s"),
+    "practice_limit_s": ("the training lasted at most", "s"),
     "repetitions": ("repetitions of every condition at every place:", ""),
     "look_trigger_ms": ("a look had to last this long before the gaze changed:", "ms"),
     "switch_at_01": ("share of the trial after which the gaze changed without a look:", ""),

@@ -6,7 +6,7 @@ display; that frame's time is `t_start_ns`.
 
 from collections.abc import Generator
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from protocol.steps import (
     Mark,
     NextFrame,
     Plan,
+    Prompt,
     Scalar,
     Show,
     Step,
@@ -30,6 +31,10 @@ from protocol.steps import (
 from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.scene import Scene, SceneFrame
 from stimuli.scenes.audience import PARTICIPANT_EYE_M
+
+TRAINING_PROMPT: Final = (
+    "Training: has the participant seen audience and speaker, and is ready? Then space"
+)
 
 SwitchCause: TypeAlias = Literal["look", "time"]
 Frames: TypeAlias = Generator[Step, FrameView | Answered | None, FrameView]
@@ -95,7 +100,7 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
     In AD and DA the active agent's gaze changes with the first sample on its head, decided by
     the rule analysis uses, or at `switch_at_01` of the trial. The scene stays until the first
     frame at or after the trial's end that has brought a sample of that time, `drain_ms` at most;
-    `t_end_ns` is the trial's end, not that frame's.
+    `t_end_ns` is the trial's end, not that frame's. Training lasts until somebody ends it.
     """
     scene = scene_of(trial, params.agents)
     active = active_index_of(trial)
@@ -106,7 +111,8 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
     wait_ns = round(params.look_trigger_ms * NS_PER_MS)
     drain_ns = round(params.drain_ms * NS_PER_MS)
     may_change = condition in DYNAMIC_CONDITIONS and not trial.is_practice
-    eyes = opening_eyes(trial, scene, duration_s + params.drain_ms / 1000)
+    longest_s = params.practice_limit_s if trial.is_practice else duration_s
+    eyes = opening_eyes(trial, scene, longest_s + params.drain_ms / 1000)
 
     # The frame before tells the time and where the head is; the scene comes on after it.
     view = yield from _frame()
@@ -117,6 +123,8 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
     start_ns = view.t_ns
     yield Mark("scene_on", {"trial_id": trial.trial_id, "scene_name": scene.name})
 
+    end_ns = None if trial.is_practice else start_ns + duration_ns
+    training = _Training(trial, params, start_ns)
     frames, samples = 0, 0
     look_ns: int | None = None
     switch_ns: int | None = None
@@ -126,7 +134,9 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
         elapsed_ns = now_ns - start_ns
         frames += 1
         samples += view.gaze.t_ns.shape[0]
-        if elapsed_ns >= duration_ns and _arrived(view, start_ns + duration_ns, drain_ns):
+        if end_ns is None:
+            end_ns = yield from training.end_ns(view)
+        if end_ns is not None and now_ns >= end_ns and _arrived(view, end_ns, drain_ns):
             break
         changed = picture.follow(view)
         turned = False
@@ -155,7 +165,7 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
         "active_agent": scene.agents[active].agent_id,
         "active_character": scene.agents[active].character,
         "t_start_ns": start_ns,
-        "t_end_ns": start_ns + duration_ns,
+        "t_end_ns": end_ns,
         "switch_ns": switch_ns,
         "switch_ms": None if switch_ns is None else (switch_ns - start_ns) / NS_PER_MS,
         "switch_cause": cause,
@@ -163,6 +173,42 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
         "scene_frames": frames,
         "scene_samples": samples,
     }
+
+
+@dataclass
+class _Training:
+    """How long a training lasts: until the operator or the participant ends it."""
+
+    trial: Trial
+    params: StareParameters
+    start_ns: int
+    is_waiting: bool = False
+
+    def end_ns(self, view: FrameView) -> Generator[Step, FrameView | Answered | None, int | None]:
+        """Return when the training ended; None while it goes on."""
+        elapsed_ns = view.t_ns - self.start_ns
+        shortest_ns = round(self.params.practice_s * NS_PER_S)
+        limit_ns = round(self.params.practice_limit_s * NS_PER_S)
+        by, end_ns = "time", self.start_ns + limit_ns
+        if elapsed_ns < shortest_ns:
+            return None
+        if elapsed_ns < limit_ns:
+            if self.is_waiting and view.went_on:
+                by, end_ns = "operator", view.t_ns
+            elif self.is_waiting and view.pressed:
+                by, end_ns = "participant", view.t_ns
+            elif self.is_waiting:
+                return None
+            else:
+                reply = yield Prompt(TRAINING_PROMPT)
+                self.is_waiting = not isinstance(reply, Answered)
+                if self.is_waiting:
+                    return None
+                end_ns = self.start_ns + shortest_ns
+        if self.is_waiting:
+            yield Prompt("")
+        yield Mark("training_end", {"trial_id": self.trial.trial_id, "by": by})
+        return end_ns
 
 
 def _arrived(view: FrameView, end_ns: int, drain_ns: int) -> bool:

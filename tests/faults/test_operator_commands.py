@@ -1,15 +1,17 @@
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from analysis.session_verdict import Level
+from experiments.stare.trial import TRAINING_PROMPT
 from lab.errors import SessionAborted
 from protocol.operator import Action, Command
 from protocol.states import TRANSITIONS, SessionState
 from recording.reader import Recording
 from tests.faults.sessions import (
+    PRACTICE_S,
     TRIALS,
     ScriptedOperator,
     events,
@@ -180,3 +182,35 @@ def test_an_aborted_session_keeps_its_trials_and_is_completed_by_resume(
     assert "complete" == whole.status
     assert {"P1", *TRIALS} == set(rows.loc[rows["status"] == "complete", "trial_id"])
     assert "part 1 ended early (aborted)" in findings(whole)
+
+
+def test_training_goes_on_until_the_operator_ends_it(tmp_path: Path) -> None:
+    operator = ScriptedOperator()
+    recording = operated(tmp_path, operator)
+
+    assert TRAINING_PROMPT in operator.prompts
+    assert [{"trial_id": "P1", "by": "operator"}] == events(recording, "training_end")
+    row = trial_table(recording).loc["P1", 1]
+    assert row["t_end_ns"] - row["t_start_ns"] > PRACTICE_S * 1e9
+
+
+def test_training_that_is_repeated_takes_its_prompt_off_the_screen(tmp_path: Path) -> None:
+    waiting = round(PRACTICE_S * 30) + 3  # frames at 30 Hz, just after the prompt
+    operator = Distracted((TRIAL, 1, waiting, Command(Action.REPEAT)))
+    recording = operated(tmp_path, operator)
+
+    assert ["interrupted", "complete"] == trial_table(recording).loc["P1"]["status"].tolist()
+    assert 1 == len(events(recording, "training_end"))
+
+
+class Distracted(ScriptedOperator):
+    """Let the first training's prompt stand until the script has said something."""
+
+    def poll(self) -> Sequence[Command]:
+        commands = super().poll()
+        if self._script:
+            return [c for c in commands if c.action is not Action.ADVANCE or self._in_setup()]
+        return commands
+
+    def _in_setup(self) -> bool:
+        return not self.trail or self.trail[-1] is not TRIAL

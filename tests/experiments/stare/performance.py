@@ -7,7 +7,17 @@ from typing import Any
 import numpy as np
 
 from lab.geometry import Pose, unit
-from protocol.steps import FrameView, GazeView, Mark, NextFrame, Plan, Row, Show
+from protocol.steps import (
+    Answered,
+    FrameView,
+    GazeView,
+    Mark,
+    NextFrame,
+    Plan,
+    Prompt,
+    Row,
+    Show,
+)
 from stimuli.scene import SceneFrame
 from stimuli.scenes.audience import PARTICIPANT_EYE_M
 from stimuli.visibility import SceneGeometry
@@ -29,6 +39,7 @@ class Performance:
     pictures: list[tuple[int, SceneFrame]] = field(default_factory=list)
     frames_ns: list[int] = field(default_factory=list)
     gaze: list[GazeView] = field(default_factory=list)
+    prompts: list[str] = field(default_factory=list)
 
     def picture_at(self, t_ns: int) -> SceneFrame:
         """Return what the display shows in the frame at this time."""
@@ -56,8 +67,15 @@ def perform(
     head_m: Callable[[int], np.ndarray] = lambda _: PARTICIPANT_EYE_M,
     sample_delay_ns: int = 0,
     aim_offset_m: np.ndarray | float = 0.0,
+    is_attended: bool = False,
+    space_ns: int | None = None,
+    key_ns: int | None = None,
 ) -> Performance:
-    """Run a plan to its end; trial time counts from the second frame, where a trial's t = 0 is."""
+    """Run a plan to its end; trial time counts from the second frame, where a trial's t = 0 is.
+
+    With `is_attended` an operator answers prompts: with the space bar at `space_ns`, if ever. The
+    participant presses a key at `key_ns`.
+    """
     done = Performance()
     t_ns = begin_ns
     zero_ns = begin_ns + 2 * FRAME_NS
@@ -73,7 +91,10 @@ def perform(
                     done.pictures.append((t_ns + FRAME_NS, shown))
                 elif isinstance(step, Mark):
                     done.marks.append((t_ns, step))
-                step = plan.send(None)
+                elif isinstance(step, Prompt):
+                    done.prompts.append(step.text)
+                answered = isinstance(step, Prompt) and step.text and not is_attended
+                step = plan.send(Answered(None, t_ns) if answered else None)
             t_ns += FRAME_NS
             stamps = []
             while sample_ns + sample_delay_ns < t_ns:
@@ -83,11 +104,21 @@ def perform(
             done.frames_ns.append(t_ns)
             done.gaze.append(gaze)
             reply = FrameView(
-                len(done.frames_ns), t_ns, Pose(head_m(t_ns - zero_ns), UPRIGHT), True, gaze
+                len(done.frames_ns),
+                t_ns,
+                Pose(head_m(t_ns - zero_ns), UPRIGHT),
+                True,
+                gaze,
+                pressed=("trigger",) if _is_now(key_ns, t_ns - zero_ns) else (),
+                went_on=_is_now(space_ns, t_ns - zero_ns),
             )
     except StopIteration as end:
         done.row = end.value
     return done
+
+
+def _is_now(at_ns: int | None, t_ns: int) -> bool:
+    return at_ns is not None and at_ns <= t_ns < at_ns + FRAME_NS
 
 
 def _gaze(

@@ -125,6 +125,8 @@ def test_a_group_is_refused() -> None:
     [
         {"trial_s": 0.0},
         {"practice_s": -1.0},
+        {"practice_s": 20.0, "practice_limit_s": 19.0},
+        {"practice_limit_s": float("inf")},
         {"agents": 8},
         {"agents": 12},
         {"switch_at_01": 1.0},

@@ -220,6 +220,52 @@ def test_in_practice_nobody_stares_and_nothing_changes() -> None:
     assert 1000 * MS == done.row["t_end_ns"] - done.row["t_start_ns"]  # type: ignore[operator]
 
 
+def trained(**performed: Any) -> tuple[Performance, float, str]:
+    """Perform a training; return it, how many seconds it lasted and who ended it."""
+    training = plan_session(0, 1).trials[0]
+    params = replace(PARAMS, practice_limit_s=5.0)
+    done = perform(run_trial(training, params), **performed)
+    lasted_ns = int(done.row["t_end_ns"]) - int(done.row["t_start_ns"])  # type: ignore[arg-type]
+    (end,) = (mark.payload for _, mark in done.marks if mark.name == "training_end")
+    assert training.trial_id == end["trial_id"]
+    return done, lasted_ns / 1e9, str(end["by"])
+
+
+def test_training_lasts_until_the_operator_or_the_participant_ends_it() -> None:
+    done, lasted_s, by = trained(is_attended=True, space_ns=3_000 * MS)
+    assert (pytest.approx(3.0, abs=0.02), "operator") == (lasted_s, by)
+    assert 2 == len(done.prompts)
+    assert "space" in done.prompts[0]
+    assert "" == done.prompts[1]
+    _, lasted_s, by = trained(is_attended=True, key_ns=2_000 * MS)
+    assert (pytest.approx(2.0, abs=0.02), "participant") == (lasted_s, by)
+
+
+def test_training_is_not_ended_before_its_shortest_time() -> None:
+    _, lasted_s, by = trained(is_attended=True, space_ns=300 * MS, key_ns=500 * MS)
+    assert (5.0, "time") == (lasted_s, by)
+
+
+def test_training_nobody_watches_ends_after_its_shortest_time() -> None:
+    done, lasted_s, by = trained()
+    assert (1.0, "time") == (lasted_s, by)
+    assert 1 == len(done.prompts)
+
+
+def test_training_with_one_time_for_shortest_and_longest_ends_by_itself() -> None:
+    training = plan_session(0, 1).trials[0]
+    done = perform(run_trial(training, replace(PARAMS, practice_limit_s=1.0)), is_attended=True)
+    assert 1000 * MS == done.row["t_end_ns"] - done.row["t_start_ns"]  # type: ignore[operator]
+    assert [] == done.prompts
+
+
+def test_agents_blink_to_the_end_of_a_long_training() -> None:
+    done, _, _ = trained(is_attended=True, space_ns=4_900 * MS)
+    since_ns = int(done.row["t_end_ns"]) - 3_000 * MS  # type: ignore[arg-type]
+    late = [p.eye_openness_01.min() for t, p in done.pictures if t >= since_ns]
+    assert min(late) < 0.5
+
+
 def test_interruption_ends_the_plan_without_another_frame() -> None:
     plan = run_trial(trial_of("AD"), PARAMS)
     next(plan)
