@@ -1,18 +1,21 @@
-"""Write what crosses a message wire to a `.wire` file, and play such a file back.
+"""Write what crosses a wire to a `.wire` file, and play such a file back; messages or bytes.
 
 The file is a sequence of msgpack values: a header map, then one list per record, appended and
-flushed as it happens; a torn tail is ignored when reading. Times are session nanoseconds.
+flushed as it happens; a torn tail is ignored when reading. Times are session nanoseconds. Of a
+byte link a received record is one chunk that came, a sent one what went out.
 """
 
+import bisect
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Generic, TypeVar
 
 import msgpack
 
+from devices.byte_links import ByteLink, Chunk
 from devices.transports import Exchange, Frames, Message, MessageTransport
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DataError, DeviceNotFound, DeviceTimeout
@@ -80,28 +83,20 @@ def read_wire_log(path: Path) -> WireLog:
     )
 
 
-def wire_header(transport: str, *, is_simulated: bool, note: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the first value of a `.wire` file."""
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        "transport": transport,
-        "is_simulated": is_simulated,
-        "note": dict(note),
-    }
+W = TypeVar("W", MessageTransport, ByteLink)
 
 
-class TeeTransport:
-    """Pass everything through to another transport and write it down with its times."""
+class _Tee(Generic[W]):
+    """A wire around another that also writes a file."""
 
     def __init__(
         self,
-        inner: MessageTransport,
+        inner: W,
         path: Path,
         clock: Clock,
         note: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
-        self._inner = inner
+        self._inner: W = inner
         self._path = path
         self._note = note
         self._clock = clock
@@ -124,10 +119,29 @@ class TeeTransport:
         if self._file is None:
             self._file = self._path.open("ab", buffering=0)
             if self._file.tell() == 0:
-                inner = self._inner
                 self._write(
-                    wire_header(inner.kind, is_simulated=inner.is_simulated, note=self._note)
+                    {
+                        "format": FORMAT,
+                        "version": VERSION,
+                        "transport": self._inner.kind,
+                        "is_simulated": self._inner.is_simulated,
+                        "note": dict(self._note),
+                    }
                 )
+
+    def end(self) -> None:
+        """Close the log; idempotent."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _write(self, *records: Any) -> None:
+        if records and self._file is not None:
+            self._file.write(b"".join(self._packer.pack(record) for record in records))
+
+
+class TeeTransport(_Tee[MessageTransport]):
+    """Pass everything through to another transport and write it down with its times."""
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
         """Pass on; an unanswered request is logged as sent."""
@@ -152,11 +166,7 @@ class TeeTransport:
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Pass on and log every message."""
         messages = self._inner.receive(timeout_s)
-        if messages and self._file is not None:
-            pack = self._packer.pack
-            self._file.write(
-                b"".join(pack((_MESSAGE, m.t_host_ns, m.t_sent_ns, m.frames)) for m in messages)
-            )
+        self._write(*((_MESSAGE, m.t_host_ns, m.t_sent_ns, m.frames) for m in messages))
         return messages
 
     def send(self, port: int, frames: Frames) -> None:
@@ -167,42 +177,85 @@ class TeeTransport:
     def close(self) -> None:
         """Close the wire and the log; idempotent."""
         self._inner.close()
-        if self._file is not None:
-            self._file.close()
-            self._file = None
-
-    def _write(self, record: Any) -> None:
-        if self._file is not None:
-            self._file.write(self._packer.pack(record))
+        self.end()
 
 
-class ReplayTransport:
-    """Play a `.wire` file through the driver that wrote it, moved to begin when opened.
+class TeeLink(_Tee[ByteLink]):
+    """Pass everything through to another link and write it down with its times.
 
-    Requests get the recorded answers of the same first frame in their order, the last one over
-    and over; one that was never answered times out. Messages keep their spacing.
+    The log stays open for the next connection until `end`.
     """
+
+    def write(self, data: bytes) -> int:
+        """Pass on and log."""
+        self._write((_SENT, self._clock.now_ns(), (data,)))
+        return self._inner.write(data)
+
+    def read(self, timeout_s: float) -> Sequence[Chunk]:
+        """Pass on and log every chunk."""
+        chunks = self._inner.read(timeout_s)
+        self._write(*((_MESSAGE, c.t_host_ns, None, (c.data,)) for c in chunks))
+        return chunks
+
+    def close(self) -> None:
+        """Close the link, not the log."""
+        self._inner.close()
+
+
+T = TypeVar("T")
+
+
+class _Replay:
+    """A `.wire` file that is played from its start whenever it is opened."""
 
     kind = "replay"
     is_simulated = True
+    begins_when_asked = False
+    """Whether what was sent counts for when the file begins."""
 
     def __init__(self, path: Path, clock: Clock) -> None:
         self._path = path
         self._clock = clock
         self._shift_ns = 0
-        self._messages: deque[Message] = deque()
-        self._answers: dict[bytes, deque[Exchange]] = {}
 
-    def open(self, deadline_s: float) -> None:
-        """Read the file."""
+    def _log(self) -> WireLog:
+        """Read the file; its times are to be moved so that it begins now."""
         try:
             log = read_wire_log(self._path)
         except OSError as cause:
             raise DeviceNotFound(
                 f"cannot read {self._path}: {cause.strerror}", remedy="check the path"
             ) from cause
-        starts = [e.t_send_ns for _, e in log.exchanges] + [m.t_host_ns for m in log.messages]
+        begun = log.messages + (log.sent[:1] if self.begins_when_asked else ())
+        starts = [e.t_send_ns for _, e in log.exchanges] + [m.t_host_ns for m in begun]
         self._shift_ns = self._clock.now_ns() - min(starts, default=0)
+        return log
+
+    def _awaited(self, due: Callable[[], list[T]], timeout_s: float) -> list[T]:
+        """Return what is due; wait for it at most so long."""
+        found = due()
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        while not found and (now_ns := self._clock.now_ns()) < deadline_ns:
+            self._clock.sleep_until_ns(min(now_ns + NS_PER_MS, deadline_ns))
+            found = due()
+        return found
+
+
+class ReplayTransport(_Replay):
+    """Play a `.wire` file through the driver that wrote it, moved to begin when opened.
+
+    Requests get the recorded answers of the same first frame in their order, the last one over
+    and over; one that was never answered times out. Messages keep their spacing.
+    """
+
+    def __init__(self, path: Path, clock: Clock) -> None:
+        super().__init__(path, clock)
+        self._messages: deque[Message] = deque()
+        self._answers: dict[bytes, deque[Exchange]] = {}
+
+    def open(self, deadline_s: float) -> None:
+        """Read the file."""
+        log = self._log()
         self._messages = deque(log.messages)
         self._answers = {}
         for request, exchange in log.exchanges:
@@ -232,14 +285,7 @@ class ReplayTransport:
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the messages whose moved time has come."""
-        messages = self._due()
-        if messages or timeout_s <= 0:
-            return messages
-        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
-        while not messages and (now_ns := self._clock.now_ns()) < deadline_ns:
-            self._clock.sleep_until_ns(min(now_ns + NS_PER_MS, deadline_ns))
-            messages = self._due()
-        return messages
+        return self._awaited(self._due, timeout_s)
 
     def send(self, port: int, frames: Frames) -> None:
         """Do nothing: nobody listens."""
@@ -256,4 +302,69 @@ class ReplayTransport:
             m = self._messages.popleft()
             sent_ns = None if m.t_sent_ns is None else m.t_sent_ns + shift_ns
             due.append(Message(m.t_host_ns + shift_ns, m.frames, sent_ns))
+        return due
+
+
+class ReplayLink(_Replay):
+    """Play a `.wire` file through the driver that wrote it, moved to begin when opened.
+
+    A chunk comes when its moved time has come and the driver has written as often as the
+    recorded one had by then; so answers meet their questions when the same calls are made. An
+    answer to a question that was asked later than in the recording comes later by as much.
+    """
+
+    begins_when_asked = True
+
+    def __init__(self, path: Path, clock: Clock) -> None:
+        super().__init__(path, clock)
+        self._written_ns: list[int] = []
+        self._last_ns = 0
+        self._chunks: deque[tuple[Chunk, int, int]] = deque()
+
+    def open(self, deadline_s: float) -> None:
+        """Read the file."""
+        log = self._log()
+        sent_ns = [message.t_host_ns for message in log.sent]
+        self._written_ns = []
+        self._last_ns = 0
+        self._chunks.clear()
+        for message in log.messages:
+            before = bisect.bisect_right(sent_ns, message.t_host_ns)
+            delay_ns = message.t_host_ns - sent_ns[before - 1] if before else 0
+            moved = Chunk(message.t_host_ns + self._shift_ns, message.frames[0])
+            self._chunks.append((moved, before, delay_ns))
+
+    @property
+    def is_finished(self) -> bool:
+        """Tell whether every chunk was delivered."""
+        return not self._chunks
+
+    def write(self, data: bytes) -> int:
+        """Count the bytes as written."""
+        now_ns = self._clock.now_ns()
+        self._written_ns.append(now_ns)
+        return now_ns
+
+    def read(self, timeout_s: float) -> Sequence[Chunk]:
+        """Return the chunks that are due."""
+        return self._awaited(self._due, timeout_s)
+
+    def close(self) -> None:
+        """Forget the file; idempotent."""
+        self._chunks.clear()
+
+    def _due(self) -> list[Chunk]:
+        due = []
+        now_ns = self._clock.now_ns()
+        while self._chunks:
+            chunk, before, delay_ns = self._chunks[0]
+            if before > len(self._written_ns):
+                break
+            asked_ns = self._written_ns[before - 1] if before else chunk.t_host_ns
+            arrival_ns = max(self._last_ns, chunk.t_host_ns, asked_ns + delay_ns)
+            if arrival_ns > now_ns:
+                break
+            self._chunks.popleft()
+            self._last_ns = arrival_ns
+            due.append(Chunk(arrival_ns, chunk.data))
         return due

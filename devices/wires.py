@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from devices.byte_links import ByteLink
-from devices.byte_wirelog import ReplayLink, TeeLink
 from devices.transports import MessageTransport
-from devices.wirelog import ReplayTransport, TeeTransport
+from devices.wirelog import ReplayLink, ReplayTransport, TeeLink, TeeTransport
 from lab.clock import Clock
 
 

@@ -7,11 +7,11 @@ import pytest
 
 from devices import conformance
 from devices.byte_links import MemoryLink
-from devices.byte_wirelog import ReplayLink, TeeLink
 from devices.drivers.armband.dialect import FramedDialect
 from devices.drivers.armband.driver import ArmbandDriver
 from devices.sim.armband.simulator import ArmbandSimulator
 from devices.testing.armband_machine import LockstepMachine, build
+from devices.wirelog import ReplayLink, TeeLink
 from lab.clock import NS_PER_S, SimClock, SystemClock
 from lab.errors import DeviceNotFound
 from tests.devices.band_makers import serial_armband, simulated_armband

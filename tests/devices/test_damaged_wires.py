@@ -9,9 +9,8 @@ import pytest
 from cli.wire_notes import device_of
 from devices.building import build_device
 from devices.byte_links import Chunk
-from devices.byte_wirelog import ReplayLink
 from devices.registry import built_in
-from devices.wirelog import ReplayTransport, read_wire_log
+from devices.wirelog import ReplayLink, ReplayTransport, read_wire_log
 from devices.wires import ReplayedWires
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import DeviceError

@@ -8,11 +8,11 @@ import pytest
 
 from devices import conformance
 from devices.building import build_device
-from devices.byte_wirelog import ReplayLink, TeeLink
 from devices.contracts import BAND_EVENTS, NO_DEVICE_TIME, DeviceState, VibrationPattern
 from devices.drivers.bands.driver import HOST_SIDE_ONLY
 from devices.drivers.bands.open_bands import silence_every_open_band
 from devices.registry import OPTION_MODELS, built_in
+from devices.wirelog import ReplayLink, TeeLink
 from lab.clock import NS_PER_MS, SimClock, SystemClock
 from lab.config import DeviceConfig
 from lab.errors import (
