@@ -25,10 +25,10 @@ from pathlib import Path
 import numpy as np
 
 from cli.main import main as visavis
-from cli.study_check import repair_study, study_problems
 from lab.clock import StopWatch
 from lab.errors import LabError
 from recording.sealed import copy_path
+from visavis.sessions.study_check import repair_study, study_problems
 
 STUDY = "waving"
 SHORT = ("clerks=1", "increment=0.1", "before_s=0.3", "wave_s=0.6", "after_s=0.1", "blocks=1")

@@ -20,10 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cli.perform import device_seed
 from devices.drivers.pupil.driver import PupilCore
+from devices.shared_body import SharedBody
 from devices.sim.body.headset import SimulatedHeadset
-from devices.sim.body.shared import SharedBody
 from devices.sim.pupil.capture import PupilCoreSimulator
 from devices.sim.zmq_host import ZmqHost
 from devices.transports import MemoryTransport, MessageTransport, ZmqTransport
@@ -37,6 +36,7 @@ from protocol.session_setup import SessionSetup
 from recording.writer import REAL_TIME_BATCH_NS, Recorder
 from stage.contracts import GeometryStage
 from visavis.catalogue import find_study
+from visavis.sessions.perform import device_seed
 
 SEED = 1
 DISPLAY_HZ = 90

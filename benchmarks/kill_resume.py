@@ -3,7 +3,7 @@
 python -m benchmarks.kill_resume --kills 200 [--json] [--seed 1] [--output DIR]
 
 Every life of a session is a forked process that performs a short stare session on the virtual
-clock through `cli.perform`; SIGKILL comes at an instant drawn uniformly over what is expected to
+clock through `visavis.sessions.perform`; SIGKILL comes at an instant drawn over what is expected to
 be left of the session, start-up and close included. After every kill each trial that the process
 had acknowledged must be in the recording; a finished session must lack no planned trial, and its
 trial table, measures included, must equal that of an uninterrupted session. SIGKILL tests the
@@ -27,7 +27,6 @@ import numpy as np
 import pandas as pd
 
 from analysis.session_check import check_session
-from cli.perform import Request, perform_new, perform_rest, simulated_request
 from experiments.stare.study import study
 from lab.clock import NS_PER_S, StopWatch, SystemClock
 from lab.config import DeviceConfig, LabConfig, load_config
@@ -41,6 +40,7 @@ from recording.folder import session_dir
 from recording.reader import Recording
 from visavis.catalogue import find_study
 from visavis.experiment import StudyExperiment
+from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
 
 BLOCKS_KEPT = 3
 TRIALS_KEPT = 8

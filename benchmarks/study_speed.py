@@ -20,12 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from cli.app import load_lab
-from cli.simulation import SimulationTask, in_parallel, measure_one, simulate_one
 from lab.clock import StopWatch, cpu_time_s
 from lab.config_files import EXAMPLE
 from recording.manifest import read_manifest
 from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.sessions.simulation import SimulationTask, in_parallel, measure_one, simulate_one
 
 STUDY = "stare"
 SEED = 1

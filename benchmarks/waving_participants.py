@@ -138,10 +138,10 @@ def _coverage(clerk: str, place: str, technique: str, off_m: float) -> float:
 
 def session_row() -> dict[str, object]:
     """Return the processor time of one whole simulated session, waves being there already."""
-    from cli.perform import perform_new, simulated_request
     from devices.registry import OPTION_MODELS
     from lab.config import load_config
     from visavis.catalogue import find_study
+    from visavis.sessions.perform import perform_new, simulated_request
 
     study = find_study("waving")
     config = load_config(EXAMPLE, OPTION_MODELS)

@@ -12,12 +12,12 @@ from analysis.session_check import check_session
 from analysis.session_verdict import Level, SessionCheck
 from cli.app import ConfigOption, JsonOption, OfParticipant, SessionArgument, app, console, verbatim
 from cli.studies import folder_of, session_of
-from cli.study_check import is_study, repair_study, study_problems
-from cli.study_folder import session_folders
 from lab.errors import UsageError
 from recording.reader import Recording
 from recording.recovery import recover as recover_session
 from recording.sealed import copy_path
+from visavis.sessions.study_check import is_study, repair_study, study_problems
+from visavis.sessions.study_folder import session_folders
 
 EXIT_RED = 5
 STYLE = {Level.GREEN: "green", Level.AMBER: "yellow", Level.RED: "bold red"}

@@ -11,14 +11,14 @@ from rich.table import Table
 from analysis.report.notation import counted
 from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, load_lab, verbatim
 from cli.studies import folder_of, session_of
-from cli.study_check import is_study
-from cli.study_folder import sessions_of
 from lab.clock import SystemClock
 from lab.config_files import CONFIG_NAME, EXAMPLE
 from lab.errors import DataError, UsageError
 from protocol.exports_register import register_export
 from recording.durable import protect_files
 from recording.reader import Recording
+from visavis.sessions.study_check import is_study
+from visavis.sessions.study_folder import sessions_of
 
 import_app = typer.Typer(help="Read data recorded by other programs.")
 app.add_typer(import_app, name="import")
@@ -127,8 +127,8 @@ def export(
 
     Example: visavis export data/simulated/stare/sub-S07H/ses-001 --format bids -o out/bids
     """
-    from cli.damage import require_intact
     from cli.sharing import RISK, shared_recording
+    from visavis.sessions.damage import require_intact
 
     sessions = _exported(session_path, config, participant)
     require_intact(sessions, accept=accept_damage)

@@ -9,8 +9,8 @@ from devices.building import build_device
 from devices.contracts import Armband, Body, Device, DeviceInfo, Fault, Headset, Health
 from devices.haptic_safety import HapticGuard
 from devices.pump import Pump
+from devices.shared_body import SharedBody
 from devices.sim.body.idle import IdleBody
-from devices.sim.body.shared import SharedBody
 from devices.stream_figures import ClockFigures, StreamFigures, clock_figures, stream_figures
 from devices.wires import BARE, Wires
 from lab.clock import NS_PER_S, Clock

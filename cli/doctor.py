@@ -10,12 +10,12 @@ from cli.device_bench import Trial, capture
 from cli.doctor_findings import Finding, worst
 from cli.doctor_machine import COMPUTER, computer, libraries, licence_of
 from cli.doctor_wires import RUNTIME_NAMES, RUNTIMES, network, ports, runtimes
-from cli.rigs import ESSENTIAL_ROLES
 from devices.contracts import Device
 from devices.registry import driver_spec, driver_specs
 from lab.clock import Clock
 from lab.config import DeviceConfig, LabConfig
 from lab.config_files import CONFIG_NAME, EXAMPLE
+from visavis.sessions.rig import ESSENTIAL_ROLES
 
 DEVICES = "devices"
 SELF_TEST_S = 10.0

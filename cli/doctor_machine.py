@@ -10,12 +10,12 @@ from statistics import median
 
 from cli.device_states import is_installed
 from cli.doctor_findings import Finding
-from cli.rigs import NO_PICTURE_REMEDY, shows_nothing
 from devices.libraries import LSL, Library
 from devices.registry import driver_spec, driver_specs
 from lab.clock import NS_PER_MS, Clock
 from lab.config import LabConfig
 from recording.provenance import provenance
+from visavis.sessions.rig import NO_PICTURE_REMEDY, shows_nothing
 
 COMPUTER, LIBRARIES = "computer", "libraries"
 GB = 1e9

@@ -12,10 +12,10 @@ from rich.text import Text
 
 from cli.app import verbatim
 from cli.keyboard import KeyReader
-from cli.rigs import ESSENTIAL_ROLES
 from devices.contracts import Health
 from lab.clock import NS_PER_S
 from protocol.operator import KEYS, Action, Command, SessionStatus
+from visavis.sessions.rig import ESSENTIAL_ROLES
 
 STATUS_PERIOD_NS = NS_PER_S // 4
 KEY_LINE = (

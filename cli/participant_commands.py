@@ -7,17 +7,17 @@ import typer
 from rich.table import Table
 
 from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, load_lab, verbatim
-from cli.data_root import prepare_data_root
-from cli.rigs import is_simulated
 from cli.session_commands import SetOption, groups_hold, ledger_of
 from cli.studies import study_of_lab
-from cli.study_folder import settle, wanted_settings
 from lab.errors import UsageError
 from protocol.exports_register import registered_exports
 from protocol.key_file import KeyFile
 from protocol.ledger import Ledger
 from recording.folder import study_dir
 from recording.lock import is_held
+from visavis.sessions.data_root import prepare_data_root
+from visavis.sessions.rig import is_simulated
+from visavis.sessions.study_folder import settle, wanted_settings
 
 participant_app = typer.Typer(help="Issue, list and withdraw participant identifiers.")
 app.add_typer(participant_app, name="participant")

@@ -47,16 +47,16 @@ from cli.app import (
     verbatim,
 )
 from cli.quick_tracker import tracker_of
-from cli.replicate_runners import on_scheduler, on_this_machine
-from cli.simulation import worker_count
 from cli.study_commands import ProcessesOption
-from cli.study_folder import DEFAULT_SEED
 from lab.clock import StopWatch
 from lab.errors import UsageError
 from recording.csv_file import write_csv
 from visavis.catalogue import find_study, reference_of
 from visavis.opened import OpenedStudy
 from visavis.power import KitPower
+from visavis.sessions.runners import on_scheduler, on_this_machine
+from visavis.sessions.simulation import worker_count
+from visavis.sessions.study_folder import DEFAULT_SEED
 
 TESTS_PER_TABLE = 5
 POOL_PEOPLE = 240

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
-from cli.perform import perform_new, simulated_request
 from lab.clock import NS_PER_S
 from lab.config import LabConfig
 from lab.errors import UsageError
@@ -22,6 +21,7 @@ from protocol.plan import SessionPlan, Trial
 from stage.contracts import GeometryStage, Stage, Viewer
 from stimuli.scene import SceneFrame
 from visavis.catalogue import AnyStudy
+from visavis.sessions.perform import perform_new, simulated_request
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 import numpy as np
 import numpy.typing as npt
 
-from cli.perform import device_seed
 from devices.sim.gaze.tracker_error import (
     N_SLOW,
     N_WHITE,
@@ -14,6 +13,7 @@ from devices.sim.gaze.tracker_error import (
 )
 from lab.clock import NS_PER_MS
 from lab.geometry import Vector, unit
+from visavis.sessions.perform import device_seed
 
 RATE_HZ = 120.0
 TRIAL_SAMPLES = 2304

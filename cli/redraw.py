@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cli.studies import study_of_folder
 from lab.clock import SimClock
 from lab.errors import DataError, UsageError
 from protocol.shown import Shown, of_part, shown_in
@@ -18,6 +17,7 @@ from stage.frame_truth import read_views
 from stage.renderer import Image, Renderer
 from stimuli.dressing.picture_of import picture_of
 from stimuli.scene import SceneFrame
+from visavis.sessions.study_folder import study_of_folder
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,10 @@ from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, 
 from cli.checking_commands import require_session
 from cli.preview_commands import picture_size
 from cli.preview_pictures import Viewpoint
-from cli.studies import session_of, study_of_folder
+from cli.studies import session_of
 from recording.reader import Recording
 from visavis.catalogue import FilmedStudy
+from visavis.sessions.study_folder import study_of_folder
 
 
 @app.command()

@@ -26,21 +26,10 @@ from cli.app import (
 )
 from cli.checking_commands import print_check
 from cli.checking_commands import require_session as require_session
-from cli.data_root import prepare_data_root
+from cli.lab_companion import LabCompanion
 from cli.operator_screen import TerminalOperator
-from cli.perform import Request, perform_new, perform_rest
 from cli.questions import TerminalRespondent
-from cli.rigs import is_simulated, require_picture
-from cli.studies import study_of_folder, study_of_lab
-from cli.study_folder import (
-    DEFAULT_SEED,
-    StudySettings,
-    may_become,
-    read_settings,
-    refuse_other,
-    settle,
-    wanted_settings,
-)
+from cli.studies import study_of_lab
 from lab.clock import SimClock, SystemClock
 from lab.config import LabConfig
 from lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
@@ -50,6 +39,19 @@ from protocol.plan import SessionPlan
 from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir, study_dir
 from recording.reader import Recording
 from visavis.catalogue import AnyStudy
+from visavis.sessions.data_root import prepare_data_root
+from visavis.sessions.perform import Request, perform_new, perform_rest
+from visavis.sessions.rig import is_simulated, require_picture
+from visavis.sessions.study_folder import (
+    DEFAULT_SEED,
+    StudySettings,
+    may_become,
+    read_settings,
+    refuse_other,
+    settle,
+    study_of_folder,
+    wanted_settings,
+)
 
 SIMULATED_PREFIX = "S"
 ENDING_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
@@ -346,6 +348,7 @@ def _perform(
             effect=settings.effect,
             blind=blind,
             consent_version=entry.consent_version,
+            companion=LabCompanion(),
         )
         path = resume_from or session_dir(
             lab.data_root, study.name, entry.label, session, is_simulated=simulated

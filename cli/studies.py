@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from cli.study_check import is_study
-from cli.study_folder import read_settings, sessions_of
 from lab.config import LabConfig
 from lab.errors import UsageError
 from recording.folder import study_dir
 from recording.manifest import read_manifest
-from visavis.catalogue import AnyStudy, digest_of, find_study
+from visavis.catalogue import AnyStudy, find_study
+from visavis.sessions.study_check import is_study
+from visavis.sessions.study_folder import sessions_of
 
 
 def study_of_lab(wanted: str, lab: LabConfig) -> AnyStudy:
@@ -18,30 +18,6 @@ def study_of_lab(wanted: str, lab: LabConfig) -> AnyStudy:
         UsageError: there is none, with the nearest name.
     """
     return find_study(wanted, lab.studies)
-
-
-def study_of_folder(folder: Path, name: str) -> tuple[AnyStudy, str]:
-    """Return the study whose data a folder holds, and a warning where its file has changed.
-
-    Raises:
-        UsageError: its file is not where it was, with what to do.
-    """
-    settings = read_settings(folder)
-    source = "" if settings is None else settings.source
-    if not source:
-        return find_study(name), ""
-    path = Path(source)
-    if not path.is_file():
-        raise UsageError(
-            f"{folder} was made with the study file {source}, which is no longer there; put it "
-            "back, or name it: visavis analyse PATH/OF/STUDY.py"
-        )
-    changed = settings is not None and digest_of(path) != settings.source_sha256
-    warning = (
-        f"{source} has changed since {folder} was begun: what is read from the recordings may not "
-        "be what was planned"
-    )
-    return find_study(source), warning if changed else ""
 
 
 def folder_of(wanted: Path, config: Path | None) -> Path:

@@ -9,9 +9,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from cli.main import app
-from cli.study_check import study_problems
 from lab.errors import DataError
 from recording.reader import Recording
+from visavis.sessions.study_check import study_problems
 
 SHORT = ["trial_s=1", "intertrial_s=0.5", "practice_s=1", "repetitions=1"]
 

@@ -17,12 +17,12 @@ from cli.doctor_findings import Finding
 from cli.doctor_machine import computer, libraries, licence_of
 from cli.doctor_wires import network, openvr_runtime, openxr_runtime, ports, runtimes
 from cli.main import app
-from cli.perform import perform_new
 from lab.clock import SimClock, SystemClock
 from lab.config import DeviceConfig, LabConfig
 from lab.errors import SessionAborted
 from protocol.operator import Command, UnattendedOperator
 from tests.faults.sessions import CONFIG, lab, request
+from visavis.sessions.perform import perform_new
 
 Usage = namedtuple("Usage", "total used free")
 

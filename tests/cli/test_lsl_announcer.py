@@ -10,7 +10,6 @@ import pytest
 
 import cli.lsl_announcer
 from cli.lsl_announcer import AnnouncingRecorder, scope_of
-from cli.perform import perform_new
 from devices.drivers.lsl.outlet import LslScope
 from lab.clock import SystemClock
 from lab.config import Sync
@@ -20,6 +19,7 @@ from protocol.rig import _of_band
 from tests.devices.band_makers import simulated_armband
 from tests.devices.test_lsl_outlet import FakeLsl
 from tests.faults.sessions import lab, request
+from visavis.sessions.perform import perform_new
 
 FRAMES = 12
 

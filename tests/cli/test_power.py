@@ -9,16 +9,16 @@ import pytest
 from typer.testing import CliRunner
 
 from analysis.power import Found, PowerRequest, Replicate, jobs_of, run_job, study_seed, summarise
-from cli import replicate_runners
 from cli.main import app
 from cli.power_commands import power_study, read_effect, read_numbers, read_tests
-from cli.replicate_runners import on_scheduler, on_this_machine
 from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS, LEVELS, condition_means
 from experiments.stare.power import StarePower, draw_people, scaled_population
 from lab.errors import DataError, UsageError
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
 from visavis.observer.temperament import DEFAULT_POPULATION
 from visavis.pairs import compare_pairs
+from visavis.sessions import runners as replicate_runners
+from visavis.sessions.runners import on_scheduler, on_this_machine
 
 DWELL = "A-D:dwell_ms"
 

@@ -11,15 +11,15 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-import cli.simulation
+import visavis.sessions.simulation
 from cli.main import app
-from cli.perform import Request
 from cli.study_commands import read_parameters
-from cli.study_folder import StudySettings, settle
 from lab.config_files import EXAMPLE
 from lab.errors import ConfigError, DataError, SessionAborted, UsageError
 from recording.reader import Recording
 from recording.sealed import seal, unseal
+from visavis.sessions.perform import Request
+from visavis.sessions.study_folder import StudySettings, settle
 
 SHORT = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
 SHORT += ["--set", "repetitions=1"]
@@ -157,7 +157,7 @@ def test_an_unknown_study_is_answered_with_the_nearest() -> None:
 def test_the_same_command_finishes_a_study_that_was_broken_off(
     study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    own = cli.simulation.simulated_request
+    own = visavis.sessions.simulation.simulated_request
 
     def interrupt(_: str, done: int, __: int) -> None:
         if done == 5:
@@ -167,7 +167,7 @@ def test_the_same_command_finishes_a_study_that_was_broken_off(
         return replace(own(*args, **settings), on_trial=interrupt)
 
     with monkeypatch.context() as patched:
-        patched.setattr(cli.simulation, "simulated_request", broken_off)
+        patched.setattr(visavis.sessions.simulation, "simulated_request", broken_off)
         with pytest.raises(SessionAborted, match="Give the same command again"):
             simulate(tmp_path)
     folder = simulate(tmp_path)

@@ -7,12 +7,12 @@ import pytest
 from typer.testing import CliRunner
 
 from cli.main import app
-from cli.study_check import repair_study, study_problems
-from cli.study_folder import StudySettings, read_settings, settle
 from lab.clock import SimClock
 from lab.errors import DataError
 from protocol.ledger import Ledger
 from tests.recording.sessions import record_session
+from visavis.sessions.study_check import repair_study, study_problems
+from visavis.sessions.study_folder import StudySettings, read_settings, settle
 
 
 @pytest.fixture

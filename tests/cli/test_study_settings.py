@@ -8,9 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 from cli.main import app
-from cli.study_folder import read_settings
 from lab.errors import UsageError
 from tests.faults.sessions import CONFIG
+from visavis.sessions.study_folder import read_settings
 
 
 @pytest.fixture

@@ -24,8 +24,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from cli.study_folder import DERIVED, sessions_of
 from recording.reader import Recording
+from visavis.sessions.study_folder import DERIVED, sessions_of
 
 Fingerprint = Mapping[str, Any]
 

@@ -9,7 +9,6 @@ import pandas as pd
 
 from analysis.session_check import check_session
 from analysis.session_verdict import SessionCheck
-from cli.perform import Request, perform_new, perform_rest, simulated_request
 from experiments.stare.study import study
 from lab.config import DeviceConfig, LabConfig, load_config
 from lab.config_files import EXAMPLE
@@ -21,6 +20,7 @@ from recording.folder import session_dir
 from recording.reader import Recording
 from visavis.catalogue import find_study
 from visavis.experiment import StudyExperiment
+from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
 
 CONFIG = EXAMPLE
 REPOSITORY = Path(__file__).resolve().parents[2]

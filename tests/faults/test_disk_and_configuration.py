@@ -9,8 +9,6 @@ from pathlib import Path
 import pytest
 
 from cli.app import load_lab
-from cli.perform import perform_new
-from cli.rigs import build_rig, devices_for
 from lab.clock import SimClock
 from lab.errors import ConfigError, RecordingError, UsageError
 from recording import durable
@@ -27,6 +25,8 @@ from tests.faults.sessions import (
     resume,
 )
 from visavis.catalogue import find_study
+from visavis.sessions.perform import perform_new
+from visavis.sessions.rig import build_rig, devices_for
 
 
 def visavis(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:

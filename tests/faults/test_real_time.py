@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from cli.perform import perform_new
 from experiments.stare.study import study
 from lab.clock import NS_PER_S, SystemClock
 from protocol.gaze_setup import TargetTiming
@@ -17,6 +16,7 @@ from recording.reader import Recording
 from tests.faults.sessions import CONFIG, REPOSITORY, events, findings, lab, request
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
+from visavis.sessions.perform import perform_new
 
 
 class Lenient(OpenedStudy):

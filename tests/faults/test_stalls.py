@@ -3,13 +3,13 @@ from pathlib import Path
 
 import pytest
 
-from cli.perform import perform_new
 from lab.clock import NS_PER_S, Clock
 from protocol.operator import Command
 from protocol.stall_watch import StallWatch
 from protocol.states import SessionState
 from recording.reader import Recording
 from tests.faults.sessions import ScriptedOperator, events, lab, request, trial_table
+from visavis.sessions.perform import perform_new
 
 
 class StalledComputer(ScriptedOperator):

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cli.perform import perform_new
 from experiments.stare.study import study
 from lab.config import LabConfig
 from lab.frame import FrameInfo
@@ -18,6 +17,7 @@ from stage.renderer import Image
 from stimuli.scene import SceneFrame
 from tests.faults.sessions import request
 from visavis.experiment import StudyExperiment
+from visavis.sessions.perform import perform_new
 
 PARAMETERS = {"trial_s": 6.0, "practice_s": 2.0, "intertrial_s": 0.5, "repetitions": 1}
 

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import cli.perform
-from cli.perform import perform_new, simulated_request
+import visavis.sessions.perform
 from cli.redraw import redraw
 from devices.registry import OPTION_MODELS
 from lab.config import load_config
@@ -19,6 +18,7 @@ from stimuli.dressing.picture_of import picture_of
 from tests.faults.sessions import CONFIG
 from tests.stage.sessions import NowAndThen
 from visavis.catalogue import find_study
+from visavis.sessions.perform import perform_new, simulated_request
 
 CROWD = {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0}
 WAVING = {
@@ -50,7 +50,7 @@ def test_every_drawn_frame_of_a_study_redraws_as_it_was(
         made.append(stage)
         return stage
 
-    monkeypatch.setattr(cli.perform, "build_stage", build)
+    monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
     chosen = find_study(study)
     config = load_config(CONFIG, OPTION_MODELS).model_copy(update={"data_root": tmp_path})
     request = simulated_request(

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-import cli.stages
 import devices.sim.openvr.runtime
 import devices.sim.openxr.runtime
 import stage.drawn_stage
+import visavis.sessions.stages
 from devices.sim.native_build import find_compiler
 from devices.sim.openvr.runtime import SimulatedVrRuntime
 from devices.sim.openxr.runtime import SimulatedXrRuntime
@@ -89,7 +89,7 @@ def thin_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     except StageError as problem:
         pytest.skip(str(problem))
     monkeypatch.setattr(stage.drawn_stage, "DrawnStage", _NowAndThen)
-    monkeypatch.setattr(cli.stages, "OFFSCREEN_PX", (48, 54))
+    monkeypatch.setattr(visavis.sessions.stages, "OFFSCREEN_PX", (48, 54))
 
 
 def _shown() -> tuple[_NowAndThen, list[npt.NDArray[np.uint8]]]:

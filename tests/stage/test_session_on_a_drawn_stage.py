@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import cli.perform
+import visavis.sessions.perform
 from cli.redraw import recorded_frame, redraw
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DesignError, DeviceError, SessionAborted, UsageError
@@ -45,7 +45,7 @@ def test_recorded_frames_redraw_as_they_were(
         made.append(stage)
         return stage
 
-    monkeypatch.setattr(cli.perform, "build_stage", build)
+    monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
     recording = perform_shortest(lab(tmp_path))
     assert recording.status == "complete"
     (stage,) = made
@@ -98,7 +98,7 @@ def test_failing_display_interrupts_the_trial_and_nothing_is_lost(
     def build(*arguments: object) -> _Failing:
         return _Failing(arguments[-1], by_raising=by_raising)
 
-    monkeypatch.setattr(cli.perform, "build_stage", build)
+    monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
     recording = perform(lab(tmp_path))
     assert recording.status == "complete"
     done = recording.trials()
@@ -153,7 +153,7 @@ def test_session_ended_within_a_frame_keeps_every_frame_before_it(
         made.append(_Stopped(arguments[-1], problem))
         return made[0]
 
-    monkeypatch.setattr(cli.perform, "build_stage", build)
+    monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
     with pytest.raises(ends_as):
         perform(lab(tmp_path))
     recording = Recording(path_of(lab(tmp_path)))

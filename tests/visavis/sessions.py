@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from cli.perform import perform_new, simulated_request
 from recording.reader import Recording
 from tests.faults.sessions import lab
 from visavis.catalogue import find_study
 from visavis.opened import OpenedStudy
+from visavis.sessions.perform import perform_new, simulated_request
 
 STUDIES = Path(__file__).parent / "studies"
 

@@ -17,7 +17,6 @@ import pandas as pd
 import pytest
 
 from benchmarks.simulated_tracker import tracker_of
-from cli.perform import Request, perform_new, perform_rest, simulated_request
 from cli.preview_pictures import Viewpoint, camera_of
 from lab.config import LabConfig, load_config
 from lab.geometry import Pose
@@ -34,6 +33,7 @@ from visavis.catalogue import SHIPPED, AnyStudy, find_study
 from visavis.exclusions import COUNTED
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_rows
+from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
 from visavis.testing import (
     first_view,
     performing_problems,

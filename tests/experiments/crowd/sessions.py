@@ -3,12 +3,12 @@
 from pathlib import Path
 from typing import Any
 
-from cli.perform import Request, perform_new, simulated_request
 from devices.registry import OPTION_MODELS
 from lab.config import LabConfig, load_config
 from lab.config_files import EXAMPLE
 from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.sessions.perform import Request, perform_new, simulated_request
 
 
 def session(folder: Path, **wanted: Any) -> Recording:

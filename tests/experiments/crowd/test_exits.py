@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import devices.sim.armband.simulator
-from cli.perform import perform_new
 from devices.sim.armband.simulator import ArmbandSimulator
 from experiments.crowd.haptics import BAND_ROLES
 from lab.errors import SessionAborted
@@ -17,6 +16,7 @@ from protocol.states import SessionState
 from recording.reader import Recording
 from tests.experiments.crowd.sessions import request
 from tests.faults.sessions import ScriptedOperator
+from visavis.sessions.perform import perform_new
 
 HAPTIC_WALK = (SessionState.TRIAL, 3)
 IN_THE_MIDST = 700

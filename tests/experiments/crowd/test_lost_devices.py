@@ -6,7 +6,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from cli.perform import perform_new
 from experiments.crowd.intake import take_in
 from experiments.crowd.measures import MeasureParameters
 from experiments.crowd.pulses import pulse_rows
@@ -15,6 +14,7 @@ from protocol.states import SessionState
 from recording.reader import Recording
 from tests.experiments.crowd.sessions import request, session
 from tests.faults.sessions import ScriptedOperator
+from visavis.sessions.perform import perform_new
 
 ROLE = "armband_right_forearm"
 NOT_HAPTIC_S, HAPTIC_S = 18.0, 36.0

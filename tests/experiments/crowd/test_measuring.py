@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cli.replicate_runners import on_scheduler, on_this_machine
 from experiments.crowd.intake import SessionIntake, take_in
 from experiments.crowd.measures import MeasuredWalk, MeasureParameters, measure_parameters
 from experiments.crowd.measuring import (
@@ -23,6 +22,7 @@ from experiments.crowd.measuring import (
 from lab.errors import ConfigError, DataError, UsageError
 from recording.reader import Recording
 from tests.experiments.crowd.sessions import session
+from visavis.sessions.runners import on_scheduler, on_this_machine
 
 QUICK = MeasureParameters(surface="capsules")
 LIMIT_S = 4.0

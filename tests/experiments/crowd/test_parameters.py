@@ -2,11 +2,11 @@
 
 import pytest
 
-from cli.study_folder import read_parameters
 from experiments.crowd.design import CrowdParameters
 from experiments.crowd.patterns import PATTERNS
 from lab.errors import ConfigError, DesignError, UsageError
 from visavis.catalogue import find_study
+from visavis.sessions.study_folder import read_parameters
 
 UNUSABLE = (
     "haptic_update_hz=.nan",

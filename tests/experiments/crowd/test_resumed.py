@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cli.perform import perform_new, perform_rest
 from experiments.crowd.haptics import BAND_ROLES
 from lab.clock import NS_PER_S
 from lab.errors import SessionAborted
 from recording.reader import Recording
 from tests.experiments.crowd.sessions import request
+from visavis.sessions.perform import perform_new, perform_rest
 
 PARAMETERS = {"configurations": 2, "limit_s": 15.0}
 DONE_BEFORE = 4

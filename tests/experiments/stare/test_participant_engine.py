@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from benchmarks.simulated_tracker import tracker_of
-from cli.simulation import SimulationTask, measure_one, simulate_one
 from experiments.stare.design import StareParameters
 from experiments.stare.quick_study import run_study
 from lab.config import load_config
 from lab.config_files import EXAMPLE
+from visavis.sessions.simulation import SimulationTask, measure_one, simulate_one
 
 SHORT = {"repetitions": 1, "trial_s": 6.0}
 SEED, INDEX = 7, 2

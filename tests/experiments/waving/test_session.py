@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cli.perform import perform_new, simulated_request
 from devices.registry import OPTION_MODELS
 from experiments.waving.analysis import effects_of
 from experiments.waving.design import WavingParameters
@@ -14,6 +13,7 @@ from lab.config import load_config
 from lab.config_files import EXAMPLE
 from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.sessions.perform import perform_new, simulated_request
 
 PILOT = {
     "clerks": 1,

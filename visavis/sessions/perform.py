@@ -1,16 +1,14 @@
 """Perform a session, new or resumed, and leave a closed recording behind."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Protocol
 
-from cli.doctor import save_with_session
-from cli.rigs import build_rig, check_room, devices_for, is_simulated
-from cli.stages import build_stage
-from devices.contracts import Armband, DeviceInfo
+from devices.contracts import Armband, Device, DeviceInfo
 from devices.haptic_safety import HapticGuard
-from devices.sim.body.shared import SharedBody
+from devices.shared_body import SharedBody
 from lab.clock import Clock, SimClock
 from lab.config import LabConfig
 from lab.errors import ConfigError, RecordingError, SessionAborted
@@ -31,6 +29,8 @@ from recording.reader import Recording
 from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseStatus, Recorder
 from stage.contracts import Stage, Viewer
 from visavis.catalogue import AnyStudy
+from visavis.sessions.rig import build_rig, check_room, devices_for, is_simulated
+from visavis.sessions.stages import build_stage
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,30 @@ class Request:
     timing: TargetTiming = field(default_factory=TargetTiming)
     lost_device_s: float = LOST_DEVICE_S
     stage_for: Callable[[Sequence[Viewer]], Stage] | None = None
+    companion: "Companion | None" = None
+
+
+class Companion(Protocol):
+    """What goes along with a session in real time: streams to other programs, a note of the lab.
+
+    A simulated study's files depend on its seed alone, so nothing goes along on a virtual clock.
+    """
+
+    def recorder(self, request: Request, part_dir: Path, *, is_simulated: bool) -> Recorder | None:
+        """Return a recorder that tells others what it records; None for the usual one."""
+        ...
+
+    def opened(
+        self,
+        request: Request,
+        part_dir: Path,
+        devices: Mapping[str, Device],
+        recorder: Recorder,
+        *,
+        is_simulated: bool,
+    ) -> None:
+        """Hear that the devices are open and their streams declared."""
+        ...
 
 
 def behaviour_seed(request: "Request") -> int:
@@ -178,34 +202,18 @@ def _perform_part(
 
 
 def _recorder(request: Request, folder: SessionFolder, part_dir: Path) -> Recorder:
-    """Return the part's recorder; one that streams to LSL too where the lab wants that."""
+    """Return the part's recorder; the companion's own where it has one."""
     clock, simulated = request.clock, folder.manifest.is_simulated
-    if request.config.sync.lsl and not clock.is_virtual:  # virtual time cannot be streamed
-        from cli.lsl_announcer import AnnouncingRecorder, scope_of, set_scope
-
-        set_scope(scope_of(request.config.sync, request.study.name))
-        return AnnouncingRecorder(part_dir, clock, is_simulated=simulated)
+    if request.companion is not None and not clock.is_virtual:
+        own = request.companion.recorder(request, part_dir, is_simulated=simulated)
+        if own is not None:
+            return own
     return Recorder(
         part_dir,
         clock,
         threaded=not clock.is_virtual,
         max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
         is_simulated=simulated,
-    )
-
-
-def _announce(request: Request, devices: _Devices, folder: SessionFolder, at: Recorder) -> None:
-    """Announce the open devices' streams where the recorder streams to LSL."""
-    if not request.config.sync.lsl or request.clock.is_virtual:
-        return
-    from cli.lsl_announcer import AnnouncingRecorder, scope_of
-
-    assert isinstance(at, AnnouncingRecorder)  # noqa: S101 - made above, for this
-    at.announce(
-        devices.rig.by_role(),
-        scope_of(request.config.sync, request.study.name),
-        source=f"{request.study.name}-{request.participant_label}-{request.session:03d}",
-        is_simulated=folder.manifest.is_simulated,
     )
 
 
@@ -262,12 +270,17 @@ def _describe(
     recorder: Recorder,
     infos: tuple[DeviceInfo, ...],
 ) -> None:
-    """Keep who the devices are, and in real time what the doctor says; announce their streams."""
+    """Keep who the devices are; in real time the companion hears that they are open."""
     folder.describe(devices=infos)
-    _announce(request, devices, folder, recorder)
-    if not request.clock.is_virtual:  # a simulated study's files depend on its seed alone
+    if request.companion is not None and not request.clock.is_virtual:
         part_dir = folder.path / folder.manifest.parts[-1].folder
-        save_with_session(part_dir, request.config, request.clock, devices.rig.by_role())
+        request.companion.opened(
+            request,
+            part_dir,
+            devices.rig.by_role(),
+            recorder,
+            is_simulated=folder.manifest.is_simulated,
+        )
 
 
 def _stage(request: Request, devices: _Devices) -> Stage:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from cli.app import console
 from lab.errors import DataError
 from recording.csv_file import write_csv
 from recording.integrity import DamageReport, damage_of
@@ -17,7 +16,7 @@ MAX_LINES = 40
 
 
 def require_intact(sessions: Sequence[Path], *, accept: bool) -> tuple[DamageReport, ...]:
-    """Verify every file of sessions and return what is damaged, printed where it is accepted.
+    """Verify every file of sessions and return what is damaged, where that is accepted.
 
     Raises:
         DataError: something is, and was not accepted; says per session what is missing.
@@ -27,17 +26,18 @@ def require_intact(sessions: Sequence[Path], *, accept: bool) -> tuple[DamageRep
     damaged = tuple(r for r in reports if r.is_damaged)
     if not damaged:
         return ()
-    said = describe(damaged)
-    count = f"{len(damaged)} of {len(sessions)} recordings {'is' if len(damaged) == 1 else 'are'}"
     if not accept:
         raise DataError(
-            f"{count} damaged:\n{said}\n"
+            f"{counted_damage(damaged, len(sessions))}:\n{describe(damaged)}\n"
             "restore the files from a copy; or add --accept-damage to go on with what is left: "
             "trials that lost samples are then missing, and marked as damaged"
         )
-    console.print(f"[yellow]{count} damaged; what cannot be read is missing[/]")
-    console.print(said, style="yellow", highlight=False, markup=False, soft_wrap=True)
     return damaged
+
+
+def counted_damage(damaged: Sequence[DamageReport], of: int) -> str:
+    """Say how many recordings are damaged."""
+    return f"{len(damaged)} of {of} recordings {'is' if len(damaged) == 1 else 'are'} damaged"
 
 
 def describe(damaged: Sequence[DamageReport]) -> str:

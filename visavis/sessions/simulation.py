@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cli.perform import perform_new, perform_rest, simulated_request
 from lab.config import LabConfig
 from recording.folder import session_dir
 from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.sessions.perform import perform_new, perform_rest, simulated_request
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any, TypeAlias, TypeVar
 
-from cli.simulation import in_parallel
 from lab.errors import UsageError
 from recording.provenance import provenance
+from visavis.sessions.simulation import in_parallel
 
 Job = TypeVar("Job")
 Done = TypeVar("Done")

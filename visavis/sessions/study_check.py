@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cli.study_folder import SETTINGS_NAME, read_settings, session_folders
 from lab.clock import SystemClock
 from lab.errors import LabError, RecordingError
 from protocol.exports_register import REGISTER_NAME, registered_exports
@@ -15,6 +14,7 @@ from recording.integrity import damage_of
 from recording.reader import Recording
 from recording.recovery import recover
 from recording.sealed import copy_path, copy_state, restore
+from visavis.sessions.study_folder import SETTINGS_NAME, read_settings, session_folders
 
 SIMULATED_PREFIX = "S"
 

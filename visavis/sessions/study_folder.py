@@ -12,7 +12,7 @@ from lab.errors import DataError, UsageError
 from recording.durable import make_folder
 from recording.manifest import read_manifest
 from recording.sealed import copy_path, read_sealed, write_sealed
-from visavis.catalogue import AnyStudy, digest_of, file_of
+from visavis.catalogue import AnyStudy, digest_of, file_of, find_study
 from visavis.texts import DEFAULT_LANGUAGE
 
 SETTINGS_NAME = "study.json"
@@ -242,3 +242,27 @@ def sessions_of(folder: Path) -> tuple[Path, ...]:
         hint = f"; did you mean {inner[0]}?" if inner else ""
         raise UsageError(f"{folder} holds no sessions (sub-…/ses-…){hint}")
     return found
+
+
+def study_of_folder(folder: Path, name: str) -> tuple[AnyStudy, str]:
+    """Return the study whose data a folder holds, and a warning where its file has changed.
+
+    Raises:
+        UsageError: its file is not where it was, with what to do.
+    """
+    settings = read_settings(folder)
+    source = "" if settings is None else settings.source
+    if not source:
+        return find_study(name), ""
+    path = Path(source)
+    if not path.is_file():
+        raise UsageError(
+            f"{folder} was made with the study file {source}, which is no longer there; put it "
+            "back, or name it: visavis analyse PATH/OF/STUDY.py"
+        )
+    changed = settings is not None and digest_of(path) != settings.source_sha256
+    warning = (
+        f"{source} has changed since {folder} was begun: what is read from the recordings may not "
+        "be what was planned"
+    )
+    return find_study(source), warning if changed else ""

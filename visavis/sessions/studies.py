@@ -1,0 +1,286 @@
+"""Simulate a whole study, and analyse one: what the commands of these names do, in silence.
+
+Whoever calls may listen (`telling`): the command line prints, a script hears warnings alone.
+"""
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from lab.clock import SimClock, StopWatch, SystemClock
+from lab.config import LabConfig
+from lab.errors import DataError, LedgerError, SessionAborted
+from protocol.exports_register import ANALYSIS, register_export
+from protocol.ledger import Ledger, Participant, UnknownParticipant
+from recording.durable import make_folder, protect
+from recording.folder import SIMULATED_ROOT
+from recording.manifest import read_manifest
+from recording.reader import Recording
+from visavis.catalogue import AnyStudy, PiecewiseStudy, reference_of
+from visavis.sessions.damage import counted_damage, describe, require_intact, write_damage
+from visavis.sessions.data_root import prepare_data_root
+from visavis.sessions.runners import on_scheduler, on_this_machine
+from visavis.sessions.simulation import SimulationTask, measure_one, simulate_one, worker_count
+from visavis.sessions.study_check import SIMULATED_PREFIX
+from visavis.sessions.study_folder import (
+    DERIVED,
+    MEASURED,
+    StudySettings,
+    made_files,
+    one_per_participant,
+    read_parameters,
+    read_settings,
+    sessions_of,
+    settle,
+    study_of_folder,
+)
+
+
+class Telling(Protocol):
+    """Whoever listens while a study is simulated or analysed."""
+
+    def say(self, text: str) -> None:
+        """Hear what was done."""
+        ...
+
+    def warn(self, text: str) -> None:
+        """Hear what the result leaves out or rests on."""
+        ...
+
+    def progress(self, what: str) -> AbstractContextManager[Callable[[int, int], None]]:
+        """Return what is told how much is done, of how much."""
+        ...
+
+
+class Quiet:
+    """Says nothing but warnings, as Python's."""
+
+    def say(self, text: str) -> None:
+        """Keep quiet."""
+
+    def warn(self, text: str) -> None:
+        """Warn."""
+        warnings.warn(text, stacklevel=3)
+
+    def progress(self, what: str) -> AbstractContextManager[Callable[[int, int], None]]:
+        """Keep quiet."""
+        return nullcontext(lambda done, of: None)
+
+
+QUIET: Final = Quiet()
+
+
+def simulate_study(
+    lab: LabConfig,
+    chosen: AnyStudy,
+    wanted: StudySettings,
+    participants: int,
+    data_root: Path,
+    *,
+    processes: int | None = None,
+    scheduler: str | None = None,
+    telling: Telling = QUIET,
+) -> Path:
+    """Simulate what is missing of a study; sessions already there are kept.
+
+    Raises:
+        UsageError: the folder was begun with other settings.
+    """
+    study, effect = reference_of(chosen), wanted.effect
+    data_root = data_root.resolve()
+    lab = lab.model_copy(update={"data_root": data_root})
+    folder = data_root / SIMULATED_ROOT / chosen.name
+    chosen.experiment(wanted.parameters)
+    prepare_data_root(lab)
+    settings = settle(folder, wanted, seed_given=True)
+    experiment = chosen.experiment(settings.parameters)
+    entries = [
+        _entry(folder, number, experiment.plan, settings.seed)
+        for number in range(1, participants + 1)
+    ]
+    sessions = [p.parent for p in folder.glob("sub-*/ses-001/manifest.json")]
+    present = {p.parent.name for p in sessions if Recording(p).status in ("complete", "running")}
+    tasks = [
+        SimulationTask(
+            study, lab, e.label, e.index, e.group, settings.seed, effect, settings.parameters
+        )
+        for e in entries
+        if f"sub-{e.label}" not in present
+    ]
+    if present:
+        telling.say(f"{len(present)} sessions are there already and are kept")
+    if len(sessions) > len(present):
+        telling.say(f"{len(sessions) - len(present)} broken off before: what is left is simulated")
+    watch = StopWatch()
+    with telling.progress("simulating") as told:
+        told(0, len(tasks))
+        try:
+            for done, _ in enumerate(_run(simulate_one, tasks, processes, scheduler), start=1):
+                told(done, len(tasks))
+        except (KeyboardInterrupt, SessionAborted) as stop:
+            raise SessionAborted(
+                f"interrupted; what is finished is kept in {folder}. Give the same command again: "
+                "it goes on from there"
+            ) from stop
+    if tasks:
+        telling.say(f"{len(tasks)} participants simulated in {watch.elapsed_s():.0f} s")
+    return folder
+
+
+def _entry(folder: Path, number: int, plan: Any, seed: int) -> Participant:
+    ledger = Ledger(folder, SimClock(), prefix=SIMULATED_PREFIX)
+    try:
+        return ledger.resolve(str(number))
+    except UnknownParticipant:
+        return ledger.add(number, index=number - 1, group=lambda index: plan(index, seed).group)
+
+
+def analyse_study(
+    folder: Path,
+    output: Path | None = None,
+    *,
+    mixture: bool = False,
+    processes: int | None = None,
+    scheduler: str | None = None,
+    measure: Sequence[str] = (),
+    accept_damage: bool = False,
+    telling: Telling = QUIET,
+) -> Path:
+    """Measure every session of a study and analyse them together; return the report's path.
+
+    Raises:
+        DataError: a recording is damaged and that was not accepted, or kinds or studies are mixed.
+    """
+    folder = folder.resolve()
+    sessions, left_out = one_per_participant(sessions_of(folder))
+    for path in left_out:
+        telling.warn(
+            f"left out: {path.parent.name}/{path.name}; of several sessions of one person the "
+            "first complete one is analysed"
+        )
+    manifests = [read_manifest(s) for s in sessions]
+    names = {m.study for m in manifests}
+    kinds = {m.is_simulated for m in manifests}
+    if len(names) > 1:
+        raise DataError(f"{folder} holds sessions of {', '.join(sorted(names))}; analyse one study")
+    if len(kinds) > 1 and not mixture:
+        raise DataError(
+            f"{folder} holds simulated and real sessions; take them apart, or add --allow-mixture "
+            "if you mean it (everything is then marked as simulated)"
+        )
+    study = names.pop()
+    watch = StopWatch()
+    damaged = require_intact(sessions, accept=accept_damage)
+    if damaged:
+        telling.warn(
+            f"{counted_damage(damaged, len(sessions))}; what cannot be read is missing\n"
+            f"{describe(damaged)}"
+        )
+    out_dir = output.resolve() if output is not None else folder / DERIVED
+    is_ours = output is None or not out_dir.exists()
+    make_folder(out_dir, exist_ok=True)
+    chosen, changed = study_of_folder(folder, study)
+    if changed:
+        telling.warn(changed)
+    settings = read_parameters(list(measure))
+    if isinstance(chosen, PiecewiseStudy):
+        ordered = _measured_piecewise(
+            chosen, sessions, folder, processes, scheduler, settings, telling
+        )
+    else:
+        ordered = _measured(reference_of(chosen), sessions, processes, scheduler, telling)
+    report_path = chosen.analyse(
+        ordered,
+        out_dir,
+        is_simulated=True in kinds,
+        commands=(
+            *_origin(folder),
+            " ".join(
+                [
+                    "visavis analyse",
+                    _from_root(folder),
+                    *(f"--set {m}" for m in measure),
+                    *(["--accept-damage"] if damaged else []),
+                ]
+            ),
+        ),
+        example=Recording(sessions[0]),
+        settings=settings,
+    )
+    write_damage(damaged, out_dir)
+    if is_ours:
+        protect(out_dir)
+    labels = sorted({m.participant for m in manifests})
+    made = made_files(out_dir) if is_ours else ()
+    try:
+        register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, made)
+    except LedgerError as error:  # an archive that only can be read
+        telling.warn(str(error))
+    telling.say(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
+    return report_path
+
+
+def _measured(
+    study: str,
+    sessions: Sequence[Path],
+    processes: int | None,
+    scheduler: str | None,
+    telling: Telling,
+) -> list[Any]:
+    """Measure session by session, here or on a scheduler."""
+    jobs = [(study, s) for s in sessions]
+    measured: dict[int, Any] = {}
+    with telling.progress("measuring") as told:
+        told(0, len(jobs))
+        for number, result in _run(measure_one, jobs, processes, scheduler):
+            measured[number] = result
+            told(len(measured), len(jobs))
+    return [measured[i] for i in range(len(sessions))]
+
+
+def _run(
+    work: Callable[[Any], Any], jobs: list[Any], processes: int | None, scheduler: str | None
+) -> Iterator[tuple[int, Any]]:
+    """Yield (job number, result) as jobs finish, on this machine's cores or a scheduler's."""
+    if scheduler is not None:
+        return on_scheduler(work, jobs, address=scheduler)
+    return on_this_machine(work, jobs, processes=worker_count(processes))
+
+
+def _measured_piecewise(
+    study: PiecewiseStudy,
+    sessions: Sequence[Path],
+    folder: Path,
+    processes: int | None,
+    scheduler: str | None,
+    settings: Mapping[str, Any],
+    telling: Telling,
+) -> list[Any]:
+    """Measure walk by walk, here or on a scheduler; walks measured before are kept."""
+    if scheduler is not None:
+        run = partial(on_scheduler, address=scheduler)
+    else:
+        run = partial(on_this_machine, processes=worker_count(processes))
+    with telling.progress("measuring") as told:
+        return study.measure_all(sessions, folder / DERIVED / MEASURED, run, told, settings)
+
+
+def _from_root(folder: Path) -> str:
+    """Name a study folder from its data root on: reports hold no path of the machine."""
+    return "/".join(folder.parts[-3:])
+
+
+def _origin(folder: Path) -> tuple[str, ...]:
+    settings = read_settings(folder)
+    if settings is None or not settings.is_simulated:
+        return ()
+    count = len(list(folder.glob("sub-*")))
+    options = [f"--participants {count}", f"--seed {settings.seed}"]
+    options += [f"--set {name}={value}" for name, value in settings.parameters.items()]
+    options += [] if settings.effect else ["--no-effect"]
+    root = folder.parent.parent.name
+    name = Path(settings.source).name if settings.source else settings.study
+    return (f"visavis simulate {name} {' '.join(options)} --output {root}",)
