@@ -1,101 +1,111 @@
 """What a study file or a script imports.
 
-A study file declares a `Study`; see docs/write-a-study.md. Names are imported when they are first
-used, so that a command starts without what it does not need.
+A study file declares a `Study` (docs/write-a-study.md); a script opens, simulates and analyses
+studies (docs/scripts.md). Names are imported when they are first used, so that a command starts
+without what it does not need.
 """
 
 import importlib
+import importlib.util
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from protocol.design import Factor
-    from protocol.orders import never_next_to, no_more_than
-    from visavis.compare import Compare, Published
-    from visavis.deriving import derive
-    from visavis.exclusions import STANDARD_RULES, Exclusion
-    from visavis.measures import (
-        Measure,
-        TrialRecord,
-        column,
-        dwell_on,
-        first_fixation_on,
-        fixations_on,
-    )
-    from visavis.person import Seen, unopinionated
-    from visavis.responses import Choice, Keys, Number, Pointing, Rating, SideBySide, Text
-    from visavis.scenes import Scene, Staging
-    from visavis.study import Source, Study
+    from analysis import collisions as collisions
+    from analysis import gaze as gaze
+    from analysis import statistics as statistics
+    from analysis.statistics_report import Question as Question
+    from analysis.statistics_report import answer as answer
+    from protocol.design import Factor as Factor
+    from protocol.orders import never_next_to as never_next_to
+    from protocol.orders import no_more_than as no_more_than
+    from visavis.compare import Compare as Compare
+    from visavis.compare import Published as Published
+    from visavis.deriving import derive as derive
+    from visavis.exclusions import STANDARD_RULES as STANDARD_RULES
+    from visavis.exclusions import Exclusion as Exclusion
+    from visavis.measures import Measure as Measure
+    from visavis.measures import TrialRecord as TrialRecord
+    from visavis.measures import column as column
+    from visavis.measures import dwell_on as dwell_on
+    from visavis.measures import first_fixation_on as first_fixation_on
+    from visavis.measures import fixations_on as fixations_on
+    from visavis.person import Seen as Seen
+    from visavis.person import unopinionated as unopinionated
+    from visavis.responses import Choice as Choice
+    from visavis.responses import Keys as Keys
+    from visavis.responses import Number as Number
+    from visavis.responses import Pointing as Pointing
+    from visavis.responses import Rating as Rating
+    from visavis.responses import SideBySide as SideBySide
+    from visavis.responses import Text as Text
+    from visavis.scenes import Scene as Scene
+    from visavis.scenes import Staging as Staging
+    from visavis.scripts import Session as Session
+    from visavis.scripts import StudyData as StudyData
+    from visavis.scripts import analyse as analyse
+    from visavis.scripts import open_study as open_study
+    from visavis.scripts import simulate as simulate
+    from visavis.scripts import tables as tables
+    from visavis.study import Source as Source
+    from visavis.study import Study as Study
 
-_HOMES = {
-    "Factor": "protocol.design",
-    "never_next_to": "protocol.orders",
-    "no_more_than": "protocol.orders",
-    "Compare": "visavis.compare",
-    "Published": "visavis.compare",
-    "derive": "visavis.deriving",
-    "STANDARD_RULES": "visavis.exclusions",
-    "Exclusion": "visavis.exclusions",
-    "Measure": "visavis.measures",
-    "TrialRecord": "visavis.measures",
-    "column": "visavis.measures",
-    "dwell_on": "visavis.measures",
-    "first_fixation_on": "visavis.measures",
-    "fixations_on": "visavis.measures",
-    "Seen": "visavis.person",
-    "unopinionated": "visavis.person",
-    "Choice": "visavis.responses",
-    "Keys": "visavis.responses",
-    "Number": "visavis.responses",
-    "Pointing": "visavis.responses",
-    "Rating": "visavis.responses",
-    "SideBySide": "visavis.responses",
-    "Text": "visavis.responses",
-    "Scene": "visavis.scenes",
-    "Staging": "visavis.scenes",
-    "Source": "visavis.study",
-    "Study": "visavis.study",
-}
-
-__all__ = [
-    "STANDARD_RULES",
-    "Choice",
-    "Compare",
-    "Exclusion",
-    "Factor",
-    "Keys",
-    "Measure",
-    "Number",
-    "Pointing",
-    "Published",
-    "Rating",
-    "Scene",
-    "Seen",
-    "SideBySide",
-    "Source",
-    "Staging",
-    "Study",
-    "Text",
-    "TrialRecord",
-    "column",
-    "derive",
-    "dwell_on",
-    "first_fixation_on",
-    "fixations_on",
-    "never_next_to",
-    "no_more_than",
-    "unopinionated",
-]
+_NAMES = {
+    "analysis.statistics_report": ("Question", "answer"),
+    "protocol.design": ("Factor",),
+    "protocol.orders": ("never_next_to", "no_more_than"),
+    "visavis.compare": ("Compare", "Published"),
+    "visavis.deriving": ("derive",),
+    "visavis.exclusions": ("STANDARD_RULES", "Exclusion"),
+    "visavis.measures": (
+        "Measure", "TrialRecord", "column", "dwell_on", "first_fixation_on", "fixations_on",
+    ),
+    "visavis.person": ("Seen", "unopinionated"),
+    "visavis.responses": (
+        "Choice", "Keys", "Number", "Pointing", "Rating", "SideBySide", "Text",
+    ),
+    "visavis.scenes": ("Scene", "Staging"),
+    "visavis.scripts": ("Session", "StudyData", "analyse", "open_study", "simulate", "tables"),
+    "visavis.study": ("Source", "Study"),
+}  # fmt: skip
+_MODULES = {name: f"analysis.{name}" for name in ("collisions", "gaze", "statistics")}
+_HOMES = {name: module for module, names in _NAMES.items() for name in names}
+_PACKAGES = ("analysis", "devices", "lab", "protocol", "recording", "stage", "stimuli")
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used."""
-    if name not in _HOMES:
-        raise AttributeError(f"visavis has no {name!r}; it has {', '.join(__all__)}")
-    found = getattr(importlib.import_module(_HOMES[name]), name)
+    if name in _MODULES:
+        found = importlib.import_module(_MODULES[name])
+    elif name in _HOMES:
+        found = getattr(importlib.import_module(_HOMES[name]), name)
+    else:
+        raise AttributeError(f"visavis has no {name!r}; it has {', '.join(__dir__())}")
     globals()[name] = found
     return found
 
 
 def __dir__() -> list[str]:
     """Return the public names."""
-    return sorted(__all__)
+    return sorted((*_HOMES, *_MODULES))
+
+
+def _refuse_hidden_packages() -> None:
+    """Say which folder hides a package of ours, instead of failing somewhere inside.
+
+    Raises:
+        ImportError: a folder or module of that name comes first on the path.
+    """
+    home = Path(__file__).resolve().parent.parent
+    for name in _PACKAGES:
+        spec = importlib.util.find_spec(name)
+        found = list((spec and spec.submodule_search_locations) or ())
+        for place in [Path(f).resolve() for f in found] or [Path((spec and spec.origin) or home)]:
+            if place not in (home / name, home):
+                raise ImportError(
+                    f"{place} hides the package {name!r} of Visavis; rename that folder or file "
+                    "of yours, or run from another folder (python -P leaves the current one out)"
+                )
+
+
+_refuse_hidden_packages()
