@@ -131,8 +131,10 @@ def stats(
     reverse: Annotated[
         list[str] | None, typer.Option("--reverse", help="Items keyed the other way.")
     ] = None,
-    low: Annotated[float | None, typer.Option("--low", help="Lower bound, for tost.")] = None,
-    high: Annotated[float | None, typer.Option("--high", help="Upper bound, for tost.")] = None,
+    low: Annotated[float | None, typer.Option("--low", help="Lower bound, for tost and t.")] = None,
+    high: Annotated[
+        float | None, typer.Option("--high", help="Upper bound, for tost and t.")
+    ] = None,
     unit: Annotated[str, typer.Option("--unit", help="Unit of the bounds: raw or sd.")] = "raw",
     mu: Annotated[float, typer.Option("--mu", help="Mean to test against, for t.")] = 0.0,
     levels: Annotated[
@@ -151,6 +153,9 @@ def stats(
     ] = "",
     equal_variances: Annotated[
         bool, typer.Option("--equal-variances", help="Of t between groups: Student's, not Welch's.")
+    ] = False,
+    bayes: Annotated[
+        bool, typer.Option("--bayes", help="Of t: the Bayes factor too (JZS).")
     ] = False,
     error_rate: Annotated[
         int,
@@ -197,6 +202,7 @@ def stats(
         family=family,
         correction=correction,
         equal_variances=equal_variances,
+        bayes=bayes,
     )
     table = read_table(file)
     outcome = answer(table, question)

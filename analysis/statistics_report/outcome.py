@@ -40,6 +40,7 @@ class Question:
     family: str = "gaussian"
     correction: str = ""
     equal_variances: bool = False
+    bayes: bool = False
 
     def __post_init__(self) -> None:
         """Refuse values that no test knows."""

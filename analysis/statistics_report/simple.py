@@ -27,6 +27,7 @@ from analysis.statistics import (
     wilcoxon_signed_rank,
 )
 from analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment
+from analysis.statistics.bayes import MEDIUM_SCALE, bayes_text, jzs_bayes_factor
 from analysis.statistics.equivalence import BoundUnit
 from analysis.statistics.errors import MissingValue, TooFewLevels
 from analysis.statistics.results import MINUS, Array, Row, p_text
@@ -126,7 +127,41 @@ def _t(table: DataTable, q: Question) -> Outcome:
         run = partial(independent_t, equal_variances=q.equal_variances)
         title = "Student's t test" if q.equal_variances else "Welch's t test"
     rows, said = _family(q, columns, lambda a, b: run(columns[a], columns[b], names=(a, b)))
-    return _outcome(table, q, title, prepared, design, rows, said)
+    notes: tuple[str, ...] = ()
+    if q.bayes:
+        pairs = list(combinations(columns.values(), 2))
+        factors = [_bayes_factor(x, y, paired=bool(q.within)) for x, y in pairs]
+        rows, said = _with_bayes(rows, said, factors)
+        notes = (_BAYES_NOTE,) if q.within else (_BAYES_NOTE, "the Bayes factor is Student's t's")
+    if q.low is not None or q.high is not None:
+        equal = _tost(table, q) if len(columns) == 2 else None
+        if equal is None:
+            raise TooFewLevels(f"equivalence is tested for two conditions, not {len(columns)}")
+        rows = ({**rows[0], "p_equivalence": equal.rows[0]["p"]},)
+        said = (*said, *equal.sentences)
+    return _outcome(table, q, title, prepared, design, rows, said, notes=notes)
+
+
+_BAYES_NOTE = (
+    f"Bayes factor with a Cauchy prior of scale {MEDIUM_SCALE:.3f} on the effect in SD (JZS); "
+    "above 1 it speaks for a difference, below 1 for none"
+)
+
+
+def _bayes_factor(x: Array, y: Array, *, paired: bool) -> float:
+    if paired:
+        return jzs_bayes_factor(paired_t(x, y).t, x.size)
+    return jzs_bayes_factor(independent_t(x, y).t, x.size, y.size)
+
+
+def _with_bayes(
+    rows: tuple[Row, ...], said: tuple[str, ...], factors: list[float]
+) -> tuple[tuple[Row, ...], tuple[str, ...]]:
+    """Return rows with a column BF10 and sentences with the Bayes factor at their end."""
+    return (
+        tuple({**row, "BF10": bf} for row, bf in zip(rows, factors, strict=True)),
+        tuple(f"{s.rstrip('.')}, {bayes_text(bf)}." for s, bf in zip(said, factors, strict=True)),
+    )
 
 
 def _known(table: DataTable, q: Question) -> tuple[Prepared, Array]:
@@ -149,8 +184,13 @@ def _known(table: DataTable, q: Question) -> tuple[Prepared, Array]:
 def _one_sample_t(table: DataTable, q: Question) -> Outcome:
     prepared, y = _known(table, q)
     made = one_sample_t(y, mu=q.mu, name=q.dv)
-    said = f"{q.dv} against {q.mu:g}: {made.sentence()}."
-    return _outcome(table, q, "One-sample t test", prepared, None, (made.row(),), (said,))
+    rows: tuple[Row, ...] = (made.row(),)
+    said: tuple[str, ...] = (f"{q.dv} against {q.mu:g}: {made.sentence()}.",)
+    notes: tuple[str, ...] = ()
+    if q.bayes:
+        rows, said = _with_bayes(rows, said, [jzs_bayes_factor(made.t, y.size)])
+        notes = (_BAYES_NOTE,)
+    return _outcome(table, q, "One-sample t test", prepared, None, rows, said, notes=notes)
 
 
 def _wilcoxon(table: DataTable, q: Question) -> Outcome:

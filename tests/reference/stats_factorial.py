@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import statistics
+from analysis.statistics.bayes import jzs_bayes_factor
 from analysis.statistics.gee import gee
 from analysis.statistics.lmm import LinearMixed, linear_mixed
 from analysis.statistics_report import Question, answer
@@ -282,6 +283,14 @@ def _answer(case: Case, entry: Entry) -> dict[str, Any]:
     }
 
 
+def _bayes(case: Case, entry: Entry) -> dict[str, Any]:
+    sizes = (entry["n_1"], entry["n_2"] or None)
+    return {
+        "bf10": jzs_bayes_factor(entry["t"], *sizes),
+        "bf10_wide": jzs_bayes_factor(entry["t"], *sizes, scale=1.0),
+    }
+
+
 def _posthoc(error: str) -> Callable[[Case, Entry], dict[str, Any]]:
     def run(case: Case, entry: Entry) -> dict[str, Any]:
         factor = entry.get("factor") or case.design["within"][0]
@@ -322,6 +331,7 @@ FACTORIAL: Mapping[str, Callable[[Case, Entry], dict[str, Any]]] = {
     "lmm_contrasts": _lmm_contrasts,
     "gee": _gee,
     "answer": _answer,
+    "jzs_bayes_factor": _bayes,
     "posthoc_paired_t": _posthoc("per_pair"),
     "posthoc_tukey_multivariate": _posthoc("per_pair"),
     "posthoc_tukey_univariate": _posthoc("pooled"),

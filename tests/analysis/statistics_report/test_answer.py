@@ -149,3 +149,19 @@ def test_a_verdict_that_hangs_on_people_with_missing_cells_is_told() -> None:
     assert outcome.p("A") < 0.05 <= listwise.p("A")
     assert any(n.startswith("A: p") and "of the 6 people" in n for n in outcome.notes)
     assert any("effects of A and B" in sentence for sentence in outcome.sentences)
+
+
+def test_a_t_test_adds_equivalence_and_a_bayes_factor_when_asked() -> None:
+    frame = people()
+    frame = frame[frame["A"] != "high"]
+    plain = Question("t", dv="y", within=("A",), subject="s")
+    more = replace(plain, bayes=True, low=-0.5, high=0.5)
+    outcome = answer(frame, more)
+    equivalence = answer(frame, replace(plain, test="tost", low=-0.5, high=0.5))
+    assert answer(frame, plain).p() == outcome.p()
+    assert equivalence.p() == outcome.row()["p_equivalence"]
+    assert "BF₁₀ = " in outcome.sentences[0]
+    assert equivalence.sentences[0] == outcome.sentences[1]
+    assert any("Cauchy prior" in note for note in outcome.notes)
+    with pytest.raises(DataError, match="two conditions"):
+        answer(people(), more)
