@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from rich.markup import escape
 
 from cli.app import console, verbatim
-from cli.device_bench import Trial
+from devices.bench import Trial
 from devices.contracts import Fault
 from devices.stream_figures import ClockFigures, StreamFigures
 

@@ -14,7 +14,7 @@ from lab.config import DeviceConfig, LabConfig
 from lab.errors import DataError, DeviceError, UsageError
 
 if TYPE_CHECKING:
-    from cli.device_bench import Trial
+    from devices.bench import Trial
 
 devices_app = typer.Typer(help="What devices there are, and whether they work.")
 app.add_typer(devices_app, name="devices")
@@ -33,7 +33,7 @@ def list_devices(config: ConfigOption = None, as_json: JsonOption = False) -> No
 
     Example: visavis devices list
     """
-    from cli.device_states import driver_states, role_states
+    from devices.states import driver_states, role_states
 
     lab = load_lab(config, quiet=as_json)
     roles, drivers = role_states(lab), driver_states()
@@ -70,8 +70,8 @@ def listen(
 
     Example: visavis devices test eye_tracker
     """
-    from cli.device_bench import capture
     from cli.device_report import print_trials
+    from devices.bench import capture
     from lab.clock import SystemClock
 
     lab = load_lab(config, quiet=as_json)
@@ -99,7 +99,7 @@ def identify(role: RoleArgument, config: ConfigOption = None) -> None:
 
     Example: visavis devices identify armband_left_forearm
     """
-    from cli.device_identify import buzz
+    from devices.identify import buzz
     from lab.clock import SystemClock
 
     lab = load_lab(config)
@@ -127,9 +127,9 @@ def capture_wire(
 
     Example: visavis devices capture eye_tracker -o eyes.wire
     """
-    from cli.device_bench import capture
     from cli.device_report import print_trials
-    from cli.wire_notes import note_of
+    from devices.bench import capture
+    from devices.captures import note_of
     from devices.wires import CapturedWires
     from lab.clock import SystemClock
 
@@ -176,9 +176,9 @@ def replay(
 
     Example: visavis devices replay eyes.wire
     """
-    from cli.device_bench import capture
     from cli.device_report import print_trials
-    from cli.wire_notes import device_of
+    from devices.bench import capture
+    from devices.captures import device_of
     from devices.wirelog import read_wire_log
     from devices.wires import ReplayedWires
     from lab.clock import SimClock

@@ -6,10 +6,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cli.device_bench import Trial, capture
 from cli.doctor_findings import Finding, worst
 from cli.doctor_machine import COMPUTER, computer, libraries, licence_of
 from cli.doctor_wires import RUNTIME_NAMES, RUNTIMES, network, ports, runtimes
+from devices.bench import Trial, capture
 from devices.contracts import Device
 from devices.registry import driver_spec, driver_specs
 from lab.clock import Clock

@@ -8,10 +8,10 @@ from importlib import metadata
 from pathlib import Path
 from statistics import median
 
-from cli.device_states import is_installed
 from cli.doctor_findings import Finding
 from devices.libraries import LSL, Library
 from devices.registry import driver_spec, driver_specs
+from devices.states import is_installed
 from lab.clock import NS_PER_MS, Clock
 from lab.config import LabConfig
 from recording.provenance import provenance

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cli.device_states import is_installed
 from cli.doctor_findings import Finding
 from devices.libraries import HID, SERIAL
 from devices.registry import driver_spec
+from devices.states import is_installed
 from lab.config import DeviceConfig, LabConfig
 
 RUNTIME_NAMES = {"openvr": "SteamVR", "openxr": "OpenXR", "fove": "FOVE"}

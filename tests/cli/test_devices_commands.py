@@ -32,7 +32,7 @@ def test_list_names_every_role_and_driver() -> None:
 def test_missing_library_is_listed_with_the_line_that_installs_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("cli.device_states.is_installed", lambda library: library.module != "bleak")
+    monkeypatch.setattr("devices.states.is_installed", lambda library: library.module != "bleak")
     found = json.loads(typed("list", "--json", *SHORT).output)
     state = next(d["state"] for d in found["drivers"] if d["driver"] == "neosensory_buzz")
     assert state == "missing: pip install 'visavis[ble]'"

@@ -2,9 +2,9 @@
 
 import contextlib
 
-from cli.wire_notes import device_of, note_of
 from devices import conformance
 from devices.building import build_device
+from devices.captures import device_of, note_of
 from devices.registry import built_in
 from devices.wirelog import read_wire_log
 from devices.wires import BARE, CapturedWires, ReplayedWires

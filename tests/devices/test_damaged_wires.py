@@ -6,9 +6,9 @@ import msgpack
 import numpy as np
 import pytest
 
-from cli.wire_notes import device_of
 from devices.building import build_device
 from devices.byte_links import Chunk
+from devices.captures import device_of
 from devices.registry import built_in
 from devices.wirelog import ReplayLink, ReplayTransport, read_wire_log
 from devices.wires import ReplayedWires
