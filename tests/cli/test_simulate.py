@@ -35,7 +35,7 @@ def simulate(root: Path, *more: str, participants: int = 2) -> Path:
     return root / "simulated" / "stare"
 
 
-REVISION = re.compile(rb'"code_revision": "[^"]*"|"sha256": "[0-9a-f]+"\n}\n\\Z')
+REVISION = re.compile(rb'"code_revision": "[^"]*"|"sha256": "[0-9a-f]+"\n}\n\Z')
 
 
 def digests(folder: Path) -> dict[str, str]:
