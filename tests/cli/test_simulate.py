@@ -151,7 +151,7 @@ def test_an_unknown_study_is_answered_with_the_nearest() -> None:
     result = CliRunner().invoke(app, ["simulate", "stair"])
 
     assert isinstance(result.exception, UsageError)
-    assert "did you mean stare" in str(result.exception)
+    assert "did you mean 'stare'" in str(result.exception)
 
 
 def test_the_same_command_finishes_a_study_that_was_broken_off(
