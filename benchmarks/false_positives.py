@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from analysis import statistics
+from analysis.statistics.anova import anova_of_design
 from analysis.statistics.bent_scales import bent_interactions
 from analysis.statistics.errors import StatisticsError
 from analysis.statistics.gee import Family, gee
@@ -148,7 +149,11 @@ def intercept_alone(frame: Frame, null: str) -> Tested:
 def mixed(frame: Frame, null: str) -> Tested:
     """Mixed model of cells in which people differ in every effect."""
     made = statistics.mixed_anova(frame, "y", subject="s", within=("A", "B"))
-    return made.effect(null).p, bent(made, null)
+    uneven_spread = False
+    if made.design.is_complete:
+        sphericity = anova_of_design(made.design, subject="s").effect(null).sphericity
+        uneven_spread = sphericity is not None and (sphericity.p is None or sphericity.p < ALPHA)
+    return made.effect(null).p, [*bent(made, null), *(["not spherical"] if uneven_spread else [])]
 
 
 def mixed_art(frame: Frame, null: str) -> Tested:

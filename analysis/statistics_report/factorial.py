@@ -251,7 +251,7 @@ def _mixed(table: DataTable, q: Question) -> Outcome:
     )  # fmt: skip
     state = "yes" if made.design.is_complete else "no, the model uses what is there"
     families = _Families(q, lambda effect: False)
-    families.notes += _beside_listwise(table, q, made)
+    families.notes += [*_beside_listwise(table, q, made), *_not_spherical(table, q)]
     path = [f"Has every subject every cell: n = {made.design.n} → {state}"]
     return _anova_outcome(table, q, prepared, made, families, path)
 
@@ -278,6 +278,30 @@ def _beside_listwise(table: DataTable, q: Question, made: Anova) -> list[str]:
                 f"{made.provenance.error_term}"
             )
     return told
+
+
+def _not_spherical(table: DataTable, q: Question) -> list[str]:
+    """Name effects whose error a mixed model of cells takes for spherical though it is not."""
+    try:
+        complete = _complete_anova(table, q)
+    except StatisticsError:
+        return []
+    return [
+        f"{effect.name}: people's differences are not spherical ({effect.sphericity}), which this "
+        "model takes them to be; the test rm corrects for it"
+        for effect in complete.effects
+        if effect.sphericity is not None
+        and (effect.sphericity.p is None or effect.sphericity.p < q.alpha)
+    ]
+
+
+def _complete_anova(table: DataTable, q: Question) -> Anova:
+    """Return the repeated-measures ANOVA of the people who have all cells."""
+    prepared = prepare(table, replace(q, missing="listwise"))
+    return rm_anova(
+        prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
+        levels=prepared.levels, missing="listwise",
+    )  # fmt: skip
 
 
 def _lmm(table: DataTable, q: Question) -> Outcome:

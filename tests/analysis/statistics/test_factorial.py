@@ -76,7 +76,7 @@ def test_skewed_response_brings_the_warning_and_the_second_opinion() -> None:
     assert any("transform='int'" in n for n in table.provenance.notes)
     beside = statistics.art_anova(frame, "y", transform="int", **WITHIN)
     assert table.second_opinion is not None
-    assert {e.name: e.p for e in beside.effects} == pytest.approx(dict(table.second_opinion))
+    assert {e.name: e.p_used for e in beside.effects} == pytest.approx(dict(table.second_opinion))
 
 
 def test_disagreeing_transforms_are_said() -> None:

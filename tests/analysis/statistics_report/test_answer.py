@@ -165,3 +165,12 @@ def test_a_t_test_adds_equivalence_and_a_bayes_factor_when_asked() -> None:
     assert any("Cauchy prior" in note for note in outcome.notes)
     with pytest.raises(DataError, match="two conditions"):
         answer(people(), more)
+
+
+def test_a_mixed_model_of_cells_names_errors_that_are_not_spherical() -> None:
+    frame = people(n=20)
+    question = Question("mixed", dv="y", within=("A",), subject="s")
+    assert not any("not spherical" in n for n in answer(frame, question).notes)
+    own = np.random.default_rng(5).normal(0, 4, 20)
+    frame.loc[frame["A"] == "high", "y"] += own[frame.loc[frame["A"] == "high", "s"]]
+    assert any(n.startswith("A: people's") for n in answer(frame, question).notes)
