@@ -13,13 +13,12 @@ from typer.testing import CliRunner
 
 import visavis.sessions.simulation
 from cli.main import app
-from cli.study_commands import read_parameters
 from lab.config_files import EXAMPLE
 from lab.errors import ConfigError, DataError, SessionAborted, UsageError
 from recording.reader import Recording
 from recording.sealed import seal, unseal
 from visavis.sessions.perform import Request
-from visavis.sessions.study_folder import StudySettings, settle
+from visavis.sessions.study_folder import StudySettings, read_parameters, settle
 
 SHORT = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
 SHORT += ["--set", "repetitions=1"]
