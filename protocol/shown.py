@@ -8,6 +8,7 @@ import pandas as pd
 
 from lab.errors import DataError
 from lab.geometry import Vector
+from protocol.plan import Trial
 from recording.reader import Recording
 from stimuli.scene import Agent, Scene, SceneFrame
 
@@ -55,6 +56,23 @@ class Shown:
             return None
         row = past.iloc[-1]
         return int(row["t_ns"]), dict(row["payload"])
+
+    def trial(self) -> Trial:
+        """Return the trial, as planned, that had begun last when this frame was shown.
+
+        Raises:
+            DataError: none had, or the plan does not have it.
+        """
+        begun = self.latest("trial_start")
+        if begun is None:
+            raise DataError(f"{self.recording.path}: no trial had begun at {self.t_ns} ns")
+        for block in self.recording.manifest.plan["blocks"]:
+            for planned in block["trials"]:
+                if planned["trial_id"] == begun[1]["trial_id"]:
+                    return Trial(**planned)
+        raise DataError(
+            f"{self.recording.path}: trial {begun[1]['trial_id']} is not in the session's plan"
+        )
 
 
 def shown_in(recording: Recording, part: int, frame: int, t_scene_ns: int, head_m: Vector) -> Shown:

@@ -58,6 +58,8 @@ class StudyAnalysis:
     levels: Mapping[str, tuple[Scalar, ...]]
     measures: tuple[Measure, ...]
     findings: tuple[Finding, ...]
+    cells: tuple[str, ...]
+    """The factors whose combinations tables describe."""
 
     @property
     def n_participants(self) -> int:
@@ -69,9 +71,15 @@ class StudyAnalysis:
         return next(m for m in self.measures if m.column == column)
 
     def cell_means(self) -> pd.DataFrame:
-        """Return one row per participant and cell of the whole design, with every measure."""
-        factors = list(self.levels)
-        return aggregated(self.selection.counted, self.measures, factors)
+        """Return one row per participant and cell, levels in their order, with every measure."""
+        found = aggregated(self.selection.counted, self.measures, self.cells)
+        order = {f: {level: i for i, level in enumerate(self.levels[f])} for f in self.cells}
+        kept: pd.DataFrame = found.sort_values(
+            ["participant", *self.cells],
+            key=lambda c: c if c.name == "participant" else c.map(order[str(c.name)]),
+            ignore_index=True,
+        )
+        return kept
 
 
 def measures_of(study: Study, responses: Mapping[str, Any]) -> tuple[Measure, ...]:
@@ -99,6 +107,7 @@ def analyse_rows(
     levels: Mapping[str, tuple[Scalar, ...]],
     measures: Sequence[Measure],
     is_simulated: bool,
+    cells: Sequence[str] = (),
 ) -> StudyAnalysis:
     """Answer every planned comparison; what cannot be tested says why.
 
@@ -115,8 +124,9 @@ def analyse_rows(
         for c in study.compare
     ]
     return StudyAnalysis(
-        study, is_simulated, selection, people, dict(levels), tuple(measures), corrected(found)
-    )
+        study, is_simulated, selection, people, dict(levels), tuple(measures), corrected(found),
+        tuple(cells or levels),
+    )  # fmt: skip
 
 
 def answered(

@@ -25,7 +25,7 @@ from visavis.study import Study
 SHIPPED: Final[Mapping[str, str]] = {
     "stare": "experiments.stare.bundle:MAKE_STUDY",
     "crowd": "experiments.crowd.bundle:MAKE_STUDY",
-    "waving": "experiments.waving.bundle:MAKE_STUDY",
+    "waving": "experiments.waving.study:study",
 }
 """The studies Visavis comes with, as an entry point would name them."""
 GROUP: Final = "visavis.studies"

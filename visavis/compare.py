@@ -1,22 +1,47 @@
 """What a study compares: a question of `analysis.statistics_report` with its claim and family."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
+from analysis.report.notation import fraction
+from analysis.statistics.published import check_f
 from analysis.statistics_report import Question
 from lab.errors import DesignError
 
 Correction = Literal["none", "holm", "bonferroni", "bh"]
 MODELS: Final = ("", "lmm", "gee")
+_SYMBOLS: Final = {"p": "p", "eta2p": "partial η²"}
 
 
 @dataclass(frozen=True)
 class Published:
-    """What a source prints of a comparison ("F(1, 15) = 7.09, p = .017"), and its verdict."""
+    """What a source prints of a comparison ("F(1, 15) = 7.09, p = .017"), and its verdict.
+
+    `statistic` is the printed F, t or z; `misfits` say what of the printed does not follow from it.
+    """
 
     text: str
     is_significant: bool
+    statistic: float | None = None
+    misfits: tuple[str, ...] = ()
+
+
+def published_f(
+    F: str, df1: int, df2: int, *, p: str, eta2p: str, is_significant: bool
+) -> Published:
+    """Return a printed F test; its numbers are texts, so that their rounding is known."""
+    test = f"F({df1}, {df2}) = {F}"
+    sign = "" if p.startswith("<") else "= "
+    text = f"{test}, p {sign}{p.replace('0.', '.')}, η²p = {eta2p.removeprefix('0')}"
+    check = check_f(F, df1, df2, p=p, eta=eta2p)
+    misfits = tuple(
+        f"the published {_SYMBOLS[name]} of {verdict.printed.removeprefix('0')} does not follow "
+        f"from its {test}, which implies {fraction(verdict.computed, 3)}"
+        for name, verdict in check.verdicts.items()
+        if not verdict.is_consistent
+    )
+    return Published(text, is_significant, float(F), misfits)
 
 
 @dataclass(frozen=True)
@@ -40,7 +65,7 @@ class Compare:
     family: str = "planned"
     correction: Correction = "holm"
     alpha: float = 0.05
-    published: Published | None = None
+    published: Published | Mapping[str, Published] | None = None
     exploratory: bool = False
     options: Sequence[tuple[str, Any]] = ()
 
@@ -56,6 +81,19 @@ class Compare:
         if self.model and self.test:
             raise DesignError(f"the comparison of {self.dv} names a test and a model; choose one")
         object.__setattr__(self, "options", tuple(self.options))
+
+    def published_of(self, term: str) -> Published | None:
+        """Return what a source prints of one effect; of the only one where it names none."""
+        if isinstance(self.published, Mapping):
+            return self.published.get(term)
+        return self.published
+
+    @property
+    def published_terms(self) -> tuple[Published, ...]:
+        """Everything a source prints of it."""
+        if isinstance(self.published, Mapping):
+            return tuple(self.published.values())
+        return () if self.published is None else (self.published,)
 
     @property
     def name(self) -> str:

@@ -45,7 +45,9 @@ def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
         if given not in possible:
             raise DesignError(f"a study has no {given!r} to differ in"
                               f"{did_you_mean(given, possible)}")  # fmt: skip
-    changed = {"makers": dict(source.makers), "texts": None, **differs}
+    changed = {
+        "makers": dict(source.makers), "sections": list(source.sections), "texts": None, **differs,
+    }  # fmt: skip
     changed |= _parameters(source, changed)
     if isinstance(changed.get("exclusions"), Mapping):
         changed["exclusions"] = _limits(source, changed["exclusions"])

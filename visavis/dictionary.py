@@ -43,6 +43,8 @@ STATISTICS: Final = (
     Column("is_significant", "", "p_family is below alpha"),
     Column("alpha", "1", "threshold of significance"),
     Column("published", "", "what the source prints of it"),
+    Column("published_statistic", "1", "the statistic it prints"),
+    Column("published_significant", "", "the source's verdict"),
     Column("agrees_with_published", "", "the same verdict as the source's"),
     Column("term", "", "the effect tested"),
     Column("first", "", "first level of a difference"),
@@ -115,6 +117,9 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
     ):
         found[walked.name] = walked
     found |= {m.column: m.description() for m in measures}
+    found |= {c.name: c for c in experiment.study.columns}
+    for name in experiment.study.derived:
+        found.setdefault(name, Column(name, "", f"{name.replace('_', ' ')}, from the factors"))
     return found
 
 

@@ -25,7 +25,8 @@ class Exclusion:
 
     For participants the column is one of `participant_facts`. `words` say what is wrong, with
     {value} and {limit}. `name` is the parameter that sets the limit (`analyse --set NAME=…`);
-    a limit of None switches the rule off. Exactly at the limit is still in.
+    a limit of None switches the rule off. Exactly at the limit is still in. With `if_missing` what
+    leaves out is that there is no value at all.
     """
 
     name: str
@@ -34,11 +35,13 @@ class Exclusion:
     limit: float | None
     words: str
     above: bool = True
+    if_missing: bool = False
 
     def breaks(self, value: Any, limit: float | None) -> bool:
-        """Tell whether a value is out; a missing one is not judged."""
-        if limit is None or value is None or value != value:
-            return False
+        """Tell whether a value is out; a missing one is judged by rules about missing ones only."""
+        is_missing = value is None or value != value
+        if limit is None or is_missing or self.if_missing:
+            return limit is not None and is_missing and self.if_missing
         return bool(value > limit) if self.above else bool(value < limit)
 
 
@@ -55,6 +58,12 @@ STANDARD_RULES: Final = (
               "{value:.0f} trials in the emptiest cell (limit {limit:.0f})", above=False),
 )  # fmt: skip
 """What leaves a trial or a person out of every study, unless the study says otherwise."""
+
+
+def needs_answer(response: str) -> Exclusion:
+    """Return the rule that leaves out trials in which a question was not answered."""
+    return Exclusion(f"needs_{response}", "trial", response, 1.0,
+                     f"no answer to {response}", if_missing=True)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -103,12 +112,15 @@ def select(
     cells: Sequence[str],
     planned: Mapping[str, int],
     cell_count: int,
+    facts: pd.DataFrame | None = None,
 ) -> Selection:
     """Decide which trials count.
 
-    Of a trial that was performed again the last finished attempt counts. `cells` are the factors
-    within people, `planned` the number of trials planned for each participant, `cell_count` how
-    many cells each person meets.
+    Of a trial that was performed again the last finished attempt counts; one without a value that
+    a rule asks for (`if_missing`) takes no other's place. `cells` are the factors
+    within people whose combinations each person must meet, `planned` the number of trials planned
+    for each participant, `cell_count` how many cells each person meets. `facts` are the study's
+    own, one row per participant, for rules to name.
     """
     table = rows.reset_index(drop=True).copy()
     reasons = pd.Series([""] * len(table), dtype=object)
@@ -122,16 +134,7 @@ def select(
         if count:
             left.append(Left(rule, level, int(count), said[int(np.flatnonzero(out)[0])]))
 
-    leave(table["is_practice"].astype(bool), "practice", "trial", "practice")
-    unreadable = table["status"].isin((DAMAGED, LOST))
-    leave(unreadable, "damaged", "trial", "the recording is damaged")
-    leave(table["status"] != "complete", "unfinished", "trial", "not finished")
-    done = table[reasons == ""].sort_values("attempt", kind="stable")
-    again = pd.Series(False, index=table.index)
-    again[done.index[done.duplicated(["participant", "session", "trial_id"], keep="last")]] = True
-    leave(again, "repeated", "trial", "performed again later")
-    finished = table[reasons == ""]
-    for rule in (r for r in rules if r.level == "trial" and r.column in table):
+    def judge(rule: Exclusion) -> None:
         limit = limits[rule.name]
         values = table[rule.column]
         out = values.map(lambda v, r=rule, n=limit: r.breaks(v, n)).astype(bool)
@@ -139,7 +142,24 @@ def select(
             rule.words.format(value=v, limit=limit) if bad else "" for v, bad in zip(values, out,
                                                                                      strict=True)
         ])  # fmt: skip
+
+    leave(table["is_practice"].astype(bool), "practice", "trial", "practice")
+    unreadable = table["status"].isin((DAMAGED, LOST))
+    leave(unreadable, "damaged", "trial", "the recording is damaged")
+    leave(table["status"] != "complete", "unfinished", "trial", "not finished")
+    trial_rules = [r for r in rules if r.level == "trial" and r.column in table]
+    for rule in (r for r in trial_rules if r.if_missing):
+        judge(rule)
+    done = table[reasons == ""].sort_values("attempt", kind="stable")
+    again = pd.Series(False, index=table.index)
+    again[done.index[done.duplicated(["participant", "session", "trial_id"], keep="last")]] = True
+    leave(again, "repeated", "trial", "performed again later")
+    finished = table[reasons == ""]
+    for rule in (r for r in trial_rules if not r.if_missing):
+        judge(rule)
     people = participant_facts(table, finished, reasons == "", cells, planned, cell_count)
+    if facts is not None:
+        people = people.merge(facts, on="participant", how="left")
     for rule in (r for r in rules if r.level == "participant"):
         limit = limits[rule.name]
         said = {}

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -12,16 +12,20 @@ from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import ConfigError, DesignError
 from lab.geometry import Vector
 from protocol.design import combinations_of, make_plan
+from protocol.panel_questions import DwellRule
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
 from stimuli.scene import Scene as StageScene
 from visavis.asking import Ways, frame
 from visavis.parameters import parameters_in_force
 from visavis.reading import TrialRead, read_trials
-from visavis.responses import Response
+from visavis.responses import Rating, Response
 from visavis.study import Study
 from visavis.texts import DEFAULT_LANGUAGE, Texts, read_texts
 from visavis.trial import Settings, TrialScript, dark_view, perform
+
+WAYS: Final = ("board", "ray", "keyboard")
+"""How questions are answered: on boards by hand, gaze or head; by hand or head; at the terminal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +70,14 @@ class StudyExperiment:
     def settings(self) -> Settings:
         """What every trial is given."""
         p = self.parameters
-        if p["answer_by"] not in ("board", "keyboard"):
-            raise ConfigError(f"{self.name}: answer_by is {p['answer_by']!r}; board or keyboard")
+        if p["answer_by"] not in WAYS:
+            raise ConfigError(f"{self.name}: answer_by is {p['answer_by']!r}; {', '.join(WAYS)}")
         return Settings(
             parameters=p,
             texts=self.texts,
             values={k: v for k, v in p.items() if isinstance(v, str | int | float)},
             makers=self.study.makers,
-            ways=Ways(limit_s=float(p["answer_limit_s"])),
+            ways=Ways(float(p["answer_limit_s"]), None if p["answer_by"] == "ray" else DwellRule()),
             answer_by=str(p["answer_by"]),
             folder=self.study.files_folder,
         )
@@ -186,6 +190,12 @@ class StudyExperiment:
             "trials": len(counted),
             "practice": len(made.trials) - len(counted),
             "trial_s": self.parameters.get("trial_s", round(self.trial_s)),
+            **{
+                f"{r.name}_{end}": getattr(r, end)
+                for r in self.responses.values()
+                if isinstance(r, Rating)
+                for end in ("low", "high")
+            },
             "blocks": sum(any(not t.is_practice for t in b.trials) for b in made.blocks),
         }
 

@@ -19,7 +19,7 @@ from protocol.shown import Shown
 from recording.reader import Recording
 from stimuli.scene import SceneFrame
 from visavis.analysis import StudyAnalysis, analyse_rows, measures_of
-from visavis.exclusions import limits_in_force, select
+from visavis.exclusions import Selection, limits_in_force, select
 from visavis.experiment import StudyExperiment
 from visavis.intake import SessionIntake, questionnaire, take_in
 from visavis.measures import LOST_COLUMN, Measure, lost_gaze
@@ -58,9 +58,9 @@ class OpenedStudy:
         self, index: int, seed: int, *, effect: bool, experiment: Any = None
     ) -> SimulatedParticipant:
         """Return a simulated participant, who is told what a participant is told, no more."""
-        if self.study.person_of is not None:
-            return self.study.person_of(index, seed, effect)
         made = self.experiment({}) if experiment is None else experiment
+        if self.study.person_of is not None:
+            return self.study.person_of(index, seed, effect, made)
         return StudyPerson(
             index, seed, effect, responses=made.words, answer_of=self.study.answer_of
         )
@@ -68,7 +68,11 @@ class OpenedStudy:
     def judge_validation(
         self, points: Sequence[ValidationPoint], rate_hz: float
     ) -> ValidationVerdict:
-        """Measure a validation per eye; the combined eye decides."""
+        """Measure a validation per eye; the combined eye decides, where anything rests on gaze."""
+        if not self.study.validate:
+            return ValidationVerdict(
+                True, "gaze is not measured in this study", None, None, None, 0, ()
+            )
         return judge_validation(points, rate_hz)
 
     def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
@@ -80,6 +84,10 @@ class OpenedStudy:
 
     def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
         """Yield the views that a recorded frame may have shown, the likeliest first."""
+        if self.study.views_of is not None:
+            plan = shown.recording.manifest.plan
+            yield from self.study.views_of(shown, self.experiment(self.overrides_of(plan)))
+            return
         bare = shown.view
         latest = shown.latest("shown")
         if latest is None or not shown.scene.agents:
@@ -106,7 +114,7 @@ class OpenedStudy:
 
     def measure(self, recording: Recording) -> SessionIntake:
         """Take in one session."""
-        experiment = self.experiment(overrides_of(recording.manifest.plan))
+        experiment = self.experiment(self.overrides_of(recording.manifest.plan))
         asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
         return take_in(recording, self.measures(experiment), asked)
 
@@ -126,20 +134,35 @@ class OpenedStudy:
                 f"{self.name} has no rule {', '.join(sorted(unknown))}; its rules are "
                 f"{', '.join(r.name for r in rules)}"
             )
-        experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
-        rows = pd.concat([s.rows for s in sessions], ignore_index=True)
-        people = pd.DataFrame([dict(s.person) for s in sessions])
+        experiment = self.experiment(self.overrides_of(sessions[0].manifest.plan))
+        return self.analysis_of_rows(
+            experiment,
+            pd.concat([s.rows for s in sessions], ignore_index=True),
+            pd.DataFrame([dict(s.person) for s in sessions]),
+            planned={str(s.manifest.participant): s.planned for s in sessions},
+            settings=settings,
+        )
+
+    def analysis_of_rows(
+        self,
+        experiment: StudyExperiment,
+        rows: pd.DataFrame,
+        people: pd.DataFrame,
+        *,
+        planned: Mapping[str, int],
+        settings: Mapping[str, Any] | None = None,
+    ) -> StudyAnalysis:
+        """Analyse trials, one row each; `people` hold answers of questionnaires.
+
+        `planned` is how many trials each participant was to have.
+
+        Raises:
+            DataError: nothing counts.
+        """
         design = self.study.design(experiment.parameters)
         levels = {f.name: tuple(f.levels) for f in design.factors}
-        within = [f.name for f in design.within]
-        selection = select(
-            rows,
-            rules,
-            limits_in_force(rules, settings),
-            cells=within,
-            planned={str(s.manifest.participant): s.planned for s in sessions},
-            cell_count=int(np.prod([len(f.levels) for f in design.within])),
-        )
+        compared = self.study.cells_of(design)
+        selection = self.selection_of(experiment, rows, planned=planned, settings=settings)
         return analyse_rows(
             self.study,
             selection,
@@ -147,6 +170,28 @@ class OpenedStudy:
             levels=levels,
             measures=self.measures(experiment),
             is_simulated=bool(rows["is_simulated"].any()),
+            cells=[f.name for f in (*design.between, *compared)],
+        )
+
+    def selection_of(
+        self,
+        experiment: StudyExperiment,
+        rows: pd.DataFrame,
+        *,
+        planned: Mapping[str, int],
+        settings: Mapping[str, Any] | None = None,
+    ) -> Selection:
+        """Decide by the study's rules which trials count."""
+        rules, facts_of = self.study.exclusions, self.study.facts_of
+        compared = self.study.cells_of(self.study.design(experiment.parameters))
+        return select(
+            rows,
+            rules,
+            limits_in_force(rules, settings or {}),
+            cells=[f.name for f in compared],
+            planned=planned,
+            cell_count=int(np.prod([len(f.levels) for f in compared])),
+            facts=None if facts_of is None else facts_of(rows),
         )
 
     def analyse(
@@ -167,13 +212,18 @@ class OpenedStudy:
         provenance = provenance_of_sessions(
             self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands
         )
-        experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
+        experiment = self.experiment(self.overrides_of(sessions[0].manifest.plan))
         asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
         return write_study(analysis, experiment, asked, provenance, out_dir)
 
+    def overrides_of(self, plan: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the parameters that a recorded plan was made with, those of older versions too."""
+        found, older_of = overrides_of(plan), self.study.older_of
+        return found if older_of is None else older_of(found)
+
 
 def overrides_of(plan: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters that a recorded plan was made with."""
+    """Return the parameters that a recorded plan was made with, as the plan names them."""
     found = {}
     for name, value in plan.get("parameters", {}).items():
         is_list = isinstance(value, str) and value.startswith("[")

@@ -16,6 +16,7 @@ from visavis.dictionary import PEOPLE, STATISTICS, people_columns, trial_columns
 from visavis.experiment import StudyExperiment
 from visavis.figures import study_figures
 from visavis.report import REPORT_NAME, build_report
+from visavis.sections import Extra
 
 
 def write_study(
@@ -31,10 +32,12 @@ def write_study(
         UsageError: the folder cannot be written to.
         DataError: a column of a table is not described.
     """
+    extras = [make(analysis, experiment) for make in experiment.study.sections]
     figures = study_figures(analysis, experiment.texts)
+    figures |= {d.name: d for extra in extras for d in extra.figures}
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
-        write_tables(analysis, experiment, questionnaires, out_dir)
+        write_tables(analysis, experiment, questionnaires, out_dir, extras)
         for figure in figures.values():
             write_figure(figure, out_dir / "figures")
     except OSError as error:
@@ -42,7 +45,11 @@ def write_study(
             f"the analysis cannot be written to {out_dir}: {error.strerror or error}; choose a "
             "folder you may write to"
         ) from error
-    return build_report(analysis, experiment, provenance, figures, out_dir / REPORT_NAME)
+    sections = [extra.section for extra in extras]
+    path = out_dir / REPORT_NAME
+    return build_report(
+        analysis, experiment, provenance, figures, path, questionnaires, sections
+    )  # fmt: skip
 
 
 def write_tables(
@@ -50,6 +57,7 @@ def write_tables(
     experiment: StudyExperiment,
     questionnaires: Sequence[Questionnaire],
     out_dir: Path,
+    extras: Sequence[Extra] = (),
 ) -> None:
     """Write trials, participants, cell means, statistics and contrasts, each with a dictionary."""
     trials = analysis.selection.rows.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
@@ -58,10 +66,16 @@ def write_tables(
     trials.to_parquet(out_dir / "trials.parquet", index=False)
     people = analysis.selection.people.merge(analysis.people, on="participant", how="left")
     people = people.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
-    write_table(people, people_columns(questionnaires), out_dir / "participants.csv")
+    described_people = {**known, **people_columns(questionnaires)}
+    write_table(people, described_people, out_dir / "participants.csv")
     means = analysis.cell_means().assign(**{SIMULATED_COLUMN: analysis.is_simulated})
     counted = {**known, "n": Column("n", "1", "trials that count")}
     write_table(means, counted, out_dir / "cell_means.csv")
+    for extra in extras:
+        for name, table in extra.tables.items():
+            columns = {**known, **{c.name: c for c in extra.columns}}
+            marked = table.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
+            write_table(marked, columns, out_dir / f"{name}.csv")
     described = {c.name: c for c in (*PEOPLE, *STATISTICS)}
     for name, rows in (("statistics", statistics_rows(analysis)),
                        ("contrasts", contrast_rows(analysis))):  # fmt: skip
@@ -86,8 +100,6 @@ def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
             "why_not": finding.why_not,
             "alpha": compare.alpha,
         }
-        if compare.published is not None:
-            about["published"] = compare.published.text
         if not finding.terms:
             rows.append(about)
         for term in finding.terms:
@@ -95,10 +107,14 @@ def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
                 "term": term.name, "p_family": term.p_corrected,
                 "is_significant": term.is_significant,
             }  # fmt: skip
-            if compare.published is not None:
-                decided["agrees_with_published"] = (
-                    term.is_significant == compare.published.is_significant
-                )
+            printed = compare.published_of(term.name)
+            if printed is not None:
+                decided |= {
+                    "published": printed.text,
+                    "published_statistic": printed.statistic,
+                    "published_significant": printed.is_significant,
+                    "agrees_with_published": term.is_significant == printed.is_significant,
+                }
             rows.append({**about, **_plain(term.row), **decided})
     return rows
 

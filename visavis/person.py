@@ -7,7 +7,6 @@ by the study's own function of what was `Seen`, or by a person without opinions.
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -15,13 +14,11 @@ import numpy.typing as npt
 
 from lab.clock import NS_PER_S
 from lab.errors import DataError
-from lab.geometry import Vector, unit
-from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M
-from stimuli.motion.skeleton import canonical_skeleton
+from lab.geometry import unit
 from stimuli.panels import PanelFrame, choice_centre_m
 from stimuli.picture import Panel
 from stimuli.scene import SceneFrame
-from visavis.asking import ALONG_FINGERS
+from visavis.body import POINT_S, PointingHand, segments_of
 from visavis.observer import DEFAULT_POPULATION, Observer, Population
 from visavis.observer.observer import Layout
 from visavis.observer.state import HEAD, ROOM, SPEAKER_SIDE
@@ -32,7 +29,6 @@ HAND_AT_M: Final = (0.26, -0.42, -0.30)
 """From the eyes to the right hand that points."""
 HAND_REST: Final = (0.30, -0.85, -1.0)
 """What the hand points to before a question, from the eyes."""
-POINT_S: Final = 0.5
 PRESS_S: Final = 0.1
 THINKING_S: Final = 1.1
 THINKING_LOG_SD: Final = 0.3
@@ -133,29 +129,16 @@ class StudyPerson(Observer):
 
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
         """Yield what was pressed since the last call."""
-        while self._presses and self._presses[0][0] <= until_ns:
-            yield self._presses.pop(0)
+        return self._hand.presses(until_ns)
 
     def segments(
         self, names: Sequence[str], t_ns: npt.NDArray[np.int64]
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Return true positions (t, n, 3) and orientations (t, n, 4) of segments in world."""
-        unknown = [name for name in names if name not in BODY_JOINTS]
-        if unknown:
-            raise DataError(
-                f"the simulated body has no segment {', '.join(unknown)}; "
-                f"it has {', '.join(BODY_JOINTS)}"
-            )
-        rows = [BODY_JOINTS.index(name) for name in names]
-        positions = np.tile(self._standing[rows], (len(t_ns), 1, 1))
-        turns = np.zeros((len(t_ns), len(names), 4))
-        turns[..., 0] = 1.0
-        if "right_hand" in names:
-            k = list(names).index("right_hand")
-            hand = self._seat + np.array(HAND_AT_M)
-            positions[:, k] = hand
-            turns[:, k] = fingers_to(unit(self._pointed_at(t_ns) - hand))
-        return positions, turns
+        t_s = (t_ns - self._origin_ns) / NS_PER_S
+        hand_m = np.broadcast_to(self._seat + np.array(HAND_AT_M), (len(t_s), 3))
+        pointed_m = self._seat + self._hand.pointed_at(t_s)
+        return segments_of(names, np.zeros((len(t_s), 3)), hand_m, pointed_m)
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
         """Feel a vibration; it changes nothing in this person."""
@@ -181,8 +164,7 @@ class StudyPerson(Observer):
         self._contact_ns: npt.NDArray[np.float64] = np.zeros(0)
         self._contact: npt.NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._panel_text = ""
-        self._points: list[tuple[float, Vector]] = []
-        self._presses: list[tuple[int, str, float]] = []
+        self._hand = PointingHand(np.array(HAND_REST))
 
     def _take_in(self, view: SceneFrame, t_ns: int) -> None:
         n = len(view.scene.agents)
@@ -239,8 +221,8 @@ class StudyPerson(Observer):
         takes_s = max(self._takes_s(response), POINT_S + 0.15)
         middle = choice_centre_m(panel, list(map(str, response.options)).index(said))
         since_s = (t_ns - self._origin_ns) / NS_PER_S
-        self._points.append((since_s + takes_s - POINT_S, middle))
-        self._press(t_ns + round((takes_s + PRESS_S) * NS_PER_S), "trigger")
+        self._hand.point(since_s + takes_s - POINT_S, middle - self._seat)
+        self._hand.press(t_ns + round((takes_s + PRESS_S) * NS_PER_S), "trigger")
         self.look_at(middle.tolist(), t_ns)
 
     def _press_when_noticed(self, t_ns: int) -> None:
@@ -250,29 +232,9 @@ class StudyPerson(Observer):
                 said = self._said(response)
                 if said is not None:
                     takes = NOTICE_S * self._takes_s(response) / THINKING_S
-                    self._press(t_ns + round(takes * NS_PER_S), said)
+                    self._hand.press(t_ns + round(takes * NS_PER_S), said)
             elif isinstance(response, Pointing) and self._last is not None:
-                self._press(t_ns + round(self._takes_s(response) * NS_PER_S), "trigger")
-
-    def _press(self, t_ns: int, control: str) -> None:
-        self._presses += [(t_ns, control, 1.0), (t_ns + NS_PER_S // 10, control, 0.0)]
-        self._presses.sort(key=lambda press: press[0])
-
-    def _pointed_at(self, t_ns: npt.NDArray[np.int64]) -> Vector:
-        t_s = (t_ns - self._origin_ns) / NS_PER_S
-        rest = self._seat + np.array(HAND_REST)
-        point: Vector = np.broadcast_to(rest, (len(t_s), 3))
-        for start_s, goal in self._points:
-            x = np.clip((t_s - start_s) / POINT_S, 0.0, 1.0)
-            share = x**3 * (10 - 15 * x + 6 * x**2)
-            point = point + share[:, None] * (goal - point)
-        return point
-
-    @cached_property
-    def _standing(self) -> Vector:
-        skeleton = canonical_skeleton(REFERENCE_STATURE_M)
-        rest: Vector = skeleton.rest_m[[skeleton.index(name) for name in BODY_JOINTS]]
-        return rest
+                self._hand.press(t_ns + round(self._takes_s(response) * NS_PER_S), "trigger")
 
 
 def unopinionated(seen: Seen, response: Response, rng: np.random.Generator) -> Any:
@@ -290,13 +252,3 @@ def unopinionated(seen: Seen, response: Response, rng: np.random.Generator) -> A
     if isinstance(response, Choice | SideBySide | Keys):
         return response.options[int(rng.integers(len(response.options)))]
     return None
-
-
-def fingers_to(direction: Vector) -> Vector:
-    """Return turns (t, 4) of a right hand whose fingers point along unit directions (t, 3)."""
-    found = np.empty((len(direction), 4))
-    found[:, 0] = 1.0 + direction @ ALONG_FINGERS
-    found[:, 1:] = np.cross(ALONG_FINGERS, direction)
-    length = np.linalg.norm(found, axis=1, keepdims=True)
-    backwards = np.array([0.0, 0.0, 1.0, 0.0])
-    return np.where(length < 1e-9, backwards, found / np.maximum(length, 1e-9))

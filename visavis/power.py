@@ -20,7 +20,7 @@ from lab.errors import DataError, UsageError
 from protocol.participants import SimulatedParticipant
 from visavis.analysis import Finding, answered, corrected, measures_of
 from visavis.catalogue import find_study
-from visavis.exclusions import COUNTED, limits_in_force, select
+from visavis.exclusions import COUNTED
 from visavis.experiment import StudyExperiment
 from visavis.measures import LOST_COLUMN, Measure, lost_gaze
 from visavis.opened import OpenedStudy
@@ -253,14 +253,5 @@ def _measures(opened: OpenedStudy, experiment: StudyExperiment) -> tuple[Measure
 
 def _counted(opened: OpenedStudy, experiment: StudyExperiment, rows: pd.DataFrame) -> pd.DataFrame:
     """Return the trials that the study's rules let count."""
-    design = opened.study.design(experiment.parameters)
-    planned = rows.groupby("participant").size()
-    selection = select(
-        rows,
-        opened.study.exclusions,
-        limits_in_force(opened.study.exclusions, {}),
-        cells=[f.name for f in design.within],
-        planned={str(name): int(n) for name, n in planned.items()},
-        cell_count=int(np.prod([len(f.levels) for f in design.within])),
-    )
-    return selection.counted
+    planned = {str(name): int(n) for name, n in rows.groupby("participant").size().items()}
+    return opened.selection_of(experiment, rows, planned=planned).counted

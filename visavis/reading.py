@@ -15,6 +15,7 @@ from lab.errors import DesignError
 from lab.geometry import Pose
 from protocol.plan import Trial
 from protocol.steps import Answered, Ask, FrameView, GazeView, NextFrame, Prompt, Show
+from stimuli.scene import SceneFrame
 from visavis.asking import Answer
 from visavis.responses import Response
 from visavis.scenes import Scene, Staging, stage
@@ -36,6 +37,8 @@ class TrialRead:
     scenes: tuple[Scene, ...]
     agents: int
     vibrates: bool
+    lit: SceneFrame | None = None
+    """The first lit frame of a trial that shows scenes frame by frame itself."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -55,7 +58,9 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
         DesignError: the trial cannot be run through, with its condition and the reason.
     """
     script = TrialScript(trial, settings)
+    script.is_read = True
     seconds, agents, vibrates = 0.0, 0, False
+    lit: SceneFrame | None = None
     responses: list[Response] = []
     scenes: list[Scene] = []
     reply: Any = None
@@ -86,13 +91,15 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
                 reply = script.view = still_view(round(seconds * NS_PER_S))
             elif isinstance(step, Show):
                 agents = max(agents, len(step.view.scene.agents))
+                if lit is None and step.view.scene.brightness_01 > 0:
+                    lit = step.view
             elif isinstance(step, Ask):
                 reply = Answered(step.options[0] if step.options else "", 0)
             elif isinstance(step, Prompt):
                 reply = Answered(None, 0)
         raise DesignError(f"after {MAX_STEPS} steps it has not ended")
     except StopIteration:
-        return TrialRead(seconds, tuple(responses), tuple(scenes), agents, vibrates)
+        return TrialRead(seconds, tuple(responses), tuple(scenes), agents, vibrates, lit)
     except DesignError as error:
         raise DesignError(f"trial {dict(trial.factors)}: {error}") from error
 

@@ -1,6 +1,6 @@
 """The report of a study: one HTML file, from its analysis, whatever the study."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -27,6 +27,7 @@ from analysis.report import (
     write_page,
 )
 from analysis.report.notation import counted, mean_sd, probability
+from protocol.questionnaires import Questionnaire
 from visavis.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term
 from visavis.experiment import StudyExperiment
 from visavis.figures import figure_name, label_of
@@ -43,13 +44,11 @@ def build_report(
     provenance: ReportProvenance,
     figures: Mapping[str, Drawn],
     path: Path,
-    sections: Sequence[Callable[[StudyAnalysis], Section]] = (),
+    questionnaires: Sequence[Questionnaire] = (),
+    sections: Sequence[Section] = (),
 ) -> Path:
     """Write the report and return its path; the same input gives the same bytes."""
-    pictures = {
-        name: Picture(svg_for_page(d), d.title, d.caption, d.alternative)
-        for name, d in figures.items()
-    }
+    pictures = {name: picture_of(d) for name, d in figures.items()}
     study = analysis.study
     page = Page(
         title=study.title,
@@ -69,14 +68,19 @@ def build_report(
         sections=(
             _summary(analysis, experiment),
             *_measures(analysis, experiment, pictures),
-            *(make(analysis) for make in sections),
-            _people(analysis, pictures),
+            *sections,
+            _people(analysis, experiment, questionnaires, pictures),
             _methods(analysis, experiment),
-            _provenance(provenance),
+            provenance_section(provenance),
         ),
         footer="" if study.source is None else f"Published values: {study.source.citation}",
     )  # fmt: skip
     return write_page(page, path)
+
+
+def picture_of(drawn: Drawn) -> Picture:
+    """Return a figure as a block of a report."""
+    return Picture(svg_for_page(drawn), drawn.title, drawn.caption, drawn.alternative)
 
 
 def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
@@ -93,6 +97,15 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
         blocks.append(Paragraph("The study plans no comparison; its measures are described below."))
     beside = _beside_published(analysis)
     blocks += [] if beside is None else [beside]
+    source = analysis.study.source
+    if source is not None and analysis.n_participants < (source.participants or 0):
+        blocks.append(
+            Paragraph(
+                f"With {counted(analysis.n_participants, 'participant')} instead of the source's "
+                f"{source.participants}, power is lower and verdicts are unsteady: none shows "
+                "that there is no effect."
+            )
+        )
     return Section("summary", "Result", tuple(blocks))
 
 
@@ -115,12 +128,10 @@ def _verdict(finding: Finding, term: Term | None, experiment: StudyExperiment) -
             f" Corrected over the family of {compare.family} comparisons ({compare.correction}): "
             f"p {_p(term.p_corrected)}."
         )
-    published = ""
-    if compare.published is not None:
-        same = compare.published.is_significant == significant
-        published = (
-            f" Published: {compare.published.text} ({'the same' if same else 'another'} verdict)."
-        )
+    published, printed = "", compare.published_of(term.name)
+    if printed is not None:
+        same = printed.is_significant == significant
+        published = f" Published: {printed.text} ({'the same' if same else 'another'} verdict)."
     return Verdict(
         "found" if significant else "not_found",
         headline,
@@ -152,6 +163,7 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
     if source is None:
         return None
     rows: list[tuple[Cell | str, ...]] = []
+    misfits: list[str] = []
     for column, cells in source.cells.items():
         measure = analysis.measure(column)
         for factor, levels in analysis.levels.items():
@@ -165,24 +177,32 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
                 )  # fmt: skip
             break
     for finding in analysis.findings:
-        printed = finding.compare.published
-        if printed is None:
-            continue
-        agree = Cell("not tested", "weak")
-        said = "–"
-        if finding.terms:
-            term = finding.terms[-1]
+        for term in finding.terms:
+            printed = finding.compare.published_of(term.name)
+            if printed is None:
+                continue
             same = term.is_significant == printed.is_significant
             agree = Cell("agree" if same else "differ", "agree" if same else "differ")
-            said = f"p {_p(term.p_corrected)}"
-        rows.append((finding.compare.name, said, printed.text, agree))
+            what = f"{finding.measure.words} by {term.name.replace(':', ' × ')}"
+            rows.append((what, f"p {_p(term.p_corrected)}", printed.text, agree))
+            misfits += printed.misfits
+        if not finding.terms:
+            rows += [
+                (finding.compare.name, "–", printed.text, Cell("not tested", "weak"))
+                for printed in finding.compare.published_terms
+            ]
     if not rows:
         return None
     return Table(
         (Column("What"), Column("Here"), Column("Published"), Column("Verdicts")),
         tuple(rows),
         "Beside the published study",
-        f"Means (SD over participants). {source.note}".strip(),
+        " ".join(
+            (
+                f"Means (SD over participants). {source.note}".strip(),
+                *(f"{m[:1].upper()}{m[1:]}." for m in misfits),
+            )
+        ),
     )
 
 
@@ -232,7 +252,7 @@ def _tests(finding: Finding) -> list[Block]:
 
 def _means_table(analysis: StudyAnalysis, column: str, experiment: StudyExperiment) -> Table:
     measure = analysis.measure(column)
-    factors = list(analysis.levels)
+    factors = list(analysis.cells)
     cells = aggregated(analysis.selection.counted, [measure], factors)
     rows = []
     for key, group in cells.groupby(factors, sort=False, observed=True):
@@ -250,13 +270,22 @@ def _means_table(analysis: StudyAnalysis, column: str, experiment: StudyExperime
     )  # fmt: skip
 
 
-def _people(analysis: StudyAnalysis, pictures: Pictures) -> Section:
+def _people(
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+    questionnaires: Sequence[Questionnaire],
+    pictures: Pictures,
+) -> Section:
     blocks: list[Block] = [pictures["exclusions"]]
     people = analysis.people
     if "age" in people:
         ages = pd.to_numeric(people["age"], errors="coerce").dropna().to_numpy(float)
         if len(ages):
             blocks.append(Paragraph(f"Age {_mean_sd(ages)} years."))
+    for asked in questionnaires:
+        blocks += _said(asked, people)
+    blocks += [Paragraph(_answered_by(analysis, name)) for name in experiment.responses
+               if f"{name}_by" in analysis.selection.counted]  # fmt: skip
     out = analysis.selection.people
     gone = out[~out["is_analysed"]]
     if len(gone):
@@ -279,6 +308,38 @@ def _people(analysis: StudyAnalysis, pictures: Pictures) -> Section:
     return Section("people", "Participants", tuple(blocks))
 
 
+def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
+    """Yield how often each option was chosen, and what was said in free words."""
+    for question in asked.questions():
+        name = question.question_id
+        if name not in people:
+            continue
+        answers = people[name]
+        if question.scale.kind == "text":
+            words = tuple(
+                f"{who}: {text}"
+                for who, text in zip(people["participant"], answers, strict=True)
+                if isinstance(text, str) and text
+            )
+            if words:
+                yield Fold(f"{question.prompt} ({counted(len(words), 'answer')})",
+                           (Bullets(words),))  # fmt: skip
+        elif question.scale.options:
+            counts = {label: int((pd.to_numeric(answers, errors="coerce") == value).sum())
+                      for value, label in question.scale.options.items()}  # fmt: skip
+            counts["no answer"] = len(answers) - sum(counts.values())
+            yield Paragraph(
+                f"{name.replace('_', ' ').capitalize()}: "
+                f"{', '.join(f'{label} {n}' for label, n in counts.items() if n)}."
+            )
+
+
+def _answered_by(analysis: StudyAnalysis, response: str) -> str:
+    ways = analysis.selection.counted[f"{response}_by"].value_counts()
+    given = ", ".join(f"{way} {count}" for way, count in ways.items())
+    return f"{response.replace('_', ' ').capitalize()} was answered by: {given}."
+
+
 def _methods(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
     blocks: list[Block] = [Paragraph(p) for p in method_paragraphs(analysis, experiment)]
     changed = [
@@ -288,6 +349,8 @@ def _methods(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
     ]
     if changed:
         blocks += [Paragraph("Set otherwise for these sessions:"), Bullets(tuple(changed))]
+    if experiment.study.references:
+        blocks.append(Fold("References", (Bullets(tuple(experiment.study.references)),)))
     return Section("methods", "Methods", tuple(blocks))
 
 
@@ -296,7 +359,8 @@ def _usual(experiment: StudyExperiment) -> dict[str, object]:
     return {k: v for k, v in usual.items() if k in experiment.parameters}
 
 
-def _provenance(provenance: ReportProvenance) -> Section:
+def provenance_section(provenance: ReportProvenance) -> Section:
+    """Return the section that says where the numbers come from and how to make them again."""
     facts = [("Study", f"{provenance.study}, version {provenance.study_version}")]
     if provenance.seed is not None:
         facts.append(("Seed", str(provenance.seed)))

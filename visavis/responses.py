@@ -58,11 +58,16 @@ class Rating:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of several options (n-AFC); `right` is the one that counts as correct, if any does."""
+    """One of several options (n-AFC); `right` is the one that counts as correct, if any does.
+
+    `labels` are what the options are called on this occasion, in their order, where that is not
+    always the same; like options they are translated by `choices.NAME.LABEL`.
+    """
 
     name: str
     options: Sequence[str]
     right: str | None = None
+    labels: Sequence[str] = ()
     aggregate: ClassVar[str] = "share"
 
     def __post_init__(self) -> None:
@@ -72,6 +77,9 @@ class Choice:
             raise DesignError(f"choice {self.name} has {len(self.options)} options; give 2 to 9")
         if len(set(self.options)) < len(self.options):
             raise DesignError(f"choice {self.name} has an option twice: {', '.join(self.options)}")
+        object.__setattr__(self, "labels", tuple(map(str, self.labels)))
+        if self.labels and len(set(self.labels)) != len(self.options):
+            raise DesignError(f"choice {self.name}: give each of its options a label of its own")
         if self.right is not None and self.right not in self.options:
             raise DesignError(f"choice {self.name}: {self.right!r} is none of its options")
 
@@ -249,6 +257,11 @@ class Pointing:
 
 
 Response: TypeAlias = Rating | Choice | SideBySide | Text | Number | Keys | Pointing
+
+
+def labels_of(response: Response) -> tuple[str, ...]:
+    """Return what the options are called on this occasion, by the names of their texts."""
+    return tuple(getattr(response, "labels", ()) or response.options)
 
 
 def _how(name: str) -> tuple[Column, Column]:

@@ -15,22 +15,31 @@ tables with their dictionaries, statistics, figures, report, power.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 import numpy as np
 
 from lab.errors import DesignError
+from protocol.columns import Column
 from protocol.design import BlockOrder, Design, Factor, TrialOrder
 from protocol.orders import Constraint
 from protocol.participants import SimulatedParticipant
+from protocol.shown import Shown
 from protocol.steps import Scalar, Step
+from stimuli.scene import SceneFrame
 from visavis.compare import Compare
 from visavis.exclusions import STANDARD_RULES, Exclusion
 from visavis.measures import Measure
 from visavis.person import Seen
 from visavis.responses import Response
 from visavis.scenes import Maker
+from visavis.sections import SectionOf
 from visavis.trial import TrialPlan, TrialScript
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from visavis.experiment import StudyExperiment
 
 RESERVED: Final = frozenset(name for name in dir(TrialScript) if not name.startswith("_")) | {
     "trial",
@@ -45,6 +54,9 @@ SETTABLE: Final = ("repetitions", "practice", "blocks", "order", "intertrial_s",
 
 IntertrialPlan = Callable[[TrialScript], Iterator[Step]]
 """What happens before a trial: a generator over its script."""
+PersonOf: TypeAlias = Callable[[int, int, bool, "StudyExperiment"], SimulatedParticipant]
+FactsOf: TypeAlias = Callable[["pd.DataFrame"], "pd.DataFrame"]
+ViewsOf: TypeAlias = Callable[[Shown, "StudyExperiment"], Iterator[SceneFrame]]
 AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
 """What a simulated person answers: the option (or text) for what was seen; None leaves it out."""
 
@@ -71,6 +83,9 @@ class Study:
     not be listed: they are found by reading the trial without performing it; list them where a
     trial asks only in some cases. `needs` and `uses` are roles of devices beside the headset.
     `derived` are columns that follow from a trial's factors (a place from its zone and its depth);
+    `cells` are the factors whose combinations are compared and described, where not all within
+    people are: others only vary the situation. `columns` describe what the trial writes into its
+    row besides. Where `validate` is no, gaze is recorded along and nothing rests on it.
     `dressed_by` names what dresses scenes that a trial makes itself ("module:function"). The eye
     tracker is calibrated at the beginning, and before every block with `calibrate_blocks`.
     """
@@ -87,10 +102,12 @@ class Study:
     blocked_by: str | None = None
     block_order: BlockOrder = "fixed"
     constraints: Sequence[Constraint] = ()
+    cells: Sequence[str] = ()
     derived: Mapping[str, Callable[[Mapping[str, Any]], Scalar]] = field(default_factory=dict)
     parameters: Mapping[str, Any] = field(default_factory=dict)
     texts: str | None = None
     responses: Sequence[Response] = ()
+    columns: Sequence[Column] = ()
     measures: Sequence[Measure] = ()
     compare: Sequence[Compare] = ()
     exclusions: Sequence[Exclusion] = STANDARD_RULES
@@ -99,11 +116,13 @@ class Study:
     uses: Sequence[str] = ("eye_tracker", "body_tracker")
     calibrate: bool = True
     calibrate_blocks: bool = False
+    validate: bool = True
     intertrial_s: float = 1.0
-    answer_by: Literal["board", "keyboard"] = "board"
+    answer_by: Literal["board", "ray", "keyboard"] = "board"
     answer_limit_s: float = 30.0
     source: Source | None = None
     methods: str = ""
+    references: Sequence[str] = ()
     version: str = "1"
     folder: Path = field(default_factory=Path)
     dressed_by: str = ""
@@ -111,7 +130,11 @@ class Study:
     intertrial_of: IntertrialPlan | None = None
     check_of: Callable[[Mapping[str, Any]], None] | None = None
     answer_of: AnswerOf | None = None
-    person_of: Callable[[int, int, bool], SimulatedParticipant] | None = None
+    person_of: PersonOf | None = None
+    facts_of: FactsOf | None = None
+    views_of: ViewsOf | None = None
+    older_of: Callable[[dict[str, Any]], dict[str, Any]] | None = None
+    sections: list[SectionOf] = field(default_factory=list)
     makers: dict[str, Maker] = field(default_factory=dict)
     path: Path | None = None
     """The file it was read from; None for a study of an installed package."""
@@ -172,12 +195,39 @@ class Study:
 
         return taken
 
-    def person(
-        self, make: Callable[[int, int, bool], SimulatedParticipant]
-    ) -> Callable[[int, int, bool], SimulatedParticipant]:
-        """Take a function of place, seed and effect as the simulated participant (a decorator)."""
+    def person(self, make: PersonOf) -> PersonOf:
+        """Take a function of place, seed, effect and experiment as what makes the simulated
+        participant (a decorator).
+        """
         self.person_of = make
         return make
+
+    def facts(self, facts: FactsOf) -> FactsOf:
+        """Take a function of all trials as what is known of each person (a decorator).
+
+        It returns one row per `participant`; rules of exclusion may name its columns.
+        """
+        self.facts_of = facts
+        return facts
+
+    def views(self, views: ViewsOf) -> ViewsOf:
+        """Take a function as what rebuilds the views a recorded frame may have shown, the
+        likeliest first (a decorator).
+        """
+        self.views_of = views
+        return views
+
+    def section(self, section: SectionOf) -> SectionOf:
+        """Take a function as the maker of a section of the report (a decorator)."""
+        self.sections.append(section)
+        return section
+
+    def older(
+        self, older: Callable[[dict[str, Any]], dict[str, Any]]
+    ) -> Callable[[dict[str, Any]], dict[str, Any]]:
+        """Take a function as what leads parameters of older recordings to today's (a decorator)."""
+        self.older_of = older
+        return older
 
     # ---- what follows ----
 
@@ -236,6 +286,10 @@ class Study:
         """The folders of its texts: the base's first, over which its own lie."""
         before = () if self.base is None else self.base.text_folders
         return before if self.texts is None else (*before, self.folder / self.texts)
+
+    def cells_of(self, design: Design) -> tuple[Factor, ...]:
+        """Return the factors within people whose combinations are compared and described."""
+        return tuple(f for f in design.within if not self.cells or f.name in self.cells)
 
     def factor(self, name: str) -> Factor:
         """Return a factor by name.

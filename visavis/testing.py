@@ -8,9 +8,9 @@ performed a second time with the levels of all factors renamed; people must not 
 import dataclasses
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -42,6 +42,7 @@ PEOPLE: Final = 4
 OWN_NUMBERS: Final = ("choices.", "labels.")
 """Texts below these may name numbers: each stands for one option or level."""
 RENAMED: Final = "level_"
+Derived: TypeAlias = Callable[[Mapping[str, Any]], Scalar]
 
 
 def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None = None) -> None:
@@ -166,7 +167,8 @@ def performing_problems(opened: OpenedStudy, experiment: StudyExperiment) -> lis
     problems = [f"column {name!r} of the trials is not described; name it in columns or measures"
                 for name in undescribed(rows.columns, known)]  # fmt: skip
     other = OpenedStudy(renamed(opened.study))
-    again = _performed(other, other.experiment(_renamed_parameters(opened, experiment)), measures)
+    same = renamed_parameters(opened.study, experiment.overrides)
+    again = _performed(other, other.experiment(same), measures)
     names = {f.name for f in opened.study.factors}
     problems += [
         f"{column!r} changes when the conditions are called otherwise: somebody is told them"
@@ -193,10 +195,12 @@ def renamed(study: Study) -> Study:
             Factor(f.name, tuple(new[f.name].values()), f.between) for f in study.factors
         ),
         practice=practice if isinstance(practice, int) else [_told(c, new) for c in practice],
+        derived={name: _of_old(of, old) for name, of in study.derived.items()},
         constraints=[_unrenamed(rule, old) for rule in study.constraints],
         plan_of=plan_of,
         compare=(),
         makers=dict(study.makers),
+        sections=[],
     )
 
 
@@ -213,9 +217,18 @@ def _unrenamed(rule: Constraint, old: Mapping[str, Mapping[Any, Any]]) -> Constr
     return dataclasses.replace(rule, allows=allows)
 
 
-def _renamed_parameters(opened: OpenedStudy, experiment: StudyExperiment) -> dict[str, Any]:
-    names = {f.name for f in opened.study.factors}
-    return {k: v for k, v in experiment.overrides.items() if k not in names}
+def _of_old(of: Derived, old: Mapping[str, Mapping[Any, Any]]) -> Derived:
+    return lambda factors: of(_told(factors, old))
+
+
+def renamed_parameters(study: Study, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters for a renamed study, levels of its factors by their new names."""
+    new = {f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
+           for f in study.factors}  # fmt: skip
+    return {
+        name: [new[name][level] for level in value] if name in new else value
+        for name, value in parameters.items()
+    }
 
 
 class _EachOnce(StudyExperiment):

@@ -7,7 +7,7 @@ board that follows a ray) happens inside, so a trial reads as its protocol does.
 """
 
 from collections.abc import Callable, Generator, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -45,7 +45,7 @@ from visavis.asking import (
     pointed,
     pressed,
 )
-from visavis.responses import Keys, Number, Pointing, Rating, Response, Text
+from visavis.responses import Keys, Number, Pointing, Rating, Response, Text, labels_of
 from visavis.scenes import Maker, Scene, Staged, Staging, stage
 from visavis.texts import Texts
 
@@ -101,11 +101,21 @@ class Settings:
     folder: Path
 
 
+@dataclass(frozen=True)
+class _Board:
+    """Where a question stands: before the scene or in the dark, ahead or at a place."""
+
+    over_scene: bool
+    at: Pose | None
+    size_m: tuple[float, float]
+
+
 class TrialScript:
     """One trial as its study writes it: factors are attributes, steps are methods.
 
     `row` collects the trial's columns; a study may add its own. What a trial function returns is
-    added to it at the end.
+    added to it at the end. `is_read` is true while the trial is only run through to be known:
+    what takes long to make may then be left out.
     """
 
     def __init__(self, trial: Trial, settings: Settings) -> None:
@@ -113,6 +123,7 @@ class TrialScript:
         self.settings = settings
         self.row: dict[str, Scalar | None] = {}
         self.view: FrameView | None = None
+        self.is_read = False
         self._staged: Staged | None = None
         self._onset_ns = 0
         self._dark_since: int | None = None
@@ -166,13 +177,22 @@ class TrialScript:
         shown_s = _duration("show", seconds)
         return Action("show", lambda: self._show(scene, seconds, name, until), shown_s, scene=scene)
 
-    def ask(self, response: Response, *, over_scene: bool = False) -> Action:
+    def ask(
+        self,
+        response: Response,
+        *,
+        over_scene: bool = False,
+        at: Pose | None = None,
+        size_m: tuple[float, float] = SIZE_M,
+    ) -> Action:
         """Ask something; the answer's columns join the row, and the step returns the `Answer`.
 
-        The board stands in the dark, or before the scene with `over_scene`. Free text and numbers
-        are asked at the terminal.
+        The board stands in the dark, or before the scene with `over_scene`; straight ahead of the
+        participant, or `at` a place of the tracked room. Free text and numbers are asked at the
+        terminal.
         """
-        return Action("ask", lambda: self._ask(response, over_scene), response=response)
+        place = _Board(over_scene, at, size_m)
+        return Action("ask", lambda: self._ask(response, place), response=response)
 
     def key(self, response: Keys) -> Action:
         """Wait for a press, timed from the last scene's onset; what is shown stays."""
@@ -210,6 +230,13 @@ class TrialScript:
         _duration("walk_to", limit_s)
         place = (x_m, z_m)
         return Action("walk_to", lambda: self._walk_to(place, within_m, limit_s))
+
+    def showing(self, staged: Staged, onset_ns: int) -> None:
+        """Say that the study shows a scene frame by frame itself, lit since a session time.
+
+        Boards then stand before it, and waiting goes on with it.
+        """
+        self._staged, self._onset_ns = staged, onset_ns
 
     # ---- how they are performed ----
 
@@ -277,27 +304,27 @@ class TrialScript:
         staging = Staging(rng, seconds, start_ns, self.settings.folder)
         return stage(wanted, staging, self.settings.makers)
 
-    def _ask(self, response: Response, over_scene: bool) -> Performing:
+    def _ask(self, response: Response, board: _Board) -> Performing:
         view = yield from self._now()
         prompt, labels = self.words_of(response)
         if isinstance(response, Pointing):
             answer = yield from pointed(response.limit_s, view, self._still)
         elif isinstance(response, Text | Number) or self.settings.answer_by == "keyboard":
-            yield from self._clear(over_scene, view)
+            yield from self._clear(board.over_scene, view)
             answer = yield from asked_elsewhere(
                 response.name, prompt, tuple(response.options), labels, view
             )
         else:
             answer = yield from asked_on_board(
-                Panel(prompt, labels, self._board_pose(view), SIZE_M),
+                Panel(prompt, labels, board.at or placed_before(view.head), board.size_m),
                 tuple(response.options),
                 response.name,
                 self.settings.ways,
                 view,
-                self._board_shown(over_scene),
+                self._board_shown(board.over_scene),
             )
         yield from self._answered(response, answer)
-        if not over_scene and not isinstance(response, Pointing):
+        if not board.over_scene and not isinstance(response, Pointing):
             yield dark_view(answer.view.t_ns)
             self._staged = None
         return answer
@@ -321,7 +348,14 @@ class TrialScript:
         self.row["t_end_ns"] = answer.answered_ns
         yield Mark(
             "answered",
-            {"trial_id": self.trial.trial_id, "question": name, "answer": told, "by": answer.by},
+            {
+                "trial_id": self.trial.trial_id,
+                "question": name,
+                "answer": option,
+                "by": answer.by,
+                "asked_ns": answer.asked_ns,
+                "answered_ns": answer.answered_ns,
+            },
         )
 
     def _pointed_at(self, name: str, pose: Pose | None) -> dict[str, Scalar | None]:
@@ -339,13 +373,10 @@ class TrialScript:
             standard = "rating"
         prompt = texts.find(f"questions.{name}", standard, values=values) or name
         labels = tuple(
-            texts.find(f"choices.{name}.{option}", values=values) or option
-            for option in response.options
+            texts.find(f"choices.{name}.{label}", values=values) or label
+            for label in labels_of(response)
         )
         return prompt, labels
-
-    def _board_pose(self, view: FrameView) -> Pose:
-        return placed_before(view.head)
 
     def _board_shown(self, over_scene: bool) -> Callable[[FrameView, Panel], Show | None]:
         staged = self._staged if over_scene else None
@@ -359,6 +390,8 @@ class TrialScript:
             if behind is None:
                 behind = last[-1][0] if last else _dark_frame(view.t_ns)
             last[:] = [(behind, panel.highlighted)]
+            if isinstance(behind, PanelFrame):
+                return Show(replace(behind, t_ns=view.t_ns, panels=(panel,)))
             return Show(
                 PanelFrame(behind.scene, view.t_ns, behind.gaze_direction,
                            behind.eye_openness_01, behind.people, panels=(panel,))

@@ -73,7 +73,7 @@ def dark(t: TrialScript) -> Plan:
 
 
 @study.person
-def person(index: int, seed: int, effect: bool) -> Observer:
+def person(index: int, seed: int, effect: bool, experiment: StudyExperiment) -> Observer:
     """Return a simulated participant, fitted to the published means and spreads."""
     return Observer(index, seed, effect)
 

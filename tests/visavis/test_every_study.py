@@ -39,6 +39,7 @@ from visavis.testing import (
     performing_problems,
     plan_problems,
     renamed,
+    renamed_parameters,
     text_problems,
 )
 
@@ -54,7 +55,7 @@ SMALL: dict[str, dict[str, Any]] = {
     "stare": {"trial_s": 2.0, "practice_s": 1.0, "intertrial_s": 0.2, "repetitions": 1},
     "crowd": {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0},
     "waving": {
-        "clerks": 1, "increment": 0.1, "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1,
+        "clerk": ["clerk_left"], "increment": 0.1, "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1,
         "intertrial_s": 0.1, "blocks": 1,
     },
     "duel": {"repetitions": 1, "practice": 1},
@@ -97,16 +98,20 @@ def config_for(study: AnyStudy, root: Path) -> LabConfig:
     )
 
 
-def request_for(study: AnyStudy, reference: str, root: Path, index: int) -> Request:
-    """Return a short session of one simulated person."""
+def request_for(
+    study: AnyStudy, reference: str, root: Path, index: int, set_to: dict[str, Any] | None = None
+) -> Request:
+    """Return a short session of one simulated person; `set_to` replaces the usual parameters."""
+    parameters = small(reference) if set_to is None else set_to
+    experiment = study.experiment(parameters)
     made = simulated_request(
         study,
-        study.experiment(small(reference)),
+        experiment,
         config_for(study, root),
         label=f"S{index + 1:02d}",
         index=index,
         seed=SEED,
-        group=study.experiment(small(reference)).plan(index, SEED).group,
+        group=experiment.plan(index, SEED).group,
     )
     return replace(made, timing=TIMING)
 
@@ -156,9 +161,12 @@ def test_every_condition_can_be_drawn_and_shows_something(
     experiment = on_kit(reference).experiment(small(reference))
     head = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
     for key, read in experiment.read.items():
+        views = [] if read.lit is None else [read.lit]
         for wanted in read.scenes:
             view = first_view(experiment, wanted)
             assert view is not None, key
+            views.append(view)
+        for view in views:
             picture = picture_of(view)
             camera = camera_of(Viewpoint.EYES, picture, head, TINY_PX[0] / TINY_PX[1], passed_s=0)
             image = renderer.image(picture, camera, TINY_PX)
@@ -229,11 +237,12 @@ def test_names_of_conditions_change_nothing_that_is_recorded(
     study = on_kit(reference)
     other = OpenedStudy(renamed(study.study))
 
-    def streams(of: OpenedStudy, root: Path) -> dict[str, str]:
-        made = Recording(perform_new(request_for(of, reference, root, 0)))
+    def streams(of: OpenedStudy, root: Path, set_to: dict[str, Any]) -> dict[str, str]:
+        made = Recording(perform_new(request_for(of, reference, root, 0, set_to)))
         return {s.name: s.sha256 for s in made.manifest.parts[0].streams}
 
-    assert streams(study, tmp_path / "a") == streams(other, tmp_path / "b")
+    same = renamed_parameters(study.study, small(reference))
+    assert streams(study, tmp_path / "a", small(reference)) == streams(other, tmp_path / "b", same)
 
 
 @pytest.mark.slow

@@ -1,0 +1,33 @@
+"""What a study adds to its report: a section of its own, with the figures and tables it needs."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeAlias
+
+from protocol.columns import Column
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from analysis.plots import Drawn
+    from analysis.report import Section
+    from visavis.analysis import StudyAnalysis
+    from visavis.experiment import StudyExperiment
+
+
+@dataclass(frozen=True)
+class Extra:
+    """A section of a study's report.
+
+    `figures` are written beside the report as the standard ones are, `tables` as NAME.csv with a
+    dictionary; `columns` describe what no other table has.
+    """
+
+    section: "Section"
+    figures: "tuple[Drawn, ...]" = ()
+    tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)
+    columns: tuple[Column, ...] = ()
+
+
+SectionOf: TypeAlias = Callable[["StudyAnalysis", "StudyExperiment"], Extra]
+"""Makes a section from the analysis of a study, with the parameters in force."""
