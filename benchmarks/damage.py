@@ -31,7 +31,14 @@ from recording.sealed import copy_path
 from visavis.sessions.study_check import repair_study, study_problems
 
 STUDY = "waving"
-SHORT = ("clerks=1", "increment=0.1", "before_s=0.3", "wave_s=0.6", "after_s=0.1", "blocks=1")
+SHORT = (
+    "clerk=[clerk_left]",
+    "increment=0.1",
+    "before_s=0.3",
+    "wave_s=0.6",
+    "after_s=0.1",
+    "blocks=1",
+)
 """Parameters that make sessions short."""
 
 BLOCK_BYTES = 64

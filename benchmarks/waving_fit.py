@@ -34,9 +34,8 @@ from scipy.optimize import Bounds, differential_evolution
 from scipy.stats import f as f_distribution
 from scipy.stats import ncf
 
-from experiments.waving import published
-from experiments.waving.analysis import ALPHA, TERMS, effects_of
-from experiments.waving.design import DIRECTIONS, TECHNIQUES
+from benchmarks.waving_quick import STIMULI, evidence_for, quick_analysis, quick_study
+from experiments.waving.clips import TECHNIQUES
 from experiments.waving.judgement import (
     DEFAULT_POPULATION,
     Population,
@@ -44,8 +43,7 @@ from experiments.waving.judgement import (
     noise_deg,
     worth_of,
 )
-from experiments.waving.measures import cell_means
-from experiments.waving.quick_study import PLACES, evidence_for, quick_study, stimuli
+from experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY, PLACES
 from lab.errors import UsageError
 from lab.geometry import Vector
 from stimuli.scenes.office import neighbour
@@ -53,6 +51,7 @@ from stimuli.scenes.office import neighbour
 FIT_SEED, CHECK_SEED = 20_230_000, 50_000
 PEOPLE, READINGS = 160, 8
 REPETITIONS = 9
+TERMS = ("technique", "direction", "technique:direction")
 SD_WITHIN = 0.02
 """Means are wanted within about this, SDs between people within one and a half times it."""
 SPAN = 3.0
@@ -83,7 +82,7 @@ class Waves:
 
 def waves_of(seed: int = FIT_SEED) -> Waves:
     """Render every wave, or read what was rendered, and draw the random numbers."""
-    seen = [evidence_for(s) for s in stimuli()]
+    seen = [evidence_for(s) for s in STIMULI]
     rng = np.random.default_rng(seed)
     half = rng.standard_normal((PEOPLE // 2, 2))
     return Waves(
@@ -91,9 +90,9 @@ def waves_of(seed: int = FIT_SEED) -> Waves:
         pointing_deg=np.array([e.pointing_deg for e in seen]),
         bearing_deg=np.array([e.bearing_deg for e in seen]),
         reach_01=np.array([e.reach_01 for e in seen]),
-        own=np.array([PLACES.index(s[3]) for s in stimuli()]),
-        target=np.array([PLACES.index(neighbour(s[3], s[1]).name) for s in stimuli()]),
-        cell=np.array([TECHNIQUES.index(s[0]) * 3 + DIRECTIONS.index(s[1]) for s in stimuli()]),
+        own=np.array([PLACES.index(s[3]) for s in STIMULI]),
+        target=np.array([PLACES.index(neighbour(s[3], s[1]).name) for s in STIMULI]),
+        cell=np.array([TECHNIQUES.index(s[0]) * 3 + DIRECTIONS.index(s[1]) for s in STIMULI]),
         people=np.concatenate([half, -half]),
         readings=rng.standard_normal((PEOPLE, len(seen), READINGS, 4)),
     )
@@ -184,14 +183,14 @@ def _spread(values: Vector, sampling: float, people: int) -> float:
 
 
 def _power(noncentrality: float, df1: int, df2: int) -> float:
-    limit = f_distribution.isf(ALPHA, df1, df2)
+    limit = f_distribution.isf(COMPARED.alpha, df1, df2)
     return float(ncf.sf(limit, df1, df2, max(noncentrality, 1e-9)))
 
 
 def loss_terms(found: Expected, x: Vector, start: Vector) -> dict[str, float]:
     """Return the parts of the loss; each is about 1 where a wish is missed by its tolerance."""
     means = found.accuracy.mean(axis=1)
-    wanted = np.array([published.MEAN_ACCURACY[t] for t in TECHNIQUES])
+    wanted = np.array([MEAN_ACCURACY[t] for t in TECHNIQUES])
     power = found.power
     gains = means[1] > means[0]
     oneself, left, right = found.accuracy.mean(axis=0)
@@ -231,14 +230,15 @@ def checked(population: Population, studies: int, people: int = 16) -> dict[str,
     """Return means, SDs and shares of significant effects over simulated studies."""
     values: dict[str, list[float]] = {}
     for seed in range(CHECK_SEED, CHECK_SEED + studies):
-        table = cell_means(quick_study(people, seed, population=population))
+        analysis = quick_analysis(quick_study(people, seed, population=population))
+        table = analysis.cell_means()
         for technique in TECHNIQUES:
             chosen = table[table["technique"] == technique]
-            each = chosen.groupby("participant")["accuracy"].mean()
+            each = chosen.groupby("participant")["is_right"].mean()
             values.setdefault(f"accuracy {technique}", []).append(float(each.mean()))
             values.setdefault(f"SD {technique}", []).append(float(each.std(ddof=1)))
-        for effect in effects_of(table, "accuracy").effects:
-            values.setdefault(f"{effect.name} significant", []).append(float(effect.p_used < ALPHA))
+        for term in analysis.findings[0].terms:
+            values.setdefault(f"{term.name} significant", []).append(float(term.is_significant))
     return {name: float(np.mean(v)) for name, v in values.items()}
 
 

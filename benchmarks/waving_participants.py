@@ -3,7 +3,7 @@
     python -m benchmarks.waving_participants [--seeds 100] [--participants 16] [--session]
     python -m benchmarks.waving_participants --eye-heights
 
-Over the quick path (`experiments.waving.quick_study`): what can be seen of the 54 waves is
+Over the quick path (`benchmarks.waving_quick`): what can be seen of the 54 waves is
 rendered once, people and answers are drawn anew for every seed. Prints mean accuracies beside
 the published ones and how often each effect is significant; `--session` also times a whole
 simulated session of 54 trials in processor seconds. `--eye-heights` prints instead what warping
@@ -20,19 +20,19 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.waving import published
-from experiments.waving.analysis import ALPHA, TERMS, effects_of
+from benchmarks.waving_quick import STIMULI, evidence_for, quick_analysis, quick_study
 from experiments.waving.clips import (
+    ORIENTATION,
+    TECHNIQUES,
     WARPED_PARTS,
+    WARPING,
     eye_at,
     in_place,
     seen_body_of,
     study_wave,
     view_of,
 )
-from experiments.waving.design import DIRECTIONS, ORIENTATION, TECHNIQUES, WARPING
-from experiments.waving.measures import cell_means
-from experiments.waving.quick_study import evidence_for, quick_study, stimuli
+from experiments.waving.study import DIRECTIONS, MEAN_ACCURACY
 from lab.clock import cpu_time_s
 from lab.config_files import EXAMPLE
 from stimuli.motion.warping.perceived import mask_of, perceived
@@ -43,9 +43,9 @@ MEAN_LIMIT = 0.08
 SD_LIMIT = 0.08
 """Of the two readings of the published SD, that over people and that over people's cells."""
 SHARE_LIMITS = {
-    ("accuracy", "technique"): ("at least", 0.50),
-    ("accuracy", "direction"): ("at least", 0.90),
-    ("accuracy", "technique:direction"): ("at most", 0.12),
+    ("is_right", "technique"): ("at least", 0.50),
+    ("is_right", "direction"): ("at least", 0.90),
+    ("is_right", "technique:direction"): ("at most", 0.12),
     ("realism", "technique"): ("at most", 0.12),
 }
 """Shares of studies: nominal means 5 %, of which 100 studies show up to 11 by chance."""
@@ -59,30 +59,31 @@ def study_rows(seeds: range, participants: int) -> list[dict[str, object]]:
     means: dict[str, list[float]] = {}
     hits: dict[tuple[str, str], int] = {}
     for seed in seeds:
-        table = cell_means(quick_study(participants, seed))
+        analysis = quick_analysis(quick_study(participants, seed))
+        table = analysis.cell_means()
         for technique in TECHNIQUES:
             chosen = table[table["technique"] == technique]
-            people = chosen.groupby("participant")["accuracy"].mean()
+            people = chosen.groupby("participant")["is_right"].mean()
             means.setdefault(f"accuracy {technique}", []).append(float(people.mean()))
             means.setdefault(f"SD {technique}", []).append(float(people.std(ddof=1)))
-            means.setdefault(f"cell SD {technique}", []).append(float(chosen["accuracy"].std()))
+            means.setdefault(f"cell SD {technique}", []).append(float(chosen["is_right"].std()))
             for direction in DIRECTIONS:
                 cell = chosen[chosen["direction"] == direction]
                 name = f"accuracy {technique} {direction}"
-                means.setdefault(name, []).append(float(cell["accuracy"].mean()))
+                means.setdefault(name, []).append(float(cell["is_right"].mean()))
         for direction in DIRECTIONS:
             cell = table[table["direction"] == direction]
             means.setdefault(f"realism {direction}", []).append(float(cell["realism"].mean()))
-        for measure in ("accuracy", "realism"):
-            for effect in effects_of(table, measure).effects:
-                key = (measure, effect.name)
-                hits[key] = hits.get(key, 0) + int(effect.p_used < ALPHA)
+        for finding in analysis.findings:
+            for term in finding.terms:
+                key = (finding.compare.dv, term.name)
+                hits[key] = hits.get(key, 0) + int(term.is_significant)
     rows: list[dict[str, object]] = []
     for name, values in means.items():
         row: dict[str, object] = {"name": name, "value": float(np.mean(values))}
         row |= {"spread": float(np.std(values))}
         for technique in TECHNIQUES:
-            mean, sd = published.MEAN_ACCURACY[technique]
+            mean, sd = MEAN_ACCURACY[technique]
             if name == f"accuracy {technique}":
                 holds = abs(float(np.mean(values)) - mean) <= MEAN_LIMIT
                 row |= {"beside": f"published {mean}", "holds": holds}
@@ -90,9 +91,9 @@ def study_rows(seeds: range, participants: int) -> list[dict[str, object]]:
                 row |= {"beside": f"published {sd}, over what is not said"}
                 row |= {"holds": abs(float(np.mean(values)) - sd) <= SD_LIMIT}
         rows.append(row)
-    for measure in ("accuracy", "realism"):
-        for term in TERMS:
-            share = hits[measure, term] / len(seeds)
+    for (measure, term), count in hits.items():
+        if measure != "who_ms":
+            share = count / len(seeds)
             row = {"name": f"{measure}, {term} significant", "value": share}
             if (measure, term) in SHARE_LIMITS:
                 word, limit = SHARE_LIMITS[measure, term]
@@ -173,7 +174,7 @@ def main(arguments: Sequence[str]) -> int:
     if given.eye_heights:
         rows = eye_height_rows()
     else:
-        for stimulus in stimuli():
+        for stimulus in STIMULI:
             evidence_for(stimulus)
         rows = study_rows(range(given.seeds), given.participants)
     if given.session:

@@ -1,26 +1,21 @@
 """The waves of the study: turned towards the addressee, or warped to the addressee's view as well.
 
 A warped wave takes seconds to find and is the same for everybody, so it is kept: in memory, and
-in a folder of the computer's temporary files under the hash of everything it follows from.
+on the computer under the hash of everything it follows from.
 """
 
 import hashlib
 import json
-import os
-import tempfile
-import zipfile
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 import stimuli.motion.warping
-from experiments.waving.design import DEFAULT_PARAMETERS, WARPING, WavingParameters
 from lab.geometry import Vector, quat_from_yaw_pitch_deg, quat_multiply, rotate
+from lab.kept import digest_of, keep, read_kept
 from stimuli.characters.character import Character
 from stimuli.dressing.casting import build_of, default_casting
 from stimuli.dressing.office import PARTS, person_of
@@ -40,6 +35,11 @@ from stimuli.rooms.office import office
 from stimuli.scenes import office as places
 from stimuli.scenes.office import Waving
 
+ORIENTATION: Final = "orientation"
+WARPING: Final = "warping"
+TECHNIQUES: Final = (ORIENTATION, WARPING)
+"""The whole body turned towards the addressee, or the same wave warped to the addressee's view."""
+KEPT_AS: Final = "waving"
 HAND: Final = "right"
 BODY_TRIANGLES: Final = 2500
 BYSTANDER_TRIANGLES: Final = 2500
@@ -53,6 +53,23 @@ UNITS: Final = ("spine", "neck_head", "right_arm")
 """All warping units that move head or waving hand."""
 FADE_S: Final = 0.5
 STILL: Final = Aimed(np.full((1, 3), np.nan), np.ones(1))
+
+
+@dataclass(frozen=True)
+class Making:
+    """What waves are made from: the wave lasts `wave_s` from `before_s` after the onset on.
+
+    `increment` is how much more coverage of head and hand the warped wave shall have, `warp_from`
+    what it starts from: the wave "oriented" to the addressee, or the one to the "front".
+    """
+
+    before_s: float = 1.0
+    wave_s: float = 2.6
+    increment: float = 0.25
+    warp_from: str = "oriented"
+
+
+DEFAULT_MAKING: Final = Making()
 
 
 @dataclass(frozen=True)
@@ -81,19 +98,24 @@ class StudyWave:
 
 @cache
 def study_wave(
-    clerk: str, target_place: str, technique: str, params: WavingParameters = DEFAULT_PARAMETERS
-) -> StudyWave:
-    """Return how a clerk waves at a customer's place; the same object for the same wave."""
-    base = base_clip(clerk, params.wave_s)
+    clerk: str, target_place: str, technique: str, making: Making = DEFAULT_MAKING,
+    eye_height_m: float = places.STANDING_EYE_M,
+) -> StudyWave:  # fmt: skip
+    """Return how a clerk waves at somebody in a customer's place whose eyes are at a height.
+
+    The same object for the same wave.
+    """
+    base = base_clip(clerk, making.wave_s)
     towards = heading_deg(clerk, target_place)
     front = places.place(clerk).yaw_deg
     warps = technique == WARPING
-    heading = front if warps and params.warp_from == "front" else towards
+    heading = front if warps and making.warp_from == "front" else towards
     record = None
     clip = base
-    if warps and params.increment > 0:
-        clip, record = _warped(base, clerk, target_place, heading, params.increment)
-    waving = Waving(clerk, clip, heading, params.before_s, FADE_S)
+    if warps and making.increment > 0:
+        eye_m = eye_at(target_place, eye_height_m)
+        clip, record = _warped(base, clerk, target_place, eye_m, heading, making.increment)
+    waving = Waving(clerk, clip, heading, making.before_s, FADE_S)
     return StudyWave(waving, digest_of(clip.root_m, clip.orientation_wxyz), record)
 
 
@@ -119,9 +141,9 @@ def heading_deg(clerk: str, target_place: str) -> float:
     return found % 360.0
 
 
-def eye_at(place: str) -> Vector:
+def eye_at(place: str, height_m: float = places.STANDING_EYE_M) -> Vector:
     """Return where a customer's eyes are (3,), in the office's coordinates."""
-    eye: Vector = places.place(place).floor_m + np.array([0.0, places.STANDING_EYE_M, 0.0])
+    eye: Vector = places.place(place).floor_m + np.array([0.0, height_m, 0.0])
     return eye
 
 
@@ -169,11 +191,11 @@ def seen_body_of(clerk: str) -> SeenBody:
 
 
 def _warped(
-    base: Clip, clerk: str, target_place: str, heading: float, increment: float
+    base: Clip, clerk: str, target_place: str, eye_m: Vector, heading: float, increment: float
 ) -> tuple[Clip, WarpRecord]:
     targets = tuple(FeatureTarget("coverage", parts, increment) for parts in WARPED_PARTS)
     body = seen_body_of(clerk)
-    view = view_of(clerk, eye_at(target_place), target_place)
+    view = view_of(clerk, eye_m, target_place)
     said = json.dumps(
         [[asdict(t) for t in targets], UNITS, asdict(SETTINGS), heading, clerk], sort_keys=True
     )
@@ -181,7 +203,7 @@ def _warped(
         base.root_m, base.orientation_wxyz, body.rest, body.triangles, view.eye, view.behind,
         view.lamps, view.maps, said=said + _warping_code(),
     )  # fmt: skip
-    kept = read_kept(key)
+    kept = read_kept(KEPT_AS, key)
     if kept is None:
         stood = in_place(base, places.place(clerk).floor_m, heading)
         found = warp_clip(stood, body, view, targets, units_named(UNITS), SETTINGS)
@@ -194,7 +216,7 @@ def _warped(
                 np.degrees(np.abs(found.omega_rad).max()),
             ]),
         }  # fmt: skip
-        keep(key, kept)
+        keep(KEPT_AS, key, kept)
     turns = base.orientation_wxyz.copy()
     turns[:, 1:] = kept["orientation_wxyz"]
     return replace(base, orientation_wxyz=turns), WarpRecord(key, *map(float, kept["numbers"]))
@@ -206,14 +228,6 @@ def _share(value: Vector, original: Vector) -> float:
     return float(value.sum()) / whole if whole > 0 else float("nan")
 
 
-def digest_of(*arrays: npt.NDArray[Any], said: str = "") -> str:
-    """Return the SHA-256 of arrays and words."""
-    found = hashlib.sha256(said.encode())
-    for array in arrays:
-        found.update(np.ascontiguousarray(array).tobytes())
-    return found.hexdigest()
-
-
 @cache
 def _warping_code() -> str:
     """Return the hash of the code that warps: another version finds other waves."""
@@ -222,43 +236,3 @@ def _warping_code() -> str:
         for path in sorted(Path(folder).glob("*.py")):
             found.update(path.read_bytes())
     return found.hexdigest()
-
-
-def cache_folder() -> Path:
-    """Return where waves and views of them are kept between runs."""
-    return Path(tempfile.gettempdir()) / "visavis-waving"
-
-
-def read_kept(key: str) -> dict[str, npt.NDArray[Any]] | None:
-    """Return what was kept under a key, None when there is nothing or it cannot be read."""
-    path = cache_folder() / f"{key}.npz"
-    try:
-        with np.load(path, allow_pickle=False) as kept:
-            return {name: kept[name] for name in kept.files}
-    except (OSError, ValueError, zipfile.BadZipFile):
-        return None
-
-
-def keep(key: str, what: dict[str, npt.NDArray[Any]]) -> None:
-    """Keep something; a folder that cannot be written to costs time only."""
-    folder = cache_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        part = folder / f"{key}.{os.getpid()}.part.npz"
-        with part.open("wb") as file:
-            np.savez(file, allow_pickle=False, **what)
-        part.replace(folder / f"{key}.npz")
-    except OSError:
-        return
-
-
-def every_wave(
-    params: WavingParameters = DEFAULT_PARAMETERS, techniques: Sequence[str] = (WARPING,)
-) -> list[StudyWave]:
-    """Return all waves of the study, found or read."""
-    return [
-        study_wave(c.name, p.name, technique, params)
-        for technique in techniques
-        for c in places.CLERKS
-        for p in places.CUSTOMERS
-    ]

@@ -16,13 +16,13 @@ from experiments.waving.clips import (
     MIDDLE_ABOVE_HIPS_M,
     VIEW_RADIUS_M,
     body_mesh,
-    digest_of,
     eye_at,
     in_place,
     seen_body_of,
     view_of,
 )
 from lab.geometry import Vector, rotate
+from lab.kept import digest_of
 from stimuli.characters.body_parts import PARTS
 from stimuli.dressing.office import PARTS as ROLES
 from stimuli.motion.clip import Clip

@@ -1,40 +1,44 @@
 """Who stands where in a trial of the waving study, who waves, and where everybody looks."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from experiments.waving.clips import StudyWave, eye_at, study_wave
-from experiments.waving.design import WavingParameters
+from experiments.waving.clips import Making, StudyWave, eye_at, study_wave
 from lab.clock import NS_PER_S
 from lab.geometry import Vector
-from protocol.plan import Trial
 from stimuli.dressing.office import agents_of, roles_of
 from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.gaze.blinks import draw_blinks
-from stimuli.scene import Agent, Scene
-from stimuli.scenes.office import CLERKS, OfficeScene, Waving, place, shift_m
+from stimuli.scene import Agent
+from stimuli.scenes.office import (
+    CLERKS,
+    STANDING_EYE_M,
+    OfficeScene,
+    Waving,
+    place,
+    shift_m,
+)
 
 SCENE_SEED: Final = 7
 """Of what everybody does beside the wave: the same in all trials."""
 SCREEN_FROM_CLERK_M: Final = (-0.52, 0.95, 0.57)
-DARK: Final = Scene(name="dark", agents=(), brightness_01=0.0)
 
 
-def wave_of(trial: Trial, params: WavingParameters) -> StudyWave:
-    """Return the wave of a trial."""
-    factors = trial.factors
+def wave_of(factors: Mapping[str, Any], making: Making, eye_height_m: float) -> StudyWave:
+    """Return the wave of a trial; one at the participant is made for their planned eye height."""
+    is_own = factors["target_place"] == factors["participant_place"]
     return study_wave(
-        str(factors["clerk"]), str(factors["target_place"]), str(factors["technique"]), params
-    )
+        str(factors["clerk"]), str(factors["target_place"]), str(factors["technique"]), making,
+        eye_height_m if is_own else STANDING_EYE_M,
+    )  # fmt: skip
 
 
-def scene_of(trial: Trial, params: WavingParameters) -> OfficeScene:
+def scene_of(participant_place: str, waving: Waving | None) -> OfficeScene:
     """Return the office of a trial, seen from the participant's place."""
-    participant_place = str(trial.factors["participant_place"])
-    waving = wave_of(trial, params).waving
     return OfficeScene(
         name=f"office_{participant_place}",
         agents=agents_in(participant_place, waving),
@@ -45,9 +49,9 @@ def scene_of(trial: Trial, params: WavingParameters) -> OfficeScene:
 
 
 @lru_cache(maxsize=128)
-def agents_in(participant_place: str, waving: Waving) -> tuple[Agent, ...]:
+def agents_in(participant_place: str, waving: Waving | None) -> tuple[Agent, ...]:
     """Return everybody as agents, with heads where they are in the middle of the wave."""
-    middle_s = (waving.start_s + waving.end_s) / 2
+    middle_s = 0.0 if waving is None else (waving.start_s + waving.end_s) / 2
     return agents_of(participant_place, waving, SCENE_SEED, middle_s)
 
 

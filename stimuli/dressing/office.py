@@ -145,7 +145,6 @@ def office_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> 
         return Picture(frame.t_ns, room_from("place_3"), (), NOBODY,
                        brightness_01=scene.brightness_01, mark_m=scene.mark_m)  # fmt: skip
     start_ns = frame.start_ns if isinstance(frame, OfficeFrame) else 0
-    panel = frame.panel if isinstance(frame, OfficeFrame) else None
     t_s = max(0.0, (frame.t_ns - start_ns) * 1e-9)
     return Picture(
         t_ns=frame.t_ns,
@@ -154,7 +153,6 @@ def office_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> 
         people=posed_office(
             scene, t_s, frame.gaze_direction, frame.eye_openness_01, casting=casting
         ),
-        panels=() if panel is None else (panel,),
         brightness_01=scene.brightness_01,
         mark_m=scene.mark_m,
     )

@@ -17,8 +17,8 @@ import numpy as np
 from lab.errors import DesignError
 from lab.geometry import Vector
 from stimuli.motion.clip import Clip
-from stimuli.picture import Panel
-from stimuli.scene import Scene, SceneFrame
+from stimuli.panels import PanelFrame
+from stimuli.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ DESK_BEFORE_M: Final = 0.52
 SEAT_M: Final = 0.46
 DESK_HEIGHT_M: Final = 0.73
 STANDING_EYE_M: Final = 1.62
-"""Where a customer's eyes are supposed when a clerk aims at the place of a virtual one."""
+"""Where a standing person's eyes usually are, a virtual customer's always."""
 
 BYSTANDERS: Final = (
     Place("bystander_left", 0.76, -2.2, -70.0),
@@ -147,8 +147,7 @@ class OfficeScene(Scene):
 
 
 @dataclass(frozen=True, slots=True)
-class OfficeFrame(SceneFrame):
-    """The office in one frame: people move from `start_ns` on; `panel` asks something."""
+class OfficeFrame(PanelFrame):
+    """The office in one frame: people move from `start_ns` on; `panels` may ask something."""
 
     start_ns: int = 0
-    panel: Panel | None = None

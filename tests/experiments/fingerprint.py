@@ -39,13 +39,19 @@ HASH_SUFFIX: Final = "_sha256"
 """Columns and keys of this ending are left out: the last bit of a float changes all of a hash."""
 
 
-def fingerprint_of_study(folder: Path) -> dict[str, Any]:
-    """Return the fingerprint of a study's sessions and of its tables, where it was analysed."""
+def fingerprint_of_sessions(folder: Path) -> dict[str, Any]:
+    """Return the fingerprint of what a study's sessions recorded."""
     found: dict[str, Any] = {}
     for session in sessions_of(folder):
         where = f"{session.parent.name}/{session.name}"
         for name, value in _of_recording(Recording(session)):
             found[f"{where}: {name}"] = value
+    return found
+
+
+def fingerprint_of_study(folder: Path) -> dict[str, Any]:
+    """Return the fingerprint of a study's sessions and of its tables, where it was analysed."""
+    found = fingerprint_of_sessions(folder)
     for path in sorted((folder / DERIVED).glob("*.csv")):
         found.update(fingerprint_of_table(path))
     return found

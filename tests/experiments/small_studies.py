@@ -15,6 +15,7 @@ import pandas as pd
 from typer.testing import CliRunner
 
 from benchmarks.simulated_tracker import tracker_of
+from benchmarks.waving_quick import quick_analysis, quick_study
 from cli.main import app
 from experiments.crowd.analysis import analyse_tables
 from experiments.crowd.analysis_parameters import AnalysisParameters as CrowdThresholds
@@ -23,17 +24,19 @@ from experiments.crowd.quick_study import quick_study as quick_crowd
 from experiments.crowd.study_outputs import similarity_rows
 from experiments.stare import analysis as stare
 from experiments.stare.quick_study import run_study as quick_stare
-from experiments.waving import analysis as waving
-from experiments.waving.design import WavingParameters
-from experiments.waving.quick_study import quick_study as quick_waving
 from lab.config_files import EXAMPLE
 from recording.folder import SIMULATED_ROOT
 from tests.experiments.crowd.synthetic_walks import tables, walks
 from tests.experiments.fingerprint import (
+    fingerprint_of_sessions,
     fingerprint_of_study,
     fingerprint_of_table,
+    read_fingerprint,
     write_fingerprint,
 )
+from tests.experiments.former_tables import FORMER, fingerprint_as_pinned
+from visavis.outputs import contrast_rows, statistics_rows
+from visavis.sessions.study_folder import DERIVED
 
 PINNED: Final = Path(__file__).parent / "pinned"
 SEED: Final = 1
@@ -58,7 +61,7 @@ SESSIONS: Final = {
     "waving": SmallStudy(
         "waving",
         {
-            "clerks": 1,
+            "clerk": ["clerk_left"],
             "increment": 0.1,
             "before_s": 0.3,
             "wave_s": 0.6,
@@ -80,6 +83,11 @@ def sessions(name: str, root: Path) -> dict[str, Any]:
     folder = root / SIMULATED_ROOT / small.study
     how = [f"--set={setting}" for setting in small.measure]
     _visavis("analyse", folder, "--processes", "1", *how)
+    if name in FORMER:
+        return {
+            **fingerprint_of_sessions(folder),
+            **as_pinned(name, folder / DERIVED, root),
+        }
     return fingerprint_of_study(folder)
 
 
@@ -87,6 +95,14 @@ def _visavis(*command: object) -> None:
     result = CliRunner().invoke(app, [str(word) for word in command])
     if result.exception is not None:
         raise result.exception
+
+
+def as_pinned(name: str, tables: Path, root: Path) -> dict[str, Any]:
+    """Return the fingerprint of tables in the layout they had when they were pinned."""
+    out = root / "former"
+    out.mkdir()
+    pinned = read_fingerprint(PINNED / f"{name}.json")
+    return fingerprint_as_pinned(FORMER[name], pinned, tables, out)
 
 
 def quick_stare_tables() -> dict[str, pd.DataFrame]:
@@ -103,12 +119,14 @@ def quick_stare_tables() -> dict[str, pd.DataFrame]:
 
 def quick_waving_tables() -> dict[str, pd.DataFrame]:
     """Return rows and statistics of sixteen people without sessions, one clerk waving."""
-    trials = quick_waving(16, SEED, params=WavingParameters(clerks=1))
-    analysis = waving.analyse_rows(trials, is_simulated=True)
+    one = {"clerk": ["clerk_left"]}
+    trials = quick_study(16, SEED, parameters=one)
+    analysis = quick_analysis(trials, one)
     return {
         "trials": trials,
-        "cell_means": analysis.means,
-        "statistics": pd.DataFrame(list(analysis.statistics_rows())),
+        "cell_means": analysis.cell_means(),
+        "statistics": pd.DataFrame(statistics_rows(analysis)),
+        "contrasts": pd.DataFrame(contrast_rows(analysis)),
     }
 
 
@@ -146,7 +164,7 @@ def fingerprint(name: str, root: Path) -> dict[str, Any]:
         path = root / f"{table}.csv"
         frame.to_csv(path, index=False, encoding="utf-8", lineterminator="\n")
         found.update(fingerprint_of_table(path))
-    return found
+    return as_pinned(name, root, root) if name in FORMER else found
 
 
 if __name__ == "__main__":

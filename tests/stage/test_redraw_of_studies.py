@@ -22,7 +22,7 @@ from visavis.sessions.perform import perform_new, simulated_request
 
 CROWD = {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0}
 WAVING = {
-    "clerks": 1, "increment": 0.0, "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1,
+    "clerk": ["clerk_left"], "increment": 0.0, "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1,
     "intertrial_s": 0.1, "blocks": 1,
 }  # fmt: skip
 

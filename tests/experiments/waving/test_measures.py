@@ -5,15 +5,13 @@ import math
 import pandas as pd
 import pytest
 
-from experiments.waving.design import DIRECTIONS, TECHNIQUES
-from experiments.waving.measures import (
-    EYE_HEIGHT_TOLERANCE_M,
-    analysed_trials,
-    cell_means,
-    complete_participants,
-    eye_heights,
-    relative_confusion,
-)
+from experiments.waving.clips import TECHNIQUES
+from experiments.waving.sections import eye_heights, relative_confusion
+from experiments.waving.study import DIRECTIONS, EYE_HEIGHT_TOLERANCE_M, study
+from visavis.measures import aggregated
+from visavis.opened import OpenedStudy
+
+WAVING = OpenedStudy(study)
 
 
 def trial(**changed):
@@ -21,6 +19,7 @@ def trial(**changed):
         "participant": "S01",
         "session": 1,
         "trial_id": "T01",
+        "attempt": 1,
         "is_practice": False,
         "status": "complete",
         "technique": "warping",
@@ -37,45 +36,64 @@ def trial(**changed):
     return {**row, **changed}
 
 
+def selected(*rows):
+    table = pd.DataFrame(rows)
+    planned = dict.fromkeys(table["participant"], 54)
+    return WAVING.selection_of(
+        WAVING.experiment({}), table, planned=planned, settings={"min_cell_trials": None}
+    )
+
+
+def counted(*rows):
+    return selected(*rows).counted
+
+
 def test_of_a_trial_finished_twice_the_last_attempt_counts():
-    table = pd.DataFrame([trial(who="place_1"), trial(who="place_2"), trial(who="place_4")])
-    assert ["place_4"] == analysed_trials(table)["who"].tolist()
+    answers = ("place_1", "place_2", "place_4")
+    rows = [trial(who=who, attempt=i) for i, who in enumerate(answers, start=1)]
+    assert ["place_4"] == counted(*rows)["who"].tolist()
 
 
 def test_an_attempt_that_was_not_finished_or_not_answered_does_not_replace_one_that_was():
-    table = pd.DataFrame(
-        [trial(who="place_1"), trial(who="place_2", status="interrupted"), trial(who=None)]
-    )
-    assert ["place_1"] == analysed_trials(table)["who"].tolist()
+    rows = [
+        trial(who="place_1"),
+        trial(who="place_2", status="interrupted", attempt=2),
+        trial(who=None, attempt=3),
+    ]
+    assert ["place_1"] == counted(*rows)["who"].tolist()
 
 
 def test_training_never_counts():
-    assert analysed_trials(pd.DataFrame([trial(is_practice=True)])).empty
+    assert counted(trial(is_practice=True)).empty
 
 
 @pytest.mark.parametrize("other", [{"participant": "S02"}, {"session": 2}, {"trial_id": "T02"}])
 def test_attempts_are_of_one_trial_of_one_session_of_one_person(other):
-    assert 2 == len(analysed_trials(pd.DataFrame([trial(), trial(**other)])))
+    assert 2 == len(counted(trial(), trial(**other)))
 
 
 def test_only_a_participant_with_every_cell_is_complete():
     cells = [(t, d) for t in TECHNIQUES for d in DIRECTIONS]
-    whole = [trial(participant="S01", technique=t, direction=d) for t, d in cells]
-    short = [trial(participant="S02", technique=t, direction=d) for t, d in cells[1:]]
-    assert ("S01",) == complete_participants(cell_means(pd.DataFrame([*whole, *short])))
+    every = [
+        trial(participant=name, technique=t, direction=d, trial_id=f"T{i}")
+        for name, met in (("S01", cells), ("S02", cells[1:]))
+        for i, (t, d) in enumerate(met)
+    ]
+    table = pd.DataFrame(every)
+    kept = WAVING.selection_of(WAVING.experiment({}), table, planned={"S01": 6, "S02": 6}).counted
+    assert {"S01"} == set(kept["participant"])
 
 
 def test_response_time_is_the_median_and_accuracy_the_mean_of_a_cell():
-    table = pd.DataFrame(
-        [
-            trial(who_ms=100.0, realism=1),
-            trial(who_ms=200.0, realism=1, is_right=False),
-            trial(who_ms=900.0, realism=4),
-        ]
+    table = counted(
+        trial(who_ms=100.0, realism=1, trial_id="T01"),
+        trial(who_ms=200.0, realism=1, is_right=False, trial_id="T02"),
+        trial(who_ms=900.0, realism=4, trial_id="T03"),
     )
-    (cell,) = cell_means(table).to_dict("records")
-    assert (200.0, 2.0, 3) == (cell["response_ms"], cell["realism"], cell["n"])
-    assert 2 / 3 == pytest.approx(cell["accuracy"])
+    measures = WAVING.measures(WAVING.experiment({}))
+    (cell,) = aggregated(table, measures, ["technique", "direction"]).to_dict("records")
+    assert (200.0, 2.0, 3) == (cell["who_ms"], cell["realism"], cell["n"])
+    assert 2 / 3 == pytest.approx(cell["is_right"])
 
 
 @pytest.mark.parametrize(

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from experiments.waving.clips import eye_at, study_wave
-from experiments.waving.design import WavingParameters
+from experiments.waving.clips import Making, eye_at, study_wave
 from experiments.waving.perception import CUES, evidence_of, reach_of
 from experiments.waving.scene import gaze_of
 from stimuli.scenes.office import CUSTOMERS
 
-PLAIN = WavingParameters(wave_s=0.6, increment=0.0)
+PLAIN = Making(wave_s=0.6, increment=0.0)
 
 
 def seen(clerk, target, viewer):

@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.waving_quick import quick_analysis, quick_session, quick_study
 from devices.registry import OPTION_MODELS
-from experiments.waving.analysis import effects_of
-from experiments.waving.design import WavingParameters
-from experiments.waving.intake import take_in
-from experiments.waving.measures import cell_means
-from experiments.waving.quick_study import quick_session, quick_study
 from lab.config import load_config
 from lab.config_files import EXAMPLE
 from recording.reader import Recording
@@ -16,7 +12,7 @@ from visavis.catalogue import find_study
 from visavis.sessions.perform import perform_new, simulated_request
 
 PILOT = {
-    "clerks": 1,
+    "clerk": ["clerk_left"],
     "increment": 0.0,
     "before_s": 0.3,
     "wave_s": 0.6,
@@ -40,7 +36,7 @@ def recording(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def intake(recording):
-    return take_in(recording)
+    return find_study("waving").measure(recording)
 
 
 def test_every_trial_is_answered_by_pointing(intake):
@@ -72,7 +68,8 @@ def test_questionnaires_are_asked_at_the_end(intake):
 
 
 def test_the_quick_path_answers_as_a_session_does(intake):
-    quick = {r["trial_id"]: r for r in quick_session(0, SEED, params=WavingParameters(**PILOT))}
+    pilot = find_study("waving").experiment(PILOT)
+    quick = {r["trial_id"]: r for r in quick_session(pilot, 0, SEED)}
     rows = intake.rows[~intake.rows["is_practice"].astype(bool)]
     same = [quick[r["trial_id"]]["who"] == r["who"] for r in rows.to_dict("records")]
     assert np.mean(same) >= 0.75
@@ -81,9 +78,8 @@ def test_the_quick_path_answers_as_a_session_does(intake):
 
 
 def test_people_who_do_not_attend_are_at_chance_with_both_techniques():
-    table = quick_study(12, 5, effect=False, params=WavingParameters(**PILOT))
-    means = cell_means(table)
+    table = quick_study(12, 5, effect=False, parameters=PILOT)
     overall = table["is_right"].mean()
     assert 0.1 < overall < 0.45
-    technique = next(e for e in effects_of(means, "accuracy").effects if e.name == "technique")
-    assert technique.p_used > 0.01
+    accuracy = quick_analysis(table, PILOT).findings[0]
+    assert accuracy.outcome.p("technique") > 0.01

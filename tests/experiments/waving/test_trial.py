@@ -5,21 +5,32 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.waving import trial as trials
-from experiments.waving.clips import base_clip, study_wave
-from experiments.waving.design import WavingParameters, plan_session
-from experiments.waving.pointing import middle_of, turn_towards
+from experiments.waving.clips import Making, base_clip, study_wave
+from experiments.waving.study import study
 from lab.clock import NS_PER_S
-from lab.geometry import Pose, unit
+from lab.geometry import Pose, turn_towards, unit
 from protocol.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
+from stimuli.panels import choice_centre_m
 from stimuli.scenes.office import OfficeScene
+from visavis.opened import OpenedStudy
 
-QUICK = WavingParameters(before_s=0.3, wave_s=0.4, after_s=0.1, increment=0.0)
+QUICK = {"before_s": 0.3, "wave_s": 0.4, "after_s": 0.1, "increment": 0.0}
+MAKING = Making(0.3, 0.4, 0.0)
 FRAME_NS = NS_PER_S // 90
 
 
-def first_trial(params=QUICK):
-    return next(t for t in plan_session(0, 1, params=params).trials if not t.is_practice)
+def first_trial(experiment):
+    return next(t for t in experiment.plan(0, 1).trials if not t.is_practice)
+
+
+def plan(**changed):
+    """Return the plan of the first trial that counts."""
+    experiment = OpenedStudy(study).experiment({**QUICK, **changed})
+    return experiment.run_trial(first_trial(experiment))
+
+
+def target(**changed):
+    return first_trial(OpenedStudy(study).experiment({**QUICK, **changed})).factors["target_place"]
 
 
 class Answering:
@@ -54,51 +65,47 @@ class Answering:
 
     def _frame(self):
         self._t_ns += FRAME_NS
-        panel = getattr(self.shown[-1], "panel", None) if self.shown else None
+        panels = getattr(self.shown[-1], "panels", ()) if self.shown else ()
+        panel = panels[0] if panels else None
         self._waited = 0 if panel is None else self._waited + 1
         eye = np.array([0.0, 1.6, 0.0])
         turn = np.array([1.0, 0.0, 0.0, 0.0])
         pressed = ()
         if panel is not None and self._waited > 5:
             if self._point_at is not None:
-                turn = turn_towards(unit(middle_of(panel, self._point_at) - eye))
+                turn = turn_towards(unit(choice_centre_m(panel, self._point_at) - eye))
             if self._waited > 10:
                 pressed, self._waited = tuple(self._press), 0
         return FrameView(self._t_ns, self._t_ns, Pose(eye, turn), True, None, pressed)
 
 
 def test_a_pointed_choice_is_taken_by_the_trigger():
-    done = Answering(trials.run_trial(first_trial(), QUICK), point_at=2, press=("trigger",))
+    done = Answering(plan(), point_at=2, press=("trigger",))
     assert ("place_3", 3, "ray", "ray") == (
         done.row["who"],
         done.row["realism"],
         done.row["who_by"],
         done.row["realism_by"],
     )
-    assert done.row["is_right"] == (first_trial().factors["target_place"] == "place_3")
+    assert done.row["is_right"] == (target() == "place_3")
 
 
 def test_digits_of_a_response_device_answer_directly():
-    done = Answering(trials.run_trial(first_trial(), QUICK), press=("5",))
+    done = Answering(plan(), press=("5",))
     assert ("place_5", 5, "keys") == (done.row["who"], done.row["realism"], done.row["who_by"])
 
 
 def test_a_trigger_that_points_at_nothing_answers_nothing_and_the_operator_is_asked():
-    params = WavingParameters(
-        before_s=0.3, wave_s=0.4, after_s=0.1, increment=0.0, answer_limit_s=0.5
-    )
-    done = Answering(trials.run_trial(first_trial(params), params), press=("trigger",))
+    done = Answering(plan(answer_limit_s=0.5), press=("trigger",))
     assert ["who", "realism"] == [ask.question_id for ask in done.asked]
     assert ("operator", 7) == (done.row["who_by"], done.row["realism"])
 
 
 def test_with_the_keyboard_questions_go_to_the_terminal_at_once():
-    params = WavingParameters(
-        before_s=0.3, wave_s=0.4, after_s=0.1, increment=0.0, answer_by="keyboard"
-    )
-    done = Answering(trials.run_trial(first_trial(params), params))
+    done = Answering(plan(answer_by="keyboard"))
     assert "keyboard" == done.row["who_by"]
-    assert done.row["who"] == first_trial(params).factors["participant_place"]
+    chosen = first_trial(OpenedStudy(study).experiment(QUICK))
+    assert done.row["who"] == chosen.factors["participant_place"]
 
 
 class Impatient(Answering):
@@ -109,43 +116,50 @@ class Impatient(Answering):
 
 
 def test_what_was_pressed_before_a_board_was_there_is_no_answer_to_it():
-    done = Impatient(trials.run_trial(first_trial(), QUICK))
+    done = Impatient(plan())
     assert ("place_4", 4) == (done.row["who"], done.row["realism"])
     assert done.row["who_ms"] == done.row["realism_ms"] == pytest.approx(1000 / 90, abs=0.01)
 
 
 def test_the_scene_lasts_as_planned_and_nothing_is_asked_before():
-    done = Answering(trials.run_trial(first_trial(), QUICK), press=("1",))
+    done = Answering(plan(), press=("1",))
     lit = [v for v in done.shown if isinstance(v.scene, OfficeScene)]
-    first = next(i for i, v in enumerate(lit) if v.panel is not None)
-    assert QUICK.scene_s == pytest.approx((lit[first].t_ns - lit[1].t_ns) / NS_PER_S, abs=0.03)
+    first = next(i for i, v in enumerate(lit) if v.panels)
+    assert 0.8 == pytest.approx((lit[first].t_ns - lit[1].t_ns) / NS_PER_S, abs=0.03)
 
 
 def test_it_is_dark_after_the_last_answer():
-    done = Answering(trials.run_trial(first_trial(), QUICK), press=("1",))
+    done = Answering(plan(), press=("1",))
     assert 0.0 == done.shown[-1].scene.brightness_01
 
 
 def test_the_record_holds_what_the_wave_was_made_of():
-    done = Answering(trials.run_trial(first_trial(), QUICK), press=("1",))
+    done = Answering(plan(), press=("1",))
     wave = next(m for m in done.marks if m.name == "wave").payload
     assert wave["wave_sha256"] == done.row["wave_sha256"]
     assert {"clerk", "heading_deg", "wave_start_s", "wave_s", "is_warped"} <= set(wave)
 
 
 def test_the_whole_body_is_turned_towards_the_addressee():
-    wave = study_wave("clerk_left", "place_5", "orientation", QUICK).waving
+    wave = study_wave("clerk_left", "place_5", "orientation", MAKING).waving
     assert 180 + 43.26 == pytest.approx(wave.heading_deg, abs=0.1)
     assert np.array_equal(
-        wave.clip.orientation_wxyz, base_clip("clerk_left", QUICK.wave_s).orientation_wxyz
+        wave.clip.orientation_wxyz, base_clip("clerk_left", MAKING.wave_s).orientation_wxyz
     )
 
 
 def test_both_techniques_are_the_same_wave_without_an_increment():
-    one, other = (study_wave("clerk_left", "place_2", t, QUICK) for t in ("orientation", "warping"))
+    one, other = (
+        study_wave("clerk_left", "place_2", t, MAKING) for t in ("orientation", "warping")
+    )
     assert one.sha256 == other.sha256
 
 
+def test_the_planned_eye_height_of_a_row_is_the_one_that_was_set():
+    done = Answering(plan(eye_height_m=1.5), press=("1",))
+    assert (1.6, 1.5) == (done.row["eye_height_m"], done.row["planned_eye_height_m"])
+
+
 def test_eye_height_is_kept_beside_the_one_the_waves_were_made_for():
-    done = Answering(trials.run_trial(first_trial(), QUICK), press=("1",))
+    done = Answering(plan(), press=("1",))
     assert (1.6, 1.62) == (done.row["eye_height_m"], done.row["planned_eye_height_m"])

@@ -1,0 +1,161 @@
+"""What the report of the waving study has beside the standard sections."""
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from matplotlib.figure import Figure
+
+from analysis.plots import BLACK, draw, new_figure
+from analysis.report import Block, Bullets, Column, Paragraph, Section, Table
+from analysis.report.notation import counted, decimal, fraction, mean_sd
+from experiments.waving.clips import TECHNIQUES
+from experiments.waving.study import DIRECTIONS, EYE_HEIGHT_TOLERANCE_M, PLACES
+from protocol.columns import Column as Described
+from visavis.analysis import StudyAnalysis
+from visavis.experiment import StudyExperiment
+from visavis.figures import label_of
+from visavis.report import picture_of
+from visavis.sections import Extra
+
+TOLD: Final = ("left", "self", "right", "farther")
+
+
+def confusion(trials: pd.DataFrame, technique: str | None = None) -> npt.NDArray[np.int64]:
+    """Return how often a place (row) was answered as a place (column), (5, 5)."""
+    chosen = trials if technique is None else trials[trials["technique"] == technique]
+    counts = np.zeros((len(PLACES), len(PLACES)), dtype=np.int64)
+    for target, who in zip(chosen["target_place"], chosen["who"], strict=True):
+        counts[PLACES.index(str(target)), PLACES.index(str(who))] += 1
+    return counts
+
+
+def relative_confusion(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return counts of answers relative to one's own place (`TOLD`), by technique and direction."""
+    steps = trials["who"].map(PLACES.index) - trials["participant_place"].map(PLACES.index)
+    told = steps.map({0: "self", -1: "left", 1: "right"}).fillna("farther")
+    sizes = trials.assign(told=told).groupby(["technique", "direction", "told"]).size()
+    index = pd.MultiIndex.from_product([TECHNIQUES, DIRECTIONS], names=["technique", "direction"])
+    table: pd.DataFrame = (
+        sizes.unstack("told", fill_value=0)
+        .reindex(index=index, columns=list(TOLD), fill_value=0)
+        .reset_index()
+    )
+    return table
+
+
+def places_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
+    """Return answers by place: a confusion matrix, and what was taken for one's neighbour's."""
+    trials, texts = analysis.selection.counted, experiment.texts
+    drawn = draw(
+        "confusion",
+        lambda: _matrices(trials, [label_of(texts, t) for t in TECHNIQUES]),
+        title="Who was waved at, and who was taken to be",
+        caption="Places from the participants' left (1) to right (5). Shades and numbers: "
+        "share of the answers in a row; counts below.",
+        alternative="Confusion matrices of five places for both techniques.",
+        is_simulated=analysis.is_simulated,
+    )
+    rows = []
+    for row in relative_confusion(trials).to_dict("records"):
+        total = max(sum(int(row[c]) for c in TOLD), 1)
+        wave = f"{label_of(texts, str(row['technique']))}, {label_of(texts, str(row['direction']))}"
+        rows.append((wave, *(fraction(int(row[c]) / total) for c in TOLD)))
+    every = confusion(trials)
+    right = float(np.trace(every)) / max(int(every.sum()), 1)
+    heads = (Column("Wave"), *(Column(h.capitalize(), "right") for h in TOLD))
+    said = (
+        f"{fraction(right)} of all {int(every.sum())} answers named the right place among "
+        f"{len(PLACES)}."
+    )
+    table = Table(heads, tuple(rows), "Answers relative to one's own place, as shares", said)
+    section = Section("places", "Answers by place", (picture_of(drawn), table))
+    places = tuple(Described(p, "1", f"answers that named {p}") for p in PLACES)
+    return Extra(section, (drawn,), {"confusion": confusion_table(trials)}, places)
+
+
+def confusion_table(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return the confusion matrices as one table, a row per technique and place waved at."""
+    rows: list[dict[str, str | int]] = [
+        {"technique": technique, "target_place": place}
+        | {p: int(n) for p, n in zip(PLACES, counts, strict=True)}
+        for technique in TECHNIQUES
+        for place, counts in zip(PLACES, confusion(trials, technique), strict=True)
+    ]
+    return pd.DataFrame(rows)
+
+
+def _matrices(trials: pd.DataFrame, names: list[str]) -> Figure:
+    figure = new_figure(8.4, 4.2)
+    every = figure.subplots(1, 2, sharey=True)
+    for axes, technique, name in zip(every, TECHNIQUES, names, strict=True):
+        counts = confusion(trials, technique)
+        shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        axes.imshow(shares, vmin=0, vmax=1, cmap="Blues")
+        for i, j in np.argwhere(counts):
+            axes.text(
+                j, i, f"{fraction(shares[i, j])}\n{counts[i, j]}", ha="center", va="center",
+                fontsize=7.5, color="white" if shares[i, j] > 0.55 else BLACK,
+            )  # fmt: skip
+        axes.set_xticks(range(5), [str(k) for k in range(1, 6)])
+        axes.set_yticks(range(5), [str(k) for k in range(1, 6)])
+        axes.set_xlabel("Answered place")
+        axes.set_title(name.capitalize())
+        axes.grid(visible=False)
+    every[0].set_ylabel("Place waved at")
+    return figure
+
+
+def eye_heights(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return each participant's eye height, how far it is from the planned one, whether too far.
+
+    One row per participant; NaN and False where no head was tracked. Empty for recordings that do
+    not have it.
+    """
+    columns = ["participant", "eye_height_m", "eye_height_off_m", "eye_height_is_off"]
+    if not {"eye_height_m", "planned_eye_height_m"} <= set(trials.columns):
+        return pd.DataFrame(columns=columns)
+    done = trials[trials["status"] == "complete"]
+    height = pd.to_numeric(done["eye_height_m"], errors="coerce")
+    off = height - pd.to_numeric(done["planned_eye_height_m"], errors="coerce")
+    frame = pd.DataFrame({
+        "participant": done["participant"], "eye_height_m": height, "eye_height_off_m": off,
+    })  # fmt: skip
+    found = frame.groupby("participant", sort=True).median().reset_index()
+    too_far = found["eye_height_off_m"].abs() > EYE_HEIGHT_TOLERANCE_M
+    table: pd.DataFrame = found.assign(eye_height_is_off=too_far)
+    return table[columns]
+
+
+def heights_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
+    """Return for whom the waves at the participant were not made."""
+    return Extra(Section("eye_heights", "Eye heights", tuple(_heights(analysis.selection.people))))
+
+
+def _heights(people: pd.DataFrame) -> list[Block]:
+    if "eye_height_m" not in people or not people["eye_height_m"].notna().any():
+        return [Paragraph("Nobody's head was tracked.")]
+    known = people.dropna(subset=["eye_height_m"])
+    heights = known["eye_height_m"].to_numpy(float)
+    planned = float((known["eye_height_m"] - known["eye_height_off_m"]).iloc[0])
+    sd = float(np.std(heights, ddof=1)) if len(heights) > 1 else None
+    off = known[known["eye_height_is_off"].astype(bool)]
+    text = (
+        f"Eye height {mean_sd(float(heights.mean()), sd)} m; waves at the participant were warped "
+        f"for {decimal(planned)} m."
+    )
+    if off.empty:
+        return [Paragraph(f"{text} All were within {EYE_HEIGHT_TOLERANCE_M:g} m of it.")]
+    text += (
+        f" {counted(len(off), 'participant')} differed by more than {EYE_HEIGHT_TOLERANCE_M:g} m, "
+        "so that warping added other than the planned coverage for them, less for the taller; "
+        "their trials are analysed with the others:"
+    )
+    said = tuple(
+        f"{p}: {decimal(height)} m ({'+' if by > 0 else '−'}{decimal(abs(by))} m)"
+        for p, height, by in zip(
+            off["participant"], off["eye_height_m"], off["eye_height_off_m"], strict=True
+        )
+    )
+    return [Paragraph(text), Bullets(said)]

@@ -1,0 +1,110 @@
+"""Tables as they were laid out when they were pinned, from the tables of today.
+
+Every pinned column stays compared: where a table or a column is called otherwise now, the mapping
+here says how. Columns and rows that are new are left out of the comparison.
+"""
+
+import csv
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from tests.experiments.fingerprint import fingerprint_of_table
+
+Row = Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some rows of a former table: those of `table` where `only` columns have one of the values.
+
+    `columns` lead from former names to today's, where these differ; `constants` are former columns
+    that today's table has not, as all its rows are alike.
+    """
+
+    table: str
+    columns: Mapping[str, str] = field(default_factory=dict)
+    constants: Mapping[str, str] = field(default_factory=dict)
+    only: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Former:
+    """The former tables of a study by name, and values of theirs that are called otherwise now.
+
+    Rows of several parts are ordered by the column `ordered_by`; numbers of `fractional` columns,
+    which shared a column with missing ones, were written with a fraction.
+    """
+
+    tables: Mapping[str, tuple[Part, ...]]
+    values: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    ordered_by: str = ""
+    fractional: tuple[str, ...] = ()
+
+
+EFFECTS: Final = ("technique", "direction", "technique:direction")
+WAVING: Final = Former(
+    {
+        "trials": (Part("trials"),),
+        "participants": (Part("participants"),),
+        "confusion": (Part("confusion"),),
+        "cell_means": (Part("cell_means", {"accuracy": "is_right", "response_ms": "who_ms"}),),
+        "statistics": (
+            Part("statistics", {"published_F": "published_statistic"}, {"kind": "effect"},
+                 {"term": EFFECTS}),
+            Part("contrasts", {}, {"kind": "contrast", "error_term": ""}, {"term": EFFECTS}),
+        ),
+    },
+    {("measure", "is_right"): "accuracy", ("measure", "who_ms"): "response_ms"},
+    "measure",
+    ("df1", "df2"),
+)  # fmt: skip
+FORMER: Final[Mapping[str, Former]] = {"waving": WAVING, "quick_waving": WAVING}
+
+
+def fingerprint_as_pinned(
+    former: Former, pinned: Mapping[str, Any], today: Path, out: Path
+) -> dict[str, Any]:
+    """Return the fingerprint of tables in a folder, laid out as they were pinned; `out` is empty.
+
+    Raises:
+        KeyError: a pinned column is in none of today's tables.
+    """
+    found: dict[str, Any] = {}
+    for name, parts in sorted(former.tables.items()):
+        columns = pinned.get(f"{name}.csv: columns")
+        if columns is None:
+            continue
+        rows = [row for part in parts for row in _rows(former, part, columns, today)]
+        if len(parts) > 1 and former.ordered_by in columns:
+            order = list(dict.fromkeys(row[former.ordered_by] for row in rows))
+            rows.sort(key=lambda row: order.index(row[former.ordered_by]))
+        path = out / f"{name}.csv"
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, columns)
+            writer.writeheader()
+            writer.writerows(rows)
+        found.update(fingerprint_of_table(path))
+    return found
+
+
+def _rows(former: Former, part: Part, columns: list[str], today: Path) -> Iterator[dict[str, str]]:
+    path = today / f"{part.table}.csv"
+    if not path.exists():  # no comparison could be tested: there are no contrasts
+        return
+    with path.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            if any(row.get(column) not in values for column, values in part.only.items()):
+                continue
+            yield {name: _cell(former, part, row, name) for name in columns}
+
+
+def _cell(former: Former, part: Part, row: Row, name: str) -> str:
+    if name in part.constants:
+        return part.constants[name]
+    today = part.columns.get(name, name)
+    if today not in row and part.constants:
+        return ""  # effects have no contrast, contrasts no F
+    cell = former.values.get((name, row[today]), row[today])
+    return str(float(cell)) if cell and name in former.fractional else cell
