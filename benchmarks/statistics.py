@@ -189,8 +189,8 @@ def error_rates(n_studies: int) -> None:
         hits = {term: np.zeros(4) for term in terms}
         for _ in range(n_studies):
             frame = null_data(kind, rng)
-            strata = statistics.art_anova(frame, "y", **design)
-            pooled = statistics.art_anova(frame, "y", error="pooled", **design)
+            strata = statistics.art_anova(frame, "y", correction="none", **design)
+            pooled = statistics.art_anova(frame, "y", error="pooled", correction="none", **design)
             parametric = statistics.rm_anova(frame, "y", correction="none", **design)
             for term in terms:
                 scores = (strata.second_opinion or {})[term]

@@ -49,6 +49,7 @@ from analysis.statistics_report.prepare import (
     prepare,
     read,
     samples_of,
+    uneven_groups,
 )
 from analysis.statistics_report.table_file import DataTable
 from lab.errors import UsageError
@@ -353,6 +354,7 @@ def _between(table: DataTable, q: Question) -> Outcome:
         missing="listwise" if q.missing == "listwise" else "error",
     )  # fmt: skip
     families = _Families(q, _is_main)
+    families.notes += uneven_groups(made.design, "the test welch, for one factor")
     for effect in made.effects:
         if families.wanted(effect, adjust):
             _mean_contrasts(families, made, effect, adjust)
@@ -460,7 +462,10 @@ def _kruskal(table: DataTable, q: Question) -> Outcome:
         contrasts=tuple({"family": factor, **p.row()} for p in pairs),
         contrast_sentences=tuple(p.sentence() + "." for p in pairs),
         cells=cell_rows(design),
-        notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
+        notes=(
+            *prepared.notes, *left_out(design), *made.provenance.notes,
+            *uneven_groups(design, "the test welch"),
+        ),
         samples=samples_of(design), is_simulated=table.is_simulated,
     )  # fmt: skip
 

@@ -9,13 +9,15 @@ import pandas as pd
 
 from analysis.statistics import Design, cell_means, describe, read_design
 from analysis.statistics.errors import MissingCell, MissingValue, SubjectInTwoGroups
-from analysis.statistics.results import Array, Row
+from analysis.statistics.results import Array, Row, number
 from analysis.statistics_report.outcome import Question, Samples
 from analysis.statistics_report.table_file import DataTable, natural_order
 from lab.errors import UsageError
 
 MAX_CELLS_DRAWN = 12
 MAX_CELLS_NAMED = 6
+MAX_SPREAD_RATIO = 2.0
+"""Largest over smallest SD of groups from which a test of pooled spread carries a warning."""
 SUBJECT_CODE = " subject"
 """Column of subject codes in frames made here; the names of a file's columns are stripped."""
 
@@ -101,6 +103,24 @@ def averaged(design: Design) -> Design:
         factors=tuple(replace(f, codes=codes[f.name]) for f in design.factors),
         rows=np.arange(codes[SUBJECT_CODE].size),
         is_repeated=False,
+    )
+
+
+def uneven_groups(design: Design, instead: str) -> tuple[str, ...]:
+    """Note groups whose spreads differ so far that pooling them, or their ranks, misleads."""
+    shape = tuple(f.k for f in design.between)
+    group = np.ravel_multi_index(design.group_of_subject, shape)
+    person = np.bincount(design.subject, design.y) / np.bincount(design.subject)
+    found = [
+        (float(person[group == g].std(ddof=1)), int((group == g).sum())) for g in np.unique(group)
+    ]
+    (low, n_low), (high, n_high) = min(found), max(found)
+    if high < MAX_SPREAD_RATIO * low or n_low == n_high:
+        return ()
+    return (
+        f"SD is {number(high)} in a group of {n_high} and {number(low)} in one of {n_low}; with "
+        f"unequal sizes this test then finds differences that are not there, or misses some: take "
+        f"{instead}",
     )
 
 

@@ -40,6 +40,7 @@ from analysis.statistics_report.prepare import (
     prepare,
     read,
     samples_of,
+    uneven_groups,
 )
 from analysis.statistics_report.table_file import DataTable
 from lab.errors import UsageError
@@ -128,11 +129,13 @@ def _t(table: DataTable, q: Question) -> Outcome:
         title = "Student's t test" if q.equal_variances else "Welch's t test"
     rows, said = _family(q, columns, lambda a, b: run(columns[a], columns[b], names=(a, b)))
     notes: tuple[str, ...] = ()
+    if q.between and q.equal_variances:
+        notes = uneven_groups(design, "Welch's test, without equal_variances")
     if q.bayes:
         pairs = list(combinations(columns.values(), 2))
         factors = [_bayes_factor(x, y, paired=bool(q.within)) for x, y in pairs]
         rows, said = _with_bayes(rows, said, factors)
-        notes = (_BAYES_NOTE,) if q.within else (_BAYES_NOTE, "the Bayes factor is Student's t's")
+        notes += (_BAYES_NOTE,) if q.within else (_BAYES_NOTE, "the Bayes factor is Student's t's")
     if q.low is not None or q.high is not None:
         equal = _tost(table, q) if len(columns) == 2 else None
         if equal is None:
@@ -213,7 +216,8 @@ def _mann_whitney(table: DataTable, q: Question) -> Outcome:
     rows, said = _family(
         q, columns, lambda a, b: mann_whitney(columns[a], columns[b], names=(a, b))
     )
-    return _outcome(table, q, "Mann-Whitney test", prepared, design, rows, said)
+    notes = uneven_groups(design, "the test t, which is Welch's")
+    return _outcome(table, q, "Mann-Whitney test", prepared, design, rows, said, notes=notes)
 
 
 def _shapiro(table: DataTable, q: Question) -> Outcome:

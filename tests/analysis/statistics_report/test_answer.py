@@ -174,3 +174,15 @@ def test_a_mixed_model_of_cells_names_errors_that_are_not_spherical() -> None:
     own = np.random.default_rng(5).normal(0, 4, 20)
     frame.loc[frame["A"] == "high", "y"] += own[frame.loc[frame["A"] == "high", "s"]]
     assert any(n.startswith("A: people's") for n in answer(frame, question).notes)
+
+
+@pytest.mark.parametrize("test", ["mannwhitney", "kruskal", "anova", "t"])
+def test_groups_that_spread_unequally_bring_a_warning_where_spread_is_pooled(test: str) -> None:
+    rng = np.random.default_rng(4)
+    frame = pd.DataFrame({"g": ["few"] * 6 + ["many"] * 18, "y": rng.normal(size=24)})
+    question = Question(test, dv="y", between=("g",), equal_variances=test == "t")
+    assert not any("SD is" in note for note in answer(frame, question).notes)
+    frame.loc[:5, "y"] *= 5
+    assert any(n.startswith("SD is") and "6 and" in n for n in answer(frame, question).notes)
+    welch = Question("t", dv="y", between=("g",))
+    assert not any("SD is" in note for note in answer(frame, welch).notes)
