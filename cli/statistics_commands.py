@@ -144,6 +144,10 @@ def stats(
     family: Annotated[
         str, typer.Option("--family", help="Of gee: gaussian, binomial or poisson.")
     ] = "gaussian",
+    random: Annotated[
+        str,
+        typer.Option("--random", help="Of lmm: maximal, or components (one variance per effect)."),
+    ] = "maximal",
     correction: Annotated[
         str,
         typer.Option(
@@ -200,6 +204,7 @@ def stats(
         mu=mu,
         levels=read_levels(levels or []),
         family=family,
+        random=random,
         correction=correction,
         equal_variances=equal_variances,
         bayes=bayes,

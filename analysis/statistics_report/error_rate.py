@@ -22,6 +22,8 @@ NOMINAL = (0.6, 1.4)
 """Range of rates, in units of α, that counts as holding the level (.03 to .07 at .05)."""
 MIN_GROUP = 3
 """Complete people that every group needs, so that their spread can be told."""
+TRIAL_TESTS = ("lmm", "gee")
+"""Tests that take several rows per subject and cell as they are."""
 Answer = Callable[[DataTable, Question], Outcome]
 
 
@@ -41,6 +43,13 @@ def error_rates(
     if not question.within and not question.between:
         raise UsageError("error rates are simulated for tests with a within or between factor")
     prepared = prepare(table, question)
+    if question.test in TRIAL_TESTS and prepare(table, question, average=False).frame.shape != (
+        prepared.frame.shape
+    ):
+        raise UsageError(
+            f"error rates are simulated for one row per {question.subject} and cell; average the "
+            f"rows, or ask the test rm, which takes their means (not {question.test})"
+        )
     design = read_design(
         prepared.frame, question.dv, subject=question.subject or None, within=question.within,
         between=question.between, levels=prepared.levels, missing=question.missing,

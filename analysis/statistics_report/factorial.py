@@ -39,7 +39,7 @@ from analysis.statistics.bent_scales import bent_interactions
 from analysis.statistics.contrasts import ContrastAdjustment
 from analysis.statistics.errors import StatisticsError
 from analysis.statistics.gee import Family, Gee, GeeEffect, gee
-from analysis.statistics.lmm import LinearMixed, linear_mixed
+from analysis.statistics.lmm import LinearMixed, RandomEffects, linear_mixed
 from analysis.statistics.results import Row, number, p_text, threshold_text
 from analysis.statistics_report.outcome import Outcome, Question
 from analysis.statistics_report.prepare import (
@@ -307,11 +307,12 @@ def _complete_anova(table: DataTable, q: Question) -> Anova:
 
 def _lmm(table: DataTable, q: Question) -> Outcome:
     q.need("subject", "within")
+    _refuse_method("random", q.random, get_args(RandomEffects))
     prepared = prepare(table, q, average=False)
     adjust = q.adjustment("holm", CONTRAST_WAYS)
     made = linear_mixed(
         prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
-        levels=prepared.levels, missing=q.missing,
+        levels=prepared.levels, missing=q.missing, random=cast(RandomEffects, q.random),
     )  # fmt: skip
     return _model_outcome(table, q, prepared, made, list(made.steps), adjust)
 

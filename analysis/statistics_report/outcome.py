@@ -38,6 +38,7 @@ class Question:
     mu: float = 0.0
     levels: Mapping[str, Sequence[str]] = field(default_factory=dict)
     family: str = "gaussian"
+    random: str = "maximal"
     correction: str = ""
     equal_variances: bool = False
     bayes: bool = False

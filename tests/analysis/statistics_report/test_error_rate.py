@@ -87,3 +87,10 @@ def test_a_test_without_factors_has_no_such_rate() -> None:
     frame = cells(additive())
     with pytest.raises(UsageError, match="within or between factor"):
         rates(frame, Question("shapiro", dv="y"))
+
+
+def test_models_of_single_trials_have_no_such_rate() -> None:
+    frame = pd.concat([cells(additive()), cells(additive(3))])
+    question = Question("lmm", dv="y", within=("A", "B"), subject="s", random="components")
+    with pytest.raises(UsageError, match="one row per s and cell"):
+        rates(frame, question)
