@@ -16,6 +16,7 @@ from cli.doctor import examine, save_with_session, verdict
 from cli.doctor_findings import Finding
 from cli.doctor_machine import computer, libraries, licence_of
 from cli.doctor_wires import network, openvr_runtime, openxr_runtime, ports, runtimes
+from cli.lab_companion import LabCompanion
 from cli.main import app
 from lab.clock import SimClock, SystemClock
 from lab.config import DeviceConfig, LabConfig
@@ -162,7 +163,9 @@ class Stopping(UnattendedOperator):
 
 
 def test_session_in_real_time_keeps_what_the_doctor_found(tmp_path: Path) -> None:
-    wanted = replace(request(lab(tmp_path), Stopping()), clock=SystemClock())
+    wanted = replace(
+        request(lab(tmp_path), Stopping()), clock=SystemClock(), companion=LabCompanion()
+    )
     with pytest.raises(SessionAborted):
         perform_new(wanted)
     (kept,) = tmp_path.rglob("doctor.json")

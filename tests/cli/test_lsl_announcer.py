@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 import cli.lsl_announcer
+from cli.lab_companion import LabCompanion
 from cli.lsl_announcer import AnnouncingRecorder, scope_of
 from devices.drivers.lsl.outlet import LslScope
 from lab.clock import SystemClock
@@ -59,7 +60,7 @@ def test_session_streams_gaze_head_and_events(
     monkeypatch.setattr("devices.drivers.lsl.outlet._library", lambda: lsl)
     config = lab(tmp_path).model_copy(update={"sync": Sync(lsl=True)})
     with pytest.raises(SessionAborted):
-        perform_new(replace(request(config, Stopping()), clock=clock))
+        perform_new(replace(request(config, Stopping()), clock=clock, companion=LabCompanion()))
     names = {name for name, *_ in lsl.pushed}
     assert {
         "visavis headset head",
@@ -104,7 +105,9 @@ def test_missing_library_stops_the_session_before_it_begins(
     monkeypatch.setitem(sys.modules, "pylsl", None)
     config = lab(tmp_path).model_copy(update={"sync": Sync(lsl=True)})
     with pytest.raises(DeviceNotFound, match="visavis\\[lsl\\]"):
-        perform_new(replace(request(config, Stopping()), clock=SystemClock()))
+        perform_new(
+            replace(request(config, Stopping()), clock=SystemClock(), companion=LabCompanion())
+        )
 
 
 def test_virtual_time_is_never_streamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
