@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from visavis.deriving import derive as derive
     from visavis.exclusions import STANDARD_RULES as STANDARD_RULES
     from visavis.exclusions import Exclusion as Exclusion
+    from visavis.looks import LooksOn as LooksOn
     from visavis.measures import Measure as Measure
     from visavis.measures import TrialRecord as TrialRecord
     from visavis.measures import column as column
@@ -57,6 +58,7 @@ _NAMES = {
     "visavis.compare": ("Compare", "Published"),
     "visavis.deriving": ("derive",),
     "visavis.exclusions": ("STANDARD_RULES", "Exclusion"),
+    "visavis.looks": ("LooksOn",),
     "visavis.measures": (
         "Measure", "TrialRecord", "column", "dwell_on", "first_fixation_on", "fixations_on",
     ),

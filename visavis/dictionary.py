@@ -12,6 +12,7 @@ from protocol.columns import ENGINE_COLUMNS, Column
 from protocol.questionnaires import Questionnaire
 from recording.csv_file import tell_neutralised, write_csv
 from visavis.experiment import StudyExperiment
+from visavis.looks import LOOK_COLUMNS
 from visavis.measures import Measure
 
 ANALYSED: Final = (
@@ -25,6 +26,9 @@ PEOPLE: Final = (
     Column("bad_trials_01", "1", "share of the finished trials that were left out"),
     Column("smallest_cell_trials", "1", "trials that count in the emptiest cell"),
     Column("calibration_error_deg", "deg", "mean error over the validations of these trials"),
+    Column("end_accuracy_deg", "deg", "mean error of the validation after the last trial"),
+    Column("drift_deg", "deg", "error after the last trial minus that before; positive: worse"),
+    Column("rejected_validations", "1", "validations that did not meet the thresholds"),
     Column("left_out_because", "", "why the person does not count; empty where they do"),
     Column("is_analysed", "", "the person counts"),
     Column("is_simulated", "", "nobody took part"),
@@ -120,6 +124,8 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
     found |= {c.name: c for c in experiment.study.columns}
     for name in experiment.study.derived:
         found.setdefault(name, Column(name, "", f"{name.replace('_', ' ')}, from the factors"))
+    if experiment.study.looks:
+        found |= {c.name: c for c in LOOK_COLUMNS}
     return found
 
 

@@ -213,7 +213,7 @@ def participant_facts(
                 "completed_01": len(mine) / intact if intact > 0 else np.nan,
                 "bad_trials_01": 1 - len(good) / len(mine) if len(mine) else np.nan,
                 "smallest_cell_trials": smallest,
-                "calibration_error_deg": _mean_error_deg(mine),
+                "calibration_error_deg": mean_error_deg(mine),
                 REASON: "",
             }
         )
@@ -227,8 +227,11 @@ def _unreadable(rows: pd.DataFrame, name: str) -> int:
     return int(rows.loc[gone & mine, "trial_id"].nunique())
 
 
-def _mean_error_deg(rows: pd.DataFrame) -> float:
+def mean_error_deg(rows: pd.DataFrame) -> float:
+    """Return the mean error over the calibrations one participant's trials were made with."""
     if "calibration_accuracy_deg" not in rows:
         return float("nan")
-    each = rows.dropna(subset=["calibration_accuracy_deg"]).drop_duplicates("calibration_id")
+    each = rows.dropna(subset=["calibration_accuracy_deg"])
+    if "calibration_id" in each and each["calibration_id"].notna().all():
+        each = each.drop_duplicates("calibration_id")
     return float(each["calibration_accuracy_deg"].astype(float).mean()) if len(each) else np.nan

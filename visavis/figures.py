@@ -1,7 +1,7 @@
 """The standard figures of a study: every comparison with everybody in it, and who was left out."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
@@ -19,10 +19,19 @@ from analysis.plots import (
     new_figure,
 )
 from analysis.plots.flow import Stage, flow_chart
-from analysis.plots.panels import Values, draw_mean, paired_lines, published_mark, spread_out
+from analysis.plots.panels import (
+    Values,
+    dots_with_limit,
+    draw_mean,
+    no_data,
+    paired_lines,
+    published_mark,
+    spread_out,
+)
 from analysis.report.notation import counted
 from visavis.analysis import Finding, StudyAnalysis
 from visavis.measures import aggregated
+from visavis.quality import LOSS_COLUMNS, QUALITY_COLUMNS, Quality
 from visavis.texts import Texts
 
 COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
@@ -144,3 +153,58 @@ def _rule_words(rule: str) -> str:
     known = {"practice": "practice", "unfinished": "not finished",
              "repeated": "performed again later"}  # fmt: skip
     return known.get(rule, rule.replace("_", " "))
+
+
+def quality_figure(
+    quality: Quality,
+    *,
+    max_error_deg: float | None,
+    max_trial_lost_01: float | None,
+    out: Collection[str],
+    is_simulated: bool,
+) -> Drawn:
+    """Return accuracy, precision and loss of everybody, with the limits; `out` were left out."""
+
+    def panels() -> Figure:
+        table = quality.participants
+        figure = new_figure(9.6, max(2.2, 1.1 + 0.21 * len(table)))
+        grid = figure.subplots(1, 3, sharey=True)
+        lost = None if max_trial_lost_01 is None else 100 * max_trial_lost_01
+        over = np.array([str(p) in out for p in table["participant"]], dtype=bool)
+        names = ("Accuracy (° error)", "Precision (° RMS-S2S)", "Lost gaze (%)")
+        limits = (max_error_deg, None, lost)
+        for axes, column, limit, name in zip(grid, QUALITY_COLUMNS, limits, names, strict=True):
+            values = table[column].to_numpy(float)
+            if not np.isfinite(values).any():
+                no_data(axes, "not recorded")
+                axes.set_xlabel(name)
+                continue
+            scale = 100.0 if column == "lost_01" else 1.0
+            dots_with_limit(axes, scale * values, BLUE, over=over, limit=limit, name=name)
+        grid[0].set_yticks(np.arange(len(table)), table["participant"].astype(str).tolist())
+        grid[0].set_ylabel("Participant")
+        return figure
+
+    return draw(
+        "quality",
+        panels,
+        title="Data quality by participant",
+        caption="Accuracy and precision from the validations in force, loss as the mean "
+        "over all finished trials. Dashed: the limits of a participant's mean error and of "
+        "one trial's loss. Crosses: participants excluded.",
+        alternative="Accuracy, precision and data loss of every participant.",
+        is_simulated=is_simulated,
+    )
+
+
+def figure_of_quality(analysis: StudyAnalysis, quality: Quality) -> Drawn:
+    """Return the quality of a study's gaze, with the limits of its rules."""
+    limits = {r.column: analysis.selection.limits[r.name] for r in analysis.study.exclusions}
+    people = analysis.selection.people
+    return quality_figure(
+        quality,
+        max_error_deg=limits.get("calibration_error_deg"),
+        max_trial_lost_01=next((limits[c] for c in LOSS_COLUMNS if c in limits), None),
+        out=set(people.loc[~people["is_analysed"].astype(bool), "participant"].astype(str)),
+        is_simulated=analysis.is_simulated,
+    )

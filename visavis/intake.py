@@ -10,23 +10,30 @@ import pandas as pd
 from analysis.report import SessionSource
 from analysis.report.sources import source_of
 from lab.errors import DataError
+from protocol.gaze_setup import TARGETS
 from protocol.questionnaires import Questionnaire, load_questionnaire, read_answers, score
 from recording.integrity import analysed_trials
 from recording.manifest import Manifest
 from recording.reader import Recording
+from visavis.looks import LOOK_COLUMNS, LooksOn
 from visavis.measures import Measure, SessionGaze, TrialRecord, value_of
 
 
 @dataclass(frozen=True)
 class SessionIntake:
     """What one session gives to analysis: `rows` one per performed trial with its measures,
-    `person` the answers of the questionnaires.
+    `person` the answers of the questionnaires and what became of the validations.
+
+    `sensitivity` are the main measures of looks by padding and minimum duration, `facts` what the
+    recording says for the eye-tracking reporting list.
     """
 
     rows: pd.DataFrame
     person: Mapping[str, Any]
     source: SessionSource
     manifest: Manifest = field(repr=False)
+    sensitivity: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
+    facts: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def planned(self) -> int:
@@ -42,14 +49,17 @@ def questionnaire(name: str, folders: Sequence[Path], wording: Path | None = Non
 
 
 def take_in(
-    recording: Recording, measures: Sequence[Measure], questionnaires: Sequence[Questionnaire]
+    recording: Recording,
+    measures: Sequence[Measure],
+    questionnaires: Sequence[Questionnaire],
+    looks: Sequence[LooksOn] = (),
 ) -> SessionIntake:
     """Measure every finished and intact trial; the others keep their row unmeasured.
 
     Raises:
         DataError: the session has no trial rows, or a measure cannot be computed.
     """
-    needs = ("gaze", "gaze_targets") if any(m.needs_gaze for m in measures) else ()
+    needs = ("gaze", "gaze_targets") if looks or any(m.needs_gaze for m in measures) else ()
     rows = analysed_trials(recording, needs=needs)
     if "status" not in rows:
         raise DataError(
@@ -59,6 +69,9 @@ def take_in(
     gaze = SessionGaze(recording)
     wanted = [m for m in measures if m.of is not None]
     values: dict[str, list[Any]] = {m.column: [] for m in wanted}
+    looked: list[dict[str, Any]] = []
+    varied: list[dict[str, Any]] = []
+    rules = [(on, on.rules(recording.manifest.plan)) for on in looks]
     for row in rows.to_dict("records"):
         measured = row["status"] == "complete"
         record = TrialRecord(
@@ -68,11 +81,27 @@ def take_in(
         )
         for measure in wanted:
             values[measure.column].append(value_of(measure, record) if measured else None)
+        looked.append({})
+        for on, params in rules if measured else ():
+            frozen = gaze.frozen_of_part(int(row["recording_part"]))
+            columns, settings = on.measure(record, frozen, params)
+            looked[-1] |= columns
+            if not row["is_practice"]:
+                key = {k: row[k] for k in ("participant", "session", "trial_id", "attempt")}
+                varied += [{**key, **setting} for setting in settings]
     added = pd.DataFrame(values, index=rows.index)
+    if rules:
+        named = [c.name for c in LOOK_COLUMNS]
+        added = pd.concat([added, pd.DataFrame(looked, index=rows.index, columns=named)], axis=1)
     rows = pd.concat([rows.drop(columns=[c for c in added if c in rows]), added], axis=1)
     rows.insert(0, "is_simulated", recording.is_simulated)
     return SessionIntake(
-        rows, person_of(recording, questionnaires), source_of(recording), recording.manifest
+        rows,
+        person_of(recording, questionnaires),
+        source_of(recording),
+        recording.manifest,
+        pd.DataFrame(varied),
+        gaze_facts(recording, rows),
     )
 
 
@@ -82,9 +111,63 @@ def person_of(recording: Recording, questionnaires: Sequence[Questionnaire]) -> 
     given: dict[str, dict[str, Any]] = {}
     for payload in events.loc[events["name"] == "answer", "payload"]:
         given.setdefault(payload["questionnaire"], {})[payload["question"]] = payload["answer"]
-    person: dict[str, Any] = {"participant": recording.manifest.participant}
+    person: dict[str, Any] = {
+        "participant": recording.manifest.participant,
+        **validations_of(events),
+    }
     for asked in questionnaires:
         answers = read_answers(asked, given.get(asked.name, {}))
         person |= answers
         person |= {f"{asked.name}_{name}": value for name, value in score(asked, answers).items()}
     return person
+
+
+def validations_of(events: pd.DataFrame) -> dict[str, Any]:
+    """Return the error at the end of a session, how far it drifted, and validations rejected.
+
+    Nothing where no tracker was validated.
+    """
+    found = list(events.loc[events["name"] == "validation", "payload"])
+    if not found:
+        return {}
+    starts = [v for v in found if v["moment"] == "block_start" and v["accuracy_deg"] is not None]
+    ends = [v for v in found if v["moment"] == "end" and v["accuracy_deg"] is not None]
+    end_deg = ends[-1]["accuracy_deg"] if ends else None
+    return {
+        "end_accuracy_deg": end_deg,
+        "drift_deg": end_deg - starts[-1]["accuracy_deg"] if ends and starts else None,
+        "rejected_validations": sum(not v["accepted"] for v in found if v["moment"] != "end"),
+    }
+
+
+def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
+    """Return what a recording answers of the reporting list for eye tracking; {} without gaze."""
+    devices = {d["role"]: d for d in recording.manifest.devices}
+    tracker, headset = devices.get("eye_tracker", {}), devices.get("headset", {})
+    gaze = recording.stream_schema("gaze")
+    if not tracker and gaze is None:
+        return {}
+    facts = {
+        "eyes": "both recorded; the combined ray used, one eye's when the other is lost",
+        "calibration": (
+            f"tracker's own 3-D calibration, then validation at {len(TARGETS)} points up to 15°, "
+            "before every block and at the end; accepted up to 1.5° mean and 3° at the worst point"
+        ),
+        "filter": "none; raw samples with the tracker's own validity",
+        "viewing": "seated, head free",
+    }
+    if tracker:
+        made_up = " (SIMULATED)" if tracker.get("is_simulated") else ""
+        facts["eye_tracker"] = f"{tracker['vendor']} {tracker['model']}{made_up}"
+    if headset:
+        frames = recording.stream_schema("frames")
+        rate = f", {frames.nominal_rate_hz:g} Hz" if frames is not None else ""
+        facts["display"] = f"{headset['vendor']} {headset['model']}{rate}"
+    done = rows[rows["status"] == "complete"]
+    if gaze is not None and len(done) and "gaze_samples" in done:
+        duration_s = float((done["t_end_ns"] - done["t_start_ns"]).sum()) / 1e9
+        effective = float(done["gaze_samples"].sum()) / duration_s if duration_s else float("nan")
+        facts["sampling_rate"] = (
+            f"{gaze.nominal_rate_hz:g} Hz nominal, {effective:.1f} Hz effective"
+        )
+    return facts

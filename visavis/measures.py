@@ -238,13 +238,22 @@ class SessionGaze:
         self._recording = recording
 
     @cached_property
-    def _parts(self) -> dict[int, GazeTargets]:
+    def _parts(self) -> dict[int, tuple[GazeTargets, npt.NDArray[np.bool_]]]:
         return {}
 
     def of_part(self, part: int) -> GazeTargets | None:
         """Return the samples of one part, frozen ones made lost; None without an eye tracker."""
+        read = self._read(part)
+        return None if read is None else read[0]
+
+    def frozen_of_part(self, part: int) -> npt.NDArray[np.bool_]:
+        """Tell of every sample of one part whether it repeats one direction too long."""
+        read = self._read(part)
+        return np.zeros(0, np.bool_) if read is None else read[1]
+
+    def _read(self, part: int) -> tuple[GazeTargets, npt.NDArray[np.bool_]] | None:
         if "gaze_targets" not in self._recording.stream_names:
             return None
         if part not in self._parts:
-            self._parts[part] = targets_of_part(self._recording, part)[0]
+            self._parts[part] = targets_of_part(self._recording, part)
         return self._parts[part]

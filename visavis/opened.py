@@ -116,7 +116,7 @@ class OpenedStudy:
         """Take in one session."""
         experiment = self.experiment(self.overrides_of(recording.manifest.plan))
         asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
-        return take_in(recording, self.measures(experiment), asked)
+        return take_in(recording, self.measures(experiment), asked, self.study.looks)
 
     def analysis_of(
         self, sessions: Sequence[SessionIntake], settings: Mapping[str, Any] | None = None
@@ -214,7 +214,7 @@ class OpenedStudy:
         )
         experiment = self.experiment(self.overrides_of(sessions[0].manifest.plan))
         asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
-        return write_study(analysis, experiment, asked, provenance, out_dir)
+        return write_study(analysis, experiment, asked, provenance, out_dir, sessions[0].facts)
 
     def overrides_of(self, plan: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters that a recorded plan was made with, those of older versions too."""

@@ -14,7 +14,8 @@ from protocol.questionnaires import Questionnaire
 from visavis.analysis import SIMULATED_COLUMN, StudyAnalysis
 from visavis.dictionary import PEOPLE, STATISTICS, people_columns, trial_columns, write_table
 from visavis.experiment import StudyExperiment
-from visavis.figures import study_figures
+from visavis.figures import figure_of_quality, study_figures
+from visavis.quality import quality_of
 from visavis.report import REPORT_NAME, build_report
 from visavis.sections import Extra
 
@@ -25,8 +26,11 @@ def write_study(
     questionnaires: Sequence[Questionnaire],
     provenance: ReportProvenance,
     out_dir: Path,
+    facts: Mapping[str, str] | None = None,
 ) -> Path:
     """Write tables, figures and the report; return the report's path.
+
+    `facts` is what recordings answer of the reporting list for eye tracking.
 
     Raises:
         UsageError: the folder cannot be written to.
@@ -35,6 +39,10 @@ def write_study(
     extras = [make(analysis, experiment) for make in experiment.study.sections]
     figures = study_figures(analysis, experiment.texts)
     figures |= {d.name: d for extra in extras for d in extra.figures}
+    quality = quality_of(analysis, facts)
+    if quality is not None:
+        drawn = figure_of_quality(analysis, quality)
+        figures[drawn.name] = drawn
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         write_tables(analysis, experiment, questionnaires, out_dir, extras)
@@ -48,7 +56,7 @@ def write_study(
     sections = [extra.section for extra in extras]
     path = out_dir / REPORT_NAME
     return build_report(
-        analysis, experiment, provenance, figures, path, questionnaires, sections
+        analysis, experiment, provenance, figures, path, questionnaires, sections, quality
     )  # fmt: skip
 
 

@@ -33,6 +33,9 @@ from visavis.experiment import StudyExperiment
 from visavis.figures import figure_name, label_of
 from visavis.measures import aggregated
 from visavis.methods import method_paragraphs
+from visavis.quality import NOT_FINISHED, Quality, quality_table
+from visavis.reporting_list import Kept, reporting_table
+from visavis.texts import shown
 
 REPORT_NAME: Final = "report.html"
 Pictures = Mapping[str, Picture]
@@ -46,6 +49,7 @@ def build_report(
     path: Path,
     questionnaires: Sequence[Questionnaire] = (),
     sections: Sequence[Section] = (),
+    quality: Quality | None = None,
 ) -> Path:
     """Write the report and return its path; the same input gives the same bytes."""
     pictures = {name: picture_of(d) for name, d in figures.items()}
@@ -69,6 +73,7 @@ def build_report(
             _summary(analysis, experiment),
             *_measures(analysis, experiment, pictures),
             *sections,
+            *([] if quality is None else [_quality(analysis, quality, provenance, pictures)]),
             _people(analysis, experiment, questionnaires, pictures),
             _methods(analysis, experiment),
             provenance_section(provenance),
@@ -268,6 +273,32 @@ def _means_table(analysis: StudyAnalysis, column: str, experiment: StudyExperime
         tuple(rows),
         f"{measure.words}{unit}: mean over participants (SD)",
     )  # fmt: skip
+
+
+def _quality(
+    analysis: StudyAnalysis, quality: Quality, provenance: ReportProvenance, pictures: Pictures
+) -> Section:
+    selection = analysis.selection
+    limits = "; ".join(
+        f"{rule.column} {'above' if rule.above else 'below'} {shown(selection.limits[rule.name])}"
+        for rule in analysis.study.exclusions
+        if selection.limits[rule.name] is not None
+    )
+    finished = ~selection.rows["left_out_because"].isin(NOT_FINISHED)
+    kept = Kept(
+        len(selection.people),
+        int((~selection.people["is_analysed"].astype(bool)).sum()),
+        int(finished.sum()),
+        int((finished & ~selection.rows["is_analysed"]).sum()),
+        limits,
+    )
+    blocks: list[Block] = [pictures["quality"], reporting_table(kept, quality, provenance),
+                           Fold("Every participant", (quality_table(quality),))]  # fmt: skip
+    heads = tuple(Column(h) for h in ("Participant", "What", "Why"))
+    if quality.incidents:
+        table = Table(heads, quality.incidents, "Interruptions and deviations")
+        blocks.append(Fold(f"Interruptions and deviations: {len(quality.incidents)}", (table,)))
+    return Section("quality", "Quality of gaze data", tuple(blocks))
 
 
 def _people(

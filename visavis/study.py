@@ -29,6 +29,7 @@ from protocol.steps import Scalar, Step
 from stimuli.scene import SceneFrame
 from visavis.compare import Compare
 from visavis.exclusions import STANDARD_RULES, Exclusion
+from visavis.looks import LooksOn
 from visavis.measures import Measure
 from visavis.person import Seen
 from visavis.responses import Response
@@ -82,6 +83,8 @@ class Study:
     and truths a lab may replace with `--set`; a trial reads them as attributes. `responses` need
     not be listed: they are found by reading the trial without performing it; list them where a
     trial asks only in some cases. `needs` and `uses` are roles of devices beside the headset.
+    `looks` ask for everything about looks on an agent (whole, by ray, in parts, by other detectors,
+    by padding and minimum duration).
     `derived` are columns that follow from a trial's factors (a place from its zone and its depth);
     `cells` are the factors whose combinations are compared and described, where not all within
     people are: others only vary the situation. `columns` describe what the trial writes into its
@@ -109,6 +112,7 @@ class Study:
     responses: Sequence[Response] = ()
     columns: Sequence[Column] = ()
     measures: Sequence[Measure] = ()
+    looks: Sequence[LooksOn] = ()
     compare: Sequence[Compare] = ()
     exclusions: Sequence[Exclusion] = STANDARD_RULES
     questionnaires: Sequence[str] = ()

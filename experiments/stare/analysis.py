@@ -108,9 +108,9 @@ def analyse_rows(
 
     `trials` has one row per trial attempt, practice and interrupted ones included, with the
     columns of the study's measures; `answers` one row per participant with `participant` and
-    `anxiety_total`; `sensitivity_rows` the measures by padding and minimum duration; `levels` what
-    this study varied, a part of the source's where it was set so. Works with
-    any number of participants: what cannot be tested says why. Raises DataError for a table
+    `social_anxiety_total`; `sensitivity_rows` the measures by padding and minimum duration;
+    `levels` what this study varied, a part of the source's where it was set so. Works with any
+    number of participants: what cannot be tested says why. Raises DataError for a table
     that is not this study's or that mixes simulated and real data; `allow_mixture` takes a
     mixture, which then counts as simulated.
     """

@@ -7,12 +7,13 @@ from typing import Any
 
 import pandas as pd
 
+from analysis.report.sources import provenance_of_sessions
 from experiments.stare.analysis_parameters import AnalysisParameters
 from experiments.stare.comparisons import LEVELS
-from experiments.stare.intake import SessionIntake, measure_parameters_of, provenance_of, take_in
 from experiments.stare.study import study
 from protocol.parameters import parameters_from
 from recording.reader import Recording
+from visavis.intake import SessionIntake
 from visavis.opened import OpenedStudy, overrides_of
 from visavis.study import Study
 
@@ -28,11 +29,7 @@ class StareBundle(OpenedStudy):
         cells = list(self.experiment(overrides_of(plan)).conditions())
         return {name: tuple(dict.fromkeys(str(c[name]) for c in cells)) for name in LEVELS}
 
-    def measure(self, recording: Recording) -> SessionIntake:  # type: ignore[override]  # its own, until its analysis is the kit's
-        """Take in one session: trials measured, answers scored, sources noted."""
-        return take_in(recording, measure_parameters_of(recording.manifest.plan))
-
-    def analyse(  # type: ignore[override]  # as above
+    def analyse(
         self,
         sessions: Sequence[SessionIntake],
         out_dir: Path,
@@ -52,12 +49,14 @@ class StareBundle(OpenedStudy):
             pd.DataFrame([s.person for s in sessions]),
             out_dir,
             is_simulated=is_simulated,
-            provenance=provenance_of(sessions, commands),
+            provenance=provenance_of_sessions(
+                self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands
+            ),
             sensitivity_rows=pd.concat([s.sensitivity for s in sessions], ignore_index=True),
             example=None if example is None else example_of(example),
             parameters=parameters_from(AnalysisParameters, settings or {}, "analysis of stare"),
             facts=sessions[0].facts,
-            measures=measure_parameters_of(sessions[0].manifest.plan),
+            measures=self.study.looks[0].rules(sessions[0].manifest.plan),
             levels=self.levels(sessions[0].manifest.plan),
             study_parameters=sessions[0].manifest.plan["parameters"],
         )

@@ -15,7 +15,7 @@ from visavis.measures import Measure, aggregated
 from visavis.pairs import Correlate, CorrelationTest, Pairs, PairTest, Printed
 
 COLUMNS: Final = tuple(m.column for m in MEASURES)
-SCORE_COLUMN: Final = "anxiety_total"
+SCORE_COLUMN: Final = "social_anxiety_total"
 """Liebowitz total, 0 to 144, in the table of participants' answers."""
 LEVELS: Final[dict[str, tuple[str, ...]]] = {
     "condition": CONDITIONS,

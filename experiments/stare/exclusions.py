@@ -9,6 +9,7 @@ from experiments.stare.design import CONDITIONS
 from experiments.stare.terms import MEASURES
 from lab.errors import DataError
 from recording.integrity import DAMAGED, LOST
+from visavis.exclusions import mean_error_deg
 
 LOSS_COLUMN = "lost_01"
 ERROR_COLUMN = "calibration_accuracy_deg"
@@ -123,14 +124,6 @@ def select_trials(trials: pd.DataFrame, parameters: AnalysisParameters) -> Selec
             if rows[ERROR_COLUMN].isna().all()
         ),
     )
-
-
-def mean_error_deg(rows: pd.DataFrame) -> float:
-    """Return the mean error over the calibrations one participant's trials were made with."""
-    each = rows.dropna(subset=[ERROR_COLUMN])
-    if "calibration_id" in each and each["calibration_id"].notna().all():
-        each = each.drop_duplicates("calibration_id")
-    return float(each[ERROR_COLUMN].astype(float).mean()) if len(each) else float("nan")
 
 
 def _checked(trials: pd.DataFrame) -> pd.DataFrame:

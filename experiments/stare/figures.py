@@ -12,7 +12,6 @@ from analysis.plots.flow import Stage, flow_chart
 from analysis.plots.panels import (
     Values,
     differences,
-    dots_with_limit,
     no_data,
     paired_lines,
     published_mark,
@@ -24,10 +23,11 @@ from experiments.stare import published
 from experiments.stare.analysis import StareAnalysis
 from experiments.stare.design import CONDITIONS
 from experiments.stare.figures_places import place_figure
-from experiments.stare.quality_table import QUALITY_COLUMNS, StareQuality
 from experiments.stare.terms import CONDITION_NAMES, DWELL, FIXATION_COUNT, MEASURES
+from visavis.figures import quality_figure
 from visavis.measures import Measure
 from visavis.pairs import find_test
+from visavis.quality import Quality
 
 COLOURS = {"A": BLUE, "D": VERMILION, "AD": PURPLE, "DA": GREEN}
 
@@ -52,7 +52,7 @@ class TrialExample:
 
 
 def study_figures(
-    analysis: StareAnalysis, quality: StareQuality, example: TrialExample | None = None
+    analysis: StareAnalysis, quality: Quality, example: TrialExample | None = None
 ) -> dict[str, Drawn]:
     """Return every figure by its name; all of them marked when the data are simulated."""
     simulated = analysis.is_simulated
@@ -117,14 +117,11 @@ def study_figures(
             "conditions, in values and in ranks.",
             is_simulated=simulated,
         ),
-        draw(
-            "quality",
-            lambda: _quality(analysis, quality),
-            title="Data quality by participant",
-            caption="Accuracy and precision from the validations in force, loss as the mean "
-            "over all finished trials. Dashed: the limits of a participant's mean error and of "
-            "one trial's loss. Crosses: participants excluded.",
-            alternative="Accuracy, precision and data loss of every participant.",
+        quality_figure(
+            quality,
+            max_error_deg=analysis.parameters.max_error_deg,
+            max_trial_lost_01=analysis.parameters.max_trial_lost_01,
+            out={e.participant for e in analysis.selection.excluded if e.trial_id is None},
             is_simulated=simulated,
         ),
         draw(
@@ -241,28 +238,6 @@ def _anxiety(analysis: StareAnalysis) -> Figure:
     grid[0, 0].set_ylabel(DWELL.axis)
     grid[0, 0].set_ylim(bottom=0)
     grid[1, 0].set_ylabel("Rank of dwell time")
-    return figure
-
-
-def _quality(analysis: StareAnalysis, quality: StareQuality) -> Figure:
-    table = quality.participants
-    figure = new_figure(9.6, max(2.2, 1.1 + 0.21 * len(table)))
-    parameters = analysis.parameters
-    panels = figure.subplots(1, 3, sharey=True)
-    limits = (parameters.max_error_deg, None, 100 * parameters.max_trial_lost_01)
-    out = {e.participant for e in analysis.selection.excluded if e.trial_id is None}
-    over = np.array([str(p) in out for p in table["participant"]], dtype=bool)
-    names = ("Accuracy (° error)", "Precision (° RMS-S2S)", "Lost gaze (%)")
-    for axes, column, limit, name in zip(panels, QUALITY_COLUMNS, limits, names, strict=True):
-        values = table[column].to_numpy(float)
-        if not np.isfinite(values).any():
-            no_data(axes, "not recorded")
-            axes.set_xlabel(name)
-            continue
-        scale = 100.0 if column == "lost_01" else 1.0
-        dots_with_limit(axes, scale * values, BLUE, over=over, limit=limit, name=name)
-    panels[0].set_yticks(np.arange(len(table)), table["participant"].astype(str).tolist())
-    panels[0].set_ylabel("Participant")
     return figure
 
 

@@ -5,9 +5,7 @@ from dataclasses import fields
 from typing import Any, Final
 
 from analysis.gaze.looks import LookParameters
-from analysis.gaze.loss import DEFAULT_LOSS
 from analysis.report.notation import counted, decimal, percentage, threshold
-from devices.registry import driver_spec
 from experiments.stare.analysis_parameters import AnalysisParameters
 from experiments.stare.conclusions import RULE
 from experiments.stare.design import CONDITIONS, DEFAULT_PARAMETERS, StareParameters
@@ -16,6 +14,7 @@ from experiments.stare.published import COMPARISONS
 from experiments.stare.terms import MEASURES
 from stimuli.scenes.audience import ACTIVE_PLACES
 from visavis.looks import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
+from visavis.reporting_list import confidence_rule, stamp_rule
 
 REFERENCES = (
     "Raimbaud, P., Jovane, A., Zibrek, K., Pacchierotti, C., Christie, M., Hoyet, L., Pettré, J., "
@@ -82,35 +81,6 @@ def differences_from_source(
         )
     found.append(trigger if changes is None else f"{trigger} {changes.sentence()}")
     return tuple(found)
-
-
-def confidence_rule() -> str:
-    """Return which samples a tracker's confidence makes invalid, live and on import."""
-    driver = driver_spec("pupil_core").options.model_fields["confidence_threshold_01"].default
-    return (
-        f"recorded live with a Pupil Core: confidence below {_plain(driver)} (the driver's "
-        "default, device option confidence_threshold_01) is invalid; other trackers: their own "
-        "validity. Recordings imported from elsewhere: confidence below "
-        f"{_plain(DEFAULT_LOSS.confidence_01)} is lost"
-    )
-
-
-def stamp_rule(looks: LookParameters) -> str:
-    """Return what happens to samples whose time stamps repeat or go back."""
-    repeated = (
-        "the first is kept where repeats contradict each other"
-        if looks.conflicts == "keep_first"
-        else "repeats that contradict each other are refused"
-    )
-    backward = (
-        "samples stamped earlier than the one before are sorted in"
-        if looks.backward == "sort"
-        else "samples stamped earlier than the one before are refused"
-    )
-    return (
-        f"samples that repeat a stamp are left out, {repeated}; {backward}. Counted by trial "
-        "(repeated_samples, conflicting_samples, backward_samples)"
-    )
 
 
 def method_paragraphs(

@@ -85,7 +85,8 @@ class QuickStudy:
     """A simulated study as the analysis takes it.
 
     `trials` has one row per trial with the participant, the factors, the six measures, `lost_01`
-    and `switch_ms`; `answers` one row per participant with `participant` and `anxiety_total`.
+    and `switch_ms`; `answers` one row per participant with `participant` and
+    `social_anxiety_total`.
     """
 
     trials: pd.DataFrame
@@ -282,7 +283,7 @@ def run_study(
                     "switch_ms": switch_ms,
                 }
             )
-        answers.append({"participant": label, "anxiety_total": anxiety_total(person)})
+        answers.append({"participant": label, "social_anxiety_total": anxiety_total(person)})
     trials = pd.DataFrame(rows)
     trials = trials.astype(dict.fromkeys((*MAIN_MEASURES, "lost_01", "switch_ms"), float))
     return QuickStudy(trials, pd.DataFrame(answers))

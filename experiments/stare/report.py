@@ -23,7 +23,7 @@ from analysis.report import (
     Verdicts,
     write_page,
 )
-from analysis.report.notation import counted
+from analysis.report.notation import counted, decimal
 from experiments.stare import published
 from experiments.stare import report_tables as tables
 from experiments.stare.analysis import StareAnalysis
@@ -35,18 +35,17 @@ from experiments.stare.methods_text import (
     method_paragraphs,
     study_of,
 )
-from experiments.stare.quality_table import StareQuality
-from experiments.stare.report_quality import quality_table
-from experiments.stare.reporting_list import reporting_table
 from visavis.looks import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 from visavis.pairs import same_verdicts
+from visavis.quality import Quality, quality_table
+from visavis.reporting_list import Kept, reporting_table
 
 TITLE = "Stare in the crowd"
 
 
 def build_report(
     analysis: StareAnalysis,
-    quality: StareQuality,
+    quality: Quality,
     provenance: ReportProvenance,
     out_path: Path,
     *,
@@ -72,7 +71,7 @@ def build_report(
 
 def report_page(
     analysis: StareAnalysis,
-    quality: StareQuality,
+    quality: Quality,
     provenance: ReportProvenance,
     pictures: Mapping[str, Picture],
     measures: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
@@ -204,7 +203,7 @@ def _robustness(analysis: StareAnalysis) -> Section:
 
 def _quality(
     analysis: StareAnalysis,
-    quality: StareQuality,
+    quality: Quality,
     provenance: ReportProvenance,
     pictures: Mapping[str, Picture],
     measures: MeasureParameters,
@@ -214,14 +213,28 @@ def _quality(
         "Data quality",
         (
             pictures["quality"],
-            reporting_table(analysis, quality, provenance, measures),
+            reporting_table(kept_of(analysis), quality, provenance, measures),
             Fold("Every participant", (quality_table(quality),)),
         ),
     )
 
 
+def kept_of(analysis: StareAnalysis) -> Kept:
+    """Return what was excluded, for the reporting list."""
+    flow, limits = analysis.selection.flow, analysis.parameters
+    return Kept(
+        flow.participants,
+        flow.participants_out,
+        flow.complete,
+        flow.lost + flow.with_participants,
+        f"{100 * limits.max_trial_lost_01:.0f} % loss per trial; "
+        f"{100 * limits.max_bad_trials_01:.0f} % of trials; "
+        f"{decimal(limits.max_error_deg, 1)}° mean error",
+    )
+
+
 def _exclusions(
-    analysis: StareAnalysis, quality: StareQuality, pictures: Mapping[str, Picture]
+    analysis: StareAnalysis, quality: Quality, pictures: Mapping[str, Picture]
 ) -> Section:
     selection = analysis.selection
     blocks: list[Block] = [pictures["flow"]]

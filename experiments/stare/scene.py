@@ -2,13 +2,16 @@
 
 import numpy as np
 
+from analysis.report.notation import decimal
 from experiments.stare.design import AVERTED, AVERTED_THEN_DIRECTED
 from protocol.plan import Trial
 from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.gaze.blinks import draw_blinks
 from stimuli.scene import Scene
 from stimuli.scenes.audience import (
+    PARTICIPANT_EYE_M,
     PLACES,
+    SEATS,
     SPEAKER_EYE_M,
     audience_scene,
     black_scene,
@@ -61,3 +64,13 @@ def opening_eyes(trial: Trial, scene: Scene, duration_s: float) -> EyeBehaviour:
 
 def _rng(trial: Trial, stream: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(trial.seed, spawn_key=(stream,)))
+
+
+def distances() -> str:
+    """Return how far the heads are, in words."""
+    eye_height_m = float(PARTICIPANT_EYE_M[1])
+    far = [float(np.hypot(s.distance_m, s.head_height_m - eye_height_m)) for s in SEATS.values()]
+    return (
+        f"agents' heads {decimal(min(far), 1)} to {decimal(max(far), 1)} m from the eyes "
+        "(seating plan)"
+    )

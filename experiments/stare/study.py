@@ -25,6 +25,7 @@ from protocol.plan import SessionPlan
 from protocol.steps import Plan
 from stimuli.scenes.audience import DRESSED_BY
 from visavis.experiment import StudyExperiment
+from visavis.looks import LooksOn
 from visavis.observer import Observer
 from visavis.study import SETTABLE, Study
 from visavis.trial import TrialScript
@@ -43,6 +44,7 @@ study = Study(
     practice=[{"condition": AVERTED, "zone": "centre", "depth": "middle"}],
     parameters={k: v for k, v in asdict(DEFAULT_PARAMETERS).items() if k not in SETTABLE},
     intertrial_s=DEFAULT_PARAMETERS.intertrial_s,
+    looks=[LooksOn("active_index", "t_start_ns", "t_end_ns", "switch_ns")],
     texts="texts",
     questionnaires=QUESTIONNAIRES,
     needs=["eye_tracker"],

@@ -14,13 +14,14 @@ from experiments.stare.analysis_parameters import DEFAULT_PARAMETERS, AnalysisPa
 from experiments.stare.comparisons import LEVELS
 from experiments.stare.data_dictionary import write_dictionary
 from experiments.stare.figures import TrialExample, study_figures
-from experiments.stare.quality_table import StareQuality, quality_of_trials
 from experiments.stare.report import build_report
+from experiments.stare.scene import distances
 from experiments.stare.table_dictionaries import write_table_dictionary
 from experiments.stare.table_types import typed_trials
 from lab.errors import UsageError
 from recording.csv_file import tell_neutralised, write_csv
 from visavis.looks import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
+from visavis.quality import Quality, quality_of_trials
 
 REPORT_NAME = "report.html"
 
@@ -68,9 +69,9 @@ def analyse_study(
     )
     quality = quality_of_trials(
         trials,
-        analysis.selection,
+        analysis.selection.complete,
         max_trial_lost_01=parameters.max_trial_lost_01,
-        facts=facts,
+        facts={**(facts or {}), "distances": distances()},
         people=answers,
         max_error_deg=parameters.max_error_deg,
     )
@@ -96,7 +97,7 @@ def analyse_study(
 
 
 def write_tables(
-    analysis: StareAnalysis, quality: StareQuality, answers: pd.DataFrame, out_dir: Path
+    analysis: StareAnalysis, quality: Quality, answers: pd.DataFrame, out_dir: Path
 ) -> tuple[Path, ...]:
     """Write trials (CSV, Parquet), participants, condition means, statistics, sensitivity.
 

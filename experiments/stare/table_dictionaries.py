@@ -8,14 +8,13 @@ from typing import Any
 from experiments.stare.comparisons import SCORE_COLUMN
 from experiments.stare.design import CONDITIONS
 from experiments.stare.published import COMPARISONS
-from experiments.stare.quality_table import DRIFT, END_ACCURACY, REJECTED
 from experiments.stare.study import QUESTIONNAIRES
 from experiments.stare.terms import CONDITION_NAMES
 from protocol.questionnaires import Question, load_questionnaire, score_range
 from visavis.looks import LOOK_COLUMNS, MAIN_MEASURES
+from visavis.quality import DRIFT, END_ACCURACY, REJECTED
 
 Entry = Mapping[str, Any]
-ANXIETY_QUESTIONNAIRE = "social_anxiety"
 FAMILIES = {
     "conditions": "the thirty tests: five comparisons of six measures",
     "places": "averted against directed gaze at each of nine places",
@@ -62,12 +61,10 @@ def participants_dictionary() -> dict[str, Entry]:
     }
     for name in QUESTIONNAIRES:
         questionnaire = load_questionnaire(name)
-        if name != ANXIETY_QUESTIONNAIRE:
-            entries |= {q.question_id: _question(q) for q in questionnaire.questions()}
-            continue
+        entries |= {q.question_id: _question(q) for q in questionnaire.questions()}
         for score, rule in questionnaire.scores.items():
             low, high = score_range(questionnaire, score)
-            column = f"{SCORE_COLUMN.removesuffix('total')}{score}"
+            column = f"{name}_{score}"
             entries[column] = _entry(
                 f"{questionnaire.title}: {rule.method} of {score.replace('_', ', ')}, "
                 f"{low:g} to {high:g}",

@@ -128,7 +128,7 @@ def test_drawn_people_bring_all_their_rows(study: StarePower, folder: Path) -> N
     assert 40 * 4 == len(drawn)
     rows = {tuple(r) for r in people.drop(columns="participant").itertuples(index=False)}
     assert {tuple(r) for r in drawn.drop(columns="participant").itertuples(index=False)} <= rows
-    assert drawn.groupby("participant")["anxiety_total"].nunique().max() == 1
+    assert drawn.groupby("participant")["social_anxiety_total"].nunique().max() == 1
 
 
 def test_verdicts_are_those_of_the_study_analysis(study: StarePower, folder: Path) -> None:

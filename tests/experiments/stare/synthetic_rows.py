@@ -69,7 +69,7 @@ def anxiety_answers(participants: int, *, seed: int = 1) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "participant": [f"S{i + 1:02d}" for i in range(participants)],
-            "anxiety_total": rng.integers(5, 110, participants),
+            "social_anxiety_total": rng.integers(5, 110, participants),
             "age": rng.integers(19, 50, participants),
         }
     )

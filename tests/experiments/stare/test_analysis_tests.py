@@ -202,7 +202,7 @@ def test_too_few_participants_are_said_not_computed(participants):
 
 def test_anxiety_correlation_uses_those_with_a_score(study):
     answers = anxiety_answers(N)
-    answers.loc[0:1, "anxiety_total"] = np.nan
+    answers.loc[0:1, "social_anxiety_total"] = np.nan
     found = analyse_rows(study.trials, answers, is_simulated=True).anxiety
     with_d = next(c for c in found if c.measure == DWELL and c.level == "D")
 
@@ -214,7 +214,7 @@ def test_strong_negative_anxiety_relation_is_found():
     rows = study_rows(N)
     order = {f"S{i + 1:02d}": i for i in range(N)}
     rank = rows["participant"].map(order)
-    answers = pd.DataFrame({"participant": list(order), "anxiety_total": range(10, 10 + N)})
+    answers = pd.DataFrame({"participant": list(order), "social_anxiety_total": range(10, 10 + N)})
     rows["dwell_ms"] = 3000.0 - 100 * rank + 0.001 * rows["dwell_ms"]
     found = analyse_rows(rows, answers, is_simulated=True)
 
@@ -225,7 +225,7 @@ def test_strong_negative_anxiety_relation_is_found():
 
 
 def test_two_scores_of_one_participant_are_refused():
-    answers = pd.DataFrame({"participant": ["S01", "S01"], "anxiety_total": [5, 6]})
+    answers = pd.DataFrame({"participant": ["S01", "S01"], "social_anxiety_total": [5, 6]})
 
     with pytest.raises(DataError, match="S01 has two"):
         analyse_rows(study_rows(3), answers, is_simulated=True)

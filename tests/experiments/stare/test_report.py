@@ -9,11 +9,13 @@ from analysis.report import ReportProvenance, SessionSource
 from experiments.stare.analysis_parameters import AnalysisParameters
 from experiments.stare.figures import TrialExample
 from experiments.stare.methods_text import method_paragraphs
-from experiments.stare.quality_table import quality_of_trials
-from experiments.stare.reporting_list import OPEN, SETUP_ITEMS, reporting_table
+from experiments.stare.report import kept_of
+from experiments.stare.scene import distances
 from experiments.stare.study_outputs import analyse_study
 from lab.errors import UsageError
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows, varied_rows
+from visavis.quality import quality_of_trials
+from visavis.reporting_list import OPEN, SETUP_ITEMS, reporting_table
 
 PROVENANCE = ReportProvenance(
     study="stare",
@@ -150,9 +152,14 @@ def test_interruption_and_exclusion_are_listed(html):
 def test_reporting_list_leaves_open_what_nobody_recorded(html, written):
     found = written.analysis
     quality = quality_of_trials(
-        found.trials, found.selection, max_trial_lost_01=0.3, facts={"eye_tracker": "Pupil Core"}
+        found.trials,
+        found.selection.complete,
+        max_trial_lost_01=0.3,
+        facts={"eye_tracker": "Pupil Core", "distances": distances()},
     )
-    cells = [c for row in reporting_table(found, quality, PROVENANCE).rows for c in row[1:]]
+    cells = [
+        c for row in reporting_table(kept_of(found), quality, PROVENANCE).rows for c in row[1:]
+    ]
     texts = [c if isinstance(c, str) else c.text for c in cells]
 
     assert words_of(html).count(OPEN) == len(SETUP_ITEMS) - 1  # distances are the study's own
@@ -202,7 +209,7 @@ def test_participants_table_joins_quality_and_answers(written):
     people = pd.read_csv(next(p for p in written.tables if p.name == "participants.csv"))
 
     assert people["participant"].tolist() == [f"S{i:02d}" for i in range(1, 9)]
-    assert people["anxiety_total"].notna().all()
+    assert people["social_anxiety_total"].notna().all()
     assert people["accuracy_deg"].notna().all()
 
 

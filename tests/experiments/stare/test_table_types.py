@@ -72,5 +72,5 @@ def test_coded_answers_have_the_levels_of_the_questionnaire(folder):
     described = json.loads((folder / "participants.json").read_text(encoding="utf-8"))
 
     assert described["vision"]["Levels"]["2"] == "corrected with contact lenses"
-    assert described["anxiety_total"]["Description"].endswith("0 to 144")
+    assert described["social_anxiety_total"]["Description"].endswith("0 to 144")
     assert described["age"]["Units"] == "years"

@@ -1,17 +1,17 @@
 """The minimal reporting list for eye tracking (Dunn et al., 2024), answered from the data."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 
+from analysis.gaze.looks import LookParameters
+from analysis.gaze.loss import DEFAULT_LOSS
 from analysis.report import Cell, Column, ReportProvenance, Table
 from analysis.report.notation import MISSING, counted, decimal, percentage
-from experiments.stare.analysis import StareAnalysis
-from experiments.stare.methods_text import confidence_rule, stamp_rule
-from experiments.stare.quality_table import DRIFT, END_ACCURACY, REJECTED, StareQuality
-from stimuli.scenes.audience import PARTICIPANT_EYE_M, SEATS
+from devices.registry import driver_spec
 from visavis.looks import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
+from visavis.quality import DRIFT, END_ACCURACY, REJECTED, Quality
 
 OPEN = "not recorded – to be filled in by the lab"
 FILL_IN = "to be filled in by the lab"
@@ -35,9 +35,49 @@ SETUP_ITEMS = (
 )
 
 
+@dataclass(frozen=True)
+class Kept:
+    """How many people and trials there were, how many of them were excluded, by which limits."""
+
+    people: int
+    people_out: int
+    trials: int
+    trials_out: int
+    limits: str
+
+
+def confidence_rule() -> str:
+    """Return which samples a tracker's confidence makes invalid, live and on import."""
+    driver = driver_spec("pupil_core").options.model_fields["confidence_threshold_01"].default
+    return (
+        f"recorded live with a Pupil Core: confidence below {driver:g} (the driver's "
+        "default, device option confidence_threshold_01) is invalid; other trackers: their own "
+        "validity. Recordings imported from elsewhere: confidence below "
+        f"{DEFAULT_LOSS.confidence_01:g} is lost"
+    )
+
+
+def stamp_rule(looks: LookParameters) -> str:
+    """Return what happens to samples whose time stamps repeat or go back."""
+    repeated = (
+        "the first is kept where repeats contradict each other"
+        if looks.conflicts == "keep_first"
+        else "repeats that contradict each other are refused"
+    )
+    backward = (
+        "samples stamped earlier than the one before are sorted in"
+        if looks.backward == "sort"
+        else "samples stamped earlier than the one before are refused"
+    )
+    return (
+        f"samples that repeat a stamp are left out, {repeated}; {backward}. Counted by trial "
+        "(repeated_samples, conflicting_samples, backward_samples)"
+    )
+
+
 def reporting_table(
-    analysis: StareAnalysis,
-    quality: StareQuality,
+    kept: Kept,
+    quality: Quality,
     provenance: ReportProvenance,
     measures: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
 ) -> Table:
@@ -45,7 +85,6 @@ def reporting_table(
     rows: list[tuple[Cell | str, ...]] = [
         (label, _setup_cell(key, quality.facts, provenance.setup)) for key, label in SETUP_ITEMS
     ]
-    flow, parameters = analysis.selection.flow, analysis.parameters
     table = quality.participants
     rows += [
         ("Accuracy, mean over participants (range)", _range(table, "accuracy_deg")),
@@ -57,11 +96,11 @@ def reporting_table(
         ),
         (
             "Participants excluded, with reasons",
-            f"{flow.participants_out} of {flow.participants}; see Exclusions",
+            f"{kept.people_out} of {kept.people}; see Exclusions",
         ),
         (
             "Trials excluded, with reasons",
-            f"{flow.lost + flow.with_participants} of {flow.complete}; see Exclusions",
+            f"{kept.trials_out} of {kept.trials}; see Exclusions",
         ),
         (
             "Areas of interest",
@@ -84,9 +123,7 @@ def reporting_table(
         ),
         (
             "Exclusion limits, set before analysis",
-            f"{100 * parameters.max_trial_lost_01:.0f} % loss per trial; "
-            f"{100 * parameters.max_bad_trials_01:.0f} % of trials; "
-            f"{decimal(parameters.max_error_deg, 1)}° mean error",
+            kept.limits,
         ),
         ("Analysis software", ", ".join(f"{k} {v}" for k, v in provenance.versions.items())),
     ]
@@ -111,23 +148,15 @@ def _setup_cell(key: str, recorded: Mapping[str, str], given: Mapping[str, str])
         return Cell(given[key])
     known = recorded.get(key, "")
     if key == "viewing":
-        if known:
-            return Cell(f"{known}; {_distances()}")
-        return Cell(f"{_distances()}; posture and head restraint: {FILL_IN}", "differ")
+        whole = [part for part in (known, recorded.get("distances", "")) if part]
+        if known or not whole:
+            return Cell("; ".join(whole)) if whole else Cell(OPEN, "differ")
+        return Cell(f"{whole[0]}; posture and head restraint: {FILL_IN}", "differ")
     if not known:
         return Cell(OPEN, "differ")
     if key in PARTLY:
         return Cell(f"{known}; {PARTLY[key]}: {FILL_IN}", "differ")
     return Cell(known)
-
-
-def _distances() -> str:
-    eye_height_m = float(PARTICIPANT_EYE_M[1])
-    far = [float(np.hypot(s.distance_m, s.head_height_m - eye_height_m)) for s in SEATS.values()]
-    return (
-        f"agents' heads {decimal(min(far), 1)} to {decimal(max(far), 1)} m from the eyes "
-        "(seating plan)"
-    )
 
 
 def _at_the_end(table: pd.DataFrame) -> list[tuple[Cell | str, ...]]:

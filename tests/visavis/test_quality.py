@@ -2,16 +2,22 @@ import numpy as np
 import pytest
 
 from analysis.report import ReportProvenance
-from experiments.stare.analysis import analyse_rows
-from experiments.stare.quality_table import quality_of_trials
-from experiments.stare.report_quality import quality_table
-from experiments.stare.reporting_list import FILL_IN, OPEN, reporting_table
+from experiments.stare.analysis import analyse_rows as analyse_stare
+from experiments.stare.report import kept_of
+from experiments.stare.scene import distances
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
+from tests.visavis.sessions import opened
+from visavis.analysis import analyse_rows
+from visavis.exclusions import limits_in_force, select
+from visavis.measures import Measure
+from visavis.quality import quality_of as quality_of_study
+from visavis.quality import quality_of_trials, quality_table
+from visavis.reporting_list import FILL_IN, OPEN, reporting_table
 
 
 @pytest.fixture(scope="module")
 def analysis():
-    return analyse_rows(study_rows(3), anxiety_answers(3), is_simulated=True)
+    return analyse_stare(study_rows(3), anxiety_answers(3), is_simulated=True)
 
 
 def people(**columns):
@@ -20,13 +26,17 @@ def people(**columns):
 
 def quality_of(analysis, answers, **options):
     return quality_of_trials(
-        analysis.trials, analysis.selection, max_trial_lost_01=0.3, people=answers, **options
+        analysis.trials,
+        analysis.selection.complete,
+        max_trial_lost_01=0.3,
+        people=answers,
+        **options,
     )
 
 
 def listed(analysis, quality, setup=None):
     provenance = ReportProvenance("stare", "1", "", setup=setup or {})
-    table = reporting_table(analysis, quality, provenance)
+    table = reporting_table(kept_of(analysis), quality, provenance)
     cells = {str(r[0]): r[1] for r in table.rows}
     return {k: c if isinstance(c, str) else c.text for k, c in cells.items()}, table.note
 
@@ -74,6 +84,7 @@ def test_vision_nobody_answered_stays_open(analysis):
 
 def test_items_answered_in_part_are_marked_and_counted(analysis):
     facts = {"display": "Vive Pro, 90 Hz", "viewing": "seated, head free"}
+    facts["distances"] = distances()
     items, note = listed(analysis, quality_of(analysis, None, facts=facts))
     display = items["Display: device, resolution, field of view, refresh rate"]
     viewing = items["Viewing conditions: posture, head restraint, distance to the agents"]
@@ -96,3 +107,36 @@ def test_confidence_and_stamps_have_a_row_each(analysis):
     assert "0.6" in items["Samples counted as lost"]
     assert "0.25" in items["Samples counted as lost"]
     assert "sorted in" in items["Time stamps that repeat or go back"]
+
+
+def duel_of(rows):
+    """Return the analysis of a study that asks for nothing but looks, with its own rules."""
+    study = opened("duel").study
+    limits = limits_in_force(study.exclusions, {})
+    selection = select(rows, study.exclusions, limits, cells=["gaze"], planned={}, cell_count=2)
+    measures = [Measure("dwell_ms", "ms", "Dwell time", needs_gaze=True)]
+    levels = {"gaze": ("averted", "directed")}
+    return analyse_rows(
+        study, selection, anxiety_answers(3), levels=levels, measures=measures, is_simulated=True
+    )
+
+
+def duel_rows(**columns):
+    rows = study_rows(3).rename(columns={"lost_01": "gaze_lost_01"})
+    rows = rows.assign(gaze=rows["condition"].map({"A": "averted"}).fillna("directed"))
+    return rows.assign(**columns)
+
+
+def test_any_study_of_gaze_shows_its_quality_with_its_own_limits():
+    rows = duel_rows(gaze_lost_01=0.1)
+    rows.loc[rows.index[:5], "gaze_lost_01"] = 0.6
+    quality = quality_of_study(duel_of(rows), {"viewing": "seated"})
+
+    assert [5, 0, 0] == quality.participants["trials_out"].tolist()
+    assert {"viewing": "seated"} == quality.facts
+
+
+def test_a_study_without_gaze_shows_none():
+    rows = duel_rows(gaze_lost_01=np.nan, calibration_accuracy_deg=np.nan)
+
+    assert quality_of_study(duel_of(rows)) is None

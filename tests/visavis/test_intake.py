@@ -1,12 +1,16 @@
 """What a recording gives to analysis: the trials' own padding, frozen gaze lost."""
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 import pytest
 
 from analysis.gaze.aoi import LOST
 from analysis.gaze.targets import targets_of_part
-from experiments.stare.intake import measure_parameters_of
+from visavis.intake import validations_of
+from visavis.looks import LooksOn
 
 
 class FewSamples:
@@ -42,5 +46,26 @@ def test_gaze_that_repeats_one_direction_for_100_ms_is_lost() -> None:
 
 
 def test_measures_pad_heads_as_the_trials_did_online() -> None:
-    assert measure_parameters_of({"parameters": {"pad_deg": 0.5}}).pad_deg == 0.5
-    assert measure_parameters_of({}).pad_deg == pytest.approx(1.0)
+    assert LooksOn().rules({"parameters": {"pad_deg": 0.5}}).pad_deg == 0.5
+    assert LooksOn().rules({}).pad_deg == pytest.approx(1.0)
+
+
+def validation(moment: str, accuracy_deg: float | None, *, accepted: bool = True) -> dict[str, Any]:
+    return {"moment": moment, "accuracy_deg": accuracy_deg, "accepted": accepted}
+
+
+def test_drift_is_the_last_error_minus_the_one_before_the_last_block() -> None:
+    payloads = [
+        validation("block_start", 2.0, accepted=False),
+        validation("block_start", 0.5),
+        validation("block_start", 0.75),
+        validation("end", 1.0, accepted=False),
+    ]
+    events = pd.DataFrame({"name": "validation", "payload": payloads})
+
+    expected = {"end_accuracy_deg": 1.0, "drift_deg": 0.25, "rejected_validations": 1}
+    assert expected == validations_of(events)
+
+
+def test_a_session_without_validations_has_no_columns_of_them() -> None:
+    assert {} == validations_of(pd.DataFrame({"name": [], "payload": []}))

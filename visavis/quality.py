@@ -5,10 +5,17 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
-from analysis.report.notation import counted, decimal
-from experiments.stare.exclusions import ERROR_COLUMN, LOSS_COLUMN, Selection, mean_error_deg
+from analysis.report import Column, Table
+from analysis.report.notation import counted, decimal, percentage
 from protocol.questionnaires import load_questionnaire
+from visavis.analysis import StudyAnalysis
+from visavis.exclusions import REASON, mean_error_deg
+from visavis.measures import LOST_COLUMN
 
+ERROR_COLUMN = "calibration_accuracy_deg"
+LOSS_COLUMNS = ("lost_01", LOST_COLUMN)
+"""Where a trial's lost gaze stands: with all looks, or measured by itself."""
+NOT_FINISHED = ("practice", "not finished", "performed again later")
 END_ACCURACY, DRIFT, REJECTED = "end_accuracy_deg", "drift_deg", "rejected_validations"
 SESSION_COLUMNS = (END_ACCURACY, DRIFT, REJECTED)
 """Optional columns of the participants' answers: the validation after the last trial, how far it
@@ -20,7 +27,7 @@ QUALITY_COLUMNS = ("accuracy_deg", "precision_deg", "lost_01")
 
 
 @dataclass(frozen=True)
-class StareQuality:
+class Quality:
     """Quality as the report shows it.
 
     `participants` has one row each: participant, accuracy_deg, precision_deg, worst_point_deg,
@@ -37,20 +44,22 @@ class StareQuality:
 
 def quality_of_trials(
     trials: pd.DataFrame,
-    selection: Selection,
+    finished: pd.DataFrame,
     *,
-    max_trial_lost_01: float,
+    max_trial_lost_01: float | None,
     facts: Mapping[str, str] | None = None,
     people: pd.DataFrame | None = None,
     max_error_deg: float | None = None,
-) -> StareQuality:
+) -> Quality:
     """Take the quality from the calibration and loss columns of the trial table.
 
-    `people` are the participants' answers: their vision and, where known, `SESSION_COLUMNS`. An
-    error above `max_error_deg` at the end of a session is listed as an incident.
+    `finished` are the finished trials, practice left out, `trials` all of them. `people` are the
+    participants' answers: their vision and, where known, `SESSION_COLUMNS`. An error above
+    `max_error_deg` at the end of a session is listed as an incident.
     """
     rows = []
-    for name, part in selection.complete.groupby("participant", sort=True):
+    loss = next((c for c in LOSS_COLUMNS if c in finished), LOST_COLUMN)
+    for name, part in finished.groupby("participant", sort=True):
         distinct = (
             part.drop_duplicates("calibration_id") if "calibration_id" in part.columns else part
         )
@@ -60,12 +69,14 @@ def quality_of_trials(
                 "accuracy_deg": mean_error_deg(part),
                 "precision_deg": _mean(distinct, "calibration_precision_deg"),
                 "worst_point_deg": _largest(distinct, "calibration_worst_point_deg"),
-                "lost_01": _mean(part, LOSS_COLUMN),
+                "lost_01": _mean(part, loss),
                 "calibrations": int(distinct[ERROR_COLUMN].notna().sum())
-                if "calibration_id" in part.columns
+                if "calibration_id" in part.columns and ERROR_COLUMN in part.columns
                 else 0,
                 "trials": len(part),
-                "trials_out": int((~(part[LOSS_COLUMN] <= max_trial_lost_01)).sum()),
+                "trials_out": 0
+                if max_trial_lost_01 is None or loss not in part
+                else int((~(part[loss].astype(float) <= max_trial_lost_01)).sum()),
             }
         )
     table = pd.DataFrame(
@@ -86,7 +97,7 @@ def quality_of_trials(
     if optional:
         table = table.merge(known[["participant", *optional]], on="participant", how="left")
     vision = _vision(known, set(table["participant"]))
-    return StareQuality(
+    return Quality(
         table,
         ({"vision": vision} if vision else {}) | dict(facts or {}),
         (*_incidents(trials), *_calibration_incidents(table, max_error_deg)),
@@ -157,3 +168,58 @@ def _incidents(trials: pd.DataFrame) -> tuple[tuple[str, str, str], ...]:
         if isinstance(flags, str) and flags:
             found.append((who, f"trial {trial} flagged", flags))
     return tuple(found)
+
+
+def quality_of(analysis: StudyAnalysis, facts: Mapping[str, str] | None = None) -> Quality | None:
+    """Return the quality of a study's gaze; None where none was recorded."""
+    rows = analysis.selection.rows
+    if not any(c in rows and rows[c].notna().any() for c in (ERROR_COLUMN, *LOSS_COLUMNS)):
+        return None
+    limits = {r.column: analysis.selection.limits[r.name] for r in analysis.study.exclusions}
+    return quality_of_trials(
+        rows[~rows["is_practice"].astype(bool)],
+        rows[~rows[REASON].isin(NOT_FINISHED)],
+        max_trial_lost_01=next((limits[c] for c in LOSS_COLUMNS if c in limits), None),
+        facts=facts,
+        people=analysis.people,
+        max_error_deg=limits.get("calibration_error_deg"),
+    )
+
+
+_SESSION_QUALITY = {
+    END_ACCURACY: ("Accuracy at the end (°)", 2),
+    DRIFT: ("Drift to the end (°)", 2),
+    REJECTED: ("Validations rejected", 0),
+}
+
+
+def quality_table(quality: Quality) -> Table:
+    """Return accuracy, precision and loss by participant."""
+    table = quality.participants
+    optional = [(name, *_SESSION_QUALITY[name]) for name in SESSION_COLUMNS if name in table]
+    columns = (
+        Column("Participant"),
+        Column("Accuracy (°)", "right"),
+        Column("Worst point (°)", "right"),
+        Column("Precision (° RMS-S2S)", "right"),
+        Column("Lost gaze", "right"),
+        Column("Validations in force", "right"),
+        Column("Trials finished", "right"),
+        Column("Trials over the limit", "right"),
+        *(Column(header, "right") for _, header, _ in optional),
+    )
+    rows = tuple(
+        (
+            str(r["participant"]),
+            decimal(r["accuracy_deg"], 2),
+            decimal(r["worst_point_deg"], 2),
+            decimal(r["precision_deg"], 2),
+            percentage(r["lost_01"]),
+            str(r["calibrations"]),
+            str(r["trials"]),
+            str(r["trials_out"]),
+            *(decimal(r[name], digits) for name, _, digits in optional),
+        )
+        for r in table.to_dict("records")
+    )
+    return Table(columns, rows, "Data quality by participant")
