@@ -56,6 +56,8 @@ class Seen:
     effect: bool
     leaning: float
     """A standard normal number of this person's own: whether they rather say much or little."""
+    felt: tuple[str, ...] = ()
+    """The armbands (roles) that vibrated since the trial began, in that order."""
 
 
 AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
@@ -141,7 +143,9 @@ class StudyPerson(Observer):
         return segments_of(names, np.zeros((len(t_s), 3)), hand_m, pointed_m)
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
-        """Feel a vibration; it changes nothing in this person."""
+        """Feel a vibration, of which answers may tell."""
+        if any(a > 0 for a in amplitudes_01) and role not in self._felt:
+            self._felt.append(role)
 
     # ---- within ----
 
@@ -165,6 +169,7 @@ class StudyPerson(Observer):
         self._contact: npt.NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._panel_text = ""
         self._hand = PointingHand(np.array(HAND_REST))
+        self._felt: list[str] = []
 
     def _take_in(self, view: SceneFrame, t_ns: int) -> None:
         n = len(view.scene.agents)
@@ -190,7 +195,7 @@ class StudyPerson(Observer):
         passed = max(self._last_ns - self._first_ns, 1)
         return Seen(
             self._first, self._last, passed / NS_PER_S, self._contact_ns / passed,
-            self.notices_contact, self._leaning,
+            self.notices_contact, self._leaning, tuple(self._felt),
         )  # fmt: skip
 
     def _said(self, response: Response) -> str | None:

@@ -129,7 +129,7 @@ def text_problems(study: Study) -> list[str]:
                     )
         for name in sorted(everything):
             used = {
-                language: sorted(set(placeholders_of(entries[name])))
+                language: sorted({_bare(p) for p in placeholders_of(entries[name])})
                 for language, entries in texts.items()
                 if name in entries
             }
@@ -137,6 +137,11 @@ def text_problems(study: Study) -> list[str]:
                 listed = "; ".join(f"{k}: {', '.join(v) or 'none'}" for k, v in used.items())
                 problems.append(f"{folder}, {name}: placeholders differ ({listed})")
     return problems
+
+
+def _bare(placeholder: str) -> str:
+    """Return a placeholder without its form: languages choose between digits and words."""
+    return placeholder.removesuffix("_in_words").removesuffix("_ordinal")
 
 
 def picture_problems(experiment: StudyExperiment) -> list[str]:

@@ -52,7 +52,10 @@ FOR_NULL = 12
 NULL_ALPHA = 0.001
 """What nothing may fall below: how often the errors come is counted by power and null runs."""
 SMALL: dict[str, dict[str, Any]] = {
-    "stare": {"trial_s": 2.0, "practice_s": 1.0, "intertrial_s": 0.2, "repetitions": 1},
+    "stare": {
+        "trial_s": 1.0, "practice_s": 1.0, "intertrial_s": 0.2, "repetitions": 1, "blocks": 1,
+        "zone": ["left", "right"], "depth": ["close"],
+    },
     "crowd": {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0},
     "waving": {
         "clerk": ["clerk_left"], "increment": 0.1, "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1,
