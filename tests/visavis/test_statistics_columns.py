@@ -1,0 +1,56 @@
+"""Whatever test a comparison makes, every column of its tables is described."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.statistics_report import TESTS
+from lab.errors import LabError
+from visavis.analysis import answered
+from visavis.compare import Compare
+from visavis.dictionary import PEOPLE, STATISTICS
+from visavis.measures import Measure
+
+LEVELS = {"a": ("x", "y"), "b": ("u", "v", "w"), "g": ("g1", "g2"), "h": ("h0", "h1", "h2")}
+DESIGNS: tuple[dict[str, Any], ...] = (
+    {"within": "a"}, {"within": "b"}, {"within": ("a", "b")}, {"between": "g"}, {"between": "h"},
+    {"within": "a", "between": "g"}, {"within": "b", "between": "g"},
+)  # fmt: skip
+MODELS = ("lmm", "gee")
+NOT_OF_MEANS = ("spearman", "pearson", "tost", "cronbach")
+"""Tests that ask for more than a measure and its factors."""
+
+
+@pytest.fixture(scope="module")
+def trials() -> pd.DataFrame:
+    rng = np.random.default_rng(0)
+    return pd.DataFrame(
+        {
+            "participant": f"P{person:02d}", "a": a, "b": b, "g": f"g{1 + person % 2}",
+            "h": f"h{person % 3}", "even": rng.normal() + (a == "x"),
+            "skewed": rng.exponential() ** 3,
+        }
+        for person in range(12) for a in LEVELS["a"] for b in LEVELS["b"] for _ in range(2)
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("test", ["", *(t for t in TESTS if t not in MODELS)])
+@pytest.mark.parametrize("dv", ["even", "skewed"])
+def test_every_column_of_a_test_is_described(test: str, dv: str, trials: pd.DataFrame) -> None:
+    known = {column.name for column in (*STATISTICS, *PEOPLE)}
+    made = 0
+    for design in DESIGNS:
+        compare = Compare(dv, test=test, **design)
+        try:
+            found = answered(compare, trials, {dv: Measure(dv, "1", dv)}, LEVELS, is_simulated=True)
+        except LabError:
+            continue  # the test does not take this design
+        if found.outcome is None:
+            continue
+        made += 1
+        names = {n for row in found.outcome.rows for n in row}
+        names |= {n for row in found.outcome.contrasts for n in row if n != "family"}
+        assert set() == names - known, (test, design)
+    assert bool(made) != (test in NOT_OF_MEANS)
