@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from analysis.report.notation import counted
 from analysis.session_check import check_session
 from cli.app import (
     ConfigOption,
@@ -159,9 +160,10 @@ def _print_plan(made: SessionPlan, label: str, note: str) -> None:
             console.print(f"then {', '.join(block.questionnaires)}")
     total = sum(not t.is_practice for t in made.trials)
     practice = len(made.trials) - total
+    blocks = sum(any(not t.is_practice for t in b.trials) for b in made.blocks)
     console.print(
-        f"{total} trials in {sum(any(not t.is_practice for t in b.trials) for b in made.blocks)} "
-        f"blocks, {practice} practice; then {', '.join(made.questionnaires) or 'no questions'}."
+        f"{counted(total, 'trial')} in {counted(blocks, 'block')}, {practice} practice; then "
+        f"{', '.join(made.questionnaires) or 'no questions'}."
     )
 
 
