@@ -3,10 +3,12 @@
 from pathlib import Path
 
 from lab.config import LabConfig
-from lab.errors import UsageError
+from lab.errors import ConfigError, UsageError
+from lab.yaml_lines import did_you_mean
+from protocol.questionnaires import available
 from recording.folder import study_dir
 from recording.manifest import read_manifest
-from visavis.catalogue import AnyStudy, find_study
+from visavis.catalogue import SHIPPED, AnyStudy, find_study
 from visavis.sessions.study_check import is_study
 from visavis.sessions.study_folder import sessions_of
 
@@ -16,8 +18,36 @@ def study_of_lab(wanted: str, lab: LabConfig) -> AnyStudy:
 
     Raises:
         UsageError: there is none, with the nearest name.
+        ConfigError: the lab words a questionnaire that no study it knows asks.
     """
+    check_wording(lab)
     return find_study(wanted, lab.studies)
+
+
+def check_wording(lab: LabConfig) -> None:
+    """Refuse a wording of a questionnaire that there is not.
+
+    Known are those that come with Visavis, and those of the studies it comes with and of the lab.
+
+    Raises:
+        ConfigError: naming the nearest.
+    """
+    if not set(lab.wording) - set(available()):
+        return
+    plain = lab.model_copy(update={"wording": {}})
+    asked = {
+        questionnaire.name
+        for name in (*SHIPPED, *lab.studies)
+        for questionnaire in find_study(name, lab.studies).questionnaires(plain)
+    }
+    known = {*available(), *asked}
+    problems = [
+        f"no questionnaire {name!r}{did_you_mean(name, known)}"
+        for name in lab.wording
+        if name not in known
+    ]
+    if problems:
+        raise ConfigError(f"{lab.path}, wording: {'; '.join(problems)}")
 
 
 def folder_of(wanted: Path, config: Path | None) -> Path:

@@ -62,7 +62,8 @@ class PanelRespondent:
 
     `participant` answers as it would at the terminal and looks at its choice; a person is given
     the board. `take_keys` returns the digits the operator pressed since the last call. Without
-    an answer after `limit_s` the question goes to `otherwise`.
+    an answer after `limit_s` the question goes to `otherwise`. `leave_out` is what the choice is
+    called with which a question is left out.
     """
 
     def __init__(
@@ -77,7 +78,9 @@ class PanelRespondent:
         *,
         rule: DwellRule | None = None,
         limit_s: float = 120.0,
+        leave_out: str = LEAVE_OUT,
     ) -> None:
+        self._leave_out = leave_out
         self._loop = loop
         self._recorder = recorder
         self._next_frame = next_frame
@@ -92,7 +95,7 @@ class PanelRespondent:
         """Return the label chosen; None when left out."""
         if not options or len(options) + 1 > MOST_CHOICES:
             return self._otherwise.answer(question_id, prompt, options)
-        choices = (*options, LEAVE_OUT)
+        choices = (*options, self._leave_out)
         panel = Panel(prompt, choices, placed_before(self._loop.head), SIZE_M)
         if self._participant is not None:
             wanted = self._otherwise.answer(question_id, prompt, options)

@@ -51,12 +51,18 @@ class Questioning:
             if (name, question.question_id) in self._setup.progress.answers:
                 continue
             answer = self._ask(question)
+            said = {}
+            if questionnaire.wording:
+                said = {"said": answer, "language": questionnaire.language}
+                if question.options and answer is not None:  # which only this wording knows
+                    answer = str(read_answer(question, answer))
             self._recorder.event(
                 "answer",
                 self._loop.t_ns,
                 questionnaire=name,
                 question=question.question_id,
                 answer=answer,
+                **said,
             )
         self._recorder.event("questionnaire_complete", self._loop.t_ns, questionnaire=name)
         self._recorder.checkpoint(timeout_s=5.0)

@@ -90,6 +90,8 @@ class Questionnaire(_Part):
     scales: dict[str, Scale] = Field(min_length=1)
     items: list[Item] = Field(min_length=1)
     scores: dict[str, Score] = Field(default_factory=dict)
+    wording: str = Field(default="", exclude=True)
+    """The file whose texts it has in place of its own; empty for its own."""
 
     def questions(self) -> Iterator[Question]:
         """Yield every question in the order of asking."""
@@ -124,14 +126,20 @@ class _Wording(_Part):
 
 def available() -> tuple[str, ...]:
     """Return the names of the questionnaires that come with Visavis."""
-    return tuple(sorted(path.stem for path in SCALES_DIR.glob("*.yaml")))
+    return tuple(sorted(p.stem for p in SCALES_DIR.glob("*.yaml") if "." not in p.stem))
 
 
-def load_questionnaire(source: str | Path, wording: Path | None = None) -> Questionnaire:
+def load_questionnaire(
+    source: str | Path, wording: Path | None = None, *, language: str = ""
+) -> Questionnaire:
     """Read a questionnaire: a name that comes with Visavis, or a file.
 
-    `wording` is a lab's file that replaces texts (a translation, a licensed wording) and leaves
-    structure and scoring alone. Raises ConfigError with every problem and its line.
+    In another `language` than its own it has the texts of the file NAME.LANGUAGE.yaml beside it,
+    where there is one; its `language` says which it is in. `wording` is a lab's file that replaces
+    texts (a translation, a licensed wording) and leaves structure and scoring alone.
+
+    Raises:
+        ConfigError: every problem with its line.
     """
     if isinstance(source, str):
         if source not in available():
@@ -146,6 +154,9 @@ def load_questionnaire(source: str | Path, wording: Path | None = None) -> Quest
     if problems:
         raise ProblemsError(document.path, problems)
     questionnaire = Questionnaire.model_validate(raw)
+    translated = source.with_suffix(f".{language}.yaml")
+    if language and language != questionnaire.language and translated.is_file():
+        questionnaire = _reworded(questionnaire, translated)
     return questionnaire if wording is None else _reworded(questionnaire, wording)
 
 
@@ -396,4 +407,6 @@ def _reworded(questionnaire: Questionnaire, path: Path) -> Questionnaire:
         item.model_copy(update={"text": wording.items.get(item.id, item.text)})
         for item in questionnaire.items
     ]
-    return questionnaire.model_copy(update={**plain, "scales": scales, "items": reworded})
+    return questionnaire.model_copy(
+        update={**plain, "scales": scales, "items": reworded, "wording": path.name}
+    )

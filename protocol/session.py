@@ -124,6 +124,7 @@ class Session:
             setup.respondent,
             lambda: setup.experiment.blank(None),
             self._participant,
+            leave_out=setup.leave_out,
         )
 
     def _made_gaze_setup(self) -> GazeSetup:

@@ -9,6 +9,7 @@ from lab.clock import Clock
 from protocol.experiment import Experiment, Respondent, ValidationJudge
 from protocol.gaze_setup import TargetTiming
 from protocol.operator import Operator
+from protocol.panel_questions import LEAVE_OUT
 from protocol.participants import SimulatedParticipant
 from protocol.plan import SessionPlan
 from protocol.progress import Progress
@@ -43,6 +44,7 @@ class SessionSetup:
     blind: bool = False
     timing: TargetTiming = field(default_factory=TargetTiming)
     lost_device_s: float = LOST_DEVICE_S
+    leave_out: str = LEAVE_OUT
     on_trial: Callable[[str, int, int], None] | None = None
     on_validation: Callable[[Mapping[str, Any]], None] | None = None
     on_open: Callable[[tuple[DeviceInfo, ...]], None] | None = None

@@ -42,10 +42,12 @@ class SessionIntake:
         return sum(not t["is_practice"] for b in blocks for t in b["trials"])
 
 
-def questionnaire(name: str, folders: Sequence[Path], wording: Path | None = None) -> Questionnaire:
+def questionnaire(
+    name: str, folders: Sequence[Path], wording: Path | None = None, *, language: str = ""
+) -> Questionnaire:
     """Return a questionnaire: one of the study's folders (NAME.yaml), or one of Visavis."""
     own = next((path for f in folders if (path := f / f"{name}.yaml").is_file()), None)
-    return load_questionnaire(own or name, wording)
+    return load_questionnaire(own or name, wording, language=language)
 
 
 def take_in(

@@ -78,7 +78,7 @@ class OpenedStudy:
     def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
         """Return the questionnaires asked at the end, in the lab's wording."""
         return tuple(
-            questionnaire(n, self.study.folders, config.wording.get(n))
+            questionnaire(n, self.study.folders, config.wording.get(n), language=config.language)
             for n in self.study.questionnaires
         )
 

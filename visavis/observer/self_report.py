@@ -67,7 +67,7 @@ def answer_question(
             return "female" if who.is_female else "male"
         return None
     if words & {"gender", "sex"}:
-        first = ("female", "woman", "f") if who.is_female else ("male", "man", "m")
+        first = ("female", "woman", "f") if who.is_female else ("male", "man", "m", "homme")
         return _closest(options, *first) or options[0]
     if words & {"experience", "vr", "game", "games", "headset"} and len(options) >= 2:
         level = who.games_experience if words & {"game", "games"} else who.vr_experience

@@ -31,6 +31,7 @@ from stage.contracts import Stage, Viewer
 from visavis.catalogue import AnyStudy
 from visavis.sessions.rig import build_rig, check_room, devices_for, is_simulated
 from visavis.sessions.stages import build_stage
+from visavis.texts import read_texts
 
 
 @dataclass(frozen=True)
@@ -236,6 +237,9 @@ def _setup(
     progress: Progress,
     recorder: Recorder,
 ) -> SessionSetup:
+    # A study in one language alone says nothing; its participants read the lab's.
+    language = getattr(request.experiment, "language", request.config.language)
+    config = request.config.model_copy(update={"language": language})
     return SessionSetup(
         experiment=request.experiment,
         plan=plan,
@@ -249,7 +253,8 @@ def _setup(
         operator=request.operator,
         respondent=devices.respondent,
         judge_validation=request.study.judge_validation,
-        questionnaires=request.study.questionnaires(request.config),
+        questionnaires=request.study.questionnaires(config),
+        leave_out=read_texts((), language).get("no_answer"),
         participant=devices.participant,
         progress=progress,
         blind=request.blind,
