@@ -174,19 +174,22 @@ def measure(folder: Path, changes: int, seed: int) -> dict[str, object]:
     done = 0
     while done < changes:
         kind = str(rng.choice(KINDS, p=SHARES))
-        changed = study.change(kind, rng)
-        if changed:
-            done += 1
-            outcome = study.judge(kind, changed)
-            counts[kind, outcome] += 1
-            if outcome == "unnamed":
-                places["unnamed"].append(_said(kind, changed, folder))
-            whole = study.is_repaired(changed) if outcome == "named" else None
-            if whole is not None:
-                repaired[whole] += 1
-            if whole is False:
-                places["not repaired"].append(_said(kind, changed, folder))
-        study.put_back(changed)
+        changed: tuple[Path, ...] = tuple(study.content)  # until it is known which
+        try:
+            changed = study.change(kind, rng)
+            if changed:
+                done += 1
+                outcome = study.judge(kind, changed)
+                counts[kind, outcome] += 1
+                if outcome == "unnamed":
+                    places["unnamed"].append(_said(kind, changed, folder))
+                whole = study.is_repaired(changed) if outcome == "named" else None
+                if whole is not None:
+                    repaired[whole] += 1
+                if whole is False:
+                    places["not repaired"].append(_said(kind, changed, folder))
+        finally:
+            study.put_back(changed)
     return {
         "changes": done,
         "files": len(study.content),
