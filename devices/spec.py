@@ -100,6 +100,17 @@ def driven_by(driver: str) -> Callable[[Site[Any], Any], "Device"]:
     return make
 
 
+def wired_by(wire: str, *names: str, **more: Any) -> Callable[[Site[Any]], "MessageTransport"]:
+    """Return a `real`: a wire ("module:Class") that takes the options named, then the clock."""
+
+    def make(site: Site[Any]) -> "MessageTransport":
+        given = [getattr(site.options, name) for name in names]
+        transport: MessageTransport = imported(wire)(*given, site.clock, **more)
+        return transport
+
+    return make
+
+
 def streamed_by(simulator: str) -> Callable[[Site[Any]], "MessageTransport"]:
     """Return a `simulated`: a memory wire to `Site.peer`."""
 

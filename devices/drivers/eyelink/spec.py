@@ -1,15 +1,12 @@
 """EyeLink: its options, its wire, its simulator."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import Field
 
 from devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
 from devices.libraries import PYLINK
-from devices.spec import DriverSpec, Site, driven_by, streamed_by
-
-if TYPE_CHECKING:
-    from devices.transports import MessageTransport
+from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 
 class EyeLinkOptions(ScreenOptions):
@@ -37,21 +34,12 @@ class EyeLinkOptions(ScreenOptions):
         return {**super().for_simulator(), "screen_px": pixels}
 
 
-Here = Site[EyeLinkOptions]
-
-
-def _host(site: Here) -> "MessageTransport":
-    from devices.drivers.eyelink.library import EyeLinkLibrary
-
-    return EyeLinkLibrary(site.options.address, site.clock)
-
-
 EYELINK = DriverSpec(
     name="eyelink",
     kind="eye tracker",
     options=EyeLinkOptions,
     make=driven_by("devices.drivers.eyelink.driver:EyeLink"),
-    real=_host,
+    real=wired_by("devices.drivers.eyelink.library:EyeLinkLibrary", "address"),
     simulated=streamed_by("devices.sim.eyelink:EyeLinkSimulator"),
     vendor="SR Research",
     model="EyeLink",

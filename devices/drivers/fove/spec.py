@@ -1,15 +1,10 @@
 """FOVE: its options, its wire, its simulator."""
 
-from typing import TYPE_CHECKING
-
 from pydantic import Field
 
 from devices.drivers.streaming.options import EyeDistanceMm
 from devices.options import StreamOptions
-from devices.spec import DriverSpec, Site, driven_by, streamed_by
-
-if TYPE_CHECKING:
-    from devices.transports import MessageTransport
+from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 
 class FoveOptions(StreamOptions):
@@ -21,21 +16,12 @@ class FoveOptions(StreamOptions):
     eye_distance_mm: EyeDistanceMm = 64.0
 
 
-Here = Site[FoveOptions]
-
-
-def _client(site: Here) -> "MessageTransport":
-    from devices.drivers.fove.library import FoveLibrary
-
-    return FoveLibrary(site.options.library_path, site.clock)
-
-
 FOVE = DriverSpec(
     name="fove",
     kind="eye tracker",
     options=FoveOptions,
     make=driven_by("devices.drivers.fove.driver:Fove"),
-    real=_client,
+    real=wired_by("devices.drivers.fove.library:FoveLibrary", "library_path"),
     simulated=streamed_by("devices.sim.fove:FoveSimulator"),
     vendor="FOVE",
     model="FOVE headset",

@@ -1,6 +1,6 @@
 """Gazepoint: its options, its wire, its simulator."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import Field
 
@@ -9,10 +9,7 @@ from devices.drivers.streaming.options import (
     OffsetMm,
     ScreenOptions,
 )
-from devices.spec import DriverSpec, Site, driven_by, streamed_by
-
-if TYPE_CHECKING:
-    from devices.transports import MessageTransport
+from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 REMEDY = "start Gazepoint Control, connect the tracker, and check address, port 4242 and firewall"
 
@@ -40,21 +37,14 @@ class GazepointOptions(ScreenOptions):
         return {**super().for_simulator(), "camera_m": camera_m}
 
 
-Here = Site[GazepointOptions]
-
-
-def _server(site: Here) -> "MessageTransport":
-    from devices.drivers.links.stream_socket import StreamSocket
-
-    return StreamSocket(site.options.address, site.options.port, site.clock, remedy=REMEDY)
-
-
 GAZEPOINT = DriverSpec(
     name="gazepoint",
     kind="eye tracker",
     options=GazepointOptions,
     make=driven_by("devices.drivers.gazepoint.driver:Gazepoint"),
-    real=_server,
+    real=wired_by(
+        "devices.drivers.links.stream_socket:StreamSocket", "address", "port", remedy=REMEDY
+    ),
     simulated=streamed_by("devices.sim.gazepoint:GazepointSimulator"),
     vendor="Gazepoint",
     model="Gazepoint",

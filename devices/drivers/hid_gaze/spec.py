@@ -1,15 +1,10 @@
 """HID eye trackers: their options, their wire, their simulator."""
 
-from typing import TYPE_CHECKING
-
 from pydantic import Field
 
 from devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
 from devices.libraries import HID
-from devices.spec import DriverSpec, Site, driven_by, streamed_by
-
-if TYPE_CHECKING:
-    from devices.transports import MessageTransport
+from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 
 class HidGazeOptions(ScreenOptions):
@@ -23,21 +18,12 @@ class HidGazeOptions(ScreenOptions):
     eye_distance_mm: EyeDistanceMm = 64.0
 
 
-Here = Site[HidGazeOptions]
-
-
-def _reports(site: Here) -> "MessageTransport":
-    from devices.drivers.hid_gaze.reports import HidReports
-
-    return HidReports(site.options.serial, site.clock)
-
-
 HID_GAZE = DriverSpec(
     name="hid_gaze",
     kind="eye tracker",
     options=HidGazeOptions,
     make=driven_by("devices.drivers.hid_gaze.driver:HidGaze"),
-    real=_reports,
+    real=wired_by("devices.drivers.hid_gaze.reports:HidReports", "serial"),
     simulated=streamed_by("devices.sim.hid_gaze:HidGazeSimulator"),
     vendor="HID",
     model="HID eye tracker",

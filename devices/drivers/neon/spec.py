@@ -1,15 +1,10 @@
 """Neon: its options, its wire, its simulator."""
 
-from typing import TYPE_CHECKING
-
 from pydantic import Field
 
 from devices.libraries import NEON as NEON_LIBRARY
 from devices.options import StreamOptions
-from devices.spec import DriverSpec, Site, driven_by, streamed_by
-
-if TYPE_CHECKING:
-    from devices.transports import MessageTransport
+from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 REMEDY = (
     "start the Neon Companion app, put phone and computer into one network, and check the "
@@ -35,21 +30,12 @@ class NeonOptions(StreamOptions):
     )
 
 
-Here = Site[NeonOptions]
-
-
-def _network(site: Here) -> "MessageTransport":
-    from devices.drivers.neon.network import NeonNetwork
-
-    return NeonNetwork(site.options.address, site.options.port, site.clock, remedy=REMEDY)
-
-
 NEON = DriverSpec(
     name="neon",
     kind="eye tracker",
     options=NeonOptions,
     make=driven_by("devices.drivers.neon.driver:Neon"),
-    real=_network,
+    real=wired_by("devices.drivers.neon.network:NeonNetwork", "address", "port", remedy=REMEDY),
     simulated=streamed_by("devices.sim.neon:NeonSimulator"),
     vendor="Pupil Labs",
     model="Neon",

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from devices.libraries import ZMQ
 from devices.options import StreamOptions
-from devices.spec import DriverSpec, Site, driven_by
+from devices.spec import DriverSpec, Site, driven_by, wired_by
 
 if TYPE_CHECKING:
     from devices.transports import MessageTransport
@@ -35,12 +35,6 @@ class PupilCoreOptions(StreamOptions):
 Here = Site[PupilCoreOptions]
 
 
-def _capture(site: Here) -> "MessageTransport":
-    from devices.transports import ZmqTransport
-
-    return ZmqTransport(site.options.address, site.options.port, site.clock)
-
-
 def _simulated_capture(site: Here) -> "MessageTransport":
     """Return a simulator in memory, or on real sockets when the clock is real."""
     from devices.sim.zmq_host import ZmqHost
@@ -58,7 +52,7 @@ PUPIL_CORE = DriverSpec(
     kind="eye tracker",
     options=PupilCoreOptions,
     make=driven_by("devices.drivers.pupil.driver:PupilCore"),
-    real=_capture,
+    real=wired_by("devices.transports:ZmqTransport", "address", "port"),
     simulated=_simulated_capture,
     vendor="Pupil Labs",
     model="Core",
