@@ -5,56 +5,22 @@ options, or with too many for one board, go to whoever answers there.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from lab.clock import NS_PER_MS
-from lab.geometry import rotate
+from protocol.boards import QUESTIONNAIRE, Chosen, DwellRule, ask_on_board
 from protocol.experiment import Respondent
 from protocol.frame_loop import FrameLoop
 from protocol.participants import SimulatedParticipant
-from protocol.steps import FrameView
+from protocol.steps import FrameView, Show
 from recording.writer import Recorder
-from stimuli.panels import SIZE_M, PanelFrame, choice_centre_m, choice_met, placed_before
+from stimuli.panels import SIZE_M, PanelFrame, choice_centre_m, placed_before
 from stimuli.picture import Panel
 from stimuli.scene import Scene
 
 MOST_CHOICES = 9
 LEAVE_OUT = "no answer"
-CONFIRM = frozenset({"trigger", "select"})
-"""Controls that take the choice pointed at (or looked at, where no controller points)."""
-LEAVE_OUT_KEY = "0"
-
-
-@dataclass(frozen=True)
-class DwellRule:
-    """How long a choice must be looked at; gaze lost or elsewhere for `gap_ms` begins anew."""
-
-    dwell_ms: int = 1200
-    gap_ms: int = 150
-
-
-class GazeDwell:
-    """Follow which choice is being looked at, and for how long."""
-
-    def __init__(self, rule: DwellRule) -> None:
-        self._rule = rule
-        self.choice: int | None = None
-        self._since_ns = self._last_ns = 0
-
-    def take(self, choice: int | None, t_ns: int) -> int | None:
-        """Take one gaze sample; return the choice once it has been looked at long enough."""
-        is_anew = t_ns - self._last_ns > self._rule.gap_ms * NS_PER_MS  # or no sample came
-        if choice is not None and (is_anew or choice != self.choice):
-            self.choice, self._since_ns = choice, t_ns
-        if choice is not None:
-            self._last_ns = t_ns
-        elif is_anew:
-            self.choice = None
-        if self.choice is None or choice is None:
-            return None
-        return choice if t_ns - self._since_ns >= self._rule.dwell_ms * NS_PER_MS else None
 
 
 class PanelRespondent:
@@ -88,8 +54,8 @@ class PanelRespondent:
         self._otherwise = otherwise
         self._blank = blank
         self._participant = participant
-        self._rule = DwellRule() if rule is None else rule
-        self._limit_ns = round(limit_s * 1000) * NS_PER_MS
+        dwell = DwellRule() if rule is None else rule
+        self._ways = replace(QUESTIONNAIRE, limit_s=limit_s, dwell=dwell)
 
     def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
         """Return the label chosen; None when left out."""
@@ -114,70 +80,37 @@ class PanelRespondent:
 
     def _ask(self, question_id: str, panel: Panel) -> tuple[int | None, str]:
         """Show the board until something is chosen; return the choice and what chose it."""
-        loop, dwell, scene = self._loop, GazeDwell(self._rule), self._blank()
+        loop, scene = self._loop, self._blank()
+        lit: list[int | None] = [None]
+
+        def show(view: FrameView, board: Panel) -> Show | None:
+            if lit[0] == board.highlighted:
+                return None
+            lit[0] = board.highlighted
+            return Show(_before(scene, loop.t_ns, board))
+
         self._take_keys()
-        self._show(scene, panel)
+        loop.show(_before(scene, loop.t_ns, panel))
         self._recorder.event(
             "panel_shown", loop.t_ns, question=question_id, choices=list(panel.choices)
         )
-        view = self._next_frame()
-        shown_ns = view.t_ns
-        end_ns = shown_ns + self._limit_ns
-        # What this frame brings was done before the board was there: after a pause, much.
-        self._take_keys()
-        view = replace(view, pressed=())
-        lit: int | None = None
-        while view.t_ns < end_ns:
-            for key in (*self._take_keys(), *(c for c in view.pressed if c.isdigit())):
-                chosen = _of_key(key, len(panel.choices))
-                if chosen is not None:
-                    return chosen, "key"
-            pointed = _pointed_at(panel, view)
-            looked = dwelt(dwell, panel, view, shown_ns)
-            now_lit = dwell.choice if pointed is None else pointed
-            if now_lit is not None and CONFIRM.intersection(view.pressed):
-                return now_lit, "gaze and button" if pointed is None else "ray"
-            if looked is not None and pointed is None:
-                return looked, "gaze"
-            if now_lit != lit:
-                lit = now_lit
-                self._show(scene, replace(panel, highlighted=lit))
-            view = self._next_frame()
-        return None, "nothing in time"
-
-    def _show(self, scene: Scene, panel: Panel) -> None:
-        n = len(scene.agents)
-        facing = np.array([a.facing for a in scene.agents]).reshape(n, 3)
-        self._loop.show(PanelFrame(scene, self._loop.t_ns, facing, np.ones(n), panels=(panel,)))
+        asking = ask_on_board(panel, self._ways, None, show)
+        step = next(asking)
+        try:
+            while True:
+                view: FrameView | None = None
+                if isinstance(step, Show):
+                    loop.show(step.view)
+                else:
+                    view = self._next_frame()
+                    view = replace(view, pressed=(*self._take_keys(), *view.pressed))
+                step = asking.send(view)
+        except StopIteration as end:
+            chosen: Chosen = end.value
+            return chosen.choice, "key" if chosen.by == "keys" else chosen.by
 
 
-def dwelt(dwell: GazeDwell, panel: Panel, view: FrameView, since_ns: int) -> int | None:
-    """Take a frame's gaze samples from `since_ns` on; return what was looked at long enough."""
-    gaze = view.gaze
-    for i in range(gaze.t_ns.shape[0]):
-        if gaze.t_ns[i] < since_ns:
-            continue
-        met = None
-        if gaze.valid[i]:
-            met = choice_met(panel, gaze.origin_world_m[i], gaze.direction_world[i])
-        chosen = dwell.take(met, int(gaze.t_ns[i]))
-        if chosen is not None:
-            return chosen
-    return None
-
-
-def _pointed_at(panel: Panel, view: FrameView) -> int | None:
-    for ray in view.pointers:
-        forward = rotate(ray.orientation_wxyz, np.array([0.0, 0.0, -1.0]))
-        met = choice_met(panel, ray.position_m, forward)
-        if met is not None:
-            return met
-    return None
-
-
-def _of_key(key: str, n: int) -> int | None:
-    """Return the choice of a digit: 1 is the first, 0 the last (no answer)."""
-    if key == LEAVE_OUT_KEY:
-        return n - 1
-    number = int(key) if key.isdigit() else 0
-    return number - 1 if 1 <= number < n else None
+def _before(scene: Scene, t_ns: int, panel: Panel) -> PanelFrame:
+    n = len(scene.agents)
+    facing = np.array([a.facing for a in scene.agents]).reshape(n, 3)
+    return PanelFrame(scene, t_ns, facing, np.ones(n), panels=(panel,))

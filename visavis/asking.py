@@ -4,29 +4,19 @@ Every way ends in an `Answer`: the option chosen, how, when it was asked and whe
 """
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, field, replace
-from typing import Final, TypeAlias
+from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from lab.clock import NS_PER_MS, NS_PER_S
-from lab.geometry import Pose, Vector, rotate, turn_towards, yaw_pitch_deg_of
-from protocol.panel_questions import DwellRule, GazeDwell, dwelt
-from protocol.steps import Answered, Ask, FrameView, NextFrame, Scalar, Show, Step
-from stimuli.panels import choice_met
+from lab.geometry import Pose, Vector, rotate, yaw_pitch_deg_of
+from protocol.boards import AHEAD, CONFIRM, NEXT, Ray, Showing, Ways, ask_on_board, newer_ray
+from protocol.steps import Answered, Ask, FrameView, Scalar, Show, Step
 from stimuli.picture import Panel
 
 Frames: TypeAlias = Generator[Step, FrameView | Answered | None, FrameView]
 Asking: TypeAlias = Generator[Step, FrameView | Answered | None, "Answer"]
-CONFIRM: Final = ("trigger", "select")
-"""Controls that take what is pointed at."""
-HAND: Final = "right_hand"
-ALONG_FINGERS: Final = np.array([1.0, 0.0, 0.0])
-"""Of a right hand in the frame that trackers of bodies use: with the arm held out, to the right."""
-AHEAD: Final = np.array([0.0, 0.0, -1.0])
-BESIDE_01: Final = 0.04
-"""How far above or below a button still counts, of the board's height."""
-NEXT: Final = NextFrame()
 
 
 @dataclass(frozen=True)
@@ -50,28 +40,6 @@ class Answer:
         return (self.answered_ns - self.asked_ns) / NS_PER_MS
 
 
-@dataclass(frozen=True)
-class Ways:
-    """How questions are answered on boards.
-
-    `limit_s` after the board appeared the question is given over to the operator. While neither a
-    hand nor a controller is tracked, a choice looked at for as long as `dwell` says is taken, and
-    before that by a button; `head_points` lets the head point where there is no gaze either.
-    """
-
-    limit_s: float = 30.0
-    dwell: DwellRule | None = field(default_factory=DwellRule)
-    head_points: bool = True
-
-
-@dataclass(frozen=True, eq=False)
-class Ray:
-    """From where and along which −z somebody points; `is_hand` says whether with a hand."""
-
-    pose: Pose
-    is_hand: bool
-
-
 def frame() -> Frames:
     """Wait for the next frame."""
     view = yield NEXT
@@ -80,73 +48,24 @@ def frame() -> Frames:
     return view
 
 
-def newer_ray(before: Ray | None, view: FrameView, *, head_points: bool = True) -> Ray | None:
-    """Return how the participant points now: controller, tracked hand, or the head.
-
-    A hand or controller once tracked is not replaced by the head.
-    """
-    if view.pointers:
-        return Ray(view.pointers[0], is_hand=True)
-    body = view.body
-    if body is not None and HAND in body.segments:
-        k = body.segments.index(HAND)
-        if body.valid[-1, k]:
-            turn = body.orientation_wxyz[-1, k]
-            towards = turn_towards(rotate(turn, ALONG_FINGERS))
-            return Ray(Pose(body.position_m[-1, k], towards), is_hand=True)
-    if (before is not None and before.is_hand) or not head_points:
-        return before
-    return Ray(view.head, is_hand=False) if view.head_valid else before
-
-
-def chosen_by(ray: Pose | None, panel: Panel) -> int | None:
-    """Return which choice a ray meets, None for none."""
-    if ray is None:
-        return None
-    forward = rotate(ray.orientation_wxyz, AHEAD)
-    return choice_met(panel, ray.position_m, forward, beside_01=BESIDE_01)
-
-
 def asked_on_board(
     panel: Panel,
     options: tuple[str, ...],
     question_id: str,
     ways: Ways,
     view: FrameView,
-    show: Callable[[FrameView, Panel], Show | None],
+    show: Showing,
 ) -> Asking:
     """Ask on a board: pointed at and confirmed, looked at for long, a digit, else the operator.
 
-    `show` returns the step that shows the board in a frame, None while nothing changes; it is
-    called in every frame, with the choice pointed at highlighted.
+    `show` returns the step that shows the board in a frame, None while nothing changes.
     """
-    yield from _shown(show(view, panel))
-    view = yield from frame()
-    asked_ns = view.t_ns
-    until_ns = asked_ns + round(ways.limit_s * NS_PER_S)
-    ray: Ray | None = None
-    dwell = None if ways.dwell is None else GazeDwell(ways.dwell)
-    # What was pressed up to this frame was pressed before the board was there.
-    view = replace(view, pressed=())
-    while view.t_ns < until_ns:
-        ray = newer_ray(ray, view, head_points=ways.head_points)
-        by_hand = ray is not None and ray.is_hand
-        looked = None
-        if dwell is not None and not by_hand:
-            looked = dwelt(dwell, panel, view, asked_ns)
-        at_gaze = None if dwell is None or by_hand else dwell.choice
-        lit = chosen_by(None if ray is None else ray.pose, panel) if at_gaze is None else at_gaze
-        for control in view.pressed:
-            if control in CONFIRM and lit is not None:
-                if at_gaze is not None or ray is None:
-                    return Answer(options[lit], "gaze", asked_ns, view.t_ns, view)
-                return Answer(options[lit], "ray", asked_ns, view.t_ns, view, ray.pose)
-            if control.isdigit() and 1 <= int(control) <= len(options):
-                return Answer(options[int(control) - 1], "keys", asked_ns, view.t_ns, view)
-        if looked is not None:
-            return Answer(options[looked], "gaze", asked_ns, view.t_ns, view)
-        yield from _shown(show(view, replace(panel, highlighted=lit)))
-        view = yield from frame()
+    chosen = yield from ask_on_board(panel, ways, show(view, panel), show)
+    if chosen.choice is not None:
+        by = "gaze" if chosen.by.startswith("gaze") else chosen.by
+        t_ns, option = chosen.view.t_ns, options[chosen.choice]
+        return Answer(option, by, chosen.asked_ns, t_ns, chosen.view, chosen.pose)
+    view, asked_ns = chosen.view, chosen.asked_ns
     return (
         yield from asked_elsewhere(
             question_id, panel.text, options, panel.choices, view, "operator", asked_ns

@@ -11,10 +11,10 @@ from devices.contracts import EYES_DTYPE
 from lab.clock import NS_PER_S
 from lab.errors import DataError
 from lab.geometry import Vector, quat_conjugate, rotate, unit
+from protocol.boards import ALONG_FINGERS, HAND
 from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M
 from stimuli.motion.blending import eased
 from stimuli.motion.skeleton import canonical_skeleton
-from visavis.asking import ALONG_FINGERS, HAND
 
 POINT_S: Final = 0.5
 """How long a hand takes from one point to the next."""

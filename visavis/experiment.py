@@ -11,12 +11,12 @@ import numpy as np
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import ConfigError, DesignError
 from lab.geometry import Vector
+from protocol.boards import DwellRule, Ways
 from protocol.design import combinations_of, make_plan
-from protocol.panel_questions import DwellRule
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
 from stimuli.scene import Scene as StageScene
-from visavis.asking import Ways, frame
+from visavis.asking import frame
 from visavis.parameters import parameters_in_force
 from visavis.reading import TrialRead, read_trials
 from visavis.responses import Rating, Response

@@ -17,6 +17,7 @@ from devices.contracts import VibrationPattern
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import DesignError
 from lab.geometry import Pose, Vector
+from protocol.boards import Ways
 from protocol.plan import Trial
 from protocol.steps import (
     Answered,
@@ -37,7 +38,6 @@ from stimuli.scene import Scene as StageScene
 from stimuli.scene import SceneFrame
 from visavis.asking import (
     Answer,
-    Ways,
     asked_elsewhere,
     asked_on_board,
     direction_columns,

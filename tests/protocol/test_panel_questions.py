@@ -10,8 +10,9 @@ import pytest
 
 from lab.clock import NS_PER_MS
 from lab.geometry import Pose, quat_from_yaw_pitch_deg, unit, yaw_pitch_deg_of
+from protocol.boards import DwellRule, GazeDwell
 from protocol.frame_loop import FrameLoop
-from protocol.panel_questions import LEAVE_OUT, DwellRule, GazeDwell, PanelRespondent
+from protocol.panel_questions import LEAVE_OUT, PanelRespondent
 from protocol.steps import FrameView, GazeView
 from recording.writer import Recorder
 from stimuli.panels import PanelFrame, choice_centre_m

@@ -1,4 +1,4 @@
-"""Answers pointed at: what points, where along, and which choice it meets."""
+"""Boards pointed at: what points, where along, and which choice it meets."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.geometry import Pose, rotate, turn_towards, unit
+from protocol.boards import chosen_by, newer_ray
 from protocol.steps import BodyView, FrameView
 from stimuli.panels import choice_centre_m
 from stimuli.picture import Panel
-from visavis.asking import chosen_by, newer_ray
 
 AHEAD = np.array([0.0, 0.0, -1.0])
 AT = Pose(np.array([0.0, 1.12, -1.7]), np.array([1.0, 0.0, 0.0, 0.0]))
