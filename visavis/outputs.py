@@ -17,7 +17,7 @@ from visavis.experiment import StudyExperiment
 from visavis.figures import figure_of_quality, study_figures
 from visavis.quality import quality_of
 from visavis.report import REPORT_NAME, build_report
-from visavis.sections import Extra
+from visavis.sections import Extra, made
 
 
 def write_study(
@@ -36,7 +36,7 @@ def write_study(
         UsageError: the folder cannot be written to.
         DataError: a column of a table is not described.
     """
-    extras = [make(analysis, experiment) for make in experiment.study.sections]
+    extras = [made(section)(analysis, experiment) for section in experiment.study.sections]
     figures = study_figures(analysis, experiment.texts)
     figures |= {d.name: d for extra in extras for d in extra.figures}
     quality = quality_of(analysis, facts)

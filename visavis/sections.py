@@ -1,5 +1,6 @@
 """What a study adds to its report: a section of its own, with the figures and tables it needs."""
 
+import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
@@ -31,3 +32,12 @@ class Extra:
 
 SectionOf: TypeAlias = Callable[["StudyAnalysis", "StudyExperiment"], Extra]
 """Makes a section from the analysis of a study, with the parameters in force."""
+
+
+def made(section: SectionOf | str) -> SectionOf:
+    """Return what makes a section; one named "module:function" is imported now."""
+    if not isinstance(section, str):
+        return section
+    module, _, name = section.partition(":")
+    found: SectionOf = getattr(importlib.import_module(module), name)
+    return found

@@ -138,7 +138,8 @@ class Study:
     facts_of: FactsOf | None = None
     views_of: ViewsOf | None = None
     older_of: Callable[[dict[str, Any]], dict[str, Any]] | None = None
-    sections: list[SectionOf] = field(default_factory=list)
+    sections: list[SectionOf | str] = field(default_factory=list)
+    """Makers of sections of the report; "module:function" for one that takes long to import."""
     makers: dict[str, Maker] = field(default_factory=dict)
     path: Path | None = None
     """The file it was read from; None for a study of an installed package."""

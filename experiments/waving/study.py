@@ -51,9 +51,6 @@ from visavis.trial import TrialScript
 if TYPE_CHECKING:
     import pandas as pd
 
-    from visavis.analysis import StudyAnalysis
-    from visavis.sections import Extra
-
 DIRECTIONS: Final = ("self", "left", "right")
 """Who is waved at: the participant, the customer to the left, the customer to the right."""
 CLERK_NAMES: Final = [c.name for c in CLERKS]
@@ -153,6 +150,10 @@ study = Study(
             },
         ),
         replace(COMPARED, dv="who_ms", published=None, exploratory=True),
+    ],
+    sections=[
+        "experiments.waving.sections:places_section",
+        "experiments.waving.sections:heights_section",
     ],
     source=Source(
         "A. Jovane, thesis, Université de Rennes, 2023, chapter 2 (visual motion warping), "
@@ -378,19 +379,3 @@ def facts(trials: "pd.DataFrame") -> "pd.DataFrame":
     from experiments.waving.sections import eye_heights
 
     return eye_heights(trials)
-
-
-@study.section
-def places(analysis: "StudyAnalysis", experiment: StudyExperiment) -> "Extra":
-    """Return the section of answers by place."""
-    from experiments.waving.sections import places_section
-
-    return places_section(analysis, experiment)
-
-
-@study.section
-def heights(analysis: "StudyAnalysis", experiment: StudyExperiment) -> "Extra":
-    """Return the section of eye heights."""
-    from experiments.waving.sections import heights_section
-
-    return heights_section(analysis, experiment)

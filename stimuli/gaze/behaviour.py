@@ -15,6 +15,7 @@ import numpy.typing as npt
 from lab.compiled import compiled
 from lab.geometry import Vector
 from stimuli.gaze.blinks import CLOSED_01, CLOSING_01, Blinks
+from stimuli.motion.rhythm_kernels import ease
 from stimuli.scene import Scene
 
 MAXIMUM_TURN_DEG: Final = 30.0
@@ -99,7 +100,7 @@ def _eyes_at(
             tau = (t_ns - turn_ns[j]) / duration_ns
             if tau < 1.0:
                 moving = True
-                share = tau * tau * tau * (10.0 - 15.0 * tau + 6.0 * tau * tau)
+                share = ease(tau)
                 if amplitude > 1e-9:
                     a = np.sin((1.0 - share) * amplitude) / np.sin(amplitude)
                     b = np.sin(share * amplitude) / np.sin(amplitude)

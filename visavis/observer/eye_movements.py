@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.compiled import compiled
+from stimuli.motion.rhythm_kernels import ease
 from visavis.observer.state import N_SEGMENTS, Record, Records
 
 
@@ -94,8 +95,7 @@ def gaze_at(
     since = t_ns - s.start_ns
     share = 1.0
     if since < s.saccade_ns:
-        x = max(0.0, since / s.saccade_ns)
-        share = x * x * x * (10.0 + x * (6.0 * x - 15.0))
+        share = ease(since / s.saccade_ns)
     after = max(0.0, (since - s.saccade_ns) * 1e-9)
     a = drift * (math.sin(2.6 * after + s.phase[0]) - math.sin(s.phase[0]))
     b = drift * (math.sin(3.7 * after + s.phase[1]) - math.sin(s.phase[1]))
