@@ -1,9 +1,9 @@
 """Print how often each test finds what is not there: ``python -m benchmarks.false_positives``.
 
 One row per kind of data and null effect, one column per test; `--studies N` simulated studies each
-(1000 take about ten minutes of one core). A rate counts as held when its 95 % interval touches .03
+(1000 take about half an hour of one core). A rate counts as held when its 95 % interval touches .03
 to .07; `!` marks one that is not, `w` one not held whose false findings mostly carry a warning that
-the reader is shown. `--json` for programs, `--only WORD` for rows whose name holds the word.
+the reader is shown, `c` one below .03. `--json` for programs, `--only WORD` for rows of that name.
 """
 
 import argparse
@@ -355,10 +355,12 @@ class Rate:
 
     @property
     def mark(self) -> str:
-        """'' when held, 'w' when a warning is shown with most false findings, else '!'."""
+        """Nothing when held, 'c' when below, 'w' when most findings are warned of, else '!'."""
         if self.test in COMPARED_ONLY or (self.low <= HELD[1] and self.high >= HELD[0]):
             return ""
-        return "w" if self.warned >= 0.5 or self.rate < HELD[0] else "!"
+        if self.rate < HELD[0]:
+            return "c"
+        return "w" if self.warned >= 0.5 else "!"
 
 
 def measure(situation: Situation, n_studies: int, seed: int) -> list[Rate]:
