@@ -1,16 +1,21 @@
 """What the columns of tables are, beginning with those the session writes into every trial row."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Final
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table: its unit ("1" for counts and shares, "" for none) and what it holds."""
+    """A column of a table: its unit ("1" for counts and shares, "" for none) and what it holds.
+
+    `levels` say what codes mean.
+    """
 
     name: str
     unit: str
     description: str
+    levels: Mapping[str, str] = field(default_factory=dict, hash=False)
 
 
 IDENTITY: Final = (

@@ -3,13 +3,13 @@
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import pandas as pd
 
 from lab.errors import DataError
 from protocol.columns import ENGINE_COLUMNS, Column
-from protocol.questionnaires import Questionnaire
+from protocol.questionnaires import Questionnaire, score_range
 from recording.csv_file import tell_neutralised, write_csv
 from visavis.experiment import StudyExperiment
 from visavis.looks import LOOK_COLUMNS
@@ -155,12 +155,15 @@ def people_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]
     found = {c.name: c for c in PEOPLE}
     for asked in questionnaires:
         for question in asked.questions():
-            codes = ", ".join(f"{v} {label}" for v, label in question.scale.options.items())
-            words = f"{asked.name}: {question.prompt}" + (f" ({codes})" if codes else "")
-            found[question.question_id] = Column(question.question_id, "", words)
-        for name in asked.scores:
-            column = f"{asked.name}_{name}"
-            found[column] = Column(column, "1", f"score {name} of {asked.title}")
+            name = question.question_id
+            levels = {str(v): label for v, label in question.scale.options.items()}
+            unit = "years" if question.scale_name == "years" else ""
+            found[name] = Column(name, unit, f"{asked.name}: {question.prompt}", levels)
+        for score, rule in asked.scores.items():
+            column = f"{asked.name}_{score}"
+            low, high = score_range(asked, score)
+            words = f"{asked.title}: {rule.method} of {score.replace('_', ', ')}"
+            found[column] = Column(column, "1", f"{words}, {low:g} to {high:g}")
     return found
 
 
@@ -172,7 +175,7 @@ def write_table(
     Raises:
         DataError: a column is not described.
     """
-    described = {}
+    described: dict[str, dict[str, Any]] = {}
     for name in map(str, table.columns):
         column = known.get(name) or (scene_column(name) if scenes else None)
         if column is None:
@@ -180,6 +183,8 @@ def write_table(
         described[name] = {"Description": column.description}
         if column.unit:
             described[name]["Units"] = column.unit
+        if column.levels:
+            described[name]["Levels"] = dict(column.levels)
     touched = write_csv(table, path)
     sidecar = path.with_suffix(".json")
     sidecar.write_text(json.dumps(described, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

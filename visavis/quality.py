@@ -7,6 +7,7 @@ import pandas as pd
 
 from analysis.report import Column, Table
 from analysis.report.notation import counted, decimal, percentage
+from protocol.columns import Column as Described
 from protocol.questionnaires import load_questionnaire
 from visavis.analysis import StudyAnalysis
 from visavis.exclusions import REASON, mean_error_deg
@@ -24,6 +25,16 @@ lies from the one before, validations that did not pass."""
 VISION_COLUMN = "vision"
 VISION_QUESTIONNAIRE = "demographics"
 QUALITY_COLUMNS = ("accuracy_deg", "precision_deg", "lost_01")
+QUALITY_TABLE = (
+    Described("accuracy_deg", "deg", "mean error of the validations in force"),
+    Described("precision_deg", "deg", "mean RMS sample to sample of those validations"),
+    Described("worst_point_deg", "deg", "largest error at a point of those validations"),
+    Described("lost_01", "1", "mean share of a finished trial without usable gaze"),
+    Described("calibrations", "1", "validations in force during finished trials"),
+    Described("trials", "1", "trials finished, practice left out"),
+    Described("trials_out", "1", "of these, trials that lost more gaze than the limit"),
+)
+"""What a participant's quality is made of."""
 
 
 @dataclass(frozen=True)

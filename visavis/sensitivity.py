@@ -8,6 +8,7 @@ import pandas as pd
 
 from analysis.statistics.results import Cell
 from lab.errors import DataError
+from protocol.columns import Column
 from visavis.measures import Measure
 from visavis.pairs import (
     DEFAULT_TEST_RULES,
@@ -101,3 +102,27 @@ def sensitivity(
             )
         )
     return tuple(table)
+
+
+def sensitivity_columns(of: Pairs, measures: Mapping[str, Measure]) -> dict[str, Column]:
+    """Return what describes the sensitivity table of a family, by name."""
+    first, second = of.levels[0]
+    shown = [
+        column
+        for name in of.measures[:2]
+        for column in (
+            *(Column(f"{name}_{v}", measures[name].unit, 
+                     f"{measures[name].words}, mean: {of.called(v)}") for v in (first, second)),
+            Column(f"{name}_p", "1", f"p of {measures[name].words}, {first} against {second}, "
+                   "uncorrected"),
+        )
+    ]  # fmt: skip
+    described = (
+        Column(PAD_COLUMN, "deg", "angular padding of heads"),
+        Column(MINIMUM_COLUMN, "ms", "shortest look that counts as a fixation"),
+        *shown,
+        Column("significant_tests", "1", "significant tests of the family"),
+        Column("same_verdicts", "1", "tests with the verdict of the main analysis"),
+        Column("n_tests", "1", "tests made"),
+    )
+    return {c.name: c for c in described}

@@ -12,7 +12,7 @@ from experiments.stare.published import COMPARISONS
 from experiments.stare.terms import CONDITION_NAMES, DWELL, FIRST_TIME, FIXATION_COUNT, MEASURES
 from visavis.looks import IDT, IVT
 from visavis.measures import Measure, aggregated
-from visavis.pairs import Correlate, CorrelationTest, Pairs, PairTest, Printed
+from visavis.pairs import Correlate, CorrelationTest, Family, Pairs, PairTest, Printed
 
 COLUMNS: Final = tuple(m.column for m in MEASURES)
 SCORE_COLUMN: Final = "social_anxiety_total"
@@ -89,6 +89,13 @@ SECOND_VIEW_TESTS: Final = tuple(
     )
     for m in SECOND_VIEW_MEASURES
 )  # fmt: skip
+FAMILIES: Final[tuple[Family, ...]] = (
+    CONDITION_TESTS,
+    PLACE_TESTS,
+    ZONE_TESTS,
+    ANXIETY_TESTS,
+    *SECOND_VIEW_TESTS,
+)
 
 
 def condition_means(rows: pd.DataFrame) -> pd.DataFrame:

@@ -20,6 +20,7 @@ from experiments.stare.design import (
     place_of,
 )
 from experiments.stare.trial import intertrial, run_trial
+from protocol.columns import Column
 from protocol.design import Factor
 from protocol.plan import SessionPlan
 from protocol.steps import Plan
@@ -45,6 +46,17 @@ study = Study(
     parameters={k: v for k, v in asdict(DEFAULT_PARAMETERS).items() if k not in SETTABLE},
     intertrial_s=DEFAULT_PARAMETERS.intertrial_s,
     looks=[LooksOn("active_index", "t_start_ns", "t_end_ns", "switch_ns")],
+    columns=[
+        Column("active_index", "", "index of the active agent in the recorded columns"),
+        Column("active_agent", "", "its identifier in the event 'scene'"),
+        Column("active_character", "", "the character model that played it"),
+        Column("switch_ns", "ns", "session time of the frame that showed the gaze change (AD, DA)"),
+        Column("switch_ms", "ms", "the same from the trial's start"),
+        Column("switch_cause", "", "look: the participant looked at the agent; time: time was up"),
+        Column("look_ns", "ns", "session time of the gaze sample that caused the change"),
+        Column("scene_frames", "1", "display frames that showed the scene"),
+        Column("scene_samples", "1", "gaze samples evaluated online meanwhile"),
+    ],
     texts="texts",
     questionnaires=QUESTIONNAIRES,
     needs=["eye_tracker"],

@@ -11,17 +11,21 @@ from analysis.plots import Drawn, write_figure
 from analysis.report import ReportProvenance
 from experiments.stare.analysis import SIMULATED_COLUMN, StareAnalysis, analyse_rows
 from experiments.stare.analysis_parameters import DEFAULT_PARAMETERS, AnalysisParameters
-from experiments.stare.comparisons import LEVELS
-from experiments.stare.data_dictionary import write_dictionary
+from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS, FAMILIES, LEVELS
 from experiments.stare.figures import TrialExample, study_figures
 from experiments.stare.report import build_report
 from experiments.stare.scene import distances
-from experiments.stare.table_dictionaries import write_table_dictionary
-from experiments.stare.table_types import typed_trials
+from experiments.stare.study import experiment_of, study
+from experiments.stare.terms import MEASURES
 from lab.errors import UsageError
-from recording.csv_file import tell_neutralised, write_csv
+from protocol.columns import Column
+from protocol.questionnaires import load_questionnaire
+from visavis.dictionary import people_columns, trial_columns, write_table
 from visavis.looks import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
-from visavis.quality import Quality, quality_of_trials
+from visavis.pairs import columns_of_tests
+from visavis.quality import QUALITY_TABLE, Quality, quality_of_trials
+from visavis.sensitivity import sensitivity_columns
+from visavis.table_types import typed
 
 REPORT_NAME = "report.html"
 
@@ -107,7 +111,6 @@ def write_tables(
     simulated = analysis.is_simulated
     trials = _marked(analysis.trials, simulated)
     trials["is_analysed"] = _is_analysed(analysis, trials)
-    trials = typed_trials(trials)
     people = quality.participants
     if "participant" in answers:
         twice = [c for c in answers if c in people and c != "participant"]
@@ -115,26 +118,36 @@ def write_tables(
         people = people.merge(known, on="participant", how="outer", sort=True)
     out = {e.participant: e.reason for e in analysis.selection.excluded if e.trial_id is None}
     people = people.assign(excluded=[out.get(str(p), "") for p in people["participant"]])
-    tables = {
-        "participants": people,
-        "condition_means": analysis.means,
-        "statistics": pd.DataFrame(list(analysis.statistics_rows())),
-    }
+    named = trial_columns(experiment_of(), MEASURES)
+    asked = [load_questionnaire(name) for name in study.questionnaires]
+    n_trials = Column("n_trials", "1", "trials averaged; a measure leaves out those without one")
+    excluded = Column("excluded", "", "why the participant is not in the statistics; empty: is")
+    tables: list[tuple[str, pd.DataFrame, Mapping[str, Column]]] = [
+        ("trials", typed(trials, named), named),
+        (
+            "participants",
+            _marked(people, simulated),
+            {**people_columns(asked), **{c.name: c for c in (*QUALITY_TABLE, excluded)}},
+        ),
+        ("condition_means", _marked(analysis.means, simulated), {**named, "n_trials": n_trials}),
+        (
+            "statistics",
+            _marked(pd.DataFrame(list(analysis.statistics_rows())), simulated),
+            {**named, **columns_of_tests(FAMILIES)},
+        ),
+    ]
     if analysis.sensitivity:
-        tables["sensitivity"] = pd.DataFrame([r.row() for r in analysis.sensitivity])
-    written = [out_dir / "trials.csv", write_dictionary(out_dir / "trials.json")]
-    tell_neutralised(written[1], write_csv(trials, written[0]))
+        rows = pd.DataFrame([r.row() for r in analysis.sensitivity])
+        described = sensitivity_columns(CONDITION_TESTS, ALL_MEASURES)
+        tables.append(("sensitivity", _marked(rows, simulated), {**named, **described}))
+    written = [
+        path
+        for name, table, columns in tables
+        for path in write_table(table, dict(columns), out_dir / f"{name}.csv")
+    ]
     parquet = out_dir / "trials.parquet"
-    trials.to_parquet(parquet, index=False)
-    written.append(parquet)
-    for name, table in tables.items():
-        marked = _marked(table, simulated)
-        written.append(out_dir / f"{name}.csv")
-        touched = write_csv(marked, written[-1])
-        columns = map(str, marked.columns)
-        written.append(write_table_dictionary(name, columns, out_dir / f"{name}.json"))
-        tell_neutralised(written[-1], touched)
-    return tuple(written)
+    tables[0][1].to_parquet(parquet, index=False)
+    return (*written, parquet)
 
 
 def write_figures(figures: Mapping[str, Drawn], folder: Path) -> tuple[Path, ...]:

@@ -1,14 +1,14 @@
-"""One type per column of the trial table, whatever a study's data happen to be.
+"""One type per column of a table, whatever a study's data happen to be.
 
 Inferred types change with the data: an integer column becomes a float with its first missing
 value, a flag nobody set becomes an object. Fixed types let two studies' tables be concatenated.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
 
-from experiments.stare.data_dictionary import TRIAL_TABLE
 from lab.errors import DataError
 from protocol.columns import Column
 from visavis.looks import AFTER, BEFORE, RAW
@@ -49,19 +49,16 @@ def column_type(column: Column) -> str:
     return "boolean" if name in _FLAGS or name.startswith("is_") else "string"
 
 
-TRIAL_TYPES = {c.name: column_type(c) for c in TRIAL_TABLE}
-
-
-def typed_trials(trials: pd.DataFrame) -> pd.DataFrame:
-    """Return the trial table with the dictionary's types; columns it does not name stay.
+def typed(table: pd.DataFrame, columns: Mapping[str, Column]) -> pd.DataFrame:
+    """Return a table with the types of its dictionary; columns it does not name stay.
 
     Raises DataError naming a column whose values do not fit its type.
     """
-    columns = {}
-    for name, values in trials.items():
-        kind = TRIAL_TYPES.get(str(name))
-        columns[name] = values if kind is None else _cast(str(name), values, kind)
-    return pd.DataFrame(columns, index=trials.index)
+    found = {}
+    for name, values in table.items():
+        known = columns.get(str(name))
+        found[name] = values if known is None else _cast(str(name), values, column_type(known))
+    return pd.DataFrame(found, index=table.index)
 
 
 def _cast(name: str, values: "pd.Series[Any]", kind: str) -> "pd.Series[Any]":
@@ -74,6 +71,6 @@ def _cast(name: str, values: "pd.Series[Any]", kind: str) -> "pd.Series[Any]":
         return pd.Series(pd.array(given, dtype=_DTYPES[kind]), index=values.index)
     except (TypeError, ValueError) as error:
         raise DataError(
-            f"the trial table's column {name} does not hold {kind} values ({error}); it was not "
+            f"the column {name} does not hold {kind} values ({error}); it was not "
             "written by a session of this study"
         ) from error

@@ -4,12 +4,18 @@ import pandas as pd
 import pytest
 
 from analysis.report import ReportProvenance
-from experiments.stare.data_dictionary import TRIAL_TABLE
+from experiments.stare.study import experiment_of
 from experiments.stare.study_outputs import analyse_study
-from experiments.stare.table_dictionaries import DICTIONARIES
-from experiments.stare.table_types import TRIAL_TYPES, typed_trials
 from lab.errors import DataError
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows, varied_rows
+from visavis.dictionary import trial_columns
+from visavis.table_types import column_type, typed
+
+COLUMNS = trial_columns(experiment_of(), ())
+
+
+def typed_trials(rows):
+    return typed(rows, COLUMNS)
 
 
 def test_types_do_not_depend_on_the_data():
@@ -31,12 +37,13 @@ def test_nanoseconds_keep_every_digit_beside_missing_ones():
     assert typed_trials(rows)["clock_offset_ns"].iloc[0] == exact
 
 
-def test_every_column_of_the_dictionary_has_a_type():
-    assert set(TRIAL_TYPES) == {c.name for c in TRIAL_TABLE}
-    assert TRIAL_TYPES["before_lost_01"] == "Float64"
-    assert TRIAL_TYPES["raw_fixation_count"] == "Int64"
-    assert TRIAL_TYPES["is_practice"] == "boolean"
-    assert TRIAL_TYPES["trial_id"] == "string"
+def test_type_of_a_column_follows_from_its_unit_and_name():
+    types = {name: column_type(column) for name, column in COLUMNS.items()}
+
+    assert types["before_lost_01"] == "Float64"
+    assert types["raw_fixation_count"] == "Int64"
+    assert types["is_practice"] == "boolean"
+    assert types["trial_id"] == "string"
 
 
 def test_words_in_a_column_of_numbers_are_refused():
@@ -60,7 +67,9 @@ def folder(tmp_path_factory):
     return out
 
 
-@pytest.mark.parametrize("table", sorted(DICTIONARIES))
+@pytest.mark.parametrize(
+    "table", ["trials", "participants", "condition_means", "statistics", "sensitivity"]
+)
 def test_every_column_of_a_table_is_described(folder, table):
     described = json.loads((folder / f"{table}.json").read_text(encoding="utf-8"))
 
