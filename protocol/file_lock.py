@@ -23,7 +23,7 @@ def locked(path: Path) -> Iterator[None]:
         lock = FileLock(path, mode=modes_in(path.parent).file, fallback_to_soft=False)
         lock.acquire()
     except RecordingError as error:
-        raise LedgerError(str(error)) from error
+        raise LedgerError(f"{path} cannot be locked: {error}") from error
     except OSError as error:
         raise LedgerError(
             f"{path} cannot be locked: {error.strerror}; check that the folder is there, that you "
