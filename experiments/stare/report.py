@@ -9,7 +9,6 @@ from analysis.report import (
     Block,
     Bullets,
     Cell,
-    Code,
     Column,
     Facts,
     Fold,
@@ -38,6 +37,7 @@ from experiments.stare.methods_text import (
 from visavis.looks import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 from visavis.pairs import same_verdicts
 from visavis.quality import Quality, quality_table
+from visavis.report import provenance_section
 from visavis.reporting_list import Kept, reporting_table
 
 TITLE = "Stare in the crowd"
@@ -89,7 +89,7 @@ def report_page(
         _quality(analysis, quality, provenance, pictures, measures),
         _exclusions(analysis, quality, pictures),
         _methods(analysis, measures, study),
-        _provenance(provenance),
+        provenance_section(provenance),
     )
     return Page(
         title=TITLE,
@@ -287,32 +287,3 @@ def _methods(
             Fold("References", (Bullets(REFERENCES),)),
         ),
     )
-
-
-def _provenance(provenance: ReportProvenance) -> Section:
-    facts = [("Study", f"{provenance.study}, version {provenance.study_version}")]
-    if provenance.seed is not None:
-        facts.append(("Seed", str(provenance.seed)))
-    for label, value in (
-        ("Configuration SHA-256", provenance.configuration_sha256),
-        ("Plan SHA-256", provenance.plan_sha256),
-    ):
-        if value:
-            facts.append((label, value))
-    facts += [(name, version) for name, version in provenance.versions.items()]
-    blocks: list[Block] = [Facts(tuple(facts))]
-    if provenance.commands:
-        blocks += [Paragraph("The same report again:"), Code(provenance.commands)]
-    if provenance.sessions:
-        rows = tuple(
-            (s.participant, s.session, s.started_at, s.status, s.sha256, s.code_revision)
-            for s in provenance.sessions
-        )
-        headers = ("Participant", "Session", "Began", "Status", "SHA-256", "Code")
-        blocks.append(
-            Fold(
-                counted(len(rows), "recording"),
-                (Table(tuple(Column(h) for h in headers), rows, "Recordings"),),
-            )
-        )
-    return Section("provenance", "Provenance", tuple(blocks))
