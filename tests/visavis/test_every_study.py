@@ -209,6 +209,7 @@ def killed(request: Request) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork a process")
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_path: Path) -> None:
     study = on_kit(reference)
@@ -249,6 +250,7 @@ def test_names_of_conditions_change_nothing_that_is_recorded(
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_without_an_effect_nothing_is_found(reference: str) -> None:
     study = on_kit(reference)

@@ -21,6 +21,7 @@ PILOT = {
     "blocks": 1,
 }
 SEED = 3
+pytestmark = pytest.mark.timeout(900)  # a session renders every wave: half a minute of a quiet core
 
 
 @pytest.fixture(scope="module")
