@@ -20,6 +20,7 @@ def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> t
 def _design(experiment: StudyExperiment) -> str:
     plan = experiment.plan(0, 1)
     counted = [t for t in plan.trials if not t.is_practice]
+    blocks = len({t.block for t in counted})
     practice = len(plan.trials) - len(counted)
     factors = []
     for factor in experiment.study.design(experiment.parameters).factors:
@@ -32,12 +33,12 @@ def _design(experiment: StudyExperiment) -> str:
     tried = f" after {practice} for practice" if practice else ""
     return (
         f"Factors were {'; '.join(factors)}. Every combination came {times}: {len(counted)} trials"
-        f"{tried}, in {order} order, in {_blocks(plan.blocks)}."
+        f"{tried}, in {order} order, in {_blocks(blocks)}."
     )
 
 
-def _blocks(blocks: tuple[object, ...]) -> str:
-    return "one block" if len(blocks) == 1 else f"{len(blocks)} blocks"
+def _blocks(count: int) -> str:
+    return "one block" if count == 1 else f"{count} blocks"
 
 
 def _measured(analysis: StudyAnalysis) -> str:

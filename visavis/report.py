@@ -90,7 +90,7 @@ def picture_of(drawn: Drawn) -> Picture:
 
 def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
     verdicts = [
-        _verdict(finding, term, experiment)
+        _verdict(analysis, finding, term, experiment)
         for finding in analysis.findings
         if not finding.compare.exploratory
         for term in finding.terms or (None,)
@@ -114,7 +114,9 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
     return Section("summary", "Result", tuple(blocks))
 
 
-def _verdict(finding: Finding, term: Term | None, experiment: StudyExperiment) -> Verdict:
+def _verdict(
+    analysis: StudyAnalysis, finding: Finding, term: Term | None, experiment: StudyExperiment
+) -> Verdict:
     compare = finding.compare
     words = finding.measure.words
     if term is None or finding.outcome is None:
@@ -124,7 +126,7 @@ def _verdict(finding: Finding, term: Term | None, experiment: StudyExperiment) -
     if compare.claim and len(finding.terms) == 1:
         headline = compare.claim if significant else f"Not shown: {_lower(compare.claim)}"
     elif significant:
-        headline = f"{words} depends on {names}"
+        headline = _direction(analysis, finding, experiment) or f"{words} depends on {names}"
     else:
         headline = f"Inconclusive: {_lower(words)} by {names}"
     corrected = ""
@@ -142,6 +144,25 @@ def _verdict(finding: Finding, term: Term | None, experiment: StudyExperiment) -
         headline,
         f"{_sentence(finding, term)}{corrected}{published}",
     )  # fmt: skip
+
+
+def _direction(
+    analysis: StudyAnalysis, finding: Finding, experiment: StudyExperiment
+) -> str | None:
+    """Return which of two levels has more of a measure; None where there are not two."""
+    factors = (*finding.compare.within, *finding.compare.between)
+    if len(factors) != 1 or len(analysis.levels[factors[0]]) != 2:
+        return None
+    column = finding.measure.column
+    cells = aggregated(analysis.selection.counted, [finding.measure], factors)
+    means = cells.groupby(factors[0])[column].mean()
+    one, other = analysis.levels[factors[0]]
+    if one not in means or other not in means or means[one] == means[other]:
+        return None
+    more, less = (one, other) if means[one] > means[other] else (other, one)
+    texts = experiment.texts
+    return f"{finding.measure.words}: more with {label_of(texts, str(more))} than with " \
+           f"{label_of(texts, str(less))}"  # fmt: skip
 
 
 def _sentence(finding: Finding, term: Term) -> str:
@@ -232,6 +253,14 @@ def _measures(
             blocks += _tests(finding)
         blocks.append(_means_table(analysis, measure.column, experiment))
         sections.append(Section(column, measure.words, tuple(blocks)))
+    compared = {f.measure.column for f in analysis.findings}
+    others = [
+        _means_table(analysis, m.column, experiment)
+        for m in analysis.measures
+        if m.column not in compared and m.column in analysis.selection.counted
+    ]
+    if others:
+        sections.append(Section("others", "Measures without a comparison", tuple(others)))
     return sections
 
 

@@ -42,7 +42,7 @@ def test_real_devices_without_a_picture_are_refused_before_anything_is_written(
 def test_a_rehearsal_needs_no_picture(here: Path) -> None:
     short = [f"--set={name}" for name in ("trial_s=0.2", "intertrial_s=0.1", "repetitions=1")]
     result = visavis("simulate", "stare", "--participants", "1", "--processes", "1", *short)
-    assert "1 participants simulated" in result.output
+    assert "1 participant simulated" in result.output
 
 
 def test_doctor_says_so_too() -> None:

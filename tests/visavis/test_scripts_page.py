@@ -29,6 +29,7 @@ def run(command: list[str], folder: Path) -> str:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)  # a whole page, on a busy machine
 def test_page_runs_as_it_stands(tmp_path: Path) -> None:
     shutil.copy(STUDIES / "duel.py", tmp_path)
     shutil.copytree(STUDIES / "texts", tmp_path / "texts")

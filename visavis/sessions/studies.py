@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+from analysis.report.notation import counted
 from lab.clock import SimClock, StopWatch, SystemClock
 from lab.config import LabConfig
 from lab.errors import DataError, LedgerError, SessionAborted
@@ -126,7 +127,7 @@ def simulate_study(
                 "it goes on from there"
             ) from stop
     if tasks:
-        telling.say(f"{len(tasks)} participants simulated in {watch.elapsed_s():.0f} s")
+        telling.say(f"{counted(len(tasks), 'participant')} simulated in {watch.elapsed_s():.0f} s")
     return folder
 
 
@@ -219,7 +220,7 @@ def analyse_study(
         register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, made)
     except LedgerError as error:  # an archive that only can be read
         telling.warn(str(error))
-    telling.say(f"{len(sessions)} sessions analysed in {watch.elapsed_s():.0f} s")
+    telling.say(f"{counted(len(sessions), 'session')} analysed in {watch.elapsed_s():.0f} s")
     return report_path
 
 
