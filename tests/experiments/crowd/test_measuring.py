@@ -155,17 +155,15 @@ def test_a_session_without_its_body_stream_says_which_file_to_restore(path, tmp_
         measure_job(job)
 
 
-def test_a_stream_cut_off_leaves_later_walks_unmeasured_and_said(path, tmp_path):
+def test_a_stream_cut_off_leaves_later_walks_out_and_says_so(path, tmp_path):
     copy = tmp_path / "ses-001"
     shutil.copytree(path, copy)
     stream = copy / "part-01" / "body.arrows"
     stream.write_bytes(stream.read_bytes()[: stream.stat().st_size // 2])
     intake = take_in(Recording(copy), QUICK)
-    assert "crashed" == intake.source.status
-    last = intake.walks[-1].row
-    assert 1.0 == last["lost_01"]
-    assert "not_measured_body_never_tracked" in last["flags"]
-    assert "collisions" not in last
+    assert intake.source.status.startswith("damaged; body (part 1): ")
+    assert "T03" in intake.source.status
+    assert "T03" not in [walk.row["trial_id"] for walk in intake.walks]
 
 
 @pytest.mark.parametrize("content", ["null", "[]", "3", '{"row": {}, "cells": [3]}', ""])
