@@ -106,7 +106,7 @@ def test_sheet_of_people_shows_everybody_from_two_sides(
         (("stare", "--video", "a.avi", "--seconds", "inf"), "counts from 0"),
         (("stare", "--png", "a.png", "--participant", 0), "counts from 1"),
         (("people",), "needs --sheet"),
-        (("star", "--png", "a.png"), "did you mean stare"),
+        (("star", "--png", "a.png"), "did you mean 'stare'"),
     ],
 )
 def test_a_request_that_cannot_be_met_says_what_to_ask_instead(

@@ -168,7 +168,7 @@ def test_black_scene_shows_the_mark_alone() -> None:
     assert training_scene(CHARACTERS).mark_m is None
 
 
-@pytest.mark.parametrize("characters", [CHARACTERS[:10], (*CHARACTERS[:10], "c00")])
+@pytest.mark.parametrize("characters", [CHARACTERS[:8], (*CHARACTERS[:10], "c00")])
 def test_missing_or_doubled_character_is_refused(characters: tuple[str, ...]) -> None:
     with pytest.raises(DesignError, match="11 different characters"):
         audience_scene(characters)

@@ -18,7 +18,7 @@ SEED, INDEX = 7, 2
 def test_the_short_path_measures_what_the_full_engine_measures(tmp_path: Path) -> None:
     config = load_config(EXAMPLE).model_copy(update={"data_root": tmp_path})
     session = simulate_one(SimulationTask("stare", config, "P1", INDEX, "", SEED, True, SHORT))
-    rows = measure_one("stare", session).rows
+    rows = measure_one(("stare", session)).rows
     full = rows[~rows["is_practice"].astype(bool)].sort_values("number").reset_index(drop=True)
     quick = run_study(
         tracker_of, seed=SEED, participants=[INDEX], params=StareParameters(**SHORT)
