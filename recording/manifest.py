@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -107,13 +108,30 @@ def write_manifest(session_dir: Path, manifest: Manifest) -> None:
 
 
 def read_manifest(session_dir: Path) -> Manifest:
-    """Read a session's manifest; raises RecordingError when it is missing, damaged or newer."""
+    """Read a session's manifest; raises RecordingError when it is missing, damaged or newer.
+
+    Also when anything in the session's folder is a link: what it leads to is not the session's,
+    and may be somebody else's file.
+    """
     return read_with_seal(session_dir)[0]
+
+
+def refuse_links(session_dir: Path) -> None:
+    """Raise RecordingError when anything in a session's folder is a symbolic link."""
+    for folder, folders, files in os.walk(session_dir):
+        for path in (Path(folder, name) for name in (*folders, *files)):
+            if path.is_symlink():
+                raise RecordingError(
+                    f"{path} is a link, to {os.readlink(path)}; a session holds its files itself: "
+                    "put the file in the link's place if it is the session's (in a DataLad folder "
+                    "`git annex unlock` does so), or delete the link"
+                )
 
 
 def read_with_seal(session_dir: Path) -> tuple[Manifest, bool]:
     """Read a manifest, and tell whether a checksum vouches for it: before version 2 none did."""
     path = session_dir / MANIFEST_NAME
+    refuse_links(session_dir)
     try:
         found = read_sealed(path)
     except FileNotFoundError as error:

@@ -15,6 +15,7 @@ from recording.manifest import (
     Part,
     PartStatus,
     read_manifest,
+    refuse_links,
     write_manifest,
 )
 from recording.sealed import copy_path, copy_state, read_sealed, restore
@@ -80,6 +81,7 @@ def recover(session_dir: Path) -> RecoveryReport:
 
 def recover_held(session_dir: Path) -> RecoveryReport:
     """Do what `recover` does for a caller who holds the session's lock."""
+    refuse_links(session_dir)
     manifest, repaired = _manifest_or_copy(session_dir)
     findings = []
     changed = False

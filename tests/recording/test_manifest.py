@@ -157,6 +157,35 @@ def test_a_pipe_instead_of_a_file_is_named_and_not_waited_for(session: Path, fil
         damage_of(Recording(session))
 
 
+@pytest.mark.skipif(os.name == "nt", reason="links need a privilege there")
+@pytest.mark.parametrize(
+    "file", ["manifest.json", "manifest.copy.json", "part-01", "part-01/probe.arrows"]
+)
+def test_a_link_in_a_session_is_refused_and_nothing_is_moved(session: Path, file: str) -> None:
+    elsewhere = session.parent / "elsewhere"
+    (session / file).rename(elsewhere)
+    (session / file).symlink_to(elsewhere)
+    for read in (Recording, recover):
+        with pytest.raises(RecordingError, match=f"{file} is a link, to .*elsewhere"):
+            read(session)
+    assert (session / file).is_symlink()
+    assert elsewhere.exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need a privilege there")
+def test_a_link_that_the_manifest_does_not_name_is_refused_too(session: Path) -> None:
+    (session / "part-01" / "more.arrows").symlink_to(session / "part-01" / "probe.arrows")
+    with pytest.raises(RecordingError, match="is a link"):
+        read_manifest(session)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need a privilege there")
+def test_a_data_folder_may_be_reached_through_a_link(session: Path, tmp_path: Path) -> None:
+    other_disk = tmp_path / "link"
+    other_disk.symlink_to(session.parent)
+    assert not damage_of(Recording(other_disk / session.name)).is_damaged
+
+
 def test_files_beside_the_streams_are_hashed_too(tmp_path: Path) -> None:
     from lab.clock import SimClock
     from recording.folder import create_session
