@@ -11,12 +11,17 @@ from typing import Any, Final, Literal
 import numpy as np
 import pandas as pd
 
+from lab.errors import UsageError
 from recording.integrity import DAMAGED, LOST
 from visavis.measures import LOST_COLUMN
 
 Level = Literal["trial", "participant"]
 REASON: Final = "left_out_because"
 COUNTED: Final = "is_analysed"
+PRACTICE: Final = "practice"
+NOT_FINISHED: Final = "not finished"
+REPEATED: Final = "performed again later"
+UNREADABLE: Final = "the recording is damaged"
 
 
 @dataclass(frozen=True)
@@ -26,7 +31,7 @@ class Exclusion:
     For participants the column is one of `participant_facts`. `words` say what is wrong, with
     {value} and {limit}. `name` is the parameter that sets the limit (`analyse --set NAME=…`);
     a limit of None switches the rule off. Exactly at the limit is still in. With `if_missing` what
-    leaves out is that there is no value at all.
+    leaves out is that there is no value at all, with `missing_is_out` that too.
     """
 
     name: str
@@ -36,13 +41,27 @@ class Exclusion:
     words: str
     above: bool = True
     if_missing: bool = False
+    missing_is_out: bool = False
 
     def breaks(self, value: Any, limit: float | None) -> bool:
         """Tell whether a value is out; a missing one is judged by rules about missing ones only."""
-        is_missing = value is None or value != value
-        if limit is None or is_missing or self.if_missing:
-            return limit is not None and is_missing and self.if_missing
+        if limit is None:
+            return False
+        if _is_missing(value):
+            return self.if_missing or self.missing_is_out
+        if self.if_missing:
+            return False
         return bool(value > limit) if self.above else bool(value < limit)
+
+    def said(self, value: Any, limit: float | None) -> str:
+        """Return why a value is out, in words."""
+        if _is_missing(value) and not self.if_missing:
+            return f"{self.column} is not known"
+        return self.words.format(value=value, limit=limit)
+
+
+def _is_missing(value: Any) -> bool:
+    return value is None or bool(value != value)
 
 
 STANDARD_RULES: Final = (
@@ -92,16 +111,42 @@ class Selection:
         kept: pd.DataFrame = self.rows[self.rows[COUNTED]].reset_index(drop=True)
         return kept
 
+    @property
+    def finished(self) -> pd.DataFrame:
+        """The trials that were finished, each once, practice left out, whether they count or not.
+
+        What would count without rules.
+        """
+        out = (PRACTICE, UNREADABLE, NOT_FINISHED, REPEATED)
+        done: pd.DataFrame = self.rows[~self.rows[REASON].isin(out)]
+        return done
+
 
 def limits_in_force(
     rules: Sequence[Exclusion], overrides: Mapping[str, Any]
 ) -> dict[str, float | None]:
-    """Return every rule's limit, those set in place of the study's own."""
+    """Return every rule's limit, those set in place of the study's own.
+
+    Raises:
+        UsageError: a limit is no number, below 0, or a share above 1.
+    """
     limits: dict[str, float | None] = {r.name: r.limit for r in rules}
     for name, value in overrides.items():
         if name in limits:
-            limits[name] = None if value is None else float(value)
+            limits[name] = None if value is None else _limit(name, value)
     return limits
+
+
+def _limit(name: str, value: Any) -> float:
+    is_share = name.endswith("_01")
+    try:
+        limit = float(value)
+    except (TypeError, ValueError):
+        limit = -1.0
+    if not 0 <= limit < np.inf or (is_share and limit > 1):
+        wanted = "a share from 0 to 1" if is_share else "a number from 0"
+        raise UsageError(f"{name} is {value}; give {wanted}, or null for no such rule")
+    return limit
 
 
 def select(
@@ -139,21 +184,20 @@ def select(
         values = table[rule.column]
         out = values.map(lambda v, r=rule, n=limit: r.breaks(v, n)).astype(bool)
         leave(out, rule.name, "trial", [
-            rule.words.format(value=v, limit=limit) if bad else "" for v, bad in zip(values, out,
-                                                                                     strict=True)
+            rule.said(v, limit) if bad else "" for v, bad in zip(values, out, strict=True)
         ])  # fmt: skip
 
-    leave(table["is_practice"].astype(bool), "practice", "trial", "practice")
+    leave(table["is_practice"].astype(bool), "practice", "trial", PRACTICE)
     unreadable = table["status"].isin((DAMAGED, LOST))
-    leave(unreadable, "damaged", "trial", "the recording is damaged")
-    leave(table["status"] != "complete", "unfinished", "trial", "not finished")
+    leave(unreadable, "damaged", "trial", UNREADABLE)
+    leave(table["status"] != "complete", "unfinished", "trial", NOT_FINISHED)
     trial_rules = [r for r in rules if r.level == "trial" and r.column in table]
     for rule in (r for r in trial_rules if r.if_missing):
         judge(rule)
     done = table[reasons == ""].sort_values("attempt", kind="stable")
     again = pd.Series(False, index=table.index)
     again[done.index[done.duplicated(["participant", "session", "trial_id"], keep="last")]] = True
-    leave(again, "repeated", "trial", "performed again later")
+    leave(again, "repeated", "trial", REPEATED)
     finished = table[reasons == ""]
     for rule in (r for r in trial_rules if not r.if_missing):
         judge(rule)
@@ -165,7 +209,7 @@ def select(
         said = {}
         for name, value in zip(people["participant"], people.get(rule.column, ()), strict=False):
             if rule.breaks(value, limit):
-                said[name] = rule.words.format(value=value, limit=limit)
+                said[name] = rule.said(value, limit)
         out = table["participant"].astype(str).isin(said)
         leave(
             out,

@@ -225,6 +225,14 @@ class StudyExperiment:
         for cell in combinations_of(self.study.design(self.parameters).factors):
             yield self._derived(cell)
 
+    @cached_property
+    def levels(self) -> dict[str, tuple[Any, ...]]:
+        """The levels of every factor, and what columns that follow from factors can hold."""
+        design = self.study.design(self.parameters)
+        found = {f.name: tuple(f.levels) for f in design.factors}
+        cells = list(self.conditions())
+        return found | {n: tuple(dict.fromkeys(c[n] for c in cells)) for n in self.study.derived}
+
     def _derived(self, factors: Mapping[str, Any]) -> dict[str, Any]:
         """Return a trial's factors with what follows from them."""
         return {**factors, **{name: of(factors) for name, of in self.study.derived.items()}}

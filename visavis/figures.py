@@ -30,6 +30,7 @@ from analysis.plots.panels import (
 )
 from analysis.report.notation import counted
 from visavis.analysis import Finding, StudyAnalysis
+from visavis.exclusions import NOT_FINISHED, REPEATED
 from visavis.measures import aggregated
 from visavis.quality import LOSS_COLUMNS, QUALITY_COLUMNS, Quality
 from visavis.texts import Texts
@@ -150,8 +151,8 @@ def _flow(analysis: StudyAnalysis) -> Drawn:
 
 
 def _rule_words(rule: str) -> str:
-    known = {"practice": "practice", "unfinished": "not finished",
-             "repeated": "performed again later"}  # fmt: skip
+    known = {"damaged": "unreadable, the recording is damaged", "unfinished": NOT_FINISHED,
+             "repeated": REPEATED}  # fmt: skip
     return known.get(rule, rule.replace("_", " "))
 
 

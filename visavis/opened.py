@@ -106,9 +106,10 @@ class OpenedStudy:
     # ---- analysis ----
 
     def measures(self, experiment: StudyExperiment) -> tuple[Measure, ...]:
-        """Return everything measured; lost gaze too, where gaze is."""
+        """Return everything measured; lost gaze too, where gaze is and looks do not say it."""
         found = measures_of(self.study, experiment.responses)
-        if any(m.needs_gaze for m in found) and LOST_COLUMN not in {m.column for m in found}:
+        known = {m.column for m in found}
+        if any(m.needs_gaze for m in found) and LOST_COLUMN not in known and not self.study.looks:
             found = (*found, lost_gaze())
         return found
 
@@ -160,14 +161,13 @@ class OpenedStudy:
             DataError: nothing counts.
         """
         design = self.study.design(experiment.parameters)
-        levels = {f.name: tuple(f.levels) for f in design.factors}
         compared = self.study.cells_of(design)
         selection = self.selection_of(experiment, rows, planned=planned, settings=settings)
         return analyse_rows(
             self.study,
             selection,
             people,
-            levels=levels,
+            levels=experiment.levels,
             measures=self.measures(experiment),
             is_simulated=bool(rows["is_simulated"].any()),
             cells=[f.name for f in (*design.between, *compared)],

@@ -15,7 +15,7 @@ from visavis.analysis import SIMULATED_COLUMN, StudyAnalysis
 from visavis.dictionary import PEOPLE, STATISTICS, people_columns, trial_columns, write_table
 from visavis.experiment import StudyExperiment
 from visavis.figures import figure_of_quality, study_figures
-from visavis.quality import quality_of
+from visavis.quality import QUALITY_TABLE, Quality, quality_of
 from visavis.report import REPORT_NAME, build_report
 from visavis.sections import Extra, made
 
@@ -45,7 +45,7 @@ def write_study(
         figures[drawn.name] = drawn
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
-        write_tables(analysis, experiment, questionnaires, out_dir, extras)
+        write_tables(analysis, experiment, questionnaires, out_dir, extras, quality)
         for figure in figures.values():
             write_figure(figure, out_dir / "figures")
     except OSError as error:
@@ -66,6 +66,7 @@ def write_tables(
     questionnaires: Sequence[Questionnaire],
     out_dir: Path,
     extras: Sequence[Extra] = (),
+    quality: Quality | None = None,
 ) -> None:
     """Write trials, participants, cell means, statistics and contrasts, each with a dictionary."""
     trials = analysis.selection.rows.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
@@ -73,8 +74,13 @@ def write_tables(
     write_table(trials, known, out_dir / "trials.csv", scenes=True)
     trials.to_parquet(out_dir / "trials.parquet", index=False)
     people = analysis.selection.people.merge(analysis.people, on="participant", how="left")
+    if quality is not None:
+        twice = [c for c in quality.participants if c in people and c != "participant"]
+        measured = quality.participants.drop(columns=twice)
+        people = people.merge(measured, on="participant", how="left")
     people = people.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
     described_people = {**known, **people_columns(questionnaires)}
+    described_people |= {c.name: c for c in QUALITY_TABLE}
     write_table(people, described_people, out_dir / "participants.csv")
     means = analysis.cell_means().assign(**{SIMULATED_COLUMN: analysis.is_simulated})
     counted = {**known, "n": Column("n", "1", "trials that count")}

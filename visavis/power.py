@@ -18,11 +18,10 @@ import pandas as pd
 from analysis.power import Found, Source, Verdicts
 from lab.errors import DataError, UsageError
 from protocol.participants import SimulatedParticipant
-from visavis.analysis import Finding, answered, corrected, measures_of
+from visavis.analysis import Finding, answered, corrected
 from visavis.catalogue import find_study
 from visavis.exclusions import COUNTED
 from visavis.experiment import StudyExperiment
-from visavis.measures import LOST_COLUMN, Measure, lost_gaze
 from visavis.opened import OpenedStudy
 from visavis.quick import MakeTracker, quick_rows
 
@@ -115,7 +114,7 @@ class KitPower:
             )
         opened = self._opened
         experiment = opened.experiment({})
-        measures = [m for m in _measures(opened, experiment) if m.of is not None]
+        measures = [m for m in opened.measures(experiment) if m.of is not None]
         tables = []
         for index in indices:
             person: SimulatedParticipant = opened.participant(
@@ -189,9 +188,8 @@ class KitPower:
         opened: OpenedStudy,
         experiment: StudyExperiment,
     ) -> dict[str, Found]:
-        known = {m.column: m for m in _measures(opened, experiment)}
-        design = opened.study.design(experiment.parameters)
-        levels = {f.name: tuple(f.levels) for f in design.factors}
+        known = {m.column: m for m in opened.measures(experiment)}
+        levels = experiment.levels
         findings = corrected(
             [
                 answered(compare, rows, known, levels, is_simulated=True)
@@ -243,12 +241,6 @@ def _difference(
     off = (wide[second] - wide[first]).dropna()
     sd = float(off.std(ddof=1))
     return float(off.mean()), float(off.mean()) / sd if sd > 0 else float("nan")
-
-
-def _measures(opened: OpenedStudy, experiment: StudyExperiment) -> tuple[Measure, ...]:
-    found = measures_of(opened.study, experiment.responses)
-    gaze = any(m.needs_gaze for m in found)
-    return (*found, lost_gaze()) if gaze and LOST_COLUMN not in {m.column for m in found} else found
 
 
 def _counted(opened: OpenedStudy, experiment: StudyExperiment, rows: pd.DataFrame) -> pd.DataFrame:

@@ -10,13 +10,12 @@ from analysis.report.notation import counted, decimal, percentage
 from protocol.columns import Column as Described
 from protocol.questionnaires import load_questionnaire
 from visavis.analysis import StudyAnalysis
-from visavis.exclusions import REASON, mean_error_deg
+from visavis.exclusions import mean_error_deg
 from visavis.measures import LOST_COLUMN
 
 ERROR_COLUMN = "calibration_accuracy_deg"
 LOSS_COLUMNS = ("lost_01", LOST_COLUMN)
 """Where a trial's lost gaze stands: with all looks, or measured by itself."""
-NOT_FINISHED = ("practice", "not finished", "performed again later")
 END_ACCURACY, DRIFT, REJECTED = "end_accuracy_deg", "drift_deg", "rejected_validations"
 SESSION_COLUMNS = (END_ACCURACY, DRIFT, REJECTED)
 """Optional columns of the participants' answers: the validation after the last trial, how far it
@@ -189,7 +188,7 @@ def quality_of(analysis: StudyAnalysis, facts: Mapping[str, str] | None = None) 
     limits = {r.column: analysis.selection.limits[r.name] for r in analysis.study.exclusions}
     return quality_of_trials(
         rows[~rows["is_practice"].astype(bool)],
-        rows[~rows[REASON].isin(NOT_FINISHED)],
+        analysis.selection.finished,
         max_trial_lost_01=next((limits[c] for c in LOSS_COLUMNS if c in limits), None),
         facts=facts,
         people=analysis.people,

@@ -33,7 +33,7 @@ from visavis.experiment import StudyExperiment
 from visavis.figures import figure_name, label_of
 from visavis.measures import aggregated
 from visavis.methods import method_paragraphs
-from visavis.quality import NOT_FINISHED, Quality, quality_table
+from visavis.quality import Quality, quality_table
 from visavis.reporting_list import Kept, reporting_table
 from visavis.texts import shown
 
@@ -313,12 +313,12 @@ def _quality(
         for rule in analysis.study.exclusions
         if selection.limits[rule.name] is not None
     )
-    finished = ~selection.rows["left_out_because"].isin(NOT_FINISHED)
+    finished = selection.finished
     kept = Kept(
         len(selection.people),
         int((~selection.people["is_analysed"].astype(bool)).sum()),
-        int(finished.sum()),
-        int((finished & ~selection.rows["is_analysed"]).sum()),
+        len(finished),
+        int((~finished["is_analysed"].astype(bool)).sum()),
         limits,
     )
     blocks: list[Block] = [pictures["quality"], reporting_table(kept, quality, provenance),

@@ -189,9 +189,17 @@ def renamed(study: Study) -> Study:
            for f in study.factors}  # fmt: skip
     old = {name: {v: k for k, v in levels.items()} for name, levels in new.items()}
 
-    def plan_of(script: TrialScript) -> Iterator[Any]:
-        script.trial = dataclasses.replace(script.trial, factors=_told(script.trial.factors, old))
-        return (yield from study.trial_plan(script))
+    def told(plan: Callable[[TrialScript], Iterator[Any]]) -> Callable[[TrialScript], Any]:
+        def plan_of(script: TrialScript) -> Iterator[Any]:
+            factors = _told(script.trial.factors, old)
+            script.trial = dataclasses.replace(script.trial, factors=factors)
+            return (yield from plan(script))
+
+        return plan_of
+
+    def check_of(parameters: Mapping[str, Any]) -> None:
+        if study.check_of is not None:
+            study.check_of(_told_levels(parameters, old))
 
     practice = study.practice
     return dataclasses.replace(
@@ -202,7 +210,9 @@ def renamed(study: Study) -> Study:
         practice=practice if isinstance(practice, int) else [_told(c, new) for c in practice],
         derived={name: _of_old(of, old) for name, of in study.derived.items()},
         constraints=[_unrenamed(rule, old) for rule in study.constraints],
-        plan_of=plan_of,
+        plan_of=told(study.trial_plan),
+        intertrial_of=None if study.intertrial_of is None else told(study.intertrial_of),
+        check_of=check_of,
         compare=(),
         makers=dict(study.makers),
         sections=[],
@@ -230,8 +240,15 @@ def renamed_parameters(study: Study, parameters: Mapping[str, Any]) -> dict[str,
     """Return parameters for a renamed study, levels of its factors by their new names."""
     new = {f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
            for f in study.factors}  # fmt: skip
+    return _told_levels(parameters, new)
+
+
+def _told_levels(
+    parameters: Mapping[str, Any], names: Mapping[str, Mapping[Any, Any]]
+) -> dict[str, Any]:
+    """Return parameters in which the levels of factors are called as `names` says."""
     return {
-        name: [new[name][level] for level in value] if name in new else value
+        name: [names[name][level] for level in value] if name in names else value
         for name, value in parameters.items()
     }
 
