@@ -49,7 +49,8 @@ class QuickTracker:
         if stretch != self._stretch or self._noise.shape[0] < first_sample + n:
             self._stretch = stretch
             drawn = StretchNoise(self._model, self._seed, stretch, RATE_HZ)
-            self._noise = drawn.take(max(first_sample + n, TRIAL_SAMPLES))
+            # Every row belongs to its sample, so drawing twice as many later repeats the first.
+            self._noise = drawn.take(max(2 * (first_sample + n), TRIAL_SAMPLES))
         out = np.empty((n, 2, 3))
         measured_directions(
             eyes["left_direction_head"],

@@ -15,22 +15,28 @@ import numpy.typing as npt
 import pandas as pd
 
 from analysis.gaze.targets import GazeTargets
+from devices.body_contract import MovingBody
 from devices.contracts import GAZE
 from lab.clock import NS_PER_S
 from lab.geometry import Pose, Vector
 from lab.schema import SampleBatch, empty_values
+from protocol.boards import HAND
 from protocol.observation import GazeObserver
 from protocol.participants import SimulatedParticipant
 from protocol.plan import Trial
 from protocol.row_buffer import RowBuffer
-from protocol.steps import Answered, Ask, FrameView, NextFrame, Plan, Prompt, Show
+from protocol.steps import Answered, Ask, BodyView, FrameView, NextFrame, Plan, Prompt, Show
 from protocol.streams import gaze_targets_schema
+from stimuli.panels import PanelFrame
 from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
 from visavis.measures import Measure, TrialRecord, value_of
 
 DISPLAY_HZ = 45
 TRACKER_HZ = 120
+
+
+_TRACKED = np.ones((1, 1), np.bool_)
 
 
 class TrackerModel(Protocol):
@@ -164,7 +170,16 @@ class _Frames:
         self._sample(t_ns - self._tracker.delay_ns)
         gaze = self._observer.observe(self._index, t_ns)
         pressed = tuple(c for _, c, value in self._person.presses(t_ns) if value > 0.5)
-        return FrameView(self._index, t_ns, head, True, gaze, pressed)
+        return FrameView(self._index, t_ns, head, True, gaze, pressed, self._hand(t_ns))
+
+    def _hand(self, t_ns: int) -> BodyView | None:
+        """Return the hand that answers a board; None while no board is shown."""
+        if not (isinstance(self._view, PanelFrame) and self._view.panels):
+            return None
+        if not isinstance(self._person, MovingBody):
+            return None
+        at_ns = np.array((t_ns,), np.int64)
+        return BodyView((HAND,), at_ns, *self._person.segments((HAND,), at_ns), _TRACKED)
 
     def _sample(self, until_ns: int) -> None:
         """Take the samples that have arrived by now."""

@@ -128,7 +128,8 @@ def judge(
 ) -> Judgement:  # fmt: skip
     """Judge one wave; `own_place` is the index of the observer's place.
 
-    Without `effect` nothing of the wave is taken in: answers follow leanings alone.
+    Without `effect` nothing of the wave is taken in and nobody leans to their own place: to lean
+    so is to be right more often where the wave was to oneself.
     """
     q = population
     noise = noise_deg(evidence.pixels, person.blur, q)
@@ -136,7 +137,7 @@ def judge(
     worth = worth_of(read, noise, evidence.bearing_deg, evidence.reach_01, q)
     if not effect:
         worth = rng.gumbel(size=len(worth))
-    worth[own_place] += person.self_bias
+    worth[own_place] += effect * person.self_bias
     likely = np.exp(worth - worth.max())
     probability = likely / likely.sum()
     place = int(np.argmax(probability))

@@ -59,8 +59,8 @@ class WavingParticipant(StandingBody):
     """Implement `protocol.participants.SimulatedParticipant` with a hand that points.
 
     `index` and `seed` make the person, `asked` leads from the words of a board to what it asks
-    for. `effect=False` gives somebody who does not attend to the waves: their answers follow their
-    leanings alone.
+    for. `effect=False` gives somebody who does not attend to the waves: their places are chance,
+    their ratings follow their leanings alone.
     """
 
     def __init__(

@@ -31,6 +31,7 @@ from tests.faults.sessions import CONFIG, TIMING, lab
 from visavis.analysis import answered
 from visavis.catalogue import SHIPPED, AnyStudy, find_study
 from visavis.exclusions import COUNTED
+from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_rows
 from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
@@ -257,15 +258,10 @@ def test_names_of_conditions_change_nothing_that_is_recorded(
     assert streams(study, tmp_path / "a", small(reference)) == streams(other, tmp_path / "b", same)
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(900)
-@pytest.mark.parametrize("reference", EVERY, ids=name_of)
-def test_without_an_effect_nothing_is_found(reference: str) -> None:
-    study = on_kit(reference)
-    experiment = study.experiment(small(reference))
-    measures = study.measures(experiment)
-    quick = [m for m in measures if m.of is None or m.needs_gaze]
-    rows = pd.concat(
+def without_effect(study: OpenedStudy, experiment: StudyExperiment, people: int) -> pd.DataFrame:
+    """Return a study's rows, by the quick path, of people on whom its conditions do nothing."""
+    quick = [m for m in study.measures(experiment) if m.of is None or m.needs_gaze]
+    return pd.concat(
         quick_rows(
             experiment,
             study.participant(index, SEED, effect=False, experiment=experiment),
@@ -274,8 +270,27 @@ def test_without_an_effect_nothing_is_found(reference: str) -> None:
             index=index,
             seed=SEED,
         )
-        for index in range(FOR_NULL)
+        for index in range(people)
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reference", EVERY, ids=name_of)
+def test_everybody_answers_in_time_on_the_quick_path(reference: str) -> None:
+    study = on_kit(reference)
+    rows = without_effect(study, study.experiment(small(reference)), 1)
+    ways = {w for c in rows.columns if c.endswith("_by") for w in rows[c].unique()}
+    assert ways <= {"ray", "gaze", "keys", "gaze and button"}
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("reference", EVERY, ids=name_of)
+def test_without_an_effect_nothing_is_found(reference: str) -> None:
+    study = on_kit(reference)
+    experiment = study.experiment(small(reference))
+    measures = study.measures(experiment)
+    rows = without_effect(study, experiment, FOR_NULL)
     levels = {f.name: tuple(f.levels) for f in study.study.factors}
     known = {m.column: m for m in measures}
     for compare in study.study.compare:
