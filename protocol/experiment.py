@@ -111,8 +111,10 @@ def demands_of(experiment: Experiment) -> Demands:
 class ValidationPoint:
     """Gaze samples taken while one target was shown.
 
-    `target` (3,) and `combined`, `left`, `right` (n, 3) are unit vectors in the head frame, NaN
-    where lost; `t_ns` (n,).
+    `target` (3,) and `combined`, `left`, `right` (n, 3) are unit vectors in the head's frame when
+    the target appeared, NaN where lost; `t_ns` (n,). `aim_head` (n, 3) is the way to the target and
+    `combined_head` (n, 3) the gaze in the head's frame at each sample: what a tracker that sits
+    turned on the head turns.
     """
 
     name: str
@@ -121,6 +123,8 @@ class ValidationPoint:
     combined: Vector
     left: Vector
     right: Vector
+    aim_head: Vector
+    combined_head: Vector
 
 
 @dataclass(frozen=True)
@@ -128,7 +132,8 @@ class ValidationVerdict:
     """How good the tracking was at one validation; stored whole, never overwritten.
 
     `rows` holds one mapping per point and eye. `accuracy_deg` is the mean over points of the
-    angle between mean gaze and target (combined eye), `precision_deg` the RMS-S2S.
+    angle between mean gaze and target (combined eye), `precision_deg` the RMS-S2S. `is_turned`
+    says that gaze is mirrored or rotated as a whole, as `reason` tells: no trial is begun with it.
     """
 
     accepted: bool
@@ -138,6 +143,7 @@ class ValidationVerdict:
     precision_deg: float | None
     lost_01: float
     rows: tuple[Mapping[str, str | int | float | bool | None], ...]
+    is_turned: bool = False
 
 
 class ValidationJudge(Protocol):

@@ -19,6 +19,7 @@ from lab.geometry import (
     quat_conjugate,
     quat_multiply,
     rotate,
+    unit,
 )
 from lab.schema import SampleBatch
 from protocol.experiment import Experiment, ValidationPoint
@@ -169,10 +170,12 @@ def _point(
     """
     if not pieces:
         empty = np.empty((0, 3))
-        return ValidationPoint(name, target, np.empty(0, dtype=np.int64), empty, empty, empty)
+        none = np.empty(0, dtype=np.int64)
+        return ValidationPoint(name, target, none, empty, empty, empty, empty, empty)
     values = np.concatenate([batch.values for batch, _, _ in pieces])
     turns = np.concatenate([np.tile(turn, (len(batch), 1)) for batch, turn, _ in pieces])
     aims = np.concatenate([np.tile(aim, (len(batch), 1)) for batch, _, aim in pieces])
+    aims_head = rotate(quat_conjugate(turns), rotate(base, aims))
     still = quat_between(aims, np.broadcast_to(target, aims.shape))
     turns = quat_multiply(still, quat_multiply(quat_conjugate(base), turns))
 
@@ -188,4 +191,8 @@ def _point(
         combined=turned("direction_head", "valid"),
         left=turned("left_direction_head", "left_valid"),
         right=turned("right_direction_head", "right_valid"),
+        aim_head=unit(aims_head),
+        combined_head=np.where(
+            values["valid"][:, None], values["direction_head"].astype(np.float64), np.nan
+        ),
     )

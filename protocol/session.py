@@ -331,6 +331,13 @@ class Session:
                 role="eye_tracker",
                 remedy="look at it and its program; then continue with `visavis resume`",
             )
+        if best.verdict.is_turned:
+            raise DeviceError(
+                f"{best.verdict.reason}. Nothing is recorded with it",
+                role="eye_tracker",
+                remedy="correct axes or mounting of the tracker, then continue with "
+                "`visavis resume`",
+            )
         if not best.verdict.accepted:
             self._recorder.event(
                 "calibration_below_threshold", self._loop.t_ns, reason=best.verdict.reason

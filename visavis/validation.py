@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from analysis.gaze.quality import validate
+from analysis.gaze.turned import TurnedGaze, turned_gaze
 from protocol.experiment import ValidationPoint, ValidationVerdict
 
 EYES: Final = ("combined", "left", "right")
@@ -35,9 +36,13 @@ def judge_validation(points: Sequence[ValidationPoint], rate_hz: float) -> Valid
                 }
             )
     combined = summaries["combined"]
+    turned = turned_gaze([p.aim_head for p in points], [p.combined_head for p in points])
     return ValidationVerdict(
         accepted=combined.passed,
-        reason="" if combined.passed else _why_not(combined.accuracy_deg, combined.worst_deg),
+        reason=""
+        if combined.passed
+        else _why_not(combined.accuracy_deg, combined.worst_deg, turned),
+        is_turned=turned is not None and turned.kind in ("mirrored", "rolled"),
         accuracy_deg=_known(combined.accuracy_deg),
         worst_point_deg=_known(combined.worst_deg),
         precision_deg=_known(combined.rms_s2s_deg),
@@ -46,9 +51,11 @@ def judge_validation(points: Sequence[ValidationPoint], rate_hz: float) -> Valid
     )
 
 
-def _why_not(accuracy_deg: float, worst_deg: float) -> str:
+def _why_not(accuracy_deg: float, worst_deg: float, turned: TurnedGaze | None) -> str:
     if not np.isfinite(accuracy_deg):
         return "too little valid gaze at every target"
+    if turned is not None:
+        return f"mean error {accuracy_deg:.2f}°, {turned.sentence()}"
     return f"mean error {accuracy_deg:.2f}°, worst target {worst_deg:.2f}°, or too little gaze"
 
 

@@ -139,9 +139,12 @@ def encode_annotation(text: str, device_ns: int) -> tuple[bytes, bytes]:
 
 
 def encode_reference(direction_head: Vector, device_ns: int, distance_m: float) -> dict[str, Any]:
-    """Return one calibration target: a direction in the head frame, as the camera's mm."""
+    """Return one calibration target: a direction in the head frame, in mm, y up and z forward.
+
+    Capture turns y over itself: this is its only field that is not in the camera's frame.
+    """
     x, y, z = (float(v) * distance_m * 1e3 for v in direction_head)
-    return {"mm_pos": [x, -y, -z], "timestamp": device_ns / 1e9}
+    return {"mm_pos": [x, y, -z], "timestamp": device_ns / 1e9}
 
 
 def decode_time(frames: Sequence[bytes]) -> int | None:

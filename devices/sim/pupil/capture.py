@@ -37,6 +37,7 @@ from devices.sim.pupil.wire import (
 from devices.transports import Frames, Message
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.compiled import compiled
+from lab.geometry import Vector
 
 Floats = npt.NDArray[np.float64]
 Times = npt.NDArray[np.int64]
@@ -110,6 +111,7 @@ class PupilCoreSimulator:
         self._systematic: SystematicError | None = None
         self._calibrated_fit: int | None = None
         self._judge: CalibrationJudge | None = None
+        self._turn: Vector | None = None
 
     def advance(self, t_ns: int) -> None:
         """Take every sample due up to this session time."""
@@ -209,6 +211,10 @@ class PupilCoreSimulator:
             stamps_s = [self.device_ns(t_ns) / NS_PER_S for t_ns in t_list]
             left, right = eyes["left_direction_head"], eyes["right_direction_head"]
             self._judge.observe(stamps_s, left, right, eyes["openness_01"])
+        if self._turn is not None:
+            eyes = eyes.copy()
+            for side in ("left_direction_head", "right_direction_head"):
+                eyes[side] = eyes[side] @ self._turn.T
         if self._drift or self._faults.faults:
             t_device = np.array([self.device_ns(t_ns) for t_ns in t_list], np.int64)
         else:
@@ -301,14 +307,15 @@ class PupilCoreSimulator:
         elif subject == "calibration.add_ref_data" and self._judge is not None:
             self._judge.add_references(notification.get("ref_data", ()))
         elif subject == "calibration.should_stop" and self._judge is not None:
-            reason = self._judge.verdict()
+            found = self._judge.verdict()
             self._judge = None
             self._notify("calibration.stopped", t_ns)
-            if reason is None:
+            if found.reason is None:
                 self._calibrated_fit = self._body.fit()
+                self._turn = found.turn
                 self._notify("calibration.successful", t_ns + VERDICT_AFTER_NS)
             else:
-                self._notify("calibration.failed", t_ns + VERDICT_AFTER_NS, reason=reason)
+                self._notify("calibration.failed", t_ns + VERDICT_AFTER_NS, reason=found.reason)
 
 
 def _happens(active: dict[str, WireFault], kind: str, drawn: float) -> bool:
