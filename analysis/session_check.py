@@ -352,6 +352,10 @@ def _deviation_findings(events: pd.DataFrame, recording: Recording) -> list[Find
         Finding(Level.AMBER, str(p["role"]), f"was away for {p['away_s']:.1f} s, then came back")
         for p in _payloads(events, "device_back")
     ]
+    found += [
+        Finding(Level.AMBER, role, "the operator went on without it; trials are flagged")
+        for role in dict.fromkeys(str(p["role"]) for p in _payloads(events, "device_done_without"))
+    ]
     failed = [p["message"] for p in _payloads(events, "calibration") if not p["succeeded"]]
     if failed:
         found.append(

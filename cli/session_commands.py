@@ -3,6 +3,7 @@
 import json
 import shlex
 import signal
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from functools import partial
@@ -34,6 +35,7 @@ from cli.studies import study_of_lab
 from lab.clock import SimClock, SystemClock
 from lab.config import LabConfig
 from lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
+from protocol.experiment import spare_roles_of
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from protocol.operator import Operator, UnattendedOperator
 from protocol.plan import SessionPlan
@@ -78,6 +80,13 @@ SetOption = Annotated[
 LanguageOption = Annotated[
     str | None,
     typer.Option("--language", help="Language of what participants read: en, de, fr …"),
+]
+WithoutOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--without",
+        help="Go on without a device that the study can do without; every trial is flagged.",
+    ),
 ]
 BlindOption = Annotated[bool, typer.Option("--blind", help="Hide conditions from the operator.")]
 
@@ -179,6 +188,7 @@ def run(
     config: ConfigOption = None,
     assignments: SetOption = None,
     language: LanguageOption = None,
+    without: WithoutOption = None,
 ) -> None:
     """Perform one session on the devices of lab_config.yaml.
 
@@ -212,7 +222,10 @@ def run(
             f"participant {entry.label} already has session {session}; nothing was overwritten\n"
             f"  {first}\n  or run a further one: add --session {others + 1}"
         )
-    _perform(lab, chosen, settings, entry, session, fast=fast, blind=blind, resume_from=None)
+    _perform(
+        lab, chosen, settings, entry, session, fast=fast, blind=blind, resume_from=None,
+        without=without,
+    )  # fmt: skip
 
 
 def groups_hold(study: AnyStudy, ledger: Ledger, settings: StudySettings) -> bool:
@@ -253,6 +266,7 @@ def resume(
     fast: FastOption = False,
     blind: BlindOption = False,
     config: ConfigOption = None,
+    without: WithoutOption = None,
 ) -> None:
     """Go on with an interrupted session: instructions, calibration, then the trials left.
 
@@ -297,6 +311,7 @@ def resume(
         fast=fast,
         blind=blind,
         resume_from=session_path,
+        without=without,
     )
 
 
@@ -324,6 +339,7 @@ def _perform(
     fast: bool,
     blind: bool,
     resume_from: Path | None,
+    without: list[str] | None,
 ) -> None:
     simulated = is_simulated(lab)
     with ExitStack() as stack:
@@ -351,6 +367,7 @@ def _perform(
             blind=blind,
             consent_version=entry.consent_version,
             companion=LabCompanion(),
+            without=tuple(dict.fromkeys(without or ())),
         )
         path = resume_from or session_dir(
             lab.data_root, study.name, entry.label, session, is_simulated=simulated
@@ -363,7 +380,10 @@ def _perform(
         except (SessionAborted, DeviceError, RecordingError) as error:
             stack.close()  # the operator's screen goes before anything is printed
             if not isinstance(error, SessionAborted):
-                _print_way_on(path, fast=fast)
+                role = error.role if isinstance(error, DeviceError) else ""
+                spare = role in spare_roles_of(request.experiment)
+                left_out = [*request.without, *([role] if spare else ())]
+                _print_way_on(path, fast=fast, without=left_out if spare else ())
                 raise
             errors.print(f"[yellow]{verbatim(error)}[/]", soft_wrap=True)
             _print_way_on(path, fast=fast)
@@ -371,14 +391,16 @@ def _perform(
     print_check(check_session(Recording(path)), path)
 
 
-def _print_way_on(path: Path, *, fast: bool) -> None:
+def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> None:
     if not path.exists():
         return
     trials = check_session(Recording(path)).trials
     done = sum(t.status in ("complete", "skipped") for t in trials)
+    again = f"visavis resume {shlex.quote(str(path))}{' --fast' if fast else ''}"
+    spared = "".join(f" --without {role}" for role in without)
     errors.print(
-        f"{done} of {len(trials)} trials are done and kept. Go on with:\n"
-        f"  visavis resume {shlex.quote(str(path))}{' --fast' if fast else ''}",
+        f"{done} of {len(trials)} trials are done and kept. Go on with:\n  {again}"
+        + (f"\nor, with every trial flagged:\n  {again}{spared}" if without else ""),
         soft_wrap=True,
         highlight=False,
     )

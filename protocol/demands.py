@@ -1,17 +1,23 @@
 """Whether a lab's devices can do what a study demands, asked once they are open."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from devices.contracts import Armband, Fault, VibrationPattern
 from protocol.experiment import Demands
 
 
 def unmet(
-    demands: Demands, segments: Sequence[str], bands: Mapping[str, Armband]
+    demands: Demands,
+    segments: Sequence[str],
+    bands: Mapping[str, Armband],
+    without: Collection[str] = (),
 ) -> Iterator[Fault]:
-    """Yield a blocking fault for everything the open devices cannot do."""
+    """Yield a blocking fault for everything the open devices cannot do.
+
+    Nothing is asked of devices the operator goes on `without`.
+    """
     missing = [name for name in demands.segments if name not in segments]
-    if missing:
+    if missing and "body_tracker" not in without:
         yield Fault(
             "body_tracker",
             "blocking",

@@ -94,6 +94,21 @@ class Demanding(Protocol):
 
 
 @runtime_checkable
+class Sparing(Protocol):
+    """An experiment that can go on without some of its devices."""
+
+    @property
+    def spare_roles(self) -> tuple[str, ...]:
+        """Devices without which a session may go on where the operator says so."""
+        ...
+
+
+def spare_roles_of(experiment: Experiment) -> tuple[str, ...]:
+    """Return the devices an experiment can go on without; most name none."""
+    return experiment.spare_roles if isinstance(experiment, Sparing) else ()
+
+
+@runtime_checkable
 class Preparing(Protocol):
     """An experiment that loads or computes something which would hold up a frame."""
 

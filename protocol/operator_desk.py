@@ -49,7 +49,9 @@ class OperatorDesk:
         self._states = states
         self._operator = setup.operator
         self._recorder = setup.recorder
-        self._calibrates = any(block.calibrate for block in setup.plan.blocks)
+        self._calibrates = rig.eye_tracker is not None and any(
+            block.calibrate for block in setup.plan.blocks
+        )
         self._pending: set[Action] = set()
         self._advance = False
         self._faults = StandingFaults(setup.recorder)
@@ -136,7 +138,7 @@ class OperatorDesk:
         self._has_begun = True
         self._stalls.allow(2)  # the scene is made and drawn for the first time
         self.announce(trial)
-        self.flags = []
+        self.flags = [f"{role}_lost" for role in sorted(self._rig.without)]
         self.trial_end_ns = end_ns
 
     def end_trial(self, trial: Trial) -> None:
@@ -191,13 +193,13 @@ class OperatorDesk:
         return next(iter(self._faults.blocking()), None)
 
     @property
-    def done_without(self) -> set[str]:
-        """Roles the operator goes on without, until they are back."""
-        return self._faults.done_without
+    def done_without(self) -> frozenset[str]:
+        """Roles the operator goes on without: from the beginning, or until they are back."""
+        return self._rig.without | self._faults.done_without
 
     def do_without(self, role: str) -> None:
         """Let trials run although this device is away; each is flagged until it is back."""
-        self.done_without.add(role)
+        self._faults.done_without.add(role)
         self.say(f"going on without {role}; every trial is flagged until it is back")
 
     def take_advance(self) -> bool:

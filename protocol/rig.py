@@ -30,13 +30,15 @@ class Rig:
     """The devices by role; `headset` paces the session, `eye_tracker` delivers gaze where wanted.
 
     `on_step` is called once per frame, for whoever watches that the session's loop goes round and
-    tells the bands so; without it the rig tells them itself.
+    tells the bands so; without it the rig tells them itself. `without` are roles the operator goes
+    on without: what a trial wants of them is passed over.
     """
 
     headset: Headset
     eye_tracker: EyeTracker | None
     others: Mapping[str, Device]
     on_step: Callable[[], None] | None = None
+    without: frozenset[str] = frozenset()
 
     def by_role(self) -> dict[str, Device]:
         """Return every device in the fixed order in which it is stepped."""
@@ -83,6 +85,11 @@ class RunningRig:
         tracker = self._rig.eye_tracker
         return None if tracker is None else tracker.describe()[0].nominal_rate_hz
 
+    @property
+    def without(self) -> frozenset[str]:
+        """Roles the operator goes on without in this part of the session."""
+        return self._rig.without
+
     def is_band(self, role: str) -> bool:
         """Tell whether an armband fills a role."""
         return role in self._bands
@@ -109,8 +116,8 @@ class RunningRig:
 
     def __enter__(self) -> "RunningRig":
         try:
-            for device in self._devices.values():
-                device.open(OPEN_DEADLINE_S)
+            for role, device in self._devices.items():
+                _open(role, device)
         except BaseException:
             self._close()
             raise
@@ -149,8 +156,10 @@ class RunningRig:
             DeviceError: a device reports a blocking fault or cannot do it; the message lists all.
         """
         faults = tuple(f for d in self._devices.values() for f in d.check())
-        faults += tuple(unmet(demands, self._segments, self._bands))
+        faults += tuple(unmet(demands, self._segments, self._bands, self._rig.without))
         blocking = [f for f in faults if f.severity == "blocking"]
+        if len(blocking) == 1:
+            raise DeviceError(blocking[0].message, role=blocking[0].role, remedy=blocking[0].remedy)
         if blocking:
             raise DeviceError(
                 " | ".join(f"{f.role}: {f.message}; {f.remedy}" for f in blocking),
@@ -206,6 +215,8 @@ class RunningRig:
         Raises:
             DeviceError: no such device in this session.
         """
+        if step.role in self._rig.without:
+            return
         band = self._band(step.role)
         self.has_vibrated = True
         if not self.is_muted:
@@ -217,6 +228,8 @@ class RunningRig:
         Raises:
             DeviceError: no such device in this session.
         """
+        if step.role in self._rig.without:
+            return
         band = self._band(step.role)
         self.has_vibrated = True
         if not self.is_muted:
@@ -245,6 +258,17 @@ class RunningRig:
     def health(self) -> dict[str, Health]:
         """Return what every device has delivered, what was lost and how often it came back."""
         return {role: pump.health() for role, pump in self._pumps.items()}
+
+
+def _open(role: str, device: Device) -> None:
+    """Open a device; what its wire raises without knowing whose it is names the role."""
+    try:
+        device.open(OPEN_DEADLINE_S)
+    except DeviceError as error:
+        if error.role:
+            raise
+        what = str(error).removesuffix(f"; {error.remedy}")
+        raise type(error)(what, role=role, remedy=error.remedy) from error
 
 
 def _of_band(role: str, schema: StreamSchema) -> StreamSchema:

@@ -6,7 +6,7 @@ from devices.contracts import CalibrationOutcome
 from lab.clock import NS_PER_S
 from lab.errors import ConfigError, DeviceError, LabError, RecordingError, SessionAborted
 from protocol.calibration_record import CalibrationInForce
-from protocol.experiment import Respondent, demands_of
+from protocol.experiment import Respondent, demands_of, spare_roles_of
 from protocol.frame_loop import FrameLoop
 from protocol.gaze_setup import GazeSetup
 from protocol.operator import Action
@@ -39,6 +39,7 @@ class Session:
         self._participant = setup.participant
         self._calibration: CalibrationInForce | None = None
         self._calibrations = setup.progress.calibrations
+        self._owes_calibration = False
         self._queue: deque[Trial] = deque()
 
     @property
@@ -100,7 +101,8 @@ class Session:
 
     @property
     def _calibrates(self) -> bool:
-        return any(block.calibrate for block in self._setup.plan.blocks)
+        is_there = "eye_tracker" not in self._desk.done_without
+        return is_there and any(block.calibrate for block in self._setup.plan.blocks)
 
     def _end_early(self, error: LabError) -> None:
         aborted = isinstance(error, SessionAborted)
@@ -154,6 +156,9 @@ class Session:
             part=setup.part,
             resumed=setup.progress.is_resumed,
         )
+        for role in sorted(self._rig.without):
+            self._recorder.event("device_done_without", self._loop.t_ns, role=role)
+            self._desk.say(f"without {role}; every trial is flagged")
         if self._participant is not None:
             self._participant.wear(0)
             self._participant.prepare(0, self._loop.t_ns)
@@ -202,7 +207,7 @@ class Session:
         )
         self._desk.block_name = block.name
         self._desk.wait(block.instruction)
-        if block.calibrate:
+        if block.calibrate and self._calibrates:
             self._calibrate(block)
         self._queue = deque(trials)
         while self._queue:
@@ -250,6 +255,7 @@ class Session:
             self._desk.wait("Paused. Press space to go on.", always=True)
             self._recorder.event("pause_end", self._loop.t_ns)
             calibrate = self._desk.take(Action.RECALIBRATE) or calibrate
+        calibrate = calibrate or self._owes_calibration
         if calibrate and self._queue and self._calibrates:  # a break calibrates anyway
             self._calibrate(block)
 
@@ -264,7 +270,8 @@ class Session:
         self._recorder.event("device_lost", loop.t_ns, role=lost.role, message=lost.message)
         self._recorder.checkpoint(timeout_s=5.0)
         limit_s = self._setup.lost_device_s
-        way_on = "; space goes on without it" if self._rig.is_band(lost.role) else ""
+        spare = spare_roles_of(self._setup.experiment)
+        way_on = "; space goes on without it" if lost.role in spare else ""
         safe = "every finished trial is safe"
         desk.say(f"waiting for {lost.role}, at most {limit_s:.0f} s; {safe}{way_on}")
         desk.take_advance()
@@ -278,8 +285,9 @@ class Session:
                     remedy=f"{fault.remedy.partition(';')[0]}, then continue with `visavis resume`",
                 )
             desk.next_frame()
-            if self._rig.is_band(fault.role) and desk.take_advance():
+            if fault.role in spare and desk.take_advance():
                 desk.do_without(fault.role)
+                self._owes_calibration |= fault.role == "eye_tracker"
                 self._recorder.event("device_done_without", loop.t_ns, role=fault.role)
         if lost.role in desk.done_without:
             return False
@@ -298,6 +306,8 @@ class Session:
         for attempt in range(1, MAX_CALIBRATIONS + 1):
             if self._desk.device_lost():
                 self._wait_for_device()
+            if not self._calibrates:  # the operator goes on without the tracker
+                return
             self._states.move(SessionState.CALIBRATING)
             self._prepare(100 * block.index + attempt)
             try:
@@ -325,6 +335,8 @@ class Session:
                 best = measured
                 break
             self._desk.say(f"calibration {attempt} of {MAX_CALIBRATIONS} not good enough: again")
+        if not self._calibrates:
+            return
         if best is None:
             raise problem or DeviceError(
                 f"went away in each of {MAX_CALIBRATIONS} calibrations",
@@ -346,6 +358,7 @@ class Session:
                 f"going on with the best of {MAX_CALIBRATIONS} calibrations "
                 f"({best.verdict.reason}); press C to try again"
             )
+        self._owes_calibration = False
         self._calibration = best
         self._desk.calibration = best
 

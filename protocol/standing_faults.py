@@ -64,7 +64,6 @@ class StandingFaults:
         holding = {_key(f) for f in self.present}
         for key in [k for k in self._standing if k not in holding]:
             over = self._standing.pop(key)
-            self.done_without.discard(key[0])
             if over.is_told:
                 self._recorder.event(
                     "fault_over",
@@ -73,6 +72,8 @@ class StandingFaults:
                     message=over.message,
                     lasted_ms=round((t_ns - over.since_ns) / NS_PER_MS),
                 )
+        # one blocking fault may give way to another: silent first, then known to be gone
+        self.done_without &= {f.role for f in self.present if f.severity == "blocking"}
 
     def blocking(self) -> tuple[Fault, ...]:
         """Return the faults that keep a trial from running."""

@@ -19,7 +19,7 @@ from stimuli.scene import Scene as StageScene
 from visavis.asking import frame
 from visavis.parameters import parameters_in_force
 from visavis.reading import TrialRead, read_trials
-from visavis.responses import Rating, Response
+from visavis.responses import Keys, Pointing, Rating, Response
 from visavis.study import Study
 from visavis.texts import DEFAULT_LANGUAGE, Texts, read_texts
 from visavis.trial import Settings, TrialScript, dark_view, perform
@@ -142,6 +142,21 @@ class StudyExperiment:
     def useful_roles(self) -> tuple[str, ...]:
         """Devices it uses where the lab has them."""
         return tuple(self.study.uses)
+
+    @property
+    def spare_roles(self) -> tuple[str, ...]:
+        """Devices without which a session may go on where the operator says so.
+
+        Where the study does not name them: what it uses without needing it, but not an eye tracker
+        that it calibrates, nor response devices whose keys or ray it asks for.
+        """
+        if self.study.spares is not None:
+            return tuple(self.study.spares)
+        needed = set(self.study.needs)
+        needed |= {"eye_tracker"} if self.study.calibrate and self.study.validate else set()
+        pressed = any(isinstance(r, Keys | Pointing) for r in self.responses.values())
+        needed |= {"responses"} if pressed or self.settings.answer_by == "ray" else set()
+        return tuple(role for role in (*self.study.uses, "responses") if role not in needed)
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return everything one participant will do; pure.

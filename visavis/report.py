@@ -365,7 +365,25 @@ def _people(
         )
         heads = tuple(Column(h) for h in ("Participant", "Trial", "Status", "Reason"))
         blocks.append(Fold("Interrupted and skipped trials", (Table(heads, listed, "Trials"),)))
+    blocks += _flagged(analysis.selection.rows)
     return Section("people", "Participants", tuple(blocks))
+
+
+def _flagged(rows: pd.DataFrame) -> Iterator[Block]:
+    """Yield what devices and operators flagged: how many trials, of how many people."""
+    if "flags" not in rows:
+        return
+    flags = rows[["participant", "flags"]].assign(
+        flags=rows["flags"].fillna("").astype(str).str.split(";")
+    )
+    each = flags.explode("flags").query("flags != ''")
+    if len(each):
+        heads = (Column("Flag"), Column("Trials", "right"), Column("People", "right"))
+        counts = each.groupby("flags", sort=True)["participant"].agg(["size", "nunique"])
+        listed = tuple((str(f), str(n), str(people)) for f, n, people in counts.itertuples())
+        note = "A flag ending in _lost: the device was away, or the session went on without it."
+        yield Fold(f"Flagged trials: {int(rows['flags'].fillna('').ne('').sum())}",
+                   (Table(heads, listed, "Flags", note),))  # fmt: skip
 
 
 def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:

@@ -82,7 +82,8 @@ class Study:
     `texts` names the folder of text files beside the study file. `parameters` are numbers, texts
     and truths a lab may replace with `--set`; a trial reads them as attributes. `responses` need
     not be listed: they are found by reading the trial without performing it; list them where a
-    trial asks only in some cases. `needs` and `uses` are roles of devices beside the headset.
+    trial asks only in some cases. `needs` and `uses` are roles of devices beside the headset;
+    `spares` those without which the operator may go on (None: all used on which nothing rests).
     `looks` ask for everything about looks on an agent (whole, by ray, in parts, by other detectors,
     by padding and minimum duration).
     `derived` are columns that follow from a trial's factors (a place from its zone and its depth);
@@ -118,6 +119,7 @@ class Study:
     questionnaires: Sequence[str] = ()
     needs: Sequence[str] = ()
     uses: Sequence[str] = ("eye_tracker", "body_tracker")
+    spares: Sequence[str] | None = None
     calibrate: bool = True
     calibrate_blocks: bool = False
     validate: bool = True

@@ -66,6 +66,11 @@ class CrowdStudy:
         return ("eye_tracker",) if self.params.record_gaze else ()
 
     @property
+    def spare_roles(self) -> tuple[str, ...]:
+        """Any band, as its walks are flagged; an eye tracker measures nothing here."""
+        return (*BAND_ROLES, *self.useful_roles)
+
+    @property
     def demands(self) -> Demands:
         """Arms and hips tracked, the pattern within every band's reach, the floor of the crowd."""
         return Demands(

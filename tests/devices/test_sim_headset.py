@@ -9,7 +9,7 @@ from devices.faults import FaultSchedule
 from devices.sim.body.headset import SimulatedHeadset
 from devices.sim.body.responses import SimulatedResponses
 from lab.clock import SimClock
-from lab.errors import ConfigError, ProtocolViolation
+from lab.errors import ConfigError, DeviceDisconnected, DeviceNotFound, ProtocolViolation
 from tests.devices.bodies import FixatingBody
 
 
@@ -112,3 +112,55 @@ def test_press_of_an_unknown_control_is_refused_by_name():
 
     with pytest.raises(ProtocolViolation, match="'lever'"):
         device.poll(0.0)
+
+
+PRESSES = tuple((1_000_000_000 * i, "trigger", 1.0) for i in range(1, 41))
+
+
+def arrivals(*faults, seed=0):
+    """Poll once a second for 41 s; return (second of arrival, second of the press)."""
+    clock, got = SimClock(), []
+    schedule = FaultSchedule.from_config(faults)
+    body = FixatingBody(presses=list(PRESSES))
+    device = SimulatedResponses("buttons", body, clock, faults=schedule, seed=seed)
+    device.open(1.0)
+    seconds = []
+    device.start(lambda b: seconds.extend((now, int(t) // 10**9) for t in b.t_host_ns))
+    for now in range(1, 42):
+        clock.sleep_until_ns(now * 10**9)
+        try:
+            device.poll(0.0)
+        except DeviceDisconnected:
+            got.append(now)
+    return seconds, got
+
+
+def test_presses_while_the_response_device_is_silent_or_away_never_arrive():
+    window = {"start_s": 10.0, "duration_s": 5.0}
+    for kind, away in (("silence", []), ("disconnect", [10, 11, 12, 13, 14])):
+        seconds, gone = arrivals({"kind": kind, **window})
+        assert away == gone
+        assert [*range(1, 10), *range(15, 41)] == [pressed for _, pressed in seconds]
+
+
+def test_presses_held_back_arrive_together_with_their_own_times():
+    seconds, _ = arrivals({"kind": "burst", "start_s": 10.0, "duration_s": 5.0})
+    assert list(range(1, 41)) == [pressed for _, pressed in seconds]
+    assert [15] * 6 == [now for now, pressed in seconds if 10 <= pressed <= 15]
+
+
+def test_presses_are_lost_and_doubled_at_the_share_given_by_the_seed():
+    few, _ = arrivals({"kind": "loss", "amount": 0.5}, seed=4)
+    assert 10 < len(few) < 30
+    assert arrivals({"kind": "loss", "amount": 0.5}, seed=4)[0] == few
+    assert 50 < len(arrivals({"kind": "duplicate", "amount": 0.5})[0]) < 70
+
+
+def test_a_response_device_that_starts_late_is_named_and_opens_later():
+    clock = SimClock()
+    schedule = FaultSchedule.from_config([{"kind": "late_start", "duration_s": 3.0}])
+    device = SimulatedResponses("buttons", FixatingBody(), clock, faults=schedule)
+    with pytest.raises(DeviceNotFound, match=r"buttons: .* is away; look at its batteries"):
+        device.open(1.0)
+    clock.sleep_until_ns(3 * 10**9)
+    device.open(1.0)

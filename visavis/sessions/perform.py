@@ -36,7 +36,10 @@ from visavis.texts import read_texts
 
 @dataclass(frozen=True)
 class Request:
-    """What to perform: whom, which study, on what, with which clock and operator."""
+    """What to perform: whom, which study, on what, with which clock and operator.
+
+    `without` are roles of devices that the operator goes on without.
+    """
 
     study: AnyStudy
     experiment: Experiment
@@ -57,6 +60,7 @@ class Request:
     lost_device_s: float = LOST_DEVICE_S
     stage_for: Callable[[Sequence[Viewer]], Stage] | None = None
     companion: "Companion | None" = None
+    without: tuple[str, ...] = ()
 
 
 class Companion(Protocol):
@@ -100,9 +104,9 @@ def perform_new(request: Request) -> Path:
         SessionAborted, DeviceError: it ended early; what is finished is kept.
     """
     plan = request.experiment.plan(request.participant_index, request.seed, request.group)
-    request = replace(request, config=devices_for(request.config, request.experiment))
-    check_room(request.config, request.experiment)
-    config = request.config
+    config = devices_for(request.config, request.experiment, request.without)
+    request = replace(request, config=config)
+    check_room(config, request.experiment)
     manifest = Manifest(
         study=request.study.name,
         participant=request.participant_label,
@@ -134,8 +138,9 @@ def perform_rest(request: Request, session_path: Path) -> Path:
     Raises:
         ConfigError: the plan in the manifest is not the one this version would make.
     """
-    request = replace(request, config=devices_for(request.config, request.experiment))
-    check_room(request.config, request.experiment)
+    config = devices_for(request.config, request.experiment, request.without)
+    request = replace(request, config=config)
+    check_room(config, request.experiment)
     with ExitStack() as stack:
         devices = _equip(request, stack)
         folder, _ = open_session(session_path)
@@ -169,7 +174,7 @@ def _equip(request: Request, stack: ExitStack) -> _Devices:
     seed = device_seed(behaviour_seed(request), request.participant_index)
     if isinstance(request.experiment, Preparing):
         request.experiment.prepare()
-    rig = build_rig(request.config, request.clock, participant, seed, stack)
+    rig = build_rig(request.config, request.clock, participant, seed, stack, request.without)
     return _Devices(rig, participant, respondent)
 
 

@@ -1,13 +1,14 @@
 """Put a session's devices together from the lab's configuration."""
 
+from collections.abc import Collection
 from contextlib import ExitStack
 
 from devices.building import build_device
 from devices.contracts import Body, Device, EyeTracker, Headset
 from lab.clock import Clock
 from lab.config import LabConfig
-from lab.errors import ConfigError
-from protocol.experiment import Experiment, demands_of
+from lab.errors import ConfigError, UsageError
+from protocol.experiment import Experiment, demands_of, spare_roles_of
 from protocol.rig import Rig
 
 ESSENTIAL_ROLES = ("headset", "eye_tracker")
@@ -15,7 +16,12 @@ ESSENTIAL_ROLES = ("headset", "eye_tracker")
 
 
 def build_rig(
-    config: LabConfig, clock: Clock, body: Body | None, seed: int, stack: ExitStack
+    config: LabConfig,
+    clock: Clock,
+    body: Body | None,
+    seed: int,
+    stack: ExitStack,
+    without: Collection[str] = (),
 ) -> Rig:
     """Build every device the configuration names; what needs closing goes on `stack`.
 
@@ -32,16 +38,25 @@ def build_rig(
     for role, device in config.devices.items():
         made[role] = build_device(device, clock, body, seed, stack)
     headset, tracker = made.pop("headset"), made.pop("eye_tracker", None)
-    return Rig(_as_headset(headset), None if tracker is None else _as_eye_tracker(tracker), made)
+    eyes = None if tracker is None else _as_eye_tracker(tracker)
+    return Rig(_as_headset(headset), eyes, made, without=frozenset(without))
 
 
-def devices_for(config: LabConfig, experiment: Experiment) -> LabConfig:
-    """Leave out devices that a study does not use; the others of a lab may stay configured.
+def devices_for(
+    config: LabConfig, experiment: Experiment, without: Collection[str] = ()
+) -> LabConfig:
+    """Leave out devices that a study does not use, and those the operator goes on `without`.
 
     Raises:
         ConfigError: a device that the study cannot do without is not configured.
+        UsageError: the study cannot go on without one that was to be left out.
     """
     needed, useful = experiment.needed_roles, experiment.useful_roles
+    spare = [r for r in spare_roles_of(experiment) if r in config.devices]
+    for role in without:
+        if role not in spare:
+            may = f"it can do without {', '.join(spare)}" if spare else "it needs all it has"
+            raise UsageError(f"{experiment.name} cannot go on without {role!r}: {may}")
     missing = [r for r in needed if r not in config.devices]
     if missing:
         raise ConfigError(
@@ -49,6 +64,7 @@ def devices_for(config: LabConfig, experiment: Experiment) -> LabConfig:
             "role with its driver (see docs/configuration.md)"
         )
     kept = {"headset", "responses", *needed, *useful}
+    kept -= set(without)
     devices = {role: d for role, d in config.devices.items() if role in kept}
     return config.model_copy(update={"devices": devices})
 

@@ -1,9 +1,12 @@
 """Buttons and axes pressed by a simulated body.
 
-Not modelled: contact bounce, polling intervals of the controller, radio latency.
+Not modelled: contact bounce, polling intervals of the controller, radio latency. Faults:
+late_start and disconnect (away), silence (nothing arrives), loss, duplicate (`amount` is the share
+of presses and releases), burst (held back, all arrive when the window ends).
 """
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -16,14 +19,20 @@ from devices.contracts import (
     Health,
     Sink,
 )
+from devices.faults import FaultSchedule
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.sim.body.spec import SIMULATED_RESPONSES
+from devices.sim.wire_noise import WireNoise
 from lab.clock import NS_PER_S, Clock
-from lab.errors import ProtocolViolation
+from lab.errors import DeviceDisconnected, DeviceNotFound, ProtocolViolation
 from lab.schema import SampleBatch, StreamSchema
 
 DEFAULT_CONTROLS = ("trigger",)
+AWAY = "the simulated response device is away"
+REMEDY = "look at its batteries and its connection"
+Press: TypeAlias = tuple[int, str, float]
+"""Session time, control, value from 0 to 1."""
 
 
 class SimulatedResponses:
@@ -36,6 +45,8 @@ class SimulatedResponses:
         clock: Clock,
         *,
         controls: Sequence[str] = DEFAULT_CONTROLS,
+        faults: FaultSchedule | None = None,
+        seed: int = 0,
     ) -> None:
         self.controls = tuple(controls)
         self._body = body
@@ -44,6 +55,10 @@ class SimulatedResponses:
         self._meter = StreamMeter(RESPONSES.nominal_rate_hz)
         self._sink: Sink | None = None
         self._seq = 0
+        self._faults = faults if faults is not None else FaultSchedule()
+        self._origin_ns = clock.now_ns()
+        self._noise = WireNoise(seed, body)
+        self._held: list[Press] = []
         self.info = SIMULATED_RESPONSES.info(role, None)
 
     @property
@@ -52,8 +67,10 @@ class SimulatedResponses:
         return self._life.state
 
     def open(self, deadline_s: float) -> None:
-        """Become ready; there is nothing to connect to."""
+        """Become ready; there is nothing to connect to, but it may be away."""
         self._life.require("open", DeviceState.CLOSED)
+        if self._is_away():
+            raise DeviceNotFound(AWAY, role=self.info.role, remedy=REMEDY)
         self._life.state = DeviceState.OPEN
 
     def describe(self) -> tuple[StreamSchema, ...]:
@@ -65,6 +82,7 @@ class SimulatedResponses:
         self._life.require("start", DeviceState.OPEN)
         for _ in self._body.presses(self._clock.now_ns()):
             pass
+        self._held = []
         self._sink = sink
         self._seq = 0
         self._meter = StreamMeter(RESPONSES.nominal_rate_hz)
@@ -74,10 +92,10 @@ class SimulatedResponses:
         """Deliver what the body pressed; waits `timeout_s` on the clock when it did not."""
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("poll", DeviceState.STREAMING)
-        rows = list(self._body.presses(self._clock.now_ns()))
+        rows = self._arrived()
         if not rows and timeout_s > 0:
             self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
-            rows = list(self._body.presses(self._clock.now_ns()))
+            rows = self._arrived()
         if not rows or self._sink is None:
             return 0
         values = np.empty(len(rows), RESPONSES.dtype)
@@ -112,6 +130,36 @@ class SimulatedResponses:
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return nothing: it runs on the session clock."""
         return ()
+
+    def _is_away(self) -> bool:
+        since_ns = self._clock.now_ns() - self._origin_ns
+        return any(self._faults.active(kind, since_ns) for kind in ("late_start", "disconnect"))
+
+    def _arrived(self) -> list[Press]:
+        """Return what the wire brought by now; raises DeviceDisconnected while it is away."""
+        rows = list(self._body.presses(self._clock.now_ns()))
+        if not self._faults.faults:
+            return rows
+        if self._is_away():
+            self._held = []
+            raise DeviceDisconnected(AWAY, role=self.info.role, remedy=REMEDY)
+        since_ns = self._clock.now_ns() - self._origin_ns
+        rows = [press for row in rows for press in self._spoiled(row)]
+        if self._faults.active("burst", since_ns):
+            self._held += rows
+            return []
+        rows, self._held = [*self._held, *rows], []
+        return rows
+
+    def _spoiled(self, press: Press) -> list[Press]:
+        since_ns = press[0] - self._origin_ns
+        if self._faults.active("silence", since_ns):
+            return []
+        for kind, copies in (("loss", 0), ("duplicate", 2)):
+            fault = self._faults.active(kind, since_ns)
+            if fault is not None and self._noise.rng().random() < fault.amount:
+                return [press] * copies
+        return [press]
 
     def _index(self, control: str) -> int:
         if control not in self.controls:

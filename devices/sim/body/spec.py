@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from devices.options import Options, SimulatedOptions
+from devices.options import SimulatedOptions
 from devices.spec import DriverSpec, Site, no_wire
 
 if TYPE_CHECKING:
@@ -25,8 +25,8 @@ class SimulatedBodyOptions(SimulatedOptions):
     rate_hz: float = Field(default=100.0, ge=1, le=1000)
 
 
-class SimulatedResponsesOptions(Options):
-    """Options of `simulated_responses`: none."""
+class SimulatedResponsesOptions(SimulatedOptions):
+    """Options of `simulated_responses`."""
 
 
 def _headset(site: Site[SimulatedHeadsetOptions], _: None) -> "SimulatedHeadset":
@@ -50,7 +50,9 @@ def _tracker(site: Site[SimulatedBodyOptions], _: None) -> "SimulatedBodyTracker
 def _responses(site: Site[SimulatedResponsesOptions], _: None) -> "SimulatedResponses":
     from devices.sim.body.responses import SimulatedResponses
 
-    return SimulatedResponses(site.role, site.watched, site.clock)
+    return SimulatedResponses(
+        site.role, site.watched, site.clock, faults=site.faults, seed=site.own_seed
+    )
 
 
 SIMULATED_HEADSET = DriverSpec(
