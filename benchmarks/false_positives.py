@@ -17,6 +17,7 @@ import numpy as np
 from analysis import statistics
 from analysis.statistics.anova import anova_of_design
 from analysis.statistics.bent_scales import bent_interactions
+from analysis.statistics.clmm import clmm
 from analysis.statistics.errors import StatisticsError
 from analysis.statistics.gee import Family, gee
 from analysis.statistics.lmm import linear_mixed
@@ -185,6 +186,11 @@ def equations(family: Family) -> Test:
     return test
 
 
+def cumulative(frame: Frame, null: str) -> Tested:
+    """Cumulative link mixed model of single ratings."""
+    return clmm(frame, "y", subject="s", within=("A", "B")).effect(null).p, ()
+
+
 def averaged(frame: Frame, factor: str) -> Array:
     """Return means by person and level of one factor, (people, k)."""
     k = int(frame[factor].max()) + 1
@@ -288,7 +294,10 @@ MORE_GROUPS: Mapping[str, Test] = {
 
 
 def within(
-    name: str, bend: Callable[[Array, np.random.Generator], Array], **how: float
+    name: str,
+    bend: Callable[[Array, np.random.Generator], Array],
+    more: Mapping[str, Test] | None = None,
+    **how: float,
 ) -> list[Situation]:
     """Return a kind of within data with A, B and A:B null in turn, the other effects strong."""
     effects = {"A": NO_A + B_EFFECT, "B": A_EFFECT + NO_B, "A:B": A_EFFECT + B_EFFECT}
@@ -297,7 +306,10 @@ def within(
     def maker(effect: Array) -> Callable[[np.random.Generator], Frame]:
         return lambda rng: tidy(bend(people(rng, effect, **how), rng))
 
-    return [Situation(name, t, maker(e), {**FACTORIAL, **own[t]}) for t, e in effects.items()]
+    return [
+        Situation(name, t, maker(e), {**FACTORIAL, **own[t], **(more or {})})
+        for t, e in effects.items()
+    ]
 
 
 def situations() -> list[Situation]:
@@ -313,11 +325,15 @@ def situations() -> list[Situation]:
         z = trials_of(people(rng, NO_A + B_EFFECT - 0.8, differ=0.5), rng, 8)
         return tidy((rng.random(z.shape) < 1 / (1 + np.exp(-z))).astype(float))
 
+    def ratings(rng: np.random.Generator) -> Frame:
+        z = people(rng, NO_A + B_EFFECT, differ=0.7)
+        return tidy(rating(trials_of(z, rng, 3)))
+
     same: Callable[[Array], Array] = np.asarray
     return [
         *within("normal", lambda z, rng: z),
         *within("lognormal", lambda z, rng: np.exp(z)),
-        *within("rating at its ceiling", lambda z, rng: rating(z)),
+        *within("rating at its ceiling", lambda z, rng: rating(z), {"clmm": cumulative}),
         *within("share of 9 trials", share),
         *within("people differ", lambda z, rng: z, differ=1.0),
         *within("spread differs", spread_apart),
@@ -325,6 +341,7 @@ def situations() -> list[Situation]:
                   {"mixed": mixed, "rm": listwise, "art": mixed_art, "intercept": intercept_alone}),
         Situation("single trials, people differ", "A", trial, TRIALS),
         Situation("single choices, people differ", "A", choice, {"gee": equations("binomial")}),
+        Situation("single ratings, people differ", "A", ratings, {"clmm": cumulative}),
         Situation("groups of 6 and 18, SD 3 and 1", "g",
                   lambda rng: groups(rng, (6, 18), (3, 1), same), TWO_GROUPS),
         Situation("groups of 8 and 24, ratings", "g",

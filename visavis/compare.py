@@ -10,7 +10,7 @@ from analysis.statistics_report import Question
 from lab.errors import DesignError
 
 Correction = Literal["none", "holm", "bonferroni", "bh"]
-MODELS: Final = ("", "lmm", "gee")
+MODELS: Final = ("", "lmm", "gee", "clmm")
 _SYMBOLS: Final = {"p": "p", "eta2p": "partial η²"}
 
 
@@ -51,7 +51,8 @@ class Compare:
     Without `test` the design decides: two levels within people a paired comparison (t or
     Wilcoxon, by its own decision path), more levels repeated measures or Friedman, several
     factors an aligned rank transform, groups alone Welch's t test or an ANOVA; `model` asks for a
-    mixed model ("lmm") or generalised estimating equations ("gee") instead. `claim` says in words
+    mixed model ("lmm"), generalised estimating equations ("gee") or, for ratings, a cumulative
+    link mixed model ("clmm") instead. `claim` says in words
     what a significant result would show. Comparisons of one `family` are corrected together. An
     `exploratory` one stands apart in the report and makes no headline.
     """
@@ -60,7 +61,7 @@ class Compare:
     within: str | Sequence[str] = ()
     between: str | Sequence[str] = ()
     test: str = ""
-    model: Literal["", "lmm", "gee"] = ""
+    model: Literal["", "lmm", "gee", "clmm"] = ""
     claim: str = ""
     family: str = "planned"
     correction: Correction = "holm"
@@ -77,7 +78,7 @@ class Compare:
             raise DesignError(f"the comparison of {self.dv} names no factor; add within= or "
                               "between=")  # fmt: skip
         if self.model not in MODELS:
-            raise DesignError(f"model is {self.model!r}; it is lmm, gee or left out")
+            raise DesignError(f"model is {self.model!r}; it is lmm, gee, clmm or left out")
         if self.model and self.test:
             raise DesignError(f"the comparison of {self.dv} names a test and a model; choose one")
         object.__setattr__(self, "options", tuple(self.options))

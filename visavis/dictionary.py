@@ -71,6 +71,7 @@ STATISTICS: Final = (
     Column("U", "1", "Mann–Whitney statistic"),
     Column("z", "1", "z statistic"),
     Column("chi2", "1", "chi-square statistic"),
+    Column("chi2_p", "1", "p of the likelihood ratio, in which people's effects are alike"),
     Column("df", "1", "degrees of freedom"),
     Column("df1", "1", "numerator degrees of freedom"),
     Column("df2", "1", "denominator degrees of freedom"),

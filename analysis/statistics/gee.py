@@ -51,15 +51,24 @@ class GeeModel:
         F = W (df − q + 1) / (df q) with df − q + 1 denominator df, W the Wald statistic. For one
         row it is t² with `df`.
         """
-        q = L.shape[0]
-        df2 = self.df - q + 1
-        if df2 < 1:
-            raise TooFewSubjects(
-                f"a test of {q} coefficients needs more than {q} subjects beyond the groups"
-            )
-        estimate = L @ self.beta
-        wald = float(estimate @ np.linalg.solve(L @ self.covariance @ L.T, estimate))
-        return wald * df2 / (self.df * q), float(df2)
+        return hotelling(L, self.beta, self.covariance, self.df)
+
+
+def hotelling(L: Array, beta: Array, covariance: Array, df: int) -> tuple[float, float]:
+    """Return F and denominator df of Lβ = 0 from a covariance estimated with `df` subjects.
+
+    Raises:
+        TooFewSubjects: as many coefficients as subjects.
+    """
+    q = L.shape[0]
+    df2 = df - q + 1
+    if df2 < 1:
+        raise TooFewSubjects(
+            f"a test of {q} coefficients needs more than {q} subjects beyond the groups"
+        )
+    estimate = L @ beta
+    wald = float(estimate @ np.linalg.solve(L @ covariance @ L.T, estimate))
+    return wald * df2 / (df * q), float(df2)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ NOMINAL = (0.6, 1.4)
 """Range of rates, in units of α, that counts as holding the level (.03 to .07 at .05)."""
 MIN_GROUP = 3
 """Complete people that every group needs, so that their spread can be told."""
-TRIAL_TESTS = ("lmm", "gee")
+TRIAL_TESTS = ("lmm", "gee", "clmm")
 """Tests that take several rows per subject and cell as they are."""
 Answer = Callable[[DataTable, Question], Outcome]
 

@@ -36,6 +36,7 @@ from analysis.statistics.adjust import Adjustment
 from analysis.statistics.anova import Correction
 from analysis.statistics.art import ArtError, Transform
 from analysis.statistics.bent_scales import bent_interactions
+from analysis.statistics.clmm import Clmm, clmm
 from analysis.statistics.contrasts import ContrastAdjustment
 from analysis.statistics.errors import StatisticsError
 from analysis.statistics.gee import Family, Gee, GeeEffect, gee
@@ -331,8 +332,22 @@ def _gee(table: DataTable, q: Question) -> Outcome:
     return _model_outcome(table, q, prepared, made, [], adjust)
 
 
+def _clmm(table: DataTable, q: Question) -> Outcome:
+    if q.within:
+        q.need("subject")
+    elif not q.between:
+        raise UsageError("the test clmm needs a within or a between factor")
+    prepared = prepare(table, q, average=False)
+    adjust = q.adjustment("holm", CONTRAST_WAYS)
+    made = clmm(
+        prepared.frame, q.dv, subject=q.subject, within=q.within, between=q.between,
+        levels=prepared.levels, missing=q.missing,
+    )  # fmt: skip
+    return _model_outcome(table, q, prepared, made, [], adjust)
+
+
 def _model_outcome(
-    table: DataTable, q: Question, prepared: Prepared, made: LinearMixed | Gee,
+    table: DataTable, q: Question, prepared: Prepared, made: LinearMixed | Gee | Clmm,
     path: list[str], adjust: str,
 ) -> Outcome:  # fmt: skip
     """Return the outcome of a model of single rows, contrasts of its marginal means."""
@@ -366,7 +381,7 @@ def _anova_outcome(
     table: DataTable,
     q: Question,
     prepared: Prepared,
-    made: Anova | Gee,
+    made: Anova | Gee | Clmm,
     families: _Families,
     path: list[str],
 ) -> Outcome:
@@ -508,6 +523,7 @@ FACTORIAL_TESTS: Mapping[str, TestRun] = {
     "mixed": _mixed,
     "lmm": _lmm,
     "gee": _gee,
+    "clmm": _clmm,
     "anova": _between,
     "welch": _welch,
     "friedman": _friedman,

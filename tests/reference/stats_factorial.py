@@ -9,6 +9,7 @@ import pandas as pd
 
 from analysis import statistics
 from analysis.statistics.bayes import jzs_bayes_factor
+from analysis.statistics.clmm import clmm
 from analysis.statistics.gee import gee
 from analysis.statistics.lmm import LinearMixed, linear_mixed
 from analysis.statistics_report import Question, answer
@@ -271,6 +272,19 @@ def _gee(case: Case, entry: Entry) -> dict[str, Any]:
     }
 
 
+def _clmm(case: Case, entry: Entry) -> dict[str, Any]:
+    made = clmm(case.frame, entry["dv"], **case.arguments(entry) | {"missing": "mixed"})
+    return {
+        "thresholds": made.fit.thresholds.tolist(),
+        "coefficients": made.fit.beta.tolist(),
+        "se": np.sqrt(np.diag(made.fit.covariance)).tolist(),
+        "log_likelihood": made.fit.log_likelihood,
+        "sigma": made.fit.sigma,
+        "chi2": [e.chi2 for e in made.effects],
+        "chi2_p": [e.chi2_p for e in made.effects],
+    }
+
+
 def _answer(case: Case, entry: Entry) -> dict[str, Any]:
     """Ask the question of an entry as an analyst would; give back what is compared."""
     asked = {k: tuple(v) if isinstance(v, list) else v for k, v in entry["question"].items()}
@@ -330,6 +344,7 @@ FACTORIAL: Mapping[str, Callable[[Case, Entry], dict[str, Any]]] = {
     "lmm": _lmm,
     "lmm_contrasts": _lmm_contrasts,
     "gee": _gee,
+    "clmm": _clmm,
     "answer": _answer,
     "jzs_bayes_factor": _bayes,
     "posthoc_paired_t": _posthoc("per_pair"),

@@ -18,7 +18,7 @@ DESIGNS: tuple[dict[str, Any], ...] = (
     {"within": "a"}, {"within": "b"}, {"within": ("a", "b")}, {"between": "g"}, {"between": "h"},
     {"within": "a", "between": "g"}, {"within": "b", "between": "g"},
 )  # fmt: skip
-MODELS = ("lmm", "gee")
+MODELS = ("lmm", "gee", "clmm")
 NOT_OF_MEANS = ("spearman", "pearson", "tost", "cronbach")
 """Tests that ask for more than a measure and its factors."""
 
