@@ -45,6 +45,7 @@ def trials(repetitions: int = 1) -> pd.DataFrame:
                             "repetition": repetition,
                             "group": "old" if person % 2 else "young",
                             "accuracy": round(float(value), 4),
+                            "rating": int(np.clip(round(4 + 20 * (value - 0.82)), 1, 7)),
                         }
                     )
     return pd.DataFrame(rows)
@@ -148,6 +149,7 @@ def test_a_factor_left_out_is_averaged_over(table: Path) -> None:
         ("lmm", [*TWO, "--random", "components"]),
         ("lmm", [*TWO, "--between", "group", "--always-posthoc"]),
         ("gee", [*TWO, "--always-posthoc"]),
+        ("clmm", ["--dv", "rating", *TWO[2:], "--always-posthoc"]),
         ("gee", [*ONE, "--between", "group", "--family", "gaussian", "--posthoc", "tukey"]),
         ("anova", ["--dv", "accuracy", "--between", "group", "--subject", "participant"]),
         ("welch", ["--dv", "accuracy", "--between", "group", "--subject", "participant"]),
