@@ -1,4 +1,4 @@
-"""devices: list, test, identify, capture, replay."""
+"""devices: list, test, identify, setup, capture, replay."""
 
 import json
 from dataclasses import asdict, replace
@@ -112,6 +112,26 @@ def identify(role: RoleArgument, config: ConfigOption = None) -> None:
         raise UsageError(f"{role!r} is no armband of {lab.path}{hint or '.'} Its armbands: {known}")
     told = buzz(_device(lab, role), SystemClock())
     console.print(told, soft_wrap=True)
+
+
+@devices_app.command("setup")
+def set_up_device(role: RoleArgument, config: ConfigOption = None) -> None:
+    """Set a device up in its own way: an EyeLink's camera, with targets on this screen.
+
+    Example: visavis devices setup eye_tracker
+    """
+    from devices.registry import driver_spec
+    from devices.spec import Site
+    from lab.clock import SystemClock
+
+    device = _device(load_lab(config), role)
+    spec = driver_spec(device.driver)
+    if spec.set_up is None:
+        raise UsageError(f"{role} ({device.driver}) has nothing to set up from here")
+    if device.simulated:
+        raise UsageError(f"{role} is simulated, and simulated devices need no set-up")
+    options = spec.checked_options(role, device.options)
+    console.print(spec.set_up(Site(spec, role, SystemClock(), options)), soft_wrap=True)
 
 
 @devices_app.command("capture")

@@ -8,6 +8,7 @@ closed -> open -> streaming -> open -> closed; a fault is reported, not only rai
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from pathlib import Path
 from typing import Literal, Protocol, runtime_checkable
 
 from devices.body_contract import EYES_DTYPE as EYES_DTYPE
@@ -195,6 +196,28 @@ class PatientCalibration(Protocol):
 
     def calibration_verdict(self) -> CalibrationOutcome | None:
         """Return the tracker's verdict on the calibration begun last; None until it came."""
+        ...
+
+
+@dataclass(frozen=True)
+class SessionName:
+    """Which part of which session is recorded: what a device's own recording is called by."""
+
+    study: str
+    participant: str
+    session: int
+    part: int
+
+
+@runtime_checkable
+class OwnRecording(Protocol):
+    """What a device offers that keeps a recording of its own beside ours; `close` ends it."""
+
+    def begin_recording(self, name: SessionName, folder: Path) -> None:
+        """Begin it under the session's name; files that are fetched at the end go to `folder`.
+
+        It is called once the device is open, before `start`. Raises DeviceError with a remedy.
+        """
         ...
 
 

@@ -158,6 +158,8 @@ class DriverSpec(Generic[O]):
     make: Callable[[Site[O], Any], "Device"]
     real: Callable[[Site[O]], Any] | None = None
     simulated: Callable[[Site[O]], Any] | None = None
+    set_up: Callable[[Site[O]], str] | None = None
+    """Leads the operator through the device's own set-up and says what came of it."""
     carries: Literal["messages", "bytes", "nothing"] = "messages"
     understood: Mapping[str, Any] = field(default_factory=dict)
     speaks_as: str = ""

@@ -1,5 +1,6 @@
 """The devices of a session together: open, stream, watch, close."""
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -89,6 +90,13 @@ class RunningRig:
     def without(self) -> frozenset[str]:
         """Roles the operator goes on without in this part of the session."""
         return self._rig.without
+
+    def mark(self, text: str, t_ns: int) -> None:
+        """Mark the eye tracker's own recording, where it keeps one; never waits for it."""
+        tracker = self._rig.eye_tracker
+        if tracker is not None and "annotation" in tracker.info.capabilities:
+            with contextlib.suppress(DeviceError):  # it is away, which the session hears elsewhere
+                tracker.annotate(text, t_ns)
 
     def is_band(self, role: str) -> bool:
         """Tell whether an armband fills a role."""

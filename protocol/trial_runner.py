@@ -100,6 +100,7 @@ class TrialRunner:
         setup.recorder.event(
             "trial_start", loop.t_ns, trial_id=trial.trial_id, attempt=attempt, block=trial.block
         )
+        self._rig.mark(f"trial_start {trial.trial_id} {attempt}", loop.t_ns)
         start_ns = loop.t_ns
         before = self._counts()
         desk.begin_trial(trial, start_ns + int(setup.experiment.trial_s * NS_PER_S))
@@ -112,6 +113,7 @@ class TrialRunner:
             row, interrupted = {}, None
             desk.skip_reason = skip_reason
         outcome = self._outcome(interrupted)
+        self._rig.mark(f"trial_end {trial.trial_id} {attempt} {outcome.status}", loop.t_ns)
         loop.trial_number = -1
         seen_01, loop.gaze_tap = _eyes_seen_01(loop.gaze_tap or ()), None
         desk.flag_lost_eyes(seen_01)
@@ -193,6 +195,7 @@ class TrialRunner:
                 loop.show(view)
             case Mark(name, payload):
                 setup.recorder.event(name, loop.t_ns, **payload)
+                self._rig.mark(name, loop.t_ns)
             case Ask(question_id, prompt, options):
                 answer = setup.respondent.answer(question_id, prompt, options)
                 self._desk.expect_pause()

@@ -4,6 +4,7 @@ The link's protocol is private and the library's core needs a tracker, so nothin
 surface is modelled; nor are events, camera setup, drift checks and the content of EDF files.
 """
 
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,20 @@ from lab.clock import NS_PER_MS, Clock
 
 SAMPLE = struct.Struct("<dB6d")
 MISSING = -32768.0
-NO_REPLY = 1000
+OK_RESULT, NO_REPLY = 0, 1000
+DEFAULT_PX = (1280, 1024)
+"""The pixels a host computer takes its display to have until it is told."""
+EDF_NAME = re.compile(r"[A-Z0-9_]{1,8}\.EDF")
 PUPIL_UNITS_PER_MM = 1000.0
 VERSION = "EYELINK CL 5.15"
 
 
 class EyeLinkSimulator(GazePeer):
-    """Send link samples of a body that looks at a screen; `calibrated` is the host's verdict."""
+    """Send link samples of a body that looks at a screen; `verdict` is the host's code.
+
+    `told_px` are the pixels that the host was told its display has; on a memory wire, which has no
+    library that would say it, those of the options.
+    """
 
     def __init__(
         self,
@@ -38,7 +46,7 @@ class EyeLinkSimulator(GazePeer):
         drift_ppm: float = 0.0,
         screen: Screen | None = None,
         screen_px: tuple[int, int] = (1920, 1080),
-        calibrated: bool = True,
+        verdict: int = OK_RESULT,
     ) -> None:
         source = GazeSource(
             body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
@@ -47,9 +55,9 @@ class EyeLinkSimulator(GazePeer):
         super().__init__(source, seed=seed)
         source.calibrated_fit = body.fit()  # in its own program, before the session
         self.messages: list[str] = []
-        self.calibrated = calibrated
+        self.verdict = verdict
         self._screen = screen or Screen()
-        self._px = screen_px
+        self.told_px = screen_px
 
     def to_message(self, shot: Shot) -> Frames:
         """Return one link sample."""
@@ -67,7 +75,7 @@ class EyeLinkSimulator(GazePeer):
             x, y = self._screen.shares_of((x_m, 0.0, 0.0), ray)
             if seen and x == x:
                 pupil = shot.pupil_mm * PUPIL_UNITS_PER_MM
-                numbers += [x * self._px[0], y * self._px[1], pupil]
+                numbers += [x * self.told_px[0], y * self.told_px[1], pupil]
             else:
                 numbers += [MISSING, MISSING, 0.0]
         return SAMPLE.pack(time_ms, 3, *numbers)
@@ -76,22 +84,38 @@ class EyeLinkSimulator(GazePeer):
         """Answer as the library's functions return."""
         kind = frames[0]
         if kind == b"time":
-            return kind, struct.pack("<q", self.source.device_ns(t_ns) // 1000 * 1000)
+            half = NS_PER_MS // 2
+            return kind, struct.pack("<q", self.time_ms(t_ns) * NS_PER_MS + half)
         if kind == b"version":
             return kind, self.source.claimed_version(t_ns, VERSION).encode()
         if kind == b"verdict":
-            text = b"calibration result: GOOD" if self.calibrated else b""
-            return kind, struct.pack("<i", 0 if self.calibrated else NO_REPLY) + text
+            return kind, struct.pack("<i", self.verdict) + self.verdict_text.encode()
+        if kind == b"record":
+            return kind, b""
         self.messages.append(kind.decode())
         return None
 
+    def time_ms(self, t_ns: int) -> int:
+        """Return the host's clock in whole milliseconds."""
+        return self.source.device_ns(t_ns) // NS_PER_MS
+
+    @property
+    def verdict_text(self) -> str:
+        """The host's words on its last calibration."""
+        return "calibration result: GOOD" if self.verdict == OK_RESULT else ""
+
 
 class FakePylink:
-    """Stand in for the module `pylink`: only its `EyeLink` class, over a simulator."""
+    """Stand in for the module `pylink`: only its `EyeLink` class, over a simulator.
+
+    `files` holds the messages of each file on the host computer, by its name; what was said while
+    none was open is nowhere.
+    """
 
     def __init__(self, simulator: EyeLinkSimulator, clock: Clock) -> None:
         self.simulator = simulator
         self.clock = clock
+        self.files: dict[str, list[str]] = {}
 
     def EyeLink(self, address: str) -> "FakeTracker":  # noqa: N802 - the library's own name
         """Connect, or raise as the library does when nobody answers."""
@@ -109,19 +133,32 @@ class FakeTracker:
         self._next: bytes | None = None
         self.recording = False
         self.commands: list[str] = []
+        self._is_offline = False
+        self._open: str | None = None
+        self._answer_ns: int | None = None
+        library.simulator.told_px = DEFAULT_PX
 
     def isConnected(self) -> int:  # noqa: N802
         """Return 1 while the link stands."""
         return 0 if self._library.simulator.source.gone(self._library.clock.now_ns()) else 1
 
     def sendCommand(self, command: str) -> int:  # noqa: N802
-        """Take a command."""
+        """Take a command; pixels and rate hold from the next recording on."""
         self.commands.append(command)
+        if not self.recording and command.startswith("screen_pixel_coords"):
+            left, top, right, bottom = map(int, command.partition("=")[2].split())
+            self._library.simulator.told_px = (right - left + 1, bottom - top + 1)
         return 0
 
+    def setOfflineMode(self) -> None:  # noqa: N802
+        """Leave setup or recording."""
+        self._is_offline, self.recording = True, False
+
     def startRecording(self, *flags: int) -> int:  # noqa: N802
-        """Start; older samples are gone."""
-        self.recording = True
+        """Start; older samples are gone. Nothing is recorded to a file that is not open."""
+        if not self._is_offline or (flags[0] and self._open is None):
+            return -1
+        self.recording, self._is_offline = True, False
         self._library.simulator.advance(self._library.clock.now_ns())
         self._library.simulator.outgoing(self._library.clock.now_ns())
         return 0
@@ -131,17 +168,27 @@ class FakeTracker:
         self.recording = False
 
     def openDataFile(self, name: str) -> int:  # noqa: N802
-        """Open a file on the tracker's computer."""
+        """Open a file on the host computer, in offline mode and by a name that it takes."""
+        if not self._is_offline or EDF_NAME.fullmatch(name.upper()) is None:
+            return -1
+        self._open = name
+        self._library.files[name] = []
         return 0
 
     def closeDataFile(self) -> int:  # noqa: N802
         """Close it."""
+        self._open = None
         return 0
 
     def receiveDataFile(self, name: str, path: str) -> int:  # noqa: N802
-        """Copy it to this computer."""
-        Path(path).write_bytes(b"SR_RESEARCH_SIMULATED")
-        return 21
+        """Copy a closed file to this computer."""
+        if name not in self._library.files or self._open is not None:
+            raise RuntimeError("no such file, or it is open")
+        if Path(path).exists():
+            raise RuntimeError("the file exists already")
+        content = "\n".join(["SR_RESEARCH_SIMULATED", *self._library.files[name]]).encode()
+        Path(path).write_bytes(content)
+        return len(content)
 
     def getNextData(self) -> int:  # noqa: N802
         """Return 200 when a sample is next, 0 when nothing is."""
@@ -158,30 +205,37 @@ class FakeTracker:
         """Return the sample that was announced."""
         return None if self._next is None else FakeSample(self._next)
 
-    def trackerTimeUsec(self) -> int:  # noqa: N802
-        """Return the tracker's time; the known trap when it is not known."""
+    def requestTime(self) -> int:  # noqa: N802
+        """Ask the host for its time; the answer is read later."""
         simulator, now_ns = self._library.simulator, self._library.clock.now_ns()
-        return (
-            4_294_967_295
-            if simulator.source.deaf(now_ns)
-            else simulator.source.device_ns(now_ns) // 1000
-        )
+        if not simulator.source.deaf(now_ns):
+            self._asked_ns = now_ns + simulator.leg_ns()
+            self._answer_ns = self._asked_ns + simulator.leg_ns()
+        return 0
+
+    def readTime(self) -> int:  # noqa: N802
+        """Return the host's whole milliseconds, once; 0 while nothing came."""
+        if self._answer_ns is None or self._library.clock.now_ns() < self._answer_ns:
+            return 0
+        self._answer_ns = None
+        return self._library.simulator.time_ms(self._asked_ns)
 
     def getTrackerVersionString(self) -> str:  # noqa: N802
         """Return name and version."""
         return VERSION
 
     def getCalibrationResult(self) -> int:  # noqa: N802
-        """Return 0 when the last calibration was good."""
-        return 0 if self._library.simulator.calibrated else NO_REPLY
+        """Return 0 when the last calibration was good, 1000 before any."""
+        return self._library.simulator.verdict
 
     def getCalibrationMessage(self) -> str:  # noqa: N802
         """Return the host's words on it."""
-        return "calibration result: GOOD" if self._library.simulator.calibrated else ""
+        return self._library.simulator.verdict_text
 
     def sendMessage(self, text: str) -> int:  # noqa: N802
-        """Take a message for the tracker's file."""
-        self._library.simulator.messages.append(text)
+        """Take a message for the file that is open; with none it is lost."""
+        if self._open is not None:
+            self._library.files[self._open].append(text)
         return 0
 
     def close(self) -> None:

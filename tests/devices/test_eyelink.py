@@ -7,16 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.contracts import DeviceState
-from devices.drivers.eyelink import codec
+from devices.contracts import DeviceState, SessionName
+from devices.drivers.eyelink import camera_setup, codec
 from devices.drivers.eyelink import library as eyelink_library
-from devices.drivers.eyelink.driver import EyeLink
+from devices.drivers.eyelink.driver import NO_RESULT, EyeLink
 from devices.drivers.eyelink.library import EyeLinkLibrary
 from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
 from devices.pump import Pump
-from devices.sim.eyelink import EyeLinkSimulator, FakePylink
+from devices.sim.eyelink import EyeLinkSimulator, FakePylink, FakeTracker
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import DeviceError, DeviceNotFound
+from lab.geometry import angle_deg
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
@@ -79,11 +80,18 @@ def test_pupil_is_unknown_without_the_labs_own_scale():
     assert "pupil" not in rig.driver.info.capabilities
 
 
-def test_host_that_was_not_calibrated_is_told():
-    rig = GazeRig(EyeLink, EyeLinkSimulator, calibrated=False).start()
+def test_host_whose_calibration_failed_is_told():
+    rig = GazeRig(EyeLink, EyeLinkSimulator, verdict=1).start()
 
-    assert "not calibrated" in rig.messages()
+    assert "not calibrated: poor calibration" in rig.messages()
     assert not rig.driver.calibration.succeeded
+
+
+def test_no_result_yet_is_no_failed_calibration():
+    rig = GazeRig(EyeLink, EyeLinkSimulator, verdict=1000).start()
+
+    assert rig.driver.calibration is None
+    assert "has not calibrated since it was connected" in rig.messages()
 
 
 class Lab:
@@ -94,10 +102,8 @@ class Lab:
         )
         self.library = FakePylink(self.simulator, self.clock)
 
-    def driver(self, edf_path=None):
-        wire = EyeLinkLibrary(
-            "100.1.1.1", self.clock, library=self.library, edf_path=edf_path, is_simulated=True
-        )
+    def driver(self):
+        wire = EyeLinkLibrary("100.1.1.1", self.clock, library=self.library, is_simulated=True)
         return EyeLink("eyes", wire, self.clock, pupil_mm_per_unit=0.001)
 
 
@@ -107,16 +113,145 @@ def test_surface_of_pylink_keeps_the_contract():
     gaze_rigs.keeps_the_contract(lab.driver, gaze_rigs.let_pass_on(lab.clock))
 
 
-def test_marker_and_file_reach_the_right_place(tmp_path):
+def test_file_of_the_session_is_opened_marked_and_fetched(tmp_path):
     lab = Lab()
-    driver = lab.driver(tmp_path / "pilot.edf")
+    driver = lab.driver()
     driver.open(2.0)
+    driver.begin_recording(SessionName("stare", "S001", 1, 2), tmp_path)
     driver.annotate("trial 1", lab.clock.now_ns() - 2_000_000)
     driver.close()
 
-    assert lab.simulator.messages == ["-2.0 trial 1"]
-    assert (tmp_path / "pilot.edf").exists()
+    # Data Viewer takes the leading whole milliseconds off the message's time.
+    expected = ["DISPLAY_COORDS 0 0 1919 1079", "2 trial 1"]
+    assert lab.library.files == {"S0011_02.edf": expected}
+    assert (tmp_path / "eyes.edf").read_text().splitlines()[1:] == expected
     assert driver.info.model.startswith("EYELINK")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        (SessionName("stare", "S001", 1, 2), "S0011_02"),
+        (SessionName("stare", "Pilot12", 3, 1), "OT123_01"),
+        (SessionName("stare", "S1", 1, 1), "S11_01"),
+    ],
+)
+def test_file_name_is_one_the_host_takes(name, expected):
+    assert codec.edf_name(name) == expected
+
+
+def test_gaze_is_in_the_pixels_the_tracker_was_told():
+    lab = Lab()
+    driver = lab.driver()
+    driver.open(2.0)
+    batches = []
+    driver.start(batches.append)
+    gaze_rigs.let_pass_on(lab.clock)(0.1)
+    driver.poll(0.0)
+
+    expected = FixatingBody(5.0, 3.0).direction
+    assert angle_deg(batches[0].values["direction_head"][0].astype("f8"), expected) < 0.2
+    assert lab.simulator.told_px == (1920, 1080)
+
+
+def test_time_is_asked_of_the_tracker_itself():
+    lab = Lab()
+    driver = lab.driver()
+    driver.open(2.0)
+    (pair,) = driver.clock_pairs()
+
+    true_ns = lab.simulator.source.device_ns((pair.host_send_ns + pair.host_receive_ns) // 2)
+    assert pair.host_receive_ns - pair.host_send_ns >= 200_000
+    assert abs(pair.device_ns - true_ns) < 1_000_000
+
+
+def test_broken_link_leaves_the_file_on_the_host_and_goes_on_in_another(tmp_path):
+    lab = Lab()
+    driver = lab.driver()
+    driver.open(2.0)
+    driver.begin_recording(SessionName("stare", "S001", 1, 2), tmp_path)
+    pump = Pump(driver, lambda batch: None, lab.clock)
+    pump.start()
+    gaze_rigs.lose_for(lab.simulator, lab.clock, 5.0)
+    gaze_rigs.step_until(lab.clock, pump, lambda: driver.state is DeviceState.FAULT)
+    gaze_rigs.step_until(lab.clock, pump, lambda: driver.state is DeviceState.STREAMING)
+    pump.stop()
+    driver.close()
+
+    assert set(lab.library.files) == {"S0011_02.edf", "S0011_0A.edf"}
+    assert [path.name for path in tmp_path.iterdir()] == ["eyes_A.edf"]
+
+
+def test_every_call_exists_in_the_vendors_library_and_its_dummy_takes_it():
+    pylink = pytest.importorskip("pylink", reason="sr-research-pylink is not installed")
+    dummy = pylink.EyeLink(None)
+    try:
+        assert dummy.sendCommand(f"screen_pixel_coords = {codec.screen_coordinates(PX)}") == 0
+        assert dummy.sendCommand("sample_rate = 1000") == 0
+        dummy.setOfflineMode()
+        assert dummy.openDataFile("S0011_02.edf") == 0
+        assert dummy.sendMessage(codec.delayed_message("trial 1", 2_000_000)) == 0
+        assert dummy.startRecording(1, 1, 1, 0) == 0
+        assert dummy.requestTime() == 0
+        assert dummy.readTime() == 0
+        assert dummy.getCalibrationResult() == NO_RESULT
+        assert dummy.getNextData() == 0
+        dummy.stopRecording()
+        dummy.closeDataFile()
+    finally:
+        dummy.close()
+    ours = {name for name in vars(FakeTracker) if not name.startswith("_")}
+    assert not {name for name in ours if not hasattr(pylink.EyeLink, name)}
+
+
+class PaperScreen:
+    """A screen that only notes what is drawn, and on which Esc is pressed at the third question."""
+
+    size_px = (1000, 600)
+
+    def __init__(self):
+        self.shown = []
+        self.asked = 0
+        self.is_closed = False
+
+    def show(self, target_px):
+        self.shown.append(target_px)
+
+    def keys(self):
+        self.asked += 1
+        return (27,) if self.asked >= 3 else ()
+
+    def close(self):
+        self.is_closed = True
+
+
+def test_vendors_own_setup_draws_through_our_screen_and_takes_its_keys():
+    pylink = pytest.importorskip("pylink", reason="sr-research-pylink is not installed")
+    screen = PaperScreen()
+
+    assert camera_setup.set_up(None, screen, pylink) == "nothing was calibrated"
+    assert screen.shown == [None, None]  # the dummy has no targets
+    assert screen.asked >= 3
+    assert screen.is_closed
+
+
+def test_target_is_drawn_where_the_tracker_says():
+    pylink = pytest.importorskip("pylink", reason="sr-research-pylink is not installed")
+    screen = PaperScreen()
+    display = camera_setup.display_on(pylink, screen)
+
+    display.draw_cal_target(500, 30)
+    display.erase_cal_target()
+
+    assert screen.shown == [(500, 30), None]
+
+
+def test_dummy_of_the_vendors_library_is_no_tracker():
+    pytest.importorskip("pylink", reason="sr-research-pylink is not installed")
+    wire = EyeLinkLibrary(None, SimClock(), is_simulated=True)
+
+    with pytest.raises(DeviceError, match="not connected"):
+        EyeLink("eyes", wire, SimClock()).open(1.0)
 
 
 def test_broken_link_comes_back_within_two_seconds():

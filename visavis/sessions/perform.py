@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
-from devices.contracts import Armband, Device, DeviceInfo
+from devices.contracts import Armband, Device, DeviceInfo, OwnRecording, SessionName
 from devices.haptic_safety import HapticGuard
 from devices.shared_body import SharedBody
 from lab.clock import Clock, SimClock
@@ -280,10 +280,17 @@ def _describe(
     recorder: Recorder,
     infos: tuple[DeviceInfo, ...],
 ) -> None:
-    """Keep who the devices are; in real time the companion hears that they are open."""
+    """Keep who the devices are; in real time their own recordings begin and the companion hears."""
     folder.describe(devices=infos)
-    if request.companion is not None and not request.clock.is_virtual:
-        part_dir = folder.path / folder.manifest.parts[-1].folder
+    if request.clock.is_virtual:
+        return
+    part = folder.manifest.parts[-1]
+    part_dir = folder.path / part.folder
+    name = SessionName(request.study.name, request.participant_label, request.session, part.number)
+    for device in devices.rig.by_role().values():
+        if isinstance(device, OwnRecording):
+            device.begin_recording(name, part_dir)
+    if request.companion is not None:
         request.companion.opened(
             request,
             part_dir,

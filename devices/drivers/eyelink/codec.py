@@ -8,6 +8,7 @@ missing numbers, and 4294967295 a time that is not known.
 import math
 import struct
 
+from devices.contracts import SessionName
 from devices.drivers.streaming.gaze_rays import (
     LOST,
     NAN,
@@ -25,7 +26,8 @@ SAMPLE = struct.Struct("<dB6d")
 LEFT, RIGHT = 1, 2
 MISSING_BEYOND = 32_767.0
 NO_TIME = 4_294_967_295
-LONGEST_MESSAGE = 130
+MAX_MESSAGE = 130
+MAX_EDF_NAME = 8
 
 
 def decode_sample(
@@ -55,7 +57,30 @@ def decode_sample(
     return Sample(round(time_ms * 1e6), None, gaze_row(rows[0], rows[1]))
 
 
+def screen_coordinates(screen_px: tuple[int, int]) -> str:
+    """Return the corners of the display, as the tracker takes them: the first and last pixels."""
+    return f"0 0 {screen_px[0] - 1} {screen_px[1] - 1}"
+
+
+def edf_name(session: SessionName) -> str:
+    """Return the name of a session's file on the host computer, "S0011_02" for S001's part 2.
+
+    The host takes eight capitals, digits and dashes below: of long labels the end is kept.
+    """
+    rest = f"{session.session}_{session.part:02d}"
+    label = "".join(c for c in session.participant.upper() if c.isascii() and c.isalnum())
+    return label[-max(1, MAX_EDF_NAME - len(rest)) :] + rest
+
+
+def delayed_message(text: str, late_ns: int) -> str:
+    """Return a marker with the whole milliseconds since what it marks.
+
+    The vendor's Data Viewer takes a leading integer off the time of the message.
+    """
+    return f"{round(max(0, late_ns) / 1e6)} {text}"
+
+
 def message_text(text: str) -> str:
     """Return a marker as the tracker takes it: one short line of ASCII."""
     line = " ".join(text.split()).encode("ascii", "replace").decode()
-    return line[:LONGEST_MESSAGE]
+    return line[:MAX_MESSAGE]

@@ -7,8 +7,9 @@ place. Proven on a stand-in of pylink's surface only; never yet on a real tracke
 
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 
-from devices.contracts import CalibrationOutcome, ClockPair, DeviceState
+from devices.contracts import CalibrationOutcome, ClockPair, DeviceState, SessionName
 from devices.drivers.eyelink import codec
 from devices.drivers.eyelink.library import TIME, VERDICT
 from devices.drivers.eyelink.spec import EYELINK
@@ -19,6 +20,10 @@ from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceTimeout
 
 ASK_WITHIN_NS = NS_PER_S // 5
+NO_RESULT = 1000
+"""What the library returns while no calibration was made since it connected."""
+VERDICTS = {1: "poor calibration", 27: "calibration was ended with Esc", -1: "calibration failed"}
+RECORD_WITHIN_NS = 10 * NS_PER_S
 
 
 class EyeLink(GazeDevice):
@@ -58,14 +63,21 @@ class EyeLink(GazeDevice):
         )
 
     def annotate(self, text: str, t_host_ns: int) -> None:
-        """Send a message into the tracker's file; what was late is said in it, in ms."""
+        """Send a message into the tracker's file; how late it is is said in it, in ms."""
         self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
 
         def send() -> None:
-            late_ms = (self._clock.now_ns() - t_host_ns) / 1e6
-            self._transport.send(0, (f"{-late_ms:.1f} {text}".encode(),))
+            late_ns = self._clock.now_ns() - t_host_ns
+            self._transport.send(0, (codec.delayed_message(text, late_ns).encode(),))
 
-        self._wire.do(send)
+        self._mark(send)
+
+    def begin_recording(self, name: SessionName, folder: Path) -> None:
+        """Let the host record to a file of the session's name, `<role>.edf` once it is fetched."""
+        self._life.require("begin_recording", DeviceState.OPEN)
+        path = folder / f"{self.info.role}.edf"
+        frames = (b"record", codec.edf_name(name).encode(), str(path).encode())
+        self._ask(frames, self._clock.now_ns() + RECORD_WITHIN_NS)
 
     def _connect(self, deadline_ns: int) -> None:
         version = self._ask((b"version",), deadline_ns).frames[1].decode("utf-8", "replace")
@@ -103,6 +115,17 @@ class EyeLink(GazeDevice):
             return
         (code,) = VERDICT.unpack_from(raw)
         text = raw[VERDICT.size :].decode("utf-8", "replace").strip()
-        self._calibration = CalibrationOutcome(code == 0, text or f"code {code}")
-        fault = self._warning("not calibrated", "calibrate on the EyeLink's host computer")
+        if code == NO_RESULT:
+            self._calibration = None
+            fault = self._warning(
+                "the host has not calibrated since it was connected",
+                "calibrate with `visavis devices setup`; an earlier calibration may still hold, "
+                "which the validation measures",
+            )
+        else:
+            self._calibration = CalibrationOutcome(code == 0, text or VERDICTS.get(code, str(code)))
+            fault = self._warning(
+                f"not calibrated: {self._calibration.message}",
+                "calibrate with `visavis devices setup`",
+            )
         self._note("calibrated", None if code == 0 else fault)

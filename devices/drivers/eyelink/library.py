@@ -5,15 +5,23 @@ becomes messages that can be teed to a `.wire` log and replayed without it.
 """
 
 import importlib
+import string
 import struct
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from devices.drivers.eyelink.codec import LEFT, NO_TIME, RIGHT, SAMPLE, message_text
+from devices.drivers.eyelink.codec import (
+    LEFT,
+    NO_TIME,
+    RIGHT,
+    SAMPLE,
+    message_text,
+    screen_coordinates,
+)
 from devices.transports import Exchange, Frames, Message
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
-from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
+from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 
 SAMPLE_TYPE = 200
 LOOK_AGAIN_NS = NS_PER_MS // 5
@@ -42,7 +50,8 @@ def eyelink_library() -> Any:
 class EyeLinkLibrary:
     """Offer one tracker's link samples; `library` stands in for pylink in tests.
 
-    With `edf_path`, the tracker records to its own file, which is fetched there when closed.
+    `screen_px` is told to the tracker, whose gaze is in these pixels. Once `record` was asked for,
+    it records to its own file, which is fetched when the wire is closed.
     """
 
     def __init__(
@@ -50,14 +59,18 @@ class EyeLinkLibrary:
         address: str,
         clock: Clock,
         *,
-        edf_path: Path | None = None,
+        screen_px: tuple[int, int] = (1920, 1080),
+        rate_hz: float = 1000.0,
         library: Any = None,
         is_simulated: bool = False,
     ) -> None:
         self.is_simulated = is_simulated
         self._address = address
         self._clock = clock
-        self._edf_path = edf_path
+        self._screen_px = screen_px
+        self._rate_hz = rate_hz
+        self._file: tuple[str, Path] | None = None
+        self._breaks = 0
         self._given = library
         self._tracker: Any = None
 
@@ -76,25 +89,38 @@ class EyeLinkLibrary:
             raise DeviceNotFound(f"no EyeLink answers at {self._address} ({cause})") from cause
         self._tracker = tracker
         self._must_be_there()
-        if self._edf_path is not None:
-            tracker.openDataFile("visavis.edf")
-        to_file = int(self._edf_path is not None)
-        tracker.sendCommand("link_sample_data = LEFT,RIGHT,GAZE,AREA,STATUS")
-        code = tracker.startRecording(to_file, to_file, 1, 0)
-        if code:
-            self.close()
-            raise DeviceNotFound(f"the EyeLink does not start to record (code {code})")
+        tracker.setOfflineMode()
+        coordinates = screen_coordinates(self._screen_px)
+        for command in (
+            f"screen_pixel_coords = {coordinates}",
+            f"sample_rate = {self._rate_hz:.0f}",
+            "link_sample_data = LEFT,RIGHT,GAZE,AREA,STATUS",
+            "file_event_filter = LEFT,RIGHT,FIXATION,SACCADE,BLINK,MESSAGE,BUTTON,INPUT",
+            "file_sample_data = LEFT,RIGHT,GAZE,AREA,GAZERES,HREF,STATUS,INPUT",
+        ):
+            tracker.sendCommand(command)
+        if (
+            self._file is not None
+        ):  # the link broke: what the host has stays, and it goes on in another
+            name, path = self._file
+            self._breaks += 1
+            mark = string.ascii_uppercase[min(self._breaks, 26) - 1]
+            self._open_file(f"{name[:7]}{mark}", path.with_stem(f"{path.stem}_{mark}"))
+        else:
+            self._start(0)
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Ask (time,), (version,) or (verdict,)."""
+        """Ask (time,), (version,) or (verdict,), or to (record, name, path)."""
         self._must_be_there()
         tracker = self._tracker
         sent_ns = self._clock.now_ns()
         if frames[0] == b"time":
-            time_us = int(tracker.trackerTimeUsec())
-            if time_us < 0 or time_us // 1000 >= NO_TIME or time_us == NO_TIME:
-                raise DeviceTimeout("the EyeLink does not know its time")
-            answer = TIME.pack(time_us * 1000)
+            return self._exchange_time(timeout_s)
+        if frames[0] == b"record":
+            tracker.stopRecording()
+            tracker.setOfflineMode()
+            self._open_file(frames[1].decode(), Path(frames[2].decode()))
+            answer = b""
         elif frames[0] == b"version":
             answer = str(tracker.getTrackerVersionString()).encode()
         else:
@@ -133,13 +159,55 @@ class EyeLinkLibrary:
         try:
             if tracker.isConnected() > 0:
                 tracker.stopRecording()
-                if self._edf_path is not None:
+                tracker.setOfflineMode()
+                if self._file is not None:
+                    name, path = self._file
                     tracker.closeDataFile()
-                    tracker.receiveDataFile("visavis.edf", str(self._edf_path))
+                    tracker.receiveDataFile(f"{name}.edf", str(path))
+                    self._file = None
         except RuntimeError:
-            self._edf_path = None  # the link broke: the file stays on the tracker's computer
+            return  # the link broke: the file stays on the host computer, under the session's name
         finally:
             tracker.close()
+
+    def _open_file(self, name: str, path: Path) -> None:
+        tracker = self._tracker
+        code = tracker.openDataFile(f"{name}.edf")
+        if code:
+            raise DeviceError(
+                f"the host computer cannot open the file {name}.edf (code {code})",
+                remedy="look at the disk of the EyeLink's host computer",
+            )
+        self._file = (name, path)
+        tracker.sendMessage(f"DISPLAY_COORDS {screen_coordinates(self._screen_px)}")
+        self._start(1)
+
+    def _start(self, to_file: int) -> None:
+        code = self._tracker.startRecording(to_file, to_file, 1, 0)
+        if code:
+            self.close()
+            raise DeviceNotFound(f"the EyeLink does not start to record (code {code})")
+
+    def _exchange_time(self, timeout_s: float) -> Exchange:
+        """Ask the tracker itself: its own estimate on this computer is no exchange."""
+        tracker = self._tracker
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        while tracker.readTime():  # an answer that came too late for an earlier question
+            pass
+        sent_ns = self._clock.now_ns()
+        if tracker.requestTime():
+            raise DeviceDisconnected(f"the EyeLink at {self._address} takes no question")
+        while not (time_ms := int(tracker.readTime())):
+            now_ns = self._clock.now_ns()
+            if now_ns >= deadline_ns:
+                raise DeviceTimeout("the EyeLink does not tell its time")
+            self._clock.sleep_until_ns(min(now_ns + LOOK_AGAIN_NS // 4, deadline_ns))
+        received_ns = self._clock.now_ns()
+        if not 0 < time_ms < NO_TIME:
+            raise DeviceTimeout("the EyeLink does not know its time")
+        # It tells whole milliseconds: the middle of the one that it is in.
+        answer = TIME.pack(time_ms * NS_PER_MS + NS_PER_MS // 2)
+        return Exchange((b"time", answer), sent_ns, received_ns)
 
     def _drain(self) -> list[Message]:
         tracker = self._tracker

@@ -1,12 +1,15 @@
 """EyeLink: its options, its wire, its simulator."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
 from devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
 from devices.libraries import PYLINK
-from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
+from devices.spec import DriverSpec, Site, driven_by, streamed_by
+
+if TYPE_CHECKING:
+    from devices.transports import MessageTransport
 
 
 class EyeLinkOptions(ScreenOptions):
@@ -34,13 +37,29 @@ class EyeLinkOptions(ScreenOptions):
         return {**super().for_simulator(), "screen_px": pixels}
 
 
+def _library(site: Site[EyeLinkOptions]) -> "MessageTransport":
+    from devices.drivers.eyelink.library import EyeLinkLibrary
+
+    given = site.options
+    pixels = (given.screen_width_px, given.screen_height_px)
+    return EyeLinkLibrary(given.address, site.clock, screen_px=pixels, rate_hz=given.rate_hz)
+
+
+def _set_up(site: Site[EyeLinkOptions]) -> str:
+    from devices.drivers.eyelink.camera_setup import FullScreen, set_up
+    from devices.drivers.eyelink.library import eyelink_library
+
+    return set_up(site.options.address, FullScreen(), eyelink_library())
+
+
 EYELINK = DriverSpec(
     name="eyelink",
     kind="eye tracker",
     options=EyeLinkOptions,
     make=driven_by("devices.drivers.eyelink.driver:EyeLink"),
-    real=wired_by("devices.drivers.eyelink.library:EyeLinkLibrary", "address"),
+    real=_library,
     simulated=streamed_by("devices.sim.eyelink:EyeLinkSimulator"),
+    set_up=_set_up,
     vendor="SR Research",
     model="EyeLink",
     wire="vendor library",
@@ -49,7 +68,7 @@ EYELINK = DriverSpec(
     capabilities=frozenset({"gaze", "per_eye", "screen_frame", "annotation"}),
     library=PYLINK,
     stands_for="EyeLink",
-    checked="stand-in for pylink",
+    checked="pylink's own dummy tracker; a strict stand-in for pylink",
     unproven="everything below pylink",
 )
 SPECS = (EYELINK,)

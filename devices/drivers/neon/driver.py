@@ -73,7 +73,7 @@ class Neon(GazeDevice):
         """Send an event stamped on the phone's clock; it stands in the phone's recording."""
         self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
         frames: Frames = (b"event", text.encode(), str(self._to_device_ns(t_host_ns)).encode())
-        self._wire.do(lambda: self._transport.send(0, frames))
+        self._mark(lambda: self._transport.send(0, frames))
 
     def _connect(self, deadline_ns: int) -> None:
         self._packet = None

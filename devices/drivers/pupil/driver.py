@@ -103,7 +103,7 @@ class PupilCore(GazeDevice):
         """Publish an annotation stamped on Capture's clock."""
         self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
         frames = codec.encode_annotation(text, self._to_device_ns(t_host_ns))
-        self._wire.do(lambda: self._transport.send(self._publish_port, frames))
+        self._mark(lambda: self._transport.send(self._publish_port, frames))
 
     # ---- connection -------------------------------------------------------------------------
 

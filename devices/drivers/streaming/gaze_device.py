@@ -165,6 +165,16 @@ class GazeDevice(StreamDevice[Sample]):
                 for message in self._transport.receive(0.02):
                     tuple(self._decode(message))
 
+    def _mark(self, send: Callable[[], None]) -> None:
+        """Send a marker from the thread that polls; a frame never waits for it."""
+        self._wire.later(send, self._mark_failed)
+
+    def _mark_failed(self, problem: DeviceError) -> None:
+        remedy = "the markers stand in Visavis' own recording, with the time exchanges"
+        self._note(
+            "marks", self._warning(f"a marker did not reach its recording: {problem}", remedy)
+        )
+
     def _refusal(self, what: str, remedy: str) -> DeviceError:
         return DeviceError(
             f"a {self.info.driver} tracker cannot be {what}", role=self.info.role, remedy=remedy

@@ -36,6 +36,20 @@ class WireThread:
             else:
                 done.set_result(None)
 
+    def later(self, command: Callable[[], None], failed: Callable[[DeviceError], None]) -> None:
+        """Run a command in the thread that polls without waiting; `failed` hears of its error."""
+
+        def tried() -> None:
+            try:
+                command()
+            except DeviceError as problem:
+                failed(problem)
+
+        if self.is_elsewhere:
+            self._mailbox.append((tried, Future()))
+        else:
+            tried()
+
     def release(self) -> None:
         """Let any thread use the wire: nobody polls it."""
         self._owner = None
