@@ -18,7 +18,6 @@ import numpy as np
 
 from benchmarks.stare_studies import StudyOutcome, simulate_studies
 from experiments.stare import published
-from experiments.stare.comparisons import mean_deviation_01
 from experiments.stare.design import CONDITIONS
 from visavis.looks import (
     DWELL_MS,
@@ -46,7 +45,7 @@ def mean_rows(outcomes: Sequence[StudyOutcome]) -> list[dict[str, object]]:
             ]
             printed = published.MEANS[condition][measure]
             mean = float(np.mean([d.mean for d in ours]))
-            deviations = [mean_deviation_01(d) for d in ours]
+            deviations = [d.deviation_01 for d in ours]
             limit = LIMITS_01.get(measure)
             rows.append(
                 {

@@ -4,21 +4,58 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing import get_context
 
+import pandas as pd
+
 from benchmarks.simulated_tracker import tracker_of
 from experiments.stare.comparisons import (
     ALL_MEASURES,
     ANXIETY_TESTS,
     CONDITION_TESTS,
-    LEVELS,
+    MEASURES,
     SCORE_COLUMN,
     ZONE_TESTS,
-    Descriptive,
     condition_means,
-    describe,
 )
 from experiments.stare.design import CONDITIONS
+from experiments.stare.published import MEANS
 from experiments.stare.quick_study import run_study
+from experiments.stare.study import experiment_of
+from visavis.measures import Measure
 from visavis.pairs import CorrelationTest, PairTest, compare_pairs, correlate, scores_of
+
+
+@dataclass(frozen=True)
+class Descriptive:
+    """One measure in one condition over participants; `sd` NaN below two of them."""
+
+    measure: Measure
+    condition: str
+    n: int
+    mean: float
+    sd: float
+
+    @property
+    def deviation_01(self) -> float:
+        """How far the mean lies from the published one, as a signed share of it."""
+        return self.mean / MEANS[self.condition][self.measure.column].mean - 1.0
+
+
+def describe(means: pd.DataFrame) -> tuple[Descriptive, ...]:
+    """Describe every measure in every condition over the participants who have it."""
+    described = []
+    for measure in MEASURES:
+        for condition in CONDITIONS:
+            values = means.loc[means["condition"] == condition, measure.column].dropna()
+            described.append(
+                Descriptive(
+                    measure,
+                    condition,
+                    len(values),
+                    float(values.mean()) if len(values) else float("nan"),
+                    float(values.std(ddof=1)) if len(values) > 1 else float("nan"),
+                )
+            )
+    return tuple(described)
 
 
 @dataclass(frozen=True)
@@ -43,12 +80,12 @@ def _simulate(job: _Job) -> StudyOutcome:
     study = run_study(
         tracker_of, seed=job.seed, participants=range(job.participants), effect=job.effect
     )
-    means = condition_means(study.trials)
+    means, levels = condition_means(study.trials), experiment_of().levels
     return StudyOutcome(
         job.seed,
         describe(means),
-        compare_pairs(CONDITION_TESTS, study.trials, ALL_MEASURES, LEVELS),
-        compare_pairs(ZONE_TESTS, study.trials, ALL_MEASURES, LEVELS) if job.effect else (),
+        compare_pairs(CONDITION_TESTS, study.trials, ALL_MEASURES, levels),
+        compare_pairs(ZONE_TESTS, study.trials, ALL_MEASURES, levels) if job.effect else (),
         correlate(
             ANXIETY_TESTS, means, scores_of(study.answers, SCORE_COLUMN), ALL_MEASURES, CONDITIONS
         ),

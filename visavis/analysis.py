@@ -6,13 +6,28 @@ from typing import Any, Final
 
 import pandas as pd
 
+from analysis.report.blocks import Status
 from analysis.statistics import adjust_p
 from analysis.statistics_report import Outcome, answer
 from lab.errors import DataError, LabError
 from protocol.steps import Scalar
+from recording.reader import Recording
 from visavis.compare import Compare
 from visavis.exclusions import Selection
+from visavis.looks import MAIN_MEASURES
 from visavis.measures import Measure, aggregated
+from visavis.pairs import (
+    DEFAULT_TEST_RULES,
+    CorrelationTest,
+    Family,
+    Pairs,
+    PairTest,
+    Test,
+    TestRules,
+    compare_pairs,
+    results_of,
+)
+from visavis.sensitivity import SensitivityRow, sensitivity
 from visavis.study import Study
 
 SIMULATED_COLUMN: Final = "is_simulated"
@@ -48,8 +63,45 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class Results:
+    """The tests of one family."""
+
+    of: Family
+    tests: tuple[Test, ...] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """One question of a study with its answer and the sentences of all the tests it rests on.
+
+    `was_tested` is False when a test it needs could not be made at all.
+    """
+
+    status: Status
+    question: str
+    answer: str
+    evidence: tuple[str, ...]
+    was_tested: bool = True
+
+    @property
+    def headline(self) -> str:
+        """Question and answer in one line."""
+        return f"{self.question}: {self.answer}"
+
+    @property
+    def is_found(self) -> bool | None:
+        """Tell whether the effect was found in full; None when it was not tested."""
+        return self.status == "found" if self.was_tested else None
+
+
+@dataclass(frozen=True)
 class StudyAnalysis:
-    """Everything the analysis of a study found."""
+    """Everything the analysis of a study found.
+
+    `results` are those of its families of tests, made by `rules`; `without_rules` and
+    `sensitivity` repeat the first family of pairs: on every finished trial, and by padding and
+    minimum duration of looks. Both are empty where there is no such family.
+    """
 
     study: Study
     is_simulated: bool
@@ -60,6 +112,12 @@ class StudyAnalysis:
     findings: tuple[Finding, ...]
     cells: tuple[str, ...]
     """The factors whose combinations tables describe."""
+    results: tuple[Results, ...] = ()
+    without_rules: tuple[PairTest, ...] = field(default=(), repr=False)
+    sensitivity: tuple[SensitivityRow, ...] = field(default=(), repr=False)
+    rules: TestRules = DEFAULT_TEST_RULES
+    example: Recording | None = field(default=None, repr=False)
+    """A session from which sections may show a trial."""
 
     @property
     def n_participants(self) -> int:
@@ -69,6 +127,28 @@ class StudyAnalysis:
     def measure(self, column: str) -> Measure:
         """Return a measure by its column."""
         return next(m for m in self.measures if m.column == column)
+
+    def families(self) -> tuple[str, ...]:
+        """Return the names of the families of tests that were made."""
+        return tuple(dict.fromkeys(r.of.family for r in self.results))
+
+    def tests_of(self, family: str) -> tuple[Test, ...]:
+        """Return the tests of a family."""
+        return tuple(t for r in self.results if r.of.family == family for t in r.tests)
+
+    def pairs_of(self, family: str) -> tuple[PairTest, ...]:
+        """Return the paired tests of a family."""
+        return tuple(t for t in self.tests_of(family) if isinstance(t, PairTest))
+
+    def correlations_of(self, family: str) -> tuple[CorrelationTest, ...]:
+        """Return the correlations of a family."""
+        return tuple(t for t in self.tests_of(family) if isinstance(t, CorrelationTest))
+
+    @property
+    def conclusions(self) -> tuple[Conclusion, ...]:
+        """The study's own answers to its questions."""
+        of = self.study.conclude_of
+        return () if of is None else tuple(of(self))
 
     def cell_means(self) -> pd.DataFrame:
         """Return one row per participant and cell, levels in their order, with every measure."""
@@ -108,8 +188,12 @@ def analyse_rows(
     measures: Sequence[Measure],
     is_simulated: bool,
     cells: Sequence[str] = (),
+    rules: TestRules = DEFAULT_TEST_RULES,
+    varied: pd.DataFrame | None = None,
 ) -> StudyAnalysis:
-    """Answer every planned comparison; what cannot be tested says why.
+    """Answer every planned comparison and make every family of tests; untested ones say why.
+
+    `varied` holds the main measures of looks by padding and minimum duration, where there are any.
 
     Raises:
         DataError: no trial counts.
@@ -123,10 +207,34 @@ def analyse_rows(
         answered(c, selection.counted, known, dict(levels), is_simulated=is_simulated)
         for c in study.compare
     ]
-    return StudyAnalysis(
+    made = StudyAnalysis(
         study, is_simulated, selection, people, dict(levels), tuple(measures), corrected(found),
-        tuple(cells or levels),
+        tuple(cells or levels), rules=rules,
     )  # fmt: skip
+    return _with_families(made, known, varied)
+
+
+def _with_families(
+    made: StudyAnalysis, known: Mapping[str, Measure], varied: pd.DataFrame | None
+) -> StudyAnalysis:
+    """Make every family of which all measures were measured."""
+    kept, levels, rules = made.selection.counted, made.levels, made.rules
+    results = tuple(
+        Results(of, results_of(of, kept, made.people, known, levels, rules))
+        for of in made.study.families
+        if all(name in kept for name in of.measures)
+    )
+    made = replace(made, results=results)
+    main = next((r.of for r in results if isinstance(r.of, Pairs) and not r.of.each), None)
+    if main is None:
+        return made
+    finished = made.selection.finished
+    again = compare_pairs(main, finished, known, levels, rules, family="without exclusions")
+    made = replace(made, without_rules=again)
+    if varied is None or varied.empty or not set(main.measures) <= set(MAIN_MEASURES):
+        return made
+    first = made.pairs_of(main.family)
+    return replace(made, sensitivity=sensitivity(varied, kept, first, main, known, levels, rules))
 
 
 def answered(

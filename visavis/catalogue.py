@@ -23,7 +23,7 @@ from visavis.opened import OpenedStudy
 from visavis.study import Study
 
 SHIPPED: Final[Mapping[str, str]] = {
-    "stare": "experiments.stare.bundle:MAKE_STUDY",
+    "stare": "experiments.stare.study:study",
     "crowd": "experiments.crowd.bundle:MAKE_STUDY",
     "waving": "experiments.waving.study:study",
 }

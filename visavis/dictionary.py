@@ -138,6 +138,20 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
     return found
 
 
+def fixed_columns(experiment: StudyExperiment) -> tuple[Column, ...]:
+    """Return the columns of a study's trial table whose types do not depend on the data.
+
+    What a study's own trial counts (unit "1") may be whole or not.
+    """
+    own = (
+        c
+        for c in experiment.study.columns
+        if c.unit != "1" or c.name.endswith(("_frames", "_samples"))
+    )
+    looks = LOOK_COLUMNS if experiment.study.looks else ()
+    return (*ENGINE_COLUMNS, *own, *looks)
+
+
 def scene_column(name: str) -> Column | None:
     """Return what a column that showing a scene adds holds, by its ending."""
     for ending, unit, words in (

@@ -255,7 +255,7 @@ def participant_facts(
                 "participant": name,
                 "trials_finished": len(mine),
                 "completed_01": len(mine) / intact if intact > 0 else np.nan,
-                "bad_trials_01": 1 - len(good) / len(mine) if len(mine) else np.nan,
+                "bad_trials_01": (len(mine) - len(good)) / len(mine) if len(mine) else np.nan,
                 "smallest_cell_trials": smallest,
                 "calibration_error_deg": mean_error_deg(mine),
                 REASON: "",

@@ -1,8 +1,14 @@
 """The method section, written from what the study declares and the parameters in force."""
 
+from collections.abc import Iterator
+
+from analysis.report.notation import decimal, threshold
 from visavis.analysis import StudyAnalysis
 from visavis.exclusions import Exclusion
 from visavis.experiment import StudyExperiment
+from visavis.looks import MeasureParameters
+from visavis.pairs import Correlate, Pairs
+from visavis.reporting_list import confidence_rule, stamp_rule
 from visavis.texts import shown
 
 
@@ -13,8 +19,10 @@ def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> t
         {k: shown(v) for k, v in experiment.parameters.items()}
     ).strip()  # fmt: skip
     parts = [p.strip() for p in own.split("\n\n") if p.strip()]
-    return (*parts, _design(experiment), _measured(analysis), _excluded(analysis),
-            _compared(analysis))  # fmt: skip
+    looks = [_looks(on.rules({"parameters": experiment.parameters})) for on in study.looks[:1]]
+    every = (*parts, _design(experiment), _measured(analysis), *looks, _excluded(analysis),
+             _compared(analysis), *_families(analysis))  # fmt: skip
+    return tuple(filter(None, every))
 
 
 def _design(experiment: StudyExperiment) -> str:
@@ -42,12 +50,30 @@ def _blocks(count: int) -> str:
 
 
 def _measured(analysis: StudyAnalysis) -> str:
-    used = dict.fromkeys(f.measure for f in analysis.findings)
+    used = dict.fromkeys(
+        (*(f.measure for f in analysis.findings),
+         *(t.measure for r in analysis.results for t in r.tests))
+    )  # fmt: skip
     words = [
         f"{m.words[:1].lower()}{m.words[1:]} ({m.column}, {m.aggregate} over the trials of a cell)"
         for m in used
     ]
     return f"Measures were {'; '.join(words)}." if words else "No measure was compared."
+
+
+def _looks(rules: MeasureParameters) -> str:
+    looks = rules.looks
+    return (
+        "Gaze was on an agent's head when its ray met the head before any occluder, or passed it "
+        f"within an angular padding of {decimal(rules.pad_deg, 1)}°, limited by half the gap to "
+        "the nearest head. Uninterrupted gaze on the head is a look; lost gaze of at most "
+        f"{decimal(looks.bridge_ms, 0)} ms within one look was bridged (Olsen, 2012), gaze "
+        f"elsewhere never. Looks of at least {decimal(looks.minimum_fixation_ms, 0)} ms are "
+        "fixations, shorter ones glances. Dwell time is the time of valid samples on the head, "
+        "glances included; fixation count, and time and duration of the first and second fixation, "
+        "follow from the fixations. A trial without the fixation in question has no value for it. "
+        f"Validity of samples – {confidence_rule()}. Time stamps – {stamp_rule(looks)}."
+    )
 
 
 def _excluded(analysis: StudyAnalysis) -> str:
@@ -75,4 +101,31 @@ def _compared(analysis: StudyAnalysis) -> str:
         how = finding.compare.correction
         family = f", {how} over the family {finding.compare.family}" if how != "none" else ""
         said.append(f"{finding.compare.name}: {title} (α = {finding.compare.alpha:g}{family})")
-    return f"Comparisons: {'; '.join(said)}." if said else "No comparison was planned."
+    if not said:
+        return "" if analysis.results else "No comparison was planned."
+    return f"Comparisons: {'; '.join(said)}."
+
+
+def _families(analysis: StudyAnalysis) -> Iterator[str]:
+    rules = analysis.rules
+    percent = f"{100 * rules.interval_level:.0f} %"
+    if any(isinstance(r.of, Pairs) for r in analysis.results):
+        yield (
+            "Two levels were compared with paired t tests where Shapiro–Wilk did not reject the "
+            f"normality of the differences (α = {threshold(rules.normality_alpha)}), with "
+            "Wilcoxon's signed-rank test (exact) otherwise. Statistics and effect sizes of a "
+            "comparison A – B are of A minus B; figures show the second minus the first. Effect "
+            f"sizes are dz and partial η² (t tests, with noncentral {percent} intervals; Steiger, "
+            "2004) or the rank-biserial correlation."
+        )
+    said = []
+    for r in analysis.results:
+        words = f"{r.of.family} ({r.of.words})" if r.of.words else r.of.family
+        alpha = threshold(rules.alpha)
+        if isinstance(r.of, Correlate):
+            said.append(f"{words}: Spearman's coefficient at {alpha}, uncorrected")
+        elif analysis.pairs_of(r.of.family):
+            n = analysis.pairs_of(r.of.family)[0].n_tests
+            said.append(f"{words}: Bonferroni, {alpha}/{n} = {threshold(rules.alpha / n)}")
+    if said:
+        yield f"Families of tests: {'; '.join(dict.fromkeys(said))}."

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from visavis.exclusions import Selection, limits_in_force, select
 from visavis.experiment import StudyExperiment
 from visavis.intake import SessionIntake, questionnaire, take_in
 from visavis.measures import LOST_COLUMN, Measure, lost_gaze
+from visavis.pairs import DEFAULT_TEST_RULES, TestRules
 from visavis.person import StudyPerson
 from visavis.scenes import Scene, Staging, stage
 from visavis.study import Study
@@ -122,18 +123,22 @@ class OpenedStudy:
     def analysis_of(
         self, sessions: Sequence[SessionIntake], settings: Mapping[str, Any] | None = None
     ) -> StudyAnalysis:
-        """Analyse sessions that were taken in; `settings` replace limits of exclusion rules.
+        """Analyse sessions that were taken in.
+
+        `settings` replace limits of exclusion rules and thresholds of tests (`TestRules`).
 
         Raises:
-            DataError: there is no such rule, or nothing counts.
+            DataError: there is no such rule or threshold, or nothing counts.
+            UsageError: one is out of range.
         """
         settings = settings or {}
-        rules = self.study.exclusions
-        unknown = set(settings) - {r.name for r in rules}
+        known = [r.name for r in self.study.exclusions]
+        known += [f.name for f in fields(TestRules)] if self.study.families else []
+        unknown = set(settings) - set(known)
         if unknown:
             raise DataError(
                 f"{self.name} has no rule {', '.join(sorted(unknown))}; its rules are "
-                f"{', '.join(r.name for r in rules)}"
+                f"{', '.join(known)}"
             )
         experiment = self.experiment(self.overrides_of(sessions[0].manifest.plan))
         return self.analysis_of_rows(
@@ -142,6 +147,7 @@ class OpenedStudy:
             pd.DataFrame([dict(s.person) for s in sessions]),
             planned={str(s.manifest.participant): s.planned for s in sessions},
             settings=settings,
+            varied=pd.concat([s.sensitivity for s in sessions], ignore_index=True),
         )
 
     def analysis_of_rows(
@@ -152,10 +158,12 @@ class OpenedStudy:
         *,
         planned: Mapping[str, int],
         settings: Mapping[str, Any] | None = None,
+        varied: pd.DataFrame | None = None,
     ) -> StudyAnalysis:
         """Analyse trials, one row each; `people` hold answers of questionnaires.
 
-        `planned` is how many trials each participant was to have.
+        `planned` is how many trials each participant was to have; `varied` are the main measures
+        of looks by padding and minimum duration.
 
         Raises:
             DataError: nothing counts.
@@ -171,6 +179,8 @@ class OpenedStudy:
             measures=self.measures(experiment),
             is_simulated=bool(rows["is_simulated"].any()),
             cells=[f.name for f in (*design.between, *compared)],
+            rules=DEFAULT_TEST_RULES.with_settings(settings or {}),
+            varied=varied,
         )
 
     def selection_of(
@@ -208,13 +218,15 @@ class OpenedStudy:
         # Figures take a second to import; sessions and previews do without.
         from visavis.outputs import write_study
 
-        analysis = replace(self.analysis_of(sessions, settings), is_simulated=is_simulated)
+        analysis = self.analysis_of(sessions, settings)
+        analysis = replace(analysis, is_simulated=is_simulated, example=example)
         provenance = provenance_of_sessions(
             self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands
         )
         experiment = self.experiment(self.overrides_of(sessions[0].manifest.plan))
         asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
-        return write_study(analysis, experiment, asked, provenance, out_dir, sessions[0].facts)
+        facts = {**sessions[0].facts, **self.study.setup}
+        return write_study(analysis, experiment, asked, provenance, out_dir, facts)
 
     def overrides_of(self, plan: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters that a recorded plan was made with, those of older versions too."""

@@ -12,12 +12,23 @@ from lab.errors import UsageError
 from protocol.columns import Column
 from protocol.questionnaires import Questionnaire
 from visavis.analysis import SIMULATED_COLUMN, StudyAnalysis
-from visavis.dictionary import PEOPLE, STATISTICS, people_columns, trial_columns, write_table
+from visavis.dictionary import (
+    PEOPLE,
+    STATISTICS,
+    fixed_columns,
+    people_columns,
+    trial_columns,
+    write_table,
+)
 from visavis.experiment import StudyExperiment
+from visavis.family_figures import family_figures
 from visavis.figures import figure_of_quality, study_figures
+from visavis.pairs import columns_of_tests, published_cells
 from visavis.quality import QUALITY_TABLE, Quality, quality_of
 from visavis.report import REPORT_NAME, build_report
 from visavis.sections import Extra, made
+from visavis.sensitivity import sensitivity_columns
+from visavis.table_types import typed
 
 
 def write_study(
@@ -37,7 +48,7 @@ def write_study(
         DataError: a column of a table is not described.
     """
     extras = [made(section)(analysis, experiment) for section in experiment.study.sections]
-    figures = study_figures(analysis, experiment.texts)
+    figures = study_figures(analysis, experiment.texts) | family_figures(analysis, experiment.texts)
     figures |= {d.name: d for extra in extras for d in extra.figures}
     quality = quality_of(analysis, facts)
     if quality is not None:
@@ -53,7 +64,7 @@ def write_study(
             f"the analysis cannot be written to {out_dir}: {error.strerror or error}; choose a "
             "folder you may write to"
         ) from error
-    sections = [extra.section for extra in extras]
+    sections = [extra.section for extra in extras if extra.section is not None]
     path = out_dir / REPORT_NAME
     return build_report(
         analysis, experiment, provenance, figures, path, questionnaires, sections, quality
@@ -71,6 +82,7 @@ def write_tables(
     """Write trials, participants, cell means, statistics and contrasts, each with a dictionary."""
     trials = analysis.selection.rows.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
     known = trial_columns(experiment, analysis.measures)
+    trials = typed(trials, {c.name: c for c in fixed_columns(experiment)})
     write_table(trials, known, out_dir / "trials.csv", scenes=True)
     trials.to_parquet(out_dir / "trials.parquet", index=False)
     people = analysis.selection.people.merge(analysis.people, on="participant", how="left")
@@ -91,15 +103,25 @@ def write_tables(
             marked = table.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
             write_table(marked, columns, out_dir / f"{name}.csv")
     described = {c.name: c for c in (*PEOPLE, *STATISTICS)}
+    described |= columns_of_tests(analysis.study.families) if analysis.results else {}
     for name, rows in (("statistics", statistics_rows(analysis)),
                        ("contrasts", contrast_rows(analysis))):  # fmt: skip
         if rows:
             table = pd.DataFrame(rows).assign(**{SIMULATED_COLUMN: analysis.is_simulated})
             write_table(table, described, out_dir / f"{name}.csv")
+    if analysis.sensitivity:
+        table = pd.DataFrame([row.row() for row in analysis.sensitivity])
+        table = table.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
+        of = analysis.sensitivity[0].shown[0].of
+        columns = sensitivity_columns(of, {m.column: m for m in analysis.measures})
+        write_table(table, known | columns, out_dir / "sensitivity.csv")
 
 
 def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
-    """Return one row per effect of every comparison; untested ones say why."""
+    """Return one row per effect of every comparison, then per test of every family.
+
+    The first family without rules of exclusion comes last. Untested ones say why.
+    """
     rows: list[dict[str, Any]] = []
     for finding in analysis.findings:
         compare = finding.compare
@@ -130,7 +152,10 @@ def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
                     "agrees_with_published": term.is_significant == printed.is_significant,
                 }
             rows.append({**about, **_plain(term.row), **decided})
-    return rows
+    rows += [
+        test.row() | published_cells(test) for results in analysis.results for test in results.tests
+    ]
+    return rows + [test.row() for test in analysis.without_rules]
 
 
 def contrast_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.plots import Drawn, svg_for_page
+from analysis.plots.panels import Values
 from analysis.report import (
     Block,
     Bullets,
@@ -26,11 +27,13 @@ from analysis.report import (
     Verdicts,
     write_page,
 )
-from analysis.report.notation import counted, mean_sd, probability
+from analysis.report.notation import counted, mean_sd, percentage, probability
 from protocol.questionnaires import Questionnaire
 from visavis.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term
 from visavis.experiment import StudyExperiment
+from visavis.family_report import agreement_table, family_sections, family_verdicts
 from visavis.figures import figure_name, label_of
+from visavis.looks import LooksOn
 from visavis.measures import aggregated
 from visavis.methods import method_paragraphs
 from visavis.quality import Quality, quality_table
@@ -53,6 +56,8 @@ def build_report(
 ) -> Path:
     """Write the report and return its path; the same input gives the same bytes."""
     pictures = {name: picture_of(d) for name, d in figures.items()}
+    checked = [] if quality is None else [_quality(analysis, experiment, quality, provenance,
+                                                   pictures)]  # fmt: skip
     study = analysis.study
     page = Page(
         title=study.title,
@@ -72,8 +77,9 @@ def build_report(
         sections=(
             _summary(analysis, experiment),
             *_measures(analysis, experiment, pictures),
+            *family_sections(analysis, pictures),
             *sections,
-            *([] if quality is None else [_quality(analysis, quality, provenance, pictures)]),
+            *checked,
             _people(analysis, experiment, questionnaires, pictures),
             _methods(analysis, experiment),
             provenance_section(provenance),
@@ -95,6 +101,7 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
         if not finding.compare.exploratory
         for term in finding.terms or (None,)
     ]
+    verdicts += family_verdicts(analysis)
     blocks: list[Block] = []
     if verdicts:
         blocks.append(Verdicts(tuple(verdicts)))
@@ -102,6 +109,8 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
         blocks.append(Paragraph("The study plans no comparison; its measures are described below."))
     beside = _beside_published(analysis)
     blocks += [] if beside is None else [beside]
+    agreed = agreement_table(analysis)
+    blocks += [] if agreed is None else [agreed]
     source = analysis.study.source
     if source is not None and analysis.n_participants < (source.participants or 0):
         blocks.append(
@@ -198,8 +207,10 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
             means = aggregated(analysis.selection.counted, [measure], [factor])
             for level, (mean, sd) in cells.items():
                 ours = means.loc[means[factor].astype(str) == level, column].to_numpy(float)
+                here = _mean_sd(ours, measure.digits)
+                printed_mean = mean_sd(mean, sd, measure.digits)
                 rows.append(
-                    (f"{measure.words}, {level}", _mean_sd(ours), mean_sd(mean, sd), "")
+                    (f"{measure.words}, {level}", here, printed_mean, _off(ours, mean))
                 )  # fmt: skip
             break
     for finding in analysis.findings:
@@ -220,7 +231,7 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
     if not rows:
         return None
     return Table(
-        (Column("What"), Column("Here"), Column("Published"), Column("Verdicts")),
+        (Column("What"), Column("Here"), Column("Published"), Column("Off by, or verdicts")),
         tuple(rows),
         "Beside the published study",
         " ".join(
@@ -232,11 +243,21 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
     )
 
 
-def _mean_sd(values: "np.ndarray[tuple[int], np.dtype[np.float64]]") -> str:
+def _mean_sd(values: Values, digits: int = 2) -> str:
     known = values[np.isfinite(values)]
     if known.size == 0:
         return "–"
-    return mean_sd(float(known.mean()), float(known.std(ddof=1)) if known.size > 1 else None)
+    sd = float(known.std(ddof=1)) if known.size > 1 else None
+    return mean_sd(float(known.mean()), sd, digits)
+
+
+def _off(ours: Values, printed: float) -> str:
+    """Return how far a mean lies from the published one, as a signed share of it."""
+    known = ours[np.isfinite(ours)]
+    if known.size == 0 or printed == 0:
+        return ""
+    text = percentage(float(known.mean()) / printed - 1, 0)
+    return text if text[:1] in "-−0" else f"+{text}"
 
 
 def _measures(
@@ -260,7 +281,7 @@ def _measures(
         if m.column not in compared and m.column in analysis.selection.counted
     ]
     if others:
-        sections.append(Section("others", "Measures without a comparison", tuple(others)))
+        sections.append(Section("others", "Means of further measures", tuple(others)))
     return sections
 
 
@@ -305,8 +326,32 @@ def _means_table(analysis: StudyAnalysis, column: str, experiment: StudyExperime
 
 
 def _quality(
-    analysis: StudyAnalysis, quality: Quality, provenance: ReportProvenance, pictures: Pictures
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+    quality: Quality,
+    provenance: ReportProvenance,
+    pictures: Pictures,
 ) -> Section:
+    looks = analysis.study.looks
+    rules = looks[0].rules({"parameters": experiment.parameters}) if looks else LooksOn().rules({})
+    selection, kept = analysis.selection, kept_of(analysis)
+    blocks: list[Block] = [pictures["quality"], reporting_table(kept, quality, provenance, rules),
+                           Fold("Every participant", (quality_table(quality),))]  # fmt: skip
+    heads = tuple(Column(h) for h in ("Participant", "What", "Why"))
+    errors = selection.people.get("calibration_error_deg")
+    ruled = any(r.column == "calibration_error_deg" for r in analysis.study.exclusions)
+    if ruled and errors is not None and errors.isna().any():
+        unknown = ", ".join(selection.people.loc[errors.isna(), "participant"].astype(str))
+        blocks.append(Paragraph(f"No validation is known for {unknown}; the rule on calibration "
+                                "error could not be applied there."))  # fmt: skip
+    if quality.incidents:
+        table = Table(heads, quality.incidents, "Interruptions and deviations")
+        blocks.append(Fold(f"Interruptions and deviations: {len(quality.incidents)}", (table,)))
+    return Section("quality", "Quality of gaze data", tuple(blocks))
+
+
+def kept_of(analysis: StudyAnalysis) -> Kept:
+    """Return what was left out by which limits, for the reporting list."""
     selection = analysis.selection
     limits = "; ".join(
         f"{rule.column} {'above' if rule.above else 'below'} {shown(selection.limits[rule.name])}"
@@ -314,20 +359,13 @@ def _quality(
         if selection.limits[rule.name] is not None
     )
     finished = selection.finished
-    kept = Kept(
+    return Kept(
         len(selection.people),
         int((~selection.people["is_analysed"].astype(bool)).sum()),
         len(finished),
         int((~finished["is_analysed"].astype(bool)).sum()),
         limits,
     )
-    blocks: list[Block] = [pictures["quality"], reporting_table(kept, quality, provenance),
-                           Fold("Every participant", (quality_table(quality),))]  # fmt: skip
-    heads = tuple(Column(h) for h in ("Participant", "What", "Why"))
-    if quality.incidents:
-        table = Table(heads, quality.incidents, "Interruptions and deviations")
-        blocks.append(Fold(f"Interruptions and deviations: {len(quality.incidents)}", (table,)))
-    return Section("quality", "Quality of gaze data", tuple(blocks))
 
 
 def _people(

@@ -18,13 +18,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Extra:
-    """A section of a study's report.
+    """A section of a study's report, or figures and tables alone.
 
-    `figures` are written beside the report as the standard ones are, `tables` as NAME.csv with a
-    dictionary; `columns` describe what no other table has.
+    A figure called as a family of tests stands in that family's section. `figures` are written
+    beside the report as the standard ones are, `tables` as NAME.csv with a dictionary; `columns`
+    describe what no other table has.
     """
 
-    section: "Section"
+    section: "Section | None" = None
     figures: "tuple[Drawn, ...]" = ()
     tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)
     columns: tuple[Column, ...] = ()

@@ -70,13 +70,14 @@ def sensitivity(
 ) -> tuple[SensitivityRow, ...]:
     """Repeat a family for every padding and minimum duration in `rows`.
 
-    `rows` holds the family's measures by participant, trial_id (and session), pad_deg and
+    `rows` holds the family's measures by participant, trial_id (session, attempt), pad_deg and
     minimum_fixation_ms; levels are taken from `kept`, and trials that are not kept are left out.
 
     Raises:
         DataError: a key is missing.
     """
-    keys = [k for k in ("participant", "session", "trial_id") if k in rows and k in kept]
+    names = ("participant", "session", "trial_id", "attempt")
+    keys = [k for k in names if k in rows and k in kept]
     missing = [k for k in ("participant", "trial_id", PAD_COLUMN, MINIMUM_COLUMN) if k not in rows]
     if missing:
         raise DataError(

@@ -31,6 +31,7 @@ from visavis.compare import Compare
 from visavis.exclusions import STANDARD_RULES, Exclusion
 from visavis.looks import LooksOn
 from visavis.measures import Measure
+from visavis.pairs import Family
 from visavis.person import Seen
 from visavis.responses import Response
 from visavis.scenes import Maker
@@ -40,6 +41,7 @@ from visavis.trial import TrialPlan, TrialScript
 if TYPE_CHECKING:
     import pandas as pd
 
+    from visavis.analysis import Conclusion, StudyAnalysis
     from visavis.experiment import StudyExperiment
 
 RESERVED: Final = frozenset(name for name in dir(TrialScript) if not name.startswith("_")) | {
@@ -58,6 +60,7 @@ IntertrialPlan = Callable[[TrialScript], Iterator[Step]]
 PersonOf: TypeAlias = Callable[[int, int, bool, "StudyExperiment"], SimulatedParticipant]
 FactsOf: TypeAlias = Callable[["pd.DataFrame"], "pd.DataFrame"]
 ViewsOf: TypeAlias = Callable[[Shown, "StudyExperiment"], Iterator[SceneFrame]]
+ConcludeOf: TypeAlias = Callable[["StudyAnalysis"], "Sequence[Conclusion]"]
 AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
 """What a simulated person answers: the option (or text) for what was seen; None leaves it out."""
 
@@ -86,12 +89,15 @@ class Study:
     `spares` those without which the operator may go on (None: all used on which nothing rests).
     `looks` ask for everything about looks on an agent (whole, by ray, in parts, by other detectors,
     by padding and minimum duration).
+    `families` are families of simple tests: pairs of levels, correlations with a score; the first
+    one of pairs is made again without rules of exclusion, and by padding and minimum duration.
     `derived` are columns that follow from a trial's factors (a place from its zone and its depth);
     `cells` are the factors whose combinations are compared and described, where not all within
     people are: others only vary the situation. `columns` describe what the trial writes into its
     row besides. Where `validate` is no, gaze is recorded along and nothing rests on it.
     `dressed_by` names what dresses scenes that a trial makes itself ("module:function"). The eye
     tracker is calibrated at the beginning, and before every block with `calibrate_blocks`.
+    `setup` answers items of the reporting list for eye tracking that follow from the study.
     """
 
     name: str
@@ -115,6 +121,7 @@ class Study:
     measures: Sequence[Measure] = ()
     looks: Sequence[LooksOn] = ()
     compare: Sequence[Compare] = ()
+    families: Sequence[Family] = ()
     exclusions: Sequence[Exclusion] = STANDARD_RULES
     questionnaires: Sequence[str] = ()
     needs: Sequence[str] = ()
@@ -129,6 +136,7 @@ class Study:
     source: Source | None = None
     methods: str = ""
     references: Sequence[str] = ()
+    setup: Mapping[str, str] = field(default_factory=dict)
     version: str = "1"
     folder: Path = field(default_factory=Path)
     dressed_by: str = ""
@@ -138,6 +146,7 @@ class Study:
     answer_of: AnswerOf | None = None
     person_of: PersonOf | None = None
     facts_of: FactsOf | None = None
+    conclude_of: ConcludeOf | None = None
     views_of: ViewsOf | None = None
     older_of: Callable[[dict[str, Any]], dict[str, Any]] | None = None
     sections: list[SectionOf | str] = field(default_factory=list)
@@ -216,6 +225,11 @@ class Study:
         """
         self.facts_of = facts
         return facts
+
+    def conclude(self, conclude: ConcludeOf) -> ConcludeOf:
+        """Take a function of the analysis as what answers the study's questions (a decorator)."""
+        self.conclude_of = conclude
+        return conclude
 
     def views(self, views: ViewsOf) -> ViewsOf:
         """Take a function as what rebuilds the views a recorded frame may have shown, the

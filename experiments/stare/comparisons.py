@@ -1,33 +1,58 @@
-"""What the study compares: four families of the source's tests, and a second view of fixations."""
+"""What the study measures and compares: families of the source's tests, a second view, rules."""
 
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
 from experiments.stare import published
-from experiments.stare.design import CONDITIONS, DEPTHS, ZONES
 from experiments.stare.published import COMPARISONS
-from experiments.stare.terms import CONDITION_NAMES, DWELL, FIRST_TIME, FIXATION_COUNT, MEASURES
-from visavis.looks import IDT, IVT
+from visavis.exclusions import Exclusion
+from visavis.looks import (
+    DWELL_MS,
+    FIRST_FIXATION_DURATION_MS,
+    FIRST_FIXATION_TIME_MS,
+    IDT,
+    IVT,
+    SECOND_FIXATION_DURATION_MS,
+    SECOND_FIXATION_TIME_MS,
+)
+from visavis.looks import (
+    FIXATION_COUNT as COUNT_COLUMN,
+)
 from visavis.measures import Measure, aggregated
 from visavis.pairs import Correlate, CorrelationTest, Family, Pairs, PairTest, Printed
 
-COLUMNS: Final = tuple(m.column for m in MEASURES)
-SCORE_COLUMN: Final = "social_anxiety_total"
-"""Liebowitz total, 0 to 144, in the table of participants' answers."""
-LEVELS: Final[dict[str, tuple[str, ...]]] = {
-    "condition": CONDITIONS,
-    "zone": ZONES,
-    "place": tuple(f"{zone}_{depth}" for zone in ZONES for depth in DEPTHS),
-}
-"""What the whole study varies."""
+DWELL: Final = Measure(DWELL_MS, "ms", "Dwell time", needs_gaze=True)
+FIXATION_COUNT: Final = Measure(COUNT_COLUMN, "1", "Fixation count", needs_gaze=True)
+FIRST_TIME: Final = Measure(FIRST_FIXATION_TIME_MS, "ms", "First fixation time", needs_gaze=True)
+MEASURES: Final[tuple[Measure, ...]] = (
+    DWELL,
+    FIXATION_COUNT,
+    Measure(FIRST_FIXATION_DURATION_MS, "ms", "First fixation duration", needs_gaze=True),
+    FIRST_TIME,
+    Measure(SECOND_FIXATION_DURATION_MS, "ms", "Second fixation duration", needs_gaze=True),
+    Measure(SECOND_FIXATION_TIME_MS, "ms", "Second fixation time", needs_gaze=True),
+)
+"""The six measures, in the order of the published tables."""
 SECOND_VIEW_MEASURES: Final = (
     Measure(IVT + "on_active_count", "1", "Number of fixations on the agent by velocity (I-VT)"),
     Measure(IDT + "on_active_count", "1", "Number of fixations on the agent by dispersion (I-DT)"),
 )
 ALL_MEASURES: Final = {m.column: m for m in (*MEASURES, *SECOND_VIEW_MEASURES)}
+COLUMNS: Final = tuple(m.column for m in MEASURES)
+SCORE_COLUMN: Final = "social_anxiety_total"
+"""Liebowitz total, 0 to 144, in the table of participants' answers."""
+
+RULES: Final = (
+    Exclusion("max_trial_lost_01", "trial", "lost_01", 0.30,
+              "{value:.0%} lost (limit {limit:.0%})", missing_is_out=True),
+    Exclusion("max_bad_trials_01", "participant", "bad_trials_01", 0.30,
+              "{value:.0%} of the trials without enough gaze (limit {limit:.0%})"),
+    Exclusion("max_error_deg", "participant", "calibration_error_deg", 2.5,
+              "mean calibration error {value:.1f}° (limit {limit:.1f}°)"),
+)  # fmt: skip
+"""This platform's: the source names none."""
 
 
 def _of_conditions(test: PairTest) -> Printed:
@@ -59,11 +84,20 @@ def _of_anxiety(test: CorrelationTest) -> Printed:
     """Return a printed correlation; what the source does not print was not significant."""
     for row in published.CORRELATIONS:
         if (row.condition, row.measure) == (test.level, test.measure.column):
-            return Printed(True, row.p, direction=int(np.sign(row.r_s)), r=row.r_s)
-    return Printed(False)
+            return Printed(True, row.p, direction=int(np.sign(row.r_s)), r=row.r_s,
+                           where="section 3.3.2")  # fmt: skip
+    return Printed(False, where="section 3.3.2")
 
 
-_GAZE: Final[dict[str, Any]] = {"names": CONDITION_NAMES, "noun": "gaze"}
+_GAZE: Final[dict[str, Any]] = {
+    "noun": "gaze",
+    "names": {
+        "A": "averted",
+        "D": "directed",
+        "AD": "averted-then-directed",
+        "DA": "directed-then-averted",
+    },
+}
 CONDITION_TESTS: Final = Pairs(
     "conditions", COLUMNS, "condition", COMPARISONS, printed=_of_conditions,
     words="the thirty tests: five comparisons of six measures", **_GAZE,
@@ -101,42 +135,3 @@ FAMILIES: Final[tuple[Family, ...]] = (
 def condition_means(rows: pd.DataFrame) -> pd.DataFrame:
     """Return one row per participant and condition: means over trials and `n_trials`."""
     return aggregated(rows, MEASURES, ["condition"]).rename(columns={"n": "n_trials"})
-
-
-def place_means(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per participant, condition and place with the mean measures."""
-    return aggregated(rows, MEASURES, ["condition", "place"])
-
-
-@dataclass(frozen=True)
-class Descriptive:
-    """One measure in one condition over participants; `sd` NaN below two of them."""
-
-    measure: Measure
-    condition: str
-    n: int
-    mean: float
-    sd: float
-
-
-def describe(means: pd.DataFrame) -> tuple[Descriptive, ...]:
-    """Describe every measure in every condition over the participants who have it."""
-    described = []
-    for measure in MEASURES:
-        for condition in CONDITIONS:
-            values = means.loc[means["condition"] == condition, measure.column].dropna()
-            described.append(
-                Descriptive(
-                    measure,
-                    condition,
-                    len(values),
-                    float(values.mean()) if len(values) else float("nan"),
-                    float(values.std(ddof=1)) if len(values) > 1 else float("nan"),
-                )
-            )
-    return tuple(described)
-
-
-def mean_deviation_01(found: Descriptive) -> float:
-    """Return how far a mean lies from the published one, as a signed share of it."""
-    return found.mean / published.MEANS[found.condition][found.measure.column].mean - 1.0

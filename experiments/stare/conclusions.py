@@ -1,11 +1,11 @@
 """The study's questions answered in words, each by a stated rule."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from analysis.report.blocks import Status
 from analysis.report.notation import counted, fraction
-from experiments.stare.terms import DWELL, FIXATION_COUNT
+from experiments.stare.comparisons import DWELL, FIXATION_COUNT
+from visavis.analysis import Conclusion
 from visavis.pairs import CorrelationTest, PairTest, find_test
 
 STARED_AT = ("D", "AD", "DA")
@@ -25,30 +25,6 @@ RULE = (
     "have reached its threshold with that number whatever the data (an exact Wilcoxon test of n "
     "differences cannot give less than p = 2/2ⁿ)."
 )
-
-
-@dataclass(frozen=True)
-class Conclusion:
-    """One question with its answer and the sentences of all the tests it rests on.
-
-    `was_tested` is False when a test it needs could not be made at all.
-    """
-
-    status: Status
-    question: str
-    answer: str
-    evidence: tuple[str, ...]
-    was_tested: bool = True
-
-    @property
-    def headline(self) -> str:
-        """Question and answer in one line."""
-        return f"{self.question}: {self.answer}"
-
-    @property
-    def is_found(self) -> bool | None:
-        """Tell whether the effect was found in full; None when it was not tested."""
-        return self.status == "found" if self.was_tested else None
 
 
 def conclude(

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import pandas as pd
 
 from experiments.stare.analysis_parameters import AnalysisParameters
+from experiments.stare.comparisons import MEASURES
 from experiments.stare.design import CONDITIONS
-from experiments.stare.terms import MEASURES
 from lab.errors import DataError
 from recording.integrity import DAMAGED, LOST
 from visavis.exclusions import mean_error_deg

@@ -12,20 +12,19 @@ from matplotlib.patches import Circle
 
 from analysis.plots import new_figure
 from analysis.plots.style import BLACK
-from experiments.stare.analysis import StareAnalysis
-from experiments.stare.comparisons import place_means
-from experiments.stare.terms import DWELL
+from experiments.stare.comparisons import DWELL
 from stimuli.scenes.audience import HEAD_RADIUS_M, PARTICIPANT_EYE_M, PLACES, SEATS
-from visavis.pairs import find_test
+from visavis.analysis import StudyAnalysis
+from visavis.measures import aggregated
 
 DISC_M = 0.28
 
 Colour: TypeAlias = str | tuple[float, float, float]
 
 
-def place_figure(analysis: StareAnalysis) -> Figure:
+def place_figure(analysis: StudyAnalysis) -> Figure:
     """Draw dwell time under A and D and their difference at every place."""
-    means = place_means(analysis.selection.kept)
+    means = aggregated(analysis.selection.counted, [DWELL], ["condition", "place"])
     by_place = means.groupby(["condition", "place"])[DWELL.column].mean()
     averted, directed = (
         {p: float(by_place.get((c, p), float("nan"))) for p in PLACES} for c in ("A", "D")
@@ -37,11 +36,8 @@ def place_figure(analysis: StareAnalysis) -> Figure:
     signed = TwoSlopeNorm(0, -max(most, 1.0), max(most, 1.0))
     figure = new_figure(9.6, 7.0)
     grid = figure.subplots(2, 3, height_ratios=(3.6, 1.45))
-    stars = {
-        p: find_test(analysis.places, DWELL.column, ("A", "D"), p).stars
-        for p in PLACES
-        if np.isfinite(difference[p])
-    }
+    tests = analysis.pairs_of("places")
+    stars = {t.where: t.stars for t in tests if t.measure == DWELL}
     columns: tuple[tuple[str, dict[str, float], Normalize, str, dict[str, str]], ...] = (
         ("Averted", averted, plain, "cividis", {}),
         ("Directed", directed, plain, "cividis", {}),

@@ -20,6 +20,9 @@ from experiments.stare.comparisons import (
     ALL_MEASURES,
     ANXIETY_TESTS,
     CONDITION_TESTS,
+    DWELL,
+    FIXATION_COUNT,
+    MEASURES,
     SCORE_COLUMN,
     condition_means,
 )
@@ -28,7 +31,6 @@ from experiments.stare.design import AVERTED, CONDITIONS
 from experiments.stare.exclusions import select_trials
 from experiments.stare.published import COMPARISONS
 from experiments.stare.quick_study import QuickStudy, TrackerModel, run_study
-from experiments.stare.terms import DWELL, FIXATION_COUNT, MEASURES
 from lab.errors import DataError, UsageError
 from visavis.measures import Measure
 from visavis.observer.temperament import DEFAULT_POPULATION, Population

@@ -144,6 +144,12 @@ MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
 }
 """Mean and SD by condition and measure (tables 3.1, 3.2, A.1, A.2, A.3)."""
 
+
+def cells() -> dict[str, dict[str, tuple[float, float | None]]]:
+    """Return the printed means and standard deviations by measure and condition."""
+    return {m: {c: (of[m].mean, of[m].sd) for c, of in MEANS.items()} for m in MAIN_MEASURES}
+
+
 _WILCOXON: Final = None
 _BOUND: Final = "<"
 

@@ -9,6 +9,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
+from experiments.stare import published
+from experiments.stare.comparisons import FAMILIES, MEASURES, RULES, SECOND_VIEW_MEASURES
+from experiments.stare.conclusions import RULE, conclude
 from experiments.stare.design import (
     AVERTED,
     CONDITIONS,
@@ -19,19 +22,47 @@ from experiments.stare.design import (
     check_levels,
     place_of,
 )
+from experiments.stare.scene import distances
 from experiments.stare.trial import intertrial, run_trial
 from protocol.columns import Column
 from protocol.design import Factor
 from protocol.plan import SessionPlan
 from protocol.steps import Plan
 from stimuli.scenes.audience import DRESSED_BY
+from visavis.analysis import Conclusion, StudyAnalysis
 from visavis.experiment import StudyExperiment
 from visavis.looks import LooksOn
 from visavis.observer import Observer
-from visavis.study import SETTABLE, Study
+from visavis.study import SETTABLE, Source, Study
 from visavis.trial import TrialScript
 
 QUESTIONNAIRES: Final = ("demographics", "social_anxiety", "free_comment")
+METHODS: Final = f"""
+Participants faced {{agents}} seated agents while one of nine of them was the active agent. Its gaze
+was averted (A), directed at the participant (D), averted until first looked at and then directed
+(AD), or directed until first looked at and then averted (DA) (after Raimbaud et al., 2022). A look
+of {{look_trigger_ms}} ms or more changed it; without a look the change came after a share of
+{{switch_at_01}} of the trial, which lasted {{trial_s}} s. The head's padding in the session was
+{{pad_deg}}°. The training lasted {{practice_s}} s or longer.
+
+The source names no limits of exclusion; those below are this platform's, set before analysis. As in
+the source, each participant's trials of a condition were averaged, alpha is shared by a family of
+tests, and social anxiety was correlated without correction.
+
+{RULE}
+"""
+REFERENCES: Final = (
+    "Raimbaud, P., Jovane, A., Zibrek, K., Pacchierotti, C., Christie, M., Hoyet, L., Pettré, J., "
+    "& Olivier, A.-H. (2022). The stare-in-the-crowd effect in virtual reality. IEEE Conference "
+    "on Virtual Reality and 3D User Interfaces.",
+    "Jovane, A. (2023). Thesis, Université de Rennes, chapter 3 and appendix A (the published "
+    "values shown here).",
+    "Dunn, M. J., et al. (2024). Minimal reporting guideline for research involving eye tracking "
+    "(2023 edition). Behavior Research Methods, 56, 4351–4357.",
+    "Olsen, A. (2012). The Tobii I-VT fixation filter. Tobii Technology.",
+    "Liebowitz, M. R. (1987). Social phobia. Modern Problems of Pharmacopsychiatry, 22, 141–173.",
+    "Steiger, J. H. (2004). Beyond the F test. Psychological Methods, 9, 164–182.",
+)
 
 study = Study(
     "stare",
@@ -45,6 +76,18 @@ study = Study(
     practice=[{"condition": AVERTED, "zone": "centre", "depth": "middle"}],
     parameters={k: v for k, v in asdict(DEFAULT_PARAMETERS).items() if k not in SETTABLE},
     intertrial_s=DEFAULT_PARAMETERS.intertrial_s,
+    cells=("condition",),
+    measures=[*MEASURES, *SECOND_VIEW_MEASURES],
+    families=FAMILIES,
+    exclusions=RULES,
+    sections=[
+        "experiments.stare.sections:places_figure",
+        "experiments.stare.sections:changes_section",
+    ],
+    source=Source(published.CITATION, published.PARTICIPANTS, published.cells()),
+    methods=METHODS,
+    references=REFERENCES,
+    setup={"distances": distances()},
     looks=[LooksOn("active_index", "t_start_ns", "t_end_ns", "switch_ns")],
     columns=[
         Column("active_index", "", "index of the active agent in the recorded columns"),
@@ -65,6 +108,12 @@ study = Study(
     dressed_by=DRESSED_BY,
     folder=Path(__file__).parent,
 )
+
+
+@study.conclude
+def conclusions(analysis: StudyAnalysis) -> tuple[Conclusion, ...]:
+    """Answer the hypotheses of the source."""
+    return conclude(analysis.pairs_of("conditions"), analysis.correlations_of("anxiety"))
 
 
 @study.check

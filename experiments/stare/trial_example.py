@@ -1,12 +1,17 @@
-"""Take one trial's gaze out of a recording for the report's example figure."""
+"""One trial's gaze out of a recording, as the report shows it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
 
 from analysis.gaze.aoi import aoi_of_samples
 from analysis.gaze.looks import looks_on
 from analysis.gaze.targets import GazeTargets
-from experiments.stare.figures import TrialExample
-from experiments.stare.gaze_changes import TOLERANCE_MS
+from analysis.plots import BLUE, VERMILION, Drawn, draw, new_figure
+from analysis.plots.style import BLACK, GREY
 from lab.clock import NS_PER_MS
 from lab.errors import DataError
 from protocol.steps import Row
@@ -17,6 +22,27 @@ from visavis.looks import (
 )
 
 SHOWN_CONDITION = "AD"
+TOLERANCE_MS = 1.0
+"""Far below the time between samples: the same sample, counted from the trial's start."""
+
+
+@dataclass(frozen=True)
+class TrialExample:
+    """The gaze of one trial against its active agent.
+
+    `t_ms` (n,) from the trial's start; `angle_deg` (n,) from the gaze to the head's centre, NaN
+    where lost; `radius_deg` the head's angular radius with padding; `looks_ms` onset and duration
+    of each look, with whether it is a fixation; `switch_ms` when the agent's gaze changed;
+    `end_ms` when the trial ended (None: with the last sample).
+    """
+
+    label: str
+    t_ms: npt.NDArray[np.float64]
+    angle_deg: npt.NDArray[np.float64]
+    radius_deg: float
+    looks_ms: Sequence[tuple[float, float, bool]]
+    switch_ms: float | None = None
+    end_ms: float | None = None
 
 
 def example_of(
@@ -110,3 +136,49 @@ def _whole(row: Row, name: str) -> int:
             f"trial {row.get('trial_id')}: {name} is missing; choose a finished trial as example"
         )
     return int(value)
+
+
+def trial_figure(example: TrialExample, *, is_simulated: bool) -> Drawn:
+    """Return the angle between gaze and the active agent's head over a trial, and its looks."""
+    return draw(
+        "trial",
+        lambda: _trial(example),
+        title=f"Gaze in one trial ({example.label})",
+        caption="Angle from the gaze to the centre of the active agent's head; gaze "
+        "within the shaded band is on the head. Bars: looks, filled when they are "
+        "fixations. Gaps: lost gaze.",
+        alternative="Angle between gaze and the active agent's head over one trial.",
+        is_simulated=is_simulated,
+    )
+
+
+def _trial(example: TrialExample) -> Figure:
+    figure = new_figure(9.6, 3.3)
+    axes = figure.add_subplot()
+    seconds = example.t_ms / 1000
+    axes.axhspan(0, example.radius_deg, color=VERMILION, alpha=0.15, linewidth=0)
+    axes.plot(seconds, example.angle_deg, color=BLUE, linewidth=0.9)
+    top = float(np.nanmax(example.angle_deg)) if np.isfinite(example.angle_deg).any() else 10.0
+    for onset, duration, is_fixation in example.looks_ms:
+        axes.barh(
+            -0.07 * top,
+            duration / 1000,
+            left=onset / 1000,
+            height=0.06 * top,
+            facecolor=VERMILION if is_fixation else "white",
+            edgecolor=VERMILION,
+            linewidth=0.9,
+        )
+    if example.switch_ms is not None:
+        x = example.switch_ms / 1000
+        axes.axvline(x, color=BLACK, linestyle=(0, (4, 3)), linewidth=1)
+        axes.text(x, 1.04 * top, " gaze changes", va="top", fontsize=9.5)
+    axes.axhline(0, color=GREY, linewidth=0.6)
+    axes.set_ylim(-0.13 * top, 1.08 * top)
+    end_ms = example.end_ms
+    if end_ms is None and example.t_ms.size:
+        end_ms = float(example.t_ms[-1])
+    axes.set_xlim(0, None if end_ms is None else end_ms / 1000)
+    axes.set_xlabel("Time from the start of the trial (s)")
+    axes.set_ylabel("Angle to the head (°)")
+    return figure

@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 from analysis.power import Found, PowerRequest, Replicate, jobs_of, run_job, study_seed, summarise
 from cli.main import app
 from cli.power_commands import power_study, read_effect, read_numbers, read_tests
-from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS, LEVELS, condition_means
+from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS, condition_means
 from experiments.stare.power import StarePower, draw_people, scaled_population
+from experiments.stare.study import experiment_of
 from lab.errors import DataError, UsageError
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
 from visavis.observer.temperament import DEFAULT_POPULATION
@@ -137,7 +138,7 @@ def test_verdicts_are_those_of_the_study_analysis(study: StarePower, folder: Pat
     seed = 5
     found = study.resample(people, (12,), tuple(study.tests), seed=seed, alpha=0.05)[12]
     drawn = draw_people(people, 12, np.random.default_rng(seed))
-    for c in compare_pairs(CONDITION_TESTS, drawn, ALL_MEASURES, LEVELS):
+    for c in compare_pairs(CONDITION_TESTS, drawn, ALL_MEASURES, experiment_of().levels):
         name = f"{c.first}-{c.second}:{c.measure.column}"
         assert found[name].is_significant == c.is_significant
         assert found[name].difference == pytest.approx(c.second_mean - c.first_mean)

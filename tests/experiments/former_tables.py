@@ -34,13 +34,15 @@ class Former:
     """The former tables of a study by name, and values of theirs that are called otherwise now.
 
     Rows of several parts are ordered by the column `ordered_by`; numbers of `fractional` columns,
-    which shared a column with missing ones, were written with a fraction.
+    which shared a column with missing ones, were written with a fraction. `sorted_by` are the
+    columns by which a table's rows were sorted.
     """
 
     tables: Mapping[str, tuple[Part, ...]]
     values: Mapping[tuple[str, str], str] = field(default_factory=dict)
     ordered_by: str = ""
     fractional: tuple[str, ...] = ()
+    sorted_by: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 EFFECTS: Final = ("technique", "direction", "technique:direction")
@@ -60,7 +62,36 @@ WAVING: Final = Former(
     "measure",
     ("df1", "df2"),
 )  # fmt: skip
-FORMER: Final[Mapping[str, Former]] = {"waving": WAVING, "quick_waving": WAVING}
+SCORES: Final = (
+    "total",
+    "fear",
+    "avoidance",
+    "performance",
+    "interaction",
+    "fear_performance",
+    "fear_interaction",
+    "avoidance_performance",
+    "avoidance_interaction",
+)
+SCORE_NAMES: Final = {f"anxiety_{name}": f"social_anxiety_{name}" for name in SCORES}
+STARE: Final = Former(
+    {
+        "trials": (Part("trials"),),
+        "answers": (Part("answers", SCORE_NAMES),),
+        "participants": (Part("participants", {**SCORE_NAMES, "excluded": "left_out_because"}),),
+        "condition_means": (Part("cell_means", {"n_trials": "n"}),),
+        "statistics": (Part("statistics"),),
+        "sensitivity": (Part("sensitivity", {"dwell_p": "dwell_ms_p"}),),
+    },
+    {("second", "social_anxiety_total"): "anxiety_total"},
+    sorted_by={"condition_means": ("participant", "condition")},
+)
+FORMER: Final[Mapping[str, Former]] = {
+    "waving": WAVING,
+    "quick_waving": WAVING,
+    "stare": STARE,
+    "quick_stare": STARE,
+}
 
 
 def fingerprint_as_pinned(
@@ -80,6 +111,8 @@ def fingerprint_as_pinned(
         if len(parts) > 1 and former.ordered_by in columns:
             order = list(dict.fromkeys(row[former.ordered_by] for row in rows))
             rows.sort(key=lambda row: order.index(row[former.ordered_by]))
+        if name in former.sorted_by:
+            rows.sort(key=lambda row: [row[column] for column in former.sorted_by[name]])
         path = out / f"{name}.csv"
         with path.open("w", encoding="utf-8", newline="") as file:
             writer = csv.DictWriter(file, columns)

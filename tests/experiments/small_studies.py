@@ -22,7 +22,6 @@ from experiments.crowd.analysis_parameters import AnalysisParameters as CrowdThr
 from experiments.crowd.design import CONTROL_GROUP, HAPTICS_GROUP, CrowdParameters
 from experiments.crowd.quick_study import quick_study as quick_crowd
 from experiments.crowd.study_outputs import similarity_rows
-from experiments.stare import analysis as stare
 from experiments.stare.quick_study import run_study as quick_stare
 from lab.config_files import EXAMPLE
 from recording.folder import SIMULATED_ROOT
@@ -35,6 +34,7 @@ from tests.experiments.fingerprint import (
     write_fingerprint,
 )
 from tests.experiments.former_tables import FORMER, fingerprint_as_pinned
+from tests.experiments.stare.synthetic_rows import analysed
 from visavis.outputs import contrast_rows, statistics_rows
 from visavis.sessions.study_folder import DERIVED
 
@@ -108,12 +108,12 @@ def as_pinned(name: str, tables: Path, root: Path) -> dict[str, Any]:
 def quick_stare_tables() -> dict[str, pd.DataFrame]:
     """Return rows and statistics of sixteen people without sessions."""
     study = quick_stare(tracker_of, seed=SEED, participants=range(16))
-    analysis = stare.analyse_rows(study.trials, study.answers, is_simulated=True)
+    analysis = analysed(study.trials, study.answers)
     return {
         "trials": study.trials,
         "answers": study.answers,
-        "condition_means": analysis.means,
-        "statistics": pd.DataFrame(list(analysis.statistics_rows())),
+        "cell_means": analysis.cell_means(),
+        "statistics": pd.DataFrame(statistics_rows(analysis)),
     }
 
 

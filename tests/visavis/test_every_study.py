@@ -120,14 +120,6 @@ def request_for(
     return replace(made, timing=TIMING)
 
 
-def wholly_on_kit(reference: str) -> OpenedStudy:
-    """Return a study whose analysis is the kit's, too."""
-    study = on_kit(reference)
-    if study.name == "stare":
-        pytest.skip("stare's analysis and the names of its levels are still its own")
-    return study
-
-
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_plan_is_the_same_whenever_it_is_made(reference: str) -> None:
     made = found(reference).experiment(small(reference))
@@ -151,7 +143,7 @@ def test_texts_agree_between_languages_and_name_no_number_themselves(reference: 
 @pytest.mark.slow
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_columns_are_described_and_people_are_not_told_conditions(reference: str) -> None:
-    study = wholly_on_kit(reference)
+    study = on_kit(reference)
     assert [] == performing_problems(study, study.experiment(small(reference)))
 
 
@@ -221,7 +213,7 @@ def killed(request: Request) -> bool:
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_path: Path) -> None:
-    study = wholly_on_kit(reference)
+    study = on_kit(reference)
     paths = [perform_new(request_for(study, reference, tmp_path, i)) for i in range(PEOPLE - 1)]
     last = request_for(study, reference, tmp_path, PEOPLE - 1)
     assert killed(last)
@@ -247,7 +239,7 @@ def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_pa
 def test_names_of_conditions_change_nothing_that_is_recorded(
     reference: str, tmp_path: Path
 ) -> None:
-    study = wholly_on_kit(reference)
+    study = on_kit(reference)
     other = OpenedStudy(renamed(study.study))
 
     def streams(of: OpenedStudy, root: Path, set_to: dict[str, Any]) -> dict[str, str]:

@@ -2,22 +2,21 @@ import numpy as np
 import pytest
 
 from analysis.report import ReportProvenance
-from experiments.stare.analysis import analyse_rows as analyse_stare
-from experiments.stare.report import kept_of
 from experiments.stare.scene import distances
-from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
+from tests.experiments.stare.synthetic_rows import analysed, anxiety_answers, study_rows
 from tests.visavis.sessions import opened
 from visavis.analysis import analyse_rows
 from visavis.exclusions import limits_in_force, select
 from visavis.measures import Measure
 from visavis.quality import quality_of as quality_of_study
 from visavis.quality import quality_of_trials, quality_table
+from visavis.report import kept_of
 from visavis.reporting_list import FILL_IN, OPEN, reporting_table
 
 
 @pytest.fixture(scope="module")
 def analysis():
-    return analyse_stare(study_rows(3), anxiety_answers(3), is_simulated=True)
+    return analysed(study_rows(3), anxiety_answers(3))
 
 
 def people(**columns):
@@ -26,8 +25,8 @@ def people(**columns):
 
 def quality_of(analysis, answers, **options):
     return quality_of_trials(
-        analysis.trials,
-        analysis.selection.complete,
+        analysis.selection.rows,
+        analysis.selection.finished,
         max_trial_lost_01=0.3,
         people=answers,
         **options,

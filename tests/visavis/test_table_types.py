@@ -4,11 +4,17 @@ import pandas as pd
 import pytest
 
 from analysis.report import ReportProvenance
-from experiments.stare.study import experiment_of
-from experiments.stare.study_outputs import analyse_study
+from experiments.stare.study import experiment_of, study
 from lab.errors import DataError
-from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows, varied_rows
+from tests.experiments.stare.synthetic_rows import (
+    analysed,
+    anxiety_answers,
+    study_rows,
+    varied_rows,
+)
 from visavis.dictionary import trial_columns
+from visavis.intake import questionnaire
+from visavis.outputs import write_study
 from visavis.table_types import column_type, typed
 
 COLUMNS = trial_columns(experiment_of(), ())
@@ -56,19 +62,14 @@ def folder(tmp_path_factory):
     rows = study_rows(4)
     people = anxiety_answers(4).assign(vision=[1, 2, 3, 1], drift_deg=[0.1, 0.2, 0.3, 0.4])
     out = tmp_path_factory.mktemp("tables")
-    analyse_study(
-        rows,
-        people,
-        out,
-        is_simulated=True,
-        provenance=ReportProvenance("stare", "1", ""),
-        sensitivity_rows=varied_rows(rows),
-    )
+    analysis = analysed(rows, people, varied=varied_rows(rows))
+    asked = [questionnaire(name, study.folders) for name in study.questionnaires]
+    write_study(analysis, experiment_of(), asked, ReportProvenance("stare", "1", ""), out)
     return out
 
 
 @pytest.mark.parametrize(
-    "table", ["trials", "participants", "condition_means", "statistics", "sensitivity"]
+    "table", ["trials", "participants", "cell_means", "statistics", "sensitivity"]
 )
 def test_every_column_of_a_table_is_described(folder, table):
     described = json.loads((folder / f"{table}.json").read_text(encoding="utf-8"))

@@ -1,14 +1,18 @@
 """Trial tables shaped like a study's, drawn from normal distributions at the published means."""
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from experiments.stare.comparisons import MEASURES
 from experiments.stare.design import CONDITIONS
 from experiments.stare.published import MEANS
-from experiments.stare.terms import MEASURES
+from experiments.stare.study import study
 from stimuli.scenes.audience import ACTIVE_PLACES, depth_of, zone_of
+from visavis.analysis import StudyAnalysis
+from visavis.opened import OpenedStudy
 
 SPREAD = {"dwell_ms": 0.8, "fixation_count": 0.9}
 """Within-person standard deviation of a trial as a share of the condition's mean."""
@@ -62,6 +66,30 @@ def study_rows(
             row["ivt_on_active_count"] = row["fixation_count"]
             rows.append(row)
     return pd.DataFrame(rows)
+
+
+def analysed(
+    rows: pd.DataFrame,
+    answers: pd.DataFrame,
+    *,
+    varied: pd.DataFrame | None = None,
+    parameters: dict[str, Any] | None = None,
+    **settings: float,
+) -> StudyAnalysis:
+    """Analyse trials as the study does; what a session adds to them is filled in."""
+    added = {"session": 1, "attempt": 1, "status": "complete", "is_practice": False,
+             "is_simulated": True}  # fmt: skip
+    whole = rows.assign(**{k: v for k, v in added.items() if k not in rows})
+    people = answers if "participant" in answers else pd.DataFrame({"participant": []})
+    opened = OpenedStudy(study)
+    return opened.analysis_of_rows(
+        opened.experiment(parameters or {}),
+        whole,
+        people,
+        planned={},
+        settings=settings,
+        varied=varied,
+    )
 
 
 def anxiety_answers(participants: int, *, seed: int = 1) -> pd.DataFrame:

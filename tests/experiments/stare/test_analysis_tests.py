@@ -3,22 +3,36 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from benchmarks.stare_studies import describe
 from experiments.stare import published
-from experiments.stare.analysis import analyse_rows
 from experiments.stare.comparisons import (
     ALL_MEASURES,
     CONDITION_TESTS,
-    LEVELS,
+    DWELL,
+    FIRST_TIME,
+    FIXATION_COUNT,
+    MEASURES,
     condition_means,
-    describe,
-    mean_deviation_01,
 )
 from experiments.stare.conclusions import conclude
 from experiments.stare.design import CONDITIONS
-from experiments.stare.terms import DWELL, FIRST_TIME, FIXATION_COUNT, MEASURES
+from experiments.stare.study import experiment_of
 from lab.errors import DataError
-from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows, varied_rows
-from visavis.pairs import Agreement, agreement, compare, compare_pairs, find_test
+from tests.experiments.stare.synthetic_rows import (
+    analysed,
+    anxiety_answers,
+    study_rows,
+    varied_rows,
+)
+from visavis.outputs import statistics_rows
+from visavis.pairs import (
+    Agreement,
+    agreement,
+    compare,
+    compare_pairs,
+    count_agreement,
+    find_test,
+)
 
 N = 20
 
@@ -26,9 +40,7 @@ N = 20
 @pytest.fixture(scope="module")
 def study():
     rows = study_rows(N)
-    return analyse_rows(
-        rows, anxiety_answers(N), is_simulated=True, sensitivity_rows=varied_rows(rows)
-    )
+    return analysed(rows, anxiety_answers(N), varied=varied_rows(rows))
 
 
 def means_of(**columns: list[float]) -> pd.DataFrame:
@@ -47,31 +59,31 @@ def dwell(means: pd.DataFrame):
 
 
 def thirty(rows):
-    return compare_pairs(CONDITION_TESTS, rows, ALL_MEASURES, LEVELS)
+    return compare_pairs(CONDITION_TESTS, rows, ALL_MEASURES, experiment_of().levels)
 
 
 def test_condition_mean_averages_the_trials_of_a_condition(study):
-    rows = study.selection.kept
+    rows = study.selection.counted
     here = rows[(rows["participant"] == "S01") & (rows["condition"] == "AD")]
-    means = study.means.set_index(["participant", "condition"])
+    means = study.cell_means().set_index(["participant", "condition"])
 
     assert here["dwell_ms"].mean() == pytest.approx(means.loc[("S01", "AD"), "dwell_ms"])
-    assert means.loc[("S01", "AD"), "n_trials"] == 18
+    assert means.loc[("S01", "AD"), "n"] == 18
 
 
 def test_thirty_tests_share_alpha_over_thirty(study):
-    assert len(study.comparisons) == 30
-    assert {c.threshold for c in study.comparisons} == {0.05 / 30}
-    assert {c.threshold for c in study.places} == {0.05 / 9}
-    assert len(study.places) == 18
-    assert {c.threshold for c in study.zones} == {0.05 / 3}
-    assert len(study.zones) == 15
+    assert len(study.pairs_of("conditions")) == 30
+    assert {c.threshold for c in study.pairs_of("conditions")} == {0.05 / 30}
+    assert {c.threshold for c in study.pairs_of("places")} == {0.05 / 9}
+    assert len(study.pairs_of("places")) == 18
+    assert {c.threshold for c in study.pairs_of("zones")} == {0.05 / 3}
+    assert len(study.pairs_of("zones")) == 15
 
 
 def test_test_equals_scipy_on_the_participants_means(study):
-    wide = study.means.pivot(index="participant", columns="condition", values="dwell_ms")
+    wide = study.cell_means().pivot(index="participant", columns="condition", values="dwell_ms")
     expected = stats.ttest_rel(wide["A"], wide["D"])
-    outcome = find_test(study.comparisons, DWELL.column, ("A", "D")).outcome
+    outcome = find_test(study.pairs_of("conditions"), DWELL.column, ("A", "D")).outcome
 
     assert outcome is not None
     assert outcome.is_parametric == (stats.shapiro(wide["A"] - wide["D"]).pvalue > 0.05)
@@ -116,7 +128,11 @@ def test_direction_is_up_when_the_second_condition_has_more():
 
 
 def test_sentence_names_test_n_statistic_p_effect_interval_and_threshold(study):
-    for test in (*study.comparisons, *study.places, *study.zones):
+    for test in (
+        *study.pairs_of("conditions"),
+        *study.pairs_of("places"),
+        *study.pairs_of("zones"),
+    ):
         text = test.sentence()
 
         assert f"n = {test.n_pairs}" in text
@@ -156,8 +172,8 @@ def test_verdicts_agree_in_significance_and_direction(printed, ours, same_direct
 
 
 def test_data_at_the_published_means_agree_with_most_published_verdicts(study):
-    assert study.agreements["conditions"].published == 30
-    assert study.agreements["conditions"].agree >= 24
+    assert count_agreement(study.pairs_of("conditions")).published == 30
+    assert count_agreement(study.pairs_of("conditions")).agree >= 24
 
 
 def test_reversed_effect_does_not_agree_with_the_published_one():
@@ -183,7 +199,7 @@ def test_effect_is_found_only_with_both_dwell_time_and_fixation_count():
 
 def test_no_effect_is_reported_as_not_significant_with_n():
     rows = study_rows(12, effect=False, seed=5)
-    found = analyse_rows(rows, anxiety_answers(12), is_simulated=True)
+    found = analysed(rows, anxiety_answers(12))
 
     assert found.conclusions[0].headline == (
         "Stare-in-the-crowd effect: not significant with n = 12"
@@ -193,20 +209,20 @@ def test_no_effect_is_reported_as_not_significant_with_n():
 @pytest.mark.parametrize("participants", [1, 2])
 def test_too_few_participants_are_said_not_computed(participants):
     rows = study_rows(participants)
-    found = analyse_rows(rows, anxiety_answers(participants), is_simulated=True)
+    found = analysed(rows, anxiety_answers(participants))
 
     assert {c.status for c in found.conclusions} == {"undecided"}
-    assert found.agreements["conditions"].compared == 0
-    assert all("not tested" in c.sentence() for c in found.comparisons)
+    assert count_agreement(found.pairs_of("conditions")).compared == 0
+    assert all("not tested" in c.sentence() for c in found.pairs_of("conditions"))
 
 
 def test_anxiety_correlation_uses_those_with_a_score(study):
     answers = anxiety_answers(N)
     answers.loc[0:1, "social_anxiety_total"] = np.nan
-    found = analyse_rows(study.trials, answers, is_simulated=True).anxiety
+    found = analysed(study.selection.rows, answers).correlations_of("anxiety")
     with_d = next(c for c in found if c.measure == DWELL and c.level == "D")
 
-    assert {c.n for c in study.anxiety if c.measure == DWELL} == {N}
+    assert {c.n for c in study.correlations_of("anxiety") if c.measure == DWELL} == {N}
     assert with_d.n == N - 2
 
 
@@ -216,11 +232,11 @@ def test_strong_negative_anxiety_relation_is_found():
     rank = rows["participant"].map(order)
     answers = pd.DataFrame({"participant": list(order), "social_anxiety_total": range(10, 10 + N)})
     rows["dwell_ms"] = 3000.0 - 100 * rank + 0.001 * rows["dwell_ms"]
-    found = analyse_rows(rows, answers, is_simulated=True)
+    found = analysed(rows, answers)
 
     assert found.conclusions[-1].status == "found"
     assert "3 of 3 conditions" in found.conclusions[-1].answer
-    significant = [a for a in found.anxiety if a.measure == DWELL]
+    significant = [a for a in found.correlations_of("anxiety") if a.measure == DWELL]
     assert all(a.outcome is not None and a.outcome.r < -0.9 for a in significant)
 
 
@@ -228,19 +244,14 @@ def test_two_scores_of_one_participant_are_refused():
     answers = pd.DataFrame({"participant": ["S01", "S01"], "social_anxiety_total": [5, 6]})
 
     with pytest.raises(DataError, match="S01 has two"):
-        analyse_rows(study_rows(3), answers, is_simulated=True)
+        analysed(study_rows(3), answers)
 
 
 def test_no_answers_leave_the_rest_of_the_analysis():
-    found = analyse_rows(study_rows(4), pd.DataFrame(), is_simulated=True)
+    found = analysed(study_rows(4), pd.DataFrame())
 
     assert found.conclusions[-1].status == "undecided"
-    assert all(c.outcome is not None for c in found.comparisons if c.measure == DWELL)
-
-
-def test_simulated_rows_are_refused_as_real():
-    with pytest.raises(DataError, match="apart"):
-        analyse_rows(study_rows(3), anxiety_answers(3), is_simulated=False)
+    assert all(c.outcome is not None for c in found.pairs_of("conditions") if c.measure == DWELL)
 
 
 def test_sensitivity_repeats_the_main_analysis_at_its_own_setting(study):
@@ -248,7 +259,7 @@ def test_sensitivity_repeats_the_main_analysis_at_its_own_setting(study):
 
     assert len(study.sensitivity) == 15
     assert own[0].same_verdicts == 30
-    main = find_test(study.comparisons, DWELL.column, ("A", "D"))
+    main = find_test(study.pairs_of("conditions"), DWELL.column, ("A", "D"))
     assert own[0].shown[0].first_mean == pytest.approx(main.first_mean)
 
 
@@ -257,27 +268,27 @@ def test_sensitivity_leaves_out_excluded_trials():
     varied = varied_rows(rows)
     rows.loc[rows["trial_id"] == "T01", "lost_01"] = 0.9
     varied.loc[varied["trial_id"] == "T01", "dwell_ms"] = 1e9
-    found = analyse_rows(rows, anxiety_answers(5), is_simulated=True, sensitivity_rows=varied)
+    found = analysed(rows, anxiety_answers(5), varied=varied)
 
     assert max(r.shown[0].first_mean for r in found.sensitivity) < 1e5
 
 
 def test_second_view_compares_fixations_of_the_velocity_detector(study):
-    assert len(study.second_view) == 5
-    assert {c.n_tests for c in study.second_view} == {5}
+    assert len(study.pairs_of("second view")) == 5
+    assert {c.n_tests for c in study.pairs_of("second view")} == {5}
 
 
 def test_zone_means_average_the_three_depths(study):
-    rows = study.selection.kept
+    rows = study.selection.counted
     part = rows[(rows["zone"] == "centre") & (rows["condition"].isin(["A", "D"]))]
     means = part.groupby(["participant", "condition"])[FIRST_TIME.column].mean().unstack()
-    test = find_test(study.zones, FIRST_TIME.column, ("A", "D"), "centre")
+    test = find_test(study.pairs_of("zones"), FIRST_TIME.column, ("A", "D"), "centre")
 
     assert test.first_mean == pytest.approx(means.dropna()["A"].mean())
 
 
 def test_statistics_rows_name_every_family_and_every_sentence(study):
-    rows = list(study.statistics_rows())
+    rows = statistics_rows(study)
 
     assert len(rows) == 30 + 18 + 15 + 24 + 5 + 30
     assert all(r["sentence"] for r in rows)
@@ -292,10 +303,10 @@ def test_statistics_rows_name_every_family_and_every_sentence(study):
 
 
 def test_order_of_rows_does_not_change_the_analysis(study):
-    shuffled = study.trials.sample(frac=1, random_state=1).reset_index(drop=True)
-    again = analyse_rows(shuffled, anxiety_answers(N), is_simulated=True)
+    shuffled = study.selection.rows.sample(frac=1, random_state=1).reset_index(drop=True)
+    again = analysed(shuffled, anxiety_answers(N))
 
-    for a, b in zip(study.comparisons, again.comparisons, strict=True):
+    for a, b in zip(study.pairs_of("conditions"), again.pairs_of("conditions"), strict=True):
         assert a.outcome is not None
         assert b.outcome is not None
         assert a.outcome.p == pytest.approx(b.outcome.p, rel=1e-9)
@@ -311,34 +322,21 @@ def test_published_means_lie_at_zero_deviation():
         ]
     )
 
-    assert {mean_deviation_01(d) for d in describe(means)} == {0.0}
-
-
-def test_allowed_mixture_counts_as_simulated():
-    rows = study_rows(3)
-    rows.loc[rows["participant"] == "S01", "is_simulated"] = False
-
-    with pytest.raises(DataError, match="apart"):
-        analyse_rows(rows, anxiety_answers(3), is_simulated=True)
-    with pytest.raises(DataError, match="apart"):
-        analyse_rows(rows, anxiety_answers(3), is_simulated=False, allow_mixture=True)
-    assert analyse_rows(
-        rows, anxiety_answers(3), is_simulated=True, allow_mixture=True
-    ).is_simulated
+    assert {d.deviation_01 for d in describe(means)} == {0.0}
 
 
 def test_conditions_left_out_of_a_study_are_not_tested_and_share_no_alpha():
     rows = study_rows(N)
     rows = rows[rows["condition"].isin(["A", "D"])]
-    levels = {**LEVELS, "condition": ("A", "D"), "zone": ("left", "right")}
-    found = analyse_rows(rows, anxiety_answers(N), is_simulated=True, levels=levels)
-    tested = [c for c in found.comparisons if c.outcome is not None]
+    parameters = {"condition": ["A", "D"], "zone": ["left", "right"]}
+    found = analysed(rows, anxiety_answers(N), parameters=parameters)
+    tested = [c for c in found.pairs_of("conditions") if c.outcome is not None]
 
     assert {("A", "D")} == {(c.first, c.second) for c in tested}
     assert {0.05 / 6} == {c.threshold for c in tested}
-    assert {0.05 / 2} == {c.threshold for c in found.zones}
-    assert {"A", "D"} == {c.level for c in found.anxiety}
-    untested = find_test(found.comparisons, DWELL.column, ("D", "DA"))
+    assert {0.05 / 2} == {c.threshold for c in found.pairs_of("zones")}
+    assert {"A", "D"} == {c.level for c in found.correlations_of("anxiety")}
+    untested = find_test(found.pairs_of("conditions"), DWELL.column, ("D", "DA"))
     assert untested.sentence().endswith("not tested, the study was performed without DA.")
     assert found.conclusions[0].status == "found"
     assert found.conclusions[2].answer == "not tested"

@@ -2,10 +2,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.stare.comparisons import ALL_MEASURES, ANXIETY_TESTS, CONDITION_TESTS
+from experiments.stare.comparisons import (
+    ALL_MEASURES,
+    ANXIETY_TESTS,
+    CONDITION_TESTS,
+    DWELL,
+    FIXATION_COUNT,
+    MEASURES,
+)
 from experiments.stare.conclusions import RULE, STARED_AT, conclude
 from experiments.stare.design import CONDITIONS
-from experiments.stare.terms import DWELL, FIXATION_COUNT, MEASURES
 from visavis.pairs import compare, correlate, count_agreement
 
 PAIRS = (("A", "D"), ("A", "AD"), ("A", "DA"))

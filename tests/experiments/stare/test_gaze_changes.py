@@ -1,7 +1,7 @@
 import pandas as pd
 import pytest
 
-from experiments.stare.gaze_changes import gaze_changes
+from experiments.stare.sections import gaze_changes
 
 MS = 1_000_000
 

@@ -1,20 +1,24 @@
 import re
 from html.parser import HTMLParser
 
-import numpy as np
 import pandas as pd
 import pytest
 
 from analysis.report import ReportProvenance, SessionSource
-from experiments.stare.analysis_parameters import AnalysisParameters
-from experiments.stare.figures import TrialExample
-from experiments.stare.methods_text import method_paragraphs
-from experiments.stare.report import kept_of
-from experiments.stare.scene import distances
-from experiments.stare.study_outputs import analyse_study
-from lab.errors import UsageError
-from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows, varied_rows
-from visavis.quality import quality_of_trials
+from experiments.stare.study import experiment_of, study
+from lab.errors import DataError, UsageError
+from tests.experiments.stare.synthetic_rows import (
+    analysed,
+    anxiety_answers,
+    study_rows,
+    varied_rows,
+)
+from visavis.intake import questionnaire
+from visavis.methods import method_paragraphs
+from visavis.opened import OpenedStudy
+from visavis.outputs import write_study
+from visavis.quality import quality_of
+from visavis.report import kept_of
 from visavis.reporting_list import OPEN, SETUP_ITEMS, reporting_table
 
 PROVENANCE = ReportProvenance(
@@ -27,11 +31,13 @@ PROVENANCE = ReportProvenance(
 )
 
 
-def write(folder, participants=6, **options):
-    rows = options.pop("rows", None)
+def write(folder, participants=6, rows=None, varied=None, is_simulated=True):
     rows = study_rows(participants) if rows is None else rows
-    arguments = {"is_simulated": True, "provenance": PROVENANCE} | options
-    return analyse_study(rows, anxiety_answers(participants), folder, **arguments)
+    rows = rows.assign(is_simulated=is_simulated)
+    analysis = analysed(rows, anxiety_answers(participants), varied=varied)
+    asked = [questionnaire(name, study.folders) for name in study.questionnaires]
+    write_study(analysis, experiment_of(), asked, PROVENANCE, folder, study.setup)
+    return analysis
 
 
 class Words(HTMLParser):
@@ -50,26 +56,21 @@ def words_of(html: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory):
-    rows = study_rows(8)
-    rows.loc[4, "status"], rows.loc[4, "reason"] = "interrupted", "tracker silent"
-    rows.loc[5, "lost_01"] = 0.8
-    t_ms = np.arange(0, 16000, 8.0)
-    example = TrialExample(
-        "S01, T01", t_ms, np.abs(30 * np.sin(t_ms / 900)), 4.0, [(100.0, 300.0, True)], 5000.0
-    )
-    return write(
-        tmp_path_factory.mktemp("study"),
-        8,
-        rows=rows,
-        sensitivity_rows=varied_rows(rows),
-        example=example,
-    )
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("study")
 
 
 @pytest.fixture(scope="module")
-def html(written):
-    return written.report.read_text(encoding="utf-8")
+def analysis(folder):
+    rows = study_rows(8)
+    rows.loc[4, "status"], rows.loc[4, "reason"] = "interrupted", "tracker silent"
+    rows.loc[5, "lost_01"] = 0.8
+    return write(folder, 8, rows, varied_rows(rows))
+
+
+@pytest.fixture(scope="module")
+def html(analysis, folder):
+    return (folder / "report.html").read_text(encoding="utf-8")
 
 
 def test_verdict_comes_before_any_table(html):
@@ -85,17 +86,17 @@ def test_report_is_one_file_without_requests(html):
         assert word not in html
 
 
-def test_simulated_report_marks_page_and_every_figure(html, written):
+def test_simulated_report_marks_page_and_every_figure(html, folder):
     assert 'class="banner"' in html
     figures = html.count("<figure>")
-    assert figures == len(written.figures) // 2 == 8
+    assert figures == len(list((folder / "figures").glob("*.svg"))) == 8
     marks = re.findall(r'id="[\w-]*simulated-watermark"', html)
     assert figures == len(marks)
 
 
 def test_real_report_has_no_mark(tmp_path):
-    rows = study_rows(4).drop(columns="is_simulated")
-    text = write(tmp_path, 4, rows=rows, is_simulated=False).report.read_text(encoding="utf-8")
+    write(tmp_path, 4, is_simulated=False)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
 
     assert "SIMULATED" not in text.replace("watermark", "")
     assert "simulated-watermark" not in text
@@ -115,30 +116,27 @@ def test_no_table_shows_an_undefined_number(html):
 
 @pytest.mark.parametrize("participants", [1, 3])
 def test_few_participants_give_a_whole_report_without_undefined_numbers(tmp_path, participants):
-    text = words_of(write(tmp_path, participants).report.read_text(encoding="utf-8"))
+    write(tmp_path, participants)
+    text = words_of((tmp_path / "report.html").read_text(encoding="utf-8"))
 
     assert not re.search(r"\b(nan|NaN|None|inf)\b", text)
     if participants < 3:
         assert "Stare-in-the-crowd effect: not tested" in text
 
 
-def test_report_without_a_usable_trial_says_so(tmp_path):
-    rows = study_rows(3)
-    rows["lost_01"] = 1.0
-    text = words_of(write(tmp_path, 3, rows=rows).report.read_text(encoding="utf-8"))
-
-    assert "0 of 3" in text
-    assert "not tested" in text
+def test_study_without_a_usable_trial_is_not_analysed_and_says_why(tmp_path):
+    with pytest.raises(DataError, match="216 trials: 100% lost"):
+        write(tmp_path, 3, study_rows(3).assign(lost_01=1.0))
 
 
 def test_everything_written_is_the_same_the_second_time(tmp_path):
-    first, second = (write(tmp_path / name, 2) for name in ("a", "b"))
+    for name in ("a", "b"):
+        write(tmp_path / name, 2)
+    first = sorted(p for p in (tmp_path / "a").rglob("*") if p.is_file())
 
-    for one, two in zip(
-        (first.report, *first.tables, *first.figures),
-        (second.report, *second.tables, *second.figures),
-        strict=True,
-    ):
+    assert len(first) > 20
+    for one in first:
+        two = tmp_path / "b" / one.relative_to(tmp_path / "a")
         assert one.read_bytes() == two.read_bytes(), one.name
 
 
@@ -146,20 +144,13 @@ def test_interruption_and_exclusion_are_listed(html):
     text = words_of(html)
 
     assert "tracker silent" in text
-    assert "80 % lost" in text
+    assert "1 trial: max trial lost 01" in text
 
 
-def test_reporting_list_leaves_open_what_nobody_recorded(html, written):
-    found = written.analysis
-    quality = quality_of_trials(
-        found.trials,
-        found.selection.complete,
-        max_trial_lost_01=0.3,
-        facts={"eye_tracker": "Pupil Core", "distances": distances()},
-    )
-    cells = [
-        c for row in reporting_table(kept_of(found), quality, PROVENANCE).rows for c in row[1:]
-    ]
+def test_reporting_list_leaves_open_what_nobody_recorded(html, analysis):
+    quality = quality_of(analysis, {"eye_tracker": "Pupil Core", **study.setup})
+    table = reporting_table(kept_of(analysis), quality, PROVENANCE)
+    cells = [c for row in table.rows for c in row[1:]]
     texts = [c if isinstance(c, str) else c.text for c in cells]
 
     assert words_of(html).count(OPEN) == len(SETUP_ITEMS) - 1  # distances are the study's own
@@ -167,26 +158,44 @@ def test_reporting_list_leaves_open_what_nobody_recorded(html, written):
     assert texts.count(OPEN) == len(SETUP_ITEMS) - 2
 
 
-def test_methods_are_written_from_the_parameters():
-    text = " ".join(method_paragraphs(AnalysisParameters(max_trial_lost_01=0.4, alpha=0.01)))
+def methods(parameters=None, **settings):
+    found = analysed(study_rows(4), anxiety_answers(4), **settings)
+    paragraphs = method_paragraphs(found, study_experiment(parameters or {}))
+    return " ".join(" ".join(paragraphs).split())
 
-    assert "more than 40 % of its time" in text
+
+def study_experiment(parameters):
+    return OpenedStudy(study).experiment(parameters)
+
+
+def test_methods_are_written_from_the_thresholds_in_force():
+    text = methods(max_trial_lost_01=0.4, alpha=0.01)
+
+    assert "lost_01 (max_trial_lost_01) above 0.4" in text
     assert ".01/30 = .000333" in text
 
 
-def test_methods_state_the_measures_thresholds():
-    text = " ".join(method_paragraphs(AnalysisParameters()))
+def test_methods_state_the_measures_thresholds_and_the_rules_of_samples():
+    text = methods()
 
-    for part in ("1.0°", "150 ms", "75 ms", ".05/30 = .00167", "2.5°"):
+    for part in ("1.0°", "150 ms", "75 ms", ".05/30 = .00167", "above 2.5"):
         assert part in text
+    assert "confidence below 0.6" in text
+    assert "sorted in" in text
 
 
-def test_tables_carry_the_simulation_mark_and_the_verdicts(written):
-    tables = {p.name: pd.read_csv(p) for p in written.tables if p.suffix == ".csv"}
+def test_methods_are_written_from_the_plans_parameters():
+    text = methods({"trial_s": 8.0, "repetitions": 3, "switch_at_01": 0.25, "pad_deg": 0.5})
 
-    assert {"trials.csv", "participants.csv", "statistics.csv", "condition_means.csv"} <= set(
-        tables
-    )
+    assert "Every combination came 3 times: 108 trials" in text
+    assert "a share of 0.25 of the trial, which lasted 8 s" in text
+    assert "angular padding of 0.5°" in text
+
+
+def test_tables_carry_the_simulation_mark_and_the_verdicts(analysis, folder):
+    tables = {p.name: pd.read_csv(p) for p in folder.glob("*.csv")}
+
+    assert {"trials.csv", "participants.csv", "statistics.csv", "cell_means.csv"} <= set(tables)
     assert all(t["is_simulated"].all() for t in tables.values())
     statistics = tables["statistics.csv"]
     assert statistics["sentence"].notna().all()
@@ -196,17 +205,17 @@ def test_tables_carry_the_simulation_mark_and_the_verdicts(written):
     assert main["effect_ci_low"].notna().all()
 
 
-def test_trials_say_whether_they_were_analysed(written):
-    trials = pd.read_csv(next(p for p in written.tables if p.name == "trials.csv"))
-    parquet = pd.read_parquet(next(p for p in written.tables if p.suffix == ".parquet"))
+def test_trials_say_whether_they_were_analysed(analysis, folder):
+    trials = pd.read_csv(folder / "trials.csv")
+    parquet = pd.read_parquet(folder / "trials.parquet")
 
-    assert trials["is_analysed"].sum() == written.analysis.selection.flow.analysed
+    assert trials["is_analysed"].sum() == len(analysis.selection.counted)
     assert not trials.loc[[4, 5], "is_analysed"].any()
     assert len(parquet) == len(trials)
 
 
-def test_participants_table_joins_quality_and_answers(written):
-    people = pd.read_csv(next(p for p in written.tables if p.name == "participants.csv"))
+def test_participants_table_joins_quality_and_answers(analysis, folder):
+    people = pd.read_csv(folder / "participants.csv")
 
     assert people["participant"].tolist() == [f"S{i:02d}" for i in range(1, 9)]
     assert people["social_anxiety_total"].notna().all()
