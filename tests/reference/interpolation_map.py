@@ -23,6 +23,8 @@ from stimuli.motion.rotations import mirrored_quat
 from stimuli.motion.spring import Spring
 
 Case = Mapping[str, Any]
+Checks = Mapping[str, Callable[[str, Case], Iterator["Check"]]]
+Entries = Mapping[str, set[str]]
 
 ENTRIES = {
     "slerp": {"p", "q", "h", "expected"},
@@ -87,7 +89,7 @@ def check_squad(where: str, case: Case) -> Iterator[Check]:
     wrong_values = 0
     for i, sample in enumerate(case["samples"]):
         at = f"{where}.samples[{i}]"
-        yield from _unknown(at, sample, SAMPLE_ENTRIES)
+        yield from unknown(at, sample, SAMPLE_ENTRIES)
         got = curve.in_segment(sample["segment"], sample["h"])
         same = same_rotation(sample["expected"], got, tol)
         yield Check(f"{at}.expected", sample["expected"], got.tolist(), same)
@@ -124,7 +126,7 @@ def check_mirror(where: str, case: Case) -> Iterator[Check]:
     yield from _rotations(where, [case["expected"]], [got], case["tol"])
 
 
-CHECKS: Mapping[str, Callable[[str, Case], Iterator[Check]]] = {
+CHECKS: Checks = {
     "slerp": check_slerp,
     "squad": check_squad,
     "lineuler": check_lineuler,
@@ -133,20 +135,23 @@ CHECKS: Mapping[str, Callable[[str, Case], Iterator[Check]]] = {
 }
 
 
-def _unknown(where: str, entries: Case, known: set[str]) -> Iterator[Check]:
+def unknown(where: str, entries: Case, known: set[str]) -> Iterator[Check]:
     for name in entries.keys() - known:
         yield Check(f"{where}.{name}", "a known entry", "no call for this entry", False)
 
 
-def run_file(path: Path) -> list[Check]:
-    """Compare all cases of one file; an error counts as a failure of its case."""
+def run_file(path: Path, checks_of: Checks = CHECKS, entries: Entries = ENTRIES) -> list[Check]:
+    """Compare all cases of one file; an error counts as a failure of its case.
+
+    `checks_of` leads from a kind to what compares its cases, `entries` to what they may hold.
+    """
     try:
         file = json.loads(path.read_text(encoding="utf-8"))
         kind, cases = file["meta"]["kind"], list(file["cases"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         return [Check(path.name, "a file of cases", f"{type(error).__name__}: {error}", False)]
-    if kind not in CHECKS:
-        return [Check(path.stem, f"a kind of {sorted(CHECKS)}", kind, False)]
+    if kind not in checks_of:
+        return [Check(path.stem, f"a kind of {sorted(checks_of)}", kind, False)]
     checks: list[Check] = []
     if not cases:
         checks.append(Check(path.stem, "at least one case", "none", False))
@@ -155,20 +160,22 @@ def run_file(path: Path) -> list[Check]:
             checks.append(Check(f"{path.stem} [{i}]", "a case", case, False))
             continue
         where = f"{path.stem} {case.get('name', i)}"
-        checks += _unknown(where, case, ENTRIES[kind] | {"name", "tol"})
+        checks += unknown(where, case, entries[kind] | {"name", "tol"})
         try:
-            checks += CHECKS[kind](where, case)
+            checks += checks_of[kind](where, case)
         except (LabError, KeyError, TypeError, ValueError, IndexError) as error:
             checks.append(Check(where, "a result", f"{type(error).__name__}: {error}", False))
     return checks
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(
+    arguments: Sequence[str] | None = None, checks_of: Checks = CHECKS, entries: Entries = ENTRIES
+) -> int:
     """Run the comparison and return the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]  # the docstring is above
+    parser = argparse.ArgumentParser(description="Compare files of reference values with ours.")
     parser.add_argument("files", nargs="+", type=Path)
     files = parser.parse_args(arguments).files
-    checks = [check for path in files for check in run_file(path)]
+    checks = [check for path in files for check in run_file(path, checks_of, entries)]
     failed = [check for check in checks if not check.passed]
     for check in failed:
         sys.stdout.write(f"FAIL {check.where}: expected {check.expected}, got {check.got}\n")
