@@ -35,12 +35,16 @@ def add(
     name: Annotated[
         str, typer.Option("--name", help="Who it is; goes to the key file, never to the data.")
     ] = "",
+    replaces: Annotated[
+        str | None,
+        typer.Option("--replaces", help="Take over place and group of someone who withdrew."),
+    ] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of a new study.")] = None,
     devices: DevicesOption = None,
     config: ConfigOption = None,
     assignments: SetOption = None,
 ) -> None:
-    """Issue an identifier and a place in the order; neither is ever used again.
+    """Issue an identifier, never used again, and the first free place in the order.
 
     Example: visavis participant add stare 7 --consent 2
     """
@@ -62,6 +66,7 @@ def add(
         number,
         group=lambda index: experiment.plan(index, settings.seed).group,
         consent_version=consent or lab.privacy.consent_version,
+        replaces=replaces,
     )
     if name and simulated:
         raise UsageError("simulated participants have no names")

@@ -36,6 +36,7 @@ from lab.clock import SimClock, SystemClock
 from lab.config import LabConfig
 from lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
 from protocol.experiment import spare_roles_of
+from protocol.identifiers import make_label
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from protocol.operator import Operator, UnattendedOperator
 from protocol.plan import SessionPlan
@@ -126,14 +127,18 @@ def plan(
         refuse_other(folder, settings, wanted)
     in_force = _seed_in_force(settings, seed)
     ledger = ledger_of(lab, chosen.name, simulated=simulated)
+    experiment = chosen.experiment(wanted.parameters)
     try:
         entry = ledger.resolve(participant)
         label, index, group = entry.label, entry.index, entry.group
         note = ""
     except UnknownParticipant as unknown:
-        label, index, group = participant, max(unknown.number - 1, 0), ""
-        note = f"{participant} is not in the ledger yet; shown is the order of place {index + 1}."
-    experiment = chosen.experiment(wanted.parameters)
+        label, group = make_label(unknown.number, ledger.prefix), ""
+        index = ledger.next_place(lambda place: experiment.plan(place, in_force).group)
+        note = (
+            f"{label} is not in the ledger yet: no place is allocated. Shown is place "
+            f"{index + 1}, which they would get now."
+        )
     made = experiment.plan(index, in_force, group)
     if as_json:
         typer.echo(json.dumps(asdict(made), default=str, ensure_ascii=False, indent=1))
@@ -211,7 +216,7 @@ def run(
     settings = settle(
         folder, wanted, seed_given=seed is not None, fits=partial(groups_hold, chosen, ledger)
     )
-    entry = _entry(lab, chosen, settings, participant, simulated=simulated)
+    entry = registered_or_added(lab, chosen, settings, participant, simulated=simulated)
     path = session_dir(lab.data_root, chosen.name, entry.label, session, is_simulated=simulated)
     if path.exists():
         others = len(list(path.parent.glob("ses-*")))
@@ -236,9 +241,14 @@ def groups_hold(study: AnyStudy, ledger: Ledger, settings: StudySettings) -> boo
     )
 
 
-def _entry(
+def registered_or_added(
     lab: LabConfig, study: AnyStudy, settings: StudySettings, participant: str, *, simulated: bool
 ) -> Participant:
+    """Return somebody of the ledger; simulated people are added to it when they first come.
+
+    Raises:
+        LedgerError: nobody is meant, or somebody real who is not registered.
+    """
     ledger = ledger_of(lab, study.name, simulated=simulated)
     try:
         return ledger.resolve(participant)
@@ -248,7 +258,6 @@ def _entry(
         experiment = study.experiment(settings.parameters)
         return ledger.add(
             unknown.number,
-            index=max(unknown.number - 1, 0),
             group=lambda index: experiment.plan(index, settings.seed).group,
             consent_version=lab.privacy.consent_version,
         )

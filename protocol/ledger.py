@@ -7,8 +7,10 @@ key file (protocol.key_file).
 """
 
 import builtins
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import count, islice
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,12 +20,14 @@ from protocol.exports_register import registered_exports
 from protocol.file_lock import locked
 from protocol.identifiers import MAX_NUMBER, is_one_slip_apart, make_label, read_label
 from protocol.key_file import KeyFile
-from protocol.withdrawal import Removal, remove_participant
+from protocol.withdrawal import Removal, may_have_data, remove_participant
 from recording.chained import append_lines, read_lines
 
 LEDGER_NAME = "participants.jsonl"
 LOCK_NAME = ".participants.lock"
 FORMAT_VERSION = 2
+MAX_RUNS_AHEAD = 4
+"""How many runs of all groups are searched for a place of a group that lost people."""
 
 Status = Literal["active", "withdrawing", "withdrawn"]
 
@@ -34,7 +38,8 @@ class Participant:
 
     `index` counts from 0 in order of entry and decides orders and seeds; `replaces` is the label
     of the withdrawn participant whose index this one took over. A withdrawn entry is the
-    tombstone: `withdrawn_at` and `reason` say when and why.
+    tombstone: `withdrawn_at` and `reason` say when and why; `has_freed_place` that nothing had
+    been recorded, so that the index may be given to somebody else.
     """
 
     label: str
@@ -47,6 +52,7 @@ class Participant:
     replaces: str = ""
     withdrawn_at: str = ""
     reason: str = ""
+    has_freed_place: bool = False
 
 
 class UnknownParticipant(LedgerError):
@@ -85,11 +91,12 @@ class Ledger:
         index: int | None = None,
         replaces: str | None = None,
     ) -> Participant:
-        """Issue an identifier and a place in the order, both never used before.
+        """Issue an identifier never used before and a place in the order.
 
         Without `number`, the next free one. `group` is a name, or a function of the index that
-        is called while the ledger is held (protocol.design.group_of). `index` asks for a certain
-        place; `replaces` takes over index and group of a withdrawn participant.
+        is called while the ledger is held (protocol.design.group_of). The place is the first free
+        one (see `next_place`); `index` asks for a certain place, and `replaces` takes over index
+        and group of a withdrawn participant.
         """
         with self._held():
             entries = self._read()
@@ -99,7 +106,7 @@ class Ledger:
                 gone = self._replaceable(replaces, entries)
                 place, own_group, replaced = gone.index, gone.group, gone.label
             else:
-                place = self._place(index, entries)
+                place = self._place(index, entries, group)
                 own_group = group if isinstance(group, str) else group(place)
                 replaced = ""
             added = Participant(
@@ -123,8 +130,19 @@ class Ledger:
             )
         return added
 
+    def next_place(self, group: Callable[[int], str] | None = None) -> int:
+        """Return the index that `add` would give now; nothing is registered.
+
+        It is the first place that nobody has. A place is free again when its participant withdrew
+        before anything was recorded. Where people of one group (`group` of an index) dropped out
+        after that, the first free place of that group comes before those of other groups.
+        """
+        return _first_free(self._read(), group)
+
     def resolve(self, text: str) -> Participant:
         """Return the participant meant by a number ("7", "07") or a label ("07H").
+
+        A label may be typed without the ledger's prefix, as a number is.
 
         Raises UnknownParticipant, WithdrawnParticipant, or LedgerError for a label whose check
         letter is wrong, with the labels probably meant.
@@ -187,7 +205,11 @@ class Ledger:
                 )
             if found.status == "active":
                 self._append(
-                    "withdrawing", label=found.label, at=self._clock.wall_iso(), reason=reason
+                    "withdrawing",
+                    label=found.label,
+                    at=self._clock.wall_iso(),
+                    reason=reason,
+                    had_data=may_have_data(self.study, found.label, data_roots),
                 )
         # not under the lock: removing hours of recordings must not stop other rooms
         default = self._derived_folders()
@@ -242,13 +264,18 @@ class Ledger:
                     "one, or run another session of the same person"
                 )
 
-    def _place(self, index: int | None, entries: Sequence[Participant]) -> int:
+    def _place(
+        self,
+        index: int | None,
+        entries: Sequence[Participant],
+        group: str | Callable[[int], str],
+    ) -> int:
         if index is None:
-            return 1 + max((p.index for p in entries), default=-1)
+            return _first_free(entries, None if isinstance(group, str) else group)
         if index < 0:
             raise LedgerError(f"index {index} is not possible; indices count from 0")
         for entry in entries:
-            if entry.index == index:
+            if entry.index == index and not entry.has_freed_place:
                 raise LedgerError(
                     f"index {index} of {self.study} belongs to {entry.label}; leave the index out "
                     "to get the next free one"
@@ -265,13 +292,22 @@ class Ledger:
         for entry in entries:
             if entry.replaces == gone.label:
                 raise LedgerError(f"{gone.label} has been replaced already, by {entry.label}")
+            if entry.index == gone.index and not entry.has_freed_place and entry is not gone:
+                raise LedgerError(
+                    f"the place of {gone.label}, who withdrew before anything was recorded, was "
+                    f"given to {entry.label}; nobody is missing, add without replacing"
+                )
         return gone
 
     def _find(self, text: str, entries: Sequence[Participant]) -> Participant:
         typed = text.strip().upper()
         number = int(typed) if typed.isascii() and typed.isdigit() else None
         if number is None:
-            number = read_label(typed, self.prefix)
+            number = read_label(typed, self.prefix) or read_label(typed)
+        elif not 1 <= number <= MAX_NUMBER:
+            raise LedgerError(
+                f"there is no participant {text.strip()}: numbers go from 1 to {MAX_NUMBER}"
+            )
         if number is None:
             near = [p.label for p in entries if is_one_slip_apart(typed, p.label)]
             if not near:
@@ -341,6 +377,30 @@ class Ledger:
             ) from error
 
 
+def _first_free(entries: Sequence[Participant], group: Callable[[int], str] | None = None) -> int:
+    """Return the first free place; that of a group that lost people, where there are such."""
+    taken = {p.index: p.group for p in entries if not p.has_freed_place}
+    first = next(index for index in count() if index not in taken)
+    replaced = {p.replaces for p in entries}
+    lost = Counter(
+        p.group
+        for p in entries
+        if p.status != "active" and not p.has_freed_place and p.label not in replaced
+    )
+    if group is None or not lost:
+        return first
+    lost.subtract(name for index, name in taken.items() if index > first)  # made up for already
+    missing = max(lost.values())
+    groups = len({p.group for p in entries})
+    if missing <= 0 or groups < 2:
+        return first
+    free = (index for index in count(first) if index not in taken)
+    for index in islice(free, MAX_RUNS_AHEAD * groups):
+        if lost[group(index)] == missing:
+            return index
+    return first
+
+
 def _apply(record: dict[str, Any], entries: dict[str, Participant], ledger: Ledger) -> None:
     """Bring the entries up to date with one line of the ledger."""
     event = record["event"]
@@ -372,13 +432,15 @@ def _apply(record: dict[str, Any], entries: dict[str, Participant], ledger: Ledg
         )
     else:
         label, at = str(record["label"]), str(record["at"])
-        change: dict[str, Any] = {
+        changes: dict[str, Callable[[], dict[str, Any]]] = {
             "consented": lambda: {"consent_version": str(record["consent_version"])},
             "withdrawing": lambda: {
                 "status": "withdrawing",
                 "withdrawn_at": at,
                 "reason": str(record["reason"]),
+                # a ledger from before this was noted keeps the place
+                "has_freed_place": record.get("had_data", True) is False,
             },
             "withdrawn": lambda: {"status": "withdrawn", "withdrawn_at": at},
-        }[event]()
-        entries[label] = replace(entries[label], **change)
+        }
+        entries[label] = replace(entries[label], **changes[event]())

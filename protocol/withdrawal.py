@@ -87,6 +87,13 @@ def remove_participant(
     return removal
 
 
+def may_have_data(study: str, label: str, data_roots: Sequence[Path]) -> bool:
+    """Tell whether a participant has anything recorded; of a root that is not there, it may be."""
+    return any(
+        not root.is_dir() or _own_folders(study, label, root, Removal()) for root in data_roots
+    )
+
+
 def _clean_export(label: str, names: Sequence[str], export: Export, removal: Removal) -> None:
     """Remove an export of one person; take the person out of one that holds others, too."""
     what = f"{export.what}, {export.at[:10]}"

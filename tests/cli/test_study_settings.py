@@ -1,16 +1,20 @@
 """A study's parameters are given once, before or with its first person, and then hold for all."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
+from cli.app import load_lab
 from cli.main import app
+from cli.session_commands import registered_or_added
 from lab.errors import UsageError
 from tests.faults.sessions import CONFIG
-from visavis.sessions.study_folder import read_settings
+from visavis.catalogue import find_study
+from visavis.sessions.study_folder import StudySettings, read_settings
 
 
 @pytest.fixture
@@ -55,6 +59,42 @@ def test_a_plan_can_be_seen_with_parameters_before_the_study_exists(lab_config: 
     )
     assert not (lab_config.parent / "data").exists()
     assert {plan("--set", "with_control_group=yes")["group"]} <= {"haptics", "control"}
+
+
+def place_of(text: str) -> str:
+    found = re.search(r"place (\d+)", text)
+    assert found is not None, text
+    return found[1]
+
+
+@pytest.mark.parametrize("devices", ["real", "sim"])
+def test_plan_shows_the_place_that_adding_gives(devices: str, lab_config: Path) -> None:
+    here = ("--devices", devices)
+    for number, place in (("7", "1"), ("3", "2")):
+        shown = visavis(lab_config, "plan", "stare", "--participant", number, *here)
+        assert "not in the ledger yet" in shown
+        added = visavis(lab_config, "participant", "add", "stare", number, *here)
+        again = visavis(lab_config, "plan", "stare", "--participant", number, *here)
+        assert "not in the ledger" not in again
+        assert [place] * 3 == [place_of(text) for text in (shown, added, again)]
+
+
+def test_a_session_of_somebody_not_registered_takes_the_first_free_place(lab_config: Path) -> None:
+    lab = load_lab(lab_config, "sim", quiet=True)
+    settings = StudySettings("stare", 1, is_simulated=True)
+    entry = registered_or_added(lab, find_study("stare"), settings, "07", simulated=True)
+    assert ("S07H", 0) == (entry.label, entry.index)
+
+
+def test_a_place_can_be_taken_over_from_the_command_line(lab_config: Path) -> None:
+    visavis(lab_config, "participant", "add", "stare", "--devices", "real")
+    gone = ("participant", "withdraw", "stare", "1", "--yes", "--devices", "real")
+    (lab_config.parent / "data/real/stare/sub-01B/ses-001").mkdir(parents=True)
+    visavis(lab_config, *gone)
+    taken = visavis(
+        lab_config, "participant", "add", "stare", "--replaces", "01B", "--devices", "real"
+    )
+    assert "1" == place_of(taken)
 
 
 def test_other_parameters_than_those_begun_with_are_refused_by_name(lab_config: Path) -> None:

@@ -117,6 +117,13 @@ def test_what_is_no_identifier_is_refused(tmp_path, typed):
         book.resolve(typed)
 
 
+@pytest.mark.parametrize("typed", ["0", "00", "1000000"])
+def test_numbers_nobody_can_have_are_not_merely_unknown(tmp_path, typed):
+    with pytest.raises(LedgerError, match="numbers go from 1") as caught:
+        ledger(tmp_path).resolve(typed)
+    assert not isinstance(caught.value, UnknownParticipant)
+
+
 def test_a_number_is_never_issued_twice(tmp_path):
     book = ledger(tmp_path)
     book.add(7)
@@ -136,7 +143,15 @@ def test_an_index_is_never_issued_twice(tmp_path):
     book.add(index=4)
     with pytest.raises(LedgerError, match="index 4 of stare belongs to 01B"):
         book.add(index=4)
-    assert 5 == book.add().index
+    assert [0, 1, 2, 3, 5] == [book.add().index for _ in range(5)]
+
+
+def test_the_next_place_is_the_one_given_next_whatever_the_number(tmp_path):
+    book = ledger(tmp_path)
+    for number in (7, 3, 12):
+        foreseen = book.next_place()
+        assert foreseen == book.add(number).index
+    assert [0, 1, 2] == [p.index for p in book.list()]
 
 
 def test_a_group_function_that_fails_registers_nothing(tmp_path):
@@ -149,9 +164,9 @@ def test_a_group_function_that_fails_registers_nothing(tmp_path):
 def test_simulated_participants_have_labels_and_ledgers_of_their_own(tmp_path):
     book = ledger(tmp_path, prefix="S")
     assert "S07H" == book.add(7).label
-    assert "S07H" == book.resolve("7").label
+    assert ["S07H"] * 3 == [book.resolve(text).label for text in ("7", "07H", "s07h")]
     with pytest.raises(LedgerError, match="did you mean S07H"):
-        book.resolve("07H")
+        book.resolve("07X")
     with pytest.raises(LedgerError, match="ledgers of their own"):
         ledger(tmp_path).list()
 
@@ -299,3 +314,56 @@ def test_a_replacement_takes_over_index_and_group_once(tmp_path):
     with pytest.raises(LedgerError, match="replaced already, by 03D"):
         book.add(replaces="1")
     assert 2 == book.add().index
+
+
+def record_something(root, label):
+    (root / "stare" / f"sub-{label}" / "ses-001").mkdir(parents=True)
+
+
+def test_a_place_is_free_again_when_nothing_was_recorded(tmp_path):
+    book = ledger(tmp_path)
+    for _ in range(3):
+        book.add()
+    record_something(tmp_path, "01B")
+    book.withdraw("1", [tmp_path])
+    book.withdraw("2", [tmp_path])
+    assert [False, True, False] == [p.has_freed_place for p in book.list()]
+    assert [1, 3] == [book.add().index for _ in range(2)]
+    with pytest.raises(LedgerError, match="given to 04E; nobody is missing"):
+        book.add(replaces="2")
+
+
+def test_a_place_stays_taken_where_its_data_could_not_be_looked_for(tmp_path):
+    book = ledger(tmp_path)
+    book.add()
+    with pytest.raises(LedgerError, match="connect its disk"):
+        book.withdraw("1", [tmp_path / "unplugged"])
+    book.withdraw("1", [tmp_path])
+    assert 1 == book.next_place()
+
+
+def test_a_group_that_lost_people_is_filled_first_and_the_hole_after_it(tmp_path):
+    book = ledger(tmp_path)
+
+    def group(index):
+        return "ab"[index % 2]
+
+    for _ in range(4):
+        book.add(group=group)
+    for label in ("02C", "04E"):
+        record_something(tmp_path, label)
+        book.withdraw(label, [tmp_path])
+    added = []
+    for _ in range(6):
+        foreseen = book.next_place(group)
+        added.append(book.add(group=group))
+        assert foreseen == added[-1].index
+    assert "bbabab" == "".join(p.group for p in added)
+    assert set(range(12)) - {8, 10} == {p.index for p in book.list()}
+    assert 8 == book.add(group=group).index
+
+
+def test_groups_of_other_sizes_keep_their_order_while_nobody_left(tmp_path):
+    book = ledger(tmp_path)
+    for index in range(9):
+        assert index == book.add(group=lambda i: "aab"[i % 3]).index

@@ -136,7 +136,7 @@ def _entry(folder: Path, number: int, plan: Any, seed: int) -> Participant:
     try:
         return ledger.resolve(str(number))
     except UnknownParticipant:
-        return ledger.add(number, index=number - 1, group=lambda index: plan(index, seed).group)
+        return ledger.add(number, group=lambda index: plan(index, seed).group)
 
 
 def analyse_study(
