@@ -26,14 +26,19 @@ _ORDER, _TRIAL, _PRACTICE, _GROUP, _STREAM = range(5)
 
 @dataclass(frozen=True)
 class Factor:
-    """A factor and its levels; `between` factors have one level per participant."""
+    """A factor and its levels; `between` factors have one level per participant.
+
+    `practice_only` are levels that are met in practice alone and never count.
+    """
 
     name: str
     levels: Sequence[Scalar]
     between: bool = False
+    practice_only: Sequence[Scalar] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "levels", tuple(self.levels))
+        object.__setattr__(self, "practice_only", tuple(self.practice_only))
 
 
 @dataclass(frozen=True)
@@ -345,7 +350,7 @@ def _check(design: Design) -> None:
         if design.practice < 0:
             problems.append("practice trials cannot be fewer than 0")
     else:
-        allowed = {f.name: f.levels for f in design.factors if not f.between}
+        allowed = {f.name: (*f.levels, *f.practice_only) for f in design.factors if not f.between}
         for cell in design.practice:
             if set(cell) != set(allowed) or any(cell[n] not in allowed[n] for n in cell):
                 problems.append(f"practice trial {dict(cell)!r} is no combination of the factors")

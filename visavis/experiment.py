@@ -13,6 +13,7 @@ from lab.errors import ConfigError, DesignError
 from lab.geometry import Vector
 from protocol.boards import DwellRule, Ways
 from protocol.design import combinations_of, make_plan
+from protocol.experiment import Demands
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
 from stimuli.scene import Scene as StageScene
@@ -59,7 +60,8 @@ class StudyExperiment:
     def parameters(self) -> dict[str, Any]:
         """Every parameter in force."""
         given = {k: v for k, v in self.overrides.items() if k != "language"}
-        return parameters_in_force(self.study, given)
+        older_of = self.study.older_of
+        return parameters_in_force(self.study, given if older_of is None else older_of(given))
 
     @cached_property
     def texts(self) -> Texts:
@@ -113,12 +115,12 @@ class StudyExperiment:
                 f"study {self.name} shows scenes of {', '.join(map(str, sorted(counts)))} people; "
                 "all scenes of a study hold equally many (or none)"
             )
-        return max(counts, default=0)
+        return max(counts, default=0) or 1  # a recorded column has a width
 
     @property
     def people_count(self) -> int:
         """At most how many people a picture of it shows: an audience has its speaker too."""
-        return self.agent_count + 1
+        return max(self.agent_count + 1, self.study.people)
 
     @property
     def trial_s(self) -> float:
@@ -141,7 +143,19 @@ class StudyExperiment:
     @property
     def useful_roles(self) -> tuple[str, ...]:
         """Devices it uses where the lab has them."""
-        return tuple(self.study.uses)
+        uses = self.study.uses
+        return tuple(uses(self.parameters) if callable(uses) else uses)
+
+    @property
+    def demands(self) -> Demands:
+        """What the study asks of a lab beyond devices being there."""
+        of = self.study.demands_of
+        return Demands() if of is None else of(self.parameters)
+
+    def prepare(self) -> None:
+        """Load and compute what would hold up a frame."""
+        if self.study.prepare_of is not None:
+            self.study.prepare_of(self.parameters)
 
     @property
     def spare_roles(self) -> tuple[str, ...]:
@@ -156,14 +170,15 @@ class StudyExperiment:
         needed |= {"eye_tracker"} if self.study.calibrate and self.study.validate else set()
         pressed = any(isinstance(r, Keys | Pointing) for r in self.responses.values())
         needed |= {"responses"} if pressed or self.settings.answer_by == "ray" else set()
-        return tuple(role for role in (*self.study.uses, "responses") if role not in needed)
+        return tuple(role for role in (*self.useful_roles, "responses") if role not in needed)
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
-        """Return everything one participant will do; pure.
+        """Return everything one participant will do; what trials remember is forgotten.
 
         Raises:
             DesignError: there is no such group, or the design cannot be ordered so.
         """
+        self.settings.memory.clear()
         design = self.study.design(self.parameters)
         made = make_plan(
             design, seed=seed, participant_index=participant_index, group=group or None
@@ -176,6 +191,8 @@ class StudyExperiment:
             part = block.index + 1 - own
             is_practice = own == 1 and block.index == 0
             known = {**values, "part": part, "parts": parts, "part_trials": len(block.trials)}
+            if self.study.blocked_by is not None:
+                known["level"] = block.trials[0].factors[self.study.blocked_by]
             titles = ("blocks.practice",) if is_practice else ("blocks.part",)
             said = ("practice",) if is_practice else _instructions(part, parts)
             blocks.append(
@@ -188,6 +205,7 @@ class StudyExperiment:
                     instruction=self.texts.find(*said, values=known) or "",
                     calibrate=self.study.calibrate
                     and (block.index == 0 or self.study.calibrate_blocks),
+                    questionnaires=() if is_practice else tuple(self.study.after_block),
                 )
             )
         kept = {

@@ -77,17 +77,17 @@ class OpenedStudy:
         return judge_validation(points, rate_hz)
 
     def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
-        """Return the questionnaires asked at the end, in the lab's wording."""
+        """Return the questionnaires asked after blocks and at the end, in the lab's wording."""
         return tuple(
             questionnaire(n, self.study.folders, config.wording.get(n), language=config.language)
-            for n in self.study.questionnaires
+            for n in (*self.study.after_block, *self.study.questionnaires)
         )
 
     def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
         """Yield the views that a recorded frame may have shown, the likeliest first."""
         if self.study.views_of is not None:
             plan = shown.recording.manifest.plan
-            yield from self.study.views_of(shown, self.experiment(self.overrides_of(plan)))
+            yield from self.study.views_of(shown, self.experiment(overrides_of(plan)))
             return
         bare = shown.view
         latest = shown.latest("shown")
@@ -116,7 +116,7 @@ class OpenedStudy:
 
     def measure(self, recording: Recording) -> SessionIntake:
         """Take in one session."""
-        experiment = self.experiment(self.overrides_of(recording.manifest.plan))
+        experiment = self.experiment(overrides_of(recording.manifest.plan))
         asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
         return take_in(recording, self.measures(experiment), asked, self.study.looks)
 
@@ -140,7 +140,7 @@ class OpenedStudy:
                 f"{self.name} has no rule {', '.join(sorted(unknown))}; its rules are "
                 f"{', '.join(known)}"
             )
-        experiment = self.experiment(self.overrides_of(sessions[0].manifest.plan))
+        experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
         return self.analysis_of_rows(
             experiment,
             pd.concat([s.rows for s in sessions], ignore_index=True),
@@ -223,15 +223,10 @@ class OpenedStudy:
         provenance = provenance_of_sessions(
             self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands
         )
-        experiment = self.experiment(self.overrides_of(sessions[0].manifest.plan))
+        experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
         asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
         facts = {**sessions[0].facts, **self.study.setup}
         return write_study(analysis, experiment, asked, provenance, out_dir, facts)
-
-    def overrides_of(self, plan: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the parameters that a recorded plan was made with, those of older versions too."""
-        found, older_of = overrides_of(plan), self.study.older_of
-        return found if older_of is None else older_of(found)
 
 
 def overrides_of(plan: Mapping[str, Any]) -> dict[str, Any]:

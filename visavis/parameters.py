@@ -28,7 +28,7 @@ def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str,
             levels = value if isinstance(value, list) else [value]
             kind = {type(v) for v in factors[name].levels}
             if not levels or any(type(v) not in kind for v in levels):
-                problems.append(f"{name} is {value!r}: give levels, such as {name}=[a,b]")
+                problems.append(f"{given} is {value!r}: give levels, such as {name}=[a,b]")
             usual[name] = list(levels)
         elif name not in usual:
             known = (*usual, *factors)

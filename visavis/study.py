@@ -13,7 +13,7 @@ tables with their dictionaries, statistics, figures, report, power.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
@@ -22,6 +22,7 @@ import numpy as np
 from lab.errors import DesignError
 from protocol.columns import Column
 from protocol.design import BlockOrder, Design, Factor, TrialOrder
+from protocol.experiment import Demands
 from protocol.orders import Constraint
 from protocol.participants import SimulatedParticipant
 from protocol.shown import Shown
@@ -61,6 +62,8 @@ PersonOf: TypeAlias = Callable[[int, int, bool, "StudyExperiment"], SimulatedPar
 FactsOf: TypeAlias = Callable[["pd.DataFrame"], "pd.DataFrame"]
 ViewsOf: TypeAlias = Callable[[Shown, "StudyExperiment"], Iterator[SceneFrame]]
 ConcludeOf: TypeAlias = Callable[["StudyAnalysis"], "Sequence[Conclusion]"]
+DemandsOf: TypeAlias = Callable[[Mapping[str, Any]], Demands]
+RolesOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[str]]
 AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
 """What a simulated person answers: the option (or text) for what was seen; None leaves it out."""
 
@@ -87,6 +90,10 @@ class Study:
     not be listed: they are found by reading the trial without performing it; list them where a
     trial asks only in some cases. `needs` and `uses` are roles of devices beside the headset;
     `spares` those without which the operator may go on (None: all used on which nothing rests).
+    `uses` may be a function of the parameters. `after_block` are questionnaires asked after every
+    block that counts, `questionnaires` those at the end. `people` is at most how many people are
+    seen at once, where scenes show others than their agents. A factor between people whose levels
+    are one level makes no groups.
     `looks` ask for everything about looks on an agent (whole, by ray, in parts, by other detectors,
     by padding and minimum duration).
     `families` are families of simple tests: pairs of levels, correlations with a score; the first
@@ -124,9 +131,11 @@ class Study:
     families: Sequence[Family] = ()
     exclusions: Sequence[Exclusion] = STANDARD_RULES
     questionnaires: Sequence[str] = ()
+    after_block: Sequence[str] = ()
     needs: Sequence[str] = ()
-    uses: Sequence[str] = ("eye_tracker", "body_tracker")
+    uses: Sequence[str] | RolesOf = ("eye_tracker", "body_tracker")
     spares: Sequence[str] | None = None
+    people: int = 0
     calibrate: bool = True
     calibrate_blocks: bool = False
     validate: bool = True
@@ -143,6 +152,8 @@ class Study:
     plan_of: TrialPlan | None = None
     intertrial_of: IntertrialPlan | None = None
     check_of: Callable[[Mapping[str, Any]], None] | None = None
+    demands_of: DemandsOf | None = None
+    prepare_of: Callable[[Mapping[str, Any]], None] | None = None
     answer_of: AnswerOf | None = None
     person_of: PersonOf | None = None
     facts_of: FactsOf | None = None
@@ -197,6 +208,18 @@ class Study:
         self.check_of = check
         return check
 
+    def demands(self, demands: DemandsOf) -> DemandsOf:
+        """Take a function of the parameters as what the study asks of a lab (a decorator)."""
+        self.demands_of = demands
+        return demands
+
+    def prepare(
+        self, prepare: Callable[[Mapping[str, Any]], None]
+    ) -> Callable[[Mapping[str, Any]], None]:
+        """Take a function of the parameters as what is loaded before a session (a decorator)."""
+        self.prepare_of = prepare
+        return prepare
+
     def answer(self, answer: AnswerOf) -> AnswerOf:
         """Take a function as what simulated people answer (a decorator)."""
         self.answer_of = answer
@@ -246,7 +269,7 @@ class Study:
     def older(
         self, older: Callable[[dict[str, Any]], dict[str, Any]]
     ) -> Callable[[dict[str, Any]], dict[str, Any]]:
-        """Take a function as what leads parameters of older recordings to today's (a decorator)."""
+        """Take a function as what leads parameters of older versions to today's (a decorator)."""
         self.older_of = older
         return older
 
@@ -270,9 +293,8 @@ class Study:
             DesignError: it cannot be balanced or ordered so.
         """
         practice = parameters["practice"]
-        factors = tuple(
-            Factor(f.name, tuple(parameters.get(f.name, f.levels)), f.between) for f in self.factors
-        )
+        chosen = (replace(f, levels=parameters.get(f.name, f.levels)) for f in self.factors)
+        factors = tuple(f for f in chosen if len(f.levels) > 1 or not f.between)
         return Design(
             study=self.name,
             version=self.version,
@@ -327,7 +349,7 @@ class Study:
 
 def _possible(cell: Mapping[str, Any], factors: Sequence[Factor]) -> dict[str, Any]:
     """Return a practice trial with the first level of a factor that lost the one it names."""
-    levels = {f.name: f.levels for f in factors}
+    levels = {f.name: (*f.levels, *f.practice_only) for f in factors}
     return {
         name: levels[name][0] if name in levels and level not in levels[name] else level
         for name, level in cell.items()

@@ -19,7 +19,7 @@ import pandas as pd
 from analysis.report.notation import counted
 from lab.errors import DesignError, LabError, UsageError
 from lab.geometry import Vector, unit
-from protocol.design import Factor, combinations_of
+from protocol.design import combinations_of
 from protocol.orders import Cell, Constraint
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Scalar
@@ -205,7 +205,7 @@ def renamed(study: Study) -> Study:
     return dataclasses.replace(
         study,
         factors=tuple(
-            Factor(f.name, tuple(new[f.name].values()), f.between) for f in study.factors
+            dataclasses.replace(f, levels=tuple(new[f.name].values())) for f in study.factors
         ),
         practice=practice if isinstance(practice, int) else [_told(c, new) for c in practice],
         derived={name: _of_old(of, old) for name, of in study.derived.items()},
@@ -213,6 +213,7 @@ def renamed(study: Study) -> Study:
         plan_of=told(study.trial_plan),
         intertrial_of=None if study.intertrial_of is None else told(study.intertrial_of),
         check_of=check_of,
+        prepare_of=None,  # which is only sooner
         compare=(),
         makers=dict(study.makers),
         sections=[],
@@ -220,7 +221,7 @@ def renamed(study: Study) -> Study:
 
 
 def _told(cell: Mapping[str, Any], names: Mapping[str, Mapping[Any, Any]]) -> dict[str, Any]:
-    return {k: names[k][v] if k in names else v for k, v in cell.items()}
+    return {k: names[k].get(v, v) if k in names else v for k, v in cell.items()}
 
 
 def _unrenamed(rule: Constraint, old: Mapping[str, Mapping[Any, Any]]) -> Constraint:

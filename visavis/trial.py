@@ -90,7 +90,10 @@ class Action:
 
 @dataclass(frozen=True)
 class Settings:
-    """What every trial of a study shares: its parameters, words, scenes and ways of answering."""
+    """What every trial of a study shares: its parameters, words, scenes and ways of answering.
+
+    `memory` is what trials of one session leave to those after them.
+    """
 
     parameters: Mapping[str, Any]
     texts: Texts
@@ -99,6 +102,7 @@ class Settings:
     ways: Ways
     answer_by: str
     folder: Path
+    memory: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -144,6 +148,11 @@ class TrialScript:
     def is_practice(self) -> bool:
         """Whether the trial is practice."""
         return self.trial.is_practice
+
+    @property
+    def session_memory(self) -> dict[str, Any]:
+        """What earlier trials of this session left; a session that is resumed begins anew."""
+        return self.settings.memory
 
     def rng(self, stream: int = 0) -> np.random.Generator:
         """Return chance for this trial: the same whenever the trial is performed again."""

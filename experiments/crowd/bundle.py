@@ -1,64 +1,28 @@
-"""The crowd study as the command line uses it: made, measured, analysed."""
+"""The crowd study as the command line uses it: declared on the kit, measured by its own rules."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from experiments.crowd.design import QUESTIONNAIRES, STUDY, CrowdParameters
 from experiments.crowd.intake import SessionIntake, take_in
 from experiments.crowd.measures import measure_parameters
 from experiments.crowd.measuring import Runner, measure_sessions
-from experiments.crowd.participant.participant import CrowdParticipant
-from experiments.crowd.redrawing import views_of
-from experiments.crowd.study import CrowdStudy
-from lab.config import LabConfig
-from protocol.experiment import ValidationPoint, ValidationVerdict
-from protocol.parameters import parameters_from
-from protocol.questionnaires import Questionnaire, load_questionnaire
-from protocol.shown import Shown
+from experiments.crowd.study import study
 from recording.reader import Recording
-from stimuli.scene import SceneFrame
+from visavis.opened import OpenedStudy
+from visavis.study import Study
 
 
-@dataclass(frozen=True)
-class CrowdBundle:
-    """Everything the command line asks of the study."""
+@dataclass(frozen=True, eq=False)
+class CrowdBundle(OpenedStudy):
+    """The declared study with measures and an analysis of its own."""
 
-    name: str = STUDY
-    title: str = "Through the crowd"
+    study: Study = field(default_factory=lambda: study)
 
-    def experiment(self, overrides: Mapping[str, Any]) -> CrowdStudy:
-        """Return the experiment; `overrides` replace published parameters by name.
-
-        Raises:
-            ConfigError: a parameter or its value does not exist.
-        """
-        return CrowdStudy(parameters_from(CrowdParameters, overrides, STUDY))
-
-    def participant(
-        self, index: int, seed: int, *, effect: bool, experiment: object = None
-    ) -> CrowdParticipant:
-        """Return a simulated participant."""
-        return CrowdParticipant(index, seed, effect)
-
-    def judge_validation(
-        self, points: Sequence[ValidationPoint], rate_hz: float
-    ) -> ValidationVerdict:
-        """Accept: gaze is recorded along, but nothing here is measured by it."""
-        return ValidationVerdict(
-            True, "gaze is not measured in this study", None, None, None, 0, ()
-        )
-
-    def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
-        """Yield the views that a frame may have shown, the likeliest first."""
-        return views_of(shown)
-
-    def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
-        """Return the questionnaires asked after blocks and at the end, in the lab's wording."""
-        return tuple(load_questionnaire(n, config.wording.get(n)) for n in QUESTIONNAIRES)
-
-    def measure(self, recording: Recording) -> SessionIntake:
+    def measure(  # type: ignore[override]  # its tables are not the kit's yet
+        self, recording: Recording
+    ) -> SessionIntake:
         """Take in one session: trials measured from the recording alone, answers scored."""
         return take_in(recording)
 
@@ -99,7 +63,7 @@ class CrowdBundle:
             on_frame=on_frame,
         )  # fmt: skip
 
-    def analyse(
+    def analyse(  # type: ignore[override]  # as above
         self,
         sessions: Sequence[SessionIntake],
         out_dir: Path,

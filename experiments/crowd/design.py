@@ -1,25 +1,14 @@
-"""What one participant of the crowd study will do, planned before anything runs."""
+"""Blocks, groups and parameters of the crowd study."""
 
 import math
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
-from typing import Final
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final
 
 from devices.contracts import VibrationPattern
 from experiments.crowd.patterns import PATTERNS
 from lab.errors import DesignError
-from protocol.design import Design, Factor, make_plan
-from protocol.plan import Block, SessionPlan, Trial
-from protocol.steps import Scalar
-from stimuli.scenes.station_crowd import (
-    CONFIGURATIONS,
-    ROOM_SIDE_M,
-    START_M,
-    TRAINING_CONFIGURATION,
-)
-
-STUDY: Final = "crowd"
-STUDY_VERSION: Final = "1"
+from stimuli.scenes.station_crowd import CONFIGURATIONS, ROOM_SIDE_M, START_M
 
 BEFORE: Final = "NoHaptic1"
 HAPTIC: Final = "Haptic"
@@ -29,11 +18,15 @@ CONDITIONS: Final = (BEFORE, HAPTIC, AFTER)
 
 HAPTICS_GROUP: Final = "haptics"
 CONTROL_GROUP: Final = "control"
+GROUPS: Final = (HAPTICS_GROUP, CONTROL_GROUP)
 """With a control group, half of the participants never feel a vibration in any block."""
+
+CROWDS: Final = tuple(range(1, CONFIGURATIONS + 1))
 
 AFTER_BLOCK: Final = ("embodiment", "presence")
 AT_END: Final = ("demographics", "free_comment")
-QUESTIONNAIRES: Final = (*AFTER_BLOCK, *AT_END)
+TRAINING: Final = "Training"
+"""The condition of the training walk."""
 
 NEEDED_SIDE_M: Final = 2 * max(abs(START_M[0]), abs(START_M[1]))
 """Side of the smallest tracked square that holds the crowd and the mark."""
@@ -42,18 +35,6 @@ QUIET_AFTER_MS: Final = (50.0, 1000.0)
 """Shorter than a few samples of a slow tracker would be silence in between, longer is no rule."""
 SLOWEST_MODULATION_HZ: Final = 0.1
 FASTEST_MODULATION_HZ: Final = 50.0
-
-TRAINING_INSTRUCTION: Final = (
-    "You will find yourself in a metro station, in your own body, at the edge of a crowd. Across "
-    "the crowd, on the far side, hangs a board. Walk through to the board, read aloud the track "
-    "of the next train, which it shows when you come close, and walk back to the mark where you "
-    "started. Please walk as you would in a real station. This first time is for practice."
-)
-BLOCK_INSTRUCTION: Final = (
-    "Eight walks follow, each through another crowd. Go to the board, read the track number "
-    "aloud, and come back to the mark. Walk as you would in a real station. Say so if you need "
-    "a pause."
-)
 
 
 @dataclass(frozen=True)
@@ -65,7 +46,7 @@ class CrowdParameters:
     `nearest_motor` drives only the motor nearest the contact, which the source could not.
     `haptic_update_hz` looks at contacts only so often (the source's link: 4), 0 at every sample.
     `quiet_after_ms` silences the bands when the body tracker says nothing or stands still.
-    `limit_s` ends a walk that does not come back. `with_control_group` adds the second group.
+    `limit_s` ends a walk that does not come back.
     `tracking_side_m` is the side of the tracked area. `record_gaze` connects the lab's eye tracker
     too, which the study does not need.
     """
@@ -80,8 +61,6 @@ class CrowdParameters:
     limit_s: float = 180.0
     home_within_m: float = 0.45
     intertrial_s: float = 2.0
-    configurations: int = CONFIGURATIONS
-    with_control_group: bool = False
     tracking_side_m: float = ROOM_SIDE_M
     record_gaze: bool = False
 
@@ -125,8 +104,6 @@ class CrowdParameters:
             yield f"home_within_m is above 0 and at most {FARTHEST_HOME_M:g}"
         if not 0 <= self.intertrial_s < math.inf:
             yield f"intertrial_s is a time from 0 on, not {self.intertrial_s:g}"
-        if not 1 <= self.configurations <= CONFIGURATIONS:
-            yield f"configurations is 1 to {CONFIGURATIONS}"
         if not self.tracking_side_m >= NEEDED_SIDE_M:
             yield (
                 f"tracking_side_m is {self.tracking_side_m:g}, but the crowd and the start mark "
@@ -144,73 +121,29 @@ class CrowdParameters:
             modulation_hz=self.pattern_modulation_hz or chosen.modulation_hz,
         )
 
+    @classmethod
+    def of(cls, parameters: Mapping[str, Any]) -> "CrowdParameters":
+        """Return the parameters of a plan; what it does not name is the source's."""
+        known = {f.name for f in fields(cls)}
+        return cls(**{k: v for k, v in parameters.items() if k in known})
+
 
 DEFAULT_PARAMETERS: Final = CrowdParameters()
 
 
-def design_of(params: CrowdParameters = DEFAULT_PARAMETERS) -> Design:
-    """Return three blocks in fixed order, each with every configuration in random order."""
-    groups = (Factor("group_of", (HAPTICS_GROUP, CONTROL_GROUP), between=True),)
-    return Design(
-        study=STUDY,
-        version=STUDY_VERSION,
-        factors=(
-            Factor("condition", CONDITIONS),
-            Factor("configuration", tuple(range(1, params.configurations + 1))),
-            *(groups if params.with_control_group else ()),
-        ),
-        order="random",
-        blocked_by="condition",
-        block_order="fixed",
-        practice=({"condition": BEFORE, "configuration": 1},),
-        practice_instruction=TRAINING_INSTRUCTION,
-        instruction=BLOCK_INSTRUCTION,
-        calibrate_blocks=False,
-        calibrate_practice=False,
-        questionnaires=AT_END,
-        parameters=asdict(params),
-    )
+def vibrates(factors: Mapping[str, Any]) -> bool:
+    """Return whether contact is answered in a trial: in one block, but never for controls."""
+    return factors["condition"] == HAPTIC and factors.get("group") != CONTROL_GROUP
 
 
-def plan_session(
-    participant_index: int,
-    seed: int,
-    *,
-    group: str = "",
-    params: CrowdParameters = DEFAULT_PARAMETERS,
-) -> SessionPlan:
-    """Plan a participant's session: one training walk, then the three blocks; pure."""
-    design = design_of(params)
-    chosen = None if params.with_control_group and not group else group
-    plan = make_plan(design, seed=seed, participant_index=participant_index, group=chosen)
-    training, *blocks = plan.blocks
-    return replace(
-        plan,
-        blocks=(
-            replace(training, name="Training", trials=tuple(map(_training, training.trials))),
-            *(_block(block, plan.group) for block in blocks),
-        ),
-    )
+def check_levels(parameters: Mapping[str, Any]) -> None:
+    """Refuse conditions, crowds and groups that the study does not have; fewer are a smaller study.
 
-
-def _training(trial: Trial) -> Trial:
-    factors: dict[str, Scalar] = {
-        "condition": "Training",
-        "configuration": TRAINING_CONFIGURATION,
-        "vibrates": False,
-    }
-    return replace(trial, factors=factors)
-
-
-def _block(block: Block, group: str) -> Block:
-    trials = []
-    for trial in block.trials:
-        condition = trial.factors["condition"]
-        factors: dict[str, Scalar] = {
-            "condition": condition,
-            "configuration": trial.factors["configuration"],
-            "vibrates": condition == HAPTIC and group != CONTROL_GROUP,
-        }
-        trials.append(replace(trial, factors=factors))
-    name = str(block.trials[0].factors["condition"])
-    return replace(block, name=name, trials=tuple(trials), questionnaires=AFTER_BLOCK)
+    Raises:
+        DesignError: with the level and those there are.
+    """
+    for name, known in (("condition", CONDITIONS), ("configuration", CROWDS), ("group", GROUPS)):
+        for level in parameters.get(name, ()):
+            if level not in known:
+                there = ", ".join(map(str, known))
+                raise DesignError(f"crowd has no {name} {level!r}; choose among {there}")

@@ -1,5 +1,6 @@
 """Take in one session of the crowd study: walks measured, pulses timed, answers scored."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -52,7 +53,7 @@ def take_in(
     sex = person.get("gender")
     if measured is None:
         measured = [measure_walk(walk, step_m, params, sex=sex) for walk in walks(recording)]
-    planned = {block["name"]: len(block["trials"]) for block in manifest.plan["blocks"]}
+    planned = {condition_of(block): len(block["trials"]) for block in manifest.plan["blocks"]}
     for one in measured:
         one.row["block_walks"] = planned.get(str(one.row["condition"]))
         one.row["is_simulated"] = recording.is_simulated
@@ -78,6 +79,11 @@ def take_in(
     )
 
 
+def condition_of(block: Mapping[str, Any]) -> str:
+    """Return the condition of a planned block, whatever the lab calls it."""
+    return str(block["trials"][0]["factors"]["condition"])
+
+
 def answers_of(recording: Recording) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Return the answers of the end, and one row per block with answers and scale means.
 
@@ -96,7 +102,7 @@ def answers_of(recording: Recording) -> tuple[dict[str, Any], list[dict[str, Any
         row: dict[str, Any] = {
             "participant": recording.manifest.participant,
             "block": block["index"],
-            "condition": block["name"],
+            "condition": condition_of(block),
         }
         found = False
         for name in AFTER_BLOCK:

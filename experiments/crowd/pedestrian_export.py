@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from experiments.crowd.design import STUDY
 from experiments.crowd.pedestrian import write_pedpy_files
 from experiments.crowd.replay import load_walk, walk_records
+from experiments.crowd.study import study
 from lab.errors import UsageError
 from recording.reader import Recording
 
@@ -18,7 +18,7 @@ def export_walks(recording: Recording, output: Path) -> tuple[Path, ...]:
         UsageError: the session is of another study, or holds no finished walk.
     """
     session = recording.path
-    if recording.manifest.study != STUDY:
+    if recording.manifest.study != study.name:
         raise UsageError(
             f"{session} is a session of {recording.manifest.study}; only walks of the crowd study "
             "can be exported for PedPy"

@@ -5,15 +5,16 @@ wire is without delay, tracking perfect, and the participant feels how much of e
 second an arm was in contact. `tests/experiments/crowd/test_quick_study.py` holds it to a session.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
 from analysis.gait import step_length_m
-from experiments.crowd.design import DEFAULT_PARAMETERS, CrowdParameters, plan_session
+from experiments.crowd.design import DEFAULT_PARAMETERS, CrowdParameters
 from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.participant.traits import DEFAULT_POPULATION, Population
 from experiments.crowd.quick_measures import (
@@ -22,6 +23,7 @@ from experiments.crowd.quick_measures import (
     people_of_configuration,
     quick_measures,
 )
+from experiments.crowd.study import study
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.geometry import Vector
 from protocol.plan import Trial
@@ -29,6 +31,7 @@ from stimuli.contact.body import ARM_JOINTS, BODY_JOINTS, capsule_body
 from stimuli.contact.figures import crowd_figures
 from stimuli.contact.touch import REACH_M, rows_touching
 from stimuli.scenes.station_crowd import CrowdFrame, CrowdScene, can_read, station_crowd
+from visavis.experiment import StudyExperiment
 
 STEP_NS: Final = 50 * NS_PER_MS
 LOOK_NS: Final = 250 * NS_PER_MS
@@ -51,7 +54,7 @@ def quick_study(
     *,
     effect: bool = True,
     population: Population = DEFAULT_POPULATION,
-    params: CrowdParameters = DEFAULT_PARAMETERS,
+    parameters: Mapping[str, Any] = MappingProxyType({}),
     on_participant: Callable[[int], None] | None = None,
 ) -> QuickStudy:
     """Simulate and measure a study; `effect=False` disconnects the vibration."""
@@ -59,7 +62,7 @@ def quick_study(
     cells: list[frozenset[Cell]] = []
     for index in range(participants):
         for row, visited in quick_session(
-            index, seed, effect=effect, population=population, params=params
+            index, seed, effect=effect, population=population, parameters=parameters
         ):
             rows.append(row)
             cells.append(visited)
@@ -74,12 +77,13 @@ def quick_session(
     *,
     effect: bool = True,
     population: Population = DEFAULT_POPULATION,
-    params: CrowdParameters = DEFAULT_PARAMETERS,
+    parameters: Mapping[str, Any] = MappingProxyType({}),
 ) -> list[tuple[dict[str, Any], frozenset[Cell]]]:
     """Simulate and measure the walks of one participant; training is walked, not measured."""
     participant = CrowdParticipant(index, seed, effect, population=population)
     step_m = step_length_m(participant.person.sex)
-    plan = plan_session(index, seed, params=params)
+    experiment = StudyExperiment(study, parameters)
+    plan, params = experiment.plan(index, seed), CrowdParameters.of(experiment.parameters)
     measured = []
     now_ns = 0
     for trial in plan.trials:

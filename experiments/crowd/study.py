@@ -1,103 +1,140 @@
-"""The crowd study as the session asks for it."""
+"""Through the crowd: do people walk otherwise when contact with virtual people can be felt?
 
-from dataclasses import dataclass, field
+After Berton et al. (2020), 10.1109/TVCG.2020.3041341.
+"""
+
+from collections.abc import Generator, Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
 
 from experiments.crowd.design import (
+    AFTER_BLOCK,
+    AT_END,
+    CONDITIONS,
+    CROWDS,
     DEFAULT_PARAMETERS,
+    GROUPS,
+    HAPTICS_GROUP,
     NEEDED_SIDE_M,
-    STUDY,
+    TRAINING,
     CrowdParameters,
-    plan_session,
+    check_levels,
+    vibrates,
 )
 from experiments.crowd.haptics import BAND_ROLES, MOTORS
+from experiments.crowd.participant.participant import CrowdParticipant
+from experiments.crowd.redrawing import views_of
 from experiments.crowd.reflex import load_contact
-from experiments.crowd.trial import intertrial, laid_out, run_trial
-from lab.geometry import Vector
+from experiments.crowd.trial import intertrial, laid_out, run_trial, standing
+from protocol.design import Factor
 from protocol.experiment import Demands
-from protocol.plan import SessionPlan, Trial
-from protocol.steps import Plan
+from protocol.plan import SessionPlan
+from protocol.shown import Shown
+from protocol.steps import Plan, Show
 from stimuli.contact.body import ARM_JOINTS
-from stimuli.scene import Scene
+from stimuli.scene import SceneFrame
 from stimuli.scenes.station_crowd import MOST_PEOPLE, TRAINING_CONFIGURATION
+from visavis.experiment import StudyExperiment
+from visavis.study import SETTABLE, Study
+from visavis.trial import TrialScript
 
-NOMINAL_TRIAL_S = 65.0
+NOMINAL_TRIAL_S: Final = 65.0
+
+study = Study(
+    "crowd",
+    "Through the crowd",
+    "Do people walk otherwise through a virtual crowd when they feel contact with it?",
+    factors=[
+        Factor("condition", CONDITIONS, practice_only=(TRAINING,)),
+        Factor("configuration", CROWDS, practice_only=(TRAINING_CONFIGURATION,)),
+        Factor("group", (HAPTICS_GROUP,), between=True),  # a lab may add the control group
+    ],
+    derived={"vibrates": vibrates},
+    blocked_by="condition",
+    practice=[{"condition": TRAINING, "configuration": TRAINING_CONFIGURATION}],
+    parameters={k: v for k, v in asdict(DEFAULT_PARAMETERS).items() if k not in SETTABLE},
+    intertrial_s=DEFAULT_PARAMETERS.intertrial_s,
+    texts="texts",
+    after_block=AFTER_BLOCK,
+    questionnaires=AT_END,
+    needs=("body_tracker", *BAND_ROLES),
+    uses=lambda parameters: ("eye_tracker",) if parameters["record_gaze"] else (),
+    spares=(*BAND_ROLES, "eye_tracker"),  # walks without are flagged
+    people=MOST_PEOPLE,
+    calibrate=False,
+    validate=False,
+    folder=Path(__file__).parent,
+)
 
 
-@dataclass(frozen=True)
-class CrowdStudy:
-    """Walk through a dense crowd and back; armbands answer contact in the middle block."""
+@study.check
+def check(parameters: Mapping[str, Any]) -> None:
+    """Refuse parameters and levels that do not fit the crowd."""
+    CrowdParameters.of(parameters)
+    check_levels({"group": GROUPS, **parameters})
 
-    params: CrowdParameters = field(default=DEFAULT_PARAMETERS)
-    _moved: set[tuple[str, int]] = field(default_factory=set, init=False, repr=False, compare=False)
 
-    @property
-    def name(self) -> str:
-        """The study's name on the command line."""
-        return STUDY
+@study.older
+def older(parameters: dict[str, Any]) -> dict[str, Any]:
+    """Read how many crowds there were, and whether a control group, as levels of factors."""
+    crowds = parameters.get("configurations")
+    if type(crowds) is int and crowds in CROWDS:
+        parameters["configuration"] = list(CROWDS[: parameters.pop("configurations")])
+    if isinstance(parameters.get("with_control_group"), bool):
+        is_wanted = parameters.pop("with_control_group")
+        parameters["group"] = list(GROUPS) if is_wanted else [HAPTICS_GROUP]
+    return parameters
 
-    @property
-    def agent_count(self) -> int:
-        """Width of the recorded gaze columns; the crowd is recorded by its seeds, not as agents."""
-        return 1
 
-    @property
-    def people_count(self) -> int:
-        """The densest crowd."""
-        return MOST_PEOPLE
+@study.demands
+def demands(parameters: Mapping[str, Any]) -> Demands:
+    """Arms and hips tracked, the pattern within every band's reach, the floor of the crowd."""
+    return Demands(
+        segments=(*ARM_JOINTS, "hips"),
+        vibrations=dict.fromkeys(BAND_ROLES, CrowdParameters.of(parameters).vibration),
+        motors=MOTORS,
+        floor_side_m=NEEDED_SIDE_M,
+    )
 
-    @property
-    def trial_s(self) -> float:
-        """Usual duration of a walk."""
-        return NOMINAL_TRIAL_S
 
-    @property
-    def intertrial_s(self) -> float:
-        """Duration of the empty station between walks."""
-        return self.params.intertrial_s
+@study.prepare
+def prepare(parameters: Mapping[str, Any]) -> None:
+    """Lay out every crowd and load the kernels of contact, which takes seconds."""
+    for number in (TRAINING_CONFIGURATION, *parameters.get("configuration", CROWDS)):
+        load_contact(laid_out(number), CrowdParameters.of(parameters))
 
-    @property
-    def needed_roles(self) -> tuple[str, ...]:
-        """The tracked body and the four bands."""
-        return ("body_tracker", *BAND_ROLES)
 
-    @property
-    def useful_roles(self) -> tuple[str, ...]:
-        """An eye tracker where the study's `record_gaze` wants it: nothing here measures gaze."""
-        return ("eye_tracker",) if self.params.record_gaze else ()
+@study.trial
+def trial(t: TrialScript) -> Generator[Any, Any, Any]:
+    """Walk through the crowd to the board and back; contact is answered at once."""
+    if t.is_read:
+        yield t.wait(NOMINAL_TRIAL_S)
+        yield Show(standing(t.trial, 0))
+        return {}
+    moved = t.session_memory.setdefault("moved", set())
+    params = CrowdParameters.of(t.settings.parameters)
+    return (yield from run_trial(t.trial, params, moved, asked=t.text("questions.track")))
 
-    @property
-    def spare_roles(self) -> tuple[str, ...]:
-        """Any band, as its walks are flagged; an eye tracker measures nothing here."""
-        return (*BAND_ROLES, *self.useful_roles)
 
-    @property
-    def demands(self) -> Demands:
-        """Arms and hips tracked, the pattern within every band's reach, the floor of the crowd."""
-        return Demands(
-            segments=(*ARM_JOINTS, "hips"),
-            vibrations=dict.fromkeys(BAND_ROLES, self.params.vibration),
-            motors=MOTORS,
-            floor_side_m=NEEDED_SIDE_M,
-        )
+@study.intertrial
+def empty_station(t: TrialScript) -> Plan:
+    """Stand on the mark in the empty station."""
+    return (yield from intertrial(t.trial, CrowdParameters.of(t.settings.parameters)))
 
-    def prepare(self) -> None:
-        """Lay out every crowd and load the kernels of contact, which takes seconds."""
-        for number in (TRAINING_CONFIGURATION, *range(1, self.params.configurations + 1)):
-            load_contact(laid_out(number), self.params)
 
-    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
-        """Return everything one participant will do; what their tracker showed is new too."""
-        self._moved.clear()
-        return plan_session(participant_index, seed, group=group, params=self.params)
+@study.person
+def person(index: int, seed: int, effect: bool, experiment: StudyExperiment) -> CrowdParticipant:
+    """Return a simulated participant, fitted to the published speed."""
+    return CrowdParticipant(index, seed, effect)
 
-    def run_trial(self, trial: Trial) -> Plan:
-        """Return the generator that performs a walk."""
-        return run_trial(trial, self.params, self._moved)
 
-    def intertrial(self, trial: Trial) -> Plan:
-        """Return the generator of the time before a walk."""
-        return intertrial(trial, self.params)
+@study.views
+def views(shown: Shown, experiment: StudyExperiment) -> Iterator[SceneFrame]:
+    """Yield the views that a frame may have shown, the likeliest first."""
+    yield from views_of(shown)
 
-    def blank(self, mark_m: Vector | None) -> Scene:
-        """Return a dark scene without people, for calibrations and breaks."""
-        return Scene(name="blank", agents=(), brightness_01=0.0, mark_m=mark_m)
+
+def plan_session(participant_index: int, seed: int, **parameters: Any) -> SessionPlan:
+    """Plan a participant's session: one training walk, then the three blocks."""
+    return StudyExperiment(study, parameters).plan(participant_index, seed)

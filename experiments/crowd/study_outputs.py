@@ -12,7 +12,6 @@ from analysis.report import ReportProvenance
 from analysis.report.sources import provenance_of_sessions
 from experiments.crowd.analysis import SIMULATED_COLUMN, CrowdAnalysis, Tables, analyse_tables
 from experiments.crowd.analysis_parameters import DEFAULT_PARAMETERS, AnalysisParameters
-from experiments.crowd.design import STUDY
 from experiments.crowd.figures import study_figures
 from experiments.crowd.intake import SessionIntake
 from experiments.crowd.measures import MeasuredWalk
@@ -87,7 +86,7 @@ def analyse_study(
     """
     tables = tables_of(sessions)
     provenance = provenance_of_sessions(
-        STUDY, [s.manifest for s in sessions], [s.source for s in sessions], commands
+        "crowd", [s.manifest for s in sessions], [s.source for s in sessions], commands
     )
     kinds = {s.is_simulated for s in sessions}
     return write_study(

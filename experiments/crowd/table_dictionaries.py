@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from experiments.crowd.design import AFTER_BLOCK, QUESTIONNAIRES
+from experiments.crowd.design import AFTER_BLOCK, AT_END
 from protocol.questionnaires import load_questionnaire
 
 Entry = tuple[str, str]
@@ -214,7 +214,7 @@ def describe(table: str, column: str) -> dict[str, Any]:
 @cache
 def _answers() -> dict[str, Entry]:
     found: dict[str, Entry] = {}
-    for name in QUESTIONNAIRES:
+    for name in (*AFTER_BLOCK, *AT_END):
         questionnaire = load_questionnaire(name)
         for question in questionnaire.questions():
             found[question.question_id] = ("", f"{questionnaire.title}: {question.item.text}")

@@ -7,7 +7,7 @@ of the time since then and of their seeds, both recorded, so every pose can be r
 import json
 from collections.abc import Generator
 from functools import cache
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from protocol.steps import (
     Ask,
     FrameView,
     Mark,
-    NextFrame,
     Plan,
     Reflex,
     Row,
@@ -40,11 +39,10 @@ from stimuli.scenes.station_crowd import (
     can_read,
     station_crowd,
 )
+from visavis.asking import frame
 
-Frames: TypeAlias = Generator[Step, FrameView | Answered | None, FrameView]
 TRACKS: Final = tuple(str(number) for number in range(1, 13))
 
-_NEXT = NextFrame()
 _NO_GAZE = np.empty((0, 3))
 _NO_EYES = np.empty(0)
 
@@ -68,6 +66,11 @@ def crowd_scene(trial: Trial) -> tuple[Crowd, CrowdScene]:
     return crowd, CrowdScene(f"station_{configuration}", agents=(), crowd=crowd)
 
 
+def standing(trial: Trial, t_ns: int) -> CrowdFrame:
+    """Return a trial's crowd before anybody moves."""
+    return CrowdFrame(crowd_scene(trial)[1], t_ns, _NO_GAZE, _NO_EYES)
+
+
 def crowd_record(crowd: Crowd) -> str:
     """Return everything that places a crowd's people at any time, as JSON."""
     return json.dumps(
@@ -83,11 +86,16 @@ def crowd_record(crowd: Crowd) -> str:
 
 
 def run_trial(
-    trial: Trial, params: CrowdParameters, moved: set[tuple[str, int]] | None = None
+    trial: Trial,
+    params: CrowdParameters,
+    moved: set[tuple[str, int]] | None = None,
+    *,
+    asked: str = "track",
 ) -> Plan:
     """Perform a walk there and back; whatever happens, the bands end silent.
 
-    `moved` is the session's memory of segments that moved; see `ContactReflex`.
+    `moved` is the session's memory of segments that moved; see `ContactReflex`. `asked` is put to
+    the operator at the end.
     """
     try:
         row = yield from _walk(trial, params, moved)
@@ -96,7 +104,7 @@ def run_trial(
         yield Silence()
         raise
     yield Silence()
-    reply = yield Ask("track", "Which track number did the participant read aloud?", TRACKS)
+    reply = yield Ask("track", asked, TRACKS)
     answer = reply.answer if isinstance(reply, Answered) else None
     return {**row, "track_read": answer, "track_right": answer == row["track"]}
 
@@ -107,10 +115,10 @@ def _walk(
     crowd, scene = crowd_scene(trial)
     track = track_of(trial)
     vibrates = bool(trial.factors["vibrates"])
-    view = yield from _frame()
+    view = yield from frame()
     yield Mark("crowd", {"trial_id": trial.trial_id, "people": crowd_record(crowd)})
     yield Show(CrowdFrame(scene, view.t_ns, _NO_GAZE, _NO_EYES))
-    view = yield from _frame()
+    view = yield from frame()
     start_ns = view.t_ns
     yield Mark("scene_on", {"trial_id": trial.trial_id, "scene_name": scene.name})
     limit_ns = start_ns + round(params.limit_s * NS_PER_S)
@@ -146,7 +154,7 @@ def _walk(
                 track=track if reads else None,
             )
         )
-        view = yield from _frame()
+        view = yield from frame()
     yield Reflex(None)
     for step in contacts.end(view.t_ns):
         yield step
@@ -169,13 +177,6 @@ def _walk(
     }
 
 
-def _frame() -> Frames:
-    view = yield _NEXT
-    if not isinstance(view, FrameView):
-        raise TypeError(f"a plan that asked for a frame was sent {view!r}")
-    return view
-
-
 def _contact_row(trial: Trial, order: BandOrder, vibrates: bool) -> dict[str, Scalar | None]:
     return {
         "trial_id": trial.trial_id,
@@ -191,10 +192,10 @@ def _contact_row(trial: Trial, order: BandOrder, vibrates: bool) -> dict[str, Sc
 
 def intertrial(trial: Trial, params: CrowdParameters) -> Plan:
     """Stand on the mark in the empty station before a walk, for `intertrial_s`."""
-    view = yield from _frame()
+    view = yield from frame()
     start_ns = view.t_ns
     yield Show(CrowdFrame(EMPTY_STATION, start_ns, _NO_GAZE, _NO_EYES))
     until_ns = start_ns + round(params.intertrial_s * NS_PER_S)
     while view.t_ns < until_ns:
-        view = yield from _frame()
+        view = yield from frame()
     return {"intertrial_ms": (view.t_ns - start_ns) / NS_PER_MS}

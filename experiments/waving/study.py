@@ -221,8 +221,9 @@ def check(p: Mapping[str, Any]) -> None:
 @study.older
 def older(parameters: dict[str, Any]) -> dict[str, Any]:
     """Read `clerks`, which said how many of them wave, as the levels of a factor."""
-    clerks = parameters.pop("clerks", None)
-    return parameters if clerks is None else parameters | {"clerk": CLERK_NAMES[:clerks]}
+    if type(parameters.get("clerks")) is int:
+        parameters["clerk"] = CLERK_NAMES[: parameters.pop("clerks")]
+    return parameters
 
 
 def making_of(parameters: Mapping[str, Any]) -> Making:

@@ -19,7 +19,7 @@ from benchmarks.waving_quick import quick_analysis, quick_study
 from cli.main import app
 from experiments.crowd.analysis import analyse_tables
 from experiments.crowd.analysis_parameters import AnalysisParameters as CrowdThresholds
-from experiments.crowd.design import CONTROL_GROUP, HAPTICS_GROUP, CrowdParameters
+from experiments.crowd.design import CONTROL_GROUP, HAPTICS_GROUP
 from experiments.crowd.quick_study import quick_study as quick_crowd
 from experiments.crowd.study_outputs import similarity_rows
 from experiments.stare.quick_study import run_study as quick_stare
@@ -138,7 +138,7 @@ def quick_crowd_tables() -> dict[str, pd.DataFrame]:
     ]
     thresholds = CrowdThresholds(n_permutations=99, n_splits=10)
     analysis = analyse_tables(tables(drawn), thresholds, is_simulated=True)
-    walked = quick_crowd(2, SEED, params=CrowdParameters(configurations=1))
+    walked = quick_crowd(2, SEED, parameters={"configurations": [1]})
     return {
         "quick_walks": walked.trials.assign(cells=[str(sorted(c)) for c in walked.cells]),
         "condition_means": analysis.means,

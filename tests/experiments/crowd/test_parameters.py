@@ -24,7 +24,7 @@ UNUSABLE = (
     "home_within_m=100",
     "configurations=2.5",
     "configurations=true",
-    "configurations=9",
+    "configuration=9",
     "tracking_side_m=.nan",
     "tracking_side_m=x",
     "tracking_side_m=7",
@@ -63,3 +63,27 @@ def test_text_that_is_no_assignment_is_refused(text: str) -> None:
 def test_one_name_given_twice_is_refused() -> None:
     with pytest.raises(UsageError, match="limit_s is set twice"):
         read_parameters(["limit_s=90", "limit_s=60"])
+
+
+def test_crowds_that_were_counted_and_a_control_group_are_read_as_levels() -> None:
+    read = find_study("crowd").experiment({"configurations": 2, "with_control_group": True})
+    named = find_study("crowd").experiment({"configurations": [2], "groups": ["control"]})
+    assert ([1, 2], ["haptics", "control"]) == (
+        read.parameters["configuration"],
+        read.parameters["group"],
+    )
+    assert [2] == named.parameters["configuration"]
+
+
+def test_a_block_is_called_by_its_condition_in_every_language() -> None:
+    for language in ("en", "de", "fr"):
+        plan = find_study("crowd").experiment({"language": language}).plan(0, 1)
+        assert ["NoHaptic1", "Haptic", "NoHaptic2"] == [b.name for b in plan.blocks[1:]]
+
+
+def test_a_study_with_one_group_has_none() -> None:
+    plan = find_study("crowd").experiment({}).plan(0, 1)
+    assert ("", {"condition", "configuration", "vibrates"}) == (
+        plan.group,
+        set(plan.trials[-1].factors),
+    )

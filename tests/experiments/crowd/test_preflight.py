@@ -6,14 +6,14 @@ from typing import Any
 import pytest
 
 import experiments.crowd.trial
-from experiments.crowd.design import CrowdParameters, plan_session
-from experiments.crowd.study import CrowdStudy
+from experiments.crowd.study import plan_session, study
 from experiments.crowd.trial import crowd_scene, laid_out
 from lab.config import Room
 from lab.errors import ConfigError, DeviceError
 from protocol.demands import unmet
 from protocol.experiment import Demands
 from tests.experiments.crowd.sessions import request, session
+from visavis.experiment import StudyExperiment
 
 ARM = ("upper_arm", "lower_arm", "hand")
 
@@ -54,7 +54,7 @@ def test_a_band_with_too_few_motors_is_refused() -> None:
         rate_range_hz = (float("nan"), float("nan"))
 
     bands: Any = {"armband_left_forearm": Band()}
-    found = list(unmet(CrowdStudy().demands, (*_segments(), "hips"), bands))
+    found = list(unmet(StudyExperiment(study).demands, (*_segments(), "hips"), bands))
     assert ["blocking"] == [fault.severity for fault in found]
     assert "drives 4 motors, this band has 3" in found[0].message
 
@@ -65,14 +65,14 @@ def test_whoever_demands_nothing_is_refused_nothing() -> None:
 
 def test_crowds_are_laid_out_before_anything_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     laid_out.cache_clear()
-    params = CrowdParameters(configurations=2)
-    CrowdStudy(params).prepare()
+    two = {"configuration": [1, 2]}
+    StudyExperiment(study, two).prepare()
 
     def too_late(configuration: int) -> None:
         raise AssertionError(f"crowd {configuration} is laid out while somebody looks")
 
     monkeypatch.setattr(experiments.crowd.trial, "station_crowd", too_late)
-    for trial in plan_session(0, 1, params=params).trials:
+    for trial in plan_session(0, 1, **two).trials:
         crowd, _ = crowd_scene(trial)
         assert len(crowd.position_m) > 80
 

@@ -5,20 +5,21 @@ import pytest
 
 from analysis.gait import crossing_angles_deg, step_length_m, walk_measures
 from experiments.crowd.collision_measures import collision_rows, walk_volumes
-from experiments.crowd.design import AFTER, BEFORE, HAPTIC, CrowdParameters, plan_session
+from experiments.crowd.design import AFTER, BEFORE, HAPTIC
 from experiments.crowd.measures import cells_of
 from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.quick_measures import quick_measures
 from experiments.crowd.quick_study import quick_session, quick_walk
 from experiments.crowd.replay import STEP_NS, Walk
+from experiments.crowd.study import plan_session
 from stimuli.contact.body import BODY_JOINTS
 from stimuli.scenes.station_crowd import BOARD_M
 
-ONE = CrowdParameters(configurations=1)
+ONE = {"configuration": [1]}
 
 
-def rows(effect=True, seed=3, params=ONE, group_index=0):
-    found = quick_session(group_index, seed, effect=effect, params=params)
+def rows(effect=True, seed=3, parameters=ONE, group_index=0):
+    found = quick_session(group_index, seed, effect=effect, parameters=parameters)
     return {row["condition"]: row for row, _ in found}
 
 
@@ -54,9 +55,9 @@ def test_without_connection_to_the_skin_nothing_is_learned(felt):
 
 
 def test_a_control_group_is_never_touched_by_vibration():
-    params = CrowdParameters(configurations=1, with_control_group=True)
-    groups = {plan_session(i, 3, params=params).group: i for i in range(4)}
-    control = rows(params=params, group_index=groups["control"])
+    parameters = {**ONE, "group": ["haptics", "control"]}
+    groups = {plan_session(i, 3, **parameters).group: i for i in range(4)}
+    control = rows(parameters=parameters, group_index=groups["control"])
     assert [row["group"] for row in control.values()] == ["control"] * 3
     assert [row["touching_s"] for row in control.values()] == [0.0, 0.0, 0.0]
 

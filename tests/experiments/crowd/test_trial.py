@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from experiments.crowd.design import CrowdParameters, plan_session
+from experiments.crowd.design import CrowdParameters
+from experiments.crowd.study import plan_session
 from experiments.crowd.trial import run_trial
 from lab.clock import NS_PER_S
 from lab.geometry import Pose
@@ -28,8 +29,8 @@ def walk(*places, params=None, lost=()):
 
     Return its row, the frames shown with the crowd, and the events marked.
     """
-    params = params or CrowdParameters(configurations=1)
-    trial = plan_session(0, 1, params=params).trials[0]
+    params = params or CrowdParameters()
+    trial = plan_session(0, 1, configuration=[1]).trials[0]
     performed = run_trial(trial, params)
     shown, marks, row = [], [], None
     frame, step = 0, next(performed)
@@ -64,7 +65,7 @@ def test_a_walk_to_the_board_and_back_to_the_mark_came_back():
 
 
 def test_who_never_saw_the_board_does_not_come_back():
-    row, _, _ = walk(HALFWAY, START_M, params=CrowdParameters(configurations=1, limit_s=1.0))
+    row, _, _ = walk(HALFWAY, START_M, params=CrowdParameters(limit_s=1.0))
     assert not row["came_back"]
     assert row["board_ns"] is None
     assert "not_back_in_time" in row["walk_flags"]
@@ -73,10 +74,8 @@ def test_who_never_saw_the_board_does_not_come_back():
 def test_the_mark_is_reached_at_exactly_its_radius_and_not_beyond():
     place = from_mark(0.5)
     radius_m = float(np.hypot(place[0] - START_M[0], 0.0))
-    at = CrowdParameters(configurations=1, limit_s=1.0, home_within_m=radius_m)
-    within = CrowdParameters(
-        configurations=1, limit_s=1.0, home_within_m=float(np.nextafter(radius_m, 0.0))
-    )
+    at = CrowdParameters(limit_s=1.0, home_within_m=radius_m)
+    within = CrowdParameters(limit_s=1.0, home_within_m=float(np.nextafter(radius_m, 0.0)))
     assert walk(BOARD, place, params=at)[0]["came_back"]
     assert not walk(BOARD, place, params=within)[0]["came_back"]
 
@@ -87,7 +86,7 @@ def test_the_mark_is_reached_at_exactly_its_radius_and_not_beyond():
 def test_the_mark_is_the_place_where_one_started_as_wide_as_the_parameter_says(
     distance_m, came_back
 ):
-    params = CrowdParameters(configurations=1, limit_s=1.0)
+    params = CrowdParameters(limit_s=1.0)
     assert came_back == walk(BOARD, from_mark(distance_m), params=params)[0]["came_back"]
 
 
@@ -95,7 +94,7 @@ def test_a_head_that_is_not_tracked_has_not_come_back():
     away = walk(BOARD, START_M, HALFWAY, START_M, lost={1})
     seen = walk(BOARD, START_M, HALFWAY, START_M)
     assert (4, 2) == (away[0]["scene_frames"], seen[0]["scene_frames"])
-    never = CrowdParameters(configurations=1, limit_s=1.0)
+    never = CrowdParameters(limit_s=1.0)
     assert not walk(BOARD, START_M, params=never, lost=set(range(1, 200)))[0]["came_back"]
 
 
@@ -109,7 +108,7 @@ def test_a_head_that_is_not_tracked_reads_nothing():
 def test_the_board_is_read_at_exactly_its_distance_and_not_beyond():
     def reads(distance_m):
         place = (BOARD_M[0] - distance_m, BOARD_M[2])
-        row, _, _ = walk(place, START_M, params=CrowdParameters(configurations=1, limit_s=0.1))
+        row, _, _ = walk(place, START_M, params=CrowdParameters(limit_s=0.1))
         return row["board_ns"] is not None
 
     at_m = READ_WITHIN_M
@@ -119,7 +118,7 @@ def test_the_board_is_read_at_exactly_its_distance_and_not_beyond():
 
 
 def test_a_walk_ends_in_the_frame_that_reaches_the_limit():
-    params = CrowdParameters(configurations=1, limit_s=1.0)
+    params = CrowdParameters(limit_s=1.0)
     row, _, _ = walk(HALFWAY, params=params)
     assert NS_PER_S == row["t_end_ns"] - row["t_start_ns"]
     assert not row["came_back"]
@@ -131,8 +130,8 @@ def test_a_walk_ends_in_the_frame_that_reaches_the_limit():
 
 
 def test_bands_are_silenced_before_the_operator_is_asked_for_the_track():
-    params = CrowdParameters(configurations=1)
-    performed = run_trial(plan_session(0, 1, params=params).trials[0], params)
+    params = CrowdParameters()
+    performed = run_trial(plan_session(0, 1, configuration=[1]).trials[0], params)
     before, step = None, next(performed)
     for frame in range(200):
         while not isinstance(step, NextFrame | Ask):
