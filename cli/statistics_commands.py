@@ -17,15 +17,17 @@ from analysis.statistics_report import (
     Outcome,
     Question,
     answer,
+    counted_rows,
     outcome_data,
     read_table,
+    rows_where,
     with_error_rates,
     write_outcome,
 )
 from cli.app import JsonOption, app, console, verbatim
 from lab.errors import UsageError
 
-SEVERAL = ("--within", "--between", "--items", "--reverse", "--levels")
+SEVERAL = ("--within", "--between", "--items", "--reverse", "--levels", "--where")
 EFFECT_COLUMNS = (
     "term",
     "F",
@@ -171,6 +173,16 @@ def stats(
             "found? 500 take about ten seconds.",
         ),
     ] = 0,
+    where: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--where", help="Rows to test: --where condition=DA,AD --where 'duration_s>2'"
+        ),
+    ] = None,
+    all_rows: Annotated[
+        bool,
+        typer.Option("--all-rows", help="Rows that do not count, too (is_analysed says no)."),
+    ] = False,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder; FILE_TEST when left out.")
     ] = None,
@@ -178,7 +190,8 @@ def stats(
 ) -> None:
     """Test a table: print table, sentences, decision path and contrasts; write them with figures.
 
-    Rows repeated within subject and cell are averaged first, and that is said.
+    Rows that do not count (is_analysed says no) are left out, rows repeated within subject and cell
+    are averaged, and both are said.
 
     Example: visavis stats trials.csv --dv accuracy --within technique direction
     --subject participant --test art
@@ -210,6 +223,7 @@ def stats(
         bayes=bayes,
     )
     table = read_table(file)
+    table = rows_where(table if all_rows else counted_rows(table), where or [])
     outcome = answer(table, question)
     if error_rate:
         rng = np.random.default_rng(ERROR_RATE_SEED)
@@ -219,7 +233,7 @@ def stats(
     if as_json:
         typer.echo(json.dumps(outcome_data(outcome, files), ensure_ascii=False, indent=1))
         return
-    print_outcome(outcome)
+    print_outcome(outcome, table.notes)
     for problem in problems:
         console.print(f"[yellow]{verbatim(problem)}[/]", soft_wrap=True, highlight=False)
     console.print(f"tables, text and figures in [b]{verbatim(folder)}[/]", soft_wrap=True)
@@ -241,11 +255,12 @@ def read_levels(texts: Sequence[str]) -> dict[str, list[str]]:
     return read
 
 
-def print_outcome(outcome: Outcome) -> None:
-    """Print an outcome for a person."""
+def print_outcome(outcome: Outcome, chosen: Sequence[str] = ()) -> None:
+    """Print an outcome for a person; `chosen` says which rows of the table it is of."""
     mark = "[magenta]SIMULATED[/]  " if outcome.is_simulated else ""
     of = outcome.question.dv or "the items"
     console.print(f"{mark}[b]{verbatim(outcome.title)}[/] of {verbatim(of)}")
+    _print_lines("", chosen)
     if outcome.cells:
         _print_rows("", outcome.cells, tuple(outcome.cells[0]))
     if "term" in outcome.rows[0]:
@@ -262,7 +277,7 @@ def print_outcome(outcome: Outcome) -> None:
     if outcome.error_rates:
         title = "\n[b]Found where it is not, in simulated studies like this one[/]"
         _print_rows(title, outcome.error_rates, ERROR_RATE_COLUMNS)
-    _print_lines("Notes", [f"- {note}" for note in outcome.notes])
+    _print_lines("Notes", [f"- {note}" for note in outcome.notes if note not in chosen])
 
 
 def _print_lines(heading: str, lines: Sequence[str]) -> None:

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from analysis.statistics_report.chosen_rows import counted_rows, rows_where
 from analysis.statistics_report.error_rate import error_rate_notes, error_rates
 from analysis.statistics_report.factorial import FACTORIAL_TESTS, TestRun
 from analysis.statistics_report.outcome import Outcome, Question, Samples
@@ -71,9 +72,11 @@ __all__ = [
     "Question",
     "Samples",
     "answer",
+    "counted_rows",
     "outcome_data",
     "outcome_text",
     "read_table",
+    "rows_where",
     "table_of",
     "with_error_rates",
     "write_outcome",

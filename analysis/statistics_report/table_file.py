@@ -43,7 +43,7 @@ class DataTable:
 
     def labels(self, column: str) -> list[str]:
         """Return a label column; MissingValue names the first row without one."""
-        values = self._column(column)
+        values = self.texts(column)
         for row, value in enumerate(values):
             if value == "":
                 raise MissingValue(
@@ -57,7 +57,7 @@ class DataTable:
         Columns of true and false are 1 and 0. `where` names each row for messages. Raises
         NotNumeric or InfiniteValue for the first row that holds something else.
         """
-        values = self._column(column)
+        values = self.texts(column)
         words = {v.lower() for v in values} - MISSING_WORDS
         if words and words <= _WORDS.keys():
             values = [_WORDS.get(v.lower(), v) for v in values]
@@ -86,7 +86,8 @@ class DataTable:
         line = self.lines[row]
         return f"row {row + 1}" + (f" (line {line})" if line else "")
 
-    def _column(self, column: str) -> list[str]:
+    def texts(self, column: str) -> list[str]:
+        """Return a column as it stands, '' where nothing does; UnknownColumn names what is near."""
         if column not in self.cells:
             known = [str(c) for c in self.cells.columns]
             lower = {c.lower(): c for c in known}
@@ -205,18 +206,28 @@ def _table(
 def _is_simulated(name: str, cells: pd.DataFrame) -> bool:
     if SIMULATED_COLUMN not in cells:
         return False
-    words = {str(v).lower() for v in cells[SIMULATED_COLUMN]}
-    unknown = sorted(words - _TRUE - _FALSE)
-    if unknown:
-        raise DataError(
-            f"{name}: {SIMULATED_COLUMN} holds {unknown[0]!r}; it says true or false in every row"
-        )
-    if words & _TRUE and words & _FALSE:
+    found = set(truth_of(name, SIMULATED_COLUMN, [str(v) for v in cells[SIMULATED_COLUMN]]))
+    if len(found) == 2:
         raise DataError(
             f"{name} mixes simulated and real rows ({SIMULATED_COLUMN}); take them apart "
             "first, a test of both means nothing"
         )
-    return bool(words & _TRUE)
+    return True in found
+
+
+def truth_of(name: str, column: str, texts: Sequence[str]) -> list[bool]:
+    """Return a column of true and false; `name` is what messages call the table.
+
+    Raises:
+        DataError: a row holds something else.
+    """
+    words = [text.lower() for text in texts]
+    unknown = sorted(set(words) - _TRUE - _FALSE)
+    if unknown:
+        raise DataError(
+            f"{name}: {column} holds {unknown[0]!r}; it says true or false in every row"
+        )
+    return [word in _TRUE for word in words]
 
 
 def _decoded(path: Path) -> tuple[str, tuple[str, ...]]:

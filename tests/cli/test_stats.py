@@ -129,6 +129,76 @@ def test_repeated_rows_are_averaged_and_that_is_said(tmp_path: Path) -> None:
     assert any("360 rows averaged to 72" in note for note in found["notes"])
 
 
+# ---- which rows ----
+
+
+def with_rows_that_do_not_count(tmp_path: Path) -> Path:
+    practice = trials().assign(accuracy=0.1, is_analysed=False, left_out_because="practice")
+    frame = pd.concat([trials().assign(is_analysed=True, left_out_because=""), practice])
+    path = tmp_path / "trials.csv"
+    frame.to_csv(path, index=False)
+    return path
+
+
+def test_rows_that_do_not_count_are_left_out_and_that_is_said(table: Path, tmp_path: Path) -> None:
+    path = with_rows_that_do_not_count(tmp_path)
+    found = answer(path, "--test", "rm", *TWO)
+    assert answer(table, "--test", "rm", *TWO)["rows"] == found["rows"]
+    assert any("72 of 144 rows do not count" in n and "72 practice" in n for n in found["notes"])
+    printed = stats(path, "--test", "rm", *TWO).stdout
+    assert 1 == printed.count("72 of 144 rows do not count")
+    assert printed.index("do not count") < printed.index("How it was decided")
+
+
+def test_rows_that_do_not_count_are_tested_when_asked_for(tmp_path: Path) -> None:
+    found = answer(with_rows_that_do_not_count(tmp_path), "--test", "rm", "--all-rows", *TWO)
+    assert any("144 rows averaged to 72" in note for note in found["notes"])
+
+
+def test_a_table_without_a_row_that_counts_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "trials.csv"
+    trials().assign(is_analysed=False).to_csv(path, index=False)
+    with pytest.raises(DataError, match="no row is left to test"):
+        answer(path, "--test", "rm", *TWO)
+
+
+def test_where_takes_levels_and_numbers(table: Path) -> None:
+    two = trials().query("technique != 'gaze' and rating > 1")
+    expected = answer(table, "--test", "lmm", *ONE, "--levels", "technique=ray,touch",
+                      "--where", "technique=ray,touch", "rating>1")  # fmt: skip
+    other = answer(
+        table, "--test", "lmm", *ONE, "--where", "technique!=gaze", "--where", "rating>=2"
+    )
+    assert expected["rows"][0]["F"] == pytest.approx(other["rows"][0]["F"])
+    assert f"where rating>1: {len(two)} of 48 rows" in expected["notes"]
+
+
+def test_a_level_with_a_comma_in_its_name_is_one_level(tmp_path: Path) -> None:
+    path = tmp_path / "trials.csv"
+    trials().replace({"technique": {"ray": "ray, slow"}}).to_csv(path, index=False)
+    found = answer(path, "--test", "paired", *PAIR, "--where", "technique=ray, slow")
+    assert "where technique=ray, slow: 24 of 72 rows" in found["notes"]
+
+
+@pytest.mark.parametrize(
+    ("condition", "error", "message"),
+    [
+        ("technique", UsageError, "takes COLUMN=LEVEL"),
+        ("technique=", UsageError, "takes COLUMN=LEVEL"),
+        ("technique=rai", UsageError, "no technique 'rai'; there are gaze, ray, touch"),
+        ("technic=ray", UnknownColumn, "did you mean 'technique'"),
+        ("technique>2", NotNumeric, "must be a number"),
+        ("rating>much", UsageError, "'much' is no number"),
+        ("rating>99", DataError, "no row is left"),
+    ],
+)
+def test_a_condition_that_makes_no_sense_is_refused(
+    condition: str, error: type[Exception], message: str, table: Path
+) -> None:
+    with pytest.raises(error, match=message):
+        answer(table, "--test", "rm", *TWO, "--where", condition)
+
+
 def test_a_factor_left_out_is_averaged_over(table: Path) -> None:
     found = answer(table, "--test", "paired", *PAIR)
     wide = trials().pivot_table(index="participant", columns="direction", values="accuracy")

@@ -1,0 +1,112 @@
+"""Choose the rows of a table that are tested: those that count, and those a reader asks for."""
+
+import operator
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.statistics_report.table_file import DataTable, natural_order, truth_of
+from lab.errors import DataError, UsageError
+
+COUNTED_COLUMN: Final = "is_analysed"
+REASON_COLUMN: Final = "left_out_because"
+MAX_LEVELS_NAMED: Final = 8
+
+_CONDITION = re.compile(r"\s*([^<>=!]+?)\s*(<=|>=|!=|==|=|<|>)\s*(.*?)\s*")
+_ORDERS: Final[dict[str, Callable[[Any, float], Any]]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+
+
+def counted_rows(table: DataTable) -> DataTable:
+    """Return the rows that count where a table tells by `is_analysed`, with a note about the rest.
+
+    Raises:
+        DataError: the column holds something other than true and false, or no row counts.
+    """
+    if COUNTED_COLUMN not in table.cells:
+        return table
+    counts = np.array(truth_of(table.name, COUNTED_COLUMN, table.labels(COUNTED_COLUMN)))
+    out = int((~counts).sum())
+    if not out:
+        return table
+    why = ""
+    if REASON_COLUMN in table.cells:
+        reasons = Counter(str(r) or "no reason given" for r in table.cells[REASON_COLUMN][~counts])
+        why = f": {', '.join(f'{n} {reason}' for reason, n in reasons.most_common())}"
+    said = (
+        f"{out} of {len(counts)} rows do not count ({COUNTED_COLUMN} says so{why}) and are left out"
+    )
+    return _kept(table, counts, said)
+
+
+def rows_where(table: DataTable, conditions: Sequence[str]) -> DataTable:
+    """Return the rows that fulfil every condition, with a note about each.
+
+    A condition is COLUMN=LEVEL (also several: COLUMN=ONE,OTHER), COLUMN!=LEVEL, or a number behind
+    <, <=, > or >=. Rows without a value fulfil none but !=.
+
+    Raises:
+        UsageError: a condition has another form, or names a level that is not there.
+        DataError: no row is left.
+        StatisticsError: there is no such column, or it holds no numbers.
+    """
+    for text in conditions:
+        match = _CONDITION.fullmatch(text)
+        if match is None or not match[3]:
+            raise UsageError(
+                f"--where takes COLUMN=LEVEL, COLUMN!=LEVEL or COLUMN>NUMBER, not {text!r}"
+            )
+        column, sign, value = match.groups()
+        if sign in _ORDERS:
+            keep = _ordered(table, column, sign, value)
+        else:
+            keep = _of_levels(table, column, value)
+            keep = ~keep if sign == "!=" else keep
+        said = f"where {text}: {int(keep.sum())} of {len(keep)} rows"
+        table = _kept(table, keep, said)
+    return table
+
+
+def _ordered(table: DataTable, column: str, sign: str, value: str) -> npt.NDArray[np.bool_]:
+    try:
+        limit = float(value)
+    except ValueError as error:
+        raise UsageError(f"--where {column}{sign}{value}: {value!r} is no number") from error
+    return np.asarray(_ORDERS[sign](table.numbers(column), limit), dtype=bool)
+
+
+def _of_levels(table: DataTable, column: str, value: str) -> npt.NDArray[np.bool_]:
+    cells = np.array(table.texts(column), dtype=object)
+    there = set(cells)
+    wanted = [value] if value in there else [v.strip() for v in value.split(",")]
+    unknown = [v for v in wanted if v not in there]
+    if unknown:
+        levels = natural_order([str(v) for v in there if v])
+        shown = ", ".join(levels[:MAX_LEVELS_NAMED])
+        more = ", …" if len(levels) > MAX_LEVELS_NAMED else ""
+        raise UsageError(f"{table.name} holds no {column} {unknown[0]!r}; there are {shown}{more}")
+    return np.isin(cells.astype(str), wanted)
+
+
+def _kept(table: DataTable, keep: npt.NDArray[np.bool_], said: str) -> DataTable:
+    if not keep.any():
+        raise DataError(f"{table.name}: {said}; no row is left to test")
+    return replace(
+        table,
+        cells=table.cells[keep].reset_index(drop=True),
+        lines=tuple(line for line, kept in zip(table.lines, keep, strict=True) if kept),
+        notes=(*table.notes, said),
+        levels={
+            column: tuple(v for v in levels if v in set(table.cells[column][keep]))
+            for column, levels in table.levels.items()
+        },
+    )
