@@ -4,6 +4,7 @@ Neither can tell smooth pursuit from fixation: a slow enough movement is a fixat
 """
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -89,9 +90,10 @@ class Fixations:
         return int(self.onset_ns.shape[0])
 
 
-def _prepared(
+def prepared(
     t_ns: Times, direction: npt.NDArray[np.floating], rate_hz: float | None
 ) -> tuple[Times, Vector, int]:
+    """Return stamps, unit directions (n, 3) and the step in ns; refuse what cannot be used."""
     if direction.shape != (t_ns.shape[0], 3):
         raise UsageError(f"directions {direction.shape} do not fit {t_ns.shape[0]} stamps (n, 3)")
     order = order_of(t_ns, direction)
@@ -104,11 +106,12 @@ def _prepared(
     return np.ascontiguousarray(t_ns, np.int64), v, step_ns
 
 
-def _limit_ns(limit_ms: float) -> int:
-    return round(limit_ms * NS_PER_MS) + SLACK_NS
+def limit_ns(limit_ms: float, side: Literal[-1, 1] = 1) -> int:
+    """Return a limit in ns with the slack added (an upper limit) or taken off (a lower one)."""
+    return round(limit_ms * NS_PER_MS) + side * SLACK_NS
 
 
-def _half_window(window_ms: float, step_ns: int) -> int:
+def half_window(window_ms: float, step_ns: int) -> int:
     """Return the steps on either side whose span is nearest to the window, the shorter of two."""
     whole, rest = divmod(round(window_ms * NS_PER_MS / 2), step_ns)
     return max(1, whole + (2 * (rest - SLACK_NS) > step_ns))
@@ -155,13 +158,13 @@ def detect_ivt(
     the eyes is movement); NaN or zero rows are lost. Losses up to `fill_ms` are interpolated.
     Raises DataError for backward stamps, UsageError for repeated ones.
     """
-    t, v, step_ns = _prepared(t_ns, direction, params.nominal_rate_hz)
+    t, v, step_ns = prepared(t_ns, direction, params.nominal_rate_hz)
     measured = v.copy()
-    stretch = fill_gaps(t, v, _limit_ns(params.fill_ms), step_ns)
+    stretch = fill_gaps(t, v, limit_ns(params.fill_ms), step_ns)
     speed = np.empty(t.shape[0])
     window_ms = params.windows_ms[0]
     for window_ms in params.windows_ms:
-        half = _half_window(window_ms, step_ns)
+        half = half_window(window_ms, step_ns)
         speeds_deg_s(t, v, stretch, half, speed)
         known = speed[np.isfinite(speed)]
         if not known.size or np.median(known) <= params.noise_share * params.threshold_deg_s:
@@ -173,12 +176,12 @@ def detect_ivt(
         v,
         runs,
         count,
-        _limit_ns(params.merge_ms),
+        limit_ns(params.merge_ms),
         np.radians(params.merge_deg),
         round(params.border_ms * NS_PER_MS),
         step_ns,
     )
-    minimum_ns = round(params.minimum_ms * NS_PER_MS) - SLACK_NS
+    minimum_ns = limit_ns(params.minimum_ms, -1)
     return _gathered(t, measured, runs[:count], minimum_ns, step_ns, window_ms)
 
 
@@ -191,15 +194,15 @@ def detect_idt(
 
     Arguments and errors as for `detect_ivt`.
     """
-    t, v, step_ns = _prepared(t_ns, direction, params.nominal_rate_hz)
+    t, v, step_ns = prepared(t_ns, direction, params.nominal_rate_hz)
     runs = np.empty((t.shape[0], 2), np.int64)
-    minimum_ns = round(params.minimum_ms * NS_PER_MS) - SLACK_NS
+    minimum_ns = limit_ns(params.minimum_ms, -1)
     count = compact_runs(
         t,
         v,
         np.radians(params.dispersion_deg),
         minimum_ns,
-        _limit_ns(params.bridge_ms),
+        limit_ns(params.bridge_ms),
         step_ns,
         runs,
     )

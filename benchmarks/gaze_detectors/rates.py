@@ -1,24 +1,23 @@
-"""Compare the fixation detectors with two human coders on the Lund2013 images.
+"""Compare the fixation detectors with two people on the Lund2013 images, by rate and noise.
 
-    python -m benchmarks.gaze_detectors FOLDER [--json]
+    python -m benchmarks.gaze_detectors.rates FOLDER [--json]
 
-FOLDER holds the `*_labelled_MN.mat` and `*_labelled_RA.mat` files of Andersson et al. (2017),
-which are not part of Visavis (GPL). Each row is the mean over the two raters; the ratio is to
-the other human measured in the same run (at the same rate), or to the limit where it says so.
-Added noise is white, given as RMS from sample to sample, and the mean of three draws is shown.
+FOLDER holds the `lund images` of `benchmarks.gaze_detectors.sets`. Each row is the mean over the
+two raters; the ratio is to the other person measured in the same run (at the same rate), or to
+the limit where it says so. Added noise is white, given as RMS from sample to sample, and the mean
+of three draws is shown.
 """
 
 import argparse
 import json
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.io import loadmat
 
 from analysis.gaze.events import (
     IDT_HEADSET,
@@ -28,11 +27,13 @@ from analysis.gaze.events import (
     detect_idt,
     detect_ivt,
 )
+from analysis.gaze.movements.detect import AUTO, detect_movements
+from analysis.gaze.movements.kinds import Movement, fixations_of
+from benchmarks.gaze_detectors.agreement import Agreement, agreement, averaged
+from benchmarks.gaze_detectors.sets import RATERS, SETS, Recording, labelling_of
 from lab.clock import cpu_time_s
 from lab.geometry import Vector
 
-FIXATION = 1
-RATERS = ("MN", "RA")
 NOISE_DRAWS = (1, 2, 3)
 SPEED_LIMIT_PER_S = 1e6
 SPEED_SAMPLES = 2_000_000
@@ -44,11 +45,15 @@ LIMITS = {
     "125 Hz + 1.0°": {"F1": 0.79},
 }
 
-Labels = npt.NDArray[np.bool_]
 Detector = Callable[[npt.NDArray[np.int64], Vector], Fixations]
 
 
+def _auto(t_ns: npt.NDArray[np.int64], direction: Vector) -> Fixations:
+    return fixations_of(detect_movements(t_ns, direction, AUTO))
+
+
 DETECTORS: dict[str, Detector] = {
+    "auto": _auto,
     "IVT_SCREEN": detect_ivt,
     "IVT_HEADSET": partial(detect_ivt, params=IVT_HEADSET),
     "IVT_MOVING_HEAD": partial(detect_ivt, params=IVT_MOVING_HEAD),
@@ -60,41 +65,19 @@ LIMITED = "IVT_SCREEN"
 """The preset that `LIMITS` hold for."""
 
 
-@dataclass(frozen=True)
-class Recording:
-    """One recording as one rater labelled it."""
-
-    name: str
-    rater: str
-    t_ns: npt.NDArray[np.int64]
-    direction: Vector
-    is_fixation: Labels
-
-
-def read_lund(path: Path) -> Recording:
-    """Read one labelled file; pixel positions become unit vectors from the viewing distance."""
-    data = loadmat(path, squeeze_me=True, struct_as_record=False)["ETdata"]
-    pixel = np.asarray(data.pos[:, 3:5], float)
-    lost = (pixel == 0).all(axis=1) | ~np.isfinite(pixel).all(axis=1)
-    centred = (pixel - np.asarray(data.screenRes, float) / 2) * (
-        np.asarray(data.screenDim, float) / np.asarray(data.screenRes, float)
-    )
-    ray = np.column_stack([centred[:, 0], -centred[:, 1], np.full(len(pixel), -data.viewDist)])
-    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-    ray[lost] = np.nan
-    name, _, rater = path.stem.rpartition("_labelled_")
-    t_ns = np.rint(np.arange(len(pixel)) * 1e9 / float(data.sampFreq)).astype(np.int64)
-    return Recording(name, rater, t_ns, ray, data.pos[:, 5] == FIXATION)
-
-
 def thinned(recording: Recording, step: int) -> Recording:
     """Keep every step-th sample."""
-    r = recording
-    return Recording(r.name, r.rater, r.t_ns[::step], r.direction[::step], r.is_fixation[::step])
+    by = {who: labelling_of(labelling.movement[::step]) for who, labelling in recording.by.items()}
+    return replace(
+        recording,
+        t_ns=recording.t_ns[::step],
+        direction=recording.direction[::step],
+        by=by,
+    )
 
 
 def noisy(recording: Recording, rms_s2s_deg: float, draw: int) -> Recording:
-    """Add white noise of this RMS sample to sample, the same for both raters of a recording."""
+    """Add white noise of this RMS sample to sample."""
     if rms_s2s_deg == 0:
         return recording
     rng = np.random.default_rng([draw, *recording.name.encode()])
@@ -110,75 +93,20 @@ def noisy(recording: Recording, rms_s2s_deg: float, draw: int) -> Recording:
             -np.cos(azimuth) * np.cos(elevation),
         ]
     )
-    return Recording(recording.name, recording.rater, recording.t_ns, shaken, recording.is_fixation)
-
-
-def runs_of(labels: Labels) -> npt.NDArray[np.int64]:
-    """Return (k, 2) first row and row after the last of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], labels, [False]]).astype(np.int8)))
-    return edges.reshape(-1, 2)
-
-
-def matched(a: npt.NDArray[np.int64], b: npt.NDArray[np.int64]) -> int:
-    """Count pairs of runs with intersection over union of at least a half, one to one.
-
-    A run can meet at most one disjoint run by more than half of the union; ties at exactly a
-    half are taken once.
-    """
-    pairs = 0
-    taken = -1
-    for first, end in a:
-        for j in range(taken + 1, len(b)):
-            if b[j, 0] >= end:
-                break
-            common = min(end, b[j, 1]) - max(first, b[j, 0])
-            if common > 0 and 2 * common >= max(end, b[j, 1]) - min(first, b[j, 0]):
-                pairs, taken = pairs + 1, j
-                break
-    return pairs
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """How two labellings of the same samples agree."""
-
-    kappa: float
-    f1: float
-    count_ratio: float
-
-
-def agreement(
-    reference: Sequence[Labels],
-    other: Sequence[Labels],
-    reference_runs: Sequence[npt.NDArray[np.int64]],
-    other_runs: Sequence[npt.NDArray[np.int64]],
-) -> Agreement:
-    """Return Cohen's kappa over pooled samples, event F1 and the ratio of event counts."""
-    a, b = np.concatenate(reference), np.concatenate(other)
-    observed = (a == b).mean()
-    chance = a.mean() * b.mean() + (1 - a.mean()) * (1 - b.mean())
-    pairs = sum(matched(x, y) for x, y in zip(reference_runs, other_runs, strict=True))
-    n_a, n_b = sum(map(len, reference_runs)), sum(map(len, other_runs))
-    return Agreement((observed - chance) / (1 - chance), 2 * pairs / (n_a + n_b), n_b / n_a)
-
-
-def averaged(each: Sequence[Agreement]) -> Agreement:
-    """Return the mean of several agreements."""
-    kappa, f1, ratio = np.mean([[e.kappa, e.f1, e.count_ratio] for e in each], axis=0)
-    return Agreement(float(kappa), float(f1), float(ratio))
+    return replace(recording, direction=shaken)
 
 
 def against_humans(recordings: Sequence[Recording], detect: Detector) -> Agreement:
     """Return a detector's agreement with the two raters, averaged."""
+    found = [detect(r.t_ns, r.direction) for r in recordings]
     each = []
     for rater in RATERS:
-        own = [r for r in recordings if r.rater == rater]
-        found = [detect(r.t_ns, r.direction) for r in own]
+        own = [r.by[rater] for r in recordings]
         each.append(
             agreement(
-                [r.is_fixation for r in own],
+                [x.movement == Movement.FIXATION for x in own],
                 [f.in_fixation for f in found],
-                [runs_of(r.is_fixation) for r in own],
+                [x.fixations for x in own],
                 [np.column_stack([f.first_row, f.last_row + 1]) for f in found],
             )
         )
@@ -186,16 +114,14 @@ def against_humans(recordings: Sequence[Recording], detect: Detector) -> Agreeme
 
 
 def between_humans(recordings: Sequence[Recording]) -> Agreement:
-    """Return the raters' agreement with each other, over the samples both labelled."""
-    by = {(r.rater, r.name): r.is_fixation for r in recordings}
-    names = sorted({r.name for r in recordings})
-    one, two = [], []
-    for name in names:
-        a, b = by[RATERS[0], name], by[RATERS[1], name]
-        n = min(len(a), len(b))
-        one.append(a[:n])
-        two.append(b[:n])
-    return agreement(one, two, [runs_of(x) for x in one], [runs_of(x) for x in two])
+    """Return the raters' agreement with each other."""
+    one, two = ([r.by[rater] for r in recordings] for rater in RATERS)
+    return agreement(
+        [x.movement == Movement.FIXATION for x in one],
+        [x.movement == Movement.FIXATION for x in two],
+        [x.fixations for x in one],
+        [x.fixations for x in two],
+    )
 
 
 def samples_per_cpu_s(recordings: Sequence[Recording], detect: Detector) -> float:
@@ -256,11 +182,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--json", action="store_true", help="print JSON")
     options = parser.parse_args(arguments)
-    paths = sorted(options.folder.rglob("*_labelled_*.mat"))
-    if not paths:
-        print(f"{options.folder}: no *_labelled_*.mat files; give the Lund2013 folder")
+    recordings = list(SETS["lund images"](options.folder))
+    if not recordings:
+        print(f"{options.folder}: no *_img_*_labelled_*.mat files; give the Lund2013 folder")
         return 1
-    rows = rows_of([read_lund(path) for path in paths])
+    rows = rows_of(recordings)
     if options.json:
         print(json.dumps(rows, indent=1, ensure_ascii=False))
     else:

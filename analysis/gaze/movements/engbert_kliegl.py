@@ -1,0 +1,56 @@
+"""Saccades as velocities outside an ellipse of the recording's own noise."""
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.gaze.movements.velocity import Rows, runs_where
+from analysis.gaze.stamps import Times
+from lab.geometry import Vector
+
+
+def noise_deg_s(velocity: Vector) -> tuple[float, float]:
+    """Return the spread of velocity (n, 2) right and up, by medians, so saccades hardly count.
+
+    √(median(v²) − median(v)²), Engbert & Kliegl (2003), equation 3; NaN when nothing is known.
+    """
+    known = velocity[np.isfinite(velocity[:, 0])]
+    if not len(known):
+        return np.nan, np.nan
+    middle = np.median(known, axis=0)
+    spread = np.sqrt(np.maximum(np.median(known**2, axis=0) - middle**2, 0.0))
+    return float(spread[0]), float(spread[1])
+
+
+def outside_ellipse(
+    velocity: Vector, noise_multiple: float, minimum_deg_s: float
+) -> npt.NDArray[np.bool_]:
+    """Return (n,) where velocity lies outside the ellipse of `noise_multiple` spreads.
+
+    Neither half axis is less than `minimum_deg_s` (0: as published).
+    """
+    right, up = (max(noise_multiple * s, minimum_deg_s) for s in noise_deg_s(velocity))
+    if not (right > 0 and up > 0):
+        return np.zeros(len(velocity), np.bool_)
+    with np.errstate(invalid="ignore"):
+        outside: npt.NDArray[np.bool_] = (velocity[:, 0] / right) ** 2 + (
+            velocity[:, 1] / up
+        ) ** 2 > 1.0
+    return outside
+
+
+def saccades_engbert_kliegl(
+    t_ns: Times,
+    velocity: Vector,
+    stretch: Rows,
+    *,
+    noise_multiple: float,
+    minimum_deg_s: float,
+    minimum_ns: int,
+    step_ns: int,
+) -> Rows:
+    """Return (k, 2) first and last row of saccades that last at least `minimum_ns`."""
+    runs = np.empty((len(t_ns), 2), np.int64)
+    count = runs_where(outside_ellipse(velocity, noise_multiple, minimum_deg_s), stretch, runs)
+    runs = runs[:count]
+    lasted = t_ns[runs[:, 1]] - t_ns[runs[:, 0]] + step_ns
+    return runs[lasted >= minimum_ns]

@@ -1,0 +1,80 @@
+"""Eye movements as found in a recording: a kind for every sample, and events in order."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.gaze.events import Fixations
+from analysis.gaze.stamps import Times
+from lab.geometry import Vector
+
+
+class Movement(IntEnum):
+    """What the eyes do at a sample; `UNKNOWN` where nothing can be said.
+
+    Numbered as in the labelled recordings of Andersson et al. (2017). `OSCILLATION` is the
+    wobble of the eye after a saccade.
+    """
+
+    UNKNOWN = 0
+    FIXATION = 1
+    SACCADE = 2
+    OSCILLATION = 3
+    PURSUIT = 4
+    BLINK = 5
+
+
+Kinds = npt.NDArray[np.int8]
+
+
+@dataclass(frozen=True, slots=True)
+class Movements:
+    """Detected eye movements; k events in n samples.
+
+    `movement` (n,) a `Movement` per sample. Of each event (k,): `kind`; `first_row` and
+    `last_row` among the samples given; `onset_ns` and `duration_ns`, the last sample held one
+    step; `amplitude_deg` between its two ends and `peak_deg_s`, of gaze in world; `head_deg_s`
+    and `eye_deg_s`, mean speeds of the head and of the eye in it, NaN without a head or where
+    unknown; `direction` (k, 3) the mean unit vector of its valid samples.
+    `detector` is the one that ran and `why` says how it was chosen; `noise_deg_s` is
+    the spread of gaze velocity by medians over the narrowest window, `window_ms` the window used.
+    """
+
+    movement: Kinds
+    kind: Kinds
+    first_row: npt.NDArray[np.int64]
+    last_row: npt.NDArray[np.int64]
+    onset_ns: Times
+    duration_ns: Times
+    direction: Vector
+    amplitude_deg: Vector
+    peak_deg_s: Vector
+    head_deg_s: Vector
+    eye_deg_s: Vector
+    detector: str
+    why: str
+    noise_deg_s: float
+    window_ms: float
+
+    def __len__(self) -> int:
+        return int(self.kind.shape[0])
+
+    def share_01(self, kind: Movement) -> float:
+        """Return the share of samples of a kind, NaN without samples."""
+        return float((self.movement == kind).mean()) if len(self.movement) else np.nan
+
+
+def fixations_of(found: Movements) -> Fixations:
+    """Return the fixations alone, as the other detectors return theirs."""
+    own = found.kind == Movement.FIXATION
+    return Fixations(
+        onset_ns=found.onset_ns[own],
+        duration_ns=found.duration_ns[own],
+        first_row=found.first_row[own],
+        last_row=found.last_row[own],
+        direction=found.direction[own],
+        in_fixation=found.movement == Movement.FIXATION,
+        window_ms=found.window_ms,
+    )
