@@ -42,7 +42,20 @@ def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
         _disk(lab),
         _clock(clock),
         _screens(lab),
+        *_lsl_session(lab),
     )
+
+
+def _lsl_session(lab: LabConfig) -> tuple[Finding, ...]:
+    """Say in which LSL session streams go out; a lab's own has to be told to other programs."""
+    own = lab.sync.session_id
+    if not lab.sync.lsl:
+        return ()
+    if not own:
+        return (Finding(COMPUTER, "LSL session", "ok", "LSL's own, where LabRecorder looks"),)
+    text = f"{own!r} (sync.session_id): LabRecorder does not see these streams by itself"
+    remedy = f"write SessionID = {own} under [lab] in its lsl_api.cfg, or leave sync.session_id out"
+    return (Finding(COMPUTER, "LSL session", "note", text, remedy),)
 
 
 def libraries(lab: LabConfig) -> tuple[Finding, ...]:

@@ -18,7 +18,7 @@ class LabCompanion:
             return None
         from cli.lsl_announcer import AnnouncingRecorder, scope_of, set_scope
 
-        set_scope(scope_of(request.config.sync, request.study.name))
+        set_scope(scope_of(request.config.sync))
         return AnnouncingRecorder(part_dir, request.clock, is_simulated=is_simulated)
 
     def opened(
@@ -37,7 +37,7 @@ class LabCompanion:
             assert isinstance(recorder, AnnouncingRecorder)  # noqa: S101 - made above, for this
             recorder.announce(
                 devices,
-                scope_of(request.config.sync, request.study.name),
+                scope_of(request.config.sync),
                 source=f"{request.study.name}-{request.participant_label}-{request.session:03d}",
                 is_simulated=is_simulated,
             )

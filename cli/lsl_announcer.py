@@ -116,9 +116,9 @@ class _Offsets:
         return offset
 
 
-def scope_of(sync: Sync, study: str) -> LslScope:
-    """Return who may meet: the study's own session, unless the lab names another."""
-    return LslScope(sync.session_id or study, machine_only=sync.this_computer_only)
+def scope_of(sync: Sync) -> LslScope:
+    """Return who may meet: LSL's default session, which LabRecorder sees, or the lab's own."""
+    return LslScope(sync.session_id, machine_only=sync.this_computer_only)
 
 
 def set_scope(scope: LslScope) -> None:
@@ -134,7 +134,8 @@ def set_scope(scope: LslScope) -> None:
             "sync.lsl is on, but the library pylsl cannot be loaded",
             remedy="run: pip install 'visavis[lsl]', or set sync.lsl to false",
         ) from cause
-    pylsl.set_config_content(scope.configuration())
+    if configuration := scope.configuration():
+        pylsl.set_config_content(configuration)
 
 
 def _is_of(role: str, device: Device, schema: StreamSchema) -> bool:

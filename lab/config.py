@@ -1,5 +1,6 @@
 """Read `lab_config.yaml`: one lab, its folders, its devices by role; wrong in full or right."""
 
+import difflib
 import hashlib
 import re
 from collections.abc import Mapping
@@ -22,6 +23,12 @@ from lab.yaml_lines import (
 
 ROLES = ("headset", "eye_tracker", "responses", "body_tracker")
 ARMBAND_ROLE = re.compile(r"armband_[a-z0-9_]+")
+TAKEN_STREAMS = frozenset(
+    {"gaze", "head", "body", "frames", "frame_timing", "pointer", "haptics", "events", "trials"}
+)
+OWN_ROLE = re.compile(r"[a-z][a-z0-9_]{1,40}")
+MISSPELT_01 = 0.8
+"""A role as like one of ours as this is taken for misspelt; others are the lab's own."""
 
 OptionModels: TypeAlias = Mapping[str, type[BaseModel]]
 """Option models by driver name; only these drivers are then known."""
@@ -58,7 +65,8 @@ class Display(_Part):
 class Sync(_Part):
     """Whether sessions stream to Lab Streaming Layer while they run, and who may meet them.
 
-    Without `session_id` the study's name keeps studies apart on one network.
+    Without `session_id` streams are in the session in which LSL's programs, LabRecorder among
+    them, look for them; a lab that wants its own sets it in those programs, too.
     """
 
     lsl: bool = False
@@ -213,6 +221,11 @@ def _absolute(folder: Path, text: str) -> Path:
     return (folder / Path(text).expanduser()).resolve()
 
 
+def is_own_role(role: str) -> bool:
+    """Say whether the lab named the role itself: what fills it is recorded beside every study."""
+    return role not in ROLES and not ARMBAND_ROLE.fullmatch(role)
+
+
 def _device(
     document: Document,
     role: object,
@@ -222,9 +235,15 @@ def _device(
 ) -> DeviceConfig | None:
     """Check one role; adds what is wrong to `problems`."""
     at: KeyPath = ("devices", str(role))
-    if str(role) not in ROLES and not ARMBAND_ROLE.fullmatch(str(role)):
-        hint = did_you_mean(role, [*ROLES, "armband_left", "armband_right"])
-        problems.append(document.problem(at, f"unknown role{hint}"))
+    if is_own_role(str(role)):
+        if difflib.get_close_matches(str(role), ROLES, n=1, cutoff=MISSPELT_01):
+            problems.append(document.problem(at, f"unknown role{did_you_mean(role, ROLES)}"))
+        elif str(role) in TAKEN_STREAMS or not OWN_ROLE.fullmatch(str(role)):
+            problems.append(
+                document.problem(
+                    at, "cannot be a role: small letters, digits and _, and no stream of Visavis"
+                )
+            )
     if not isinstance(entry, dict):
         problems.append(document.problem(at, "expects settings such as {driver: NAME}"))
         return None

@@ -20,7 +20,10 @@ UNIT_OF_SUFFIX: Mapping[str, str] = {
     "_hz": "Hz",
     "_01": "1",
 }
-"""Name endings that state a unit; a field that has a unit must end in its suffix."""
+"""Name endings that state a unit; a field of one of these units must end in its suffix.
+
+Other units (a device's microvolts) stand in the field alone.
+"""
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class Field:
 
     def __post_init__(self) -> None:
         stated = next((u for s, u in UNIT_OF_SUFFIX.items() if self.name.endswith(s)), None)
-        if self.unit not in ("", "1") and stated != self.unit:
+        if self.unit in UNIT_OF_SUFFIX.values() and self.unit != "1" and stated != self.unit:
             raise DataError(f"field {self.name!r} has unit {self.unit!r} but its name does not")
         if stated is not None and stated != self.unit:
             raise DataError(f"field {self.name!r} ends like {stated!r} but has unit {self.unit!r}")

@@ -1,12 +1,13 @@
 """The devices of a session together: open, stream, watch, close."""
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from devices.contracts import (
     Armband,
     BodyTracker,
+    ClockPair,
     Device,
     DeviceInfo,
     EyeTracker,
@@ -90,6 +91,17 @@ class RunningRig:
     def without(self) -> frozenset[str]:
         """Roles the operator goes on without in this part of the session."""
         return self._rig.without
+
+    def clock_pairs(self) -> dict[str, Sequence[ClockPair]]:
+        """Return the time exchanges of eye tracker and other devices that are no bands, by role.
+
+        A band's own times stand in its stream of commands.
+        """
+        return {
+            role: device.clock_pairs()
+            for role, device in self._devices.items()
+            if role != "headset" and role not in self._bands
+        }
 
     def mark(self, text: str, t_ns: int) -> None:
         """Mark the eye tracker's own recording, where it keeps one; never waits for it."""

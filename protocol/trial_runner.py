@@ -63,7 +63,7 @@ class TrialRunner:
         self._rig = rig
         self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
         self._attempts = dict(setup.progress.attempts)
-        self._exchanges_told = 0
+        self._exchanges_told: dict[str, int] = {}
         self.memory = dict(setup.progress.memory)
         """What a simulated participant had learned at the end of the last trial."""
         self.finished = len(setup.progress.finished)
@@ -227,18 +227,19 @@ class TrialRunner:
             )
 
     def record_exchanges(self) -> None:
-        """Note the time exchanges with the eye tracker since the last call, as an event."""
-        pairs = self._exchanges()
-        new, self._exchanges_told = pairs[self._exchanges_told :], len(pairs)
-        if new:
-            self._setup.recorder.event(
-                "clock_exchanges",
-                self._loop.t_ns,
-                role="eye_tracker",
-                send_device_receive_ns=[
-                    [p.host_send_ns, p.device_ns, p.host_receive_ns] for p in new
-                ],
-            )
+        """Note the time exchanges with each device since the last call, as events."""
+        for role, pairs in self._rig.clock_pairs().items():
+            new = pairs[self._exchanges_told.get(role, 0) :]
+            self._exchanges_told[role] = len(pairs)
+            if new:
+                self._setup.recorder.event(
+                    "clock_exchanges",
+                    self._loop.t_ns,
+                    role=role,
+                    send_device_receive_ns=[
+                        [p.host_send_ns, p.device_ns, p.host_receive_ns] for p in new
+                    ],
+                )
 
     def _set_clock_offset(self) -> None:
         pairs = self._exchanges()[-RECENT_EXCHANGES:]

@@ -72,7 +72,7 @@ def test_session_streams_gaze_head_and_events(
     assert {"visavis headset head", "visavis eye_tracker gaze", "visavis events"} <= names
     told = [json.loads(row[0])["event"] for name, row, _ in lsl.pushed if name == "visavis events"]
     assert "session_start" in told
-    assert "SessionID = stare\n" in lsl.text
+    assert not hasattr(lsl, "text")  # the session that LabRecorder looks in stays
     assert all("stare-S01-001" in source for *_, source in lsl.announced)
 
 
@@ -93,10 +93,10 @@ def test_bands_are_announced_under_their_own_streams(tmp_path: Path) -> None:
     assert json.loads(lsl.pushed[-1][1][0]) == {"event": "note", "name_": "told", "text": "a"}
 
 
-def test_session_keeps_apart_by_study_unless_the_lab_says_otherwise() -> None:
-    assert scope_of(Sync(), "crowd") == LslScope("crowd")
+def test_streams_are_in_lsls_own_session_unless_the_lab_names_another() -> None:
+    assert scope_of(Sync()) == LslScope("")
     given = Sync(lsl=True, session_id="floor-2", this_computer_only=True)
-    assert scope_of(given, "crowd") == LslScope("floor-2", machine_only=True)
+    assert scope_of(given) == LslScope("floor-2", machine_only=True)
 
 
 def test_missing_library_stops_the_session_before_it_begins(

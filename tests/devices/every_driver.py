@@ -18,6 +18,7 @@ ROLES = {
     "responses": "responses",
     "body tracker": "body_tracker",
     "armband": "armband_left_forearm",
+    "other": "eeg",
 }
 NEEDED = {
     "openvr_trackers": {"worn": {"LHR-0A": "left_hand"}},
@@ -70,7 +71,8 @@ def checks_of(driver):
         "responses": conformance.check_response_input,
         "armband": conformance.check_armband,
     }
-    return {**found, built_in()[driver].kind: own[built_in()[driver].kind]}
+    kind = built_in()[driver].kind
+    return {**found, kind: own[kind]} if kind in own else found
 
 
 def check_on_simulator(driver, check):

@@ -124,6 +124,29 @@ def test_armbands_have_roles_of_their_own():
 # ---- what is wrong ---------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("role", ["heart_belt", "eeg", "heart_rate"])
+def test_a_role_of_the_labs_own_name_is_taken(role):
+    text = GOOD.replace("  responses:", f"  {role}: {{driver: keyboard}}\n  responses:")
+
+    assert role in parse_config(text, Path("lab_config.yaml"), MODELS).devices
+
+
+@pytest.mark.parametrize(
+    ("role", "message"),
+    [
+        ("headst", "unknown role; did you mean 'headset'?"),
+        ("eyetracker", "unknown role; did you mean 'eye_tracker'?"),
+        ("Heart", "cannot be a role"),
+        ("gaze", "cannot be a role"),
+        ("../belt", "cannot be a role"),
+    ],
+)
+def test_a_misspelt_or_impossible_role_is_refused(role, message):
+    told = problems(GOOD.replace("  responses:", f"  {role}: {{driver: keyboard}}\n  responses:"))
+
+    assert [message in problem.message for problem in told] == [True]
+
+
 def test_every_problem_is_told_at_once_with_file_line_and_key(tmp_path):
     text = (
         GOOD.replace("lab: Somewhere", "lab: 3")

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from devices.building import build_device
 from devices.contracts import Body, Device, EyeTracker, Headset
 from lab.clock import Clock
-from lab.config import LabConfig
+from lab.config import LabConfig, is_own_role
 from lab.errors import ConfigError, UsageError
 from protocol.experiment import Experiment, demands_of, spare_roles_of
 from protocol.rig import Rig
@@ -65,7 +65,9 @@ def devices_for(
         )
     kept = {"headset", "responses", *needed, *useful}
     kept -= set(without)
-    devices = {role: d for role, d in config.devices.items() if role in kept}
+    devices = {r: d for r, d in config.devices.items() if r in kept or is_own_role(r)}
+    for role in without:
+        devices.pop(role, None)
     return config.model_copy(update={"devices": devices})
 
 

@@ -8,18 +8,15 @@ no samples, so lost ones show in the spacing of stamps alone.
 from collections.abc import Iterable
 from dataclasses import replace
 
-from devices.contracts import ClockPair
 from devices.drivers.lsl import gaze_codec as codec
-from devices.drivers.lsl.inlet import OFFSET
+from devices.drivers.lsl.inlet import read_offset
 from devices.drivers.lsl.spec import LSL_GAZE, TOBII_LSL
 from devices.drivers.streaming.gaze_device import GazeDevice
 from devices.drivers.streaming.gaze_rays import Sample, Screen
 from devices.transports import Frames, Message, MessageTransport
-from lab.clock import NS_PER_S, Clock
+from lab.clock import Clock
 from lab.errors import ProtocolViolation
 from lab.schema import StreamSchema
-
-MOST_OFFSET_S = 4e9
 
 
 class LslGaze(GazeDevice):
@@ -108,17 +105,11 @@ class LslGaze(GazeDevice):
             yield sample
 
     def _take_offset(self, frames: Frames, t_host_ns: int) -> None:
-        if len(frames) != 2 or len(frames[1]) != OFFSET.size:
+        pair = read_offset(frames, t_host_ns)
+        if pair is None:
             self._malformed += 1
-            return
-        offset_s, round_trip_s = OFFSET.unpack(frames[1])
-        if not (abs(offset_s) < MOST_OFFSET_S and 0 <= round_trip_s < MOST_OFFSET_S):
-            self._malformed += 1
-            return
-        round_trip_ns = round(round_trip_s * NS_PER_S)
-        middle_ns = t_host_ns - round_trip_ns // 2
-        device_ns = middle_ns - round(offset_s * NS_PER_S)
-        self._add_pair(ClockPair(t_host_ns - round_trip_ns, device_ns, t_host_ns))
+        else:
+            self._add_pair(pair)
 
 
 class TobiiLsl(LslGaze):

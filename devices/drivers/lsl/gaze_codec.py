@@ -45,6 +45,7 @@ class StreamInfo(NamedTuple):
     rate_hz: float
     n_channels: int
     channels: tuple[Mapping[str, str], ...]
+    is_text: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,8 @@ def parse_info(xml: bytes) -> StreamInfo | None:
         for channel in root.findall("./desc/channels/channel")
     )
     texts = (root.findtext("name") or "", root.findtext("source_id") or "")
-    return StreamInfo(*texts, rate_hz if math.isfinite(rate_hz) else 0.0, count, rows)
+    is_text = root.findtext("channel_format") == "string"
+    return StreamInfo(*texts, rate_hz if math.isfinite(rate_hz) else 0.0, count, rows, is_text)
 
 
 def layout_of(info: StreamInfo, screen_px: tuple[int, int] = (1920, 1080)) -> GazeLayout | None:

@@ -5,20 +5,35 @@ post-processing flag is set: stamps stay the sender's.
 """
 
 import ctypes
+import json
 import struct
 import threading
 from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
+from devices.contracts import ClockPair
 from devices.transports import Exchange, Frames, Message
-from lab.clock import Clock
+from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
 OFFSET = struct.Struct("<dd")
 """Seconds: local minus remote clock, and the round trip it was measured with."""
 
-MOST_SAMPLES = 1024
+MAX_OFFSET_S = 4e9
+MAX_SAMPLES = 1024
+
+
+def read_offset(frames: Sequence[bytes], t_host_ns: int) -> ClockPair | None:
+    """Return a measured clock offset as the exchange it came from; None when malformed."""
+    if len(frames) != 2 or len(frames[1]) != OFFSET.size:
+        return None
+    offset_s, round_trip_s = OFFSET.unpack(frames[1])
+    if not (abs(offset_s) < MAX_OFFSET_S and 0 <= round_trip_s < MAX_OFFSET_S):
+        return None
+    round_trip_ns = round(round_trip_s * NS_PER_S)
+    device_ns = t_host_ns - round_trip_ns // 2 - round(offset_s * NS_PER_S)
+    return ClockPair(t_host_ns - round_trip_ns, device_ns, t_host_ns)
 
 
 class LslInlet:
@@ -110,13 +125,17 @@ class LslInlet:
         messages: list[Message] = []
         wait_s = max(0.0, timeout_s)
         try:
-            while len(messages) < MOST_SAMPLES:
+            while len(messages) < MAX_SAMPLES:
                 values, stamp_s = self._inlet.pull_sample(timeout=wait_s)
                 if stamp_s is None:
                     break
                 now_ns = self._clock.now_ns()
-                raw = struct.pack(f"<{len(values) + 1}d", stamp_s, *map(float, values))
-                messages.append(Message(now_ns, (b"sample", raw)))
+                if values and isinstance(values[0], str):
+                    text = struct.pack("<d", stamp_s) + json.dumps(values).encode()
+                    messages.append(Message(now_ns, (b"text", text)))
+                else:
+                    raw = struct.pack(f"<{len(values) + 1}d", stamp_s, *map(float, values))
+                    messages.append(Message(now_ns, (b"sample", raw)))
                 wait_s = 0.0
         except self._lsl.LostError as cause:
             raise DeviceDisconnected("the stream's sender is gone") from cause

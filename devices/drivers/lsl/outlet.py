@@ -1,8 +1,7 @@
 """Stream gaze, poses and events to Lab Streaming Layer while a session runs.
 
 Channels bear the XDF meta-data names, so other labs' tools read them. Stamps are on LSL's clock:
-a sample's own time where its device's offset is known, its arrival otherwise. LSL's session id is
-the study's, so that two labs on one network do not meet.
+a sample's own time where its device's offset is known, its arrival otherwise.
 """
 
 import json
@@ -26,13 +25,18 @@ OffsetOf = Callable[[str], int | None]
 
 @dataclass(frozen=True)
 class LslScope:
-    """Who may meet on the network: `session` separates, `machine_only` keeps it on this one."""
+    """Who may meet on the network: `session` separates, `machine_only` keeps it on this one.
 
-    session: str
+    With neither, LSL's own settings hold (its file `lsl_api.cfg`), as for every other program.
+    """
+
+    session: str = ""
     machine_only: bool = False
 
     def configuration(self) -> str:
-        """Return the library's configuration text."""
+        """Return the library's configuration text; empty to leave its own in force."""
+        if not self.session and not self.machine_only:
+            return ""
         kept = "".join(c for c in self.session if c not in UNSAFE) or "default"
         lines = ["[lab]", f"SessionID = {kept}"]
         if self.machine_only:
@@ -61,7 +65,8 @@ class LslOutlets:
         self._clock = clock
         self._offset_of = offset_of
         self._lsl = lsl if lsl is not None else _library()
-        self._lsl.set_config_content(scope.configuration())
+        if configuration := scope.configuration():
+            self._lsl.set_config_content(configuration)
         self.clock_difference_ns = self._measure_difference()
         self._outlets: dict[tuple[str, str], Any] = {}
         self.pushed = 0

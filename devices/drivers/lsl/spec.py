@@ -48,11 +48,36 @@ class LslBodyOptions(StreamOptions):
         return {**super().for_simulator(), "objects": self.objects}
 
 
+class LslStreamOptions(StreamOptions):
+    """Options of `lsl_stream`; empty names match any stream of the type.
+
+    `channels`, `unit` and `rate_hz` count on a simulated wire only: a real stream says its own.
+    """
+
+    of_wire = frozenset(
+        {"stream_name", "stream_type", "source_id", "session_id", "channels", "unit", "rate_hz"}
+    )
+
+    stream_name: str = ""
+    stream_type: str = "EEG"
+    source_id: str = ""
+    session_id: str = ""
+    channels: list[str] = Field(default_factory=lambda: ["Fz", "Cz", "Pz"], min_length=1)
+    unit: str = "microvolts"
+    rate_hz: float = Field(default=250.0, ge=1, le=50_000)
+    exchange_interval_s: float = Field(default=5.0, gt=0, le=600)
+
+    def for_simulator(self) -> dict[str, Any]:
+        """Return rate, drift and the channels."""
+        own = {"channels": self.channels, "unit": self.unit, "stream_type": self.stream_type}
+        return {**super().for_simulator(), **own}
+
+
 GazeSite = Site[LslGazeOptions]
 BodySite = Site[LslBodyOptions]
 
 
-def _gaze_inlet(site: GazeSite) -> "MessageTransport":
+def _inlet(site: "Site[LslGazeOptions] | Site[LslStreamOptions]") -> "MessageTransport":
     from devices.drivers.lsl.inlet import LslInlet
     from devices.drivers.lsl.outlet import LslScope
 
@@ -81,7 +106,7 @@ LSL_GAZE = DriverSpec(
     kind="eye tracker",
     options=LslGazeOptions,
     make=driven_by("devices.drivers.lsl.gaze:LslGaze"),
-    real=_gaze_inlet,
+    real=_inlet,
     simulated=streamed_by("devices.sim.lsl.gaze:LslGazeSimulator"),
     vendor="LSL",
     model="LSL gaze stream",
@@ -118,4 +143,21 @@ LSL_BODY = DriverSpec(
     checked="genuine liblsl",
     unproven="other senders",
 )
-SPECS = (LSL_GAZE, TOBII_LSL, LSL_BODY)
+LSL_STREAM = DriverSpec(
+    name="lsl_stream",
+    kind="other",
+    options=LslStreamOptions,
+    make=driven_by("devices.drivers.lsl.stream:LslStream"),
+    real=_inlet,
+    simulated=streamed_by("devices.sim.lsl.stream:LslStreamSimulator"),
+    vendor="LSL",
+    model="LSL stream",
+    wire="LSL",
+    remedy="start the program that sends the stream and check name, type, session id and firewall",
+    library=LSL,
+    listens=LISTENS,
+    stands_for="any LSL stream: EEG, skin conductance, markers",
+    checked="pylsl's own outlets of numbers and of texts",
+    unproven="an amplifier's own sender",
+)
+SPECS = (LSL_GAZE, TOBII_LSL, LSL_BODY, LSL_STREAM)

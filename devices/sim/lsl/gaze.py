@@ -171,7 +171,7 @@ class LslOutletHost:
         self._clock = clock
         count, rate_hz = simulator.channel_count(), simulator.source.rate_hz
         info = pylsl.StreamInfo(name, "Gaze", count, rate_hz, pylsl.cf_double64, name)
-        _copy(simulator.desc(), info.desc())
+        copy_description(simulator.desc(), info.desc())
         self._outlet: Any = pylsl.StreamOutlet(info, chunk_size=1)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="lsl-host", daemon=True)
@@ -196,9 +196,10 @@ class LslOutletHost:
             self._clock.sleep_until_ns(now_ns + NS_PER_MS)
 
 
-def _copy(source: Element, target: Any) -> None:
+def copy_description(source: Element, target: Any) -> None:
+    """Write a description into the library's own kind of element."""
     for child in source:
         if len(child):
-            _copy(child, target.append_child(child.tag))
+            copy_description(child, target.append_child(child.tag))
         else:
             target.append_child_value(child.tag, child.text or "")
