@@ -34,7 +34,7 @@ from devices.sim.armband.firmware import HIGHEST_DUTY, LOWEST_DUTY, ArmbandFirmw
 from devices.sim.armband.simulator import ArmbandSimulator
 from devices.testing.armband_machine import TerminalMachine, build, make
 from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock, cpu_time_s
-from lab.errors import DeviceNotFound
+from lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
 from lab.schema import SampleBatch
 
 KILLS = 10
@@ -103,19 +103,26 @@ class EchoBand:
         os.close(self._other)
 
 
-def bare_round_trips_ms(port: str, count: int) -> list[float]:
-    """Send SET and read its answer with system calls alone: what the wire itself takes."""
+def bare_round_trips_ms(port: str, count: int, within_s: float = 2.0) -> list[float]:
+    """Send SET and read its answer with system calls alone: what the wire itself takes.
+
+    Raises DeviceTimeout when an answer does not come.
+    """
     clock = SystemClock()
     line = os.open(port, os.O_RDWR | os.O_NOCTTY)
     termios.tcflush(line, termios.TCIOFLUSH)
-    times = []
+    times: list[float] = []
     for i in range(count):
         data = codec.encode_set(i % 256, 500, (255,) * 4)
         start_ns = clock.now_ns()
         os.write(line, data)
         answer = b""
         while len(answer) < len(data):  # an answer is as long as its question
-            select.select([line], [], [], 1.0)
+            if not select.select([line], [], [], within_s)[0]:
+                os.close(line)
+                raise DeviceTimeout(
+                    f"no whole answer within {within_s:g} s, after {len(times)} that came"
+                )
             answer += os.read(line, 4096)
         times.append((clock.now_ns() - start_ns) / NS_PER_MS)
     os.close(line)
@@ -198,7 +205,14 @@ def silence_after_kill_ms(command: list[str]) -> list[float]:
     for _ in range(KILLS):
         with TerminalMachine(command) as machine:
             host = subprocess.Popen([sys.executable, "-c", HOST, machine.port], cwd=ROOT)
-            on = machine.wait_for(running=True)
+            try:
+                on = machine.wait_for(
+                    running=True, within_s=60.0, host_runs=lambda host=host: host.poll() is None
+                )
+            except DeviceTimeout:
+                host.kill()
+                host.wait()
+                raise
             clock.sleep_until_ns(clock.now_ns() + 100 * NS_PER_MS)
             os.kill(host.pid, signal.SIGKILL)
             killed_ns = clock.now_ns()
@@ -379,7 +393,11 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=1_000_000)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
-    rows = measure(arguments.commands, arguments.frames)
+    try:
+        rows = measure(arguments.commands, arguments.frames)
+    except DeviceError as problem:
+        print(f"not measured: {problem}", file=sys.stderr)
+        sys.exit(1)
     if arguments.json:
         print(json.dumps([asdict(found) for found in rows]))
     else:

@@ -4,19 +4,25 @@
 session's: nothing here depends on how fast this computer is, except `TerminalMachine`.
 """
 
+import os
+import select
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 from devices.byte_links import Chunk
 from devices.sim.armband.firmware import ArmbandFirmware
-from lab.errors import DeviceError, DeviceNotFound
+from lab.clock import NS_PER_MS, NS_PER_S, SystemClock
+from lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
 
 SOURCES = Path(__file__).resolve().parents[2] / "firmware" / "armband"
 BYTE_US = 260
 """One byte at the firmware's 38400 baud; simavr tells a byte when its sending starts."""
+
+STARTED_S = 30.0
+LOOK_NS = 200 * NS_PER_MS
 
 MachineKind = Literal["simavr", "host"]
 
@@ -175,12 +181,14 @@ class TerminalMachine:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            text=True,
+            bufsize=0,
         )
+        self._clock = SystemClock()
+        self._unread = b""
         self.changes: list[DutyChange] = []
         self.received_us: list[tuple[int, int]] = []
         """(machine time in us, system clock in ns) at which bytes came from the host."""
-        self.port = self._read_until("P")
+        self.port = self._read_until("P", self._clock.now_ns() + round(STARTED_S * NS_PER_S))
 
     def __enter__(self) -> "TerminalMachine":
         return self
@@ -188,10 +196,36 @@ class TerminalMachine:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    def wait_for(self, *, running: bool) -> DutyChange:
-        """Read on until the motors run, or are silent; return the change that made it so."""
+    def wait_for(
+        self,
+        *,
+        running: bool,
+        within_s: float = 30.0,
+        host_runs: Callable[[], bool] = lambda: True,
+    ) -> DutyChange:
+        """Read on until the motors run, or are silent; return the change that made it so.
+
+        Raises DeviceTimeout when it does not happen, at once when `host_runs` says that nobody
+        is there any more who could make them run.
+        """
+        deadline_ns = self._clock.now_ns() + round(within_s * NS_PER_S)
+        wanted = "run" if running else "stop"
         while True:
-            self._read_until("D")
+            step_ns = min(deadline_ns, self._clock.now_ns() + LOOK_NS)
+            try:
+                self._read_until("D", step_ns)
+            except DeviceTimeout:
+                if running and not host_runs():
+                    raise DeviceTimeout(
+                        "the host program ended before the motors ran",
+                        remedy="its own message says why; on a busy computer try again",
+                    ) from None
+                if step_ns >= deadline_ns:
+                    raise DeviceTimeout(
+                        f"the motors did not {wanted} within {within_s:g} s",
+                        remedy="close other programs: the machine has to run in real time",
+                    ) from None
+                continue
             if any(self.changes[-1].duties) == running:
                 return self.changes[-1]
 
@@ -200,12 +234,15 @@ class TerminalMachine:
         for stream in (self._process.stdin, self._process.stdout):
             if stream is not None:
                 stream.close()
-        self._process.wait()
+        try:
+            self._process.wait(STARTED_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
 
-    def _read_until(self, wanted: str) -> str:
-        stream = self._process.stdout
-        while stream is not None:
-            word, *fields = stream.readline().split() or ["end"]
+    def _read_until(self, wanted: str, deadline_ns: int) -> str:
+        while (line := self._line(deadline_ns)) is not None:
+            word, *fields = line.split() or ["end"]
             if word == "D":
                 at_us, host_ns, *duties = (int(field) for field in fields)
                 self.changes.append(DutyChange(at_us, host_ns, tuple(duties)))
@@ -216,6 +253,20 @@ class TerminalMachine:
             if word == wanted:
                 return fields[0]
         raise DeviceNotFound("the simulated processor stopped", remedy="run it by hand to see why")
+
+    def _line(self, deadline_ns: int) -> str | None:
+        """Return the next line, None at the end; raises DeviceTimeout at the deadline."""
+        stream = self._process.stdout
+        while b"\n" not in self._unread:
+            left_s = max(0, deadline_ns - self._clock.now_ns()) / NS_PER_S
+            if stream is None or not select.select([stream], [], [], left_s)[0]:
+                raise DeviceTimeout("the simulated processor says nothing")
+            data = os.read(stream.fileno(), 65536)
+            if not data:
+                return None
+            self._unread += data
+        line, _, self._unread = self._unread.partition(b"\n")
+        return line.decode()
 
 
 class PythonMachine:

@@ -35,6 +35,8 @@ from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout, ProtocolV
 from lab.schema import StreamSchema
 
 GREETING_NS = 250 * NS_PER_MS
+START_NS = 2 * NS_PER_S
+"""A session's start can wait for a slow answer; what happens within it cannot."""
 RECONNECT_S = 2.0
 OPENING_PINGS = 8
 RECENT_EXCHANGES = 200
@@ -122,7 +124,10 @@ class ArmbandDriver:
         self._life.require("start", DeviceState.OPEN)
         self._traffic.restart()
         self._begin_account()
-        self._arm(armed=True)
+        try:
+            self._arm(armed=True, within_ns=START_NS)
+        except DeviceTimeout as silent:
+            raise DeviceTimeout(str(silent), role=self._role, remedy=REMEDY) from silent
         self._sink = sink
         self._life.state = DeviceState.STREAMING
 
@@ -255,8 +260,8 @@ class ArmbandDriver:
         self._limits.rate_range_hz = welcome.rate_range_hz
         return True
 
-    def _arm(self, *, armed: bool) -> None:
-        deadline_ns = self._clock.now_ns() + 2 * GIVE_UP_NS
+    def _arm(self, *, armed: bool, within_ns: int = 2 * GIVE_UP_NS) -> None:
+        deadline_ns = self._clock.now_ns() + within_ns
         self._traffic.confirm(lambda seq: self._dialect.arming(seq, armed), deadline_ns)
 
     def _quiet_down(self) -> None:
