@@ -31,7 +31,7 @@ STUDY = "stare"
 SEED = 1
 STUDY_PARTICIPANTS = 30
 STUDY_CORES = 2
-STUDY_LIMIT_S = 300.0
+STUDY_LIMIT_S = 120.0
 MEMORY_LIMIT_MB = 1000.0
 
 
@@ -65,7 +65,7 @@ def timed_session(task: SimulationTask) -> Job:
 def timed_measure(session: Path) -> Job:
     """Measure one session in this process."""
     before_s = cpu_time_s()
-    measured = measure_one(STUDY, session)
+    measured = measure_one((STUDY, session))
     return Job(measured, cpu_time_s() - before_s, peak_mb())
 
 

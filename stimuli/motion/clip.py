@@ -167,7 +167,7 @@ class KeyPoses:
             leave, arrive = lasts * self._slopes[segment], lasts * self._slopes[following]
             bend = (1 - x) * (leave - (b - a)) - x * (arrive - (b - a))
             root = root + x * (1 - x) * bend
-        return Frames(root, self.turns.at(t_s))
+        return Frames(root, self.turns.in_segment(segment, h))
 
 
 def placed_joints(motion: Motion, t_s: npt.ArrayLike) -> Placement:

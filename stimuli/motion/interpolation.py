@@ -23,7 +23,8 @@ from stimuli.motion.rotations import (
     squad_control,
     unit_quats,
 )
-from stimuli.motion.slerp_kernels import slerp_segments, squad_segments
+from stimuli.motion.slerp_kernels import slerp_segments
+from stimuli.motion.squad_kernels import arcs_of, squad_segments
 
 Method: TypeAlias = Literal["lineuler", "slerp", "squad"]
 
@@ -246,12 +247,16 @@ class Squad:
             leave[0], arrive[-1] = start[0], end[-1]
         return start, end, leave, arrive
 
+    @cached_property
+    def _arcs(self) -> tuple[Vector, Vector, Vector, Vector]:
+        start, end, leave, arrive = self._ends
+        return *arcs_of(start, end), *arcs_of(leave, arrive)
+
     def in_segment(self, segment: npt.ArrayLike, h: npt.ArrayLike) -> Vector:
         """Return rotations at share h of segments; h is not clamped."""
         s, x = _shares(self.times, segment, h)
-        ends = self._ends
-        out = np.empty((s.size, *ends[0].shape[1:]))
-        squad_segments(*ends, s.ravel(), x.ravel(), out)
+        out = np.empty((s.size, *self._ends[0].shape[1:]))
+        squad_segments(*self._arcs, s.ravel(), x.ravel(), out)
         return out.reshape(*s.shape, *self.keys_wxyz.shape[1:])
 
     def at(self, t_s: npt.ArrayLike) -> Vector:

@@ -70,11 +70,22 @@ def slerp_rows(a: Vector, b: Vector, h: Vector, out: Vector) -> None:
 
 
 @compiled
-def _series_row(h: float, n_terms: int, x: Vector, terms: Vector, share: Vector) -> None:
+def series_row(h: float, least: float, x: Vector, terms: Vector, share: Vector) -> None:
     """Write sin(h w) / sin w for every x = cos w - 1 near 0; the same series as `_series`.
 
-    Nested from the last term inwards, joint by joint within a term, so that it runs on vectors.
+    `least` is the smallest cosine that matters. Nested from the last term inwards, joint by joint
+    within a term, so that it runs on vectors.
     """
+    # As many terms as ((1 - dot) / 2)^n needs to fall below 1e-16.
+    n_terms = MOST_TERMS
+    if least > 0.7:
+        n_terms = 20
+    if least > SERIES_DOT:
+        n_terms = 12
+    if least > 0.97:
+        n_terms = 9
+    if least > 0.99:
+        n_terms = 7
     for i in range(1, n_terms + 1):
         terms[i - 1] = (h * h - i * i) / (i * (2 * i + 1.0))
     last = terms[n_terms - 1]
@@ -89,94 +100,33 @@ def _series_row(h: float, n_terms: int, x: Vector, terms: Vector, share: Vector)
 
 
 @compiled
-def _near_row(
-    a: Vector, b: Vector, h: float, x: Vector, terms: Vector, u: Vector, v: Vector,
-    lowest: Vector, out: Vector,
-) -> None:  # fmt: skip
-    """Interpolate joints a, b (joints, 4) that lie close; `lowest` keeps the least dot product."""
-    for j in range(x.shape[0]):
-        dot = a[j, 0] * b[j, 0] + a[j, 1] * b[j, 1] + a[j, 2] * b[j, 2] + a[j, 3] * b[j, 3]
-        lowest[j] = min(lowest[j], dot)
-        x[j] = dot - 1.0
-    least = 1.0
-    for j in range(x.shape[0]):
-        if lowest[j] > LONG_SERIES_DOT:
-            least = min(least, lowest[j])
-    # As many terms as ((1 - dot) / 2)^n needs to fall below 1e-16.
-    n_terms = MOST_TERMS
-    if least > 0.7:
-        n_terms = 20
-    if least > SERIES_DOT:
-        n_terms = 12
-    if least > 0.97:
-        n_terms = 9
-    if least > 0.99:
-        n_terms = 7
-    _series_row(1.0 - h, n_terms, x, terms, u)
-    _series_row(h, n_terms, x, terms, v)
-    for j in range(x.shape[0]):
-        for i in range(4):
-            out[j, i] = u[j] * a[j, i] + v[j] * b[j, i]
-
-
-@compiled
 def slerp_segments(a: Vector, b: Vector, segment: Index, h: Vector, out: Vector) -> None:
     """Interpolate all joints of segments a, b (segments, joints, 4) into out (n, joints, 4)."""
     n = a.shape[1]
-    x, u, v, lowest, terms = (
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty(MOST_TERMS),
-    )
+    x, u, v, terms = np.empty(n), np.empty(n), np.empty(n), np.empty(MOST_TERMS)
     for r in range(h.shape[0]):
         s, share = segment[r], h[r]
-        lowest[:] = 1.0 if -1.0 <= share <= 2.0 else -1.0
-        _near_row(a[s], b[s], share, x, terms, u, v, lowest, out[r])
+        is_near = -1.0 <= share <= 2.0
+        least = 1.0
         for j in range(n):
-            if not lowest[j] > LONG_SERIES_DOT:
+            x[j] = (
+                a[s, j, 0] * b[s, j, 0] + a[s, j, 1] * b[s, j, 1]
+                + a[s, j, 2] * b[s, j, 2] + a[s, j, 3] * b[s, j, 3] - 1.0
+            )  # fmt: skip
+        for j in range(n):
+            if is_near and x[j] > LONG_SERIES_DOT - 1.0:
+                least = min(least, x[j] + 1.0)
+        series_row(1.0 - share, least, x, terms, u)
+        series_row(share, least, x, terms, v)
+        for j in range(n):
+            for i in range(4):
+                out[r, j, i] = u[j] * a[s, j, i] + v[j] * b[s, j, i]
+        for j in range(n):
+            if not (is_near and x[j] > LONG_SERIES_DOT - 1.0):
                 out[r, j, 0], out[r, j, 1], out[r, j, 2], out[r, j, 3] = slerp_one(
                     a[s, j, 0], a[s, j, 1], a[s, j, 2], a[s, j, 3],
                     b[s, j, 0], b[s, j, 1], b[s, j, 2], b[s, j, 3], share,
                 )  # fmt: skip
-
-
-@compiled
-def squad_segments(
-    a: Vector, b: Vector, ca: Vector, cb: Vector, segment: Index, h: Vector, out: Vector
-) -> None:
-    """Interpolate key pairs a, b with control points ca, cb; shapes as in `slerp_segments`."""
-    n = a.shape[1]
-    x, u, v, lowest, terms = (
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty(MOST_TERMS),
-    )
-    keys, controls = np.empty((n, 4)), np.empty((n, 4))
-    for r in range(h.shape[0]):
-        s, share = segment[r], h[r]
-        k = 2.0 * share * (1.0 - share)
-        lowest[:] = 1.0 if 0.0 <= share <= 1.0 else -1.0
-        _near_row(a[s], b[s], share, x, terms, u, v, lowest, keys)
-        _near_row(ca[s], cb[s], share, x, terms, u, v, lowest, controls)
-        _near_row(keys, controls, k, x, terms, u, v, lowest, out[r])
-        for j in range(n):
-            if lowest[j] > LONG_SERIES_DOT:
-                continue
-            p = slerp_one(
-                a[s, j, 0], a[s, j, 1], a[s, j, 2], a[s, j, 3],
-                b[s, j, 0], b[s, j, 1], b[s, j, 2], b[s, j, 3], share,
-            )  # fmt: skip
-            c = slerp_one(
-                ca[s, j, 0], ca[s, j, 1], ca[s, j, 2], ca[s, j, 3],
-                cb[s, j, 0], cb[s, j, 1], cb[s, j, 2], cb[s, j, 3], share,
-            )  # fmt: skip
-            out[r, j, 0], out[r, j, 1], out[r, j, 2], out[r, j, 3] = slerp_one(
-                p[0], p[1], p[2], p[3], c[0], c[1], c[2], c[3], k
-            )
 
 
 @compiled
