@@ -50,6 +50,7 @@ from analysis.statistics_report.prepare import (
     prepare,
     read,
     samples_of,
+    tested_rows,
     uneven_groups,
 )
 from analysis.statistics_report.table_file import DataTable
@@ -403,6 +404,7 @@ def _anova_outcome(
         cells=cell_rows(made.design),
         notes=tuple(dict.fromkeys(notes)),
         samples=samples_of(made.design),
+        data=tested_rows(made.design, q.subject),
         is_simulated=table.is_simulated,
     )
 
@@ -435,6 +437,7 @@ def _friedman(table: DataTable, q: Question) -> Outcome:
         cells=cell_rows(design),
         notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
         samples=samples_of(design), is_simulated=table.is_simulated,
+        data=tested_rows(design, q.subject),
     )  # fmt: skip
 
 
@@ -457,6 +460,7 @@ def _conditions(table: DataTable, q: Question) -> Outcome:
         cells=cell_rows(design),
         notes=(*prepared.notes, *left_out(design), *made.provenance.notes),
         samples=samples_of(design), is_simulated=table.is_simulated,
+        data=tested_rows(design, q.subject),
     )  # fmt: skip
 
 
@@ -483,6 +487,7 @@ def _kruskal(table: DataTable, q: Question) -> Outcome:
             *uneven_groups(design, "the test welch"),
         ),
         samples=samples_of(design), is_simulated=table.is_simulated,
+        data=tested_rows(design, q.subject),
     )  # fmt: skip
 
 
@@ -509,6 +514,7 @@ def _welch(table: DataTable, q: Question) -> Outcome:
         cells=cell_rows(design),
         notes=(*prepared.notes, *left_out(design), *made.provenance.notes, *families.notes),
         samples=samples_of(design), is_simulated=table.is_simulated,
+        data=tested_rows(design, q.subject),
     )  # fmt: skip
 
 

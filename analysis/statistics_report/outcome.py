@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+import pandas as pd
+
 from analysis.statistics.design import Missing
 from analysis.statistics.results import Array, Row
 from lab.errors import UsageError
@@ -108,7 +110,8 @@ class Outcome:
     size; `sentences` say them in words; `path` tells every decision on the way; `contrasts` are
     post-hoc rows, each with the `family` they were corrected in; `cells` describe the data
     tested; `notes` are what a reader must know; `samples` are what the figures draw;
-    `error_rates` say how often simulated studies like this one find what is not there.
+    `error_rates` say how often simulated studies like this one find what is not there; `data` are
+    the rows tested, factors categorical.
     """
 
     question: Question
@@ -123,6 +126,7 @@ class Outcome:
     samples: tuple[Samples, ...] = ()
     is_simulated: bool = False
     error_rates: tuple[Row, ...] = ()
+    data: pd.DataFrame | None = field(default=None, repr=False, compare=False)
 
     def row(self, term: str = "") -> Row:
         """Return the row of an effect, or of a pair of conditions, or the only row.

@@ -87,6 +87,17 @@ def cell_rows(design: Design) -> tuple[Row, ...]:
     return tuple(c.row() for c in describe(columns, design.dv, factors=list(labels), levels=levels))
 
 
+def tested_rows(design: Design, subject: str) -> pd.DataFrame:
+    """Return the rows a test saw, factors as categories in the order of their levels."""
+    columns: dict[str, object] = {}
+    if subject:
+        columns[subject] = [str(design.subjects[int(i)]) for i in design.subject]
+    for factor in design.factors:
+        names = [str(v) for v in factor.levels]
+        columns[factor.name] = pd.Categorical.from_codes(factor.codes, names)
+    return pd.DataFrame({**columns, design.dv: design.y})
+
+
 def averaged(design: Design) -> Design:
     """Return a design of single trials with one mean per subject and cell."""
     if not design.is_repeated:

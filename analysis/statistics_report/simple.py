@@ -6,6 +6,7 @@ from itertools import combinations
 from typing import Any, cast
 
 import numpy as np
+import pandas as pd
 
 from analysis.statistics import (
     Design,
@@ -40,6 +41,7 @@ from analysis.statistics_report.prepare import (
     prepare,
     read,
     samples_of,
+    tested_rows,
     uneven_groups,
 )
 from analysis.statistics_report.table_file import DataTable
@@ -64,7 +66,8 @@ def _outcome(
         question=q, title=title, rows=rows, sentences=sentences,
         cells=() if design is None else cell_rows(design),
         notes=tuple(dict.fromkeys(notes)), samples=() if design is None else samples_of(design),
-        is_simulated=table.is_simulated, **more,
+        is_simulated=table.is_simulated,
+        **{"data": None if design is None else tested_rows(design, q.subject), **more},
     )  # fmt: skip
 
 
@@ -193,7 +196,8 @@ def _one_sample_t(table: DataTable, q: Question) -> Outcome:
     if q.bayes:
         rows, said = _with_bayes(rows, said, [jzs_bayes_factor(made.t, y.size)])
         notes = (_BAYES_NOTE,)
-    return _outcome(table, q, "One-sample t test", prepared, None, rows, said, notes=notes)
+    return _outcome(table, q, "One-sample t test", prepared, None, rows, said, notes=notes,
+                    data=pd.DataFrame({q.dv: y}))  # fmt: skip
 
 
 def _wilcoxon(table: DataTable, q: Question) -> Outcome:
@@ -226,7 +230,8 @@ def _shapiro(table: DataTable, q: Question) -> Outcome:
         made = shapiro_wilk(y, name=q.dv)
         row: Row = {"sample": q.dv, **made.row()}
         said = f"{q.dv}: {made.sentence()}."
-        return _outcome(table, q, "Shapiro-Wilk test", prepared, None, (row,), (said,))
+        return _outcome(table, q, "Shapiro-Wilk test", prepared, None, (row,), (said,),
+                        data=pd.DataFrame({q.dv: y}))  # fmt: skip
     factor = q.one_within() if q.within else q.one_between()
     prepared = prepare(table, q)
     design = read(prepared, q)
@@ -274,6 +279,7 @@ def _correlation(run: Callable[..., Any], title: str) -> TestRun:
             sentences=(f"{q.partner} and {q.dv}: {made.sentence()}.",),
             notes=tuple(dict.fromkeys((*table.notes, *notes, *made.provenance.notes))),
             samples=(samples,), is_simulated=table.is_simulated,
+            data=pd.DataFrame({q.partner: x[both], q.dv: y[both]}),
         )  # fmt: skip
 
     return test
@@ -299,7 +305,8 @@ def _tost(table: DataTable, q: Question) -> Outcome:
         prepared, y = _known(table, q)
         made = tost_one_sample(y, name=q.dv, **bounds)
         said = f"{q.dv}: {made.sentence()}."
-        return _outcome(table, q, "Equivalence test", prepared, None, (made.row(),), (said,))
+        return _outcome(table, q, "Equivalence test", prepared, None, (made.row(),), (said,),
+                        data=pd.DataFrame({q.dv: y}))  # fmt: skip
     _ = q.one_within() if q.within else q.one_between()
     prepared = prepare(table, q)
     design = read(prepared, q)
@@ -344,6 +351,7 @@ def _cronbach(table: DataTable, q: Question) -> Outcome:
         ),
         notes=tuple(dict.fromkeys((*notes, *made.provenance.notes))),
         is_simulated=table.is_simulated,
+        data=pd.DataFrame({k: v[~missing] for k, v in columns.items()}),
     )  # fmt: skip
 
 

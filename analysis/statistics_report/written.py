@@ -13,10 +13,12 @@ from analysis.plots import BLUE, Drawn, draw, new_figure, write_figure
 from analysis.statistics import StatisticsError, estimation_plot
 from analysis.statistics.results import Row
 from analysis.statistics_report.outcome import Outcome, Samples
+from analysis.statistics_report.r_code import DATA_FILE, r_code
 from recording.csv_file import write_csv
 
+R_FILE = "repeat.R"
 OWN_FILES = (
-    "tests.csv", "contrasts.csv", "cells.csv", "error_rates.csv", "report.txt",
+    DATA_FILE, R_FILE, "tests.csv", "contrasts.csv", "cells.csv", "error_rates.csv", "report.txt",
     "estimation_*.svg", "estimation_*.png", "scatter_*.svg", "scatter_*.png",
 )  # fmt: skip
 """What an outcome writes; none of it may be mistaken for part of the next one."""
@@ -43,6 +45,12 @@ def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tup
             frame = pd.DataFrame([dict(r) for r in rows])
             write_csv(frame.assign(is_simulated=outcome.is_simulated), path)
             written.append(path)
+    code = r_code(outcome)
+    if code and outcome.data is not None:
+        tested = outcome.data.assign(is_simulated=outcome.is_simulated)
+        write_csv(tested, folder / DATA_FILE)
+        (folder / R_FILE).write_text(code, encoding="utf-8", newline="\n")
+        written += [folder / DATA_FILE, folder / R_FILE]
     words = folder / "report.txt"
     words.write_text(outcome_text(outcome), encoding="utf-8", newline="\n")
     written.append(words)

@@ -1,0 +1,398 @@
+"""R code that repeats a test on the rows it saw, so that a reader can check it without Visavis.
+
+The code reads `tested.csv` beside it and prints one line per statistic: name, value, p, divided by
+tabs. Base R is used wherever it has the test; other packages are named at the top.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+from analysis.statistics_report.outcome import Outcome
+
+DATA_FILE = "tested.csv"
+LINE = 'line <- function(name, value, p) cat(sprintf("%s\\t%.10g\\t%.10g\\n", name, value, p))'
+
+
+def r_code(outcome: Outcome) -> str:
+    """Return an R script, or an empty text where the outcome carries no data."""
+    data, q = outcome.data, outcome.question
+    if data is None or q.test not in _BODIES:
+        return ""
+    factors = {
+        f: [str(v) for v in dict.fromkeys(data[f].cat.categories)] for f in (*q.between, *q.within)
+    }
+    names = {f: f"f{i}" for i, f in enumerate(factors, 1)}
+    body, packages = _BODIES[q.test](outcome, names)
+    head = [f"# {outcome.title} of {q.dv or 'the items'}, again in R."]
+    if packages:
+        head.append(f"# Needs the package{'s' if len(packages) > 1 else ''} {', '.join(packages)}.")
+    lines = [*head, f'd <- read.csv("{DATA_FILE}", check.names = FALSE)', LINE]
+    if q.test == "cronbach":
+        return "\n".join([*lines, *body]) + "\n"
+    lines.append(f"d$y <- d[[{_quoted(q.dv)}]]")
+    if q.partner:
+        lines.append(f"d$x <- d[[{_quoted(q.partner)}]]")
+    if q.subject and q.subject in data:
+        lines.append(f"d$s <- factor(d[[{_quoted(q.subject)}]])")
+    lines += [
+        f"d${names[f]} <- factor(d[[{_quoted(f)}]], levels = {_vector(levels)})"
+        for f, levels in factors.items()
+    ]
+    lines.append('options(contrasts = c("contr.sum", "contr.poly"))  # type III')
+    return "\n".join([*lines, *body]) + "\n"
+
+
+Body = tuple[list[str], tuple[str, ...]]
+"""Lines of code, and the packages they need."""
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _vector(values: Sequence[str]) -> str:
+    return f"c({', '.join(_quoted(v) for v in values)})"
+
+
+def _named(names: Mapping[str, str], term: str) -> str:
+    """Return how R prints a term: f1:f2."""
+    return ":".join(names[f] for f in term.split(":"))
+
+
+def _pairs(outcome: Outcome) -> list[tuple[str, str]]:
+    """Return the pairs of levels that were compared, in their order."""
+    assert outcome.data is not None  # noqa: S101  # r_code asked
+    q = outcome.question
+    factor = (*q.within, *q.between)[0]
+    return list(combinations([str(v) for v in outcome.data[factor].cat.categories], 2))
+
+
+def _two(outcome: Outcome, names: Mapping[str, str], call: str, statistic: str) -> list[str]:
+    """Return a call for each pair of levels; x and y are their values, paired by subject."""
+    lines = ["d <- d[order(d$s), ]"] if outcome.question.within else []
+    for a, b in _pairs(outcome):
+        lines += [
+            f"x <- d$y[d$f1 == {_quoted(a)}]; y <- d$y[d$f1 == {_quoted(b)}]",
+            f"t <- {call}",
+            f"line({_quoted(f'{a} - {b}')}, {statistic}, "
+            f"{'coin::pvalue(t)' if 'coin::' in call else 't$p.value'})",
+        ]
+    return lines
+
+
+SIGNED_RANK = (
+    'coin::wilcoxsign_test(x ~ y, distribution = "exact", zero.method = "Wilcoxon")',
+    "{ r <- round(x - y, 9); r <- r[r != 0]; sum(rank(abs(r))[r > 0]) }",
+)
+
+
+def _t(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    q = outcome.question
+    if not names:
+        return [f"t <- t.test(d$y, mu = {q.mu!r})", 'line("t", t$statistic, t$p.value)'], ()
+    how = "paired = TRUE" if q.within else f"var.equal = {str(q.equal_variances).upper()}"
+    return _two(outcome, names, f"t.test(x, y, {how})", "t$statistic"), ()
+
+
+def _wilcoxon(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    call, V = SIGNED_RANK
+    return _two(outcome, names, call, V), ("coin",)
+
+
+def _paired(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    """Repeat the test that the decision path took for each pair."""
+    lines, ranks = ["d <- d[order(d$s), ]"], False
+    for (a, b), row in zip(_pairs(outcome), outcome.rows, strict=True):
+        by_rank = row.get("V") is not None
+        ranks |= by_rank
+        call, statistic = SIGNED_RANK if by_rank else ("t.test(x, y, paired = TRUE)", "t$statistic")
+        lines += [
+            f"x <- d$y[d$f1 == {_quoted(a)}]; y <- d$y[d$f1 == {_quoted(b)}]",
+            f"line({_quoted(f'{a} - {b}, Shapiro-Wilk')}, shapiro.test(x - y)$statistic, "
+            "shapiro.test(x - y)$p.value)",
+            f"t <- {call}",
+            f"line({_quoted(f'{a} - {b}')}, {statistic}, "
+            f"{'coin::pvalue(t)' if by_rank else 't$p.value'})",
+        ]
+    return lines, ("coin",) if ranks else ()
+
+
+def _mann_whitney(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    lines = []
+    for a, b in _pairs(outcome):
+        lines += [
+            f"e <- droplevels(d[d$f1 %in% {_vector([a, b])}, ])",
+            't <- coin::wilcox_test(y ~ f1, data = e, distribution = "exact")',
+            f"U <- suppressWarnings(wilcox.test(e$y[e$f1 == {_quoted(a)}], "
+            f"e$y[e$f1 == {_quoted(b)}])$statistic)",
+            f"line({_quoted(f'{a} - {b}')}, U, coin::pvalue(t))",
+        ]
+    return lines, ("coin",)
+
+
+def _shapiro(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    q = outcome.question
+    one = "line({name}, shapiro.test({values})$statistic, shapiro.test({values})$p.value)"
+    if not names:
+        return [one.format(name=_quoted(q.dv), values="d$y")], ()
+    assert outcome.data is not None  # noqa: S101  # r_code asked
+    factor = (*q.within, *q.between)[0]
+    levels = [str(v) for v in outcome.data[factor].cat.categories]
+    lines = ["d <- d[order(d$s), ]"] if q.within else []
+    values = {v: f"d$y[d$f1 == {_quoted(v)}]" for v in levels}
+    lines += [one.format(name=_quoted(f"{factor} {v}"), values=values[v]) for v in levels]
+    if q.within:
+        lines += [
+            one.format(name=_quoted(f"{a} - {b}"), values=f"{values[a]} - {values[b]}")
+            for a, b in combinations(levels, 2)
+        ]
+    return lines, ()
+
+
+def _correlation(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    exact = "" if outcome.question.test == "pearson" else ", exact = nrow(d) <= 9"
+    call = f'cor.test(d$x, d$y, method = "{outcome.question.test}"{exact})'
+    return [f"t <- {call}", 'line("correlation", t$estimate, t$p.value)'], ()
+
+
+def _tost(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    q = outcome.question
+    values, how = "d$y", ""
+    lines = []
+    spread = "sd(d$y)"
+    if names:
+        ((a, b),) = _pairs(outcome)
+        lines = ["d <- d[order(d$s), ]"] if q.within else []
+        lines.append(f"x <- d$y[d$f1 == {_quoted(a)}]; y <- d$y[d$f1 == {_quoted(b)}]")
+        values, how = "x, y", ", paired = TRUE" if q.within else ""
+        pooled = "sqrt(((length(x) - 1) * var(x) + (length(y) - 1) * var(y)) / " \
+                 "(length(x) + length(y) - 2))"  # fmt: skip
+        spread = "sd(x - y)" if q.within else pooled
+    lines.append(f"unit <- {'1' if q.unit == 'raw' else spread}")
+    for name, bound, side in (("above low", q.low, "greater"), ("below high", q.high, "less")):
+        call = f't.test({values}{how}, mu = {bound!r} * unit, alternative = "{side}")'
+        lines.append(f'{{ t <- {call}; line("{name}", t$statistic, t$p.value) }}')
+    return lines, ()
+
+
+def _cronbach(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    items = ", ".join(
+        f"{'-' if i in outcome.question.reverse else ''}d[[{_quoted(i)}]]"
+        for i in outcome.question.items
+    )
+    return [
+        f"items <- cbind({items}); k <- ncol(items)",
+        'line("alpha", k / (k - 1) * (1 - sum(apply(items, 2, var)) / var(rowSums(items))), NA)',
+    ], ()
+
+
+AOV = """afex_table <- function(data, within, between) {
+  e <- suppressWarnings(suppressMessages(afex::aov_ez("s", "y", data, within = within, between = between, type = 3)))
+  summary(e$Anova, multivariate = FALSE)
+}
+plain <- function(e) e$univariate.tests[-1, , drop = FALSE]"""  # noqa: E501  # one line of R
+
+
+def _roles(outcome: Outcome, names: Mapping[str, str]) -> str:
+    def listed(factors: Sequence[str]) -> str:
+        return _vector([names[f] for f in factors]) if factors else "NULL"
+
+    q = outcome.question
+    return f"{listed(q.within)}, {listed(q.between)}"
+
+
+def _f_lines(source: str, outcome: Outcome, names: Mapping[str, str]) -> list[str]:
+    """Return lines that print F and p of each effect, corrected for sphericity as it was."""
+    lines = []
+    for row in outcome.rows:
+        term, corrected = str(row["term"]), row.get("sphericity_correction")
+        at = _quoted(_named(names, term))
+        p = f'plain({source})[{at}, "Pr(>F)"]'
+        if corrected == "Greenhouse-Geisser":
+            p = f'{source}$pval.adjustments[{at}, "Pr(>F[GG])"]'
+        elif corrected == "Huynh-Feldt":
+            p = f'{source}$pval.adjustments[{at}, "Pr(>F[HF])"]'
+        lines.append(f'line({_quoted(term)}, plain({source})[{at}, "F value"], {p})')
+    return lines
+
+
+def _rm(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    made = f"e <- afex_table(d, {_roles(outcome, names)})"
+    return [AOV, made, *_f_lines("e", outcome, names)], ("afex",)
+
+
+def _lm(outcome: Outcome, names: Mapping[str, str]) -> list[str]:
+    lines = [f"t <- drop1(aov(y ~ {' * '.join(names.values())}, data = d), . ~ ., test = 'F')"]
+    for row in outcome.rows:
+        at = _quoted(_named(names, str(row["term"])))
+        lines.append(f'line({_quoted(str(row["term"]))}, t[{at}, "F value"], t[{at}, "Pr(>F)"])')
+    return lines
+
+
+def _anova(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    return _lm(outcome, names), ()
+
+
+ALIGNED = """aligned_ranks <- function(term, factors) {
+  mean_in <- function(u) if (length(u)) ave(d$y, interaction(d[u])) else rep(mean(d$y), nrow(d))
+  effect <- 0
+  for (size in 0:length(term)) for (u in combn(term, size, simplify = FALSE))
+    effect <- effect + (-1)^(length(term) - size) * mean_in(u)
+  rank(round(d$y - mean_in(factors) + effect, 8))
+}"""
+
+
+def _art(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    q = outcome.question
+    if q.error != "strata" or q.missing == "mixed":
+        return _mixed_note(outcome, names)
+    lines = [AOV] if q.within else []
+    every = _vector(list(names.values()))
+    if q.transform == "int":
+        lines.append("d$y <- qnorm((rank(d$y) - 3/8) / (nrow(d) + 1/4))")
+    else:
+        lines.append(ALIGNED)
+        lines.append("response <- d$y")
+    for row in outcome.rows:
+        alone = _with_rows(outcome, [row])
+        if q.transform == "art":
+            term = _vector([names[f] for f in str(row["term"]).split(":")])
+            lines += ["d$y <- response", f"d$y <- aligned_ranks({term}, {every})"]
+        if q.within:
+            lines.append(f"e <- afex_table(d, {_roles(outcome, names)})")
+            lines += _f_lines("e", alone, names)
+        else:
+            lines += _lm(alone, names)
+    return lines, ("afex",) if q.within else ()
+
+
+def _with_rows(outcome: Outcome, rows: Sequence[Mapping[str, object]]) -> Outcome:
+    return replace(outcome, rows=tuple(rows))  # type: ignore[arg-type]  # rows of this outcome
+
+
+def _slopes(outcome: Outcome, names: Mapping[str, str], *, all_terms: bool) -> str:
+    """Return one variance per subject and within effect, but for the residual's."""
+    within = [names[f] for f in outcome.question.within]
+    sizes = range(1, len(within) + (1 if all_terms else 0))
+    terms = [":".join(t) for size in sizes for t in combinations(within, size)]
+    return " + ".join(["(1 | s)", *(f"(1 | s:{t})" for t in terms)])
+
+
+def _kenward_roger(outcome: Outcome, names: Mapping[str, str], random: str) -> Body:
+    fixed = " * ".join(names.values())
+    lines = [
+        "# lme4 stops a variance at zero where Visavis lets it pass below (its notes say so).",
+        f"m <- suppressMessages(lmerTest::lmer(y ~ {fixed} + {random}, data = d))",
+        't <- anova(m, type = 3, ddf = "Kenward-Roger")',
+    ]
+    for row in outcome.rows:
+        at = _quoted(_named(names, str(row["term"])))
+        lines.append(f'line({_quoted(str(row["term"]))}, t[{at}, "F value"], t[{at}, "Pr(>F)"])')
+    return lines, ("lmerTest", "pbkrtest")
+
+
+def _mixed_note(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    lines = [f"# Not repeated here: aligned ranks with {outcome.rows[0]['error_term']}."]
+    return lines, ()
+
+
+def _mixed(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    return _kenward_roger(outcome, names, _slopes(outcome, names, all_terms=False))
+
+
+def _lmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    assert outcome.data is not None  # noqa: S101  # r_code asked
+    q = outcome.question
+    repeated = bool(outcome.data.duplicated([q.subject, *q.within]).any())
+    if "one variance each" in str(outcome.rows[0]["error_term"]):
+        return _kenward_roger(outcome, names, _slopes(outcome, names, all_terms=repeated))
+    within = [names[f] for f in q.within]
+    inner = " * ".join(within)
+    if not repeated:
+        inner = f"({' + '.join(within)})^{len(within) - 1}"
+    return _kenward_roger(outcome, names, f"({inner} | s)")
+
+
+def _gee(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    fixed = " * ".join(names.values())
+    return [
+        "d <- d[order(d$s), ]",
+        f"m <- geepack::geeglm(y ~ {fixed}, id = d$s, data = d, "
+        f'family = {outcome.question.family}, corstr = "exchangeable")',
+        "t <- summary(m)$coefficients",
+        "# The same estimates; errors are the plain sandwich, without Mancl and DeRouen's",
+        "# correction for few subjects, so p is smaller than Visavis prints.",
+        'for (i in rownames(t)) line(i, t[i, "Estimate"], t[i, "Pr(>|W|)"])',
+    ], ("geepack",)
+
+
+def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    assert outcome.data is not None  # noqa: S101  # r_code asked
+    q = outcome.question
+    mixed = bool(q.subject) and bool(outcome.data.duplicated([q.subject]).any())
+    lines = [
+        f"X <- model.matrix(~ {' * '.join(names.values())}, d)",
+        'term <- attr(X, "assign")[-1]; X <- X[, -1, drop = FALSE]',
+        "fit <- function(keep) {",
+        '  columns <- if (any(keep)) "X[, keep, drop = FALSE]" else "1"',
+        '  f <- as.formula(paste("ordered(y) ~", columns' + (', "+ (1 | s)"))' if mixed else "))"),
+        "  environment(f) <- environment()",
+        f"  ordinal::{'clmm(f, data = d, nAGQ = 15)' if mixed else 'clm(f, data = d)'}",
+        "}",
+        "full <- fit(rep(TRUE, ncol(X)))",
+        "# Likelihood ratios: they take people for alike in their effects. The F tests that",
+        "# Visavis decides by have errors robust to that, which ordinal does not offer.",
+    ]
+    for i, row in enumerate(outcome.rows, 1):
+        ratio = f"2 * c(logLik(full) - logLik(fit(term != {i})))"
+        lines.append(
+            f"chi2 <- {ratio}; line({_quoted(str(row['term']))}, chi2, "
+            f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
+        )
+    return lines, ("ordinal",)
+
+
+def _friedman(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    return [
+        "t <- friedman.test(y ~ f1 | s, data = d)", 'line("f1", t$statistic, t$p.value)'
+    ], ()  # fmt: skip
+
+
+def _conditions(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    if outcome.rows[0].get("F") is None:
+        return _friedman(outcome, names)
+    row = {"term": outcome.question.within[0], **outcome.rows[0]}
+    return _rm(_with_rows(outcome, [row]), names)
+
+
+def _kruskal(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    return ["t <- kruskal.test(y ~ f1, data = d)", 'line("f1", t$statistic, t$p.value)'], ()
+
+
+def _welch(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    return ["t <- oneway.test(y ~ f1, data = d)", 'line("f1", t$statistic, t$p.value)'], ()
+
+
+_BODIES: Mapping[str, Callable[[Outcome, Mapping[str, str]], Body]] = {
+    "art": _art,
+    "rm": _rm,
+    "mixed": _mixed,
+    "lmm": _lmm,
+    "gee": _gee,
+    "clmm": _clmm,
+    "anova": _anova,
+    "welch": _welch,
+    "friedman": _friedman,
+    "conditions": _conditions,
+    "kruskal": _kruskal,
+    "paired": _paired,
+    "t": _t,
+    "wilcoxon": _wilcoxon,
+    "mannwhitney": _mann_whitney,
+    "shapiro": _shapiro,
+    "spearman": _correlation,
+    "pearson": _correlation,
+    "tost": _tost,
+    "cronbach": _cronbach,
+}

@@ -1,0 +1,177 @@
+"""R code that repeats a test: run where Rscript and its packages are, read everywhere."""
+
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.statistics.gee import gee
+from analysis.statistics_report import TESTS, Outcome, Question, answer, write_outcome
+from analysis.statistics_report.r_code import r_code
+
+ONE = {"within": ("b",), "subject": "who"}
+TWO = {"within": ("a", "b"), "subject": "who"}
+PAIR = {"within": ("a",), "subject": "who"}
+GROUPS = {"between": ("g",), "subject": "who"}
+QUESTIONS: dict[str, dict[str, Any]] = {
+    "art": {"test": "art", **TWO, "between": ("g",)},
+    "int": {"test": "art", "transform": "int", **TWO},
+    "rm": {"test": "rm", **TWO, "between": ("g",)},
+    "gg": {"test": "rm", "correction": "gg", **ONE},
+    "mixed": {"test": "mixed", **TWO},
+    "lmm": {"test": "lmm", **TWO, "random": "components"},
+    "gee": {"test": "gee", **ONE},
+    "clmm": {"test": "clmm", **ONE, "dv": "rating"},
+    "anova": {"test": "anova", **GROUPS},
+    "welch": {"test": "welch", **GROUPS},
+    "kruskal": {"test": "kruskal", **GROUPS},
+    "friedman": {"test": "friedman", **ONE},
+    "conditions": {"test": "conditions", **ONE},
+    "paired": {"test": "paired", **ONE},
+    "paired ranks": {"test": "paired", **PAIR, "dv": "skewed"},
+    "t": {"test": "t", **PAIR},
+    "t of groups": {"test": "t", **GROUPS},
+    "t of one": {"test": "t", "subject": "who", "mu": 1.0},
+    "wilcoxon": {"test": "wilcoxon", **PAIR},
+    "mannwhitney": {"test": "mannwhitney", **GROUPS},
+    "shapiro": {"test": "shapiro", **PAIR},
+    "spearman": {"test": "spearman", "partner": "skewed", "subject": "who"},
+    "pearson": {"test": "pearson", "partner": "skewed", "subject": "who"},
+    "tost": {"test": "tost", **PAIR, "low": -0.5, "high": 0.5},
+    "tost in SD": {"test": "tost", **GROUPS, "low": -0.5, "high": 0.5, "unit": "sd"},
+    "cronbach": {"test": "cronbach", "items": ("y", "skewed"), "reverse": ("skewed",)},
+}
+
+
+@cache
+def people() -> pd.DataFrame:
+    rng = np.random.default_rng(7)
+    rows = [(f"P{p}", a, b, "old" if p % 5 < 2 else "young") for p in range(14)
+            for a in ("near 'x'", 'far "y"') for b in ("low", "mid", "high")]  # fmt: skip
+    frame = pd.DataFrame(rows, columns=["who", "a", "b", "g"])
+    own = pd.Series(rng.normal(0, 2, size=14), [f"P{p}" for p in range(14)])
+    slopes = {key: rng.normal(0, 0.8) for key in zip(frame["who"], frame["b"], strict=True)}
+    slopes |= {key: rng.normal(0, 0.8) for key in zip(frame["who"], frame["a"], strict=True)}
+    y = own[frame["who"]].to_numpy() + 0.9 * (frame["b"] == "high") + rng.normal(size=len(frame))
+    for factor in ("a", "b"):
+        y += [slopes[key] for key in zip(frame["who"], frame[factor], strict=True)]
+    frame["y"] = np.round(y, 3)
+    frame["skewed"] = np.round(np.exp(2 * frame["y"]), 3)
+    frame["rating"] = np.clip(np.round(3 + frame["y"]), 1, 5)
+    return frame
+
+
+def asked(name: str) -> Outcome:
+    question = {"dv": "y", "levels": {}} | QUESTIONS[name]
+    if "b" in question.get("within", ()):
+        question["levels"] = {"b": ["low", "mid", "high"]}
+    return answer(people(), Question(**question))
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_code_reads_the_rows_beside_it_and_names_what_it_needs(name: str) -> None:
+    outcome = asked(name)
+    code = r_code(outcome)
+    assert 'read.csv("tested.csv"' in code
+    for package in set(re.findall(r"(\w+)::", code)):
+        assert package in code.split("\n")[1]
+    for pair in ("()", "{}", "[]"):
+        assert code.count(pair[0]) == code.count(pair[1])
+    assert outcome.data is not None
+
+
+def test_every_test_can_be_repeated() -> None:
+    assert set(TESTS) == {q["test"] for q in QUESTIONS.values()}
+
+
+RUN_ALL = """for (name in list.dirs(recursive = FALSE)) {
+  cat("==", name, "\\n", sep = "\\t")
+  tryCatch(source(file.path(name, "repeat.R"), local = new.env(), chdir = TRUE),
+    error = function(e) cat("error", conditionMessage(e), "\\n", sep = "\\t"))
+}
+"""
+Printed = dict[str, tuple[float, float]]
+
+
+@pytest.fixture(scope="module")
+def repeated(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Printed | str]:
+    """Run all code in one R; values and p by name, or the message of an error."""
+    rscript = shutil.which("Rscript")
+    if rscript is None:
+        pytest.skip("Rscript is not installed")
+    folder = tmp_path_factory.mktemp("r")
+    for name in QUESTIONS:
+        write_outcome(replace(asked(name), samples=()), folder / name)
+    (folder / "all.R").write_text(RUN_ALL, encoding="utf-8")
+    done = subprocess.run(
+        [rscript, "--vanilla", "all.R"], cwd=folder, capture_output=True, text=True, check=True,
+        timeout=90,
+    )  # fmt: skip
+    found: dict[str, Printed | str] = {}
+    for part in re.split(r"^==\t\./", done.stdout, flags=re.MULTILINE)[1:]:
+        name, *lines = part.splitlines()
+        cells = [line.split("\t") for line in lines if "\t" in line]
+        broken = [cell[1] for cell in cells if cell[0] == "error"]
+        found[name.strip()] = broken[0] if broken else {
+            c[0]: (float(c[1]), float("nan") if c[2] == "NA" else float(c[2])) for c in cells
+        }  # fmt: skip
+    return found
+
+
+def read(repeated: dict[str, Printed | str], name: str) -> Printed:
+    """Return what R printed; skip where a package is missing."""
+    found = repeated[name]
+    if isinstance(found, str):
+        if "there is no package called" in found:
+            pytest.skip(found)
+        pytest.fail(found)
+    return found
+
+
+def expected(outcome: Outcome) -> Iterator[tuple[float, float]]:
+    """Yield value and p of each row as Visavis has them."""
+    for row in outcome.rows:
+        if outcome.question.test == "clmm":
+            yield float(row["chi2"] or 0), float(row["chi2_p"] or 0)
+            continue
+        names = ("F", "t", "V", "U", "chi2", "H", "W", "r", "rho", "alpha")
+        value = next(row[n] for n in names if row.get(n) is not None)
+        p = next((row[n] for n in ("p_used", "p") if row.get(n) is not None), float("nan"))
+        yield float(value or 0), float(p or 0)
+
+
+COMPARED = [n for n, q in QUESTIONS.items() if q["test"] not in ("gee", "tost")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMPARED)
+def test_r_finds_the_same_statistic_and_p(name: str, repeated: dict[str, Printed | str]) -> None:
+    found = {k: v for k, v in read(repeated, name).items() if "Shapiro-Wilk" not in k}
+    want = list(expected(asked(name)))
+    assert len(want) == len(found), found
+    for (value, p), (r_value, r_p) in zip(want, found.values(), strict=True):
+        assert value == pytest.approx(r_value, rel=1e-4)
+        assert p == pytest.approx(r_p, rel=1e-3, abs=1e-9, nan_ok=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["tost", "tost in SD"])
+def test_equivalence_is_the_larger_of_rs_two_tests(
+    name: str, repeated: dict[str, Printed | str]
+) -> None:
+    larger = max(p for _, p in read(repeated, name).values())
+    assert asked(name).p() == pytest.approx(larger, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_r_estimates_the_same_equations(repeated: dict[str, Printed | str]) -> None:
+    frame, found = people(), read(repeated, "gee")
+    made = gee(frame, "y", subject="who", within=("b",), levels={"b": ["low", "mid", "high"]})
+    assert made.model.beta == pytest.approx([value for value, _ in found.values()], rel=1e-4)
