@@ -1,4 +1,4 @@
-"""Draw estimation plots: every participant, paired lines, mean difference with interval."""
+"""Draw estimation plots: rainclouds of participants, and mean differences with intervals."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 COLOURS = ("#4C72B0", "#DD8452", "#55A868", "#8172B3", "#937860", "#DA8BC3", "#8C8C8C", "#CCB974")
 LINE_COLOUR = "#9AA0A6"
+MIN_CLOUD = 5
+"""Participants from which the shape of their distribution is drawn."""
+CLOUD_WIDTH = 0.3
 
 
 def estimation_plot(
@@ -30,7 +33,9 @@ def estimation_plot(
     title: str = "",
     watermark: str = "",
 ) -> "Figure":
-    """Draw all participants of two or more conditions above the differences to a reference.
+    """Draw a raincloud of each of two or more conditions above the differences to a reference.
+
+    A raincloud shows every participant, mean ± SD, and the distribution's smoothed shape.
 
     `conditions` name → one value per participant, in the same order when `paired`. The lower
     panel shows each mean difference (condition − reference, by default the first) with its
@@ -81,12 +86,27 @@ def _draw_participants(axes: "Axes", columns: Sequence[Array], paired: bool) -> 
         axes.plot(np.arange(len(columns)), values, color=LINE_COLOUR, alpha=0.45, lw=0.8, zorder=1)
     for i, (column, place) in enumerate(zip(columns, places, strict=True)):
         colour = COLOURS[i % len(COLOURS)]
+        _draw_cloud(axes, i - 0.1, column, colour)
         axes.scatter(place, column, s=20, color=colour, alpha=0.75, lw=0, zorder=2)
         mean, sd = column.mean(), column.std(ddof=1)
         axes.errorbar(
             i + 0.24, mean, yerr=sd, fmt="_", ms=13, mew=2.2, color=colour, elinewidth=1.8, zorder=3
         )
     axes.margins(y=0.08)
+
+
+def _draw_cloud(axes: "Axes", place: float, column: Array, colour: str) -> None:
+    """Draw the density (normal kernel, Silverman's width) to the left of a place."""
+    low, high = np.percentile(column, [25, 75])
+    sd = float(column.std(ddof=1)) if column.size > 1 else 0.0
+    spread = min(sd, float(high - low) / 1.349) or sd
+    if column.size < MIN_CLOUD or spread == 0:
+        return
+    width = 0.9 * spread * column.size ** (-1 / 5)
+    at = np.linspace(column.min() - 2 * width, column.max() + 2 * width, 121)
+    density = np.exp(-(((at[:, None] - column) / width) ** 2) / 2).sum(axis=1)
+    reach = CLOUD_WIDTH * density / density.max()
+    axes.fill_betweenx(at, place - reach, place, color=colour, alpha=0.3, lw=0, zorder=0)
 
 
 def _draw_differences(

@@ -94,7 +94,7 @@ def tested_rows(design: Design, subject: str) -> pd.DataFrame:
         columns[subject] = [str(design.subjects[int(i)]) for i in design.subject]
     for factor in design.factors:
         names = [str(v) for v in factor.levels]
-        columns[factor.name] = pd.Categorical.from_codes(factor.codes, names)
+        columns[factor.name] = pd.Categorical.from_codes(factor.codes, pd.Index(names))
     return pd.DataFrame({**columns, design.dv: design.y})
 
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from analysis.plots import BLUE, Drawn, draw, new_figure, write_figure
 from analysis.statistics import StatisticsError, estimation_plot
 from analysis.statistics.results import Row
+from analysis.statistics_report.assumptions import draw_assumptions
 from analysis.statistics_report.outcome import Outcome, Samples
 from analysis.statistics_report.r_code import DATA_FILE, r_code
 from recording.csv_file import write_csv
@@ -20,6 +21,7 @@ R_FILE = "repeat.R"
 OWN_FILES = (
     DATA_FILE, R_FILE, "tests.csv", "contrasts.csv", "cells.csv", "error_rates.csv", "report.txt",
     "estimation_*.svg", "estimation_*.png", "scatter_*.svg", "scatter_*.png",
+    "assumptions.svg", "assumptions.png",
 )  # fmt: skip
 """What an outcome writes; none of it may be mistaken for part of the next one."""
 
@@ -54,6 +56,9 @@ def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tup
     words = folder / "report.txt"
     words.write_text(outcome_text(outcome), encoding="utf-8", newline="\n")
     written.append(words)
+    checked = draw_assumptions(outcome)
+    if checked is not None:
+        written += write_figure(checked, folder)
     problems = []
     for samples in outcome.samples:
         try:
@@ -86,8 +91,9 @@ def draw_samples(samples: Samples, outcome: Outcome) -> Drawn:
     caption = (
         "One dot per participant."
         if scatter
-        else "Every participant; below, mean differences to the first condition with 95 % "
-        "confidence interval (not corrected for the number of comparisons)."
+        else "Every participant, mean ± SD and smoothed distribution; below, mean differences to "
+        "the first condition with 95 % confidence interval (not corrected for the number of "
+        "comparisons)."
     )
     return draw(
         ("scatter_" if scatter else "estimation_") + name,

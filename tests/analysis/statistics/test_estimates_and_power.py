@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.collections import PathCollection
+from matplotlib.collections import FillBetweenPolyCollection, PathCollection
 from scipy import stats
 
 from analysis import statistics
@@ -173,6 +173,8 @@ def test_estimation_plot_shows_every_participant_and_each_interval() -> None:
     dots = [c for c in upper.collections if isinstance(c, PathCollection)]
     points = np.concatenate([c.get_offsets()[:, 1].data for c in dots])
     assert np.isin(np.concatenate(list(conditions.values())), points).all()
+    clouds = [c for c in upper.collections if isinstance(c, FillBetweenPolyCollection)]
+    assert 3 == len(clouds)
     lines = [line for line in upper.lines if len(line.get_xdata()) == 3]
     assert 12 == len(lines)
     test = statistics.paired_t(conditions["B"], base)

@@ -1,0 +1,49 @@
+"""Residuals a test takes for normal, and the figure of them."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.statistics_report import Question, answer, write_outcome
+from analysis.statistics_report.assumptions import draw_assumptions, residuals
+
+
+def people(n: int = 12) -> pd.DataFrame:
+    rng = np.random.default_rng(0)
+    frame = pd.DataFrame([(s, a) for s in range(n) for a in "xyz"], columns=["who", "a"])
+    frame["y"] = rng.normal(size=n)[frame["who"]] * 5 + (frame["a"] == "z") + rng.normal(size=3 * n)
+    return frame
+
+
+def test_residuals_of_conditions_are_what_neither_cell_nor_person_explains() -> None:
+    frame = people()
+    found = residuals(answer(frame, Question("rm", dv="y", within=("a",), subject="who")))
+    assert found is not None
+    y = frame.pivot_table(index="who", columns="a", values="y").to_numpy()
+    expected = y - y.mean(axis=0) - y.mean(axis=1, keepdims=True) + y.mean()
+    assert expected.ravel() == pytest.approx(found["residual"].to_numpy())
+
+
+def test_residuals_of_groups_keep_what_people_differ_in() -> None:
+    frame = people().query("a == 'x'").assign(g=["p", "q"] * 6)
+    found = residuals(answer(frame, Question("t", dv="y", between=("g",), subject="who")))
+    assert found is not None
+    by_group = frame.groupby("g")["y"].std()
+    assert by_group.to_dict() == pytest.approx(found.groupby("cell")["residual"].std().to_dict())
+
+
+def test_rank_tests_and_constant_residuals_have_no_figure() -> None:
+    frame = people()
+    asked = Question("friedman", dv="y", within=("a",), subject="who")
+    assert draw_assumptions(answer(frame, asked)) is None
+
+
+def test_the_figure_is_written_and_replaced(tmp_path: Path) -> None:
+    frame = people()
+    write_outcome(answer(frame, Question("rm", dv="y", within=("a",), subject="who")), tmp_path)
+    assert (tmp_path / "assumptions.svg").is_file()
+    asked = Question("friedman", dv="y", within=("a",), subject="who")
+    write_outcome(answer(frame, asked), tmp_path)
+    assert not (tmp_path / "assumptions.svg").exists()
