@@ -432,7 +432,7 @@ def test_figures_of_simulated_data_are_marked(table: Path, tmp_path: Path) -> No
         assert "simulated-watermark" not in Path(file).read_text()
     made_up = answer(marked(tmp_path / "sim.csv", [True]), "--test", "rm", *TWO)
     figures = [f for f in made_up["files"] if f.endswith(".svg")]
-    assert 3 == len(figures)
+    assert 4 == len(figures)  # two factors, their cells, the assumptions
     for file in figures:
         assert "simulated-watermark" in Path(file).read_text()
     assert pd.read_csv(tmp_path / "out" / "tests.csv")["is_simulated"].all()
