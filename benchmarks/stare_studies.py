@@ -18,10 +18,11 @@ from experiments.stare.comparisons import (
 )
 from experiments.stare.design import CONDITIONS
 from experiments.stare.published import MEANS
-from experiments.stare.quick_study import run_study
-from experiments.stare.study import experiment_of
+from experiments.stare.study import experiment_of, study
 from visavis.measures import Measure
+from visavis.opened import OpenedStudy
 from visavis.pairs import CorrelationTest, PairTest, compare_pairs, correlate, scores_of
+from visavis.quick import quick_study
 
 
 @dataclass(frozen=True)
@@ -77,17 +78,18 @@ class _Job:
 
 
 def _simulate(job: _Job) -> StudyOutcome:
-    study = run_study(
-        tracker_of, seed=job.seed, participants=range(job.participants), effect=job.effect
+    experiment, people = experiment_of(), range(job.participants)
+    made = quick_study(
+        OpenedStudy(study), experiment, tracker_of, people, seed=job.seed, effect=float(job.effect)
     )
-    means, levels = condition_means(study.trials), experiment_of().levels
+    means, levels = condition_means(made.trials), experiment.levels
     return StudyOutcome(
         job.seed,
         describe(means),
-        compare_pairs(CONDITION_TESTS, study.trials, ALL_MEASURES, levels),
-        compare_pairs(ZONE_TESTS, study.trials, ALL_MEASURES, levels) if job.effect else (),
+        compare_pairs(CONDITION_TESTS, made.trials, ALL_MEASURES, levels),
+        compare_pairs(ZONE_TESTS, made.trials, ALL_MEASURES, levels) if job.effect else (),
         correlate(
-            ANXIETY_TESTS, means, scores_of(study.answers, SCORE_COLUMN), ALL_MEASURES, CONDITIONS
+            ANXIETY_TESTS, means, scores_of(made.people, SCORE_COLUMN), ALL_MEASURES, CONDITIONS
         ),
     )
 

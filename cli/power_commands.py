@@ -72,13 +72,9 @@ def power_study(name: str, of_lab: Mapping[str, Path] | None = None) -> PowerStu
     Raises:
         UsageError: no such study, or it offers none.
     """
-    if name == "stare":
-        from experiments.stare.power import StarePower  # late: compiles when imported
-
-        return StarePower(tracker_of)
     found = find_study(name, of_lab)
     if not isinstance(found, OpenedStudy):
-        raise UsageError(f"{name} offers no power simulation yet; studies on the kit and stare do")
+        raise UsageError(f"{name} offers no power simulation yet; studies on the kit do")
     return KitPower(reference_of(found), tracker_of)
 
 

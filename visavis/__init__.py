@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from protocol.design import Factor as Factor
     from protocol.orders import never_next_to as never_next_to
     from protocol.orders import no_more_than as no_more_than
+    from visavis.analysis import Conclusion as Conclusion
     from visavis.compare import Compare as Compare
     from visavis.compare import Published as Published
     from visavis.deriving import derive as derive
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     from visavis.measures import dwell_on as dwell_on
     from visavis.measures import first_fixation_on as first_fixation_on
     from visavis.measures import fixations_on as fixations_on
+    from visavis.pairs import Correlate as Correlate
+    from visavis.pairs import Pairs as Pairs
+    from visavis.pairs import Printed as Printed
     from visavis.person import Seen as Seen
     from visavis.person import unopinionated as unopinionated
     from visavis.responses import Choice as Choice
@@ -55,6 +59,7 @@ _NAMES = {
     "analysis.statistics_report": ("Question", "answer"),
     "protocol.design": ("Factor",),
     "protocol.orders": ("never_next_to", "no_more_than"),
+    "visavis.analysis": ("Conclusion",),
     "visavis.compare": ("Compare", "Published"),
     "visavis.deriving": ("derive",),
     "visavis.exclusions": ("STANDARD_RULES", "Exclusion"),
@@ -62,6 +67,7 @@ _NAMES = {
     "visavis.measures": (
         "Measure", "TrialRecord", "column", "dwell_on", "first_fixation_on", "fixations_on",
     ),
+    "visavis.pairs": ("Correlate", "Pairs", "Printed"),
     "visavis.person": ("Seen", "unopinionated"),
     "visavis.responses": (
         "Choice", "Keys", "Number", "Pointing", "Rating", "SideBySide", "Text",

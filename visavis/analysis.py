@@ -74,7 +74,8 @@ class Results:
 class Conclusion:
     """One question of a study with its answer and the sentences of all the tests it rests on.
 
-    `was_tested` is False when a test it needs could not be made at all.
+    `was_tested` is False when a test it needs could not be made at all; `name` is that of
+    `Study.questions`, where the question has one.
     """
 
     status: Status
@@ -82,6 +83,7 @@ class Conclusion:
     answer: str
     evidence: tuple[str, ...]
     was_tested: bool = True
+    name: str = ""
 
     @property
     def headline(self) -> str:

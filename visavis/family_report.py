@@ -48,7 +48,7 @@ def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
             Verdict(c.status, c.headline, " ".join(c.evidence)) for c in analysis.conclusions
         )
     found = []
-    for family in analysis.families():
+    for family in dict.fromkeys(r.of.family for r in analysis.results if not r.of.exploratory):
         tests = analysis.tests_of(family)
         made = [t for t in tests if t.outcome is not None]
         hits = [t for t in made if t.is_significant]

@@ -321,16 +321,27 @@ class LooksOn:
         """
         if record.gaze is None:
             return {c.name: None for c in LOOK_COLUMNS}, []
-        row: dict[str, Any] = {
+        columns = self.columns(record, frozen, params)
+        return columns, list(sensitivity_rows(record.gaze, self._row(record), params=params))
+
+    def _row(self, record: TrialRecord) -> Row:
+        return {
             "trial_id": record.row.get("trial_id"),
             "active_index": record.row.get(self.agent),
             "t_start_ns": record.row.get(self.start),
             "t_end_ns": record.row.get(self.end),
             "switch_ns": record.row.get(self.switch) if self.switch else None,
         }
+
+    def columns(
+        self, record: TrialRecord, frozen: npt.NDArray[np.bool_], params: MeasureParameters
+    ) -> dict[str, Scalar | None]:
+        """Return a trial's columns alone."""
+        if record.gaze is None:
+            return {c.name: None for c in LOOK_COLUMNS}
+        row = self._row(record)
         span = _span(row)
         within = (record.gaze.t_ns >= span.start_ns) & (record.gaze.t_ns < span.end_ns)
         columns = trial_measures(record.gaze, row, params=params)
         columns |= {"frozen_samples": int(frozen[within].sum())}
-        columns |= second_view(record.gaze, row, params=params)
-        return columns, list(sensitivity_rows(record.gaze, row, params=params))
+        return columns | second_view(record.gaze, row, params=params)

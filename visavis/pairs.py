@@ -6,7 +6,7 @@ otherwise. A family shares its alpha (Bonferroni). Scores of questionnaires are 
 Spearman's coefficient.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from math import factorial
 from typing import Any, Final, Literal
@@ -94,7 +94,7 @@ class Pairs:
     `shared` says which tests share alpha: with ("measures", "levels") all of them, with ("each",)
     those that differ in nothing but the level of `each`. `names` are what levels are called,
     `noun` follows them in sentences ("averted and directed gaze"). `printed` returns what the
-    source prints of a test.
+    source prints of a test. An `exploratory` family makes no headline and has no power.
     """
 
     family: str
@@ -107,6 +107,7 @@ class Pairs:
     names: Mapping[str, str] = field(default_factory=dict)
     noun: str = ""
     printed: Callable[["PairTest"], Printed | None] | None = None
+    exploratory: bool = False
 
     def called(self, level: str) -> str:
         """Return what a level is called."""
@@ -266,6 +267,7 @@ class Correlate:
     names: Mapping[str, str] = field(default_factory=dict)
     noun: str = ""
     printed: Callable[["CorrelationTest"], Printed | None] | None = None
+    exploratory: bool = False
 
 
 @dataclass(frozen=True)
@@ -472,8 +474,9 @@ def compare_pairs(
     rules: TestRules = DEFAULT_TEST_RULES,
     *,
     family: str = "",
+    only: Collection[tuple[tuple[str, str], str]] | None = None,
 ) -> tuple[PairTest, ...]:
-    """Make every test of a family on the trials that count.
+    """Make every test of a family on the trials that count, or those of some pairs and measures.
 
     `levels` are those of this design by factor or derived column. A pair of which a level was
     left out of the design is not tested, says so, and shares no alpha.
@@ -489,7 +492,7 @@ def compare_pairs(
     for place in places:
         here = means[means[of.each].astype(str) == place] if of.each else means
         for pair in of.levels:
-            for measure in chosen:
+            for measure in (m for m in chosen if only is None or (pair, m.column) in only):
                 made = compare(
                     here, measure, pair, of, rules, n_tests=n_tests, where=place, family=family
                 )

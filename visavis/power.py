@@ -6,7 +6,7 @@ their family. `effect` 0 gives people to whom what is shown makes no difference,
 is significant is false.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,13 +17,25 @@ import pandas as pd
 
 from analysis.power import Found, Source, Verdicts
 from lab.errors import DataError, UsageError
-from protocol.participants import SimulatedParticipant
-from visavis.analysis import Finding, answered, corrected
+from visavis.analysis import Finding, Results, StudyAnalysis, answered, corrected
 from visavis.catalogue import find_study
-from visavis.exclusions import COUNTED
+from visavis.exclusions import COUNTED, Selection
 from visavis.experiment import StudyExperiment
+from visavis.measures import aggregated
 from visavis.opened import OpenedStudy
-from visavis.quick import MakeTracker, quick_rows
+from visavis.pairs import (
+    DEFAULT_TEST_RULES,
+    Correlate,
+    CorrelationTest,
+    Family,
+    Pairs,
+    Test,
+    compare_pairs,
+    results_of,
+    scores_of,
+)
+from visavis.quick import MakeTracker, quick_study
+from visavis.study import Study
 
 MIN_N = 3
 
@@ -53,14 +65,22 @@ class KitPower:
 
     @property
     def tests(self) -> Mapping[str, str]:
-        """Every effect of every planned comparison by name, with what it claims."""
+        """Every planned test by name, with what it claims: effects, pairs, correlations, questions.
+
+        Raises:
+            UsageError: the study plans none.
+        """
+        study = self._opened.study
         found = {}
-        for compare in self._opened.study.compare:
+        for compare in study.compare:
             if compare.exploratory:
                 continue
             for term in terms_of((*compare.within, *compare.between)):
                 claim = compare.claim or f"{compare.dv} depends on {term.replace(':', ' × ')}"
                 found[f"{compare.dv}:{term}"] = claim
+        for of in families_of(study):
+            found |= claims_of(study, of)
+        found |= study.questions
         if not found:
             raise UsageError(
                 f"{self.name} plans no comparison, so there is no power to find; declare one: "
@@ -70,23 +90,43 @@ class KitPower:
 
     @property
     def shown_tests(self) -> Sequence[str]:
-        """Every planned effect; the first decides the number of participants."""
-        return tuple(self.tests)
+        """What is shown unless asked otherwise; the first decides the number of participants.
+
+        Every effect of a comparison, the first measure's pairs of the first family, and questions.
+        """
+        study, every = self._opened.study, self.tests
+        families = families_of(study)
+        first = claims_of(study, families[0], families[0].measures[:1]) if families else {}
+        further = {n for of in families for n in claims_of(study, of)}
+        return tuple(n for n in every if n in first or n not in further)
 
     def rule(self, alpha: float) -> str:
         """Return how a test becomes significant."""
-        ways = {c.correction for c in self._opened.study.compare if not c.exploratory}
+        study = self._opened.study
+        pairs = [of for of in families_of(study) if isinstance(of, Pairs)]
+        if pairs and not study.compare:
+            n = len(pairs[0].levels) * len(pairs[0].measures)
+            return f"Shapiro-Wilk, then paired t or Wilcoxon, two-sided, p < {alpha:g}/{n}"
+        ways = {c.correction for c in study.compare if not c.exploratory}
         return f"the study's own tests, corrected within families ({', '.join(sorted(ways))}), " \
                f"p < {alpha:g}"  # fmt: skip
 
     def effect_meaning(self, effect: float, source: Source) -> str:
         """Return what the multiplier did."""
+        if source == "study folder":
+            as_found = "People drawn with replacement from those recorded"
+            if effect == 1:
+                return f"{as_found}, their effect as found"
+            return f"{as_found}, mean differences to the first level multiplied by {effect:g}"
         if effect == 0:
             return "Simulated people to whom nothing shown makes a difference: whatever is " \
                    "significant is false"  # fmt: skip
-        if source == "study folder":
-            return "People drawn with replacement from those recorded, their effect as found"
-        return "Simulated people as the study declares them"
+        if effect == 1:
+            return "Simulated people as the study declares them"
+        return (
+            f"Simulated people whose responses to what is shown are scaled by {effect:g} "
+            "(durations multiplied, factors raised to that power)"
+        )
 
     def simulate(
         self,
@@ -102,46 +142,35 @@ class KitPower:
         return self._at_every_number(rows, numbers, tests, alpha)
 
     def simulate_people(self, indices: Sequence[int], *, effect: float, seed: int) -> pd.DataFrame:
-        """Return the trials of some simulated people that count.
+        """Return what tests need of some simulated people: trials that count, or means.
 
         Raises:
-            UsageError: the effect is neither 0 nor 1.
+            UsageError: the study's people cannot be given such an effect.
         """
-        if effect not in (0, 1):
-            raise UsageError(
-                f"people of a study on the kit see what is shown or do not: --effect is "
-                f"published or none, not {effect:g}"
-            )
         opened = self._opened
         experiment = opened.experiment({})
-        measures = [m for m in opened.measures(experiment) if m.of is not None]
-        tables = []
-        for index in indices:
-            person: SimulatedParticipant = opened.participant(
-                index, seed, effect=effect > 0, experiment=experiment
-            )
-            tracker = self.make_tracker(seed, index)
-            tables.append(quick_rows(experiment, person, tracker, measures, index=index, seed=seed))
-        return _counted(opened, experiment, pd.concat(tables, ignore_index=True))
+        made = quick_study(opened, experiment, self.make_tracker, indices, seed=seed, effect=effect)
+        kept = _counted(opened, experiment, made.trials)
+        return _needed(opened, experiment, kept, made.people)
 
     def people_of(self, folder: Path, *, effect: float) -> tuple[pd.DataFrame, bool]:
-        """Return the trials that count of the people in a study's folder.
+        """Return what tests need of the people in a study's folder.
 
         Raises:
-            DataError: no trial table of this study there, simulated and real people together, or
-                too few people.
+            DataError: no trial table of this study there, simulated and real people together, too
+                few people, or an effect that cannot be changed in recorded people.
         """
-        path = next(
-            (p for p in (folder / "trials.csv", folder / "derived" / "trials.csv") if p.exists()),
-            None,
-        )
-        if path is None or effect != 1:
+        opened = self._opened
+        families = families_of(opened.study)
+        path = _table(folder, "trials.csv")
+        if path is None:
             raise DataError(
-                f"{folder} holds no trials.csv; make it with `visavis analyse {folder}`"
-                if path is None
-                else "people who were recorded keep the effect that was found in them: leave "
-                "--effect out"
+                f"{folder} holds no trials.csv; make it with `visavis analyse {folder}` and give "
+                "that folder or its derived/ folder"
             )
+        if effect != 1 and (opened.study.compare or not families):
+            raise DataError("people who were recorded keep the effect that was found in them: "
+                            "leave --effect out")  # fmt: skip
         rows = pd.read_csv(path, dtype={"participant": str})
         if COUNTED not in rows:
             raise DataError(f"{path} was not made by a study on the kit; analyse it again")
@@ -154,7 +183,12 @@ class KitPower:
                 f"{path} holds {kept['participant'].nunique()} people who count; drawing from "
                 f"fewer than {MIN_N} says nothing"
             )
-        return kept, bool(simulated.any())
+        answers = _table(folder, "participants.csv")
+        people = None if answers is None else pd.read_csv(answers, dtype={"participant": str})
+        needed = _needed(opened, opened.experiment({}), kept, people)
+        for of in (of for of in families if isinstance(of, Pairs)):
+            needed = _scaled(needed, of, effect)
+        return needed, bool(simulated.any())
 
     def resample(
         self,
@@ -188,12 +222,13 @@ class KitPower:
         opened: OpenedStudy,
         experiment: StudyExperiment,
     ) -> dict[str, Found]:
+        study = opened.study
         known = {m.column: m for m in opened.measures(experiment)}
         levels = experiment.levels
         findings = corrected(
             [
                 answered(compare, rows, known, levels, is_simulated=True)
-                for compare in opened.study.compare
+                for compare in study.compare
                 if not compare.exploratory
             ]
         )
@@ -205,7 +240,132 @@ class KitPower:
                     found[name] = Found(
                         bool(term.p_corrected < alpha), *_difference(finding, rows, levels)
                     )
-        return found
+        return found | _of_families(opened, experiment, rows, tests, alpha)
+
+
+def _of_families(
+    opened: OpenedStudy,
+    experiment: StudyExperiment,
+    rows: pd.DataFrame,
+    tests: Sequence[str],
+    alpha: float,
+) -> dict[str, Found]:
+    """Make the asked tests of families; a question needs every test of every family."""
+    study, levels = opened.study, experiment.levels
+    known = {m.column: m for m in opened.measures(experiment)}
+    asks = any(name in study.questions for name in tests)
+    rules = DEFAULT_TEST_RULES.with_settings({"alpha": alpha})
+    people = rows.drop_duplicates("participant")
+    found: dict[str, Found] = {}
+    results = []
+    for of in families_of(study):
+        is_asked = asks or not claims_of(study, of).keys().isdisjoint(tests)
+        if not is_asked or not all(measure in rows for measure in of.measures):
+            continue
+        made: Sequence[Test]
+        if isinstance(of, Pairs):
+            every = {(pair, m) for pair in of.levels for m in of.measures}
+            only = {(p, m) for p, m in every if asks or pair_name(p, m) in tests}
+            made = compare_pairs(of, rows, known, levels, rules, only=only)
+        else:
+            made = results_of(of, rows, people, known, levels, rules)
+        results.append(Results(of, tuple(made)))
+        found |= dict(_found(rows, made))
+    if asks:
+        selection = Selection(rows, people, len(rows), (), {})
+        analysis = StudyAnalysis(study, True, selection, people, levels, tuple(known.values()),
+                                 (), (), tuple(results), rules=rules)  # fmt: skip
+        found |= {c.name: Found(c.is_found) for c in analysis.conclusions}
+    return {name: verdict for name, verdict in found.items() if name in tests}
+
+
+def families_of(study: Study) -> tuple[Family, ...]:
+    """Return the families of which power is found: planned ones, not made place by place."""
+    return tuple(
+        of
+        for of in study.families
+        if not of.exploratory and not (isinstance(of, Pairs) and of.each)
+    )
+
+
+def pair_name(pair: tuple[str, str], measure: str) -> str:
+    """Return the name of a test of two levels on the command line: "A-D:dwell_ms"."""
+    return f"{pair[0]}-{pair[1]}:{measure}"
+
+
+def claims_of(study: Study, of: Family, measures: Sequence[str] | None = None) -> dict[str, str]:
+    """Return the tests of a family by name, with what they claim."""
+    words = {m.column: m.words.lower() for m in study.measures}
+    names = [(m, words.get(m, m)) for m in (of.measures if measures is None else measures)]
+    if isinstance(of, Pairs):
+        return {
+            pair_name(pair, m): f"{pair[0]} – {pair[1]}, {said}"
+            for pair in of.levels
+            for m, said in names
+        }
+    levels = study.factor(of.factor).levels
+    return {
+        f"{of.family}-{level}:{m}": f"{of.score_words} and {said} under {level}"
+        for level in levels
+        for m, said in names
+    }
+
+
+def _found(rows: pd.DataFrame, tests: Sequence[Test]) -> Iterator[tuple[str, Found]]:
+    """Yield the verdict of every test by its name."""
+    for test in tests:
+        column = test.measure.column
+        if isinstance(test, CorrelationTest):
+            r = float("nan") if test.outcome is None else test.outcome.r
+            yield f"{test.of.family}-{test.level}:{column}", Found(test.is_significant, r, r)
+        elif test.outcome is None:
+            yield pair_name((test.first, test.second), column), Found(None)
+        else:
+            off = _off(rows, test.of.factor, column, test.first, test.second)
+            yield pair_name((test.first, test.second), column), Found(test.is_significant, *off)
+
+
+def _needed(
+    opened: OpenedStudy,
+    experiment: StudyExperiment,
+    counted: pd.DataFrame,
+    people: pd.DataFrame | None,
+) -> pd.DataFrame:
+    """Return what tests need: means by level where all of them compare levels of one factor.
+
+    Scores stand in every row of a person, so that whoever is drawn brings theirs.
+    """
+    families = families_of(opened.study)
+    factors = {of.factor for of in families}
+    kept = counted
+    if not opened.study.compare and len(factors) == 1:
+        names = {name for of in families for name in of.measures}
+        measures = [m for m in opened.measures(experiment) if m.column in names]
+        kept = aggregated(counted, measures, list(factors)).drop(columns="n")
+    for of in families:
+        if isinstance(of, Correlate):
+            scores = scores_of(pd.DataFrame() if people is None else people, of.score)
+            kept = kept.assign(**{of.score: kept["participant"].map(scores).astype(float)})
+    return kept
+
+
+def _scaled(people: pd.DataFrame, of: Pairs, effect: float) -> pd.DataFrame:
+    """Move each level so that its mean difference to the first is multiplied; spreads stay."""
+    if effect == 1:
+        return people
+    moved, columns = people.copy(), list(of.measures)
+    grand = people.groupby(of.factor)[columns].mean()
+    first = of.levels[0][0]
+    for level in grand.index:
+        if str(level) != first and first in grand.index:
+            here = moved[of.factor] == level
+            shift = (effect - 1) * (grand.loc[level] - grand.loc[first])
+            moved.loc[here, columns] += shift.to_numpy(float)
+    return moved
+
+
+def _table(folder: Path, name: str) -> Path | None:
+    return next((p for p in (folder / name, folder / "derived" / name) if p.exists()), None)
 
 
 def terms_of(factors: Sequence[str]) -> tuple[str, ...]:
@@ -234,8 +394,14 @@ def _difference(
     compare = finding.compare
     if len(compare.within) != 1 or compare.between or len(levels[compare.within[0]]) != 2:
         return float("nan"), float("nan")
-    first, second = levels[compare.within[0]]
-    wide = rows.pivot_table(index="participant", columns=compare.within[0], values=compare.dv)
+    return _off(rows, compare.within[0], compare.dv, *levels[compare.within[0]])
+
+
+def _off(
+    rows: pd.DataFrame, factor: str, column: str, first: Any, second: Any
+) -> tuple[float, float]:
+    """Return the mean difference of two levels over people, second minus first, and dz."""
+    wide = rows.pivot_table(index="participant", columns=factor, values=column)
     if first not in wide or second not in wide:
         return float("nan"), float("nan")
     off = (wide[second] - wide[first]).dropna()

@@ -7,7 +7,8 @@ studies of the null hypothesis need hundreds of studies; this is twenty times as
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -18,19 +19,24 @@ from analysis.gaze.targets import GazeTargets
 from devices.body_contract import MovingBody
 from devices.contracts import GAZE
 from lab.clock import NS_PER_S
+from lab.errors import UsageError
 from lab.geometry import Pose, Vector
 from lab.schema import SampleBatch, empty_values
 from protocol.boards import HAND
 from protocol.observation import GazeObserver
 from protocol.participants import SimulatedParticipant
 from protocol.plan import Trial
+from protocol.questionnaires import read_answers, score
 from protocol.row_buffer import RowBuffer
 from protocol.steps import Answered, Ask, BodyView, FrameView, NextFrame, Plan, Prompt, Show
 from protocol.streams import gaze_targets_schema
 from stimuli.panels import PanelFrame
 from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
+from visavis.intake import questionnaire
 from visavis.measures import Measure, TrialRecord, value_of
+from visavis.opened import OpenedStudy
+from visavis.pairs import Correlate
 
 DISPLAY_HZ = 45
 TRACKER_HZ = 120
@@ -59,6 +65,83 @@ class TrackerModel(Protocol):
 
 MakeTracker = Callable[[int, int], TrackerModel]
 """Makes the tracker of a participant, given the study's seed and the place in the order."""
+
+
+@dataclass(frozen=True)
+class QuickStudy:
+    """A simulated study as the analysis takes it.
+
+    `trials` has one row per trial; `people` one row per participant with the answers and scores
+    of questionnaires, where something is correlated with them.
+    """
+
+    trials: pd.DataFrame
+    people: pd.DataFrame
+
+
+def quick_study(
+    opened: OpenedStudy,
+    experiment: StudyExperiment,
+    make_tracker: MakeTracker,
+    indices: Iterable[int],
+    *,
+    seed: int,
+    effect: float = 1.0,
+) -> QuickStudy:
+    """Simulate a study; `effect` multiplies what is shown makes of a difference.
+
+    Raises:
+        UsageError: the study's people cannot be given such an effect, or a measure needs a
+            recording.
+    """
+    study = opened.study
+    measures = [m for m in opened.measures(experiment) if m.of is not None]
+    correlated = any(isinstance(of, Correlate) for of in study.families)
+    asked = [questionnaire(name, study.folders) for name in study.questionnaires if correlated]
+    tables, people = [], []
+    for index in indices:
+        person = _person(opened, experiment, index, seed, effect)
+        tracker = make_tracker(seed, index)
+        if study.quick_of is None:
+            rows = quick_rows(experiment, person, tracker, measures, index=index, seed=seed)
+        else:
+            performed = study.quick_of(experiment, person, tracker)(experiment.plan(index, seed))
+            rows = pd.DataFrame([_row_of(trial, own, index) for trial, own in performed])
+        tables.append(rows)
+        known: dict[str, Any] = {"participant": _name(index)}
+        for questions in asked:
+            given = {q.question_id: person.answer(q.question_id, q.prompt, q.options)
+                     for q in questions.questions()}  # fmt: skip
+            answers = read_answers(questions, given)
+            known |= answers
+            known |= {f"{questions.name}_{k}": v for k, v in score(questions, answers).items()}
+        people.append(known)
+    return QuickStudy(pd.concat(tables, ignore_index=True), pd.DataFrame(people))
+
+
+def _person(
+    opened: OpenedStudy, experiment: StudyExperiment, index: int, seed: int, effect: float
+) -> SimulatedParticipant:
+    scaled = opened.study.scaled_of
+    if scaled is not None:
+        return scaled(index, seed, effect, experiment)
+    if effect not in (0, 1):
+        raise UsageError(
+            f"people of {opened.name} see what is shown or do not: --effect is published or none, "
+            f"not {effect:g}"
+        )
+    return opened.participant(index, seed, effect=effect > 0, experiment=experiment)
+
+
+def _name(index: int) -> str:
+    return f"{index:05d}"
+
+
+def _row_of(trial: Trial, own: Mapping[str, Any], index: int) -> dict[str, Any]:
+    return {
+        "participant": _name(index), "session": 1, "trial_id": trial.trial_id, "attempt": 1,
+        "is_practice": False, "status": "complete", "is_simulated": True, **trial.factors, **own,
+    }  # fmt: skip
 
 
 def quick_rows(
@@ -95,11 +178,12 @@ def _row(
     frames = _Frames(experiment, person, tracker, trial.number)
     frames.run(experiment.intertrial(trial))
     own = frames.run(experiment.run_trial(trial))
-    row: dict[str, Any] = {
-        "participant": f"{index:05d}", "session": 1, "trial_id": trial.trial_id, "attempt": 1,
-        "is_practice": False, "status": "complete", "is_simulated": True, **trial.factors, **own,
-    }  # fmt: skip
-    record = TrialRecord(row, None, frames.gaze())
+    row, gaze = _row_of(trial, own, index), frames.gaze()
+    for looks in experiment.study.looks:
+        rules = looks.rules({"parameters": experiment.parameters})
+        never = np.zeros(gaze.t_ns.size, np.bool_)  # a model's samples do not freeze
+        row |= looks.columns(TrialRecord(row, None, gaze), never, rules)
+    record = TrialRecord(row, None, gaze)
     return row | {m.column: value_of(m, record) for m in measures}
 
 

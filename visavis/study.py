@@ -25,6 +25,7 @@ from protocol.design import BlockOrder, Design, Factor, TrialOrder
 from protocol.experiment import Demands
 from protocol.orders import Constraint
 from protocol.participants import SimulatedParticipant
+from protocol.plan import SessionPlan, Trial
 from protocol.shown import Shown
 from protocol.steps import Scalar, Step
 from stimuli.scene import SceneFrame
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 
     from visavis.analysis import Conclusion, StudyAnalysis
     from visavis.experiment import StudyExperiment
+    from visavis.quick import TrackerModel
 
 RESERVED: Final = frozenset(name for name in dir(TrialScript) if not name.startswith("_")) | {
     "trial",
@@ -61,6 +63,11 @@ IntertrialPlan = Callable[[TrialScript], Iterator[Step]]
 PersonOf: TypeAlias = Callable[[int, int, bool, "StudyExperiment"], SimulatedParticipant]
 FactsOf: TypeAlias = Callable[["pd.DataFrame"], "pd.DataFrame"]
 ViewsOf: TypeAlias = Callable[[Shown, "StudyExperiment"], Iterator[SceneFrame]]
+ScaledOf: TypeAlias = Callable[[int, int, float, "StudyExperiment"], SimulatedParticipant]
+QuickOf: TypeAlias = Callable[
+    ["StudyExperiment", SimulatedParticipant, "TrackerModel"],
+    Callable[[SessionPlan], Iterator[tuple[Trial, Mapping[str, Any]]]],
+]
 ConcludeOf: TypeAlias = Callable[["StudyAnalysis"], "Sequence[Conclusion]"]
 DemandsOf: TypeAlias = Callable[[Mapping[str, Any]], Demands]
 RolesOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[str]]
@@ -98,6 +105,7 @@ class Study:
     by padding and minimum duration).
     `families` are families of simple tests: pairs of levels, correlations with a score; the first
     one of pairs is made again without rules of exclusion, and by padding and minimum duration.
+    `questions` name what `conclude` answers and say what a yes would claim: power is found of them.
     `derived` are columns that follow from a trial's factors (a place from its zone and its depth);
     `cells` are the factors whose combinations are compared and described, where not all within
     people are: others only vary the situation. `columns` describe what the trial writes into its
@@ -129,6 +137,7 @@ class Study:
     looks: Sequence[LooksOn] = ()
     compare: Sequence[Compare] = ()
     families: Sequence[Family] = ()
+    questions: Mapping[str, str] = field(default_factory=dict)
     exclusions: Sequence[Exclusion] = STANDARD_RULES
     questionnaires: Sequence[str] = ()
     after_block: Sequence[str] = ()
@@ -156,6 +165,8 @@ class Study:
     prepare_of: Callable[[Mapping[str, Any]], None] | None = None
     answer_of: AnswerOf | None = None
     person_of: PersonOf | None = None
+    scaled_of: ScaledOf | None = None
+    quick_of: QuickOf | None = None
     facts_of: FactsOf | None = None
     conclude_of: ConcludeOf | None = None
     views_of: ViewsOf | None = None
@@ -193,7 +204,7 @@ class Study:
 
     def trial(self, plan: TrialPlan) -> TrialPlan:
         """Take a generator as the study's trial (a decorator)."""
-        self.plan_of, self.plan_folder = plan, None
+        self.plan_of, self.plan_folder, self.quick_of = plan, None, None
         return plan
 
     def intertrial(self, plan: IntertrialPlan) -> IntertrialPlan:
@@ -238,8 +249,25 @@ class Study:
         """Take a function of place, seed, effect and experiment as what makes the simulated
         participant (a decorator).
         """
-        self.person_of = make
+        self.person_of, self.scaled_of, self.quick_of = make, None, None
         return make
+
+    def scaled(self, make: ScaledOf) -> ScaledOf:
+        """Take a function as what makes simulated participants to whom what is shown makes a
+        multiple of the usual difference: 0 none, 1 the usual (a decorator).
+        """
+        self.scaled_of = make
+        return make
+
+    def quick(self, quick: QuickOf) -> QuickOf:
+        """Take a function as a path through trials shorter than the kit's (a decorator).
+
+        It holds for the trial and the person declared before it. Given experiment, person and
+        tracker it returns what performs a plan: every trial that is
+        no practice with the columns of its row, measures among them.
+        """
+        self.quick_of = quick
+        return quick
 
     def facts(self, facts: FactsOf) -> FactsOf:
         """Take a function of all trials as what is known of each person (a decorator).

@@ -119,7 +119,8 @@ ANXIETY_TESTS: Final = Correlate(
 SECOND_VIEW_TESTS: Final = tuple(
     Pairs(
         "second view", [m.column], "condition", COMPARISONS,
-        words="comparisons on fixations found by velocity and by dispersion", **_GAZE,
+        words="comparisons on fixations found by velocity and by dispersion",
+        exploratory=True, **_GAZE,
     )
     for m in SECOND_VIEW_MEASURES
 )  # fmt: skip

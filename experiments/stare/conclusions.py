@@ -1,6 +1,7 @@
 """The study's questions answered in words, each by a stated rule."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from analysis.report.blocks import Status
 from analysis.report.notation import counted, fraction
@@ -32,14 +33,28 @@ def conclude(
 ) -> tuple[Conclusion, ...]:
     """Answer hypothesis 1 in its static and two dynamic forms, and hypothesis 2."""
     return (
-        _effect("Stare-in-the-crowd effect", ("A", "D"), comparisons),
-        _effect("Being caught staring (averted to directed)", ("A", "AD"), comparisons),
-        _effect("Catching someone staring (directed to averted)", ("A", "DA"), comparisons),
+        _effect("stare-effect", "Stare-in-the-crowd effect", ("A", "D"), comparisons),
+        _effect(
+            "caught-staring", "Being caught staring (averted to directed)", ("A", "AD"), comparisons
+        ),
+        _effect(
+            "catching-staring",
+            "Catching someone staring (directed to averted)",
+            ("A", "DA"),
+            comparisons,
+        ),
         _anxiety(anxiety),
     )
 
 
-def _effect(question: str, pair: tuple[str, str], comparisons: Sequence[PairTest]) -> Conclusion:
+def _effect(
+    name: str, question: str, pair: tuple[str, str], comparisons: Sequence[PairTest]
+) -> Conclusion:
+    """Answer whether both measures differ in the direction of the hypothesis."""
+    return replace(_answered(question, pair, comparisons), name=name)
+
+
+def _answered(question: str, pair: tuple[str, str], comparisons: Sequence[PairTest]) -> Conclusion:
     tests = [find_test(comparisons, measure.column, pair) for measure in (DWELL, FIXATION_COUNT)]
     evidence = tuple(t.sentence() for t in tests)
     if any(t.outcome is None for t in tests):

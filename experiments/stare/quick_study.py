@@ -8,14 +8,12 @@ hypothesis feasible. Head position is held for a tenth of a second at a time in 
 (it moves less than a millimetre meanwhile).
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from functools import lru_cache
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from analysis.gaze.aoi import aoi_of_samples
 from analysis.gaze.looks import (
@@ -32,11 +30,9 @@ from experiments.stare.design import (
     StareParameters,
 )
 from experiments.stare.scene import active_index_of
-from experiments.stare.study import plan_session
 from lab.clock import NS_PER_MS, NS_PER_S
-from lab.geometry import Vector, rotate
+from lab.geometry import rotate
 from protocol.plan import SessionPlan, Trial
-from protocol.questionnaires import Questionnaire, load_questionnaire, read_answers, score
 from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.gaze.blinks import Blinks
 from stimuli.scene import Scene, SceneFrame
@@ -50,7 +46,7 @@ from stimuli.scenes.audience import (
 from stimuli.visibility import SceneGeometry
 from visavis.looks import MAIN_MEASURES
 from visavis.observer import Observer
-from visavis.observer.temperament import DEFAULT_POPULATION, Population
+from visavis.quick import TrackerModel
 
 FIRST_FRAME = 2
 """The dark appears two frames after the stretch begins: one to wait for, one to be displayed."""
@@ -60,37 +56,6 @@ HELD_SAMPLES = 12
 CHUNK_SAMPLES = 240
 
 Times = npt.NDArray[np.int64]
-
-
-class TrackerModel(Protocol):
-    """Measure true eye states as an eye tracker would."""
-
-    def measure(
-        self, eyes: npt.NDArray[np.void], *, first_sample: int, stretch: int, fit: int
-    ) -> tuple[Vector, npt.NDArray[np.bool_]]:
-        """Return combined directions in the head frame (n, 3) and validity (n,).
-
-        `first_sample` counts the stretch's samples before these.
-        """
-        ...
-
-    @property
-    def delay_ns(self) -> int:
-        """Time from a sample to its arrival."""
-        ...
-
-
-@dataclass(frozen=True)
-class QuickStudy:
-    """A simulated study as the analysis takes it.
-
-    `trials` has one row per trial with the participant, the factors, the six measures, `lost_01`
-    and `switch_ms`; `answers` one row per participant with `participant` and
-    `social_anxiety_total`.
-    """
-
-    trials: pd.DataFrame
-    answers: pd.DataFrame
 
 
 @lru_cache(maxsize=1)
@@ -116,6 +81,15 @@ def _sample_times(start_ns: int, end_ns: int) -> Times:
     first = -(-start_ns * TRACKER_HZ // NS_PER_S)
     last = -(-end_ns * TRACKER_HZ // NS_PER_S)
     return np.arange(first, last, dtype=np.int64) * NS_PER_S // TRACKER_HZ
+
+
+def quick_trials(
+    participant: Observer, tracker: TrackerModel, plan: SessionPlan, *, params: StareParameters
+) -> Iterator[tuple[Trial, dict[str, Any]]]:
+    """Perform every trial of a plan but practice; yield the columns of its row."""
+    for trial, measured, switch_ms in run_participant(participant, tracker, plan, params=params):
+        found = measured.as_row()
+        yield trial, {n: found[n] for n in (*MAIN_MEASURES, "lost_01")} | {"switch_ms": switch_ms}
 
 
 def run_participant(
@@ -250,56 +224,3 @@ def _turn_frame(
     seen_ns = int(t_ns[on[0]]) + delay_ns
     wait_ns = round(params.look_trigger_ms * NS_PER_MS)
     return min(by_time, _frame_at_or_after(max(seen_ns, int(t_ns[on[0]]) + wait_ns)))
-
-
-def run_study(
-    make_tracker: Callable[[int, int], TrackerModel],
-    *,
-    seed: int,
-    participants: Iterable[int] = range(30),
-    effect: bool = True,
-    population: Population = DEFAULT_POPULATION,
-    params: StareParameters = DEFAULT_PARAMETERS,
-    looks: LookParameters = DEFAULT_LOOK_PARAMETERS,
-) -> QuickStudy:
-    """Simulate a study; `make_tracker(seed, index)` gives each participant a tracker."""
-    rows: list[dict[str, object]] = []
-    answers = []
-    for index in participants:
-        plan = plan_session(index, seed, params=params)
-        person = Observer(index, seed, effect, population=population)
-        performed = run_participant(
-            person, make_tracker(seed, index), plan, params=params, looks=looks
-        )
-        label = f"{index:03d}"
-        for trial, measured, switch_ms in performed:
-            values = measured.as_row()
-            rows.append(
-                {
-                    "participant": label,
-                    "trial_id": trial.trial_id,
-                    **trial.factors,
-                    **{name: values[name] for name in (*MAIN_MEASURES, "lost_01")},
-                    "switch_ms": switch_ms,
-                }
-            )
-        answers.append({"participant": label, "social_anxiety_total": anxiety_total(person)})
-    trials = pd.DataFrame(rows)
-    trials = trials.astype(dict.fromkeys((*MAIN_MEASURES, "lost_01", "switch_ms"), float))
-    return QuickStudy(trials, pd.DataFrame(answers))
-
-
-@lru_cache(maxsize=1)
-def _anxiety_scale() -> Questionnaire:
-    return load_questionnaire("social_anxiety")
-
-
-def anxiety_total(participant: Observer) -> float:
-    """Return the total of the social anxiety questionnaire, NaN when an answer is missing."""
-    scale = _anxiety_scale()
-    given = {
-        q.question_id: participant.answer(q.question_id, q.prompt, q.options)
-        for q in scale.questions()
-    }
-    total = score(scale, read_answers(scale, given))["total"]
-    return float("nan") if total is None else float(total)

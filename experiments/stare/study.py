@@ -5,9 +5,9 @@ After Raimbaud et al. (2022) and Jovane (2023).
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from experiments.stare import published
 from experiments.stare.comparisons import FAMILIES, MEASURES, RULES, SECOND_VIEW_MEASURES
@@ -24,8 +24,10 @@ from experiments.stare.design import (
 )
 from experiments.stare.scene import distances
 from experiments.stare.trial import intertrial, run_trial
+from lab.errors import UsageError
 from protocol.columns import Column
 from protocol.design import Factor
+from protocol.participants import SimulatedParticipant
 from protocol.plan import SessionPlan
 from protocol.steps import Plan
 from stimuli.scenes.audience import DRESSED_BY
@@ -33,8 +35,12 @@ from visavis.analysis import Conclusion, StudyAnalysis
 from visavis.experiment import StudyExperiment
 from visavis.looks import LooksOn
 from visavis.observer import Observer
+from visavis.observer.temperament import DEFAULT_POPULATION, scaled_population
 from visavis.study import SETTABLE, Source, Study
 from visavis.trial import TrialScript
+
+if TYPE_CHECKING:
+    from visavis.quick import TrackerModel
 
 QUESTIONNAIRES: Final = ("demographics", "social_anxiety", "free_comment")
 METHODS: Final = f"""
@@ -79,6 +85,11 @@ study = Study(
     cells=("condition",),
     measures=[*MEASURES, *SECOND_VIEW_MEASURES],
     families=FAMILIES,
+    questions={
+        "stare-effect": "A – D, dwell time and fixation count both greater",
+        "caught-staring": "A – AD, dwell time and fixation count both greater",
+        "catching-staring": "A – DA, dwell time and fixation count both greater",
+    },
     exclusions=RULES,
     sections=[
         "experiments.stare.sections:places_figure",
@@ -139,6 +150,26 @@ def dark(t: TrialScript) -> Plan:
 def person(index: int, seed: int, effect: bool, experiment: StudyExperiment) -> Observer:
     """Return a simulated participant, fitted to the published means and spreads."""
     return Observer(index, seed, effect)
+
+
+@study.scaled
+def scaled(index: int, seed: int, effect: float, experiment: StudyExperiment) -> Observer:
+    """Return a simulated participant to whom gaze contact does a multiple of what was fitted."""
+    population = scaled_population(DEFAULT_POPULATION, effect)
+    return Observer(index, seed, effect > 0, population=population)
+
+
+@study.quick
+def quick(
+    experiment: StudyExperiment, person: SimulatedParticipant, tracker: "TrackerModel"
+) -> Any:
+    """Return what performs a plan in a hundredth of a session's time."""
+    from experiments.stare.quick_study import quick_trials  # late: compiles when imported
+
+    if not isinstance(person, Observer):
+        raise UsageError("the short path of stare is that of its own simulated people")
+    params = StareParameters.of(experiment.parameters)
+    return partial(quick_trials, person, tracker, params=params)
 
 
 @lru_cache(maxsize=8)

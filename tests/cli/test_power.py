@@ -12,12 +12,12 @@ from analysis.power import Found, PowerRequest, Replicate, jobs_of, run_job, stu
 from cli.main import app
 from cli.power_commands import power_study, read_effect, read_numbers, read_tests
 from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS, condition_means
-from experiments.stare.power import StarePower, draw_people, scaled_population
 from experiments.stare.study import experiment_of
 from lab.errors import DataError, UsageError
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
-from visavis.observer.temperament import DEFAULT_POPULATION
+from visavis.observer.temperament import DEFAULT_POPULATION, scaled_population
 from visavis.pairs import compare_pairs
+from visavis.power import KitPower, draw_people
 from visavis.sessions import runners as replicate_runners
 from visavis.sessions.runners import on_scheduler, on_this_machine
 
@@ -28,13 +28,13 @@ DWELL = "A-D:dwell_ms"
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("étude analysée") / "derived"
     place.mkdir()
-    study_rows(12).to_csv(place / "trials.csv", index=False)
+    study_rows(12).assign(is_analysed=True).to_csv(place / "trials.csv", index=False)
     anxiety_answers(12).to_csv(place / "participants.csv", index=False)
     return place.parent
 
 
 @pytest.fixture(scope="module")
-def study() -> StarePower:
+def study() -> KitPower:
     return power_study("stare")
 
 
@@ -80,12 +80,12 @@ def test_effects_are_named_or_multipliers() -> None:
             read_effect(wrong)
 
 
-def test_an_unknown_test_is_answered_with_the_nearest(study: StarePower) -> None:
+def test_an_unknown_test_is_answered_with_the_nearest(study: KitPower) -> None:
     with pytest.raises(UsageError, match="did you mean A-D:dwell_ms"):
         read_tests(study, ["A-D:dwel"])
 
 
-def test_all_thirty_tests_have_a_name(study: StarePower) -> None:
+def test_all_thirty_tests_have_a_name(study: KitPower) -> None:
     assert 30 == sum(":" in name and not name.startswith("anxiety") for name in study.tests)
     result = run("stare", "--test", "list")
     assert all(name in result.output for name in study.tests)
@@ -101,21 +101,21 @@ def test_a_replicate_has_its_own_seed_whatever_came_before() -> None:
     assert seeds[7] != study_seed(4, 7)
 
 
-def test_the_split_into_jobs_does_not_change_the_answer(study: StarePower, folder: Path) -> None:
+def test_the_split_into_jobs_does_not_change_the_answer(study: KitPower, folder: Path) -> None:
     people, _ = study.people_of(folder, effect=1.0)
     whole = [r for j in jobs_of(study, request(), size=6, people=people) for r in run_job(j)]
     split = [r for j in jobs_of(study, request(), size=5, people=people) for r in run_job(j)]
     assert str(whole) == str(split)
 
 
-def test_more_replicates_keep_the_first_ones(study: StarePower, folder: Path) -> None:
+def test_more_replicates_keep_the_first_ones(study: KitPower, folder: Path) -> None:
     people, _ = study.people_of(folder, effect=1.0)
     few = run_job(jobs_of(study, request(replicates=3), size=3, people=people)[0])
     more = run_job(jobs_of(study, request(replicates=6), size=6, people=people)[0])
     assert str(few) == str(more[:3])
 
 
-def test_the_study_of_n_is_the_start_of_the_larger_one(study: StarePower, folder: Path) -> None:
+def test_the_study_of_n_is_the_start_of_the_larger_one(study: KitPower, folder: Path) -> None:
     people, _ = study.people_of(folder, effect=1.0)
     alone = study.resample(people, (12, 4), (DWELL,), seed=1, alpha=0.05)
     both = study.resample(people, (4, 8, 12), (DWELL,), seed=1, alpha=0.05)
@@ -123,7 +123,7 @@ def test_the_study_of_n_is_the_start_of_the_larger_one(study: StarePower, folder
     assert both[12] == alone[12]
 
 
-def test_drawn_people_bring_all_their_rows(study: StarePower, folder: Path) -> None:
+def test_drawn_people_bring_all_their_rows(study: KitPower, folder: Path) -> None:
     people, _ = study.people_of(folder, effect=1.0)
     drawn = draw_people(people, 40, np.random.default_rng(1))
     assert 40 * 4 == len(drawn)
@@ -132,7 +132,7 @@ def test_drawn_people_bring_all_their_rows(study: StarePower, folder: Path) -> N
     assert drawn.groupby("participant")["social_anxiety_total"].nunique().max() == 1
 
 
-def test_verdicts_are_those_of_the_study_analysis(study: StarePower, folder: Path) -> None:
+def test_verdicts_are_those_of_the_study_analysis(study: KitPower, folder: Path) -> None:
 
     people, _ = study.people_of(folder, effect=1.0)
     seed = 5
@@ -145,7 +145,7 @@ def test_verdicts_are_those_of_the_study_analysis(study: StarePower, folder: Pat
 
 
 def test_without_an_effect_recorded_conditions_have_equal_means(
-    study: StarePower, folder: Path
+    study: KitPower, folder: Path
 ) -> None:
     none, _ = study.people_of(folder, effect=0.0)
     means = none.groupby("condition")["dwell_ms"].mean()
@@ -158,7 +158,7 @@ def test_without_an_effect_recorded_conditions_have_equal_means(
     np.testing.assert_allclose(spread[0], spread[1])
 
 
-def test_a_stricter_alpha_finds_less(study: StarePower, folder: Path) -> None:
+def test_a_stricter_alpha_finds_less(study: KitPower, folder: Path) -> None:
     people, _ = study.people_of(folder, effect=1.0)
 
     def hits(alpha: float) -> int:
@@ -249,7 +249,7 @@ def test_too_few_replicates_for_the_rule_are_told() -> None:
 # ---- where jobs run ----
 
 
-def test_two_processes_and_one_give_the_same_answer(study: StarePower, folder: Path) -> None:
+def test_two_processes_and_one_give_the_same_answer(study: KitPower, folder: Path) -> None:
     people, _ = study.people_of(folder, effect=1.0)
     jobs = jobs_of(study, request(replicates=4), size=2, people=people)
     one = dict(on_this_machine(run_job, jobs, 1))
@@ -272,7 +272,7 @@ def scheduler():
         yield cluster.scheduler_address
 
 
-def test_a_scheduler_gives_the_same_answer(study: StarePower, folder: Path, scheduler: str) -> None:
+def test_a_scheduler_gives_the_same_answer(study: KitPower, folder: Path, scheduler: str) -> None:
     people, _ = study.people_of(folder, effect=1.0)
     jobs = jobs_of(study, request(replicates=6), size=2, people=people)
     here = dict(on_this_machine(run_job, jobs, 1))
@@ -336,7 +336,7 @@ def test_a_study_folder_prints_curve_and_smallest_n(folder: Path, tmp_path: Path
     assert result.exception is None, result.output
     assert "smallest adequate number of participants" in result.output.replace("\n", " ")
     assert "12 people to draw from" in result.output
-    assert 3 * 5 == len(pd.read_csv(tmp_path / "power.csv"))
+    assert 3 * (5 + 3) == len(pd.read_csv(tmp_path / "power.csv"))
 
 
 def test_a_folder_without_trials_says_how_to_make_them(tmp_path: Path) -> None:
@@ -345,10 +345,8 @@ def test_a_folder_without_trials_says_how_to_make_them(tmp_path: Path) -> None:
     assert "visavis analyse" in str(result.exception)
 
 
-def test_simulated_and_real_people_are_not_drawn_together(
-    study: StarePower, tmp_path: Path
-) -> None:
-    rows = study_rows(4)
+def test_simulated_and_real_people_are_not_drawn_together(study: KitPower, tmp_path: Path) -> None:
+    rows = study_rows(4).assign(is_analysed=True)
     rows["is_simulated"] = rows["participant"] == "S01"
     rows.to_csv(tmp_path / "trials.csv", index=False)
     with pytest.raises(DataError, match="mixes simulated and real"):
@@ -361,7 +359,7 @@ def test_a_pool_smaller_than_the_study_is_refused() -> None:
     assert "pool of 10" in str(result.exception)
 
 
-def test_means_of_a_pool_are_those_of_the_analysis(study: StarePower, folder: Path) -> None:
+def test_means_of_a_pool_are_those_of_the_analysis(study: KitPower, folder: Path) -> None:
     people, simulated = study.people_of(folder, effect=1.0)
     assert simulated
     expected = condition_means(study_rows(12))

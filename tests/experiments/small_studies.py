@@ -15,14 +15,16 @@ import pandas as pd
 from typer.testing import CliRunner
 
 from benchmarks.simulated_tracker import tracker_of
-from benchmarks.waving_quick import quick_analysis, quick_study
+from benchmarks.waving_quick import quick_analysis
+from benchmarks.waving_quick import quick_study as quick_waving
 from cli.main import app
 from experiments.crowd.analysis import analyse_tables
 from experiments.crowd.analysis_parameters import AnalysisParameters as CrowdThresholds
 from experiments.crowd.design import CONTROL_GROUP, HAPTICS_GROUP
 from experiments.crowd.quick_study import quick_study as quick_crowd
 from experiments.crowd.study_outputs import similarity_rows
-from experiments.stare.quick_study import run_study as quick_stare
+from experiments.stare.study import experiment_of as stare_experiment
+from experiments.stare.study import study as stare
 from lab.config_files import EXAMPLE
 from recording.folder import SIMULATED_ROOT
 from tests.experiments.crowd.synthetic_walks import tables, walks
@@ -35,7 +37,10 @@ from tests.experiments.fingerprint import (
 )
 from tests.experiments.former_tables import FORMER, fingerprint_as_pinned
 from tests.experiments.stare.synthetic_rows import analysed
+from visavis.looks import MAIN_MEASURES
+from visavis.opened import OpenedStudy
 from visavis.outputs import contrast_rows, statistics_rows
+from visavis.quick import quick_study
 from visavis.sessions.study_folder import DERIVED
 
 PINNED: Final = Path(__file__).parent / "pinned"
@@ -107,11 +112,15 @@ def as_pinned(name: str, tables: Path, root: Path) -> dict[str, Any]:
 
 def quick_stare_tables() -> dict[str, pd.DataFrame]:
     """Return rows and statistics of sixteen people without sessions."""
-    study = quick_stare(tracker_of, seed=SEED, participants=range(16))
-    analysis = analysed(study.trials, study.answers)
+    made = quick_study(OpenedStudy(stare), stare_experiment(), tracker_of, range(16), seed=SEED)
+    for table in (made.trials, made.people):
+        table["participant"] = table["participant"].str[-3:]
+    numbers = [*MAIN_MEASURES, "lost_01", "switch_ms"]
+    made.trials[numbers] = made.trials[numbers].astype(float)
+    analysis = analysed(made.trials, made.people)
     return {
-        "trials": study.trials,
-        "answers": study.answers,
+        "trials": made.trials,
+        "answers": made.people,
         "cell_means": analysis.cell_means(),
         "statistics": pd.DataFrame(statistics_rows(analysis)),
     }
@@ -120,7 +129,7 @@ def quick_stare_tables() -> dict[str, pd.DataFrame]:
 def quick_waving_tables() -> dict[str, pd.DataFrame]:
     """Return rows and statistics of sixteen people without sessions, one clerk waving."""
     one = {"clerk": ["clerk_left"]}
-    trials = quick_study(16, SEED, parameters=one)
+    trials = quick_waving(16, SEED, parameters=one)
     analysis = quick_analysis(trials, one)
     return {
         "trials": trials,

@@ -112,3 +112,11 @@ def test_study_that_is_not_on_the_kit_says_so(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("visavis.catalogue.find_study", lambda wanted: Elsewhere())
     with pytest.raises(DesignError, match="cannot be derived from yet"):
         derive("elsewhere", "own")
+
+
+@pytest.mark.parametrize("part", ["trial", "person"])
+def test_short_path_of_the_base_does_not_hold_for_another_trial_or_person(part: str) -> None:
+    own = derive("stare", "my_stare")
+    assert own.quick_of is not None
+    getattr(own, part)(lambda *_: None)
+    assert own.quick_of is None

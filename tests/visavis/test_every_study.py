@@ -33,6 +33,7 @@ from visavis.catalogue import SHIPPED, AnyStudy, find_study
 from visavis.exclusions import COUNTED
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
+from visavis.pairs import results_of
 from visavis.quick import quick_rows
 from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
 from visavis.testing import (
@@ -291,13 +292,17 @@ def test_everybody_answers_in_time_on_the_quick_path(reference: str) -> None:
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_without_an_effect_nothing_is_found(reference: str) -> None:
     study = on_kit(reference)
-    if not study.study.compare:
+    if not study.study.compare and not study.study.families:
         pytest.skip(f"{study.name}'s comparisons are still its own")
     experiment = study.experiment(small(reference))
     measures = study.measures(experiment)
     rows = without_effect(study, experiment, FOR_NULL)
-    levels = {f.name: tuple(f.levels) for f in study.study.factors}
+    levels = experiment.levels
     known = {m.column: m for m in measures}
+    nobody = pd.DataFrame()
+    for family in study.study.families:
+        for test in results_of(family, rows, nobody, known, levels):
+            assert test.outcome is None or test.outcome.p > NULL_ALPHA, test.sentence()
     for compare in study.study.compare:
         finding = answered(compare, rows, known, levels, is_simulated=True)
         assert finding.outcome is not None, finding.why_not

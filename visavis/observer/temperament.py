@@ -1,10 +1,11 @@
 """Who the simulated participants are: the population's constants, and one person drawn from it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from lab.errors import UsageError
 from visavis.observer.state import PERSON_DTYPE
 
 
@@ -295,4 +296,34 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
         is_female=bool(rng.random() < 8 / 30),
         vr_experience=int(np.clip(round(3.4 + 1.4 * rng.standard_normal()), 1, 5)),
         games_experience=int(np.clip(round(3.5 + 1.5 * rng.standard_normal()), 1, 5)),
+    )
+
+
+def scaled_population(population: Population, effect: float) -> Population:
+    """Scale everything that gaze contact does to people; what they do otherwise stays.
+
+    Durations and additions are multiplied by `effect`, factors are raised to its power, so that
+    1 is the fitted population and the limit 0 is nobody moved by contact. The scale is one of
+    mechanisms: means move with it, not in proportion. Raises UsageError above 2, where the
+    model was never looked at.
+    """
+    if not 0 <= effect <= 2:
+        raise UsageError(
+            f"these simulated people can scale their effect from 0 to 2, not {effect:g}"
+        )
+    p = population
+    if effect in (0, 1):
+        return p
+    return replace(
+        p,
+        hold_s=p.hold_s * effect,
+        startle_s=p.startle_s * effect,
+        recheck_gain=p.recheck_gain * effect,
+        capture_gain=p.capture_gain * effect,
+        hold_growth=p.hold_growth**effect,
+        caught_hold=p.caught_hold**effect,
+        caught_return=p.caught_return**effect,
+        return_gain=p.return_gain**effect,
+        return_between_log_sd=p.return_between_log_sd * effect,
+        return_habituation=p.return_habituation**effect,
     )

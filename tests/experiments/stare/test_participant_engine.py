@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from benchmarks.simulated_tracker import tracker_of
-from experiments.stare.design import StareParameters
-from experiments.stare.quick_study import run_study
+from experiments.stare.study import study
 from lab.config import load_config
 from lab.config_files import EXAMPLE
+from visavis.opened import OpenedStudy
+from visavis.quick import quick_study
 from visavis.sessions.simulation import SimulationTask, measure_one, simulate_one
 
 SHORT = {"repetitions": 1, "trial_s": 6.0}
@@ -20,9 +21,8 @@ def test_the_short_path_measures_what_the_full_engine_measures(tmp_path: Path) -
     session = simulate_one(SimulationTask("stare", config, "P1", INDEX, "", SEED, True, SHORT))
     rows = measure_one(("stare", session)).rows
     full = rows[~rows["is_practice"].astype(bool)].sort_values("number").reset_index(drop=True)
-    quick = run_study(
-        tracker_of, seed=SEED, participants=[INDEX], params=StareParameters(**SHORT)
-    ).trials
+    opened = OpenedStudy(study)
+    quick = quick_study(opened, opened.experiment(SHORT), tracker_of, [INDEX], seed=SEED).trials
 
     assert list(full["trial_id"]) == list(quick["trial_id"])
     assert list(full["condition"]) == list(quick["condition"])

@@ -1,16 +1,28 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.simulated_tracker import tracker_of
-from experiments.stare.design import CONDITIONS, StareParameters
-from experiments.stare.quick_study import anxiety_total, run_study
+from experiments.stare.design import CONDITIONS, DEFAULT_PARAMETERS
+from experiments.stare.quick_study import quick_trials
+from experiments.stare.study import experiment_of
+from experiments.stare.study import study as stare
 from visavis.looks import MAIN_MEASURES
 from visavis.observer import Observer
+from visavis.opened import OpenedStudy
+from visavis.quick import quick_study
+
+EXPERIMENT = experiment_of()
+
+
+def run_study(people, seed):
+    return quick_study(OpenedStudy(stare), EXPERIMENT, tracker_of, people, seed=seed)
 
 
 @pytest.fixture(scope="module")
 def study():
-    return run_study(tracker_of, seed=3, participants=range(3))
+    return run_study(range(3), 3)
 
 
 def test_every_trial_of_the_design_is_performed(study) -> None:
@@ -20,8 +32,8 @@ def test_every_trial_of_the_design_is_performed(study) -> None:
 
 
 def test_same_seed_gives_the_same_study(study) -> None:
-    again = run_study(tracker_of, seed=3, participants=[1])
-    before = study.trials[study.trials["participant"] == "001"].reset_index(drop=True)
+    again = run_study([1], 3)
+    before = study.trials[study.trials["participant"] == "00001"].reset_index(drop=True)
     assert before.equals(again.trials)
 
 
@@ -52,39 +64,33 @@ def test_contact_raises_dwell_and_fixation_count(study) -> None:
 def test_without_the_effect_measures_do_not_depend_on_the_condition() -> None:
     by_condition = {}
     for condition in CONDITIONS:
-        study = _one_condition(condition)
-        by_condition[condition] = study.trials[list(MAIN_MEASURES)].to_numpy()
+        by_condition[condition] = _one_condition(condition)
     for condition in CONDITIONS[1:]:
         np.testing.assert_array_equal(by_condition["A"], by_condition[condition])
 
 
-def _one_condition(condition: str):
-    """Simulate a study in which every trial has this condition, places unchanged."""
-    import experiments.stare.quick_study as quick
-
-    original = quick.plan_session
-
-    def plan(index: int, seed: int, *, params: StareParameters):
-        from dataclasses import replace
-
-        made = original(index, seed, params=params)
-        blocks = tuple(
-            replace(
-                b,
-                trials=tuple(
-                    replace(t, factors={**t.factors, "condition": condition}) for t in b.trials
-                ),
-            )
-            for b in made.blocks
+def _one_condition(condition: str) -> np.ndarray:
+    """Return the measures of somebody blind to contact whose trials all have this condition."""
+    made = EXPERIMENT.plan(0, 5)
+    blocks = tuple(
+        replace(
+            b,
+            trials=tuple(
+                replace(t, factors={**t.factors, "condition": condition}) for t in b.trials
+            ),
         )
-        return replace(made, blocks=blocks)
+        for b in made.blocks
+    )
+    done = quick_trials(
+        Observer(0, 5, effect=False),
+        tracker_of(5, 0),
+        replace(made, blocks=blocks),
+        params=DEFAULT_PARAMETERS,
+    )
+    return np.array([[own[name] for name in MAIN_MEASURES] for _, own in done], dtype=float)
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(quick, "plan_session", plan)
-        return run_study(tracker_of, seed=5, participants=[0], effect=False)
 
-
-def test_anxiety_total_lies_on_the_scale() -> None:
-    totals = [anxiety_total(Observer(i, 1)) for i in range(20)]
+def test_anxiety_total_lies_on_the_scale(study) -> None:
+    totals = study.people["social_anxiety_total"].tolist()
     assert all(0 <= t <= 144 for t in totals)
-    assert len(set(totals)) > 10
+    assert len(set(totals)) == 3
