@@ -45,7 +45,7 @@ def _sphere_entry_m(
 
 
 @compiled
-def _capsule_entry_m(
+def capsule_entry_m(
     ox: float,
     oy: float,
     oz: float,
@@ -191,7 +191,7 @@ def observe_rays(
                     which = j
         if which >= 0:
             for k in range(capsules.shape[0]):
-                if _capsule_entry_m(ox, oy, oz, dx, dy, dz, capsules[k]) < first:
+                if capsule_entry_m(ox, oy, oz, dx, dy, dz, capsules[k]) < first:
                     which = -1
                     break
         hit[i] = which

@@ -16,7 +16,7 @@ from stimuli.motion.hybrid import Controls, pose_counts
 from stimuli.motion.interpolation import KeyTimes, Squad
 from stimuli.motion.rotations import quat_about
 from stimuli.motion.spring import Spring
-from tests.reference import interpolation_map
+from tests.reference import interpolation_map, synthesis_camera
 from tests.reference.interpolation_map import Case, Check, Checks, Entries, unknown
 
 HYBRID_ENTRIES = {
@@ -105,8 +105,11 @@ def _increments(where: str, case: Case) -> Iterator[Check]:
         yield Check(f"{where}.{name}", case[name], got, case[name] == got)
 
 
-CHECKS: Checks = {"hybrid": check_hybrid}
-ENTRIES: Entries = {"hybrid": set().union(*HYBRID_ENTRIES.values())}
+CHECKS: Checks = {"hybrid": check_hybrid, "camera": synthesis_camera.check_camera}
+ENTRIES: Entries = {
+    "hybrid": set().union(*HYBRID_ENTRIES.values()),
+    "camera": synthesis_camera.ENTRIES,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
