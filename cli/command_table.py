@@ -32,6 +32,7 @@ COMMANDS: Mapping[str, Entry] = {
         "participant_commands", "Issue, list and withdraw participant identifiers."
     ),
     "plan": Entry("session_commands", "Show the order of all trials before anything runs."),
+    "lock": Entry("lock_commands", "Freeze what a study plans, before its results are looked at."),
     "run": Entry("session_commands", "Perform one session on the devices of lab_config.yaml."),
     "resume": Entry(
         "session_commands",

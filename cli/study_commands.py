@@ -95,6 +95,15 @@ def simulate(
     console.print(f"next: visavis analyse {verbatim(folder)}", soft_wrap=True)
 
 
+PeekOption = Annotated[
+    str | None,
+    typer.Option(
+        "--peek",
+        help="Look at results of a blinded study before it is complete, for this reason; recorded.",
+    ),
+]
+
+
 @app.command()
 def analyse(
     folder: StudyFolder,
@@ -108,6 +117,7 @@ def analyse(
     scheduler: SchedulerOption = None,
     measure: MeasureOption = None,
     accept_damage: AcceptDamageOption = False,
+    peek: PeekOption = None,
     config: ConfigOption = None,
 ) -> None:
     """Write one tidy row per trial, statistics, figures and the report.
@@ -122,6 +132,7 @@ def analyse(
         scheduler=scheduler,
         measure=measure or [],
         accept_damage=accept_damage,
+        peek=peek,
         telling=TELLING,
     )
     console.print(
@@ -137,6 +148,7 @@ def report(
     processes: ProcessesOption = None,
     measure: MeasureOption = None,
     accept_damage: AcceptDamageOption = False,
+    peek: PeekOption = None,
     config: ConfigOption = None,
 ) -> None:
     """Make the study's self-contained HTML report and say where it lies.
@@ -150,6 +162,7 @@ def report(
         processes=processes,
         measure=measure or [],
         accept_damage=accept_damage,
+        peek=peek,
         telling=TELLING,
     )
     console.print(f"report: [b]{verbatim(path)}[/]", soft_wrap=True)

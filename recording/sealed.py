@@ -38,6 +38,12 @@ def seal(content: Mapping[str, Any]) -> bytes:
     return body + _TAIL.format(hashlib.sha256(body).hexdigest()).encode()
 
 
+def seal_of(data: bytes) -> str:
+    """Return the checksum at the end of a text that `seal` made; empty without one."""
+    match = _TAIL_PATTERN.search(data[-_TAIL_BYTES:])
+    return match[1].decode() if match else ""
+
+
 def unseal(data: bytes) -> Sealed:
     """Return what a text says; raises ValueError when it is no JSON object, or not as written."""
     match = _TAIL_PATTERN.search(data[-_TAIL_BYTES:])

@@ -146,7 +146,8 @@ def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
     """Return what a recording answers of the reporting list for eye tracking; {} without gaze."""
     devices = {d["role"]: d for d in recording.manifest.devices}
     tracker, headset = devices.get("eye_tracker", {}), devices.get("headset", {})
-    gaze = recording.stream_schema("gaze")
+    is_recorded = "gaze" in recording.stream_names
+    gaze = recording.stream_schema("gaze") if is_recorded else None
     if not tracker and gaze is None:
         return {}
     facts = {

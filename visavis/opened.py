@@ -22,6 +22,7 @@ from visavis.analysis import StudyAnalysis, analyse_rows, measures_of
 from visavis.exclusions import Selection, limits_in_force, select
 from visavis.experiment import StudyExperiment
 from visavis.intake import SessionIntake, questionnaire, take_in
+from visavis.locked.review import PlanReview
 from visavis.measures import LOST_COLUMN, Measure, lost_gaze
 from visavis.pairs import DEFAULT_TEST_RULES, TestRules
 from visavis.person import StudyPerson
@@ -35,6 +36,8 @@ class OpenedStudy:
     """What every command asks of a study declared on the kit."""
 
     study: Study
+    plan: PlanReview | None = None
+    """How its locked plan was kept, for the report; None where no plan was locked."""
 
     @property
     def name(self) -> str:
@@ -226,7 +229,9 @@ class OpenedStudy:
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
         asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
         facts = {**sessions[0].facts, **self.study.setup}
-        return write_study(analysis, experiment, asked, provenance, out_dir, facts)
+        return write_study(
+            analysis, experiment, asked, provenance, out_dir, facts, self.plan
+        )  # fmt: skip
 
 
 def overrides_of(plan: Mapping[str, Any]) -> dict[str, Any]:

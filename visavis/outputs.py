@@ -23,6 +23,7 @@ from visavis.dictionary import (
 from visavis.experiment import StudyExperiment
 from visavis.family_figures import family_figures
 from visavis.figures import figure_of_quality, study_figures
+from visavis.locked.review import PlanReview, review_section
 from visavis.pairs import columns_of_tests, published_cells
 from visavis.quality import QUALITY_TABLE, Quality, quality_of
 from visavis.report import REPORT_NAME, build_report
@@ -38,10 +39,12 @@ def write_study(
     provenance: ReportProvenance,
     out_dir: Path,
     facts: Mapping[str, str] | None = None,
+    plan: PlanReview | None = None,
 ) -> Path:
     """Write tables, figures and the report; return the report's path.
 
-    `facts` is what recordings answer of the reporting list for eye tracking.
+    `facts` is what recordings answer of the reporting list for eye tracking, `plan` how a locked
+    plan was kept.
 
     Raises:
         UsageError: the folder cannot be written to.
@@ -65,6 +68,7 @@ def write_study(
             "folder you may write to"
         ) from error
     sections = [extra.section for extra in extras if extra.section is not None]
+    sections += [] if plan is None else [review_section(plan)]
     path = out_dir / REPORT_NAME
     return build_report(
         analysis, experiment, provenance, figures, path, questionnaires, sections, quality

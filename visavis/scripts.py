@@ -15,6 +15,7 @@ from typing import Any
 
 import pandas as pd
 
+from lab.clock import SystemClock
 from lab.config import LabConfig, load_config, parse_config, with_devices
 from lab.config_files import CONFIG_NAME, EXAMPLE, find_config
 from lab.errors import ConfigError, UsageError
@@ -23,6 +24,7 @@ from recording.reader import Recording
 from visavis.analysis import StudyAnalysis
 from visavis.catalogue import AnyStudy, find_study
 from visavis.opened import OpenedStudy
+from visavis.sessions.plan_lock import read_lock, refuse_to_peek
 from visavis.sessions.studies import analyse_study, simulate_study
 from visavis.sessions.study_folder import (
     DEFAULT_SEED,
@@ -142,13 +144,14 @@ class StudyData:
         """Return one row per participant: answers and scores of the questionnaires."""
         return pd.DataFrame([dict(i.person) for i in self._intakes])
 
-    def analysis(self, **limits: Any) -> StudyAnalysis:
+    def analysis(self, *, peek: str | None = None, **limits: Any) -> StudyAnalysis:
         """Return the analysis: what counts, cell means, an answer to each planned comparison.
 
-        `limits` replace those of the study's exclusion rules.
+        `limits` replace those of the study's exclusion rules. `peek` is why results of a blinded
+        study are looked at before it is complete, which is recorded.
 
         Raises:
-            UsageError: the study is not on the kit.
+            UsageError: the study is not on the kit, or its locked plan hides results for now.
             DataError: there is no such rule, or no trial counts.
         """
         if not isinstance(self.study, OpenedStudy):
@@ -156,6 +159,11 @@ class StudyData:
                 f"{self.study.name} is analysed by its own rules: "
                 f"visavis.analyse({str(self.path)!r})"
             )
+        manifests = [s.recording.manifest for s in self.sessions]
+        refuse_to_peek(
+            self.path, read_lock(self.path), manifests, SystemClock(), asked=peek is not None,
+            reason=peek or "",
+        )  # fmt: skip
         return self.study.analysis_of(self._intakes, limits)
 
 
@@ -202,13 +210,20 @@ def simulate(
 
 
 def analyse(
-    data: StudyData | str | Path, *, output: str | Path | None = None, processes: int | None = None
+    data: StudyData | str | Path,
+    *,
+    output: str | Path | None = None,
+    processes: int | None = None,
+    peek: str | None = None,
 ) -> Path:
-    """Write tables, figures and the report of a study; return the report's path."""
+    """Write tables, figures and the report of a study; return the report's path.
+
+    `peek` is why results of a blinded study are looked at before it is complete.
+    """
     folder = data.path if isinstance(data, StudyData) else Path(data)
     return analyse_study(
-        folder, None if output is None else Path(output), processes=processes
-    )  # fmt: skip
+        folder, None if output is None else Path(output), processes=processes, peek=peek
+    )
 
 
 def tables(data: StudyData | str | Path) -> dict[str, pd.DataFrame]:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from devices.contracts import Armband, Device, DeviceInfo, OwnRecording, SessionName
 from devices.haptic_safety import HapticGuard
@@ -21,7 +21,7 @@ from protocol.progress import Progress, progress_of_recording
 from protocol.rig import Rig
 from protocol.session import Session
 from protocol.session_setup import LOST_DEVICE_S, SessionSetup
-from recording.folder import SessionFolder, create_session, open_session
+from recording.folder import SessionFolder, create_session, open_session, study_dir
 from recording.journal import as_json
 from recording.manifest import Manifest
 from recording.provenance import provenance
@@ -29,6 +29,7 @@ from recording.reader import Recording
 from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseStatus, Recorder
 from stage.contracts import Stage, Viewer
 from visavis.catalogue import AnyStudy
+from visavis.sessions.plan_lock import carried_by_session
 from visavis.sessions.rig import build_rig, check_room, devices_for, is_simulated
 from visavis.sessions.stages import build_stage
 from visavis.texts import read_texts
@@ -119,6 +120,7 @@ def perform_new(request: Request) -> Path:
             "lab": config.lab,
             "sha256": config.sha256,
             "effect": request.effect,
+            **_locked(request, config),
         },
         devices=(),
         consent_version=request.consent_version or config.privacy.consent_version,
@@ -155,6 +157,13 @@ def perform_rest(request: Request, session_path: Path) -> Path:
             )
         _perform_part(request, devices, folder, plan, progress_of_recording(recording))
         return folder.path
+
+
+def _locked(request: Request, config: LabConfig) -> dict[str, Any]:
+    """Return what a session keeps of its study's locked plan."""
+    simulated = is_simulated(config)
+    folder = study_dir(config.data_root, request.study.name, is_simulated=simulated)
+    return carried_by_session(folder, request.study, request.experiment, request.seed)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ Whoever calls may listen (`telling`): the command line prints, a script hears wa
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -18,11 +19,20 @@ from protocol.exports_register import ANALYSIS, register_export
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from recording.durable import make_folder, protect
 from recording.folder import SIMULATED_ROOT
-from recording.manifest import read_manifest
+from recording.manifest import Manifest, read_manifest
 from recording.reader import Recording
 from visavis.catalogue import AnyStudy, PiecewiseStudy, reference_of
+from visavis.locked.deviations import marked
+from visavis.locked.review import LockedPlan, Peek, PlanReview, review_of
+from visavis.opened import OpenedStudy
 from visavis.sessions.damage import counted_damage, describe, require_intact, write_damage
 from visavis.sessions.data_root import prepare_data_root
+from visavis.sessions.plan_lock import (
+    content_now,
+    read_lock,
+    refuse_to_peek,
+    write_deviations,
+)
 from visavis.sessions.runners import on_scheduler, on_this_machine
 from visavis.sessions.simulation import SimulationTask, measure_one, simulate_one, worker_count
 from visavis.sessions.study_check import SIMULATED_PREFIX
@@ -148,12 +158,16 @@ def analyse_study(
     scheduler: str | None = None,
     measure: Sequence[str] = (),
     accept_damage: bool = False,
+    peek: str | None = None,
     telling: Telling = QUIET,
 ) -> Path:
     """Measure every session of a study and analyse them together; return the report's path.
 
+    `peek` is why results of a blinded study are looked at before it is complete.
+
     Raises:
         DataError: a recording is damaged and that was not accepted, or kinds or studies are mixed.
+        UsageError: the study's locked plan keeps results hidden until it is complete.
     """
     folder = folder.resolve()
     sessions, left_out = one_per_participant(sessions_of(folder))
@@ -173,6 +187,10 @@ def analyse_study(
             "if you mean it (everything is then marked as simulated)"
         )
     study = names.pop()
+    locked, clock = read_lock(folder), SystemClock()
+    peeks = refuse_to_peek(
+        folder, locked, manifests, clock, asked=peek is not None, reason=peek or ""
+    )
     watch = StopWatch()
     damaged = require_intact(sessions, accept=accept_damage)
     if damaged:
@@ -187,6 +205,11 @@ def analyse_study(
     if changed:
         telling.warn(changed)
     settings = read_parameters(list(measure))
+    review = None
+    if locked is not None and isinstance(chosen, OpenedStudy):
+        chosen, review = _reviewed(chosen, locked, manifests, settings, peeks)
+        for line in review.lines():
+            telling.warn(line) if review.deviations else telling.say(line)
     if isinstance(chosen, PiecewiseStudy):
         ordered = _measured_piecewise(
             chosen, sessions, folder, processes, scheduler, settings, telling
@@ -212,6 +235,7 @@ def analyse_study(
         settings=settings,
     )
     write_damage(damaged, out_dir)
+    write_deviations(review, out_dir)
     if is_ours:
         protect(out_dir)
     labels = sorted({m.participant for m in manifests})
@@ -222,6 +246,21 @@ def analyse_study(
         telling.warn(str(error))
     telling.say(f"{counted(len(sessions), 'session')} analysed in {watch.elapsed_s():.0f} s")
     return report_path
+
+
+def _reviewed(
+    chosen: OpenedStudy,
+    locked: LockedPlan,
+    manifests: Sequence[Manifest],
+    settings: Mapping[str, Any],
+    peeks: Sequence[Peek],
+) -> tuple[OpenedStudy, PlanReview]:
+    """Hold a study against its locked plan; what the plan does not name becomes exploratory."""
+    experiment = chosen.experiment(chosen.overrides_of(manifests[0].plan))
+    done = content_now(chosen, experiment, manifests[0].seed, settings)
+    review = review_of(locked, done, manifests, peeks)
+    compare = marked(chosen.study.compare, locked.plan)
+    return replace(chosen, study=replace(chosen.study, compare=compare), plan=review), review
 
 
 def _measured(

@@ -14,6 +14,7 @@ from recording.integrity import damage_of
 from recording.reader import Recording
 from recording.recovery import recover
 from recording.sealed import copy_path, copy_state, restore
+from visavis.sessions.plan_lock import LOCK_NAME, PEEKS_NAME, read_lock, read_peeks
 from visavis.sessions.study_folder import SETTINGS_NAME, read_settings, session_folders
 
 SIMULATED_PREFIX = "S"
@@ -32,6 +33,7 @@ def study_problems(folder: Path, sessions: Sequence[Path] | None = None) -> tupl
     though nothing reads them while the original is intact.
     """
     problems = [*_settings_problems(folder), *_ledger_problems(folder), *_export_problems(folder)]
+    problems += _lock_problems(folder)
     for session in session_folders(folder) if sessions is None else sessions:
         problems += session_problems(session)
     return tuple(problems)
@@ -63,12 +65,15 @@ def repair_study(folder: Path) -> tuple[str, ...]:
         elif intact is not None:
             _renew_copy(settings)
             done.append(f"{copy_path(settings)} was renewed")
-    for name in (LEDGER_NAME, REGISTER_NAME):
+    for name in (LEDGER_NAME, REGISTER_NAME, PEEKS_NAME):
         try:
             repaired = repair_lines(folder / name)
         except ValueError as error:
             raise RecordingError(str(error)) from error
         done += [repaired] if repaired else []
+    lock = folder / LOCK_NAME
+    if _lock_problems(folder) and restore(lock):
+        done.append(f"{lock} was put back from its copy")
     for session in session_folders(folder):
         done += recover(session).repaired
     return tuple(done)
@@ -90,6 +95,18 @@ def _settings_problems(folder: Path) -> list[str]:
     state = copy_state(path)
     is_old = settings.format_version == 1 and state == "missing"
     return [] if state == "same" or is_old else [f"{copy_path(path)} is {state}"]
+
+
+def _lock_problems(folder: Path) -> list[str]:
+    """Name what is wrong with the locked plan, its copy, and the record of looks at results."""
+    path = folder / LOCK_NAME
+    try:
+        locked, _ = read_lock(folder), read_peeks(folder)
+    except LabError as error:
+        return [str(error)]
+    state = copy_state(path)
+    renewed = [] if locked is None or state == "same" else [f"{copy_path(path)} is {state}"]
+    return renewed + list(read_lines(folder / PEEKS_NAME).notes)
 
 
 def _export_problems(folder: Path) -> list[str]:

@@ -1,0 +1,83 @@
+"""lock: freeze what a study plans."""
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, load_lab, verbatim
+from cli.session_commands import (
+    LanguageOption,
+    SeedOption,
+    SetOption,
+    groups_hold,
+    ledger_of,
+)
+from cli.studies import study_of_lab
+from lab.clock import SystemClock
+from recording.folder import study_dir
+from visavis.sessions.data_root import prepare_data_root
+from visavis.sessions.plan_lock import LOCK_NAME, PAGE_NAME, lock_plan
+from visavis.sessions.rig import is_simulated
+from visavis.sessions.study_folder import session_folders, settle, wanted_settings
+
+
+@app.command()
+def lock(
+    study: StudyArgument,
+    participants: Annotated[
+        int, typer.Option("--participants", min=1, help="How many will take part.")
+    ],
+    rule: Annotated[
+        str, typer.Option("--rule", help="Why so many, and when to stop, in words.")
+    ] = "",
+    blinded: Annotated[
+        bool,
+        typer.Option("--blinded", help="Hide results until so many participants are complete."),
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("--output", help="Data root; the lab's own when left out.")
+    ] = None,
+    seed: SeedOption = None,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+    assignments: SetOption = None,
+    language: LanguageOption = None,
+) -> None:
+    """Freeze what a study plans, before its results are looked at.
+
+    Hypotheses, measures, exclusions, comparisons, sample and versions stand in the study's folder
+    as JSON with a hash, and as Markdown for a registry. Sessions bear the hash; analyse says what
+    deviates, and from when.
+
+    Example: visavis lock ./duel.py --participants 24 --rule "80 % power for d = 0.6"
+    """
+    lab = load_lab(config, devices)
+    if output is not None:
+        lab = lab.model_copy(update={"data_root": output.resolve()})
+    chosen = study_of_lab(study, lab)
+    simulated = is_simulated(lab)
+    folder = study_dir(lab.data_root, chosen.name, is_simulated=simulated)
+    wanted = wanted_settings(
+        folder, chosen, is_simulated=simulated, seed=seed, assignments=assignments,
+        language=language or lab.language,
+    )  # fmt: skip
+    experiment = chosen.experiment(wanted.parameters)
+    prepare_data_root(lab)
+    ledger = ledger_of(lab, chosen.name, simulated=simulated)
+    settings = settle(
+        folder, wanted, seed_given=seed is not None, fits=partial(groups_hold, chosen, ledger)
+    )
+    before = len(session_folders(folder))
+    made = lock_plan(
+        folder, chosen, experiment, settings.seed, SystemClock(),
+        participants=participants, rule=rule, is_blinded=blinded, sessions_before=before,
+    )  # fmt: skip
+    for name in (LOCK_NAME, PAGE_NAME):
+        console.print(f"wrote [b]{verbatim(folder / name)}[/]", soft_wrap=True)
+    console.print(f"SHA-256 {made.sha256}", highlight=False)
+    if before:
+        console.print(
+            f"[yellow]{before} sessions were recorded before; the plan says so[/]", soft_wrap=True
+        )

@@ -1,0 +1,168 @@
+"""A locked plan: written once, carried by sessions, what deviates is named with since when."""
+
+import json
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+import visavis
+from cli.main import app
+from lab.clock import SimClock
+from lab.errors import DataError, UsageError
+from tests.faults.sessions import CONFIG
+from visavis.catalogue import find_study
+from visavis.locked.deviations import deviations_between
+from visavis.sessions.plan_lock import (
+    LOCK_NAME,
+    PAGE_NAME,
+    content_now,
+    lock_plan,
+    read_lock,
+)
+from visavis.sessions.study_check import repair_study, study_problems
+
+SIMULATED = ("--devices", "sim", "--config", str(CONFIG))
+STUDY = """
+from visavis import Compare, Factor, Rating, Study
+
+study = Study(
+    "short",
+    "Does it show?",
+    factors=[Factor("eyes", ["averted", "directed"])],
+    repetitions=1,
+    calibrate=False,
+    uses=[],
+    compare=[Compare("liking", within="eyes", claim="Directed eyes are liked more")],
+)
+
+
+@study.trial
+def trial(t):
+    yield t.dark(0.1)
+    yield t.ask(Rating("liking", 1, 7))
+"""
+BESIDES = 'Compare("liking_ms", within="eyes"), Compare("liking", '
+
+
+@pytest.fixture(scope="module")
+def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Lock a blinded study of four people; two take part, a comparison is added, two more."""
+    root = tmp_path_factory.mktemp("locked")
+    file = root / "short.py"
+    file.write_text(STUDY, "utf-8")
+    wanted = ("--participants", "4", "--rule", "As many as come.", "--blinded", *SIMULATED)
+    ran("lock", str(file), *wanted, "--output", str(root / "out"), "--seed", "1")
+    visavis.simulate(str(file), 2, output=root / "out", processes=1)
+    return root
+
+
+def ran(*arguments: str) -> str:
+    result = CliRunner().invoke(app, list(arguments))
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.output
+
+
+def folder_of(root: Path) -> Path:
+    return root / "out" / "simulated" / "short"
+
+
+def test_a_locked_plan_is_read_by_people_and_by_programs(studied: Path) -> None:
+    locked = read_lock(folder_of(studied))
+    assert locked is not None
+    page = (folder_of(studied) / PAGE_NAME).read_text("utf-8")
+    content = json.loads((folder_of(studied) / LOCK_NAME).read_text("utf-8"))
+    assert locked.sha256 == content["sha256"]
+    assert f"`{locked.sha256}`" in page
+    assert "Directed eyes are liked more (`liking by eyes`)" in page
+    assert "`liking by eyes`: test paired, α = 0.05, holm over family planned" in page
+    assert "4 participants. As many as come." in page
+    assert "- `max_bad_trials_01`: participants whose `bad_trials_01` is above 0.5" in page
+    assert 4 == content["sample"]["participants"]
+
+
+def test_a_plan_is_locked_once(studied: Path) -> None:
+    with pytest.raises(UsageError, match="a locked plan is never changed"):
+        ran("lock", str(studied / "short.py"), "--participants", "9", *SIMULATED,
+            "--output", str(studied / "out"))  # fmt: skip
+
+
+def test_a_blinded_study_shows_nothing_before_it_is_complete(studied: Path) -> None:
+    folder = folder_of(studied)
+    with pytest.raises(UsageError, match="hidden until 4 participants are complete; 2 are"):
+        ran("analyse", str(folder), "--processes", "1")
+    assert not (folder / "derived").exists()
+    with pytest.raises(UsageError, match="--peek"):
+        visavis.open_study(folder).analysis()
+    ran("analyse", str(folder), "--processes", "1", "--peek", "the ethics board asked")
+    page = (folder / "derived" / "report.html").read_text("utf-8")
+    assert "with 2 sessions: the ethics board asked" in page
+    assert "since this analysis" not in page
+
+
+def test_the_one_deviation_is_named_and_what_is_added_is_exploratory(studied: Path) -> None:
+    file, folder = studied / "short.py", folder_of(studied)
+    file.write_text(STUDY.replace('Compare("liking", ', BESIDES), "utf-8")
+    visavis.simulate(str(file), 4, output=studied / "out", processes=1)
+    told = ran("analyse", str(folder), "--processes", "1", "--set", "max_bad_trials_01=0.3")
+
+    assert "1 deviation" in told
+    found = pd.read_csv(folder / "derived" / "deviations.csv")
+    assert [("exclusion max_bad_trials_01: limit", 0.5, 0.3, "this analysis")] == [
+        (r["what"], float(r["planned"]), float(r["done"]), r["since"])
+        for r in found.to_dict("records")
+    ]
+    page = (folder / "derived" / "report.html").read_text("utf-8")
+    section = page[page.index('id="plan"') :]
+    assert "4 of 4 sessions bear its hash" in section
+    assert re.search(r"exclusion max_bad_trials_01: limit.*0\.5.*0\.3.*this an", section, re.S)
+    assert "liking_ms by eyes" in section
+    tests = pd.read_csv(folder / "derived" / "statistics.csv").set_index("measure")
+    assert bool(tests.loc["liking_ms", "is_exploratory"])
+    assert "not planned" == tests.loc["liking_ms", "family"]
+    assert tests.loc["liking", "p_family"] == tests.loc["liking", "p"]
+
+
+def test_a_deviation_that_sessions_recorded_counts_from_the_first_of_them(tmp_path: Path) -> None:
+    file = tmp_path / "short.py"
+    file.write_text(STUDY, "utf-8")
+    data = visavis.simulate(str(file), 1, output=tmp_path, processes=1)
+    chosen = visavis.open_study(data.path).study
+    experiment = chosen.experiment({})
+    lock_plan(data.path, chosen, experiment, 1, SimClock(), participants=3, sessions_before=1)
+    file.write_text(STUDY.replace("claim=", "alpha=0.1, claim="), "utf-8")
+    visavis.simulate(str(file), 3, output=tmp_path, processes=1)
+    ran("analyse", str(data.path), "--processes", "1")
+    found = pd.read_csv(data.path / "derived" / "deviations.csv").set_index("what")
+    assert "S02C, 2000-01-01" == found.loc["comparison liking by eyes: alpha", "since"]
+    assert "S01B, 2000-01-01" == found.loc["sessions without the plan's hash", "since"]
+    assert "after 1 session had been recorded" in (data.path / "derived" / "report.html").read_text(
+        "utf-8"
+    )
+
+
+def test_a_changed_byte_of_a_locked_plan_is_found_and_mended(studied: Path) -> None:
+    folder = folder_of(studied)
+    path = folder / LOCK_NAME
+    whole = path.read_bytes()
+    path.write_bytes(whole.replace(b'"participants": 4', b'"participants": 2'))
+    with pytest.raises(DataError, match="its checksum disagrees"):
+        read_lock(folder)
+    assert any(LOCK_NAME in problem for problem in study_problems(folder))
+    repair_study(folder)
+    assert whole == path.read_bytes()
+
+
+def test_families_of_tests_and_their_thresholds_are_frozen_too(tmp_path: Path) -> None:
+    chosen = find_study("stare")
+    experiment = chosen.experiment({})
+    locked = lock_plan(tmp_path, chosen, experiment, 1, SimClock(), participants=30)
+    assert len(chosen.study.families) == len(locked.plan["families"])  # type: ignore[attr-defined]  # stare is on the kit
+    now = content_now(chosen, experiment, 1, {"alpha": 0.01})
+    assert [("test rule alpha", "0.05", "0.01")] == [
+        (d.what, d.planned, d.done) for d in deviations_between(locked.plan, now)
+    ]
+    assert "alpha 0.05" in (tmp_path / PAGE_NAME).read_text("utf-8")
