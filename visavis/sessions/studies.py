@@ -24,7 +24,7 @@ from recording.reader import Recording
 from visavis.catalogue import AnyStudy, PiecewiseStudy, reference_of
 from visavis.locked.deviations import marked
 from visavis.locked.review import LockedPlan, Peek, PlanReview, review_of
-from visavis.opened import OpenedStudy
+from visavis.opened import OpenedStudy, overrides_of
 from visavis.sessions.damage import counted_damage, describe, require_intact, write_damage
 from visavis.sessions.data_root import prepare_data_root
 from visavis.sessions.plan_lock import (
@@ -256,7 +256,7 @@ def _reviewed(
     peeks: Sequence[Peek],
 ) -> tuple[OpenedStudy, PlanReview]:
     """Hold a study against its locked plan; what the plan does not name becomes exploratory."""
-    experiment = chosen.experiment(chosen.overrides_of(manifests[0].plan))
+    experiment = chosen.experiment(overrides_of(manifests[0].plan))
     done = content_now(chosen, experiment, manifests[0].seed, settings)
     review = review_of(locked, done, manifests, peeks)
     compare = marked(chosen.study.compare, locked.plan)
