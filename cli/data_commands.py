@@ -12,6 +12,7 @@ from analysis.report.notation import counted
 from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, load_lab, verbatim
 from cli.studies import folder_of, session_of
 from lab.clock import SystemClock
+from lab.config import LabConfig
 from lab.config_files import CONFIG_NAME, EXAMPLE
 from lab.errors import DataError, UsageError
 from protocol.exports_register import register_export
@@ -135,7 +136,7 @@ def export(
     is_simulated = all(Recording(session).is_simulated for session in sessions)
     lab = load_lab(config, only_simulates=is_simulated, quiet=True)
     shown = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
-    written = _written(shown, format_name, output)
+    written = _written(shown, format_name, output, lab)
     protect_files(written)
     study = sessions[0].resolve().parent.parent
     if is_study(study):
@@ -149,12 +150,15 @@ def export(
         console.print(f"[yellow]{RISK}[/]", soft_wrap=True)
 
 
-def _written(shown: Sequence[Recording], format_name: str, output: Path) -> tuple[Path, ...]:
+def _written(
+    shown: Sequence[Recording], format_name: str, output: Path, lab: LabConfig
+) -> tuple[Path, ...]:
     """Export recordings: one BIDS data set of all; tables of several in a folder for each."""
+    from cli.sharing import dataset_about
     from recording.export import export_recording, export_together
 
     if format_name == "bids":
-        return export_together(shown, output)
+        return export_together(shown, output, dataset_about(shown[0], lab))
     written: list[Path] = []
     for recording in shown:
         manifest = recording.manifest

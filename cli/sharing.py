@@ -5,10 +5,12 @@ from pathlib import Path
 from lab.config import LabConfig
 from lab.errors import LabError, UsageError
 from protocol.key_file import KeyFile
+from recording.bids_about import DatasetAbout
 from recording.reader import Recording
 from recording.sharing import TIERS, SharedRecording, Sharing, TextRule, Tier
 from visavis.catalogue import find_study
-from visavis.opened import OpenedStudy
+from visavis.methods import own_methods
+from visavis.opened import OpenedStudy, overrides_of
 from visavis.responses import Text
 
 RISK = (
@@ -38,6 +40,26 @@ def shared_recording(
         label = KeyFile(lab.key_root, study, [lab.data_root]).pseudonym(label)
     rule, columns = _texts_of(study, lab)
     return SharedRecording(session, Sharing(label, wanted, rule, columns))
+
+
+def dataset_about(recording: Recording, lab: LabConfig) -> DatasetAbout:
+    """Return what a data set of a study says of itself: the lab's publication section, the study.
+
+    The study's words are left out where it cannot be found any more.
+    """
+    said = lab.publication.model_dump()
+    try:
+        found = find_study(recording.manifest.study, lab.studies)
+    except LabError:
+        return DatasetAbout(**said)
+    if not isinstance(found, OpenedStudy):
+        return DatasetAbout(description=found.title, **said)
+    study = found.study
+    experiment = found.experiment(overrides_of(recording.manifest.plan))
+    source = () if study.source is None else (study.source.citation,)
+    said["references"] = (*said["references"], *study.references, *source)
+    description = f"{study.title}. {study.question}".strip()
+    return DatasetAbout(description, own_methods(experiment), **said)
 
 
 def _texts_of(study: str, lab: LabConfig) -> tuple[TextRule, frozenset[str]]:

@@ -86,6 +86,20 @@ class Privacy(_Part):
     group: str = ""
 
 
+class Publication(_Part):
+    """What data sets that leave the lab say of themselves: who, where, under which licence."""
+
+    authors: tuple[str, ...] = Field(default=(), strict=False)
+    licence: str = ""
+    how_to_acknowledge: str = ""
+    funding: tuple[str, ...] = Field(default=(), strict=False)
+    ethics_approvals: tuple[str, ...] = Field(default=(), strict=False)
+    references: tuple[str, ...] = Field(default=(), strict=False)
+    institution: str = ""
+    institution_address: str = ""
+    department: str = ""
+
+
 class DeviceConfig(BaseModel):
     """One role: which driver fills it, on a real or a simulated wire, with which options.
 
@@ -111,6 +125,7 @@ class LabConfig(BaseModel):
     room: Room
     display: Display
     privacy: Privacy
+    publication: Publication = Publication()
     sync: Sync = Sync()
     devices: Mapping[str, DeviceConfig]
     wording: Mapping[str, Path]
@@ -134,6 +149,7 @@ class _File(_Part):
     room: Room = Room()
     display: Display = Display()
     privacy: Privacy
+    publication: Publication = Publication()
     sync: Sync = Sync()
     devices: dict[str, Any] = Field(min_length=1)
     wording: dict[str, str] = Field(default_factory=dict)
@@ -206,6 +222,7 @@ def _validated(
         room=file.room,
         display=file.display,
         privacy=file.privacy,
+        publication=file.publication,
         sync=file.sync,
         devices=entries,
         wording={name: _absolute(folder, text) for name, text in file.wording.items()},

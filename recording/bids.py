@@ -1,8 +1,10 @@
 """Write recordings as a data set after the Brain Imaging Data Structure, version 1.11.1.
 
 Gaze goes to `beh/…_recording-eye<1|2|3>_physio.tsv.gz` (left, right, combined), head poses to
-`motion/…_tracksys-HMD_motion.tsv`, events and trials to `…_events.tsv`. Times count in seconds
-from the first sample or event of the part; every part is a run.
+`motion/…_tracksys-HMD_motion.tsv`, the tracked body to `motion/…_tracksys-body_motion.tsv`, other
+streams of devices to `beh/…_recording-<name>_physio.tsv.gz` (those without a rate to the events),
+events and trials to `…_events.tsv` beside both. Times count in seconds from the first sample or
+event of the part; every part is a run.
 """
 
 import gzip
@@ -18,25 +20,52 @@ import pandas as pd
 
 from lab.clock import NS_PER_S
 from lab.errors import RecordingError, UsageError
+from lab.schema import StreamSchema
+from lab.version import version
+from recording.bids_about import DatasetAbout
 from recording.csv_file import NEUTRALISED, neutralised
 from recording.durable import make_folder, replace_file
 from recording.journal import as_json
-from recording.reader import PART_COLUMN, Recording, require_one_kind
+from recording.reader import (
+    PART_COLUMN,
+    Recording,
+    component_names,
+    flattened,
+    require_one_kind,
+)
 from recording.stream_file import Columns
 
 BIDS_VERSION = "1.11.1"
+NOTHING_SAID = DatasetAbout()
 
 _EYES = (
     ("eye1", "left", "left_direction_head", "left_valid", "left_pupil_mm"),
     ("eye2", "right", "right_direction_head", "right_valid", "right_pupil_mm"),
     ("eye3", "cyclopean", "direction_head", "valid", None),
 )
+BOOKKEEPING = frozenset(
+    ("frames", "frame_timing", "scene_states", "gaze_targets", "drawn", "drawn_views", "pointer")
+)
+"""Streams of the session itself, of use beside the session alone: what was shown and when."""
+
+FILES: Mapping[str, str] = {
+    "beh/*_recording-eye1_physio.tsv.gz": "gaze of the left eye (eye2: right, eye3: combined)",
+    "beh/*_physio.tsv.gz": "other streams of devices, with the units of every column",
+    "beh/*_events.tsv": "events, trials with their results, presses (the same beside motion)",
+    "motion/*_tracksys-HMD_motion.tsv": "poses of the head in the room",
+    "motion/*_tracksys-body_motion.tsv": "poses of the body's segments in the room",
+}
 _GAZE_NEEDS = frozenset(name for eye in _EYES for name in eye[2:] if name)
 _HEAD_NEEDS = frozenset(("position_m", "orientation_wxyz", "valid"))
 
 
 def export_bids(
-    recordings: Sequence[Recording], target: Path, *, task: str, dataset_name: str
+    recordings: Sequence[Recording],
+    target: Path,
+    *,
+    task: str,
+    dataset_name: str,
+    about: DatasetAbout = NOTHING_SAID,
 ) -> tuple[Path, ...]:
     """Write a data set of one study to an empty folder and return the files written.
 
@@ -53,23 +82,40 @@ def export_bids(
     make_folder(target, exist_ok=True)
     files = _Files(target)
     is_simulated = recordings[0].is_simulated
-    files.json("dataset_description.json", _description(dataset_name, is_simulated))
-    kind = "Simulated participants; no person was measured." if is_simulated else "Recorded data."
-    files.text("README", f"{dataset_name}\n\n{kind}\nWritten by Visavis from session folders.\n")
-    labels = sorted({r.manifest.participant for r in recordings})
-    files.tsv(
-        "participants.tsv",
-        pd.DataFrame(
-            {"participant_id": [f"sub-{p}" for p in labels], "is_simulated": is_simulated}
-        ),
-    )
-    files.json(
-        "participants.json",
-        {"is_simulated": {"Description": "whether a model took the place of a person"}},
-    )
+    files.json("dataset_description.json", _description(dataset_name, is_simulated, about))
+    files.text("README.md", about.readme(dataset_name, is_simulated=is_simulated, streams=FILES))
+    people = _people(recordings)
+    files.tsv("participants.tsv", people)
+    files.json("participants.json", {c: _PEOPLE[c] for c in people.columns[1:]})
     for recording in recordings:
-        _session(recording, files, task)
+        _session(recording, files, task, about)
     return tuple(files.written)
+
+
+_PEOPLE: Mapping[str, Mapping[str, Any]] = {
+    "is_simulated": {"Description": "whether a model took the place of a person"},
+    "age": {"Description": "age as told, at the first session", "Units": "years"},
+    "age_band": {"Description": "the ten years in which the age lies, at the first session"},
+    "gender": {"Description": "gender as told"},
+}
+
+
+def _people(recordings: Sequence[Recording]) -> pd.DataFrame:
+    """Return a row per participant: what demographic questions were answered with."""
+    rows: dict[str, dict[str, Any]] = {}
+    for recording in recordings:
+        label = f"sub-{recording.manifest.participant}"
+        row = {"participant_id": label, "is_simulated": recording.is_simulated}
+        events = recording.events()
+        for payload in events.loc[events["name"] == "answer", "payload"]:
+            question, answer = payload.get("question"), payload.get("answer")
+            if question == "age" and answer is not None:
+                row["age_band" if "-" in str(answer) else "age"] = answer
+            elif question == "gender" and answer is not None:
+                row["gender"] = str(payload.get("label") or answer)
+        rows.setdefault(label, row)
+    table = pd.DataFrame([rows[label] for label in sorted(rows)])
+    return table[["participant_id", *(c for c in _PEOPLE if c in table)]]
 
 
 class _Files:
@@ -108,18 +154,26 @@ def _tsv(frame: pd.DataFrame, *, header: bool) -> str:
     return text
 
 
-def _description(name: str, is_simulated: bool) -> dict[str, Any]:
+def _description(name: str, is_simulated: bool, about: DatasetAbout) -> dict[str, Any]:
     return {
+        **about.description_fields(),
         "Name": name,
         "BIDSVersion": BIDS_VERSION,
         "DatasetType": "raw",
-        "GeneratedBy": [{"Name": "Visavis", "Description": "export of session folders"}],
+        "GeneratedBy": [
+            {
+                "Name": "Visavis",
+                "Version": version(),
+                "Description": "export of session folders",
+            }
+        ],
         "IsSimulated": is_simulated,
     }
 
 
-def _session(recording: Recording, files: _Files, task: str) -> None:
+def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout) -> None:
     manifest = recording.manifest
+    shared = {"TaskName": task, **_task_fields(recording, about), **about.place_fields()}
     subject, session = f"sub-{manifest.participant}", f"ses-{manifest.session:03d}"
     scans = []
     for part in manifest.parts:
@@ -130,22 +184,41 @@ def _session(recording: Recording, files: _Files, task: str) -> None:
         zero_ns = _first_ns(recording, part.number, gaze, head)
         run = f"run-{part.number}"
         events = _events(recording, part.number, zero_ns)
-        files.tsv(f"{base}/beh/{stem}_{run}_events.tsv", events)
-        files.json(f"{base}/beh/{stem}_{run}_events.json", _events_notes(recording, events))
-        scans.append(f"beh/{stem}_{run}_events.tsv")
+        body = _arrays_with(recording, part.number, _HEAD_NEEDS, bodies=True)
+        notes = {**_events_notes(recording, events), **shared}
+        for kind in ("beh", *(["motion"] if head is not None or body is not None else [])):
+            files.tsv(f"{base}/{kind}/{stem}_{run}_events.tsv", events)
+            files.json(f"{base}/{kind}/{stem}_{run}_events.json", notes)
+            scans.append(f"{kind}/{stem}_{run}_events.tsv")
         if gaze is not None:
             for eye in _EYES:
                 name = f"beh/{stem}_{run}_recording-{eye[0]}_physio"
                 table = _eye_table(gaze, eye, zero_ns)
                 files.tsv_gz(f"{base}/{name}.tsv.gz", table)
-                files.json(f"{base}/{name}.json", _eye_notes(recording, table, eye[1]))
+                files.json(f"{base}/{name}.json", _eye_notes(recording, table, eye[1]) | shared)
                 scans.append(f"{name}.tsv.gz")
-        if head is not None:
-            name = f"motion/{stem}_tracksys-HMD_{run}"
-            table = _head_table(head, zero_ns)
+        for stream in _others(recording):
+            schema = recording.stream_schema(stream)
+            arrays = recording.stream_arrays(stream, part=part.number)
+            if schema is None or not schema.nominal_rate_hz or not len(arrays[PART_COLUMN]):
+                continue
+            name = f"beh/{stem}_{run}_recording-{_label(stream)}_physio"
+            table = _stream_table(arrays, zero_ns)
+            files.tsv_gz(f"{base}/{name}.tsv.gz", table)
+            files.json(f"{base}/{name}.json", _stream_notes(recording, schema, table) | shared)
+            scans.append(f"{name}.tsv.gz")
+        for system, poses, points in (
+            ("HMD", head, ("head",)),
+            ("body", body, _segments(recording, body)),
+        ):
+            if poses is None:
+                continue
+            name = f"motion/{stem}_tracksys-{system}_{run}"
+            table = _motion_table(poses, points, zero_ns)
+            notes = _motion_notes(recording, table, points, system)
             files.tsv(f"{base}/{name}_motion.tsv", table, header=False)
-            files.json(f"{base}/{name}_motion.json", _head_notes(recording, table, task))
-            files.tsv(f"{base}/{name}_channels.tsv", _HEAD_CHANNELS)
+            files.json(f"{base}/{name}_motion.json", notes | shared)
+            files.tsv(f"{base}/{name}_channels.tsv", _channels(points))
             files.json(f"{base}/{name}_channels.json", _HEAD_CHANNELS_NOTES)
             scans.append(f"{name}_motion.tsv")
     files.tsv(
@@ -153,15 +226,69 @@ def _session(recording: Recording, files: _Files, task: str) -> None:
     )
 
 
-def _arrays_with(recording: Recording, part: int, needed: frozenset[str]) -> Columns | None:
-    """Return the first stream of a part that has the needed fields and any sample."""
+def _arrays_with(
+    recording: Recording, part: int, needed: frozenset[str], *, bodies: bool = False
+) -> Columns | None:
+    """Return the first stream of a part that has the needed fields and any sample.
+
+    With `bodies` one with the poses of many segments, otherwise one with a single pose.
+    """
     for name in recording.stream_names:
         schema = recording.stream_schema(name)
-        if schema is not None and needed <= {f.name for f in schema.fields}:
+        if schema is None or name in BOOKKEEPING or _is_body(schema) != bodies:
+            continue
+        if needed <= {f.name for f in schema.fields}:
             arrays = recording.stream_arrays(name, part=part)
             if len(arrays[PART_COLUMN]):
                 return arrays
     return None
+
+
+def _is_body(schema: StreamSchema) -> bool:
+    return any(f.name == "position_m" and len(f.shape) == 2 for f in schema.fields)
+
+
+def _others(recording: Recording) -> list[str]:
+    """Return the streams of devices that are neither gaze nor poses."""
+    found = []
+    for name in recording.stream_names:
+        schema = recording.stream_schema(name)
+        fields = set() if schema is None else {f.name for f in schema.fields}
+        if schema is not None and name not in BOOKKEEPING:
+            if not _GAZE_NEEDS <= fields and not _HEAD_NEEDS <= fields:
+                found.append(name)
+    return found
+
+
+def _label(name: str) -> str:
+    return "".join(c for c in name if c.isascii() and c.isalnum())
+
+
+def _segments(recording: Recording, body: Columns | None) -> tuple[str, ...]:
+    """Return the names of a body's segments, as its stream describes them."""
+    if body is None:
+        return ()
+    n = body["position_m"].shape[1]
+    for name in recording.stream_names:
+        schema = recording.stream_schema(name)
+        if schema is not None and _is_body(schema):
+            said = next(f.description for f in schema.fields if f.name == "position_m")
+            listed = said.rpartition(":")[2].split()
+            if len(listed) == n and all(t.isidentifier() for t in listed):
+                return tuple(listed)
+    return tuple(f"segment_{i + 1}" for i in range(n))
+
+
+def _task_fields(recording: Recording, about: DatasetAbout) -> dict[str, Any]:
+    """Return what is said of the task: what participants did, and what they were told."""
+    plan = recording.manifest.plan
+    blocks = plan.get("blocks", ()) if isinstance(plan, Mapping) else ()
+    told = [str(b.get("instruction", "")) for b in blocks if b.get("instruction")]
+    found = {
+        "TaskDescription": about.description or f"the study {recording.manifest.study}",
+        "Instructions": "\n\n".join(dict.fromkeys(told)) or "n/a",
+    }
+    return {key: value for key, value in found.items() if value}
 
 
 def _first_ns(recording: Recording, part: int, *streams: Columns | None) -> int:
@@ -237,41 +364,81 @@ def _eye_notes(recording: Recording, table: pd.DataFrame, eye: str) -> dict[str,
         }
     if "pupil_size" in table:
         notes["pupil_size"] = {"Description": "pupil diameter", "Units": "mm"}
-    for key, source in (
-        ("Manufacturer", "vendor"),
-        ("ManufacturersModelName", "model"),
-        ("SoftwareVersions", "driver_version"),
-        ("DeviceSerialNumber", "serial"),
-    ):
-        if device.get(source):
-            notes[key] = str(device[source])
-    return notes
+    return notes | _device_fields(device)
 
 
-def _head_table(head: Columns, zero_ns: int) -> pd.DataFrame:
-    valid = head["valid"][:, None]
-    position = np.where(valid, head["position_m"].astype(np.float64), np.nan)
-    w, x, y, z = np.where(valid, head["orientation_wxyz"].astype(np.float64), np.nan).T
-    return pd.DataFrame(
-        {
-            "head_pos_x": position[:, 0],
-            "head_pos_y": position[:, 1],
-            "head_pos_z": position[:, 2],
-            "head_quat_x": x,
-            "head_quat_y": y,
-            "head_quat_z": z,
-            "head_quat_w": w,
-            "latency": _seconds(head["t_host_ns"], zero_ns),
+def _device_fields(device: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        key: str(device.get(source) or "n/a")
+        for key, source in (
+            ("Manufacturer", "vendor"),
+            ("ManufacturersModelName", "model"),
+            ("SoftwareVersions", "driver_version"),
+            ("DeviceSerialNumber", "serial"),
+        )
+    }
+
+
+def _stream_table(arrays: Columns, zero_ns: int) -> pd.DataFrame:
+    """Return any stream's samples, a column for every component of a field."""
+    columns: dict[str, Any] = {"timestamp": _seconds(arrays["t_host_ns"], zero_ns)}
+    for field, values in arrays.items():
+        if field not in ("seq", PART_COLUMN):
+            for name, column in flattened(field, values):
+                columns[name] = column.astype(np.int64) if column.dtype == bool else column
+    return pd.DataFrame(columns)
+
+
+def _stream_notes(
+    recording: Recording, schema: StreamSchema, table: pd.DataFrame
+) -> dict[str, Any]:
+    rate_hz = _rate_hz(table["timestamp"])
+    notes: dict[str, Any] = {
+        "SamplingFrequency": rate_hz or float(schema.nominal_rate_hz),
+        "StartTime": float(table["timestamp"].iloc[0]),
+        "Columns": list(table.columns),
+        "PhysioType": "generic",
+        "IsSimulated": recording.is_simulated,
+        "timestamp": {"Description": "session time from the start of the run", "Units": "s"},
+        "t_host_ns": {"Description": "session clock at arrival", "Units": "ns"},
+        "t_device_ns": {"Description": "the device's own clock, not corrected", "Units": "ns"},
+    }
+    for field in schema.fields:
+        size = int(np.prod(field.shape)) if field.shape else 1
+        for name in component_names(field.name, size) if field.shape else [field.name]:
+            frame = f"; {field.frame} frame" if field.frame else ""
+            said = field.description or field.name.replace("_", " ")
+            notes[name] = {"Description": f"{said}{frame}", "Units": field.unit or "n/a"}
+    return notes | _device_fields(_device(recording, schema.name.partition("_")[0]))
+
+
+def _motion_table(poses: Columns, points: Sequence[str], zero_ns: int) -> pd.DataFrame:
+    n, m = len(poses["t_host_ns"]), len(points)
+    valid = poses["valid"].reshape(n, m, 1)
+    position = poses["position_m"].astype(np.float64).reshape(n, m, 3)
+    turn = poses["orientation_wxyz"].astype(np.float64).reshape(n, m, 4)
+    position, turn = np.where(valid, position, np.nan), np.where(valid, turn, np.nan)
+    columns: dict[str, Any] = {}
+    for i, point in enumerate(points):
+        columns |= {f"{point}_pos_{c}": position[:, i, k] for k, c in enumerate("xyz")}
+        columns |= {
+            f"{point}_quat_{c}": turn[:, i, k] for c, k in zip("xyzw", (1, 2, 3, 0), strict=True)
         }
+    columns["latency"] = _seconds(poses["t_host_ns"], zero_ns)
+    return pd.DataFrame(columns)
+
+
+def _channels(points: Sequence[str]) -> pd.DataFrame:
+    rows = []
+    for p in points:
+        rows += [(f"{p}_pos_{c}", c, "POS", p, "m", "world") for c in "xyz"]
+        rows += [(f"{p}_quat_{c}", f"quat_{c}", "ORNT", p, "n/a", "world") for c in "xyzw"]
+    return pd.DataFrame(
+        [*rows, ("latency", "n/a", "LATENCY", "n/a", "s", "n/a")],
+        columns=["name", "component", "type", "tracked_point", "units", "reference_frame"],
     )
 
 
-_HEAD_CHANNELS = pd.DataFrame(
-    [(f"head_pos_{c}", c, "POS", "head", "m", "world") for c in "xyz"]
-    + [(f"head_quat_{c}", f"quat_{c}", "ORNT", "head", "n/a", "world") for c in "xyzw"]
-    + [("latency", "n/a", "LATENCY", "n/a", "s", "n/a")],
-    columns=["name", "component", "type", "tracked_point", "units", "reference_frame"],
-)
 _HEAD_CHANNELS_NOTES: Mapping[str, Any] = {
     "reference_frame": {
         "Description": "frame in which a channel is expressed",
@@ -287,23 +454,29 @@ _HEAD_CHANNELS_NOTES: Mapping[str, Any] = {
 }
 
 
-def _head_notes(recording: Recording, table: pd.DataFrame, task: str) -> dict[str, Any]:
+_NO_CHANNELS = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "MAGN", "MISC", "VEL")
+"""Kinds of channels of motion that no tracker here has."""
+
+
+def _motion_notes(
+    recording: Recording, table: pd.DataFrame, points: Sequence[str], system: str
+) -> dict[str, Any]:
     rate_hz = _rate_hz(table["latency"])
-    device = _device(recording, "head")
+    device = _device(recording, "head" if system == "HMD" else "body")
     return {
-        "TaskName": task,
-        "TrackingSystemName": "HMD",
+        "TrackingSystemName": system,
         "SamplingFrequency": rate_hz,
         "SamplingFrequencyEffective": rate_hz,
-        "MotionChannelCount": len(_HEAD_CHANNELS),
-        "POSChannelCount": 3,
-        "ORNTChannelCount": 4,
+        "MotionChannelCount": len(table.columns),
+        "POSChannelCount": 3 * len(points),
+        "ORNTChannelCount": 4 * len(points),
         "LATENCYChannelCount": 1,
-        "TrackedPointsCount": 1,
+        **{f"{kind}ChannelCount": 0 for kind in _NO_CHANNELS},
+        "TrackedPointsCount": len(points),
+        "SubjectArtefactDescription": "n/a",
         "RecordingDuration": float(table["latency"].iloc[-1] - table["latency"].iloc[0]),
         "MissingValues": "n/a",
-        "Manufacturer": str(device.get("vendor") or "n/a"),
-        "ManufacturersModelName": str(device.get("model") or "n/a"),
+        **_device_fields(device),
         "IsSimulated": recording.is_simulated,
     }
 
@@ -326,8 +499,22 @@ def _events(recording: Recording, part: int, zero_ns: int) -> pd.DataFrame:
             start_ns = end_ns = trial["t_ns"]
         rows.append(_event_row("trial", start_ns, end_ns, zero_ns))
         rows[-1] |= {k: v for k, v in row.items() if k not in rows[-1]}
+    for name in _others(recording):
+        schema = recording.stream_schema(name)
+        if schema is not None and not schema.nominal_rate_hz:
+            rows += _event_rows(name, recording.stream_arrays(name, part=part), zero_ns)
     frame = pd.DataFrame(rows, columns=None if rows else ["onset", "duration", "trial_type"])
     return frame.sort_values("onset", kind="stable").reset_index(drop=True)
+
+
+def _event_rows(name: str, arrays: Columns, zero_ns: int) -> list[dict[str, Any]]:
+    """Return the samples of a stream without a rate as events, such as presses."""
+    table = _stream_table(arrays, zero_ns).drop(columns=["timestamp"])
+    return [
+        {**_event_row(name, row["t_host_ns"], row["t_host_ns"], zero_ns),
+         **{f"{name}_{key}": value for key, value in row.items() if key != "t_host_ns"}}
+        for row in table.to_dict("records")
+    ]  # fmt: skip
 
 
 def _event_row(name: str, start_ns: int, end_ns: int, zero_ns: int) -> dict[str, Any]:
@@ -343,6 +530,11 @@ def _events_notes(recording: Recording, events: pd.DataFrame) -> dict[str, Any]:
             "Description": "name of the event; trial carries a trial's factors and results"
         },
         "IsSimulated": recording.is_simulated,
+        "StimulusPresentation": {
+            "SoftwareName": "Visavis",
+            "SoftwareVersion": recording.manifest.provenance.packages.get("visavis", "n/a"),
+            "Code": recording.manifest.provenance.code_revision or "n/a",
+        },
     }
     _, touched = neutralised(events)
     for column in events.columns[3:]:

@@ -7,7 +7,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from lab.errors import RecordingError, UsageError
-from recording.bids import export_bids
+from recording.bids import NOTHING_SAID, export_bids
+from recording.bids_about import DatasetAbout
 from recording.columns import STAMPS
 from recording.csv_file import write_csv
 from recording.durable import make_folder, write_failure
@@ -91,8 +92,10 @@ def export_recording(recording: Recording, format_name: str, target: Path) -> tu
     raise UsageError(f"export format {format_name!r} is unknown; choose parquet, bids or xdf")
 
 
-def export_together(recordings: Sequence[Recording], target: Path) -> tuple[Path, ...]:
+def export_together(
+    recordings: Sequence[Recording], target: Path, about: DatasetAbout = NOTHING_SAID
+) -> tuple[Path, ...]:
     """Write recordings of one study as one BIDS data set and return the files written."""
     study = recordings[0].manifest.study
     task = "".join(c for c in study if c.isascii() and c.isalnum())
-    return export_bids(recordings, target, task=task, dataset_name=study)
+    return export_bids(recordings, target, task=task, dataset_name=study, about=about)

@@ -142,7 +142,7 @@ class Recording:
             {
                 flat: column
                 for field, values in arrays.items()
-                for flat, column in _flattened(field, values)
+                for flat, column in flattened(field, values)
             }
         )
 
@@ -336,7 +336,8 @@ def component_names(field: str, n_components: int) -> list[str]:
     return [f"{stem}_{c}{suffix}" for c in parts]
 
 
-def _flattened(field: str, values: npt.NDArray[Any]) -> list[tuple[str, npt.NDArray[Any]]]:
+def flattened(field: str, values: npt.NDArray[Any]) -> list[tuple[str, npt.NDArray[Any]]]:
+    """Return a field's components as columns with their names; see `Recording.stream`."""
     if values.ndim == 1:
         return [(field, values)]
     flat = values.reshape((len(values), int(np.prod(values.shape[1:]))))

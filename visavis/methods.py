@@ -15,14 +15,18 @@ from visavis.texts import shown
 def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> tuple[str, ...]:
     """Return the paragraphs: the study's own words, design, procedure, measures, statistics."""
     study = experiment.study
-    own = study.methods.format_map(
-        {k: shown(v) for k, v in experiment.parameters.items()}
-    ).strip()  # fmt: skip
-    parts = [p.strip() for p in own.split("\n\n") if p.strip()]
     looks = [_looks(on.rules({"parameters": experiment.parameters})) for on in study.looks[:1]]
-    every = (*parts, _design(experiment), _measured(analysis), *looks, _excluded(analysis),
+    every = (*own_methods(experiment), _measured(analysis), *looks, _excluded(analysis),
              _compared(analysis), *_families(analysis))  # fmt: skip
     return tuple(filter(None, every))
+
+
+def own_methods(experiment: StudyExperiment) -> tuple[str, ...]:
+    """Return what is known before anything is analysed: the study's own words, its design."""
+    values = {k: shown(v) for k, v in experiment.parameters.items()}
+    own = experiment.study.methods.format_map(values)
+    parts = (p.strip() for p in own.split("\n\n") if p.strip())
+    return (*parts, _design(experiment))
 
 
 def _design(experiment: StudyExperiment) -> str:
