@@ -25,6 +25,7 @@ PEOPLE: Final = (
     Column("completed_01", "1", "share of the planned trials that were finished"),
     Column("bad_trials_01", "1", "share of the finished trials that were left out"),
     Column("smallest_cell_trials", "1", "trials that count in the emptiest cell"),
+    Column("smallest_cell_01", "1", "their share of the trials planned for a cell"),
     Column("calibration_error_deg", "deg", "mean error over the validations of these trials"),
     Column("end_accuracy_deg", "deg", "mean error of the validation after the last trial"),
     Column("drift_deg", "deg", "error after the last trial minus that before; positive: worse"),

@@ -241,10 +241,11 @@ def participant_facts(
     `completed_01` is the share of planned trials that were finished, those of damaged recordings
     not counted, `bad_trials_01` the share of
     finished ones left out, `smallest_cell_trials` the trials that count in the emptiest cell,
+    `smallest_cell_01` their share of those planned for a cell,
     `calibration_error_deg` the mean error over the validations their trials were made with.
     """
     found = []
-    for name in sorted(set(rows["participant"].astype(str))):
+    for name in sorted({*rows["participant"].astype(str), *planned}):
         mine = finished[finished["participant"].astype(str) == name]
         good = mine[counts.reindex(mine.index, fill_value=False)]
         intact = planned.get(name, 0) - _unreadable(rows, name)
@@ -257,6 +258,9 @@ def participant_facts(
                 "completed_01": len(mine) / intact if intact > 0 else np.nan,
                 "bad_trials_01": (len(mine) - len(good)) / len(mine) if len(mine) else np.nan,
                 "smallest_cell_trials": smallest,
+                "smallest_cell_01": smallest * cell_count / planned[name]
+                if planned.get(name)
+                else np.nan,
                 "calibration_error_deg": mean_error_deg(mine),
                 REASON: "",
             }

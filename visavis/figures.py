@@ -30,7 +30,7 @@ from analysis.plots.panels import (
 )
 from analysis.report.notation import counted
 from visavis.analysis import Finding, StudyAnalysis
-from visavis.exclusions import NOT_FINISHED, REPEATED
+from visavis.exclusions import NOT_FINISHED, REPEATED, Selection
 from visavis.measures import aggregated
 from visavis.quality import LOSS_COLUMNS, QUALITY_COLUMNS, Quality
 from visavis.texts import Texts
@@ -45,7 +45,7 @@ def study_figures(analysis: StudyAnalysis, texts: Texts) -> dict[str, Drawn]:
         for finding in {f.compare.name: f for f in analysis.findings}.values()
         if finding.measure.column in analysis.selection.counted
     ]
-    drawn.append(_flow(analysis))
+    drawn.append(exclusions_figure(analysis.selection, is_simulated=analysis.is_simulated))
     return {d.name: d for d in drawn}
 
 
@@ -123,9 +123,9 @@ def _dots(ax: object, table: Values, labels: Sequence[str], colours: Sequence[st
     ax.set_xlim(-0.5, len(labels) - 0.5)  # type: ignore[attr-defined]  # as above
 
 
-def _flow(analysis: StudyAnalysis) -> Drawn:
-    selection = analysis.selection
-    people = selection.people
+def exclusions_figure(selection: Selection, *, is_simulated: bool) -> Drawn:
+    """Return what was performed, what every rule left out, and what counts."""
+    people, counts = selection.people, selection.counted
     stages = [
         Stage(
             f"{counted(len(people), 'participant')}, {counted(selection.performed, 'trial')} "
@@ -136,8 +136,8 @@ def _flow(analysis: StudyAnalysis) -> Drawn:
             ),
         ),
         Stage(
-            f"{counted(analysis.n_participants, 'participant')}, "
-            f"{counted(len(selection.counted), 'trial')} analysed"
+            f"{counted(int(counts['participant'].nunique()), 'participant')}, "
+            f"{counted(len(counts), 'trial')} analysed"
         ),
     ]
     return draw(
@@ -146,7 +146,7 @@ def _flow(analysis: StudyAnalysis) -> Drawn:
         title="What was performed, what was left out, what counts",
         caption="Rules in the order in which they act; thresholds stand in the methods.",
         alternative="; ".join(s.text for s in stages),
-        is_simulated=analysis.is_simulated,
+        is_simulated=is_simulated,
     )
 
 

@@ -4,14 +4,15 @@ import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Final
 
 import pandas as pd
 
 from analysis.statistics import Equivalence, rm_anova
 from analysis.statistics.errors import StatisticsError
 from experiments.crowd import published
-from experiments.crowd.analysis_parameters import DEFAULT_PARAMETERS, AnalysisParameters
+from experiments.crowd.analysis_parameters import DEFAULT_PARAMETERS, RULES, AnalysisParameters
 from experiments.crowd.comparisons import (
     MeasureComparison,
     compare_measure,
@@ -22,18 +23,11 @@ from experiments.crowd.narrow_gaps import with_narrow_gaps
 from experiments.crowd.paths import CellsBy, PathAnalysis, analyse_paths
 from experiments.crowd.terms import MEASURES, PAIRS, PATH, PRIMARY, Measure
 from lab.errors import DataError
+from visavis.exclusions import COUNTED, REASON, Selection, limits_in_force, select
 
 Tables = Mapping[str, pd.DataFrame]
 SIMULATED_COLUMN = "is_simulated"
-
-
-@dataclass(frozen=True)
-class Excluded:
-    """Somebody or one walk left out of the statistics, and why."""
-
-    participant: str
-    trial_id: str | None
-    reason: str
+PERSON_OUT: Final = "participant left out"
 
 
 @dataclass(frozen=True)
@@ -70,19 +64,36 @@ class GroupAnalysis:
 class CrowdAnalysis:
     """Everything the study's analysis found; `main` is the group that felt vibrations.
 
-    `planned` tells how many walks each person's blocks were planned with.
+    `selection` says of every walk whether it counts, `planned` how many walks each person's blocks
+    were planned with.
     """
 
     parameters: AnalysisParameters
     is_simulated: bool
     rules: tuple[str, ...]
     trials: pd.DataFrame = field(repr=False)
-    kept: pd.DataFrame = field(repr=False)
-    excluded: tuple[Excluded, ...]
+    selection: Selection = field(repr=False)
     planned: Mapping[str, int]
     main: GroupAnalysis
     control: GroupAnalysis | None
     between_groups: tuple[str, ...]
+
+    @property
+    def kept(self) -> pd.DataFrame:
+        """The walks that count."""
+        return self.selection.counted
+
+    @property
+    def excluded(self) -> tuple[tuple[str, str | None, str], ...]:
+        """Who and what is left out and why: participant, walk (None: all of them), reason."""
+        rows, people = self.selection.rows, self.selection.people
+        out = rows[~rows[COUNTED] & ~rows[REASON].str.startswith(PERSON_OUT)]
+        gone = people[~people[COUNTED]]
+        walks = [(str(p), str(t), str(why)) for p, t, why in
+                 zip(out["participant"], out["trial_id"], out[REASON], strict=True)]  # fmt: skip
+        whole = [(str(p), None, str(why)) for p, why in
+                 zip(gone["participant"], gone[REASON], strict=True)]  # fmt: skip
+        return (*walks, *whole)
 
     def agreement(self, *, published_as_different: bool) -> tuple[int, int]:
         """How many published verdicts come back, of how many that can be told: of the pairs of
@@ -121,17 +132,19 @@ def analyse_tables(
     *,
     is_simulated: bool,
     allow_mixture: bool = False,
+    limits: Mapping[str, Any] = MappingProxyType({}),
 ) -> CrowdAnalysis:
     """Analyse a study from its tables of trials, cells and blocks.
 
-    Works with any number of participants: what cannot be tested says why.
+    Works with any number of participants: what cannot be tested says why. `limits` replace those
+    of the rules of exclusion by name.
 
     Raises:
         DataError: no walk was measured, simulated and real walks are mixed, or volumes were
             measured by several rules.
     """
     trials = tables["trials"]
-    if trials.empty:
+    if not (trials["status"] == "complete").any():
         raise DataError("no walk of this study was measured; check that sessions are complete")
     trials = with_narrow_gaps(trials, tables.get("crossings"), parameters.narrow_gap_m)
     if not (allow_mixture and is_simulated):
@@ -151,7 +164,16 @@ def analyse_tables(
             f"volumes were measured by {', '.join(rules)}; they cannot be compared: measure all "
             "sessions by one rule and surface"
         )
-    kept, excluded = select(trials, parameters, everybody=_people(tables))
+    planned = planned_walks(trials, _people(tables))
+    selection = select(
+        trials,
+        RULES,
+        limits_in_force(RULES, limits),
+        cells=("condition",),
+        planned={person: len(CONDITIONS) * walks for person, walks in planned.items()},
+        cell_count=len(CONDITIONS),
+    )
+    kept = selection.counted
     blocks = tables["blocks"]
     cells = tables["cells"]
     groups = kept["group"].fillna("").astype(str) if "group" in kept else pd.Series("", kept.index)
@@ -165,49 +187,13 @@ def analyse_tables(
         parameters,
         is_simulated,
         rules,
-        trials,
-        kept,
-        excluded,
-        planned_walks(trials, _people(tables)),
+        selection.rows,
+        selection,
+        planned,
         main,
         control,
         () if control is None else _between(main, control),
     )
-
-
-def select(
-    trials: pd.DataFrame, parameters: AnalysisParameters, *, everybody: Sequence[str] = ()
-) -> tuple[pd.DataFrame, tuple[Excluded, ...]]:
-    """Return the walks that are analysed, and what is left out with its reason.
-
-    `everybody` names people who took part, those without a finished walk too. A block that was
-    never begun, or broken off, counts as long as planned (`block_walks`; without that column, as
-    long as anybody's longest).
-    """
-    excluded = []
-    keep = []
-    for row in trials.to_dict("records"):
-        reason = ""
-        if row["lost_01"] > parameters.max_lost_01:
-            reason = (
-                f"{100 * row['lost_01']:.0f} % of the walk not tracked "
-                f"(limit {100 * parameters.max_lost_01:.0f} %)"
-            )
-        elif not row["came_back"]:
-            reason = "did not come back to the mark in time"
-        if reason:
-            excluded.append(Excluded(str(row["participant"]), str(row["trial_id"]), reason))
-        keep.append(not reason)
-    kept = trials[keep]
-    left = _walks_by_block(kept)
-    for person, most in planned_walks(trials, everybody).items():
-        for condition in CONDITIONS:
-            n = left.get((person, condition), 0)
-            if n < parameters.min_walks_01 * most:
-                reason = f"only {n} of {most} walks of {condition} can be used"
-                excluded.append(Excluded(person, None, reason))
-    out = {e.participant for e in excluded if e.trial_id is None}
-    return kept[~kept["participant"].astype(str).isin(out)], tuple(excluded)
 
 
 def planned_walks(trials: pd.DataFrame, everybody: Sequence[str] = ()) -> dict[str, int]:

@@ -1,17 +1,22 @@
 """The crowd study as the command line uses it: declared on the kit, measured by its own rules."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+from experiments.crowd.analysis_parameters import RULES, AnalysisParameters
 from experiments.crowd.intake import SessionIntake, take_in
-from experiments.crowd.measures import measure_parameters
+from experiments.crowd.measures import MeasureParameters, measure_parameters
 from experiments.crowd.measuring import Runner, measure_sessions
 from experiments.crowd.study import study
+from protocol.parameters import parameters_from
 from recording.reader import Recording
+from visavis.exclusions import limits_in_force
 from visavis.opened import OpenedStudy
 from visavis.study import Study
+
+MEASURED_BY: Final = frozenset(f.name for f in fields(MeasureParameters))
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +41,14 @@ class CrowdBundle(OpenedStudy):
     ) -> list[SessionIntake]:
         """Take in sessions walk by walk; what `store` holds already is not measured again.
 
-        `settings` are fields of `MeasureParameters` by name.
+        `settings` are fields of `MeasureParameters` and of `AnalysisParameters`, and limits of
+        rules of exclusion, by name.
 
         Raises:
             ConfigError: a setting or its value does not exist.
         """
-        params = measure_parameters(settings)
+        _thresholds(settings)  # said before anything is measured
+        params = measure_parameters({k: v for k, v in settings.items() if k in MEASURED_BY})
         return measure_sessions(sessions, store, run, params=params, on_walk=on_walk)
 
     def write_film(
@@ -77,7 +84,20 @@ class CrowdBundle(OpenedStudy):
         # Figures take a second to import; sessions and previews do without.
         from experiments.crowd.study_outputs import analyse_study
 
-        return analyse_study(sessions, out_dir, is_simulated=is_simulated, commands=commands)
+        parameters, limits = _thresholds(settings or {})
+        return analyse_study(
+            sessions, out_dir, is_simulated=is_simulated, commands=commands,
+            parameters=parameters, limits=limits,
+        )  # fmt: skip
+
+
+def _thresholds(settings: Mapping[str, Any]) -> tuple[AnalysisParameters, dict[str, Any]]:
+    """Return thresholds of tests and limits of rules among settings of the analysis."""
+    rules = {rule.name for rule in RULES}
+    limits = {k: v for k, v in settings.items() if k in rules}
+    limits_in_force(RULES, limits)
+    rest = {k: v for k, v in settings.items() if k not in rules | MEASURED_BY}
+    return parameters_from(AnalysisParameters, rest, "analysis of crowd"), limits
 
 
 MAKE_STUDY = CrowdBundle

@@ -28,6 +28,7 @@ from experiments.crowd.terms import (
     Measure,
 )
 from lab.geometry import Vector
+from visavis.figures import exclusions_figure
 
 COLOURS = {BEFORE: BLUE, HAPTIC: VERMILION, AFTER: GREEN}
 SHORT = ("before", "haptic", "after")
@@ -112,6 +113,7 @@ def study_figures(
         ),
     ]
     figures += path_figures(analysis, tables, tracks)
+    figures.append(exclusions_figure(analysis.selection, is_simulated=simulated))
     return {f.name: f for f in figures}
 
 

@@ -16,7 +16,8 @@ from experiments.crowd.measures import (
 )
 from experiments.crowd.pulses import pulse_rows
 from experiments.crowd.replay import walks
-from protocol.questionnaires import load_questionnaire, read_answer
+from protocol.questionnaires import Questionnaire, load_questionnaire, read_answers, score
+from recording.integrity import analysed_trials
 from recording.manifest import Manifest
 from recording.reader import Recording
 
@@ -26,7 +27,7 @@ class SessionIntake:
     """One session measured; travels between processes.
 
     `person` holds what was asked at the end, `blocks` one row of scores per block, `pulses` one
-    row per vibration.
+    row per vibration, `unmeasured` one row per walk that was not finished or cannot be read.
     """
 
     participant: str
@@ -37,6 +38,7 @@ class SessionIntake:
     walks: list[MeasuredWalk]
     pulses: list[dict[str, Any]]
     blocks: list[dict[str, Any]] = field(default_factory=list)
+    unmeasured: list[dict[str, Any]] = field(default_factory=list)
 
 
 def take_in(
@@ -54,9 +56,17 @@ def take_in(
     if measured is None:
         measured = [measure_walk(walk, step_m, params, sex=sex) for walk in walks(recording)]
     planned = {condition_of(block): len(block["trials"]) for block in manifest.plan["blocks"]}
+
+    def about(row: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            "block_walks": planned.get(str(row["condition"])),
+            "is_simulated": recording.is_simulated,
+            "measure_rule": params.rule,
+            "measure_surface": params.surface,
+        }
+
     for one in measured:
-        one.row["block_walks"] = planned.get(str(one.row["condition"]))
-        one.row["is_simulated"] = recording.is_simulated
+        one.row.update(about(one.row))
         walked = (one.row["trial_id"], one.row["attempt"])
         own = [p for p in pulses if (p["trial_id"], p["attempt"]) == walked]
         one.row["pulses"] = len(own)
@@ -67,6 +77,11 @@ def take_in(
             "pulse_lost" if one.row["pulses_lost"] else "",
         )
         one.row["flags"] = ";".join(dict.fromkeys(text for text in flags if text))
+    left = [
+        {str(name): value for name, value in row.items()}
+        for row in analysed_trials(recording).to_dict("records")
+        if row["status"] != "complete" and not row["is_practice"]
+    ]
     return SessionIntake(
         participant=manifest.participant,
         is_simulated=recording.is_simulated,
@@ -76,12 +91,25 @@ def take_in(
         walks=measured,
         pulses=pulses,
         blocks=blocks,
+        unmeasured=[{**row, **about(row)} for row in left],
     )
 
 
 def condition_of(block: Mapping[str, Any]) -> str:
     """Return the condition of a planned block, whatever the lab calls it."""
     return str(block["trials"][0]["factors"]["condition"])
+
+
+def _labelled(asked: Questionnaire, answers: Mapping[str, Any]) -> dict[str, Any]:
+    """Return answers by what the questionnaire itself calls them, in whatever words it was read."""
+    found = read_answers(asked, answers)
+    return {
+        q.question_id: q.scale.options.get(value, answers[q.question_id])
+        if isinstance(value := found[q.question_id], int)
+        else answers[q.question_id]
+        for q in asked.questions()
+        if q.question_id in answers
+    }
 
 
 def answers_of(recording: Recording) -> tuple[dict[str, Any], list[dict[str, Any]]]:
@@ -96,7 +124,7 @@ def answers_of(recording: Recording) -> tuple[dict[str, Any], list[dict[str, Any
     person: dict[str, Any] = {}
     for name, answers in given.items():
         if "@" not in name:
-            person |= answers
+            person |= _labelled(load_questionnaire(name), answers)
     rows = []
     for block in recording.manifest.plan["blocks"]:
         row: dict[str, Any] = {
@@ -106,25 +134,12 @@ def answers_of(recording: Recording) -> tuple[dict[str, Any], list[dict[str, Any
         }
         found = False
         for name in AFTER_BLOCK:
-            if f"{name}@{block['index']}" not in given:
+            asked = f"{name}@{block['index']}"
+            if asked not in given:
                 continue
-            found = True
-            answers = given[f"{name}@{block['index']}"]
+            found, answers = True, given[asked]
             questionnaire = load_questionnaire(name)
-            values = {
-                q.question_id: read_answer(q, answers.get(q.question_id))
-                for q in questionnaire.questions()
-            }
-            row |= values
-            for score, rule in questionnaire.scores.items():
-                wanted = [
-                    values[q.question_id]
-                    for q in questionnaire.questions()
-                    if not rule.tags or set(rule.tags) & set(q.item.tags)
-                ]
-                known = [float(v) for v in wanted if v is not None]
-                enough = len(wanted) - len(known) <= rule.missing_allowed and known
-                row[score] = sum(known) / len(known) if enough else None
+            row |= read_answers(questionnaire, answers) | score(questionnaire, answers)
         if found:
             rows.append(row)
     return person, rows

@@ -6,6 +6,7 @@ from analysis.collisions.series import MIN_DURATION_NS, THRESHOLD_M3
 from analysis.gait import HESITATION_AT_LEAST_S, HESITATION_BELOW_M_S, STEP_LENGTH_M
 from analysis.report.notation import percentage, threshold
 from experiments.crowd.analysis import CrowdAnalysis
+from experiments.crowd.analysis_parameters import RULES as EXCLUSIONS
 from experiments.crowd.conclusions import RULE
 
 REFERENCES: Final = (
@@ -70,9 +71,17 @@ def method_paragraphs(analysis: CrowdAnalysis) -> tuple[str, ...]:
         "Statistics are of each person's mean over the walks of a block. α = "
         f"{threshold(p.alpha)}. {RULE} Bounds of equal paths: ±{p.dice_bound:g} in Dice, "
         f"±{percentage(p.path_bound_01, 0)} of the path length; fixed before looking.",
-        f"Left out: walks with more than {percentage(p.max_lost_01, 0)} of their time untracked "
-        "or that did not come back, and people with fewer than "
-        f"{percentage(p.min_walks_01, 0)} of a block's walks. Nothing is made up for lost time.",
+        f"Left out were walks and people by these limits: {_limits(analysis)}. Nothing is made up "
+        "for lost time.",
+    )
+
+
+def _limits(analysis: CrowdAnalysis) -> str:
+    found = analysis.selection.limits
+    return "; ".join(
+        f"{rule.column} {'above' if rule.above else 'below'} {limit:g}"
+        for rule in EXCLUSIONS
+        if (limit := found[rule.name]) is not None
     )
 
 

@@ -4,11 +4,12 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
-from analysis.plots import Drawn, svg_for_page
+import pandas as pd
+
+from analysis.plots import Drawn
 from analysis.report import (
     Block,
     Bullets,
-    Code,
     Column,
     Facts,
     Fold,
@@ -31,6 +32,7 @@ from experiments.crowd.conclusions import conclude
 from experiments.crowd.design import CONDITIONS
 from experiments.crowd.methods_text import REFERENCES, differences_from_source, method_paragraphs
 from experiments.crowd.pulse_table import pulse_table
+from visavis.report import picture_of, provenance_section
 
 TITLE = "Through the crowd"
 
@@ -45,10 +47,7 @@ def build_report(
     notes: tuple[str, ...] = (),
 ) -> Path:
     """Write the report and return its path; the same input gives the same bytes."""
-    pictures = {
-        name: Picture(svg_for_page(d), d.title, d.caption, d.alternative)
-        for name, d in figures.items()
-    }
+    pictures = {name: picture_of(d) for name, d in figures.items()}
     return write_page(report_page(analysis, tables, provenance, pictures, notes), out_path)
 
 
@@ -70,9 +69,9 @@ def report_page(
     if analysis.control is not None:
         sections.append(_control(analysis))
     sections += [
-        _exclusions(analysis, provenance),
+        _exclusions(analysis, provenance, pictures),
         _methods(analysis, notes),
-        _provenance(provenance),
+        provenance_section(provenance),
     ]
     return Page(
         title=TITLE,
@@ -106,7 +105,7 @@ def _participants(analysis: CrowdAnalysis) -> str:
 def _walks(analysis: CrowdAnalysis) -> str:
     planned = len(CONDITIONS) * sum(analysis.planned.values())
     text = f"{len(analysis.kept)} of {planned}"
-    finished = len(analysis.trials)
+    finished = len(analysis.selection.finished)
     return text if finished == planned else f"{text} ({finished} were finished)"
 
 
@@ -224,8 +223,10 @@ def _control(analysis: CrowdAnalysis) -> Section:
     )
 
 
-def _exclusions(analysis: CrowdAnalysis, provenance: ReportProvenance) -> Section:
-    blocks: list[Block] = []
+def _exclusions(
+    analysis: CrowdAnalysis, provenance: ReportProvenance, pictures: Mapping[str, Picture]
+) -> Section:
+    blocks: list[Block] = [pictures["exclusions"]]
     broken = tuple(
         (s.participant, s.session, s.status) for s in provenance.sessions if s.status != "complete"
     )
@@ -239,7 +240,7 @@ def _exclusions(analysis: CrowdAnalysis, provenance: ReportProvenance) -> Sectio
                 "is missing.",
             )
         )
-    rows = tuple((e.participant, e.trial_id or "all walks", e.reason) for e in analysis.excluded)
+    rows = tuple((person, walk or "all walks", why) for person, walk, why in analysis.excluded)
     headers = (Column("Participant"), Column("Walk"), Column("Reason"))
     blocks.append(
         Table(headers, rows, "Left out of the statistics")
@@ -247,8 +248,8 @@ def _exclusions(analysis: CrowdAnalysis, provenance: ReportProvenance) -> Sectio
         else Paragraph("No walk was left out.")
     )
     flags: Counter[str] = Counter()
-    for text in analysis.trials.get("flags", ()):
-        flags.update(f for f in str(text or "").split(";") if f)
+    for text in analysis.trials.get("flags", pd.Series(dtype=str)).dropna():
+        flags.update(f for f in text.split(";") if f)
     if flags:
         blocks.append(
             Table(
@@ -274,28 +275,3 @@ def _methods(analysis: CrowdAnalysis, notes: tuple[str, ...]) -> Section:
             Fold("References", (Bullets(REFERENCES),)),
         ),
     )
-
-
-def _provenance(provenance: ReportProvenance) -> Section:
-    facts = [("Study", f"{provenance.study}, version {provenance.study_version}")]
-    if provenance.seed is not None:
-        facts.append(("Seed", str(provenance.seed)))
-    for label, value in (
-        ("Configuration SHA-256", provenance.configuration_sha256),
-        ("Plan SHA-256", provenance.plan_sha256),
-    ):
-        if value:
-            facts.append((label, value))
-    facts += list(provenance.versions.items())
-    blocks: list[Block] = [Facts(tuple(facts))]
-    if provenance.commands:
-        blocks += [Paragraph("The same report again:"), Code(provenance.commands)]
-    if provenance.sessions:
-        rows = tuple(
-            (s.participant, s.session, s.started_at, s.status, s.sha256, s.code_revision)
-            for s in provenance.sessions
-        )
-        headers = ("Participant", "Session", "Began", "Status", "SHA-256", "Code")
-        table = Table(tuple(Column(h) for h in headers), rows, "Recordings")
-        blocks.append(Fold(counted(len(rows), "recording"), (table,)))
-    return Section("provenance", "Provenance", tuple(blocks))

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import pandas as pd
@@ -30,19 +31,25 @@ def tables_of(sessions: Sequence[SessionIntake]) -> dict[str, pd.DataFrame]:
     cells. Each says by which rule and on which surface volumes were measured where it holds any.
     """
     walks = [walk for session in sessions for walk in session.walks]
+    unmeasured = [row for session in sessions for row in session.unmeasured]
     pulses = [
         {"participant": session.participant, **p} for session in sessions for p in session.pulses
     ]
     return {
-        **tables_of_walks(walks),
+        **tables_of_walks(walks, unmeasured),
         "pulses": pd.DataFrame(pulses),
         "blocks": pd.DataFrame([b for s in sessions for b in s.blocks]),
         "people": pd.DataFrame([s.person for s in sessions]),
     }
 
 
-def tables_of_walks(walks: Sequence[MeasuredWalk]) -> dict[str, pd.DataFrame]:
-    """Return the tables of measured walks: trials, collisions, crossings, cells."""
+def tables_of_walks(
+    walks: Sequence[MeasuredWalk], unmeasured: Sequence[Mapping[str, Any]] = ()
+) -> dict[str, pd.DataFrame]:
+    """Return the tables of measured walks: trials, collisions, crossings, cells.
+
+    `unmeasured` walks have their row in the first alone.
+    """
     trials: list[dict[str, Any]] = []
     collisions: list[dict[str, Any]] = []
     crossings: list[dict[str, Any]] = []
@@ -56,7 +63,7 @@ def tables_of_walks(walks: Sequence[MeasuredWalk]) -> dict[str, pd.DataFrame]:
         crossings += [{**place, **c} for c in walk.crossings]
         cells.append({**place, "trial_id": row["trial_id"], "cells": json.dumps(walk.cells)})
     return {
-        "trials": pd.DataFrame(trials),
+        "trials": pd.DataFrame([*trials, *unmeasured]),
         "collisions": pd.DataFrame(collisions),
         "crossings": pd.DataFrame(crossings),
         "cells": pd.DataFrame(cells),
@@ -79,6 +86,7 @@ def analyse_study(
     is_simulated: bool,
     commands: tuple[str, ...],
     parameters: AnalysisParameters = DEFAULT_PARAMETERS,
+    limits: Mapping[str, Any] = MappingProxyType({}),
 ) -> Path:
     """Write every table, the figures and the report of a study; return the report's path.
 
@@ -97,6 +105,7 @@ def analyse_study(
         allow_mixture=len(kinds) > 1,
         provenance=provenance,
         parameters=parameters,
+        limits=limits,
     )
 
 
@@ -109,10 +118,15 @@ def write_study(
     provenance: ReportProvenance,
     allow_mixture: bool = False,
     parameters: AnalysisParameters = DEFAULT_PARAMETERS,
+    limits: Mapping[str, Any] = MappingProxyType({}),
 ) -> Path:
     """Analyse tables and write them with statistics, figures and report; return the report."""
     analysis = analyse_tables(
-        tables, parameters, is_simulated=is_simulated, allow_mixture=allow_mixture
+        tables,
+        parameters,
+        is_simulated=is_simulated,
+        allow_mixture=allow_mixture,
+        limits=limits,
     )
     figures = study_figures(analysis, tables, tracks)
     try:
@@ -138,10 +152,7 @@ def write_tables(analysis: CrowdAnalysis, tables: Tables, out_dir: Path) -> None
         "condition_means": analysis.means.assign(**how),
         "statistics": pd.DataFrame(analysis.statistics_rows()).assign(**how),
         "similarity": similarity_rows(analysis),
-        "excluded": pd.DataFrame(
-            [(e.participant, e.trial_id, e.reason) for e in analysis.excluded],
-            columns=["participant", "trial_id", "reason"],
-        ),
+        "excluded": pd.DataFrame(analysis.excluded, columns=["participant", "trial_id", "reason"]),
     }
     for name, table in everything.items():
         marked = table.assign(**{SIMULATED_COLUMN: analysis.is_simulated})

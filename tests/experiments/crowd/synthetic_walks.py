@@ -37,7 +37,11 @@ def walks(
                 collisions = COLLISIONS[at] + 8 * own[0] + 3 * noise[0]
                 row: dict[str, Any] = {
                     "participant": f"S{group[:1]}{person:02d}",
+                    "session": 1,
                     "trial_id": f"T{block}{configuration}",
+                    "attempt": 1,
+                    "status": "complete",
+                    "is_practice": False,
                     "condition": condition,
                     "configuration": configuration,
                     "group": group,

@@ -5,13 +5,14 @@ import pandas as pd
 import pytest
 
 from experiments.crowd import published
-from experiments.crowd.analysis import analyse_tables, select
+from experiments.crowd.analysis import analyse_tables
 from experiments.crowd.analysis_parameters import AnalysisParameters
 from experiments.crowd.collision_table import collision_facts
 from experiments.crowd.conclusions import conclude
 from experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC
 from experiments.crowd.terms import COLLISIONS, PRIMARY, SPEED, TO_GAP
 from lab.errors import DataError, UsageError
+from recording.integrity import DAMAGED, LOST
 from tests.experiments.crowd.synthetic_walks import tables, walks
 
 QUICK = AnalysisParameters(n_permutations=49, n_splits=10)
@@ -70,10 +71,29 @@ def test_walks_not_tracked_or_not_finished_are_left_out_with_the_reason():
     walked[0].row["lost_01"] = 0.5
     walked[7].row["came_back"] = False
     study = analyse_tables(tables(walked), QUICK, is_simulated=True)
-    reasons = [e.reason for e in study.excluded]
+    reasons = [why for _, _, why in study.excluded]
     assert len(walked) - 2 == len(study.kept)
-    assert "50 % of the walk not tracked" in reasons[0]
+    assert "50% of the walk not tracked" in reasons[0]
     assert "did not come back" in reasons[1]
+
+
+@pytest.mark.parametrize(
+    ("status", "why"),
+    [(DAMAGED, "the recording is damaged"), (LOST, "the recording is damaged"),
+     ("interrupted", "not finished")],
+)  # fmt: skip
+def test_walks_that_cannot_be_read_or_were_not_finished_stand_among_what_is_left_out(status, why):
+    given = tables(walks(6))
+    columns = ("participant", "session", "group", "condition", "configuration", "is_practice",
+               "measure_rule", "measure_surface", "is_simulated")  # fmt: skip
+    row = {c: given["trials"].loc[0, c] for c in columns}
+    gone = {**row, "trial_id": "T99", "attempt": 1, "status": status, "reason": "cut off"}
+    given["trials"] = pd.concat([given["trials"], pd.DataFrame([gone])], ignore_index=True)
+    study = analyse_tables(given, QUICK, is_simulated=True)
+    assert (("S00", "T99", why),) == study.excluded
+    assert ("T99", False) == tuple(study.trials.iloc[-1][["trial_id", "is_analysed"]])
+    assert 1 == sum(left.count for left in study.selection.left)
+    assert len(given["trials"]) - 1 == len(study.kept)
 
 
 def test_a_person_without_enough_walks_in_a_block_is_left_out_whole():
@@ -82,7 +102,8 @@ def test_a_person_without_enough_walks_in_a_block_is_left_out_whole():
         walk.row["came_back"] = False
     study = analyse_tables(tables(walked), QUICK, is_simulated=True)
     assert "S00" not in study.main.people
-    assert any(e.trial_id is None and "0 of 2 walks" in e.reason for e in study.excluded)
+    (why,) = (why for who, walk, why in study.excluded if walk is None and who == "S00")
+    assert "0% of the walks planned for a block can be used" in why
 
 
 def test_a_block_broken_off_is_measured_by_its_plan_and_not_by_what_was_finished():
@@ -94,8 +115,8 @@ def test_a_block_broken_off_is_measured_by_its_plan_and_not_by_what_was_finished
         if (w.row["participant"], w.row["condition"], w.row["configuration"]) not in dropped
     ]
     study = analyse_tables(tables(left), QUICK, is_simulated=True)
-    assert [("S00", f"only 1 of 4 walks of {HAPTIC} can be used")] == [
-        (e.participant, e.reason) for e in study.excluded
+    assert [("S00", "25% of the walks planned for a block can be used (limit 50%)")] == [
+        (who, why) for who, _, why in study.excluded
     ]
     assert "S00" not in study.main.people
 
@@ -106,7 +127,7 @@ def test_planned_walks_count_where_the_session_recorded_them():
         walk.row["block_walks"] = 8
     study = analyse_tables(tables(walked), QUICK, is_simulated=True)
     assert () == study.main.people
-    assert 6 * 3 == sum("only 2 of 8" in e.reason for e in study.excluded)
+    assert 6 == sum(why.startswith("25% of the walks planned") for _, _, why in study.excluded)
 
 
 def test_people_without_a_block_or_any_walk_are_named_and_left_out_of_paths_too():
@@ -114,19 +135,20 @@ def test_people_without_a_block_or_any_walk_are_named_and_left_out_of_paths_too(
     given = tables(walked)
     given["people"] = pd.concat([given["people"], pd.DataFrame([{"participant": "S77"}])])
     study = analyse_tables(given, QUICK, is_simulated=True)
-    out = {e.participant for e in study.excluded if e.trial_id is None}
-    assert {"S01", "S77"} == out
+    assert {"S01", "S77"} == {who for who, walk, _ in study.excluded if walk is None}
     assert 5 == len(study.main.people) == study.main.paths.n_people
     assert 7 == len(study.planned)
 
 
 def test_a_walk_that_lost_exactly_the_allowed_share_stays():
-    limit_01 = QUICK.max_lost_01
+    limit_01 = 0.10
     walked = walks(4)
     walked[0].row["lost_01"] = limit_01
     walked[1].row["lost_01"] = np.nextafter(limit_01, 1.0)
-    _, excluded = select(tables(walked)["trials"], QUICK)
-    assert [walked[1].row["trial_id"]] == [e.trial_id for e in excluded]
+    study = analyse_tables(tables(walked), QUICK, is_simulated=True)
+    assert [walked[1].row["trial_id"]] == [walk for _, walk, _ in study.excluded]
+    loose = analyse_tables(tables(walked), QUICK, is_simulated=True, limits={"max_lost_01": 0.2})
+    assert () == loose.excluded
 
 
 @pytest.mark.parametrize(("lost", "out"), [(1, []), (2, ["S00"])])
@@ -134,8 +156,8 @@ def test_a_person_with_exactly_the_allowed_share_of_a_blocks_walks_stays(lost, o
     walked = walks(4, configurations=2)
     for walk in walked[:lost]:
         walk.row["came_back"] = False
-    _, excluded = select(tables(walked)["trials"], AnalysisParameters(min_walks_01=0.5))
-    assert out == [e.participant for e in excluded if e.trial_id is None]
+    study = analyse_tables(tables(walked), QUICK, is_simulated=True, limits={"min_walks_01": 0.5})
+    assert out == [who for who, walk, _ in study.excluded if walk is None]
 
 
 def test_facts_about_collisions_are_of_the_group_that_felt_vibrations():
@@ -201,7 +223,7 @@ def test_published_means_and_dice_stand_as_printed():
 
 def test_impossible_thresholds_are_refused():
     with pytest.raises(UsageError, match="max_lost_01"):
-        AnalysisParameters(max_lost_01=2)
+        analyse_tables(tables(walks(4)), QUICK, is_simulated=True, limits={"max_lost_01": 2})
 
 
 def with_gaps(apart_m, angles_deg):
