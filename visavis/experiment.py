@@ -120,7 +120,8 @@ class StudyExperiment:
     @property
     def people_count(self) -> int:
         """At most how many people a picture of it shows: an audience has its speaker too."""
-        return max(self.agent_count + 1, self.study.people)
+        people = self.study.people
+        return max(self.agent_count + 1, people(self.parameters) if callable(people) else people)
 
     @property
     def trial_s(self) -> float:

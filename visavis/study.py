@@ -71,6 +71,7 @@ QuickOf: TypeAlias = Callable[
 ConcludeOf: TypeAlias = Callable[["StudyAnalysis"], "Sequence[Conclusion]"]
 DemandsOf: TypeAlias = Callable[[Mapping[str, Any]], Demands]
 RolesOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[str]]
+PeopleOf: TypeAlias = Callable[[Mapping[str, Any]], int]
 AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
 """What a simulated person answers: the option (or text) for what was seen; None leaves it out."""
 
@@ -97,10 +98,10 @@ class Study:
     not be listed: they are found by reading the trial without performing it; list them where a
     trial asks only in some cases. `needs` and `uses` are roles of devices beside the headset;
     `spares` those without which the operator may go on (None: all used on which nothing rests).
-    `uses` may be a function of the parameters. `after_block` are questionnaires asked after every
-    block that counts, `questionnaires` those at the end. `people` is at most how many people are
-    seen at once, where scenes show others than their agents. A factor between people whose levels
-    are one level makes no groups.
+    `uses` and `people` may be functions of the parameters. `after_block` are questionnaires asked
+    after every block that counts, `questionnaires` those at the end. `people` is at most how many
+    people are seen at once, where scenes show others than their agents. A factor between people
+    whose levels are one level makes no groups.
     `looks` ask for everything about looks on an agent (whole, by ray, in parts, by other detectors,
     by padding and minimum duration).
     `families` are families of simple tests: pairs of levels, correlations with a score; the first
@@ -144,7 +145,7 @@ class Study:
     needs: Sequence[str] = ()
     uses: Sequence[str] | RolesOf = ("eye_tracker", "body_tracker")
     spares: Sequence[str] | None = None
-    people: int = 0
+    people: int | PeopleOf = 0
     calibrate: bool = True
     calibrate_blocks: bool = False
     validate: bool = True

@@ -8,7 +8,14 @@ from typing import Any, Final
 from devices.contracts import VibrationPattern
 from experiments.crowd.patterns import PATTERNS
 from lab.errors import DesignError
-from stimuli.scenes.station_crowd import CONFIGURATIONS, ROOM_SIDE_M, START_M
+from stimuli.scenes.station_crowd import (
+    CONFIGURATIONS,
+    DENSITY_PER_M2,
+    MAX_DENSITY_PER_M2,
+    MIN_DENSITY_PER_M2,
+    ROOM_SIDE_M,
+    START_M,
+)
 
 BEFORE: Final = "NoHaptic1"
 HAPTIC: Final = "Haptic"
@@ -41,6 +48,7 @@ FASTEST_MODULATION_HZ: Final = 50.0
 class CrowdParameters:
     """What can be set in the study; the defaults are those of the source where it says them.
 
+    `density_per_m2` is how many people stand on a square metre of every crowd.
     `pattern` names a vibration pattern of `experiments.crowd.patterns`; `pattern_low_hz`,
     `pattern_high_hz` and `pattern_modulation_hz` replace its numbers (0 keeps them).
     `nearest_motor` drives only the motor nearest the contact, which the source could not.
@@ -51,6 +59,7 @@ class CrowdParameters:
     too, which the study does not need.
     """
 
+    density_per_m2: float = DENSITY_PER_M2
     pattern: str = "published"
     pattern_low_hz: float = 0.0
     pattern_high_hz: float = 0.0
@@ -98,6 +107,11 @@ class CrowdParameters:
             yield f"quiet_after_ms is {shortest:g} to {longest:g}, not {self.quiet_after_ms:g}"
 
     def _procedure_problems(self) -> Iterator[str]:
+        if not MIN_DENSITY_PER_M2 <= self.density_per_m2 <= MAX_DENSITY_PER_M2:
+            yield (
+                f"density_per_m2 is {MIN_DENSITY_PER_M2:g} to {MAX_DENSITY_PER_M2:g}, not "
+                f"{self.density_per_m2:g}"
+            )
         if not 0 < self.limit_s < math.inf:
             yield f"limit_s is a time above 0, not {self.limit_s:g}"
         if not 0 < self.home_within_m <= FARTHEST_HOME_M:

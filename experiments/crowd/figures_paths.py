@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
@@ -23,7 +24,13 @@ from experiments.crowd.measures import crowd_cells
 from experiments.crowd.paths import VARIANT_NAMES, VARIANTS
 from experiments.crowd.terms import PAIRS
 from lab.geometry import Vector
-from stimuli.scenes.station_crowd import BOARD_M, READ_WITHIN_M, START_M, station_crowd
+from stimuli.scenes.station_crowd import (
+    BOARD_M,
+    DENSITY_PER_M2,
+    READ_WITHIN_M,
+    START_M,
+    station_crowd,
+)
 
 SHORT_PAIRS = ("before–haptic", "haptic–after", "before–after")
 _UPRIGHT = np.array([1.0, -1.0])
@@ -127,7 +134,8 @@ def _diamond(axes: Axes, x: float, mean: float, sd: float) -> None:
 def _paths(analysis: CrowdAnalysis, tables: Tables, tracks: Tracks, configuration: int) -> Figure:
     figure = new_figure(9.6, 3.75)
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
-    cells = crowd_cells(station_crowd(configuration))
+    density = analysis.trials.get("crowd_density_per_m2", pd.Series([DENSITY_PER_M2])).iloc[0]
+    cells = crowd_cells(station_crowd(configuration, float(density)))
     visits = {c: Counter[Cell]() for c in CONDITIONS}
     lines: dict[str, list[Vector]] = {c: [] for c in CONDITIONS}
     rows = tables["cells"]

@@ -20,6 +20,7 @@ from protocol.questionnaires import Questionnaire, load_questionnaire, read_answ
 from recording.integrity import analysed_trials
 from recording.manifest import Manifest
 from recording.reader import Recording
+from stimuli.scenes.station_crowd import DENSITY_PER_M2
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,9 @@ def take_in(
             "is_simulated": recording.is_simulated,
             "measure_rule": params.rule,
             "measure_surface": params.surface,
+            "crowd_density_per_m2": manifest.plan["parameters"].get(
+                "density_per_m2", DENSITY_PER_M2
+            ),
         }
 
     for one in measured:

@@ -22,7 +22,7 @@ from stimuli.contact.common import volumes_along
 from stimuli.contact.figures import crowd_figures
 from stimuli.contact.idle import people_of
 from stimuli.contact.touch import REACH_M
-from stimuli.scenes.station_crowd import BOARD_M, Crowd, station_crowd
+from stimuli.scenes.station_crowd import BOARD_M, Crowd
 
 CELL_M: Final = 0.025
 HOLD_S: Final = 0.34
@@ -77,7 +77,7 @@ def quick_measures(walk: QuickWalk, step_m: float) -> tuple[dict[str, Any], froz
 
 def _collisions_m3(walk: QuickWalk) -> Vector:
     """Return the largest volume of every collision."""
-    people, body = people_of_configuration(walk.crowd.configuration), capsule_body(walk.stature_m)
+    people, body = people_of_crowd(walk.crowd), capsule_body(walk.stature_m)
     volumes = np.empty((len(walk.t_s), len(people)))
     volumes_along(
         walk.position_m,
@@ -104,19 +104,19 @@ def _collisions_m3(walk: QuickWalk) -> Vector:
 
 
 @lru_cache(maxsize=16)
-def people_of_configuration(configuration: int) -> Vector:
-    """Return the rows of `stimuli.contact.idle` for a crowd of the study."""
-    return people_of(station_crowd(configuration))
+def people_of_crowd(crowd: Crowd) -> Vector:
+    """Return the rows of `stimuli.contact.idle` for a crowd of the study, laid out once."""
+    return people_of(crowd)
 
 
 @lru_cache(maxsize=16)
-def _cells(configuration: int) -> Delaunay:
-    return Delaunay(station_crowd(configuration).position_m)
+def _cells(crowd: Crowd) -> Delaunay:
+    return Delaunay(crowd.position_m)
 
 
 def _crossings(walk: QuickWalk, place: Vector) -> tuple[frozenset[Cell], float, float]:
     """Return cells visited and mean angles (degrees) of the shoulders at their edges."""
-    mesh = _cells(walk.crowd.configuration)
+    mesh = _cells(walk.crowd)
     triple = np.sort(mesh.simplices, axis=1).astype(np.int64)
     at = mesh.find_simplex(place)
     visited = frozenset((a, b, c) for a, b, c in triple[np.unique(at[at >= 0])].tolist())

@@ -20,7 +20,7 @@ from experiments.crowd.participant.traits import DEFAULT_POPULATION, Population
 from experiments.crowd.quick_measures import (
     Cell,
     QuickWalk,
-    people_of_configuration,
+    people_of_crowd,
     quick_measures,
 )
 from experiments.crowd.study import study
@@ -105,11 +105,11 @@ def quick_walk(
 ) -> QuickWalk:
     """Let a participant walk through one trial's crowd."""
     configuration = int(trial.factors["configuration"])
-    crowd = station_crowd(configuration)
+    crowd = station_crowd(configuration, params.density_per_m2)
     scene = CrowdScene("quick", agents=(), crowd=crowd)
     participant.prepare(trial.number + (100_000 if trial.is_practice else 0), start_ns)
     vibrates = bool(trial.factors["vibrates"])
-    people = people_of_configuration(configuration)
+    people = people_of_crowd(crowd)
     figures, arms = crowd_figures(), capsule_body(participant.person.stature_m, ARM_JOINTS)
     limit_ns = start_ns + round(params.limit_s * NS_PER_S)
     offsets = np.arange(0, LOOK_NS, STEP_NS)

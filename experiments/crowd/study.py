@@ -34,7 +34,7 @@ from protocol.shown import Shown
 from protocol.steps import Plan, Show
 from stimuli.contact.body import ARM_JOINTS
 from stimuli.scene import SceneFrame
-from stimuli.scenes.station_crowd import MOST_PEOPLE, TRAINING_CONFIGURATION
+from stimuli.scenes.station_crowd import TRAINING_CONFIGURATION, max_people
 from visavis.experiment import StudyExperiment
 from visavis.study import SETTABLE, Study
 from visavis.trial import TrialScript
@@ -61,7 +61,7 @@ study = Study(
     needs=("body_tracker", *BAND_ROLES),
     uses=lambda parameters: ("eye_tracker",) if parameters["record_gaze"] else (),
     spares=(*BAND_ROLES, "eye_tracker"),  # walks without are flagged
-    people=MOST_PEOPLE,
+    people=lambda parameters: max_people(parameters["density_per_m2"]),
     calibrate=False,
     validate=False,
     folder=Path(__file__).parent,
@@ -101,8 +101,9 @@ def demands(parameters: Mapping[str, Any]) -> Demands:
 @study.prepare
 def prepare(parameters: Mapping[str, Any]) -> None:
     """Lay out every crowd and load the kernels of contact, which takes seconds."""
+    params = CrowdParameters.of(parameters)
     for number in (TRAINING_CONFIGURATION, *parameters.get("configuration", CROWDS)):
-        load_contact(laid_out(number), CrowdParameters.of(parameters))
+        load_contact(laid_out(number, params.density_per_m2), params)
 
 
 @study.trial
@@ -110,7 +111,7 @@ def trial(t: TrialScript) -> Generator[Any, Any, Any]:
     """Walk through the crowd to the board and back; contact is answered at once."""
     if t.is_read:
         yield t.wait(NOMINAL_TRIAL_S)
-        yield Show(standing(t.trial, 0))
+        yield Show(standing(t.trial, t.density_per_m2))
         return {}
     moved = t.session_memory.setdefault("moved", set())
     params = CrowdParameters.of(t.settings.parameters)

@@ -31,6 +31,7 @@ from protocol.steps import (
     TrialInterrupted,
 )
 from stimuli.scenes.station_crowd import (
+    DENSITY_PER_M2,
     EMPTY_STATION,
     START_M,
     Crowd,
@@ -54,21 +55,21 @@ def track_of(trial: Trial) -> str:
 
 
 @cache
-def laid_out(configuration: int) -> Crowd:
+def laid_out(configuration: int, density: float = DENSITY_PER_M2) -> Crowd:
     """Return a crowd of the study; laying one out takes longer than a frame, so only once."""
-    return station_crowd(configuration)
+    return station_crowd(configuration, density)
 
 
-def crowd_scene(trial: Trial) -> tuple[Crowd, CrowdScene]:
+def crowd_scene(trial: Trial, density: float = DENSITY_PER_M2) -> tuple[Crowd, CrowdScene]:
     """Return the crowd of a trial and the scene that shows it."""
     configuration = int(trial.factors["configuration"])
-    crowd = laid_out(configuration)
+    crowd = laid_out(configuration, density)
     return crowd, CrowdScene(f"station_{configuration}", agents=(), crowd=crowd)
 
 
-def standing(trial: Trial, t_ns: int) -> CrowdFrame:
+def standing(trial: Trial, density: float) -> CrowdFrame:
     """Return a trial's crowd before anybody moves."""
-    return CrowdFrame(crowd_scene(trial)[1], t_ns, _NO_GAZE, _NO_EYES)
+    return CrowdFrame(crowd_scene(trial, density)[1], 0, _NO_GAZE, _NO_EYES)
 
 
 def crowd_record(crowd: Crowd) -> str:
@@ -112,7 +113,7 @@ def run_trial(
 def _walk(
     trial: Trial, params: CrowdParameters, moved: set[tuple[str, int]] | None
 ) -> Generator[Step, FrameView | Answered | None, Row]:
-    crowd, scene = crowd_scene(trial)
+    crowd, scene = crowd_scene(trial, params.density_per_m2)
     track = track_of(trial)
     vibrates = bool(trial.factors["vibrates"])
     view = yield from frame()

@@ -37,7 +37,9 @@ READING_M: Final = (4.35, -4.35)
 """A place (x, z) before the board from which it is comfortably read."""
 READ_WITHIN_M: Final = 2.0
 """The board shows the track number to a participant at most this far away (on the floor)."""
-MOST_PEOPLE: Final = int(SIDE_M**2 * (DENSITY_PER_M2 + DENSITY_WITHIN_PER_M2))
+MIN_DENSITY_PER_M2: Final = 0.3
+MAX_DENSITY_PER_M2: Final = 2.5
+"""At more, neighbours' bodies would overlap."""
 BODY_WIDTH_M: Final = 0.45
 BODY_DEPTH_M: Final = 0.25
 
@@ -61,6 +63,7 @@ class Crowd:
     `position_m` (n, 2) x and z on the floor; `yaw_rad` (n,) turn about +y, 0 faces −z;
     `stature_m` (n,) of the characters who play them; `behaviour` (n,) index into `BEHAVIOURS`;
     `character` (n,) index into `CHARACTERS`; `seed` (n,) decides each one's idle motion.
+    `spacing_m` is the least distance between two of them.
     """
 
     configuration: int
@@ -70,6 +73,7 @@ class Crowd:
     behaviour: npt.NDArray[np.int64]
     character: npt.NDArray[np.int64]
     seed: npt.NDArray[np.int64]
+    spacing_m: float = SPACING_M
 
     def __len__(self) -> int:
         return len(self.position_m)
@@ -84,7 +88,7 @@ class Crowd:
         edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
         found: npt.NDArray[np.int64] = np.unique(np.sort(edges, axis=1), axis=0).astype(np.int64)
         a, b = self.position_m[found].transpose(1, 0, 2)
-        near: npt.NDArray[np.int64] = found[np.linalg.norm(a - b, axis=1) <= 2 * SPACING_M]
+        near: npt.NDArray[np.int64] = found[np.linalg.norm(a - b, axis=1) <= 2 * self.spacing_m]
         return near
 
 
@@ -108,23 +112,46 @@ class CrowdFrame(SceneFrame):
     track: str | None = None
 
 
+def max_people(density: float) -> int:
+    """Return at most how many people stand in a crowd of so many per square metre."""
+    return int(SIDE_M**2 * density * (1 + DENSITY_WITHIN_PER_M2 / DENSITY_PER_M2))
+
+
+def spacing_for(density: float) -> float:
+    """Return the least distance (m) between people that gives about so many per square metre.
+
+    From how many the published spacing holds; those along the rim take space on one side only.
+    """
+    if density == DENSITY_PER_M2:
+        return SPACING_M
+    per_row = (1 + SIDE_M / SPACING_M) * np.sqrt(density / DENSITY_PER_M2)
+    return float(SIDE_M / (per_row - 1))
+
+
 @cache
-def station_crowd(configuration: int) -> Crowd:
-    """Return a crowd: 1 to 8 as in the study, 0 for training.
+def station_crowd(configuration: int, density: float = DENSITY_PER_M2) -> Crowd:
+    """Return a crowd: 1 to 8 as in the study, 0 for training; of so many people per square metre.
 
     Raises:
-        DesignError: there is no such configuration.
+        DesignError: there is no such configuration, or no crowd so thin or dense.
     """
+    if not MIN_DENSITY_PER_M2 <= density <= MAX_DENSITY_PER_M2:
+        raise DesignError(
+            f"there is no crowd of {density:g} people per square metre; choose "
+            f"{MIN_DENSITY_PER_M2:g} to {MAX_DENSITY_PER_M2:g}"
+        )
     if not 0 <= configuration <= CONFIGURATIONS:
         raise DesignError(
             f"there is no crowd configuration {configuration}; choose 1 to {CONFIGURATIONS}, "
             f"or {TRAINING_CONFIGURATION} for training"
         )
     rng = np.random.default_rng(np.random.SeedSequence(_LAYOUT_SEED, spawn_key=(configuration,)))
+    spacing_m = spacing_for(density)
+    within = DENSITY_WITHIN_PER_M2 * density / DENSITY_PER_M2
     while True:
-        position = poisson_disk(SIDE_M, SPACING_M, rng) - SIDE_M / 2
+        position = poisson_disk(SIDE_M, spacing_m, rng) - SIDE_M / 2
         n = len(position)
-        if abs(n / SIDE_M**2 - DENSITY_PER_M2) <= DENSITY_WITHIN_PER_M2:
+        if abs(n / SIDE_M**2 - density) <= within:
             break
     behaviour = (rng.random(n) < 0.5).astype(np.int64)
     to_board = np.array([BOARD_M[0], BOARD_M[2]]) - position
@@ -140,6 +167,7 @@ def station_crowd(configuration: int) -> Crowd:
         behaviour=behaviour,
         character=character,
         seed=rng.integers(0, 2**31, n),
+        spacing_m=spacing_m,
     )
 
 

@@ -15,6 +15,7 @@ from stimuli.scenes.station_crowd import (
     density_per_m2,
     gaps_m,
     in_room,
+    max_people,
     poisson_disk,
     station_crowd,
 )
@@ -25,6 +26,22 @@ ALL = range(1, CONFIGURATIONS + 1)
 @pytest.mark.parametrize("configuration", ALL)
 def test_every_configuration_has_the_published_density(configuration):
     assert density_per_m2(station_crowd(configuration)) == pytest.approx(1.47, abs=0.06)
+
+
+@pytest.mark.parametrize("density", [0.3, 0.8, 1.0, 2.0, 2.5])
+def test_a_crowd_can_be_thinner_or_denser(density):
+    for configuration in (0, 1, 8):
+        crowd = station_crowd(configuration, density)
+        assert density_per_m2(crowd) == pytest.approx(density, rel=0.06 / 1.47)
+        assert len(crowd) <= max_people(density)
+        apart = np.linalg.norm(crowd.position_m[:, None] - crowd.position_m, axis=2)
+        assert crowd.spacing_m <= apart[apart > 0].min()
+
+
+@pytest.mark.parametrize("density", [0.29, 2.51, float("nan")])
+def test_a_crowd_nobody_can_stand_in_or_meet_is_refused(density):
+    with pytest.raises(DesignError, match=r"0\.3 to 2\.5"):
+        station_crowd(1, density)
 
 
 @pytest.mark.parametrize("configuration", ALL)

@@ -31,6 +31,8 @@ UNUSABLE = (
     "nearest_motor=maybe",
     "with_control_group=1",
     "record_gaze=nope",
+    "density_per_m2=0.2",
+    "density_per_m2=3",
     "pattern=",
     "pattern=[1]",
     "pattern=tickle",
@@ -87,3 +89,11 @@ def test_a_study_with_one_group_has_none() -> None:
         plan.group,
         set(plan.trials[-1].factors),
     )
+
+
+def test_a_thinner_crowd_is_planned_shown_and_prepared_for() -> None:
+    thin = find_study("crowd").experiment({"density_per_m2": 0.8, "configurations": [1]})
+    (read, *_) = thin.read.values()
+    people = len(read.lit.scene.crowd)
+    assert people == pytest.approx(0.8 * 64, abs=0.04 * 64)
+    assert people <= thin.people_count < find_study("crowd").experiment({}).people_count == 97

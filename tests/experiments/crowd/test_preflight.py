@@ -68,7 +68,7 @@ def test_crowds_are_laid_out_before_anything_is_shown(monkeypatch: pytest.Monkey
     two = {"configuration": [1, 2]}
     StudyExperiment(study, two).prepare()
 
-    def too_late(configuration: int) -> None:
+    def too_late(configuration: int, density: float) -> None:
         raise AssertionError(f"crowd {configuration} is laid out while somebody looks")
 
     monkeypatch.setattr(experiments.crowd.trial, "station_crowd", too_late)
