@@ -8,6 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
+from experiments.crowd.columns import TRIALS
 from experiments.crowd.design import (
     AFTER_BLOCK,
     AT_END,
@@ -51,6 +52,7 @@ study = Study(
         Factor("group", (HAPTICS_GROUP,), between=True),  # a lab may add the control group
     ],
     derived={"vibrates": vibrates},
+    columns=TRIALS,
     blocked_by="condition",
     practice=[{"condition": TRAINING, "configuration": TRAINING_CONFIGURATION}],
     parameters={k: v for k, v in asdict(DEFAULT_PARAMETERS).items() if k not in SETTABLE},

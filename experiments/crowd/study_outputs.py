@@ -13,14 +13,18 @@ from analysis.report import ReportProvenance
 from analysis.report.sources import provenance_of_sessions
 from experiments.crowd.analysis import SIMULATED_COLUMN, CrowdAnalysis, Tables, analyse_tables
 from experiments.crowd.analysis_parameters import DEFAULT_PARAMETERS, AnalysisParameters
+from experiments.crowd.columns import table_columns
+from experiments.crowd.design import AFTER_BLOCK, AT_END
 from experiments.crowd.figures import study_figures
 from experiments.crowd.intake import SessionIntake
 from experiments.crowd.measures import MeasuredWalk
 from experiments.crowd.report import build_report
-from experiments.crowd.table_dictionaries import write_dictionary
+from experiments.crowd.study import study
 from lab.errors import UsageError
 from lab.geometry import Vector
-from recording.csv_file import tell_neutralised, write_csv
+from protocol.questionnaires import load_questionnaire
+from visavis.dictionary import trial_columns, write_table
+from visavis.experiment import StudyExperiment
 
 REPORT_NAME: Final = "report.html"
 _WHICH: Final = ("participant", "condition", "configuration", "measure_rule", "measure_surface")
@@ -154,12 +158,13 @@ def write_tables(analysis: CrowdAnalysis, tables: Tables, out_dir: Path) -> None
         "similarity": similarity_rows(analysis),
         "excluded": pd.DataFrame(analysis.excluded, columns=["participant", "trial_id", "reason"]),
     }
+    known = trial_columns(StudyExperiment(study), ())
+    asked = [load_questionnaire(name) for name in (*AFTER_BLOCK, *AT_END)]
     for name, table in everything.items():
         marked = table.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
-        touched = write_csv(marked, out_dir / f"{name}.csv")
         uniform(marked).to_parquet(out_dir / f"{name}.parquet", index=False)
-        sidecar = write_dictionary(name, map(str, marked.columns), out_dir / f"{name}.json")
-        tell_neutralised(sidecar, touched)
+        columns = table_columns(name, tuple(map(str, marked.columns)), known, asked)
+        write_table(marked, columns, out_dir / f"{name}.csv")
 
 
 def uniform(table: pd.DataFrame) -> pd.DataFrame:

@@ -250,3 +250,14 @@ def test_a_fixed_order_that_breaks_a_rule_is_refused():
 def test_a_negative_seed_is_refused():
     with pytest.raises(DesignError, match="start at 0"):
         make_plan(stare(), seed=-1, participant_index=0)
+
+
+def test_levels_of_practice_alone_are_met_in_practice_and_never_counted():
+    crowds = Factor("crowd", (1, 2), practice_only=(0,))
+    plan = make_plan(
+        Design("walks", "1", (crowds,), practice=({"crowd": 0},)), seed=1, participant_index=0
+    )
+    assert [0] == [t.factors["crowd"] for t in plan.trials if t.is_practice]
+    assert [1, 2] == sorted(t.factors["crowd"] for t in plan.trials if not t.is_practice)
+    with pytest.raises(DesignError, match="no combination"):
+        Design("walks", "1", (Factor("crowd", (1, 2)),), practice=({"crowd": 0},))

@@ -152,7 +152,7 @@ def test_texts_agree_between_languages_and_name_no_number_themselves(reference: 
 @pytest.mark.slow
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_columns_are_described_and_people_are_not_told_conditions(reference: str) -> None:
-    study = wholly_on_kit(reference)
+    study = on_kit(reference)
     assert [] == performing_problems(study, study.experiment(small(reference)))
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from analysis.report import ReportProvenance, SessionSource
 from experiments.crowd.analysis_parameters import AnalysisParameters
+from experiments.crowd.columns import TRIALS
 from experiments.crowd.study_outputs import write_study
-from experiments.crowd.table_dictionaries import describe
 from tests.experiments.crowd.synthetic_walks import tables, walks
 
 QUICK = AnalysisParameters(n_permutations=19, n_splits=5)
@@ -72,7 +72,7 @@ def test_what_was_added_beside_published_measures_stands_in_tables_and_means(rep
     ],
 )
 def test_columns_of_walks_are_described_with_their_unit(column):
-    assert describe("trials", column)["Units"]
+    assert {c.name: c.unit for c in TRIALS}[column]
 
 
 def test_tables_with_volumes_name_their_rule(report):
