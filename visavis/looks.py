@@ -33,6 +33,8 @@ from analysis.gaze.looks import (
     LookParameters,
     measure_trial,
 )
+from analysis.gaze.movements.detect import AUTO, MovementParameters, detect_movements
+from analysis.gaze.movements.kinds import Movement, Movements, fixations_of
 from analysis.gaze.stamps import order_of
 from analysis.gaze.targets import GazeTargets
 from lab.clock import NS_PER_MS
@@ -63,6 +65,7 @@ AFTER: Final = "after_"
 RAW: Final = "raw_"
 IVT: Final = "ivt_"
 IDT: Final = "idt_"
+ADAPTIVE: Final = "adaptive_"
 
 SENSITIVITY_MINIMA_MS: Final = (100.0, 150.0, 200.0)
 
@@ -87,6 +90,13 @@ _EVENT_COLUMNS: Final = (
     Column("fixation_share_01", "1", "share of samples in a fixation"),
     Column("on_active_count", "1", "fixations with most of their samples on the agent"),
 )
+_MOVEMENT_COLUMNS: Final = (
+    *_EVENT_COLUMNS,
+    Column("saccade_count", "1", "saccades"),
+    Column("pursuit_share_01", "1", "share of samples in smooth pursuit"),
+    Column("blink_count", "1", "blinks"),
+    Column("detector", "", "the detector chosen from rate and noise"),
+)
 
 
 def _prefixed(prefix: str, note: str, columns: Sequence[Column]) -> tuple[Column, ...]:
@@ -104,6 +114,7 @@ LOOK_COLUMNS: Final[tuple[Column, ...]] = (
     *_prefixed(AFTER, "from the change to the end", _OF_LOOKS),
     *_prefixed(IVT, "by velocity, gaze in world", _EVENT_COLUMNS),
     *_prefixed(IDT, "by dispersion, gaze in world", _EVENT_COLUMNS),
+    *_prefixed(ADAPTIVE, "by adaptive thresholds, gaze in world", _MOVEMENT_COLUMNS),
     Column("frozen_samples", "1", "samples that repeat one direction for 100 ms or more: lost"),
 )
 """Every column that looks add to a trial's row."""
@@ -123,6 +134,7 @@ class MeasureParameters:
     looks: LookParameters = field(default=LOOKS)
     ivt: IvtParameters = field(default=IVT_HEADSET)
     idt: IdtParameters = field(default=IDT_HEADSET)
+    adaptive: MovementParameters = field(default=AUTO)
 
 
 DEFAULT_MEASURE_PARAMETERS: Final = MeasureParameters()
@@ -218,7 +230,7 @@ def _measured(
 def second_view(
     targets: GazeTargets, row: Row, *, params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS
 ) -> dict[str, Scalar | None]:
-    """Return what detectors of eye movements say of the trial: the I-VT and I-DT columns.
+    """Return what detectors of eye movements say of the trial: I-VT, I-DT and adaptive columns.
 
     A fixation counts as on the active agent when more than half its samples are, by the padded
     rule.
@@ -244,7 +256,19 @@ def second_view(
     on_active = aoi == span.active
     columns = _event_columns(IVT, detect_ivt(t_ns, direction, params.ivt), on_active)
     columns |= _event_columns(IDT, detect_idt(t_ns, direction, params.idt), on_active)
-    return columns
+    movements = detect_movements(t_ns, direction, params.adaptive)
+    columns |= _event_columns(ADAPTIVE, fixations_of(movements), on_active)
+    return columns | _movement_columns(movements)
+
+
+def _movement_columns(found: Movements) -> dict[str, Scalar | None]:
+    n = len(found.movement)
+    return {
+        ADAPTIVE + "saccade_count": int((found.kind == Movement.SACCADE).sum()),
+        ADAPTIVE + "pursuit_share_01": found.share_01(Movement.PURSUIT) if n else None,
+        ADAPTIVE + "blink_count": int((found.kind == Movement.BLINK).sum()),
+        ADAPTIVE + "detector": found.detector if n else None,
+    }
 
 
 def _event_columns(

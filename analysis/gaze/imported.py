@@ -32,6 +32,8 @@ from analysis.gaze.loss import (
     usable_samples,
 )
 from analysis.gaze.mapped_csv import GazeMapping, read_csv
+from analysis.gaze.movements.detect import AUTO, DETECTOR_NAMES, detect_movements
+from analysis.gaze.movements.kinds import Movement, Movements, fixations_of
 from analysis.gaze.quality import moving_precision_deg
 from analysis.gaze.readers import read_pupil, read_vive
 from analysis.gaze.stamps import Order, Times, order_of, typical_step_ns
@@ -51,7 +53,8 @@ DETECTORS: Mapping[str, IvtParameters | IdtParameters] = {
 }
 """What the report runs, in head and, with a head pose, in world; all parameters are reported."""
 
-MAIN_DETECTOR = "I-VT 30°/s"
+ADAPTIVE = "adaptive"
+"""Runs too, with the detector that suits rate and noise; `chosen` and `why` tell which."""
 
 
 @dataclass(frozen=True)
@@ -77,13 +80,15 @@ class ImportReport:
     """What an imported recording says about itself.
 
     `quality` has one row per eye, `detectors` one per detector and frame, `fixations` one per
-    fixation, `parameters` every threshold used. `files` are the files written.
+    fixation, `movements` one per fixation, saccade, oscillation, pursuit and blink found by
+    adaptive thresholds, `parameters` every threshold used. `files` are the files written.
     """
 
     name: str
     quality: pd.DataFrame
     detectors: pd.DataFrame
     fixations: pd.DataFrame
+    movements: pd.DataFrame
     parameters: pd.DataFrame
     files: tuple[Path, ...]
 
@@ -204,25 +209,31 @@ def quality_table(gaze: PreparedGaze, params: LossParameters = DEFAULT_LOSS) -> 
     return pd.DataFrame(rows)
 
 
-def _head_speeds_deg_s(gaze: PreparedGaze) -> tuple[float, float]:
-    """Return median and 95th percentile speed of the head's front, over about 80 ms."""
+def _head_deg_s(gaze: PreparedGaze) -> Vector | None:
+    """Return (n,) speed of the head's front over about 80 ms; None without a head pose."""
     pose = gaze.recording.head_orientation_wxyz
     if pose is None or len(gaze.t_ns) < 2:
-        return np.nan, np.nan
+        return None
     rows = slice(None) if gaze.order.rows is None else gaze.order.rows
     front = rotate(pose[rows], np.broadcast_to([0.0, 0.0, -1.0], (len(gaze.t_ns), 3)))
     speed = np.empty(len(gaze.t_ns))
     tracked = np.where(np.isfinite(front[:, 0]), 0, -1)
     half = max(1, round(0.04 * gaze.rate_hz))
     speeds_deg_s(gaze.t_ns, np.ascontiguousarray(front), tracked, half, speed)
-    known = speed[np.isfinite(speed)]
+    return speed
+
+
+def _head_speeds_deg_s(gaze: PreparedGaze) -> tuple[float, float]:
+    """Return median and 95th percentile speed of the head's front; NaN when unknown."""
+    speed = _head_deg_s(gaze)
+    known = np.empty(0) if speed is None else speed[np.isfinite(speed)]
     if not known.size:
         return np.nan, np.nan
     return float(np.median(known)), float(np.percentile(known, 95))
 
 
 def detected(gaze: PreparedGaze) -> dict[tuple[str, str], Fixations]:
-    """Run every detector in every frame; keys are detector and frame."""
+    """Run every detector of fixations in every frame; keys are detector and frame."""
     return {
         (name, space): detect_ivt(gaze.t_ns, ray, params)
         if isinstance(params, IvtParameters)
@@ -232,8 +243,25 @@ def detected(gaze: PreparedGaze) -> dict[tuple[str, str], Fixations]:
     }
 
 
+def movements_of(gaze: PreparedGaze) -> dict[str, Movements]:
+    """Find eye movements in every frame; in world, with the eye in the head beside it if known."""
+    head = _head_deg_s(gaze)
+    return {
+        space: detect_movements(
+            gaze.t_ns,
+            ray,
+            in_head=gaze.direction.get("head") if space == "world" else None,
+            head_deg_s=head,
+        )
+        for space, ray in gaze.direction.items()
+    }
+
+
 def _detector_settings() -> list[tuple[str, dict[str, object]]]:
-    return [(name, asdict(params)) for name, params in DETECTORS.items()]
+    return [
+        *((name, asdict(params)) for name, params in DETECTORS.items()),
+        (ADAPTIVE, asdict(AUTO)),
+    ]
 
 
 def _fixation_table(gaze: PreparedGaze, name: str, space: str, f: Fixations) -> pd.DataFrame:
@@ -252,6 +280,26 @@ def _fixation_table(gaze: PreparedGaze, name: str, space: str, f: Fixations) -> 
     )
 
 
+def _movement_table(gaze: PreparedGaze, space: str, m: Movements) -> pd.DataFrame:
+    yaw, pitch = yaw_pitch_deg_of(m.direction)
+    return pd.DataFrame(
+        {
+            "recording": gaze.recording.name,
+            "frame": space,
+            "movement": [Movement(kind).name.lower() for kind in m.kind],
+            "onset_ms": (m.onset_ns - gaze.t_ns[0]) / NS_PER_MS,
+            "duration_ms": m.duration_ns / NS_PER_MS,
+            "amplitude_deg": m.amplitude_deg,
+            "peak_deg_s": m.peak_deg_s,
+            "head_deg_s": m.head_deg_s,
+            "eye_deg_s": m.eye_deg_s,
+            "azimuth_right_deg": -yaw,
+            "elevation_up_deg": pitch,
+            "onset_ns": m.onset_ns,
+        }
+    )
+
+
 def report(
     recording: GazeRecording, folder: Path, *, params: LossParameters = DEFAULT_LOSS
 ) -> ImportReport:
@@ -260,7 +308,8 @@ def report(
     Files are named after the recording; a report that is already there is refused.
     """
     gaze = prepare(recording, params=params)
-    found = detected(gaze)
+    movements = movements_of(gaze)
+    found = detected(gaze) | {(ADAPTIVE, space): fixations_of(m) for space, m in movements.items()}
     lasted_ns = int(gaze.t_ns[-1] - gaze.t_ns[0]) + typical_step_ns(gaze.t_ns)
     summary = pd.DataFrame(
         [
@@ -274,6 +323,8 @@ def report(
                 if len(f)
                 else np.nan,
                 "window_ms": f.window_ms,
+                "chosen": DETECTOR_NAMES[movements[space].detector] if name == ADAPTIVE else "",
+                "why": movements[space].why if name == ADAPTIVE else "",
             }
             for (name, space), f in found.items()
         ]
@@ -283,6 +334,10 @@ def report(
         "detectors": summary,
         "fixations": pd.concat(
             [_fixation_table(gaze, name, space, f) for (name, space), f in found.items()],
+            ignore_index=True,
+        ),
+        "movements": pd.concat(
+            [_movement_table(gaze, space, m) for space, m in movements.items()],
             ignore_index=True,
         ),
         "parameters": pd.DataFrame(
@@ -302,8 +357,8 @@ def report(
         t_ns=gaze.t_ns,
         direction=gaze.direction[space],
         frame=space,
-        fixations=found[MAIN_DETECTOR, space],
-        detector=MAIN_DETECTOR,
+        fixations=found[ADAPTIVE, space],
+        detector=DETECTOR_NAMES[movements[space].detector],
         usable=gaze.usable,
         pupil_mm={name: eye.pupil_mm for name, eye in gaze.eyes.items()},
         lost_01=float(tables["quality"].iloc[-1]["lost_01"]),

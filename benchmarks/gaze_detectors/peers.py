@@ -3,6 +3,7 @@
 import importlib.util
 import warnings
 from collections.abc import Callable, Mapping
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,11 @@ from benchmarks.gaze_detectors.sets import Labels, Recording
 from lab.geometry import Vector
 
 Detect = Callable[[Recording], Labels]
+
+
+SCREEN_CM, PIXELS_A_CM, MISSING = (80.0, 60.0), 40.0, -1e6
+DEGREE_IS_CM_AT_CM = 57.3
+"""A made-up screen for a package that asks for one."""
 
 
 def _degrees(r: Recording) -> Vector:
@@ -27,14 +33,11 @@ def _rate_hz(r: Recording) -> float:
 def _pymovements(r: Recording) -> Labels:
     import pymovements as pm
 
-    seconds = (r.t_ns - r.t_ns[0]) / 1e9
-    velocity = np.gradient(_degrees(r), seconds, axis=0)
-    found = pm.events.ivt(
-        velocities=velocity,
-        timesteps=np.arange(len(seconds)),
-        minimum_duration=max(1, round(0.1 * _rate_hz(r))),
-    )
-    return _labels(len(seconds), found.frame["onset"].to_numpy(), found.frame["offset"].to_numpy())
+    place, rate = _degrees(r), _rate_hz(r)
+    velocity = np.full(place.shape, np.nan)  # five points, the package's own default
+    velocity[2:-2] = (place[4:] + place[3:-1] - place[1:-3] - place[:-4]) * rate / 6
+    found = pm.events.ivt(velocity, minimum_duration=round(0.1 * rate))
+    return _labels(len(place), found.frame["onset"].to_numpy(), found.frame["offset"].to_numpy())
 
 
 def _labels(n: int, first: Vector, last: Vector) -> Labels:
@@ -42,6 +45,15 @@ def _labels(n: int, first: Vector, last: Vector) -> Labels:
     for a, b in zip(first, last, strict=True):
         out[int(a) : int(b) + 1] = Movement.FIXATION
     return out
+
+
+@cache
+def _told(package: str, why: str) -> None:
+    print(f"  {package} failed, counted as nothing found (told once): {why}")
+
+
+def _tell(package: str, why: Exception) -> None:
+    _told(package, f"{type(why).__name__}: {why}")
 
 
 REMODNAV_KINDS = {
@@ -63,34 +75,36 @@ def _remodnav(r: Recording) -> Labels:
         for event in classifier(classifier.preproc(data)):
             kind = REMODNAV_KINDS[event["label"]]
             out[round(event["start_time"] * rate) : round(event["end_time"] * rate)] = kind
-    except (ValueError, IndexError, np.linalg.LinAlgError):
-        out[:] = Movement.UNKNOWN  # the package fails on some recordings; that counts
+    except Exception as why:  # a peer's failure is a result, not ours to mend
+        _tell("remodnav", why)
+        out[:] = Movement.UNKNOWN
     return out
 
 
 def _i2mc(r: Recording) -> Labels:
     import I2MC
 
-    place = _degrees(r)
+    pixel = (_degrees(r) + np.array(SCREEN_CM) / 2) * PIXELS_A_CM
     table = pd.DataFrame(
-        {"time": (r.t_ns - r.t_ns[0]) / 1e6, "L_X": place[:, 0], "L_Y": place[:, 1]}
-    )
-    table = table.fillna(-1e4)
+        {"time": (r.t_ns - r.t_ns[0]) / 1e6, "L_X": pixel[:, 0], "L_Y": pixel[:, 1]}
+    ).fillna(MISSING)
+    options = {
+        "xres": SCREEN_CM[0] * PIXELS_A_CM,
+        "yres": SCREEN_CM[1] * PIXELS_A_CM,
+        "missingx": MISSING,
+        "missingy": MISSING,
+        "freq": round(_rate_hz(r)),
+        "scrSz": list(SCREEN_CM),
+        "disttoscreen": DEGREE_IS_CM_AT_CM,
+    }
     try:
-        found, *_ = I2MC.I2MC(
-            table,
-            {
-                "xres": 60.0, "yres": 40.0, "missingx": -1e4, "missingy": -1e4,
-                "freq": round(_rate_hz(r)), "scrSz": [], "disttoscreen": [],
-            },
-            logging=False,
-        )  # fmt: skip
+        found, *_ = I2MC.I2MC(table, options, logging=False)
     except Exception as why:  # a peer's failure is a result, not ours to mend
-        print(f"  I2MC failed on {r.name}: {why}")
-        return np.zeros(len(place), np.int8)
+        _tell("i2mc package", why)
+        found = None
     if not found:
-        return np.zeros(len(place), np.int8)
-    return _labels(len(place), found["start"], found["end"])
+        return np.zeros(len(pixel), np.int8)
+    return _labels(len(pixel), found["start"], found["end"])
 
 
 def _quiet(detect: Detect) -> Detect:

@@ -126,6 +126,8 @@ def test_second_view_counts_fixations_everywhere_and_on_the_active_agent() -> No
     assert (5, 2) == (found["ivt_fixation_count"], found["ivt_on_active_count"])
     assert (5, 2) == (found["idt_fixation_count"], found["idt_on_active_count"])
     assert pytest.approx(800, rel=0.1) == found["ivt_mean_fixation_ms"]
+    assert (5, 2) == (found["adaptive_fixation_count"], found["adaptive_on_active_count"])
+    assert (4, "engbert_kliegl") == (found["adaptive_saccade_count"], found["adaptive_detector"])
 
 
 def test_second_view_of_a_lost_trial_has_no_fixations_and_no_mean() -> None:
@@ -133,6 +135,7 @@ def test_second_view_of_a_lost_trial_has_no_fixations_and_no_mean() -> None:
 
     assert (0, None) == (found["ivt_fixation_count"], found["ivt_mean_fixation_ms"])
     assert (0, None) == (found["idt_fixation_count"], found["idt_mean_fixation_ms"])
+    assert (0, 0) == (found["adaptive_fixation_count"], found["adaptive_saccade_count"])
 
 
 def test_repeated_rows_change_nothing_but_their_count() -> None:

@@ -24,7 +24,7 @@ from analysis.gaze.movements.finish_kernels import (
     mark_fast_runs,
 )
 from analysis.gaze.movements.i2mc import clustering_weights, trim_borders
-from analysis.gaze.movements.kinds import Kinds, Movement, Movements
+from analysis.gaze.movements.kinds import Detector, Kinds, Movement, Movements
 from analysis.gaze.movements.nystrom_holmqvist import (
     FIRST_PEAK_DEG_S,
     adapted_thresholds,
@@ -37,7 +37,6 @@ from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import UsageError
 from lab.geometry import Vector, angle_deg
 
-Detector = Literal["engbert_kliegl", "nystrom_holmqvist", "i2mc"]
 DETECTOR_NAMES: Final[dict[Detector, str]] = {
     "engbert_kliegl": "Engbert–Kliegl",
     "nystrom_holmqvist": "Nyström–Holmqvist",

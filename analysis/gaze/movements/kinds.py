@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,7 @@ class Movement(IntEnum):
     BLINK = 5
 
 
+Detector = Literal["engbert_kliegl", "nystrom_holmqvist", "i2mc"]
 Kinds = npt.NDArray[np.int8]
 
 
@@ -53,7 +55,7 @@ class Movements:
     peak_deg_s: Vector
     head_deg_s: Vector
     eye_deg_s: Vector
-    detector: str
+    detector: Detector
     why: str
     noise_deg_s: float
     window_ms: float

@@ -9,8 +9,9 @@ from hypothesis.extra import numpy as hnp
 
 from analysis.gaze.bids import read_bids, write_bids
 from analysis.gaze.foreign import GazeRecording, axes_matrix, eye_samples
-from analysis.gaze.imported import prepare, quality_table, read_gaze, report
+from analysis.gaze.imported import movements_of, prepare, quality_table, read_gaze, report
 from analysis.gaze.mapped_csv import mapping_of, read_mapping
+from analysis.gaze.movements.kinds import Movement
 from lab.errors import ConfigError, DataError, UsageError
 from lab.geometry import (
     angle_deg,
@@ -339,9 +340,33 @@ def test_report_writes_tables_and_a_picture(tmp_path):
     assert len(got.fixations) == len(again)
     assert {"threshold_deg_s", "frozen_ms"} <= set(got.parameters.parameter)
     assert b"\x89PNG" == (tmp_path / "out" / "demo_gaze.png").read_bytes()[:4]
-    assert 5 == len(got.files)
+    assert 6 == len(got.files)
+    adaptive = got.detectors[got.detectors.detector == "adaptive"].iloc[0]
+    assert ("Engbert–Kliegl", True) == (adaptive.chosen, "120 Hz" in adaptive.why)
+    assert ["blink", "fixation", "saccade"] == sorted(set(got.movements.movement))
     with pytest.raises(UsageError, match="already there"):
         report(recording, tmp_path / "out")
+
+
+def test_movements_in_world_tell_the_speeds_of_head_and_eye_apart():
+    n = 360
+    t = stamps(n)
+    head_deg = 20 * np.sin(2 * np.pi * 0.5 * t / 1e9)
+    pose = np.array([quat_from_yaw_pitch_deg(deg) for deg in head_deg])
+    still = shaken(np.tile([0.0, 0.0, -1.0], (n, 1)), 0.02, np.random.default_rng(0))
+    eye = rotate(quat_conjugate(pose), still)
+    recording = GazeRecording(
+        "turning",
+        t,
+        "head",
+        combined=eye_samples(eye),
+        head_position_m=np.zeros((n, 3)),
+        head_orientation_wxyz=pose,
+    )
+    found = movements_of(prepare(recording))
+    assert [Movement.FIXATION] == found["world"].kind.tolist()
+    assert pytest.approx(found["world"].head_deg_s[0], rel=0.15) == found["world"].eye_deg_s[0]
+    assert found["head"].share_01(Movement.FIXATION) < 0.5
 
 
 def test_report_of_a_recording_all_lost_is_defined(tmp_path):
