@@ -41,6 +41,10 @@ COMMANDS: Mapping[str, Entry] = {
     "check": Entry(
         "checking_commands", "Can they leave? Compare what was planned with what was recorded."
     ),
+    "quality": Entry(
+        "quality_commands",
+        "Write a page on a session's gaze: accuracy, precision, loss, rate, latency, pupil.",
+    ),
     "recover": Entry(
         "checking_commands", "Take stock of a crashed session; raw files are never changed."
     ),

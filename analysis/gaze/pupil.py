@@ -1,0 +1,196 @@
+"""Prepare pupil size for measures: blinks bridged, foreshortening undone, a baseline taken off.
+
+What light does to the pupil is many times what attention or effort does (Mathôt 2018), and gaze
+that moves over a scene changes the light that falls on the eye. Nothing here removes that: see
+`LIGHT_IS_A_CONFOUND`, which every report of pupil size shows.
+"""
+
+import itertools
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.gaze.stamps import Times, typical_step_ns
+from lab.clock import NS_PER_MS, NS_PER_S
+from lab.errors import UsageError
+from lab.geometry import Vector, angle_deg, unit
+
+Mask = npt.NDArray[np.bool_]
+
+LIGHT_IS_A_CONFOUND: Final = (
+    "Light moves the pupil more than attention or effort do. Compare conditions only where what "
+    "was looked at is equally bright, or show that brightness does not explain the difference."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PupilParameters:
+    """How pupil size is prepared; durations in ms.
+
+    A loss, or size outside `min_mm` to `max_mm`, is a blink with `pad_ms` on either side, where
+    the lid covers part of the pupil; so are rows that change faster than the median speed plus
+    `speed_spreads` median deviations. Up to `max_bridge_ms` it is bridged by a straight line,
+    longer it stays missing. `camera` is the direction in the head from which the pupil is seen.
+    """
+
+    min_mm: float = 1.5
+    max_mm: float = 9.0
+    pad_ms: float = 50.0
+    speed_spreads: float = 16.0
+    max_bridge_ms: float = 500.0
+    camera: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    min_baseline_01: float = 0.5
+
+
+PUPIL: Final = PupilParameters()
+FORESHORTENING_WIDTH: Final = 1.121
+"""An eye seen obliquely shows more of its pupil than a flat disc would, for its cornea bends
+light: the seen share is cos(angle / 1.121) (Mathur, Gehrmann & Atchison 2013)."""
+MAX_FORESHORTENING_DEG: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pupil:
+    """Prepared pupil size: `diameter_mm` (n,), NaN where unknown; `bridged` (n,) by a line.
+
+    `measured_01` is the share of rows measured, `bridged_01` the share bridged; `blinks` counts
+    the bridged stretches.
+    """
+
+    diameter_mm: Vector
+    bridged: Mask
+    measured_01: float
+    bridged_01: float
+    blinks: int
+
+
+def foreshortening(
+    gaze_in_head: npt.NDArray[np.floating], camera: tuple[float, float, float] = PUPIL.camera
+) -> Vector:
+    """Return (n,) seen width of the pupil for its true width, by the angle of gaze (n, 3).
+
+    NaN where gaze is unknown or lies more than 60° from the camera.
+    """
+    angle = angle_deg(unit(gaze_in_head.astype(np.float64)), unit(np.array(camera)))
+    seen: Vector = np.cos(np.radians(angle) / FORESHORTENING_WIDTH)
+    return np.where(angle <= MAX_FORESHORTENING_DEG, seen, np.nan)
+
+
+def prepared_pupil(
+    t_ns: Times,
+    diameter_mm: npt.NDArray[np.floating],
+    gaze_in_head: npt.NDArray[np.floating] | None = None,
+    params: PupilParameters = PUPIL,
+) -> Pupil:
+    """Bridge blinks in pupil size (n,) and, with gaze in the head (n, 3), undo foreshortening.
+
+    A camera that sees a round pupil obliquely sees an ellipse; a tracker that gives the size of
+    a circle of the same area shows it smaller by the root of the seen width. Stamps (n,) must
+    increase. Raises UsageError for shapes that do not fit.
+    """
+    n = len(t_ns)
+    if diameter_mm.shape != (n,) or (gaze_in_head is not None and gaze_in_head.shape != (n, 3)):
+        raise UsageError(f"pupil {diameter_mm.shape} and gaze do not fit {n} stamps (n,), (n, 3)")
+    if n and bool((np.diff(t_ns) <= 0).any()):
+        raise UsageError("stamps repeat or go back; choose rows first (stamps.order_of)")
+    size = diameter_mm.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        seen = (size >= params.min_mm) & (size <= params.max_mm)
+    measured_01 = float(seen.mean()) if n else np.nan
+    kept = _without_blink_edges(t_ns, size, seen, params)
+    if gaze_in_head is not None:
+        size = size / np.sqrt(foreshortening(gaze_in_head, params.camera))
+        kept = kept & np.isfinite(size)
+    bridged = _bridgeable(t_ns, kept, params)
+    if kept.any():
+        size = np.where(bridged, np.interp(t_ns, t_ns[kept], size[kept]), size)
+    size = np.where(kept | bridged, size, np.nan)
+    starts = int(np.count_nonzero(np.diff(bridged.astype(np.int8), prepend=np.int8(0)) == 1))
+    return Pupil(size, bridged, measured_01, float(bridged.mean()) if n else np.nan, starts)
+
+
+def _without_blink_edges(t_ns: Times, size: Vector, seen: Mask, params: PupilParameters) -> Mask:
+    """Return the rows seen, without those near a loss and those that change impossibly fast."""
+    pair = seen[1:] & seen[:-1]
+    speed = np.full(len(size), np.nan)
+    speed[1:][pair] = np.abs(np.diff(size))[pair] / (np.diff(t_ns)[pair] / NS_PER_S)
+    known = speed[np.isfinite(speed)]
+    doubtful = ~seen
+    if known.size:
+        middle = np.median(known)
+        deviation = np.median(np.abs(known - middle))
+        if deviation > 0:
+            with np.errstate(invalid="ignore"):
+                doubtful |= speed > middle + params.speed_spreads * deviation
+    at = t_ns[doubtful]
+    if not at.size:
+        return seen.copy()
+    after = np.searchsorted(at, t_ns)
+    nearest = np.minimum(
+        np.abs(t_ns - at[np.clip(after - 1, 0, len(at) - 1)]),
+        np.abs(t_ns - at[np.clip(after, 0, len(at) - 1)]),
+    )
+    kept: Mask = nearest > round(params.pad_ms * NS_PER_MS)
+    return kept
+
+
+def _bridgeable(t_ns: Times, kept: Mask, params: PupilParameters) -> Mask:
+    """Return rows not kept that lie between two kept rows near enough in time."""
+    bridged = np.zeros(len(kept), np.bool_)
+    rows = np.flatnonzero(kept)
+    longest_ns = round(params.max_bridge_ms * NS_PER_MS) + typical_step_ns(t_ns)
+    for first, last in itertools.pairwise(rows):
+        if last > first + 1 and t_ns[last] - t_ns[first] <= longest_ns:
+            bridged[first + 1 : last] = True
+    return bridged
+
+
+@dataclass(frozen=True, slots=True)
+class PupilResponse:
+    """Pupil size in a stretch of time beside the stretch before it; NaN where too little is known.
+
+    `baseline_mm` and `mean_mm` are medians and means of their stretches, `change_mm` mean less
+    baseline (a difference: a ratio would grow where the baseline happens to be small),
+    `peak_mm` the largest change; `bridged_01` and `known_01` shares of the stretch itself.
+    """
+
+    baseline_mm: float
+    mean_mm: float
+    change_mm: float
+    peak_mm: float
+    known_01: float
+    bridged_01: float
+
+
+def response(
+    t_ns: Times,
+    pupil: Pupil,
+    start_ns: int,
+    end_ns: int,
+    *,
+    baseline_ms: float = 200.0,
+    params: PupilParameters = PUPIL,
+) -> PupilResponse:
+    """Measure pupil size from `start_ns` to `end_ns` against the `baseline_ms` before it.
+
+    The baseline needs `min_baseline_01` of its rows known.
+    """
+    before = (t_ns >= start_ns - round(baseline_ms * NS_PER_MS)) & (t_ns < start_ns)
+    inside = (t_ns >= start_ns) & (t_ns < end_ns)
+    size = pupil.diameter_mm
+    known = np.isfinite(size)
+    baseline = np.nan
+    if before.any() and known[before].mean() >= params.min_baseline_01:
+        baseline = float(np.median(size[before & known]))
+    rows = inside & known
+    mean = float(size[rows].mean()) if rows.any() else np.nan
+    return PupilResponse(
+        baseline_mm=baseline,
+        mean_mm=mean,
+        change_mm=mean - baseline,
+        peak_mm=float(size[rows].max()) - baseline if rows.any() else np.nan,
+        known_01=float(known[inside].mean()) if inside.any() else np.nan,
+        bridged_01=float(pupil.bridged[inside].mean()) if inside.any() else np.nan,
+    )

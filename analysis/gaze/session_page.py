@@ -1,0 +1,207 @@
+"""The page on the quality of one session's gaze, as HTML."""
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from analysis.gaze.movements.detect import DETECTOR_NAMES
+from analysis.gaze.movements.kinds import Movement
+from analysis.gaze.pupil import LIGHT_IS_A_CONFOUND
+from analysis.gaze.session_quality import SessionQuality, blinks_a_minute
+from analysis.report import Column, Facts, Page, Paragraph, Section, Table, write_page
+from analysis.report.notation import decimal, percentage
+from lab.clock import NS_PER_MS
+
+PAGE_NAME: Final = "gaze_quality.html"
+_MOMENTS = {"block_start": "before block", "end": "at the end"}
+
+
+def write_session_page(found: SessionQuality, path: Path) -> Path:
+    """Write the page and return its path; the same session gives the same bytes."""
+    return write_page(session_page(found), path)
+
+
+def session_page(found: SessionQuality) -> Page:
+    """Return the page: validations, loss and precision by eye, latency, movements, pupil."""
+    return Page(
+        title=f"Gaze of {found.participant}, session {found.session}",
+        subtitle=f"Data quality by the field's standard; study {found.study}",
+        facts=Facts(headline_facts(found)),
+        is_simulated=found.is_simulated,
+        sections=(
+            Section("validations", "Accuracy and precision at targets", (_validations(found),)),
+            Section("eyes", "Loss, rate and precision over the session", (_eyes(found),)),
+            Section("latency", "Latency", _latency(found)),
+            Section("movements", "Eye movements", _movements(found)),
+            *(() if found.pupil is None else (Section("pupil", "Pupil size", _pupil(found)),)),
+        ),
+    )
+
+
+def headline_facts(found: SessionQuality) -> tuple[tuple[str, str], ...]:
+    """Return the figures a paper states: names with values, in the order of the standard."""
+    in_force = [v for v in found.validations if v.accepted] or list(found.validations)
+    eye = found.eyes[0] if found.eyes else None
+    return (
+        ("Tracker", found.tracker),
+        ("Accuracy", _mean_deg([v.accuracy_deg for v in in_force])),
+        ("Precision, RMS-S2S", _mean_deg([v.rms_s2s_deg for v in in_force])),
+        ("Precision, STD", _mean_deg([v.std_deg for v in in_force])),
+        ("Data loss", percentage(eye.loss.lost_01) if eye else "–"),
+        ("Effective rate", f"{decimal(eye.loss.effective_rate_hz, 1)} Hz" if eye else "–"),
+        ("Stated rate", f"{decimal(found.nominal_rate_hz, 1)} Hz"),
+        ("Latency to the display", f"{decimal(found.latency.shown_ms, 1)} ms"),
+    )
+
+
+def _mean_deg(values: list[float]) -> str:
+    known = [v for v in values if np.isfinite(v)]
+    return f"{decimal(float(np.mean(known)), 2)}°" if known else "–"
+
+
+def _validations(found: SessionQuality) -> Table | Paragraph:
+    if not found.validations:
+        return Paragraph("No validation was recorded: accuracy is unknown.")
+    return Table(
+        tuple(
+            Column(head, "left" if not n else "right")
+            for n, head in enumerate(
+                ("Validation", "Accuracy (°)", "Worst target (°)", "RMS-S2S (°)", "STD (°)",
+                 "Loss", "Accepted")
+            )
+        ),
+        tuple(
+            (
+                f"{_MOMENTS.get(v.moment, v.moment)}"
+                + (f" {v.block + 1}" if v.moment == "block_start" else ""),
+                decimal(v.accuracy_deg, 2),
+                decimal(v.worst_point_deg, 2),
+                decimal(v.rms_s2s_deg, 2),
+                decimal(v.std_deg, 2),
+                percentage(v.lost_01),
+                "yes" if v.accepted else "no",
+            )
+            for v in found.validations
+        ),
+        "Validations, combined eye",
+        "Accuracy is the angle from a target to the mean direction, precision the spread while "
+        "the target was looked at; means over targets.",
+    )  # fmt: skip
+
+
+def _eyes(found: SessionQuality) -> Table:
+    heads = (
+        "Eye", "Rows", "Usable", "Loss", "Loss by rows", "Rate (Hz)", "Effective rate (Hz)",
+        "Longest gap (ms)", "RMS-S2S (°)", "RMS-S2S, calmest (°)", "STD (°)",
+    )  # fmt: skip
+    return Table(
+        tuple(Column(head, "right" if n else "left") for n, head in enumerate(heads)),
+        tuple(
+            (
+                e.eye,
+                str(e.loss.rows),
+                str(e.loss.usable),
+                percentage(e.loss.lost_01),
+                percentage(e.loss.invalid_rows_01),
+                decimal(e.loss.rate_hz, 1),
+                decimal(e.loss.effective_rate_hz, 1),
+                decimal(e.loss.longest_gap_ms, 0),
+                decimal(e.rms_s2s_median_deg, 3),
+                decimal(e.rms_s2s_calmest_deg, 3),
+                decimal(e.std_median_deg, 3),
+            )
+            for e in found.eyes
+        ),
+        "The whole session, by eye",
+        "Loss counts rows that never came, too. Precision is the median over windows of 200 ms "
+        "of free viewing, so saccades are in it; the calmest window is nearest to the tracker's.",
+    )
+
+
+def _latency(found: SessionQuality) -> tuple[Table, Paragraph]:
+    of = found.latency
+    rows = (
+        ("handed to the session", of.handed_over_ms, of.handed_over_p95_ms),
+        ("due on the display", of.shown_ms, of.shown_p95_ms),
+    )
+    return (
+        Table(
+            (Column("Age of a sample when"), Column("Median (ms)", "right"),
+             Column("95th percentile (ms)", "right")),
+            tuple((name, decimal(a, 1), decimal(b, 1)) for name, a, b in rows),
+            "From the sample's time stamp",
+        ),
+        Paragraph(
+            "What the tracker takes from the eye's image to its time stamp is in no recording; "
+            "take it from the maker or measure it."
+        ),
+    )  # fmt: skip
+
+
+def _movements(found: SessionQuality) -> tuple[Paragraph, Table]:
+    m = found.movements
+    lasted = m.duration_ns / NS_PER_MS
+    kinds = [k for k in Movement if k != Movement.UNKNOWN]
+    return (
+        Paragraph(
+            f"Detector: {DETECTOR_NAMES[m.detector]} ({m.why}). "
+            f"Blinks a minute: {decimal(blinks_a_minute(found), 1)}."
+        ),
+        Table(
+            (Column("Movement"), Column("Number", "right"), Column("Share of samples", "right"),
+             Column("Median duration (ms)", "right"), Column("Median amplitude (°)", "right")),
+            tuple(
+                (
+                    kind.name.lower(),
+                    str(int((m.kind == kind).sum())),
+                    percentage(m.share_01(kind)),
+                    decimal(_median(lasted[m.kind == kind]), 0),
+                    decimal(_median(m.amplitude_deg[m.kind == kind]), 2),
+                )
+                for kind in kinds
+            ),
+            "Eye movements found",
+        ),
+    )  # fmt: skip
+
+
+def _median(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else np.nan
+
+
+def _pupil(found: SessionQuality) -> tuple[Paragraph, ...] | tuple[Paragraph, Table, Paragraph]:
+    pupil = found.pupil
+    if pupil is None:
+        return ()
+    median = _median(pupil.diameter_mm)
+    summary = Paragraph(
+        f"Median {decimal(median, 2)} mm; measured in {percentage(pupil.measured_01)} of rows, "
+        f"{percentage(pupil.bridged_01)} bridged in {pupil.blinks} blinks; foreshortening by the "
+        "angle of gaze undone."
+    )
+    return (
+        summary,
+        Table(
+            tuple(
+                Column(head, "right" if n else "left")
+                for n, head in enumerate(
+                    ("Trial", "Baseline (mm)", "Change (mm)", "Peak (mm)", "Known", "Bridged")
+                )
+            ),
+            tuple(
+                (
+                    t.trial_id,
+                    decimal(t.found.baseline_mm, 2),
+                    decimal(t.found.change_mm, 2),
+                    decimal(t.found.peak_mm, 2),
+                    percentage(t.found.known_01),
+                    percentage(t.found.bridged_01),
+                )
+                for t in found.pupil_trials
+            ),
+            "Pupil size in finished trials against the 200 ms before",
+        ),
+        Paragraph(LIGHT_IS_A_CONFOUND),
+    )
