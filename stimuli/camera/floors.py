@@ -47,7 +47,8 @@ def walkable_floors(room: Room, walkers: Walkers | None = None) -> tuple[Floor, 
     """
     walkers = walkers or Walkers()
     triangles = triangles_of(room)
-    floors = [f for f in (_level(triangles, h, walkers) for h in _heights(triangles, walkers)) if f]
+    heights = _heights(triangles, walkers)
+    floors = [f for f in (_level(triangles, h, walkers) for h in heights) if f]
     floors.sort(key=lambda f: -f.area.area)
     if not floors:
         raise DesignError(
@@ -67,7 +68,10 @@ def _adjoin(a: Floor, b: Floor, walkers: Walkers) -> bool:
 
 
 def _heights(triangles: Vector, walkers: Walkers) -> list[float]:
-    """Return the heights of level surfaces, those of the largest within each step."""
+    """Return the heights of level surfaces that steps join to the lowest of the large ones.
+
+    A roof or a slab of ceiling may be as large as the floor below it.
+    """
     flat, area = _level_ones(triangles)
     height = triangles[flat].mean(axis=1)[:, 1]
     found: list[float] = []
@@ -78,7 +82,16 @@ def _heights(triangles: Vector, walkers: Walkers) -> list[float]:
             break
         if all(abs(levels[i] - h) > walkers.step_m for h in found):
             found.append(float(levels[i]))
-    return found
+    if not found:
+        return []
+    large = [h for h, size in zip(levels, sizes, strict=True) if size >= sizes.max() / 2]
+    low = high = float(min(large))
+    joined: list[float] = []
+    while near := [h for h in found if h not in joined
+                   and low - walkers.climb_m <= h <= high + walkers.climb_m]:  # fmt: skip
+        joined += near
+        low, high = min(joined), max(joined)
+    return joined
 
 
 def _level_ones(triangles: Vector) -> tuple[Vector, Vector]:
@@ -124,7 +137,6 @@ def _standing(triangles: Vector, low_m: float, high_m: float) -> shapely.Geometr
             owner.append(rows[crosses])
     order = np.argsort(np.concatenate(owner), kind="stable")
     at, of = np.concatenate(points)[order], np.concatenate(owner)[order]
-    single = shapely.points(at)
-    _, first = np.unique(of, return_index=True)
-    hulls = [shapely.multipoints(part) for part in np.split(single, first[1:])] if len(of) else []
-    return shapely.union_all(shapely.convex_hull(np.array(hulls, dtype=object)))
+    _, own = np.unique(of, return_inverse=True)
+    hulls = shapely.convex_hull(shapely.multipoints(shapely.points(at), indices=own))
+    return shapely.union_all(hulls)

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lab.compiled import compiled
 from lab.errors import DesignError
 from lab.geometry import Vector
-from stimuli.motion.spring import Spring
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,54 @@ class Drive:
             )
 
     @property
-    def spring(self) -> Spring:
-        """The critically damped spring between camera and target."""
-        return Spring(float(np.sqrt(self.stiffness_n_m / self.mass_kg)), 1.0, 1.0)
+    def omega_rad_s(self) -> float:
+        """The stiffness of the spring between camera and target, per mass."""
+        return float(np.sqrt(self.stiffness_n_m / self.mass_kg))
+
+
+@compiled
+def pulled(
+    place: Vector, velocity: Vector, target: Vector, dt_s: float, omega_rad_s: float
+) -> tuple[Vector, Vector]:
+    """Return place and velocity (3,) after a critically damped pull to a target at rest.
+
+    What `Spring` gives with a damping ratio of 1, at a fraction of its cost.
+    """
+    off = place - target
+    drift = velocity + omega_rad_s * off
+    decay = np.exp(-omega_rad_s * dt_s)
+    return (
+        target + decay * (off + dt_s * drift),
+        decay * (velocity - omega_rad_s * dt_s * drift),
+    )
+
+
+@compiled
+def _driven(
+    place: Vector,
+    velocity: Vector,
+    target: Vector,
+    subject: Vector,
+    dt_s: float,
+    omega_rad_s: float,
+    push_per_pull: float,
+    keep_off_m: float,
+    max_speed_mps: float,
+) -> tuple[Vector, Vector]:
+    away = place - subject
+    distance = np.sqrt((away * away).sum())
+    goal = target.copy()
+    if 0.0 < distance < keep_off_m:
+        goal += push_per_pull * (keep_off_m - distance) / distance * away
+    there, speed = pulled(place, velocity, goal, dt_s, omega_rad_s)
+    step = there - place
+    length, longest = np.sqrt((step * step).sum()), max_speed_mps * dt_s
+    if length > longest:
+        there = place + step * (longest / length)
+    fast = np.sqrt((speed * speed).sum())
+    if fast > max_speed_mps:
+        speed = speed * (max_speed_mps / fast)
+    return there, speed
 
 
 def follow(
@@ -54,19 +99,10 @@ def follow(
 
     Target and subject stand still meanwhile; the push away from the subject is that of the start.
     """
-    goal = target_m
-    if subject_m is not None:
-        away = position_m - subject_m
-        distance = float(np.linalg.norm(away))
-        if 0.0 < distance < drive.keep_off_m:
-            push_n = drive.repulsion_n_m * (drive.keep_off_m - distance)
-            goal = goal + push_n / drive.stiffness_n_m * away / distance
-    offset, velocity = drive.spring.at(dt_s, position_m - goal, velocity_mps)
-    step = goal + offset - position_m
-    length, longest = float(np.linalg.norm(step)), drive.max_speed_mps * dt_s
-    if length > longest:
-        step = step * (longest / length)
-    speed = float(np.linalg.norm(velocity))
-    if speed > drive.max_speed_mps:
-        velocity = velocity * (drive.max_speed_mps / speed)
-    return position_m + step, velocity
+    nowhere = np.full(3, np.inf)
+    moved: tuple[Vector, Vector] = _driven(
+        position_m, velocity_mps, target_m, nowhere if subject_m is None else subject_m, dt_s,
+        drive.omega_rad_s, drive.repulsion_n_m / drive.stiffness_n_m, drive.keep_off_m,
+        drive.max_speed_mps,
+    )  # fmt: skip
+    return moved

@@ -31,32 +31,36 @@ def _divide(low: Vector, high: Vector, order: Ints, boxes: Vector, links: Ints, 
 
     `links` (n, 2): the two children, or −1 − first and count of a leaf's places in `order`.
     """
-    centre = (low + high) / 2
-    todo = np.empty((128, 3), np.int64)
+    todo = np.empty((STACK, 3), np.int64)
     todo[0, 0], todo[0, 1], todo[0, 2] = 0, 0, order.shape[0]
     waiting, made = 1, 1
     while waiting > 0:
         waiting -= 1
         node, first, last = todo[waiting, 0], todo[waiting, 1], todo[waiting, 2]
-        c_low, c_high = np.full(3, np.inf), np.full(3, -np.inf)
+        axis, widest, middle = 0, -1.0, 0.0
         for k in range(3):
-            boxes[node, k], boxes[node, k + 3] = np.inf, -np.inf
-        for i in range(first, last):
-            for k in range(3):
-                boxes[node, k] = min(boxes[node, k], low[order[i], k])
-                boxes[node, k + 3] = max(boxes[node, k + 3], high[order[i], k])
-                c_low[k] = min(c_low[k], centre[order[i], k])
-                c_high[k] = max(c_high[k], centre[order[i], k])
+            a, b, c_low, c_high = np.inf, -np.inf, np.inf, -np.inf
+            for i in range(first, last):
+                a, b = min(a, low[order[i], k]), max(b, high[order[i], k])
+                centre = low[order[i], k] + high[order[i], k]
+                c_low, c_high = min(c_low, centre), max(c_high, centre)
+            boxes[node, k], boxes[node, k + 3] = a, b
+            if c_high - c_low > widest:
+                axis, widest, middle = k, c_high - c_low, (c_low + c_high) / 2
         if last - first <= leaf:
             links[node, 0], links[node, 1] = -1 - first, last - first
             continue
-        axis = np.argmax(c_high - c_low)
-        some = order[first:last].copy()
-        order[first:last] = some[np.argsort(centre[some, axis], kind="mergesort")]
-        middle = (first + last) // 2
+        at = first
+        for i in range(first, last):
+            if low[order[i], axis] + high[order[i], axis] < middle:
+                order[at], order[i] = order[i], order[at]
+                at += 1
+        # All in one place, or so uneven that the tree would grow deep: halve by count.
+        if min(at - first, last - at) * 16 < last - first:
+            at = (first + last) // 2
         links[node, 0], links[node, 1] = made, made + 1
-        todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = made, first, middle
-        todo[waiting + 1, 0], todo[waiting + 1, 1], todo[waiting + 1, 2] = made + 1, middle, last
+        todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = made, first, at
+        todo[waiting + 1, 0], todo[waiting + 1, 1], todo[waiting + 1, 2] = made + 1, at, last
         waiting += 2
         made += 2
     return made
@@ -64,26 +68,29 @@ def _divide(low: Vector, high: Vector, order: Ints, boxes: Vector, links: Ints, 
 
 @compiled
 def ray_hit_m(
-    start: Vector,
-    ray: Vector,
+    ox: float,
+    oy: float,
+    oz: float,
+    dx: float,
+    dy: float,
+    dz: float,
     reach_m: float,
     first_will_do: bool,
+    stack: Ints,
     boxes: Vector,
     links: Ints,
     corners: Vector,
 ) -> float:
     """Return how far along a unit ray the nearest surface is, or any when that will do; inf: none.
 
-    `corners` (t, 9): a corner and two edges of every triangle in the order of the leaves.
+    `corners` (t, 9): a corner and two edges of every triangle in the order of the leaves;
+    `stack` (STACK,) is room to work in.
     """  # fmt: skip
-    ox, oy, oz = start[0], start[1], start[2]
-    dx, dy, dz = ray[0], ray[1], ray[2]
     ix = 1.0 / dx if dx != 0.0 else np.inf
     iy = 1.0 / dy if dy != 0.0 else np.inf
     iz = 1.0 / dz if dz != 0.0 else np.inf
     nearest = reach_m
     found = False
-    stack = np.empty(STACK, np.int64)
     stack[0] = 0
     depth = 1
     while depth > 0:
@@ -137,43 +144,71 @@ def ray_hit_m(
 
 
 @compiled
-def sees(a: Vector, b: Vector, people: Vector, boxes: Vector, links: Ints, corners: Vector) -> bool:
-    """Tell whether nothing stands between two points (3,), neither the place nor people (c, 7)."""
-    ray = b - a
-    length = np.sqrt((ray * ray).sum())
+def sees_between(
+    ax: float,
+    ay: float,
+    az: float,
+    bx: float,
+    by: float,
+    bz: float,
+    people: Vector,
+    stack: Ints,
+    boxes: Vector,
+    links: Ints,
+    corners: Vector,
+) -> bool:
+    """Tell whether nothing stands between two points; `stack` (STACK,) is room to work in."""
+    dx, dy, dz = bx - ax, by - ay, bz - az
+    length = np.sqrt(dx * dx + dy * dy + dz * dz)
     if length == 0.0:
         return True
-    ray = ray / length
+    dx, dy, dz = dx / length, dy / length, dz / length
     reach = length * (1.0 - SHORTENED)
     for j in range(people.shape[0]):
-        if capsule_entry_m(a[0], a[1], a[2], ray[0], ray[1], ray[2], people[j]) < reach:
+        if capsule_entry_m(ax, ay, az, dx, dy, dz, people[j]) < reach:
             return False
-    return bool(ray_hit_m(a, ray, reach, True, boxes, links, corners) == np.inf)
+    return bool(
+        ray_hit_m(ax, ay, az, dx, dy, dz, reach, True, stack, boxes, links, corners) == np.inf
+    )
+
+
+@compiled
+def sees(a: Vector, b: Vector, people: Vector, boxes: Vector, links: Ints, corners: Vector) -> bool:
+    """Tell whether nothing stands between two points (3,), neither the place nor people (c, 7)."""
+    stack = np.empty(STACK, np.int64)
+    return sees_between(a[0], a[1], a[2], b[0], b[1], b[2], people, stack, boxes, links, corners)
+
+
+@compiled
+def _segment_distance2(
+    x: float, y: float, z: float, ax: float, ay: float, az: float
+) -> float:  # of a point to the segment from the origin to a
+    length2 = ax * ax + ay * ay + az * az
+    share = 0.0
+    if length2 > 0.0:
+        share = min(1.0, max(0.0, (x * ax + y * ay + z * az) / length2))
+    x, y, z = x - share * ax, y - share * ay, z - share * az
+    return x * x + y * y + z * z
 
 
 @compiled
 def _triangle_distance2(p: Vector, t: Vector) -> float:
     """Return the squared distance of a point to a triangle (corner and two edges, 9)."""
-    best = np.inf
-    e1, e2, s = t[3:6], t[6:9], p - t[0:3]
-    a, b, c = (e1 * e1).sum(), (e1 * e2).sum(), (e2 * e2).sum()
-    d, e = (e1 * s).sum(), (e2 * s).sum()
+    x, y, z = p[0] - t[0], p[1] - t[1], p[2] - t[2]
+    ux, uy, uz, vx, vy, vz = t[3], t[4], t[5], t[6], t[7], t[8]
+    a, b, c = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz, vx * vx + vy * vy + vz * vz
+    d, e = ux * x + uy * y + uz * z, vx * x + vy * y + vz * z
     det = a * c - b * b
     if det > 0.0:
         u, v = (c * d - b * e) / det, (a * e - b * d) / det
         if u >= 0.0 and v >= 0.0 and u + v <= 1.0:
-            off = s - u * e1 - v * e2
-            return float((off * off).sum())
-    for side in range(3):
-        start = e1 if side == 2 else np.zeros(3)
-        along = e1 if side == 0 else (e2 if side == 1 else e2 - e1)
-        length2 = (along * along).sum()
-        share = 0.0
-        if length2 > 0.0:
-            share = min(1.0, max(0.0, ((s - start) * along).sum() / length2))
-        off = s - start - share * along
-        best = min(best, (off * off).sum())
-    return float(best)
+            x, y, z = x - u * ux - v * vx, y - u * uy - v * vy, z - u * uz - v * vz
+            return float(x * x + y * y + z * z)
+    return min(
+        _segment_distance2(x, y, z, ux, uy, uz),
+        _segment_distance2(x, y, z, vx, vy, vz),
+        _segment_distance2(x - ux, y - uy, z - uz, vx - ux, vy - uy, vz - uz),
+    )
 
 
 @compiled
@@ -245,7 +280,9 @@ class Obstacles:
 
     def hit_m(self, start_m: Vector, direction: Vector, reach_m: float = np.inf) -> float:
         """Return how far along a unit direction (3,) the first surface is; inf when none is."""
-        return float(ray_hit_m(start_m, direction, reach_m, False, *self.packed))
+        (x, y, z), (dx, dy, dz) = start_m, direction
+        stack = np.empty(STACK, np.int64)
+        return float(ray_hit_m(x, y, z, dx, dy, dz, reach_m, False, stack, *self.packed))
 
     def sees(self, a_m: Vector, b_m: Vector, people: Vector = NOBODY) -> bool:
         """Tell whether nothing stands between two points (3,)."""

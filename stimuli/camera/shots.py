@@ -61,12 +61,13 @@ def shot_size_score(distance_m: float, wanted_m: float) -> float:
 @compiled
 def view_angle_deg(subject: Vector, before: Vector, after: Vector) -> float:
     """Return the angle (degrees) at a subject (3,) between two cameras (3,); NaN at the subject."""
-    a, b = before - subject, after - subject
-    across = np.cross(a, b)
-    length = np.sqrt((a * a).sum() * (b * b).sum())
-    if length == 0.0:
+    ax, ay, az = before[0] - subject[0], before[1] - subject[1], before[2] - subject[2]
+    bx, by, bz = after[0] - subject[0], after[1] - subject[1], after[2] - subject[2]
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    if (ax == ay == az == 0.0) or (bx == by == bz == 0.0):
         return np.nan
-    return float(np.degrees(np.arctan2(np.sqrt((across * across).sum()), (a * b).sum())))
+    across = np.sqrt(x * x + y * y + z * z)
+    return float(np.degrees(np.arctan2(across, ax * bx + ay * by + az * bz)))
 
 
 @compiled

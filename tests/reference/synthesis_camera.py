@@ -16,6 +16,7 @@ from stimuli.camera.shots import (
     view_angle_deg,
 )
 from stimuli.camera.skeleton import medial_axis
+from stimuli.camera.tracks import RayRules, camera_places, middle_points, tracks_through
 from stimuli.rooms.outlined import outlined_room
 from tests.reference.interpolation_map import Case, Check, unknown
 
@@ -120,6 +121,51 @@ def check_topology(where: str, case: Case) -> Iterator[Check]:
     yield Check(f"{where}.every_skeleton_point_inside", expected, inside, expected == inside)
 
 
+def check_corridor(where: str, case: Case) -> Iterator[Check]:
+    """Find the middle line of a corridor, where its rays end, and tracks along it."""
+    length, width, tol = case["length_m"], case["width_m"], case["tol"]
+    room = outlined_room(
+        where, [(0, 0), (length, 0), (length, width), (0, width)], [], case["wall_m"]
+    )
+    (floor,) = walkable_floors(room)
+    walls, lines = Obstacles.of_room(room), medial_axis(floor.area)
+    yield _close(f"{where}.axis_length_m", case["axis_length_m"], lines.length_m, tol)
+    expected = case["skeleton_cycles"]
+    yield Check(f"{where}.skeleton_cycles", expected, lines.cycles, expected == lines.cycles)
+    n_middle = len(middle_points(lines, RayRules().every_m)[0])
+    for i, ray in enumerate(case["rays"]):
+        rules = RayRules(
+            from_height_m=case["from_height_m"],
+            elevations_deg=(ray["elevation_deg"],),
+            straight_up=False,
+            back_off_m=case["back_off_m"],
+            reach_m=case["d_max_m"],
+        )
+        found = camera_places(floor, lines, walls, rules)
+        at = f"{where}.rays[{i}]"
+        yield from unknown(at, ray, {"elevation_deg", "hit", "offset_m", "height_m"})
+        yield Check(
+            at, f"{2 * n_middle} places", len(found.place_m), len(found.place_m) == 2 * n_middle
+        )
+        way = found.place_m - found.origin_m
+        is_hit = bool(
+            (np.linalg.norm(way, axis=1) < case["d_max_m"] - case["back_off_m"] / 2).all()
+        )
+        yield Check(f"{at}.hit", ray["hit"], is_hit, ray["hit"] == is_hit)
+        for name, got in (
+            ("offset_m", np.hypot(way[:, 0], way[:, 2])),
+            ("height_m", found.place_m[:, 1]),
+        ):
+            worst = float(got[np.argmax(np.abs(got - ray[name]))])
+            yield _close(f"{at}.{name}", ray[name], worst, tol)
+    tracks = tracks_through(camera_places(floor, lines, walls), walls, seed=0)
+    along = tracks[:, 1] - tracks[:, 0]
+    off_deg = np.degrees(np.arctan2(np.hypot(along[:, 1], along[:, 2]), np.abs(along[:, 0])))
+    limit = case["tracks_parallel_to_axis_within_deg"]
+    is_along = bool(len(tracks) > 0 and off_deg.max() <= limit)
+    yield Check(f"{where}.tracks_parallel_to_axis_within_deg", limit, off_deg.max(), is_along)
+
+
 def check_visibility_2d(where: str, case: Case) -> Iterator[Check]:
     """Look at points from a camera at one height among walls."""
     room = outlined_room(where, case["outline_m"], case["holes_m"], WALL_M)
@@ -152,6 +198,14 @@ MODES: Mapping[str, tuple[set[str], Callable[[str, Case], Iterator[Check]]]] = {
             "every_skeleton_point_inside",
         },
         check_topology,
+    ),
+    "corridor": (
+        {
+            "length_m", "width_m", "wall_m", "from_height_m", "back_off_m", "d_max_m",
+            "axis_length_m", "skeleton_cycles", "rays", "note",
+            "tracks_parallel_to_axis_within_deg",
+        },
+        check_corridor,
     ),
     "visibility_2d": (
         {"outline_m", "holes_m", "camera_m", "points_m", "seen", "share"}, check_visibility_2d,

@@ -52,3 +52,29 @@ def test_mode_and_entry_without_a_meaning_fail(
     assert 1 == main([str(changed)])
     lines = capsys.readouterr().out.splitlines()
     assert {"speed", "mode"} == {line.split(":")[0].rsplit(".", 1)[-1] for line in lines[:-1]}
+
+
+CAMERA_ENTRIES = {
+    "shot_distance": "distance_m",
+    "cut": "flow_cosine",
+    "critical_follow": "peak_speed_mps",
+    "log_normal": "mean_s",
+    "corridor": "axis_length_m",
+    "topology": "area_m2",
+    "visibility_2d": "share",
+}
+
+
+@pytest.mark.parametrize("mode", CAMERA_ENTRIES)
+def test_a_changed_value_of_a_camera_fails_alone(
+    mode: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = json.loads((FOLDER / "camera.json").read_text())
+    case = next(c for c in file["cases"] if c["mode"] == mode)
+    case[CAMERA_ENTRIES[mode]] += 0.05
+    changed = tmp_path / "changed.json"
+    changed.write_text(json.dumps({"meta": file["meta"], "cases": [case]}))
+
+    assert 1 == main([str(changed)])
+    (line,) = (x for x in capsys.readouterr().out.splitlines() if x.startswith("FAIL"))
+    assert CAMERA_ENTRIES[mode] in line

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lab.errors import DesignError
-from stimuli.camera.following import Drive, follow
+from stimuli.camera.following import Drive, follow, pulled
 from stimuli.camera.shots import (
     LogNormalLengths,
     flow_cosine,
@@ -13,6 +13,7 @@ from stimuli.camera.shots import (
     shot_size_score,
     view_angle_deg,
 )
+from stimuli.motion.spring import Spring
 
 HERE = np.array([0.0, 1.6, 0.0])
 SOUTH = np.array([0.0, 1.6, 4.0])
@@ -53,6 +54,14 @@ def test_step_may_be_cut_anywhere() -> None:
     twice = follow(*half, target, 0.3, drive)
 
     np.testing.assert_allclose(once, twice, atol=1e-12)
+
+
+def test_pull_is_that_of_a_critically_damped_spring() -> None:
+    place, v, target = np.array([1.0, -2.0, 0.5]), np.array([0.3, 0.0, -4.0]), np.ones(3)
+    offset, velocity = Spring(3.0, 1.0, 1.0).at(0.4, place - target, v)
+
+    got = pulled(place, v, target, 0.4, 3.0)
+    np.testing.assert_allclose((target + offset, velocity), got, atol=1e-12)
 
 
 def test_camera_never_moves_faster_than_allowed() -> None:
