@@ -80,9 +80,9 @@ class Style:
     """How a film is made.
 
     `lost_s` is how long the subject may be hidden, or its size be off by more than the factor
-    `off_by`, before a cut. No shot is shorter than `min_shot_s`. `around_m` is how far round the
-    subject a camera should see, `step_m` the step along a track towards a better place; a place
-    should see where the subject will be in `ahead_s`.
+    `off_by`, before a cut. No shot is shorter than `min_shot_s`. `step_m` is the step along a
+    track towards a better place; a place should see where the subject will be in `ahead_s`. The
+    camera keeps `clear_m` from surfaces and `people_clear_m` from people.
     """
 
     shot: ShotSize = ShotSize.LONG
@@ -97,7 +97,6 @@ class Style:
     weights: Weights = field(default_factory=Weights)
     drive: Drive = field(default_factory=Drive)
     turn_rad_s: float = 6.0
-    around_m: float = 5.0
     step_m: float = 0.25
     ahead_s: float = 1.5
     max_tests: int = 48
@@ -138,8 +137,14 @@ def prepare(
     rays: RayRules | None = None,
     tracks: TrackRules | None = None,
     joins: GraphRules | None = None,
+    triangle_m2: float = 1.5,
+    around_m: float = 5.0,
 ) -> FilmedPlace:
-    """Find the tracks of a room, join them, and look at its floor from them."""
+    """Find the tracks of a room, join them, and look at its floor from them.
+
+    The floor is looked at in triangles of at most `triangle_m2`; cameras should see what lies
+    within `around_m` of the subject.
+    """
     obstacles = Obstacles.of_room(room)
     floors = walkable_floors(room, walkers)
     lines = [
@@ -148,8 +153,9 @@ def prepare(
         for f in floors
     ]  # fmt: skip
     graph = track_graph(np.concatenate(lines), obstacles, joins)
-    triangles = np.concatenate([small_triangles(f) for f in floors])
-    return FilmedPlace.of_graph(obstacles, graph, floor_table(graph, triangles, obstacles, seed))
+    triangles = np.concatenate([small_triangles(f, triangle_m2) for f in floors])
+    table = floor_table(graph, triangles, obstacles, seed)
+    return FilmedPlace.of_graph(obstacles, graph, table, around_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,11 +210,11 @@ class Director:
         self._start_ns, self._rng = start_ns, np.random.default_rng(seed)
         self._weights = style.weights.of_moving(), style.weights.of_cutting()
         self._tick = 0
-        self._recent: list[Vector] = []
         self._hidden = self._misframed = 0
         self._held = False
         self.cuts: list[Cut] = []
-        self._moment = moment_at(start_ns)
+        self._recent: list[Vector] = []
+        self._meet(moment_at(start_ns))
         self._edge, self._share = NO_EDGE, 0.0
         self._position = self._velocity = self._look = self._turning = np.full(3, np.nan)
         self._shot_from, self._shot_s, self._retry = 0, style.lengths.draw_s(self._rng), 0
@@ -225,7 +231,7 @@ class Director:
                 self._time_of(self._tick + 1)
             )
             self._tick += 1
-            self._moment = self._moment_at(self._time_of(self._tick))
+            self._meet(self._moment_at(self._time_of(self._tick)))
             self._decide()
         if t_ns < self._time_of(self._tick):
             raise DesignError(f"the camera was asked for {t_ns} ns after a later time; go forward")
@@ -243,7 +249,7 @@ class Director:
     def _moved(self, t_ns: int) -> tuple[Vector, Vector, Vector, Vector]:
         """Return position, velocity, point looked at and its velocity since the last decision."""
         dt_s = (t_ns - self._time_of(self._tick)) / NS_PER_S
-        centre = self._centre(self._moment)
+        centre = self._centre
         look, turning = pulled(self._look, self._turning, centre, dt_s, self._style.turn_rad_s)
         if self._held or not self._style.moves:
             return self._position, np.zeros(3), look, turning
@@ -254,28 +260,27 @@ class Director:
         target = place_on(
             self._place.graph.nodes_m, self._place.graph.edges, self._edge, self._share
         )
-        head = self._head(self._moment)
-        return follow(self._position, self._velocity, target, dt_s, self._style.drive, head)
+        return follow(self._position, self._velocity, target, dt_s, self._style.drive, self._head)
 
-    def _centre(self, moment: Moment) -> Vector:
-        """Return what the middle of the picture shows: the body, or the head with room above."""
-        share = HEIGHT_SHARE[self._style.shot]
-        return _above(moment.subject_m, moment.height_m * max(0.5, 1.0 - 0.4 / share))
-
-    def _head(self, moment: Moment) -> Vector:
-        return _above(moment.subject_m, HEAD_SHARE * moment.height_m)
+    def _meet(self, moment: Moment) -> None:
+        """Take in who is where; the picture's middle is the body, or the head with room above."""
+        share, height_m = HEIGHT_SHARE[self._style.shot], moment.height_m
+        self._moment = moment
+        self._recent = [*self._recent, moment.subject_m][-VELOCITY_OVER - 1 :]
+        self._centre = _above(moment.subject_m, height_m * max(0.5, 1.0 - 0.4 / share))
+        self._head = _above(moment.subject_m, HEAD_SHARE * height_m)
+        self._wanted_m = shot_distance_m(height_m, self._style.fov_v_deg, share)
 
     def _points(self) -> Vector:
         """Return the subject's head and chest now, and the head soon and later (4, 3)."""
-        head = self._head(self._moment)
+        head = self._head
         chest = _above(self._moment.subject_m, CHEST_SHARE * self._moment.height_m)
         ahead = self._style.ahead_s * self._subject_velocity()
         return np.stack([head, chest, head + ahead / 2, head + ahead])
 
     def _decide(self) -> None:
         """Cut, or move the target, at the time of the present decision."""
-        style, moment = self._style, self._moment
-        self._recent = [*self._recent, moment.subject_m][-VELOCITY_OVER - 1 :]
+        style = self._style
         if self._edge == NO_EDGE:
             self._cut("start", may_break_angle=True)
             if self._edge == NO_EDGE:
@@ -295,9 +300,9 @@ class Director:
     def _watch(self) -> None:
         """Count for how many decisions the subject has been hidden or of a wrong size."""
         moment, style = self._moment, self._style
-        is_seen = self._place.obstacles.sees(self._position, self._head(moment), moment.people)
+        is_seen = self._place.obstacles.sees(self._position, self._head, moment.people)
         self._hidden = 0 if is_seen else self._hidden + 1
-        ratio = float(np.linalg.norm(self._position - self._centre(moment))) / self._wanted_m()
+        ratio = float(np.linalg.norm(self._position - self._centre)) / self._wanted_m
         fits = 1 / style.off_by <= ratio <= style.off_by
         self._misframed = 0 if fits else self._misframed + 1
 
@@ -311,10 +316,6 @@ class Director:
             return "size"
         return "length" if age >= self._shot_s * DECISIONS_PER_S else ""
 
-    def _wanted_m(self) -> float:
-        share = HEIGHT_SHARE[self._style.shot]
-        return shot_distance_m(self._moment.height_m, self._style.fov_v_deg, share)
-
     def _subject_velocity(self) -> Vector:
         if len(self._recent) < 2:
             return np.zeros(3)
@@ -323,18 +324,13 @@ class Director:
         return moved
 
     def _around(self) -> npt.NDArray[np.float32]:
-        table = self._place.table
-        _, triangle = table.tree.query(self._moment.subject_m[[0, 2]])
+        triangle = self._place.table.at(self._moment.subject_m)
         row: npt.NDArray[np.float32] = self._place.around_01[triangle]
         return row
 
     def _cut(self, reason: str, *, may_break_angle: bool) -> bool:
         style, moment, graph = self._style, self._moment, self._place.graph
-        centre, velocity, wanted_m = (
-            self._centre(moment),
-            self._subject_velocity(),
-            self._wanted_m(),
-        )
+        centre, velocity, wanted_m = self._centre, self._subject_velocity(), self._wanted_m
         around = self._around()
         edge, share, _, keeps = cut_to(
             centre, self._points(), velocity, wanted_m, 1.5 * wanted_m + 4.0, self._position,
@@ -360,10 +356,10 @@ class Director:
 
     def _retarget(self) -> None:
         style, moment, graph = self._style, self._moment, self._place.graph
-        wanted_m = self._wanted_m()
+        wanted_m = self._wanted_m
         a, b = graph.edges[self._edge]
         edge, share, _ = move_to(
-            self._centre(moment), self._points(), wanted_m, 1.5 * wanted_m + 2.0,
+            self._centre, self._points(), wanted_m, 1.5 * wanted_m + 2.0,
             self._position, self._edge, self._share, style.step_m, style.max_tests,
             graph.nodes_m, graph.edges, graph.component, self._around(), graph.distance_m[a],
             graph.distance_m[b], self._weights[0], moment.people, style.clear_m,
@@ -385,5 +381,6 @@ class Director:
 
 
 def _above(place_m: Vector, by_m: float) -> Vector:
-    raised: Vector = place_m + np.array([0.0, by_m, 0.0])
+    raised: Vector = place_m.copy()
+    raised[1] += by_m
     return raised

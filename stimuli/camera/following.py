@@ -13,6 +13,8 @@ from lab.compiled import compiled
 from lab.errors import DesignError
 from lab.geometry import Vector
 
+_NOBODY_NEAR = np.full(3, np.inf)
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -99,9 +101,8 @@ def follow(
 
     Target and subject stand still meanwhile; the push away from the subject is that of the start.
     """
-    nowhere = np.full(3, np.inf)
     moved: tuple[Vector, Vector] = _driven(
-        position_m, velocity_mps, target_m, nowhere if subject_m is None else subject_m, dt_s,
+        position_m, velocity_mps, target_m, _NOBODY_NEAR if subject_m is None else subject_m, dt_s,
         drive.omega_rad_s, drive.repulsion_n_m / drive.stiffness_n_m, drive.keep_off_m,
         drive.max_speed_mps,
     )  # fmt: skip

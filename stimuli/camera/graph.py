@@ -182,6 +182,16 @@ def roadmap(
     return CameraGraph(places, pairs[np.array(clear, bool)].astype(np.int64))
 
 
+@compiled
+def _nearest_middle(middles: Vector, x: float, z: float) -> int:
+    nearest, best2 = 0, np.inf
+    for t in range(middles.shape[0]):
+        dx, dz = middles[t, 0] - x, middles[t, 2] - z
+        if dx * dx + dz * dz < best2:
+            nearest, best2 = t, dx * dx + dz * dz
+    return nearest
+
+
 @dataclass(frozen=True, eq=False)
 class FloorTable:
     """What places see of a floor: `triangle_m` (t, 3 corners, 3) and `share_01` (n, t), the part
@@ -197,14 +207,14 @@ class FloorTable:
         middle: Vector = self.triangle_m.mean(axis=1)
         return middle
 
-    @cached_property
-    def tree(self) -> cKDTree:
-        """The triangles by where they are, x and z."""
-        return cKDTree(self.centre_m[:, [0, 2]])
+    def at(self, place_m: Vector) -> int:
+        """Return the triangle whose middle is nearest to a place (3,), by x and z."""
+        return int(_nearest_middle(self.centre_m, place_m[0], place_m[2]))
 
     def around_01(self, within_m: float) -> npt.NDArray[np.float32]:
         """Return the part (t, n) seen from each node of what lies round each triangle."""
-        first, second = np.array(self.tree.query_pairs(within_m, output_type="ndarray")).T
+        tree = cKDTree(self.centre_m[:, [0, 2]])
+        first, second = tree.query_pairs(within_m, output_type="ndarray").T
         n = len(self.triangle_m)
         own = np.arange(n)
         a, b = np.concatenate([first, second, own]), np.concatenate([second, first, own])

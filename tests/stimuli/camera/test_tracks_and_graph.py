@@ -96,7 +96,7 @@ def test_small_triangles_cover_the_floor_and_tables_see_what_rays_see(place: Pla
     assert areas.sum() == pytest.approx(floor.area.area)
     assert areas.max() <= 1.5
     node = int(np.argmin(np.linalg.norm(graph.nodes_m - [13.0, 1.6, 1.5], axis=1)))
-    far, near = (table.tree.query(at)[1] for at in ([1.5, 11.0], [12.0, 1.5]))
+    far, near = (table.at(np.array(at)) for at in ([1.5, 0.0, 11.0], [12.0, 0.0, 1.5]))
     assert (round_corner, 0.0) == (False, table.share_01[node, far])
     assert table.share_01[node, near] > 0.5
     around = table.around_01(2.0)
