@@ -7,15 +7,20 @@ One line per failing value, a closing count, exit status 1 when any value fails 
 meaning here.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
-from stimuli.motion.hybrid import Controls, pose_counts
 from stimuli.motion.interpolation import KeyTimes, Squad
 from stimuli.motion.rotations import quat_about
 from stimuli.motion.spring import Spring
+from stimuli.motion.synthesis.gap_filling import Hold, best_segment, filled
+from stimuli.motion.synthesis.hybrid import Controls, pose_counts
+from stimuli.motion.synthesis.phrase_posture import CLASSES, Habits, Phrase, strongest
+from stimuli.motion.synthesis.pose_distance import pose_distance
+from stimuli.motion.synthesis.style_weights import fit_weights
 from tests.reference import interpolation_map, synthesis_camera
 from tests.reference.interpolation_map import Case, Check, Checks, Entries, unknown
 
@@ -105,9 +110,134 @@ def _increments(where: str, case: Case) -> Iterator[Check]:
         yield Check(f"{where}.{name}", case[name], got, case[name] == got)
 
 
-CHECKS: Checks = {"hybrid": check_hybrid, "camera": synthesis_camera.check_camera}
+GAP_ENTRIES = {
+    "clip": {
+        "mode", "source", "before", "after", "gap_frames", "window", "best_start", "distance",
+        "second_best_gap", "fill",
+    },
+    "hold": {
+        "mode", "p_end", "v_end", "p_next", "gap_s", "hold_value", "hold_from_s", "hold_to_s",
+        "t_y",
+    },
+}  # fmt: skip
+
+
+def check_gapfill(where: str, case: Case) -> Iterator[Check]:
+    """Compare the filling of a gap by a piece of a source or by a hold."""
+    mode = case["mode"]
+    if mode not in GAP_ENTRIES:
+        yield Check(f"{where}.mode", f"one of {sorted(GAP_ENTRIES)}", mode, False)
+        return
+    yield from unknown(where, case, GAP_ENTRIES[mode] | {"name", "tol"})
+    found: dict[str, Any]
+    if mode == "clip":
+        source, before, after = (np.array(case[n]) for n in ("source", "before", "after"))
+        gap = case["gap_frames"]
+        best = best_segment(source, before, after, gap, case["window"])
+        found = {
+            "best_start": best.start,
+            "distance": best.distance,
+            "second_best_gap": best.runner_up,
+            "fill": filled(source, before, after, gap, best.start),
+        }
+    else:
+        hold = Hold(case["p_end"], case["v_end"], case["p_next"], case["gap_s"])
+        found = {
+            "hold_value": hold.value,
+            "hold_from_s": hold.from_s,
+            "hold_to_s": hold.to_s,
+            "t_y": [[t, float(hold.at(t))] for t, _ in case["t_y"]],
+        }
+    yield from _close(where, case, found)
+
+
+def check_matching(where: str, case: Case) -> Iterator[Check]:
+    """Compare how far made motions are from their targets."""
+    apart = pose_distance(np.array(case["target"]), np.array(case["made"]))
+    limits = {n: apart.matches(float(n.rsplit("_", 1)[1])) for n in case if "matches_at_" in n}
+    found = {"mean_m": apart.mean_m, "sum_m": apart.sum_m, "samples": apart.samples, **limits}
+    yield from _close(where, case, found)
+
+
+POSTURE_ASKED = {
+    "initial_com", "initial_yaw", "lexeme", "hand", "markov_com", "rules_com", "confidence_com",
+    "p_com", "p_yaw", "p_joint",
+}  # fmt: skip
+
+
+def check_posture(where: str, case: Case) -> Iterator[Check]:
+    """Compare what a speaker's posture does with the next phrase."""
+    habits = Habits(
+        tuple(Phrase(*p) for p in case["phrases"]),
+        case["beta"],
+        case["least_support"],
+        case["least_confidence"],
+    )
+    for i, asked in enumerate(case["ask"]):
+        at = f"{where}.ask[{i}]"
+        yield from unknown(at, asked, POSTURE_ASKED)
+        com, yaw = asked["initial_com"], asked["initial_yaw"]
+        gesture = asked["hand"], asked["lexeme"]
+        rules = habits.rules("com", *gesture)
+        kept = {r.posture for r in rules}
+        best = strongest("com", rules).tolist()
+        found = {
+            "rules_com": [list(rule) for rule in rules],
+            "confidence_com": [
+                b if c in kept else None for b, c in zip(best, CLASSES["com"], strict=True)
+            ],
+            "markov_com": habits.chain("com", com),
+            "p_com": habits.probability("com", com, *gesture),
+            "p_yaw": habits.probability("yaw", yaw, *gesture),
+            "p_joint": habits.joint(com, yaw, *gesture),
+        }
+        yield from _close(at, {**asked, "tol": case["tol"]}, found)
+
+
+def check_weights(where: str, case: Case) -> Iterator[Check]:
+    """Compare the weights of examples at points."""
+    fitted = fit_weights(np.array(case["examples"]))
+    yield from _close(where, case, {"condition": fitted.condition})
+    for i, query in enumerate(case["queries"]):
+        at = f"{where}.queries[{i}]"
+        yield from unknown(at, query, {"p", "raw", "weights"})
+        p = np.array(query["p"])
+        found = {"raw": fitted.raw(p), "weights": fitted.at(p)}
+        yield from _close(at, {**query, "tol": case["tol"]}, found)
+
+
+def _close(where: str, case: Case, found: Mapping[str, Any]) -> Iterator[Check]:
+    """Compare what a case states with what was found, within its tolerance."""
+    for name, value in found.items():
+        if name in case:
+            got = value.tolist() if isinstance(value, np.ndarray) else value
+            yield Check(f"{where}.{name}", case[name], got, _same(case[name], got, case["tol"]))
+
+
+def _same(expected: Any, got: Any, tol: float) -> bool:
+    """Tell whether nested lists are alike: numbers within tol, all else equal."""
+    if isinstance(expected, list) and isinstance(got, list):
+        pairs = zip(expected, got, strict=False)
+        return len(expected) == len(got) and all(_same(e, g, tol) for e, g in pairs)
+    if isinstance(expected, bool) or not isinstance(expected, int | float):
+        return bool(expected == got)
+    return isinstance(got, int | float) and abs(expected - got) <= tol
+
+
+CHECKS: Checks = {
+    "hybrid": check_hybrid,
+    "gapfill": check_gapfill,
+    "matching": check_matching,
+    "posture": check_posture,
+    "weights": check_weights,
+    "camera": synthesis_camera.check_camera,
+}
 ENTRIES: Entries = {
     "hybrid": set().union(*HYBRID_ENTRIES.values()),
+    "gapfill": set().union(*GAP_ENTRIES.values()),
+    "matching": {"target", "made", "mean_m", "sum_m", "samples", "matches_at_0.06"},
+    "posture": {"phrases", "beta", "least_support", "least_confidence", "ask"},
+    "weights": {"examples", "condition", "queries"},
     "camera": synthesis_camera.ENTRIES,
 }
 

@@ -40,6 +40,33 @@ def test_a_changed_value_of_a_hybrid_motion_fails(
     assert 1 == capsys.readouterr().out.count("FAIL")
 
 
+@pytest.mark.parametrize(
+    ("kind", "path"),
+    [
+        ("gapfill", ("second_best_gap",)),
+        ("gapfill", ("fill", 3, 1)),
+        ("matching", ("sum_m",)),
+        ("matching", ("samples",)),
+        ("posture", ("ask", 1, "p_joint", 4)),
+        ("posture", ("ask", 0, "rules_com", 0, 3)),
+        ("weights", ("queries", 2, "weights", 0)),
+    ],
+)
+def test_a_changed_value_fails(
+    kind: str, path: tuple[Any, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = json.loads((FOLDER / f"{kind}.json").read_text())
+    inner = file["cases"][0]
+    for step in path[:-1]:
+        inner = inner[step]
+    inner[path[-1]] += 1 if isinstance(inner[path[-1]], int) else 1e-6
+    changed = tmp_path / "changed.json"
+    changed.write_text(json.dumps(file))
+
+    assert 1 == main([str(changed)])
+    assert 1 == capsys.readouterr().out.count("FAIL")
+
+
 def test_mode_and_entry_without_a_meaning_fail(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

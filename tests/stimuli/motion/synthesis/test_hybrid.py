@@ -9,7 +9,11 @@ from stimuli.motion.baking import baked
 from stimuli.motion.build import build_of_skeleton
 from stimuli.motion.clip import mirrored, placed_joints
 from stimuli.motion.errors import MotionError
-from stimuli.motion.hybrid import (
+from stimuli.motion.kinds import Walk
+from stimuli.motion.people import Person
+from stimuli.motion.skeleton import canonical_skeleton
+from stimuli.motion.spring import Spring
+from stimuli.motion.synthesis.hybrid import (
     Sprung,
     authored_poses,
     gait,
@@ -17,10 +21,6 @@ from stimuli.motion.hybrid import (
     pose_counts,
     to_and_fro,
 )
-from stimuli.motion.kinds import Walk
-from stimuli.motion.people import Person
-from stimuli.motion.skeleton import canonical_skeleton
-from stimuli.motion.spring import Spring
 from tests.stimuli.motion.motions import wandering
 from tests.stimuli.motion.rotation_cases import same
 
