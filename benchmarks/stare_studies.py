@@ -14,15 +14,19 @@ from experiments.stare.comparisons import (
     MEASURES,
     SCORE_COLUMN,
     ZONE_TESTS,
-    condition_means,
 )
 from experiments.stare.design import CONDITIONS
 from experiments.stare.published import MEANS
 from experiments.stare.study import experiment_of, study
-from visavis.measures import Measure
+from visavis.measures import Measure, aggregated
 from visavis.opened import OpenedStudy
 from visavis.pairs import CorrelationTest, PairTest, compare_pairs, correlate, scores_of
 from visavis.quick import quick_study
+
+
+def condition_means(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per participant and condition: means over trials and `n_trials`."""
+    return aggregated(rows, MEASURES, ["condition"]).rename(columns={"n": "n_trials"})
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from visavis.analysis import Finding, StudyAnalysis
 from visavis.exclusions import NOT_FINISHED, REPEATED, Selection
 from visavis.measures import aggregated
 from visavis.quality import LOSS_COLUMNS, QUALITY_COLUMNS, Quality
-from visavis.texts import Texts
+from visavis.texts import Texts, shown
 
 COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
 
@@ -131,7 +131,7 @@ def exclusions_figure(selection: Selection, *, is_simulated: bool) -> Drawn:
             f"{counted(len(people), 'participant')}, {counted(selection.performed, 'trial')} "
             "performed",
             "\n".join(
-                f"{counted(left.count, left.level)}: {_rule_words(left.rule)}"
+                f"{counted(left.count, left.level)}: {_rule_words(analysis, left.rule)}"
                 for left in selection.left
             ),
         ),
@@ -150,10 +150,18 @@ def exclusions_figure(selection: Selection, *, is_simulated: bool) -> Drawn:
     )
 
 
-def _rule_words(rule: str) -> str:
+def _rule_words(analysis: StudyAnalysis, name: str) -> str:
+    """Return what a step leaves out, in words: of a rule its column and the limit in force."""
+    rule = next((r for r in analysis.study.exclusions if r.name == name), None)
+    if rule is not None:
+        if rule.if_missing:
+            return rule.words
+        limit = shown(analysis.selection.limits[name])
+        what = rule.column.replace("_", " ")
+        return f"{what} {'above' if rule.above else 'below'} {limit}"
     known = {"damaged": "unreadable, the recording is damaged", "unfinished": NOT_FINISHED,
              "repeated": REPEATED}  # fmt: skip
-    return known.get(rule, rule.replace("_", " "))
+    return known.get(name, name.replace("_", " "))
 
 
 def quality_figure(

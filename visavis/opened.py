@@ -65,6 +65,8 @@ class OpenedStudy:
         made = self.experiment({}) if experiment is None else experiment
         if self.study.person_of is not None:
             return self.study.person_of(index, seed, effect, made)
+        if self.study.scaled_of is not None:
+            return self.study.scaled_of(index, seed, float(effect), made)
         return StudyPerson(
             index, seed, effect, responses=made.words, answer_of=self.study.answer_of
         )

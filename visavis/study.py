@@ -255,7 +255,8 @@ class Study:
 
     def scaled(self, make: ScaledOf) -> ScaledOf:
         """Take a function as what makes simulated participants to whom what is shown makes a
-        multiple of the usual difference: 0 none, 1 the usual (a decorator).
+        multiple of the usual difference: 0 none, 1 the usual (a decorator). It stands in place of
+        `person`.
         """
         self.scaled_of = make
         return make

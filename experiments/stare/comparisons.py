@@ -3,7 +3,6 @@
 from typing import Any, Final
 
 import numpy as np
-import pandas as pd
 
 from experiments.stare import published
 from experiments.stare.published import COMPARISONS
@@ -20,7 +19,7 @@ from visavis.looks import (
 from visavis.looks import (
     FIXATION_COUNT as COUNT_COLUMN,
 )
-from visavis.measures import Measure, aggregated
+from visavis.measures import Measure
 from visavis.pairs import Correlate, CorrelationTest, Family, Pairs, PairTest, Printed
 
 DWELL: Final = Measure(DWELL_MS, "ms", "Dwell time", needs_gaze=True)
@@ -131,8 +130,3 @@ FAMILIES: Final[tuple[Family, ...]] = (
     ANXIETY_TESTS,
     *SECOND_VIEW_TESTS,
 )
-
-
-def condition_means(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per participant and condition: means over trials and `n_trials`."""
-    return aggregated(rows, MEASURES, ["condition"]).rename(columns={"n": "n_trials"})

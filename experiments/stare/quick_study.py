@@ -16,16 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from analysis.gaze.aoi import aoi_of_samples
-from analysis.gaze.looks import (
-    DEFAULT_LOOK_PARAMETERS,
-    LookMeasures,
-    LookParameters,
-    measure_trial,
-)
+from analysis.gaze.looks import LookMeasures, measure_trial
 from experiments.stare.design import (
     AVERTED,
     AVERTED_THEN_DIRECTED,
-    DEFAULT_PARAMETERS,
     DYNAMIC_CONDITIONS,
     StareParameters,
 )
@@ -86,29 +80,17 @@ def _sample_times(start_ns: int, end_ns: int) -> Times:
 def quick_trials(
     participant: Observer, tracker: TrackerModel, plan: SessionPlan, *, params: StareParameters
 ) -> Iterator[tuple[Trial, dict[str, Any]]]:
-    """Perform every trial of a plan but practice; yield the columns of its row."""
-    for trial, measured, switch_ms in run_participant(participant, tracker, plan, params=params):
-        found = measured.as_row()
-        yield trial, {n: found[n] for n in (*MAIN_MEASURES, "lost_01")} | {"switch_ms": switch_ms}
-
-
-def run_participant(
-    participant: Observer,
-    tracker: TrackerModel,
-    plan: SessionPlan,
-    *,
-    params: StareParameters = DEFAULT_PARAMETERS,
-    looks: LookParameters = DEFAULT_LOOK_PARAMETERS,
-) -> Iterator[tuple[Trial, LookMeasures, float | None]]:
     """Perform every trial of a plan but practice; yield its measures and its gaze change.
 
     The gaze change is in milliseconds from the trial's start, None without one.
     """
     for block in plan.blocks:
         participant.wear(block.index + 1)
-        for trial in block.trials:
-            if not trial.is_practice:
-                yield trial, *_trial(participant, tracker, trial, params, looks)
+        for trial in (t for t in block.trials if not t.is_practice):
+            measured, switch_ms = _trial(participant, tracker, trial, params)
+            found = measured.as_row()
+            names = (*MAIN_MEASURES, "lost_01")
+            yield trial, {n: found[n] for n in names} | {"switch_ms": switch_ms}
 
 
 def _trial(
@@ -116,7 +98,6 @@ def _trial(
     tracker: TrackerModel,
     trial: Trial,
     params: StareParameters,
-    looks: LookParameters,
 ) -> tuple[LookMeasures, float | None]:
     _, _, geometry, behaviour = _scenes()
     active = active_index_of(trial)
@@ -136,7 +117,7 @@ def _trial(
     n = t_ns.shape[0]
     if condition not in DYNAMIC_CONDITIONS:
         aoi = seen(slice(0, n))
-        return measure_trial(t_ns, aoi, active, start_ns, end_ns, params=looks), None
+        return measure_trial(t_ns, aoi, active, start_ns, end_ns), None
 
     # To someone who does not notice contact the change is nothing, so one pass does.
     step = CHUNK_SAMPLES if participant.notices_contact else n
@@ -162,7 +143,7 @@ def _trial(
             moving = _show(participant, turning, start_ns, turn_frame)
             turn_frame += 1
         aoi = np.concatenate([aoi[:known], between, seen(slice(after, n))])
-    measured = measure_trial(t_ns, aoi, active, start_ns, end_ns, switch_ns=switch_ns, params=looks)
+    measured = measure_trial(t_ns, aoi, active, start_ns, end_ns, switch_ns=switch_ns)
     return measured, (switch_ns - start_ns) / NS_PER_MS
 
 

@@ -146,15 +146,12 @@ def dark(t: TrialScript) -> Plan:
     return (yield from intertrial(t.trial, StareParameters.of(t.settings.parameters)))
 
 
-@study.person
-def person(index: int, seed: int, effect: bool, experiment: StudyExperiment) -> Observer:
-    """Return a simulated participant, fitted to the published means and spreads."""
-    return Observer(index, seed, effect)
-
-
 @study.scaled
 def scaled(index: int, seed: int, effect: float, experiment: StudyExperiment) -> Observer:
-    """Return a simulated participant to whom gaze contact does a multiple of what was fitted."""
+    """Return a simulated participant, fitted to the published means and spreads.
+
+    Gaze contact does `effect` times to them what was fitted.
+    """
     population = scaled_population(DEFAULT_POPULATION, effect)
     return Observer(index, seed, effect > 0, population=population)
 

@@ -9,9 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 from analysis.power import Found, PowerRequest, Replicate, jobs_of, run_job, study_seed, summarise
+from benchmarks.stare_studies import condition_means
 from cli.main import app
 from cli.power_commands import power_study, read_effect, read_numbers, read_tests
-from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS, condition_means
+from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS
 from experiments.stare.study import experiment_of
 from lab.errors import DataError, UsageError
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows

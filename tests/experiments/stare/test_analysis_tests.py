@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from benchmarks.stare_studies import describe
+from benchmarks.stare_studies import condition_means, describe
 from experiments.stare import published
 from experiments.stare.comparisons import (
     ALL_MEASURES,
@@ -12,7 +12,6 @@ from experiments.stare.comparisons import (
     FIRST_TIME,
     FIXATION_COUNT,
     MEASURES,
-    condition_means,
 )
 from experiments.stare.conclusions import conclude
 from experiments.stare.design import CONDITIONS

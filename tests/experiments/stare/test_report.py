@@ -144,7 +144,7 @@ def test_interruption_and_exclusion_are_listed(html):
     text = words_of(html)
 
     assert "tracker silent" in text
-    assert "1 trial: max trial lost 01" in text
+    assert "1 trial: lost 01 above 0.3" in text
 
 
 def test_reporting_list_leaves_open_what_nobody_recorded(html, analysis):
