@@ -5,7 +5,7 @@ section 5 (trial out above 30 % loss, validation accepted up to 1.5°).
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from recording.integrity import damage_of
 from recording.reader import Recording
 
 RESTORE = "restore the damaged files from a copy; `visavis analyse` leaves damaged trials out"
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 def check_session(recording: Recording, limits: CheckLimits | None = None) -> SessionCheck:
@@ -340,13 +341,15 @@ def _deviation_findings(events: pd.DataFrame, recording: Recording) -> list[Find
     if repeated:
         message = f"repeated on the operator's request: {_listed(repeated)}"
         found.append(Finding(Level.AMBER, "trials", message))
-    faults: dict[tuple[str, str], int] = {}
+    faults: dict[tuple[str, str], list[str]] = {}
     for p in _payloads(_once_calibrated(events), "fault"):
-        what = (str(p["role"]), re.sub(r"[0-9]+", "…", str(p["message"])))
-        faults[what] = faults.get(what, 0) + 1
+        message = str(p["message"])
+        faults.setdefault((str(p["role"]), _NUMBER.sub("#", message)), []).append(message)
     found += [
-        Finding(Level.AMBER, role, message + (f" ({n} times)" if n > 1 else ""))
-        for (role, message), n in faults.items()
+        Finding(
+            Level.AMBER, role, in_one(said) + (f" ({len(said)} times)" if len(said) > 1 else "")
+        )
+        for (role, _), said in faults.items()
     ]
     found += [
         Finding(Level.AMBER, str(p["role"]), f"was away for {p['away_s']:.1f} s, then came back")
@@ -377,6 +380,17 @@ def _deviation_findings(events: pd.DataFrame, recording: Recording) -> list[Find
     notes = [p["text"] for p in _payloads(events, "operator") if p["action"] == "note"]
     found += [Finding(Level.AMBER, "note", str(text)) for text in notes if text]
     return found
+
+
+def in_one(messages: Sequence[str]) -> str:
+    """Return messages that differ in their numbers as one, with the range of each number."""
+    words = _NUMBER.split(messages[0])
+    columns = zip(*(_NUMBER.findall(message) for message in messages), strict=True)
+    ranges = []
+    for column in columns:
+        low, high = min(column, key=float), max(column, key=float)
+        ranges.append(low if float(low) == float(high) else f"{low} to {high}")
+    return "".join(w + r for w, r in zip(words, [*ranges, ""], strict=True))
 
 
 def _payloads(events: pd.DataFrame, name: str) -> list[Mapping[str, Any]]:

@@ -2,7 +2,6 @@
 
 import os
 import platform
-import shutil
 import warnings
 from importlib import metadata
 from pathlib import Path
@@ -15,13 +14,13 @@ from devices.states import is_installed
 from lab.clock import NS_PER_MS, Clock
 from lab.config import LabConfig
 from recording.provenance import provenance
+from visavis.sessions.data_root import data_disk
 from visavis.sessions.rig import NO_PICTURE_REMEDY, shows_nothing
 
 COMPUTER, LIBRARIES = "computer", "libraries"
-GB = 1e9
 GB_PER_HOUR = 0.3
 """A session with gaze at 120 Hz and a tracked body; eye trackers at 1 kHz take as much again."""
-FEW_GB, LEAST_GB = 20.0, 2.0
+FEW_GB = 20.0
 NAPS = 20
 NAP_NS = NS_PER_MS
 LATE_NAP_MS = 2.0
@@ -127,20 +126,14 @@ def _load() -> Finding:
 
 
 def _disk(lab: LabConfig) -> Finding:
-    place = lab.data_root
-    while not place.exists() and place != place.parent:
-        place = place.parent
-    free_gb = shutil.disk_usage(place).free / GB
-    hours = free_gb / GB_PER_HOUR
-    text = f"{free_gb:.0f} GB free for {_short(lab.data_root)}: about {hours:.0f} h of sessions"
-    if not os.access(place, os.W_OK):
-        return Finding(
-            COMPUTER, "disk", "missing", f"{place} cannot be written",
-            "choose another data_root, or give yourself the right to write there",
-        )  # fmt: skip
-    if free_gb < LEAST_GB:
-        return Finding(COMPUTER, "disk", "missing", text, "free some space before any session")
-    if free_gb < FEW_GB:
+    disk = data_disk(lab)
+    if disk.free_gb is None or disk.problem:
+        return Finding(COMPUTER, "disk", "missing", disk.problem, disk.remedy)
+    hours = disk.free_gb / GB_PER_HOUR
+    text = (
+        f"{disk.free_gb:.0f} GB free for {_short(lab.data_root)}: about {hours:.0f} h of sessions"
+    )
+    if disk.free_gb < FEW_GB:
         return Finding(COMPUTER, "disk", "warning", text, "move old sessions to an archive")
     return Finding(COMPUTER, "disk", "ok", text)
 

@@ -43,9 +43,9 @@ from protocol.plan import SessionPlan
 from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir, study_dir
 from recording.reader import Recording
 from visavis.catalogue import AnyStudy
-from visavis.sessions.data_root import prepare_data_root
+from visavis.sessions.data_root import prepare_data_root, require_space
 from visavis.sessions.perform import Request, perform_new, perform_rest
-from visavis.sessions.rig import is_simulated, require_picture
+from visavis.sessions.rig import check_rig, devices_for, is_simulated, require_picture
 from visavis.sessions.study_folder import (
     DEFAULT_SEED,
     StudySettings,
@@ -128,6 +128,7 @@ def plan(
     in_force = _seed_in_force(settings, seed)
     ledger = ledger_of(lab, chosen.name, simulated=simulated)
     experiment = chosen.experiment(wanted.parameters)
+    check_rig(devices_for(lab, experiment))
     try:
         entry = ledger.resolve(participant)
         label, index, group = entry.label, entry.index, entry.group
@@ -210,7 +211,8 @@ def run(
         folder, chosen, is_simulated=simulated, seed=seed, assignments=assignments,
         language=language or lab.language,
     )  # fmt: skip
-    chosen.experiment(wanted.parameters)
+    check_rig(devices_for(lab, chosen.experiment(wanted.parameters), without or ()))
+    require_space(lab)
     prepare_data_root(lab)
     ledger = ledger_of(lab, chosen.name, simulated=simulated)
     settings = settle(
@@ -288,6 +290,7 @@ def resume(
     elif not session_path.is_dir():
         session_path = _the_unfinished(lab, study_of_lab(str(session_path), lab).name)
     require_session(session_path)
+    require_space(lab.model_copy(update={"data_root": session_path}))
     recording = Recording(session_path)
     manifest = recording.manifest
     if recording.is_simulated != is_simulated(lab):

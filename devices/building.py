@@ -36,14 +36,7 @@ def build_device(
     role, spec = device.role, driver_spec(device.driver)
     if device.simulated and body is None:
         raise ConfigError(f"{role}: a simulated device needs a simulated participant")
-    given = dict(device.options)
-    if device.simulated:
-        given |= spec.understood
-    options = spec.checked_options(role, given)
-    try:
-        faults = FaultSchedule.from_config(getattr(options, "faults", ()))
-    except ConfigError as error:
-        raise ConfigError(f"devices.{role}.faults in lab_config.yaml: {error}") from error
+    options, faults = checked_device(device)
     shared = _SHARED.setdefault(stack, {})
     site = Site(spec, role, clock, options, body, faults, seed, shared, stack)
     try:
@@ -53,6 +46,23 @@ def build_device(
         raise DeviceNotFound(message, role=role, remedy=problem.remedy) from problem
     except ImportError as cause:
         raise _missing(spec, cause) from cause
+
+
+def checked_device(device: DeviceConfig) -> tuple[Any, FaultSchedule]:
+    """Return a device's options as its driver reads them, and the faults it is simulated with.
+
+    Raises:
+        ConfigError: an option or a fault is wrong.
+    """
+    role, spec = device.role, driver_spec(device.driver)
+    given = dict(device.options)
+    if device.simulated:
+        given |= spec.understood
+    options = spec.checked_options(role, given)
+    try:
+        return options, FaultSchedule.from_config(getattr(options, "faults", ()))
+    except ConfigError as error:
+        raise ConfigError(f"devices.{role}.faults in lab_config.yaml: {error}") from error
 
 
 def _wire(spec: AnySpec, site: Site[Any], wires: Wires, *, is_simulated: bool) -> Any:

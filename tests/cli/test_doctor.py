@@ -20,7 +20,7 @@ from cli.lab_companion import LabCompanion
 from cli.main import app
 from lab.clock import SimClock, SystemClock
 from lab.config import DeviceConfig, LabConfig
-from lab.errors import SessionAborted
+from lab.errors import RecordingError, SessionAborted
 from protocol.operator import Command, UnattendedOperator
 from tests.faults.sessions import CONFIG, lab, request
 from visavis.sessions.perform import perform_new
@@ -109,6 +109,29 @@ def test_missing_library_comes_with_the_line_that_installs_it(
 def test_full_disk_stops_a_session(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda place: Usage(10**12, 10**12, 10**9))
     assert one(computer(load_lab(CONFIG), SimClock()), "disk").level == "missing"
+    for command in (
+        ("run", "stare", "--participant", "1", "--fast"),
+        ("run", "stare", "--participant", "1"),
+    ):
+        refused = CliRunner().invoke(app, [*command, "--config", str(CONFIG)]).exception
+        assert isinstance(refused, RecordingError)
+        assert "1.0 GB are free" in str(refused)
+        assert "a session needs 2; free some space" in str(refused)
+
+
+@pytest.mark.parametrize(
+    ("root", "said"),
+    [("a_file/data", "is a file where a folder is needed"), ("/proc/x", "keeps no")],
+)
+def test_a_data_root_that_cannot_be_made_is_no_full_disk(
+    root: str, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "a_file").touch()
+    config = load_lab(CONFIG, quiet=True).model_copy(update={"data_root": tmp_path / root})
+    found = one(computer(config, SimClock()), "disk")
+    assert "missing" == found.level
+    assert said in found.found
+    assert "data_root" in found.remedy
 
 
 def test_runtimes_are_found_where_their_loaders_look(

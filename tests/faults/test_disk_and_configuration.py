@@ -1,5 +1,6 @@
 import errno
 import os
+import re
 import subprocess
 import sys
 from contextlib import ExitStack
@@ -7,8 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from cli.app import load_lab
+from cli.main import app
 from lab.clock import SimClock
 from lab.errors import ConfigError, RecordingError, UsageError
 from recording import durable
@@ -27,6 +30,12 @@ from tests.faults.sessions import (
 from visavis.catalogue import find_study
 from visavis.sessions.perform import perform_new
 from visavis.sessions.rig import build_rig, devices_for
+
+HEADSET = """  headset:
+    driver: simulated_headset
+    simulated: true
+    display_rate_hz: 90
+"""
 
 
 def visavis(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -155,6 +164,25 @@ def test_an_unknown_fault_is_told_before_a_session_is_made(tmp_path: Path) -> No
     with pytest.raises(ConfigError, match=r"devices\.eye_tracker\.faults.*did you mean 'silence'"):
         perform(config)
     assert not path_of(config).exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("rate_hz: 120", "rate_hz: 120\n    faults: [{kind: silense}]", "did you mean 'silence'"),
+        (HEADSET, "", "devices has no headset"),
+    ],
+)
+def test_plan_refuses_the_devices_that_run_refuses(
+    tmp_path: Path, old: str, new: str, said: str
+) -> None:
+    path = configured(tmp_path, old, new)
+    for command in ("plan", "run"):
+        arguments = [command, "stare", "--participant", "1", "--config", str(path)]
+        refused = CliRunner().invoke(app, arguments).exception
+        assert isinstance(refused, ConfigError), refused
+        assert re.search(said, str(refused))
+    assert not (tmp_path / "data").exists()
 
 
 def test_a_missing_role_is_named() -> None:

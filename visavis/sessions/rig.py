@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from contextlib import ExitStack
 
-from devices.building import build_device
+from devices.building import build_device, checked_device
 from devices.contracts import Body, Device, EyeTracker, Headset
 from lab.clock import Clock
 from lab.config import LabConfig, is_own_role
@@ -29,17 +29,28 @@ def build_rig(
         ConfigError: there is no headset, or a simulated device has no body to measure.
         DeviceNotFound: a driver's library is missing, or it exists in simulation only.
     """
-    if "headset" not in config.devices:
-        raise ConfigError(
-            f"{config.path}: devices has no headset; "
-            "add the role with its driver (see docs/configuration.md)"
-        )
+    check_rig(config)
     made: dict[str, Device] = {}
     for role, device in config.devices.items():
         made[role] = build_device(device, clock, body, seed, stack)
     headset, tracker = made.pop("headset"), made.pop("eye_tracker", None)
     eyes = None if tracker is None else _as_eye_tracker(tracker)
     return Rig(_as_headset(headset), eyes, made, without=frozenset(without))
+
+
+def check_rig(config: LabConfig) -> None:
+    """Find what is wrong with the devices as they are configured; nothing is built or opened.
+
+    Raises:
+        ConfigError: there is no headset, or an option or a simulated fault is wrong.
+    """
+    if "headset" not in config.devices:
+        raise ConfigError(
+            f"{config.path}: devices has no headset; "
+            "add the role with its driver (see docs/configuration.md)"
+        )
+    for device in config.devices.values():
+        checked_device(device)
 
 
 def devices_for(

@@ -26,8 +26,10 @@ class ExchangeLog:
         """Keep an exchange; return by how many milliseconds the clock has jumped, if it has."""
         jump_ms = None
         if self.pairs:
-            moved_ns = abs(_offset(pair) - _offset(self.pairs[-1]))
-            if moved_ns > JUMP_NS + pair.host_receive_ns - pair.host_send_ns:
+            last = self.pairs[-1]
+            moved_ns = abs(_offset(pair) - _offset(last))
+            # An offset is known to half its round trip: a slow exchange moves it, clock or not.
+            if moved_ns > JUMP_NS + (_round_trip_ns(pair) + _round_trip_ns(last)) // 2:
                 jump_ms = moved_ns / NS_PER_MS
                 self._since_jump = len(self.pairs)
         self.pairs.append(pair)
@@ -41,3 +43,7 @@ class ExchangeLog:
 
 def _offset(pair: ClockPair) -> int:
     return (pair.host_send_ns + pair.host_receive_ns) // 2 - pair.device_ns
+
+
+def _round_trip_ns(pair: ClockPair) -> int:
+    return pair.host_receive_ns - pair.host_send_ns

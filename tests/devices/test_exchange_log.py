@@ -1,0 +1,29 @@
+"""A clock has jumped when two time exchanges cannot both be right, however slow they were."""
+
+import pytest
+
+from devices.contracts import ClockPair
+from devices.drivers.streaming.exchange_log import ExchangeLog
+from lab.clock import NS_PER_MS
+
+
+def pair(at_ms: float, there_ms: float, back_ms: float, ahead_ms: float = 0.0) -> ClockPair:
+    """Return an exchange whose request and answer travelled so long, of a clock that far ahead."""
+    at, there, back, ahead = (round(ms * NS_PER_MS) for ms in (at_ms, there_ms, back_ms, ahead_ms))
+    return ClockPair(at, at + there + ahead, at + there + back)
+
+
+@pytest.mark.parametrize("slow", [(200, 1), (1, 200), (200, 200)])
+def test_a_slow_exchange_is_no_jump_before_or_after_quick_ones(slow: tuple[float, float]) -> None:
+    log = ExchangeLog()
+    exchanges = [pair(0, 1, 1), pair(1000, *slow), pair(2000, 1, 1)]
+    assert [None] * 3 == [log.add(p) for p in exchanges]
+    assert exchanges == log.recent
+
+
+def test_a_jump_beyond_what_both_round_trips_explain_is_told() -> None:
+    log = ExchangeLog()
+    log.add(pair(0, 10, 10))
+    assert log.add(pair(1000, 10, 10, ahead_ms=39)) is None
+    assert 61 == pytest.approx(log.add(pair(2000, 10, 10, ahead_ms=100)))
+    assert 1 == len(log.recent)
