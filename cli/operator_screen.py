@@ -1,5 +1,6 @@
 """The operator's screen and keys while a session runs."""
 
+import math
 from collections.abc import Sequence
 from types import TracebackType
 
@@ -181,7 +182,7 @@ def _headline(status: SessionStatus) -> Group:
     grid = Table.grid(expand=True, padding=(0, 2))
     for _ in range(4):
         grid.add_column(ratio=1)
-    left = "–" if status.trial_left_s is None else f"{status.trial_left_s:.0f} s"
+    left = "–" if status.trial_left_s is None else f"{math.ceil(status.trial_left_s)} s"
     grid.add_row(
         f"participant  [b]{verbatim(status.participant)}[/b]",
         f"[b]{status.state.value.upper()}[/b]",
@@ -189,7 +190,8 @@ def _headline(status: SessionStatus) -> Group:
         f"trial  [b]{status.trial_id or '–'}[/b]",
     )
     grid.add_row(
-        f"done  {status.trials_done}/{status.trials_planned}",
+        f"done  {status.trials_done}/{status.trials_planned}"
+        + (f", {status.trials_skipped} skipped" if status.trials_skipped else ""),
         f"trial ends in  [b]{left}[/b]",
         f"session left  ~{status.session_left_s / 60:.0f} min",
     )
@@ -200,7 +202,12 @@ def _headline(status: SessionStatus) -> Group:
 def _progress(status: SessionStatus) -> Table:
     grid = Table.grid(expand=True)  # a bar alone ends no line
     grid.add_column(ratio=1)
-    grid.add_row(ProgressBar(total=max(status.trials_planned, 1), completed=status.trials_done))
+    grid.add_row(
+        ProgressBar(
+            total=max(status.trials_planned, 1),
+            completed=status.trials_done + status.trials_skipped,
+        )
+    )
     return grid
 
 
@@ -231,6 +238,8 @@ def _streams(health: dict[str, Health]) -> Table:
 
 
 def _calibration(status: SessionStatus) -> Text:
+    if status.accuracy_deg is None and not status.is_calibrated_first:
+        return Text("calibration  not needed", style="dim")
     if status.accuracy_deg is None:
         return Text("calibration  none yet", style="yellow")
     age = (status.calibration_age_s or 0) / 60

@@ -119,7 +119,7 @@ def power(
         typer.Option("--scheduler", help="Address of a Dask scheduler, tcp://host:8786."),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder; power_STUDY when left out.")
+        Path | None, typer.Option("--output", "-o", help="Folder; a new power_STUDY when left out.")
     ] = None,
     config: ConfigOption = None,
     as_json: JsonOption = False,
@@ -161,7 +161,7 @@ def power(
         rule=adequacy,
         notes=notes,
     )
-    folder = Path(f"power_{chosen.name}") if output is None else output
+    folder = free_folder(f"power_{chosen.name}") if output is None else output
     written = write_power(summary, folder)
     if as_json:
         typer.echo(json.dumps(as_data(summary, written), ensure_ascii=False, indent=1))
@@ -325,6 +325,16 @@ def read_tests(study: PowerStudy, asked: list[str] | None) -> tuple[str, ...]:
                 "--test list"
             )
     return tuple(dict.fromkeys(asked))
+
+
+def free_folder(name: str) -> Path:
+    """Return a folder of this name that is not there yet: NAME, else NAME_2, NAME_3 and so on."""
+    folder = Path(name)
+    number = 1
+    while folder.exists():
+        number += 1
+        folder = Path(f"{name}_{number}")
+    return folder
 
 
 def write_power(summary: PowerSummary, folder: Path) -> tuple[Path, ...]:

@@ -94,6 +94,15 @@ def labelled(image: npt.NDArray[np.uint8], text: str) -> Image.Image:
     return picture
 
 
+def write_below(image: npt.NDArray[np.uint8], text: str) -> Image.Image:
+    """Return a picture with a line of text below it; none of its pixels is changed."""
+    height, width = image.shape[:2]
+    picture = Image.new("RGB", (width, height + TITLE_PX), (250, 250, 250))
+    picture.paste(Image.fromarray(image), (0, 0))
+    ImageDraw.Draw(picture).text((10, height + 9), text, (20, 20, 20), ImageFont.load_default(20))
+    return picture
+
+
 def contact_sheet(tiles: Sequence[Image.Image], title: str, columns: int) -> Image.Image:
     """Return pictures of one size in rows below a title."""
     width, height = tiles[0].size

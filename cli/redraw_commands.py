@@ -8,7 +8,7 @@ import typer
 
 from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
 from cli.checking_commands import require_session
-from cli.preview_pictures import check_picture_name
+from cli.preview_pictures import SIMULATED, check_picture_name, write_below
 from cli.studies import session_of
 from lab.errors import UsageError
 from recording.reader import Recording
@@ -25,6 +25,8 @@ def redraw(
 ) -> None:
     """Draw what a participant was shown in one frame, as it was.
 
+    Below a simulated participant's a line says so; the picture itself is left as it was.
+
     Example: visavis redraw data/simulated/stare/sub-S07H/ses-001 --frame 4711 --png frame.png
     """
     from PIL import Image
@@ -36,6 +38,11 @@ def redraw(
     check_picture_name(png)
     if png.exists():
         raise UsageError(f"{png} exists already; choose another name")
-    images = draw_again(Recording(session_path), frame, part=part)
-    Image.fromarray(np.concatenate(images, axis=1)).save(png)
+    recording = Recording(session_path)
+    images = draw_again(recording, frame, part=part)
+    both = np.concatenate(images, axis=1)
+    if recording.is_simulated:
+        write_below(both, f"{SIMULATED}  ·  frame {frame}").save(png)
+    else:
+        Image.fromarray(both).save(png)
     console.print(f"written [b]{verbatim(png)}[/]", soft_wrap=True)

@@ -407,11 +407,14 @@ def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> Non
     if not path.exists():
         return
     trials = check_session(Recording(path)).trials
-    done = sum(t.status in ("complete", "skipped") for t in trials)
+    done = sum(t.status == "complete" for t in trials)
+    skipped = sum(t.status == "skipped" for t in trials)
     again = f"visavis resume {shlex.quote(str(path))}{' --fast' if fast else ''}"
     spared = "".join(f" --without {role}" for role in without)
     errors.print(
-        f"{done} of {len(trials)} trials are done and kept. Go on with:\n  {again}"
+        f"{done} of {len(trials)} trials are done and kept"
+        + (f", {skipped} skipped" if skipped else "")
+        + f". Go on with:\n  {again}"
         + (f"\nor, with every trial flagged:\n  {again}{spared}" if without else ""),
         soft_wrap=True,
         highlight=False,

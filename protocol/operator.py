@@ -67,6 +67,8 @@ class SessionStatus:
     faults: tuple[Fault, ...]
     prompt: str = ""
     messages: tuple[str, ...] = field(default_factory=tuple)
+    trials_skipped: int = 0
+    is_calibrated_first: bool = True
 
 
 class Operator(Protocol):

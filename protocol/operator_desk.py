@@ -72,7 +72,7 @@ class OperatorDesk:
         self.block_name = ""
         self.trial: Trial | None = None
         self.trial_end_ns: int | None = None
-        self.trials_done = 0
+        self.trials_done = self.trials_skipped = 0
         self.calibration: CalibrationInForce | None = None
 
     # ---- frames ------------------------------------------------------------------------------
@@ -361,22 +361,26 @@ class OperatorDesk:
         per_trial_s = setup.experiment.trial_s + setup.experiment.intertrial_s
         condition = ""
         if trial is not None and not setup.blind:
-            condition = ", ".join(f"{k} {v}" for k, v in trial.factors.items())
+            condition = ", ".join(
+                str(v) if k == "condition" else f"{k} {v}" for k, v in trial.factors.items()
+            )
         verdict = calibration.verdict if calibration else None
         return SessionStatus(
             state=self._states.state,
             participant=setup.participant_label,
             trial_id=trial.trial_id if trial else "",
             trials_done=self.trials_done,
+            trials_skipped=self.trials_skipped,
             trials_planned=total,
             block=self.block_name,
             condition=condition,
             trial_left_s=None
-            if self.trial_end_ns is None
-            else max(self.trial_end_ns - t_ns, 0) / NS_PER_S,
-            session_left_s=max(total - self.trials_done, 0) * per_trial_s,
+            if self.trial_end_ns is None or self.trial_end_ns <= t_ns
+            else (self.trial_end_ns - t_ns) / NS_PER_S,
+            session_left_s=max(total - self.trials_done - self.trials_skipped, 0) * per_trial_s,
             health=self._rig.health(),
             accuracy_deg=verdict.accuracy_deg if verdict else None,
+            is_calibrated_first=any(b.calibrate for b in setup.plan.blocks),
             precision_deg=verdict.precision_deg if verdict else None,
             calibration_age_s=(t_ns - calibration.t_ns) / NS_PER_S if calibration else None,
             faults=self._faults.shown(t_ns),

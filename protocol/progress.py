@@ -15,13 +15,15 @@ class Progress:
     """The state a resumed session starts from; empty for a new one.
 
     `attempts` counts performances of each trial so far, `finished` holds trials that need no
-    other, `unfinished` those that were interrupted, in order; `answered` the questionnaires
-    already complete, `answers` every (questionnaire, question) that was put; `calibrations` how
-    many validations were stored; `memory` what a simulated participant had learned.
+    other, `skipped` those of them that were not performed, `unfinished` those that were
+    interrupted, in order; `answered` the questionnaires already complete, `answers` every
+    (questionnaire, question) that was put; `calibrations` how many validations were stored;
+    `memory` what a simulated participant had learned.
     """
 
     attempts: Mapping[str, int] = field(default_factory=dict)
     finished: frozenset[str] = frozenset()
+    skipped: frozenset[str] = frozenset()
     unfinished: tuple[str, ...] = ()
     answered: frozenset[str] = frozenset()
     answers: frozenset[tuple[str, str]] = frozenset()
@@ -39,6 +41,7 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
     """Derive progress from the events of all earlier parts, oldest first."""
     attempts: dict[str, int] = {}
     finished: set[str] = set()
+    skipped: set[str] = set()
     unfinished: dict[str, None] = {}
     answered: set[str] = set()
     answers: set[tuple[str, str]] = set()
@@ -56,7 +59,10 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
             trial_id = str(event["trial_id"])
             if event["status"] in DONE:
                 finished.add(trial_id)
+                skipped.discard(trial_id)
                 unfinished.pop(trial_id, None)
+                if event["status"] == "skipped":
+                    skipped.add(trial_id)
                 if event["status"] == "skipped" and trial_id not in attempts:
                     attempts[trial_id] = 0
         elif kind == "trial_repeat":
@@ -75,6 +81,7 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
     return Progress(
         attempts,
         frozenset(finished),
+        frozenset(skipped & finished),
         tuple(unfinished),
         frozenset(answered),
         frozenset(answers),

@@ -66,11 +66,11 @@ class TrialRunner:
         self._exchanges_told: dict[str, int] = {}
         self.memory = dict(setup.progress.memory)
         """What a simulated participant had learned at the end of the last trial."""
-        self.finished = len(setup.progress.finished)
+        self._finished, self._skipped = set(setup.progress.finished), set(setup.progress.skipped)
         rates_hz = (rig.headset.display_rate_hz, self._gaze_rate_hz)
         tenths = 2 if rig.has_bands else 1
         self._grid_ns = tenths * NS_PER_S // 10 if all(r % 10 == 0 for r in rates_hz) else NS_PER_S
-        desk.trials_done = self.finished
+        self._tell_desk()
 
     def align(self) -> None:
         """With a simulated participant, wait until display, tracker and bands are in step.
@@ -119,7 +119,10 @@ class TrialRunner:
         desk.flag_lost_eyes(seen_01)
         loop.flush()
         if outcome.status != "interrupted":
-            self.finished += 1
+            self._finished.add(trial.trial_id)
+            self._skipped.discard(trial.trial_id)
+            if outcome.status == "skipped":
+                self._skipped.add(trial.trial_id)
         self._note_memory(trial)
         setup.recorder.trial(
             {
@@ -147,9 +150,18 @@ class TrialRunner:
             }
         )
         desk.end_trial(trial)
-        desk.trials_done = self.finished
+        self._tell_desk()
         desk.raise_if_aborted()
         return outcome
+
+    @property
+    def finished(self) -> int:
+        """How many trials need no other: performed or skipped."""
+        return len(self._finished)
+
+    def _tell_desk(self) -> None:
+        self._desk.trials_skipped = len(self._skipped)
+        self._desk.trials_done = self.finished - self._desk.trials_skipped
 
     def _outcome(self, interrupted: str | None) -> Outcome:
         if self._desk.skip_reason is not None:

@@ -150,9 +150,8 @@ def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> AnyStud
         return _of_object(installed[wanted].value)
     known = (*SHIPPED, *own, *installed)
     raise UsageError(
-        f"there is no study {wanted!r}{did_you_mean(wanted, known) or '.'} Known: "
-        f"{', '.join(known)}; "
-        "or give a study's file, such as ./duel.py"
+        f"there is no study {wanted!r}{did_you_mean(wanted, known)}; or give a study's file, such "
+        "as ./duel.py"
     )
 
 

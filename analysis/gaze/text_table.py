@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from analysis.gaze.stamps import Times
-from lab.errors import DataError
+from lab.errors import DataError, UsageError
 
 NS_PER_UNIT: Mapping[str, int] = {
     "ns": 1,
@@ -112,14 +112,14 @@ def read_text_table(
     """Read all cells as text; empty lines are passed over.
 
     `text` is the content where the file itself is packed; `names` stands for a header line the
-    file lacks. Raises DataError when the file is not there, not text, ragged, names a column
-    twice, or holds no row of data.
+    file lacks. Raises UsageError when the file is not there, DataError when it is not text, ragged,
+    names a column twice, or holds no row of data.
     """
     if text is None:
         try:
             text = path.read_text(encoding="utf-8-sig")
         except FileNotFoundError as error:
-            raise DataError(f"{path}: no such file; check the path") from error
+            raise UsageError(f"{path}: no such file; check the path") from error
         except (OSError, UnicodeDecodeError) as error:
             raise DataError(f"{path}: cannot be read as text ({error})") from error
     rows, lines = [], []

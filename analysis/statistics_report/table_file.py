@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from analysis.statistics.errors import InfiniteValue, MissingValue, NotNumeric, UnknownColumn
-from lab.errors import DataError
+from lab.errors import DataError, UsageError
 
 SIMULATED_COLUMN = "is_simulated"
 MISSING_WORDS = frozenset({"", "na", "nan", "n/a", "null", "none", "#n/a", "."})
@@ -123,13 +123,14 @@ def read_table(path: Path) -> DataTable:
     """Read CSV (comma, semicolon or tab) or Parquet.
 
     Raises:
-        DataError: not there, no table, rows of different length, a column named twice, or
+        UsageError: it is not there.
+        DataError: no table, rows of different length, a column named twice, or
             simulated and real rows together.
     """
     if not path.is_file():
         near = get_close_matches(path.name, [p.name for p in path.parent.glob("*")], 1)
         hint = f"; did you mean {path.parent / near[0]}?" if near else ""
-        raise DataError(f"there is no file {path}{hint}")
+        raise UsageError(f"there is no file {path}{hint}")
     if path.suffix.lower() in (".parquet", ".pq"):
         return _from_parquet(path)
     text, notes = _decoded(path)

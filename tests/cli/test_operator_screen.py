@@ -16,7 +16,7 @@ STATUS = SessionStatus(
     trials_done=5,
     trials_planned=73,
     block="Block 1",
-    condition="condition AD, place left_far",
+    condition="AD, place left_far",
     trial_left_s=9.2,
     session_left_s=1200,
     health={"eye_tracker": HEALTH, "responses": replace(HEALTH, received=0)},
@@ -41,8 +41,8 @@ def test_everything_an_operator_needs_is_on_the_screen() -> None:
 
     for expected in (
         "T05",
-        "condition AD, place left_far",
-        "9 s",
+        "condition  AD, place left_far",
+        "10 s",
         "5/73",
         "~20 min",
         "longest gap",
@@ -59,6 +59,22 @@ def test_everything_an_operator_needs_is_on_the_screen() -> None:
 def test_a_blinded_condition_is_hidden_and_none_is_claimed_between_trials() -> None:
     assert "(hidden)" in drawn(replace(STATUS, condition=""))
     assert "(hidden)" not in drawn(replace(STATUS, condition="", trial_id=""))
+
+
+def test_a_trial_whose_time_is_up_claims_no_seconds_and_one_that_runs_at_least_one() -> None:
+    assert "trial ends in  –" in drawn(replace(STATUS, trial_left_s=None))
+    assert "trial ends in  1 s" in drawn(replace(STATUS, trial_left_s=0.2))
+
+
+def test_a_study_without_calibration_lacks_none() -> None:
+    status = replace(STATUS, accuracy_deg=None, precision_deg=None)
+    assert "calibration  none yet" in drawn(status)
+    assert "calibration  not needed" in drawn(replace(status, is_calibrated_first=False))
+
+
+def test_skipped_trials_are_not_counted_as_done() -> None:
+    assert "5/73, 2 skipped" in drawn(replace(STATUS, trials_skipped=2))
+    assert "skipped" not in drawn(STATUS)
 
 
 def test_a_device_without_samples_yet_shows_no_rate() -> None:

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from analysis.power import Found, PowerRequest, Replicate, jobs_of, run_job, study_seed, summarise
 from benchmarks.stare_studies import condition_means
 from cli.main import app
-from cli.power_commands import power_study, read_effect, read_numbers, read_tests
+from cli.power_commands import free_folder, power_study, read_effect, read_numbers, read_tests
 from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS
 from experiments.stare.study import experiment_of
 from lab.errors import DataError, UsageError
@@ -365,3 +365,13 @@ def test_means_of_a_pool_are_those_of_the_analysis(study: KitPower, folder: Path
     assert simulated
     expected = condition_means(study_rows(12))
     np.testing.assert_allclose(people["dwell_ms"], expected["dwell_ms"])
+
+
+def test_a_folder_that_is_there_is_not_written_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for expected in ("power_stare", "power_stare_2", "power_stare_3"):
+        folder = free_folder("power_stare")
+        assert expected == folder.name
+        folder.mkdir()

@@ -317,7 +317,7 @@ def test_empty_and_doubled_headers_are_refused(tmp_path: Path) -> None:
     path.write_text("s,y\n", encoding="utf-8")
     with pytest.raises(DataError, match="no rows"):
         read_table(path)
-    with pytest.raises(DataError, match=r"did you mean .*t\.csv"):
+    with pytest.raises(UsageError, match=r"did you mean .*t\.csv"):
         read_table(tmp_path / "tt.csv")
 
 

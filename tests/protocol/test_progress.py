@@ -39,9 +39,16 @@ def test_an_interrupted_row_leaves_the_trial_to_be_done_again() -> None:
     assert ["T01", "T03", "T04", "T02"] == ids(left_of(BLOCK, progress))
 
 
+def test_a_trial_skipped_before_and_performed_now_is_not_skipped() -> None:
+    skipped = [start("T01"), end("T01", "skipped")]
+    assert {"T01"} == progress_of(skipped).skipped == progress_of(skipped).finished
+    performed = progress_of([*skipped, start("T01"), end("T01", "complete")])
+    assert frozenset() == performed.skipped
+    assert {"T01"} == performed.finished
+
+
 def test_a_skipped_trial_is_not_done_again() -> None:
     progress = progress_of([start("T01"), end("T01", "skipped")])
-
     assert ["T02", "T03", "T04"] == ids(left_of(BLOCK, progress))
 
 

@@ -12,6 +12,7 @@ from protocol.experiment import Experiment
 from protocol.rig import Rig
 from stage.contracts import GeometryStage, Stage, Viewer
 from stimuli.dressing.picture_of import picture_of
+from visavis.sessions.rig import is_simulated
 
 if TYPE_CHECKING:
     from stage.drawn_stage import Display
@@ -71,7 +72,7 @@ def build_stage(
     else:
         display = _of_headset(config, rig, n)
         _show_images(rig)
-    window = Window(f"Visavis: {experiment.name}", window_px)
+    window = Window(window_title(config, experiment), window_px)
     quality = ON_PROCESSOR if draws_on_processor(window.context) else None
     return DrawnStage(
         picture_of,
@@ -84,6 +85,12 @@ def build_stage(
         own_body=_own_body(config, rig),
         fades=fades,
     )
+
+
+def window_title(config: LabConfig, experiment: Experiment) -> str:
+    """Return the title of a session's window; a rehearsal's says that it is one."""
+    mark = "  ·  SIMULATED, not a participant" if is_simulated(config) else ""
+    return f"Visavis: {experiment.name}{mark}"
 
 
 def _show_images(rig: Rig) -> bool:

@@ -126,7 +126,7 @@ def test_faulty_vive_file_is_refused_by_line(tmp_path, change, complaint):
 
 
 def test_missing_file_unknown_format_and_missing_mapping_are_named(tmp_path):
-    with pytest.raises(DataError, match="no such file"):
+    with pytest.raises(UsageError, match="no such file"):
         read_gaze(tmp_path / "none.csv", "vive")
     with pytest.raises(UsageError, match="choose one of vive"):
         read_gaze(tmp_path / "none.csv", "xls")
