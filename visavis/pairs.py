@@ -292,6 +292,11 @@ class CorrelationTest:
         return None if self.outcome is None else self.outcome.p < self.alpha
 
     @property
+    def holds_corrected(self) -> bool | None:
+        """Tell whether Holm's p stays below alpha: the decision that headlines are made of."""
+        return None if self.outcome is None else self.p_adjusted < self.alpha
+
+    @property
     def direction(self) -> int:
         """The sign of the coefficient."""
         return 0 if self.outcome is None else int(np.sign(self.outcome.r))

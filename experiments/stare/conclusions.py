@@ -18,13 +18,13 @@ RULE = (
     "one of them does and the other does not differ significantly; as reversed when what differs "
     "significantly does so in the other direction only; as mixed when the two measures differ "
     "significantly in opposite directions. Less looking with more social anxiety counts as found "
-    "when dwell time falls with the score (negative Spearman coefficient, p below the uncorrected "
-    "threshold, as in the source) under D, AD and DA; as partly found when it does in one or two "
-    "of them; as reversed when it rises in at least one and falls in none; as mixed when it does "
-    "both. Otherwise the answer is “not significant” with the number of participants, "
-    "which is no proof of absence, or “undecided” when a test was not made or could not "
-    "have reached its threshold with that number whatever the data (an exact Wilcoxon test of n "
-    "differences cannot give less than p = 2/2ⁿ)."
+    "when dwell time falls with the score (negative Spearman coefficient, p below the threshold "
+    "after Holm's correction over all correlations) under D, AD and DA; as partly found when it "
+    "does in one or two of them; as reversed when it rises in at least one and falls in none; as "
+    "mixed when it does both. Otherwise the answer is “not significant” with the number of "
+    "participants, which is no proof of absence, or “undecided” when a test was not made or could "
+    "not have reached its threshold with that number whatever the data (an exact Wilcoxon test of "
+    "n differences cannot give less than p = 2/2ⁿ)."
 )
 
 
@@ -94,8 +94,8 @@ def _anxiety(correlations: Sequence[CorrelationTest]) -> Conclusion:
     tested = [(c, c.outcome.r) for c in dwell if c.outcome is not None]
     if not tested:
         return Conclusion("undecided", question, "not tested", evidence, was_tested=False)
-    falling = [(c, r) for c, r in tested if c.is_significant and r < 0]
-    rising = [(c, r) for c, r in tested if c.is_significant and r > 0]
+    falling = [(c, r) for c, r in tested if c.holds_corrected and r < 0]
+    rising = [(c, r) for c, r in tested if c.holds_corrected and r > 0]
     if rising:
         word = "mixed" if falling else "reversed"
         answer = f"{word} ({_listed([*falling, *rising])})"

@@ -111,6 +111,21 @@ def test_rising_dwell_time_with_anxiety_is_reversed_and_both_is_mixed():
     assert len(both.evidence) == len(STARED_AT)
 
 
+@pytest.mark.parametrize(
+    ("ranks", "holds", "expected"),
+    [
+        ([7, 4, 6, 5, 3, 0, 2, 1], False, "not significant with n = 8"),
+        ([6, 7, 5, 4, 3, 2, 0, 1], True, "found in 1 of 3 conditions (AD rs = −.95)"),
+    ],
+)
+def test_only_correlations_that_stand_after_correction_make_the_headline(ranks, holds, expected):
+    unrelated = np.array([3.0, 0, 5, 1, 7, 4, 2, 6])
+    found = correlations(lambda c: np.array(ranks, float) if c == "AD" else unrelated, 8)
+    (with_ad,) = [c for c in found if c.measure == DWELL and c.level == "AD"]
+    assert (True, holds) == (with_ad.is_significant, with_ad.holds_corrected)
+    assert expected == conclude(made_tests(skewed(8)), found)[-1].answer
+
+
 def test_four_participants_cannot_decide_a_correlation():
     found = correlations(lambda _: np.array([2.0, 1.0, 4.0, 3.0]), 4)
 
