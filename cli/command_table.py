@@ -33,6 +33,9 @@ COMMANDS: Mapping[str, Entry] = {
     ),
     "plan": Entry("session_commands", "Show the order of all trials before anything runs."),
     "lock": Entry("lock_commands", "Freeze what a study plans, before its results are looked at."),
+    "prepare": Entry(
+        "prepare_commands", "Compute what a study needs beforehand, such as the evening before."
+    ),
     "run": Entry("session_commands", "Perform one session on the devices of lab_config.yaml."),
     "resume": Entry(
         "session_commands",

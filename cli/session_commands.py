@@ -28,6 +28,7 @@ from cli.app import (
 )
 from cli.checking_commands import print_check
 from cli.checking_commands import require_session as require_session
+from cli.getting_ready import make_ready
 from cli.lab_companion import LabCompanion
 from cli.operator_screen import TerminalOperator
 from cli.questions import TerminalRespondent
@@ -354,6 +355,9 @@ def _perform(
     without: list[str] | None,
 ) -> None:
     simulated = is_simulated(lab)
+    experiment = study.experiment(settings.parameters)
+    if not fast:
+        make_ready(experiment)  # before the operator's screen, which would stand empty meanwhile
     with ExitStack() as stack:
         operator: Operator = UnattendedOperator()
         respondent = None
@@ -365,7 +369,7 @@ def _perform(
                 respondent = TerminalRespondent(console, screen.suspend)
         request = Request(
             study=study,
-            experiment=study.experiment(settings.parameters),
+            experiment=experiment,
             config=lab,
             participant_label=entry.label,
             participant_index=entry.index,

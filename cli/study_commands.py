@@ -1,24 +1,15 @@
 """simulate, analyse, report, demo: a whole study."""
 
 import webbrowser
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab, verbatim
 from cli.session_commands import LanguageOption
 from cli.studies import folder_of, study_of_lab
+from cli.telling import TELLING
 from lab.clock import StopWatch
 from recording.folder import SIMULATED_ROOT
 from visavis.sessions.studies import analyse_study, simulate_study
@@ -198,27 +189,3 @@ def demo(
     path = analyse_study(folder, processes=processes, telling=TELLING)
     console.print(f"done in {watch.elapsed_s():.0f} s; everything is marked [magenta]SIMULATED[/]")
     console.print(f"[b]report: {verbatim(path)}[/]", soft_wrap=True)
-
-
-class TerminalTelling:
-    """Follow `visavis.sessions.studies.Telling` on the terminal."""
-
-    def say(self, text: str) -> None:
-        """Print it."""
-        console.print(text, markup=False, highlight=False, soft_wrap=True)
-
-    def warn(self, text: str) -> None:
-        """Print it in yellow."""
-        console.print(text, style="yellow", markup=False, highlight=False, soft_wrap=True)
-
-    @contextmanager
-    def progress(self, what: str) -> Iterator[Callable[[int, int], None]]:
-        """Show a bar."""
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-                   TimeElapsedColumn(), TimeRemainingColumn())  # fmt: skip
-        with Progress(*columns, console=console) as bar:
-            line = bar.add_task(what, total=None)
-            yield lambda done, of: bar.update(line, completed=done, total=of)
-
-
-TELLING = TerminalTelling()

@@ -1,18 +1,22 @@
-"""Arrays kept between runs, in the computer's temporary files, under the hash of what they are.
+"""Arrays kept between runs, in the user's cache folder, under the hash of what they are.
 
 For what takes seconds to find and follows from its inputs alone. Nothing is lost with a folder
-that is emptied, or cannot be written to, but time.
+that is emptied, or cannot be written to, but time. Of each name the files used last are kept, up to
+`MAX_KEPT_BYTES`.
 """
 
 import hashlib
 import os
-import tempfile
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from platformdirs import user_cache_path
+
+MAX_KEPT_BYTES = 200_000_000
 
 
 def digest_of(*arrays: npt.NDArray[Any], said: str = "") -> str:
@@ -28,14 +32,15 @@ def read_kept(name: str, key: str) -> dict[str, npt.NDArray[Any]] | None:
 
     `name` says whose it is.
     """
+    path = _folder(name) / f"{key}.npz"
     try:
-        with (
-            (_folder(name) / f"{key}.npz").open("rb") as file,
-            np.load(file, allow_pickle=False) as kept,
-        ):
-            return {name: kept[name] for name in kept.files}
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
+            found = {name: kept[name] for name in kept.files}
     except (OSError, ValueError, zipfile.BadZipFile):
         return None
+    with suppress(OSError):
+        path.touch()  # used last
+    return found
 
 
 def keep(name: str, key: str, what: dict[str, npt.NDArray[Any]]) -> None:
@@ -47,9 +52,19 @@ def keep(name: str, key: str, what: dict[str, npt.NDArray[Any]]) -> None:
         with part.open("wb") as file:
             np.savez(file, allow_pickle=False, **what)
         part.replace(folder / f"{key}.npz")
+        _forget_oldest(folder)
     except OSError:
         return
 
 
+def _forget_oldest(folder: Path) -> None:
+    found = [(path, path.stat()) for path in folder.glob("*.npz")]
+    kept_bytes = 0
+    for path, is_there in sorted(found, key=lambda f: f[1].st_mtime_ns, reverse=True):
+        kept_bytes += is_there.st_size
+        if kept_bytes > MAX_KEPT_BYTES:
+            path.unlink(missing_ok=True)
+
+
 def _folder(name: str) -> Path:
-    return Path(tempfile.gettempdir()) / f"visavis-{name}"
+    return user_cache_path("visavis", appauthor=False) / name

@@ -1,7 +1,7 @@
 """A study on the kit as the session performs it: the plan, each trial, the dark between."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final
@@ -13,7 +13,7 @@ from lab.errors import ConfigError, DesignError
 from lab.geometry import Vector
 from protocol.boards import DwellRule, Ways
 from protocol.design import combinations_of, make_plan
-from protocol.experiment import Demands
+from protocol.experiment import Demands, untold
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
 from stimuli.scene import Scene as StageScene
@@ -153,10 +153,14 @@ class StudyExperiment:
         of = self.study.demands_of
         return Demands() if of is None else of(self.parameters)
 
-    def prepare(self) -> None:
-        """Load and compute what would hold up a frame."""
-        if self.study.prepare_of is not None:
-            self.study.prepare_of(self.parameters)
+    def prepare(self, told: Callable[[int, int], None] = untold) -> None:
+        """Load and compute what would hold up a frame; `told` hears how many of how many."""
+        of = self.study.prepare_of
+        steps = () if of is None else tuple(of(self.parameters))
+        for done, step in enumerate(steps):
+            told(done, len(steps))
+            step()
+        told(len(steps), len(steps))
 
     @property
     def spare_roles(self) -> tuple[str, ...]:

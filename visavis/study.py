@@ -72,6 +72,9 @@ ConcludeOf: TypeAlias = Callable[["StudyAnalysis"], "Sequence[Conclusion]"]
 DemandsOf: TypeAlias = Callable[[Mapping[str, Any]], Demands]
 RolesOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[str]]
 PeopleOf: TypeAlias = Callable[[Mapping[str, Any]], int]
+PrepareOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[Callable[[], object]]]
+"""What is to be loaded or computed before a session, from the parameters: calls to be made."""
+
 AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
 """What a simulated person answers: the option (or text) for what was seen; None leaves it out."""
 
@@ -163,7 +166,7 @@ class Study:
     intertrial_of: IntertrialPlan | None = None
     check_of: Callable[[Mapping[str, Any]], None] | None = None
     demands_of: DemandsOf | None = None
-    prepare_of: Callable[[Mapping[str, Any]], None] | None = None
+    prepare_of: PrepareOf | None = None
     answer_of: AnswerOf | None = None
     person_of: PersonOf | None = None
     scaled_of: ScaledOf | None = None
@@ -225,10 +228,11 @@ class Study:
         self.demands_of = demands
         return demands
 
-    def prepare(
-        self, prepare: Callable[[Mapping[str, Any]], None]
-    ) -> Callable[[Mapping[str, Any]], None]:
-        """Take a function of the parameters as what is loaded before a session (a decorator)."""
+    def prepare(self, prepare: PrepareOf) -> PrepareOf:
+        """Take what is loaded or computed before a session (a decorator).
+
+        A function of the parameters returns it as calls without arguments, to be made in turn.
+        """
         self.prepare_of = prepare
         return prepare
 

@@ -3,8 +3,9 @@
 After Berton et al. (2020), 10.1109/TVCG.2020.3041341.
 """
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -101,11 +102,15 @@ def demands(parameters: Mapping[str, Any]) -> Demands:
 
 
 @study.prepare
-def prepare(parameters: Mapping[str, Any]) -> None:
+def prepare(parameters: Mapping[str, Any]) -> list[Callable[[], object]]:
     """Lay out every crowd and load the kernels of contact, which takes seconds."""
     params = CrowdParameters.of(parameters)
-    for number in (TRAINING_CONFIGURATION, *parameters.get("configuration", CROWDS)):
+
+    def load(number: int) -> None:
         load_contact(laid_out(number, params.density_per_m2), params)
+
+    numbers = (TRAINING_CONFIGURATION, *parameters.get("configuration", CROWDS))
+    return [partial(load, number) for number in numbers]
 
 
 @study.trial

@@ -4,8 +4,10 @@ The source is A. Jovane, Virtual humans: from motion to interaction (thesis, Uni
 2023), chapter 2, sections 2.3.1 to 2.3.3. Means per direction are in figures only.
 """
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -229,6 +231,22 @@ def older(parameters: dict[str, Any]) -> dict[str, Any]:
 def making_of(parameters: Mapping[str, Any]) -> Making:
     """Return what the waves of a study are made from."""
     return Making(**{name: parameters[name] for name in Making.__dataclass_fields__})
+
+
+@study.prepare
+def prepare(p: Mapping[str, Any]) -> list[Callable[[], object]]:
+    """Make every wave of the study, which takes seconds each where none is kept yet."""
+    making = making_of(p)
+    levels = [p.get(f.name, f.levels) for f in study.factors]
+    cells = [dict(zip((f.name for f in study.factors), c, strict=True)) for c in product(*levels)]
+    waves = {}
+    for cell in cells:
+        place, direction = str(cell["participant_place"]), str(cell["direction"])
+        told = {**cell, "target_place": neighbour(place, direction).name}
+        is_own = told["target_place"] == place
+        key = (told["clerk"], told["target_place"], told["technique"], is_own)
+        waves[key] = partial(wave_of, told, making, p["eye_height_m"])
+    return list(waves.values())
 
 
 def who_question(participant_place: str) -> Choice:

@@ -181,7 +181,7 @@ def _equip(request: Request, stack: ExitStack) -> _Devices:
     if respondent is None:
         raise ConfigError("nobody is there to answer the questionnaires; run it in a terminal")
     seed = device_seed(behaviour_seed(request), request.participant_index)
-    if isinstance(request.experiment, Preparing):
+    if isinstance(request.experiment, Preparing) and not request.clock.is_virtual:
         request.experiment.prepare()
     rig = build_rig(request.config, request.clock, participant, seed, stack, request.without)
     return _Devices(rig, participant, respondent)
