@@ -25,6 +25,7 @@ from cli.preview_pictures import (
     simulated_panel,
 )
 from cli.studies import study_of_lab
+from cli.telling import TELLING, Forecast
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import UsageError
 from stimuli.picture import Camera, Picture
@@ -188,9 +189,12 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
         open_movie(path, showing.size_px, rate_hz) as film,
         Progress(console=console, transient=True) as bar,
     ):
-        for seen in bar.track(frames, description="drawing"):
+        forecast = Forecast()
+        for done, seen in enumerate(bar.track(frames, description="drawing"), start=1):
             image: npt.NDArray[np.uint8] = renderer.image(*showing.at(seen), showing.size_px)
             film.add(np.asarray(labelled(image, label)))
+            if said := forecast.told(done, len(frames)):
+                TELLING.say(said)
     _written(path, f", {len(frames) / rate_hz:.1f} s")
 
 

@@ -11,6 +11,7 @@ from cli.checking_commands import require_session
 from cli.preview_commands import picture_size
 from cli.preview_pictures import Viewpoint
 from cli.studies import session_of
+from cli.telling import TELLING, Forecast
 from recording.reader import Recording
 from visavis.catalogue import FilmedStudy
 from visavis.sessions.study_folder import study_of_folder
@@ -44,8 +45,12 @@ def replay(
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("drawing", total=None)
 
+        forecast = Forecast()
+
         def told(done: int, of: int) -> None:
             bar.update(line, completed=done, total=of)
+            if said := forecast.told(done, of):
+                TELLING.say(said.removesuffix(", --png draws one"))
 
         if isinstance(study, FilmedStudy):
             n = study.write_film(

@@ -13,6 +13,12 @@ from rich.progress import (
 )
 
 from cli.app import console
+from lab.clock import StopWatch
+
+MEASURED_PICTURES = 8
+"""A film says how long it takes once so many are drawn after the first, which loads everything."""
+SOON_S = 10.0
+"""What is done within this time is not announced."""
 
 
 class TerminalTelling:
@@ -37,3 +43,26 @@ class TerminalTelling:
 
 
 TELLING = TerminalTelling()
+
+
+class Forecast:
+    """Say once how long a film will take, from its first pictures, and what takes less."""
+
+    def __init__(self, elapsed_s: Callable[[], float] | None = None) -> None:
+        self._elapsed_s = elapsed_s or StopWatch().elapsed_s
+        self._first_s = 0.0
+
+    def told(self, done: int, of: int) -> str:
+        """Hear how many pictures of how many are drawn; return what is to be said, mostly ''."""
+        if done == 1:
+            self._first_s = self._elapsed_s()
+        if done != MEASURED_PICTURES + 1:
+            return ""
+        left_s = (self._elapsed_s() - self._first_s) / MEASURED_PICTURES * (of - done)
+        if left_s < SOON_S:
+            return ""
+        about = f"{left_s:.0f} s" if left_s < 90 else f"{left_s / 60:.0f} min"
+        return (
+            f"{of} pictures, about {about} more; --seconds, --rate and --size make it fewer and "
+            "smaller ones, --png draws one"
+        )
