@@ -11,7 +11,7 @@ from cli.doctor_findings import Finding
 from devices.libraries import LSL, Library
 from devices.registry import driver_spec, driver_specs
 from devices.states import is_installed
-from lab.clock import NS_PER_MS, Clock
+from lab.clock import MAX_STEP_NS, NS_PER_MS, Clock, clock_step_ns
 from lab.config import LabConfig
 from recording.provenance import provenance
 from visavis.sessions.data_root import data_disk
@@ -146,6 +146,12 @@ def _clock(clock: Clock) -> Finding:
         wake_ns = clock.now_ns() + NAP_NS
         clock.sleep_until_ns(wake_ns)
         late_ms.append((clock.now_ns() - wake_ns) / NS_PER_MS)
+    step_ms = clock_step_ns(clock) / NS_PER_MS
+    if step_ms > MAX_STEP_NS / NS_PER_MS:
+        return Finding(
+            COMPUTER, "clock", "missing", f"moves in steps of {step_ms:g} ms: too coarse",
+            "switch the high precision event timer on in the computer's firmware",
+        )  # fmt: skip
     text = f"wakes {median(late_ms):.2f} ms late (worst {max(late_ms):.1f}); {clock.wall_iso()}"
     if median(late_ms) > LATE_NAP_MS:
         return Finding(

@@ -78,6 +78,11 @@ def _openxr_manifests() -> list[Path]:
         return [Path(given)]
     if sys.platform == "win32":
         return _openxr_of_windows()
+    else:  # mypy takes what follows a return for dead on Windows
+        return _openxr_of_home()
+
+
+def _openxr_of_home() -> list[Path]:
     config = os.environ.get("XDG_CONFIG_HOME", "")
     home = Path(config) if config else Path.home() / ".config"
     return [p / "openxr" / "1" / "active_runtime.json" for p in (home, Path("/etc/xdg"))]

@@ -1,8 +1,12 @@
 """Read time: the one module that may import `time`."""
 
+import sys
 import time
+from collections.abc import Callable
 from datetime import datetime
 from typing import Protocol
+
+from lab.errors import ConfigError
 
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
@@ -30,19 +34,44 @@ class Clock(Protocol):
         ...
 
 
+SPIN_NS = 1_500_000 if sys.platform == "win32" else 0
+"""The last stretch before a deadline that is looked through: Windows wakes a sleeper that late."""
+
+MAX_STEP_NS = 100_000
+"""A clock that moves in larger steps cannot tell when within a frame something was."""
+
+STEPS_LOOKED_AT = 9
+MAX_LOOK_NS = NS_PER_S
+MAX_LOOKS = 50_000_000
+
+
 class SystemClock:
-    """The machine's monotonic clock; sleeping really sleeps."""
+    """The machine's performance counter, monotonic; sleeping really sleeps.
+
+    On Linux and macOS it is the monotonic clock itself; on Windows that one moves in steps of
+    15.6 ms before Python 3.13. `counter_ns`, `sleep_s` and `spin_ns` stand in for it in tests.
+    """
 
     is_virtual = False
 
+    def __init__(
+        self,
+        counter_ns: Callable[[], int] = time.perf_counter_ns,
+        sleep_s: Callable[[float], None] = time.sleep,
+        spin_ns: int = SPIN_NS,
+    ) -> None:
+        self._counter_ns = counter_ns
+        self._sleep_s = sleep_s
+        self._spin_ns = spin_ns
+
     def now_ns(self) -> int:
-        """Return the monotonic clock's nanoseconds."""
-        return time.monotonic_ns()
+        """Return the performance counter's nanoseconds."""
+        return self._counter_ns()
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
-        """Sleep until the deadline."""
-        while (left_ns := deadline_ns - time.monotonic_ns()) > 0:
-            time.sleep(left_ns / NS_PER_S)
+        """Sleep until the deadline; the last stretch is looked through where sleeping is coarse."""
+        while (left_ns := deadline_ns - self._counter_ns()) > 0:
+            self._sleep_s(max(0, left_ns - self._spin_ns) / NS_PER_S)
 
     def wall_iso(self) -> str:
         """Return local wall time with its offset."""
@@ -69,6 +98,36 @@ class SimClock:
     def wall_iso(self) -> str:
         """Return the epoch every simulated session claims."""
         return SIMULATED_EPOCH_ISO
+
+
+def clock_step_ns(clock: Clock) -> int:
+    """Return the smallest step a clock was seen to make, in ns; 0 for a virtual one.
+
+    It is looked at for a second at most: a clock that stands still is one second coarse.
+    """
+    if clock.is_virtual:
+        return 0
+    first_ns = last_ns = clock.now_ns()
+    least_ns, seen = MAX_LOOK_NS, 0
+    for _ in range(MAX_LOOKS):
+        now_ns = clock.now_ns()
+        if now_ns != last_ns:
+            least_ns, last_ns, seen = min(least_ns, now_ns - last_ns), now_ns, seen + 1
+        if seen == STEPS_LOOKED_AT or now_ns - first_ns > MAX_LOOK_NS:
+            break
+    return least_ns
+
+
+def require_fine_clock(clock: Clock) -> None:
+    """Refuse a clock too coarse to stamp samples by; raises ConfigError with the reason."""
+    step_ns = clock_step_ns(clock)
+    if step_ns > MAX_STEP_NS:
+        raise ConfigError(
+            f"this computer's clock moves in steps of {step_ns / NS_PER_MS:g} ms, more than "
+            f"{MAX_STEP_NS / NS_PER_MS:g} ms, so no sample could be told apart within a frame; "
+            "switch the high precision event timer on in the computer's firmware, or use another "
+            "computer"
+        )
 
 
 class StopWatch:

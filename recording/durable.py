@@ -5,6 +5,7 @@ import hashlib
 import os
 import shutil
 import stat
+import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,15 +78,14 @@ def share_with_group(folder: Path, group: str) -> None:
 
     Raises RecordingError when there is no such group, or you are not in it.
     """
-    if os.name == "nt":
-        return
     try:
-        if modes_in(folder) is GROUP and folder.group() == group:
-            return  # another of the group made it, and only that one may change it
-        shutil.chown(folder, group=group)
-        folder.chmod(GROUP.folder)
-        if not folder.stat().st_mode & stat.S_ISGID:
-            raise PermissionError(errno.EPERM, "you are not in it")
+        if sys.platform != "win32":
+            if modes_in(folder) is GROUP and folder.group() == group:
+                return  # another of the group made it, and only that one may change it
+            shutil.chown(folder, group=group)
+            folder.chmod(GROUP.folder)
+            if not folder.stat().st_mode & stat.S_ISGID:
+                raise PermissionError(errno.EPERM, "you are not in it")
     except (LookupError, OSError) as error:
         raise RecordingError(
             f"{folder} cannot be given to the group {group!r}: {error}; correct privacy.group in "

@@ -17,15 +17,25 @@ def lock_path(session_dir: Path) -> Path:
     return session_dir.parent / f".{session_dir.name}.lock"
 
 
+MAX_READERS = 64
+"""How many may read a session at a time on Windows."""
+
 if sys.platform == "win32":
     import msvcrt
 
     def _try_lock(fd: int, *, shared: bool) -> bool:
-        try:
-            msvcrt.locking(fd, msvcrt.LK_NBLCK, 1)
-        except OSError:
-            return False
-        return True
+        """Lock a byte of one's own for reading, every byte for writing.
+
+        Windows has exclusive locks only, so readers keep out of each other's way.
+        """
+        for place in range(MAX_READERS if shared else 1):
+            os.lseek(fd, place, os.SEEK_SET)
+            try:
+                msvcrt.locking(fd, msvcrt.LK_NBLCK, 1 if shared else MAX_READERS)
+            except OSError:
+                continue
+            return True
+        return False
 
 else:
     import fcntl

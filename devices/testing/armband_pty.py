@@ -2,13 +2,33 @@
 
 import os
 import select
+import sys
 import threading
-import tty
 
 from devices.sim.armband.firmware import ArmbandFirmware
 from lab.clock import Clock
+from lab.errors import DeviceNotFound
 
 LOOP_S = 0.001
+
+
+def open_terminal(*, blocking: bool = True) -> tuple[int, int, str]:
+    """Open a raw pseudo-terminal; return its two ends and the name that others open.
+
+    Raises DeviceNotFound on Windows, which has none.
+    """
+    if sys.platform == "win32":
+        raise DeviceNotFound(
+            "Windows has no pseudo-terminals, on which this simulator stands",
+            remedy="rehearse on the virtual clock (visavis simulate), or on Linux or macOS",
+        )
+    else:  # mypy takes what follows a raise for dead on Windows
+        import tty
+
+        own, other = os.openpty()
+        tty.setraw(other)
+        os.set_blocking(own, blocking)
+        return own, other, os.ttyname(other)
 
 
 class PtyArmband:
@@ -18,9 +38,7 @@ class PtyArmband:
         self.firmware = firmware if firmware is not None else ArmbandFirmware()
         self._clock = clock
         self._origin_ns = clock.now_ns()
-        self._own, self._other = os.openpty()
-        tty.setraw(self._other)
-        self.port = os.ttyname(self._other)
+        self._own, self._other, self.port = open_terminal()
         self._stopping = threading.Event()
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._serve, name="pty-armband", daemon=True)

@@ -10,10 +10,10 @@ import asyncio
 import contextlib
 import os
 import threading
-import tty
 from typing import Any, Literal
 
 from devices.byte_links import BytePeer
+from devices.testing.armband_pty import open_terminal
 from lab.clock import Clock
 from lab.errors import DeviceError
 
@@ -35,11 +35,7 @@ class VirtualBluetooth:
     def __init__(self, peer: BytePeer, clock: Clock, kind: Literal["classic", "le"]) -> None:
         self.found_channel: int | None = None
         self._peer, self._clock, self._kind = peer, clock, kind
-        self._own, other = os.openpty()
-        tty.setraw(other)
-        self._other = other
-        self.port = os.ttyname(other)
-        os.set_blocking(self._own, False)
+        self._own, self._other, self.port = open_terminal(blocking=False)
         self._failure: BaseException | None = None
         self._ready = threading.Event()
         self._loop = asyncio.new_event_loop()

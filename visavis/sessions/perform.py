@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from devices.contracts import Armband, Device, DeviceInfo, OwnRecording, SessionName
 from devices.haptic_safety import HapticGuard
 from devices.shared_body import SharedBody
-from lab.clock import Clock, SimClock
+from lab.clock import Clock, SimClock, require_fine_clock
 from lab.config import LabConfig
 from lab.errors import ConfigError, RecordingError, SessionAborted
 from protocol.experiment import Experiment, Preparing, Respondent
@@ -178,6 +178,7 @@ class _Devices:
 def _equip(request: Request, stack: ExitStack) -> _Devices:
     participant = _simulated_participant(request)
     respondent = request.respondent or participant
+    require_fine_clock(request.clock)
     if respondent is None:
         raise ConfigError("nobody is there to answer the questionnaires; run it in a terminal")
     seed = device_seed(behaviour_seed(request), request.participant_index)

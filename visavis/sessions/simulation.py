@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -34,10 +35,9 @@ def worker_count(asked: int | None) -> int:
     """Return how many processes to use: as asked, or one per usable core."""
     if asked is not None:
         return max(asked, 1)
-    try:
+    if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
-    except AttributeError:
-        return os.cpu_count() or 1
+    return os.cpu_count() or 1
 
 
 def simulate_one(task: SimulationTask) -> Path:

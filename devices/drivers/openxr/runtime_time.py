@@ -15,6 +15,8 @@ from lab.errors import DeviceNotFound
 TIMESPEC = "XR_KHR_convert_timespec_time"
 PERFORMANCE_COUNTER = "XR_KHR_win32_convert_performance_counter_time"
 
+READINGS = 5
+
 FROM_COUNTER = ctypes.CFUNCTYPE(
     ctypes.c_int32, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int64), ctypes.POINTER(ctypes.c_int64)
 )
@@ -59,13 +61,27 @@ class RuntimeTime:
         if self._convert is None:
             stamp = xr.timespec(now_ns // NS_PER_S, now_ns % NS_PER_S)
             return now_ns, int(xr.convert_timespec_time_to_time_khr(self._instance, stamp).value)
-        ticks, found = ctypes.c_int64(self._counter()), ctypes.c_int64()
+        now_ns, read = self._paired()
+        ticks, found = ctypes.c_int64(read), ctypes.c_int64()
         instance = ctypes.cast(self._instance, ctypes.c_void_p)
         result = self._convert(instance, ctypes.byref(ticks), ctypes.byref(found))
         problem = xr.check_result(xr.Result(result))
         if problem.is_exception():
             raise problem
         return now_ns, int(found.value)
+
+    def _paired(self) -> tuple[int, int]:
+        """Return session time and counter of one instant: the closest of a few readings.
+
+        Both are the performance counter; between two readings this thread may be set aside.
+        """
+        best = (2**62, 0, 0)
+        for _ in range(READINGS):
+            before_ns = self._clock.now_ns()
+            ticks = self._counter()
+            after_ns = self._clock.now_ns()
+            best = min(best, (after_ns - before_ns, (before_ns + after_ns) // 2, ticks))
+        return best[1], best[2]
 
 
 def performance_counter() -> int:
