@@ -1,4 +1,4 @@
-"""devices: list, test, identify, setup, capture, replay."""
+"""devices: list, test, identify, setup, rules, capture, replay."""
 
 import json
 from dataclasses import asdict, replace
@@ -132,6 +132,47 @@ def set_up_device(role: RoleArgument, config: ConfigOption = None) -> None:
         raise UsageError(f"{role} is simulated, and simulated devices need no set-up")
     options = spec.checked_options(role, device.options)
     console.print(spec.set_up(Site(spec, role, SystemClock(), options)), soft_wrap=True)
+
+
+@devices_app.command("rules")
+def print_rules(
+    config: ConfigOption = None,
+    install: Annotated[
+        bool, typer.Option("--install", help="Write them to /etc/udev (as root) and load them.")
+    ] = False,
+) -> None:
+    """Print the udev rules that let you use the lab's serial, HID and USB devices on Linux.
+
+    Example: visavis devices rules
+    """
+    from devices.access_rules import RULES_PATH, access_rules
+
+    rules = access_rules(load_lab(config, quiet=True).devices)
+    for note in rules.notes:
+        typer.echo(f"# {note}", err=True)
+    if not install:
+        typer.echo(rules.text, nl=False)
+        return
+    install_rules(rules.text, Path(RULES_PATH))
+    console.print(f"{RULES_PATH} is in force; unplug the devices and plug them in again")
+
+
+def install_rules(text: str, path: Path) -> None:
+    """Write rules and let udev read them; raises UsageError where this may not be done."""
+    import shutil
+    import subprocess
+
+    udevadm = shutil.which("udevadm")
+    if udevadm is None:
+        raise UsageError("this computer has no udev; rules are for Linux with udev alone")
+    try:
+        path.write_text(text, "utf-8")
+    except OSError as problem:
+        raise UsageError(
+            f"{path} cannot be written ({problem.strerror}); run: "
+            f"visavis devices rules | sudo tee {path} && sudo udevadm control --reload"
+        ) from problem
+    subprocess.run([udevadm, "control", "--reload"], check=False)  # noqa: S603 - the system's own
 
 
 @devices_app.command("capture")

@@ -184,7 +184,7 @@ class DriverSpec(Generic[O]):
     stands_for: str = ""
     """The devices it drives, for docs/devices.md; `vendor` and `model` when left out."""
     checked: str = ""
-    """The lowest boundary at which it was exercised."""
+    """Against what its bytes were held, "our reading" of a document too, and on which boundary."""
     unproven: str = ""
     """What only the real unit can show."""
 

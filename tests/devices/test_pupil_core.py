@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from devices.contracts import DeviceState
+from devices.contracts import DeviceState, SessionName
 from devices.sim.gaze.tracker_error import TrackerErrorModel
 from lab.clock_fit import offset_ns
 from lab.geometry import angle_deg
@@ -91,6 +91,22 @@ def test_calibration_makes_gaze_more_accurate():
         rig.calibrate()
         after.append(mean_error(rig))
     assert np.mean(after) < 0.5 * np.mean(before)
+
+
+def test_marks_of_a_session_stand_in_captures_own_recording(tmp_path):
+    rig = Rig()
+    rig.driver.open(2.0)
+    rig.driver.annotate("too early", rig.clock.now_ns())
+    rig.driver.begin_recording(SessionName("stare", "S001", 1, 2), tmp_path)
+    rig.pump.start()
+    rig.driver.annotate("trial 1", rig.clock.now_ns())
+    rig.driver.close()
+
+    (found,) = rig.simulator.recordings.items()
+    assert (found[0], [mark["label"] for mark in found[1]]) == ("stare_S001_001_02", ["trial 1"])
+    rig.driver.open(2.0)
+    rig.driver.annotate("too late", rig.clock.now_ns())
+    assert [mark["label"] for mark in found[1]] == ["trial 1"]
 
 
 def test_blink_loses_confidence_and_validity():

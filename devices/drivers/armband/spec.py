@@ -102,7 +102,7 @@ SERIAL_ARMBAND: AnySpec = DriverSpec(
     capabilities=frozenset({"haptics", "rate", "patterns"}),
     library=SERIAL,
     stands_for="our armband, cable",
-    checked="the firmware's image in simavr, on a pseudo-terminal",
+    checked="our own firmware's image in simavr, on a pseudo-terminal",
     unproven="motors, skin, radio, battery under load",
 )
 BLE_ARMBAND: AnySpec = replace(
@@ -112,7 +112,7 @@ BLE_ARMBAND: AnySpec = replace(
     wire="Bluetooth LE",
     library=BLE,
     stands_for="our armband, Bluetooth",
-    checked="genuine bleak over our BlueZ; RFCOMM of a virtual radio",
+    checked="our own protocol; genuine bleak over our BlueZ; RFCOMM of a virtual radio",
     unproven="intervals, pairing, jitter",
 )
 SPP_ARMBAND = replace(

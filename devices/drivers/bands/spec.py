@@ -76,7 +76,7 @@ NEOSENSORY_BUZZ: AnySpec = DriverSpec(
     wire="Bluetooth LE",
     library=BLE,
     stands_for="Neosensory Buzz, Google's slim board",
-    checked="genuine bleak over our BlueZ",
+    checked="messages compared with the vendors' code; genuine bleak over our BlueZ",
     unproven="current firmware; packet sizes",
 )
 
@@ -159,7 +159,7 @@ VHP_SLEEVE: AnySpec = DriverSpec(
     wire="serial port",
     library=SERIAL,
     stands_for="Google's sleeve, a laboratory's own firmware",
-    checked="virtual clock",
+    checked="VHP's messages compared with its code, text by the lab's own firmware; virtual clock",
     unproven="the adapter; your firmware",
 )
 
@@ -220,7 +220,7 @@ BHAPTICS = DriverSpec(
     library=WEBSOCKETS,
     dials=True,
     stands_for="bHaptics forearm unit",
-    checked="a real WebSocket",
+    checked="our reading of the vendor's first client; a real WebSocket",
     unproven="a current Player",
 )
 
@@ -369,7 +369,7 @@ HID_ARMBAND = DriverSpec(
     wire="USB HID",
     library=HID,
     stands_for="USB bands",
-    checked="stand-in for hidapi; genuine pyusb",
+    checked="our own reports; stand-in for hidapi; genuine pyusb",
     unproven="access rights, libusb",
 )
 USB_ARMBAND = replace(

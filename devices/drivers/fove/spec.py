@@ -30,7 +30,7 @@ FOVE = DriverSpec(
     capabilities=frozenset({"gaze", "per_eye", "pupil", "head_frame", "calibration"}),
     runtime="fove",
     stands_for="FOVE 0",
-    checked="C library of our own behind ctypes",
+    checked="our reading of the vendor's header; C library of our own behind ctypes",
     unproven="axes, low-accuracy code, layout of versions",
 )
 SPECS = (FOVE,)

@@ -55,7 +55,7 @@ GAZEPOINT = DriverSpec(
     ),
     dials=True,
     stands_for="Gazepoint GP3",
-    checked="TCP",
+    checked="our reading of the Open Gaze document; TCP",
     unproven="axes of eye positions, missing fields",
 )
 SPECS = (GAZEPOINT,)

@@ -80,7 +80,7 @@ class HidReports:
         except OSError as cause:
             raise DeviceNotFound(
                 f"the eye tracker {self.kind} cannot be opened ({cause})",
-                remedy="close other programs that use it; on Linux allow access by a udev rule",
+                remedy="close other programs that use it; on Linux: visavis devices rules",
             ) from cause
         self._device = device
         reports = walk_descriptor(self._descriptor())

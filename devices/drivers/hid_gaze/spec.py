@@ -32,7 +32,7 @@ HID_GAZE = DriverSpec(
     capabilities=frozenset({"gaze", "screen_frame"}),
     library=HID,
     stands_for="USB HID eye tracker, usage page 0x12",
-    checked="genuine hidapi over umockdev",
+    checked="our reading of the HID usage tables; genuine hidapi over umockdev",
     unproven="real descriptors, unit of stamps",
 )
 SPECS = (HID_GAZE,)

@@ -7,6 +7,7 @@ import contextlib
 import os
 import threading
 from collections.abc import Sequence
+from errno import EACCES
 from typing import Any
 
 from devices.byte_links import Chunk
@@ -17,6 +18,8 @@ BAUD = 38_400
 WRITE_TIMEOUT_S = 0.2
 MOST_BYTES = 4096
 REMEDY = "plug the band in or switch it on; `visavis doctor` lists what is plugged in"
+
+ACCESS_REMEDY = "you may not use this port: visavis devices rules says how to change that"
 
 
 class SerialLink:
@@ -78,7 +81,8 @@ class SerialLink:
         except (serial.SerialException, OSError, ValueError) as cause:
             errno = cause.errno if isinstance(cause, OSError) else None
             why = os.strerror(errno) if errno else str(cause)
-            raise DeviceNotFound(f"cannot open {name}: {why}", remedy=REMEDY) from cause
+            remedy = ACCESS_REMEDY if errno == EACCES else REMEDY
+            raise DeviceNotFound(f"cannot open {name}: {why}", remedy=remedy) from cause
         self._serial = opened
 
     def write(self, data: bytes) -> int:

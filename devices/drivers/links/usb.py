@@ -14,7 +14,7 @@ from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
 REMEDY = "plug the band in, then look at `visavis devices list`"
-LINUX_REMEDY = f"{REMEDY}; on Linux a udev rule must let you use it"
+LINUX_REMEDY = f"{REMEDY}; on Linux a udev rule must let you use it (visavis devices rules)"
 WRITE_TIMEOUT_MS = 200
 MOST_INPUT_BYTES = 64
 MOST_AT_ONCE = 64

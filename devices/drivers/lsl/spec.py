@@ -116,7 +116,7 @@ LSL_GAZE = DriverSpec(
     library=LSL,
     listens=LISTENS,
     stands_for="any LSL gaze stream; TittaLSL",
-    checked="genuine liblsl; labels in memory",
+    checked="genuine liblsl; TittaLSL's labels by our reading of its source",
     unproven="other senders' meta-data; a Tobii Pro",
 )
 TOBII_LSL = replace(

@@ -14,12 +14,14 @@ if TYPE_CHECKING:
 class NatNetOptions(StreamOptions):
     """Options of `natnet`: Motive's computer; without a group the stream is unicast."""
 
-    of_wire = frozenset({"address", "port", "multicast_group", "data_port"})
+    of_wire = frozenset({"address", "port", "multicast_group", "data_port", "local_address"})
 
     address: str = Field(default="127.0.0.1", min_length=1)
     port: int = Field(default=1510, ge=1, le=65535)
     multicast_group: str = "239.255.42.99"
     data_port: int = Field(default=1511, ge=1, le=65535)
+    local_address: str = ""
+    """This computer's address on Motive's network; needed where it has several."""
     bodies: dict[str, str] = Field(default_factory=dict)
     skeleton: str = ""
     yaw_deg: float = Field(
@@ -45,6 +47,7 @@ def _motive(site: Here) -> "MessageTransport":
     group = options.multicast_group
     return UdpTransport(
         site.clock,
+        local_address=options.local_address,
         peer=(options.address, options.port),
         group=(group, options.data_port) if group else None,
     )
@@ -65,7 +68,7 @@ NATNET = DriverSpec(
     listens=("UDP {data_port}",),
     binds="data_port",
     stands_for="OptiTrack Motive 3.0–4.2",
-    checked="UDP",
+    checked="messages compared with the vendor's SDK by reading; UDP",
     unproven="any Motive; multicast",
 )
 SPECS = (NATNET,)

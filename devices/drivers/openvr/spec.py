@@ -104,7 +104,7 @@ OPENVR_HEADSET = DriverSpec(
     library=OPENVR,
     runtime="openvr",
     stands_for="SteamVR headset",
-    checked="genuine package, C `vrclient` of our own",
+    checked="the genuine package and its header's layouts; C `vrclient` of our own",
     unproven="SteamVR; what the eye sees",
 )
 OPENVR_CONTROLLERS = DriverSpec(

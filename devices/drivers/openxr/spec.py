@@ -69,7 +69,7 @@ OPENXR_HEADSET = DriverSpec(
     library=OPENXR,
     runtime="openxr",
     stands_for="OpenXR headset: poses and pace",
-    checked="genuine loader, C runtime of our own",
+    checked="genuine loader and pyopenxr, our reading of the specification; C runtime of our own",
     unproven="any runtime",
 )
 OPENXR_CONTROLLERS = DriverSpec(
@@ -86,7 +86,7 @@ OPENXR_CONTROLLERS = DriverSpec(
     library=OPENXR,
     runtime="openxr",
     stands_for="OpenXR controllers",
-    checked="genuine loader, C runtime of our own",
+    checked="genuine loader and pyopenxr, our reading of the specification; C runtime of our own",
     unproven="any runtime and its profiles",
 )
 OPENXR_GAZE = DriverSpec(
@@ -104,7 +104,7 @@ OPENXR_GAZE = DriverSpec(
     library=OPENXR,
     runtime="openxr",
     stands_for="OpenXR eye gaze",
-    checked="genuine loader, C runtime of our own",
+    checked="genuine loader and pyopenxr, our reading of the specification; C runtime of our own",
     unproven="any runtime: latency, smoothing",
 )
 SPECS = (OPENXR_HEADSET, OPENXR_CONTROLLERS, OPENXR_GAZE)

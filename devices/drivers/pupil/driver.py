@@ -5,13 +5,15 @@ Capture's clock is never set: offsets come from repeated `t` requests, all of th
 stream has no sample counter, so `seq` counts what arrived and loss shows in the stamps alone.
 """
 
+import contextlib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from devices.contracts import GAZE, CalibrationOutcome, ClockPair, DeviceState, Fault
+from devices.contracts import GAZE, CalibrationOutcome, ClockPair, DeviceState, Fault, SessionName
 from devices.drivers.pupil import codec
 from devices.drivers.pupil.answers import ROW_BYTES, check_version, eyes_seen, read_port
 from devices.drivers.pupil.calibration import HmdCalibration
@@ -22,7 +24,7 @@ from devices.drivers.streaming.gaze_device import GazeDevice
 from devices.drivers.streaming.gaze_rays import Sample
 from devices.transports import Message, MessageTransport
 from lab.clock import NS_PER_S, Clock
-from lab.errors import ProtocolViolation
+from lab.errors import DeviceError, ProtocolViolation
 from lab.geometry import Vector
 
 TOPICS = (codec.GAZE_TOPIC, codec.NOTIFY_TOPIC)
@@ -55,6 +57,7 @@ class PupilCore(GazeDevice):
         self._opening_exchanges = opening_exchanges
         self._procedure = HmdCalibration(self._notify, eye_distance_mm, reference_distance_m)
         self._is_calibrated = False
+        self._is_recording = False
         self._publish_port = 0
         super().__init__(
             role,
@@ -104,6 +107,31 @@ class PupilCore(GazeDevice):
         self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
         frames = codec.encode_annotation(text, self._to_device_ns(t_host_ns))
         self._mark(lambda: self._transport.send(self._publish_port, frames))
+
+    def begin_recording(self, name: SessionName, folder: Path) -> None:
+        """Let Capture record, annotations too: it takes them only while that plug-in runs.
+
+        The recording stays on Capture's computer, under the session's name.
+        """
+        self._life.require("begin_recording", DeviceState.OPEN)
+        self._notify("start_plugin", name="Annotation_Capture", args={})
+        deadline_ns = self._clock.now_ns() + round(COMMAND_TIMEOUT_S * NS_PER_S)
+        part = f"{name.study}_{name.participant}_{name.session:03d}_{name.part:02d}"
+        answer = self._answer(f"R {part}".encode(), deadline_ns)
+        if not answer.startswith("OK"):
+            raise ProtocolViolation(
+                f"does not record: {answer[:80]!r}", role=self.info.role, remedy=PUPIL_CORE.remedy
+            )
+        self._is_recording = True
+
+    def close(self) -> None:
+        """End Capture's recording, and close the wire; idempotent."""
+        if self._is_recording:
+            self._is_recording = False
+            self._wire.release()
+            with contextlib.suppress(DeviceError):  # it is away: whoever sees it ends it there
+                self._answer(b"r", self._clock.now_ns() + round(COMMAND_TIMEOUT_S * NS_PER_S))
+        super().close()
 
     # ---- connection -------------------------------------------------------------------------
 

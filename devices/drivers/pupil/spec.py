@@ -62,7 +62,7 @@ PUPIL_CORE = DriverSpec(
     library=ZMQ,
     dials=True,
     stands_for="Pupil Labs Core, Pupil Capture 2.0 or newer",
-    checked="genuine ZeroMQ against our server",
-    unproven="axes of the 3-D fields; calibration by references",
+    checked="numbers of Capture's own calibration, decoding compared with its code; genuine ZeroMQ",
+    unproven="axes of the 3-D fields",
 )
 SPECS = (PUPIL_CORE,)

@@ -45,7 +45,7 @@ XSENS = DriverSpec(
     listens=("UDP {port}",),
     binds="port",
     stands_for="Xsens MVN",
-    checked="UDP",
+    checked="our reading of the vendor's document and public parsers; UDP",
     unproven="MVN's axes per message type",
 )
 SPECS = (XSENS,)

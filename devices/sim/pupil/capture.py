@@ -63,7 +63,8 @@ class PupilCoreSimulator:
     an epoch of its own (from the seed) and runs `drift_ppm` fast. Noise is drawn from (seed,
     `body.stretch()`) and the systematic error from (seed, `body.fit()`, the fit calibrated at).
     Session time of the fault schedule begins when the simulator is made. `ports` are what
-    SUB_PORT and PUB_PORT answer.
+    SUB_PORT and PUB_PORT answer. `recordings` are the annotations in each recording by its name:
+    those sent while it ran, once the plug-in that takes them was started.
     """
 
     def __init__(
@@ -81,6 +82,9 @@ class PupilCoreSimulator:
     ) -> None:
         self.ports = DEFAULT_PORTS
         self.annotations: list[dict[str, Any]] = []
+        self.recordings: dict[str, list[dict[str, Any]]] = {}
+        self._recording: str | None = None
+        self._captures_annotations = False
         self._body = body
         self._seed = seed
         self._rate_hz = rate_hz
@@ -165,6 +169,8 @@ class PupilCoreSimulator:
             payload = _unpacked(frames[1])
             if payload is not None:
                 self.annotations.append(payload)
+                if self._recording is not None and self._captures_annotations:
+                    self.recordings[self._recording].append(payload)
 
     def device_ns(self, t_ns: int) -> int:
         """Return what the device's clock shows at a session time."""
@@ -189,6 +195,11 @@ class PupilCoreSimulator:
         if command == b"v":
             fault = self._faults.active("version", t_ns - self._origin_ns)
             return fault.text if fault is not None else self._version
+        if command[:1] == b"R":
+            self._recording = command[2:].decode("utf-8", "replace")
+            self.recordings[self._recording] = []
+        elif command[:1] == b"r":
+            self._recording = None
         if command[:1] in (b"R", b"r", b"C", b"c"):
             return "OK"
         return "Unknown command."
@@ -300,6 +311,8 @@ class PupilCoreSimulator:
         if notification is None:
             return
         subject = notification.get("subject")
+        if subject == "start_plugin" and notification.get("name") == "Annotation_Capture":
+            self._captures_annotations = True
         if subject == "calibration.should_start":
             if "translation_eye0" in notification and "translation_eye1" in notification:
                 self._judge = CalibrationJudge()
