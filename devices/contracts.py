@@ -199,6 +199,18 @@ class PatientCalibration(Protocol):
         ...
 
 
+@runtime_checkable
+class CameraOnHead(Protocol):
+    """What an eye tracker offers whose camera sits on the head at an angle that is not known.
+
+    The angle is fitted from targets once it is worn; it holds until the device is opened anew.
+    """
+
+    def turn_to_head(self, matrix: Vector) -> None:
+        """Turn gaze by this rotation (3, 3) from now on, on top of the rotation so far."""
+        ...
+
+
 @dataclass(frozen=True)
 class SessionName:
     """Which part of which session is recorded: what a device's own recording is called by."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from devices.contracts import CalibrationOutcome, EyeTracker, PatientCalibration
+from devices.contracts import CalibrationOutcome, CameraOnHead, EyeTracker, PatientCalibration
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import DeviceTimeout
 from lab.geometry import (
@@ -21,6 +21,7 @@ from lab.geometry import (
     rotate,
     unit,
 )
+from lab.rotation_fit import fit_turn
 from lab.schema import SampleBatch
 from protocol.experiment import Experiment, ValidationPoint
 from protocol.frame_loop import FrameLoop
@@ -59,6 +60,19 @@ class TargetTiming:
     validation_sample_ms: int = 2000
 
 
+MIN_POINTS_OF_FIT = 5
+MAX_RESIDUAL_DEG = 3.0
+
+
+@dataclass(frozen=True)
+class HeadFit:
+    """The rotation (3, 3) put on top of a camera's own, its angle, and the error that is left."""
+
+    matrix: Vector
+    angle_deg: float
+    residual_deg: float
+
+
 class GazeSetup:
     """Show targets and collect what the eye tracker says meanwhile."""
 
@@ -77,12 +91,16 @@ class GazeSetup:
         self._participant = participant
         self._next_frame = next_frame
         self._timing = timing
+        self.head_fit: HeadFit | None = None
+        """How the camera was last found to sit on the head, of a tracker that has one there."""
 
     def calibrate(self) -> CalibrationOutcome:
         """Run one calibration; raises DeviceError when the tracker is gone.
 
         A tracker that is calibrated elsewhere, or never, is left as it is: validation measures it.
         """
+        if isinstance(self._eye_tracker, CameraOnHead):
+            return self._fit_to_head(self._eye_tracker)
         if "calibration" not in self._eye_tracker.info.capabilities:
             return CalibrationOutcome(True, "this tracker is not calibrated from here")
         timing = self._timing
@@ -99,6 +117,29 @@ class GazeSetup:
         outcome = self._verdict()
         self._clear_target()
         return outcome
+
+    def _fit_to_head(self, tracker: CameraOnHead) -> CalibrationOutcome:
+        """Find how the camera sits on the head, and turn gaze by it."""
+        points = [p for p in self.validate() if np.isfinite(p.combined_head).all(axis=1).any()]
+        if len(points) < MIN_POINTS_OF_FIT:
+            return CalibrationOutcome(False, "too little gaze to find how the camera sits")
+        gaze, aims = [], []
+        for point in points:
+            seen = np.isfinite(point.combined_head).all(axis=1)
+            gaze.append(unit(point.combined_head[seen].sum(axis=0)))
+            aims.append(unit(point.aim_head[seen].sum(axis=0)))
+        found = fit_turn(np.array(gaze), np.array(aims))
+        left_deg = float(found.residual_deg.mean())
+        if left_deg > MAX_RESIDUAL_DEG:
+            return CalibrationOutcome(
+                False, f"no way in which the camera may sit explains gaze: {left_deg:.1f}° are left"
+            )
+        tracker.turn_to_head(found.matrix)
+        self.head_fit = HeadFit(found.matrix, found.angle_deg, left_deg)
+        return CalibrationOutcome(
+            True,
+            f"camera turned by {found.angle_deg:.1f}° on the head, {left_deg:.2f}° are left",
+        )
 
     def _verdict(self) -> CalibrationOutcome:
         """End the calibration; frames go on where the tracker need not be waited for in a call."""

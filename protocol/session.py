@@ -326,6 +326,7 @@ class Session:
                 vendor_accuracy_deg=outcome.vendor_accuracy_deg,
                 vendor_precision_deg=outcome.vendor_precision_deg,
             )
+            self._store_head_fit(block.index, attempt)
             if self._desk.device_lost():
                 continue
             measured = self._validate(block.index, attempt, moment="block_start")
@@ -361,6 +362,20 @@ class Session:
         self._owes_calibration = False
         self._calibration = best
         self._desk.calibration = best
+
+    def _store_head_fit(self, block: int, attempt: int) -> None:
+        """Keep how the camera was found to sit on the head, of a tracker that has one there."""
+        fit, self._gaze_setup.head_fit = self._gaze_setup.head_fit, None
+        if fit is not None:
+            self._recorder.event(
+                "camera_on_head",
+                self._loop.t_ns,
+                block=block,
+                attempt=attempt,
+                rotation=[[float(x) for x in row] for row in fit.matrix],
+                angle_deg=fit.angle_deg,
+                residual_deg=fit.residual_deg,
+            )
 
     def _validate(self, block: int, attempt: int, *, moment: str) -> CalibrationInForce:
         self._states.move(SessionState.VALIDATING)

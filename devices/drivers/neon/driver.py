@@ -11,6 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from devices.contracts import ClockPair, DeviceState, Fault, Health
 from devices.drivers.neon import codec
 from devices.drivers.neon.spec import NEON
@@ -19,14 +22,18 @@ from devices.drivers.streaming.gaze_rays import Sample
 from devices.transports import Frames, Message, MessageTransport
 from lab.clock import NS_PER_MS, Clock
 from lab.errors import DeviceError, DeviceNotFound
+from lab.geometry import Vector
 
 ECHO = struct.Struct("!Q")
 HALF_MS_NS = NS_PER_MS // 2
+RAYS = ("direction_head", "origin_m", "left_direction_head", "right_direction_head")
+"""What turns with the camera."""
 NEWER_APP = "update Visavis; until then choose fewer gaze data in the Companion app"
 
 
 class Neon(GazeDevice):
-    """Follow the `EyeTracker` contract over the Companion app; it needs no calibration.
+    """Follow the `EyeTracker` contract over the Companion app; it is not calibrated, but how
+    its camera sits on the head is fitted by the session (`turn_to_head`).
 
     Directions use the module's own camera calibration when the app gives it, else the pinhole
     of the options. Per-eye rays and pupils are there when the app computes them.
@@ -55,6 +62,7 @@ class Neon(GazeDevice):
         self._packet: int | None = None
         self._unknown: dict[int, int] = {}
         self._battery_01: float | None = None
+        self._turn: Vector | None = None
         super().__init__(
             role,
             transport,
@@ -74,6 +82,23 @@ class Neon(GazeDevice):
         self._life.require("annotate", DeviceState.OPEN, DeviceState.STREAMING)
         frames: Frames = (b"event", text.encode(), str(self._to_device_ns(t_host_ns)).encode())
         self._mark(lambda: self._transport.send(0, frames))
+
+    def turn_to_head(self, matrix: Vector) -> None:
+        """Turn gaze by this rotation from now on, on top of the rotation so far."""
+        self._turn = matrix if self._turn is None else matrix @ self._turn
+
+    def _values(self, samples: Sequence[Sample]) -> npt.NDArray[np.void]:
+        values = super()._values(samples)
+        turn = self._turn
+        if turn is not None:
+            values = values.copy()
+            for name in RAYS:
+                values[name] = values[name] @ turn.T
+        return values
+
+    def _prepare(self) -> None:
+        super()._prepare()
+        self._turn = None
 
     def _connect(self, deadline_ns: int) -> None:
         self._packet = None
