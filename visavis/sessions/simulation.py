@@ -35,9 +35,8 @@ def worker_count(asked: int | None) -> int:
     """Return how many processes to use: as asked, or one per usable core."""
     if asked is not None:
         return max(asked, 1)
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count()
+    return cores or 1
 
 
 def simulate_one(task: SimulationTask) -> Path:
