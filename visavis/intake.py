@@ -5,10 +5,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from analysis.report import SessionSource
 from analysis.report.sources import source_of
+from lab.clock import NS_PER_MS
 from lab.errors import DataError
 from protocol.gaze_setup import TARGETS
 from protocol.questionnaires import Questionnaire, load_questionnaire, read_answers, score
@@ -150,15 +152,20 @@ def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
     gaze = recording.stream_schema("gaze") if is_recorded else None
     if not tracker and gaze is None:
         return {}
+    calibrated = (recording.events()["name"] == "calibration").any()
     facts = {
         "eyes": "both recorded; the combined ray used, one eye's when the other is lost",
-        "calibration": (
+        "calibration": ""
+        if not calibrated
+        else (
             f"tracker's own 3-D calibration, then validation at {len(TARGETS)} points up to 15°, "
             "before every block and at the end; accepted up to 1.5° mean and 3° at the worst point"
         ),
         "filter": "none; raw samples with the tracker's own validity",
-        "viewing": "seated, head free",
     }
+    facts |= _timing_facts(recording, rows)
+    tracked = [d for role, d in devices.items() if role in ("headset", "body_tracker")]
+    facts["tracking"] = "; ".join(f"{d['vendor']} {d['model']} ({d['role']})" for d in tracked)
     if tracker:
         made_up = " (SIMULATED)" if tracker.get("is_simulated") else ""
         facts["eye_tracker"] = f"{tracker['vendor']} {tracker['model']}{made_up}"
@@ -173,4 +180,25 @@ def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
         facts["sampling_rate"] = (
             f"{gaze.nominal_rate_hz:g} Hz nominal, {effective:.1f} Hz effective"
         )
+    return facts
+
+
+def _timing_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
+    """Return what is known of the latency of gaze and of frames that were missed."""
+    facts = {}
+    events = recording.events()
+    trips_ms = [
+        (receive - send) / NS_PER_MS
+        for payload in events.loc[events["name"] == "clock_exchanges", "payload"]
+        for send, _, receive in payload["send_device_receive_ns"]
+    ]
+    if trips_ms:
+        facts["latency"] = (
+            f"transport {float(np.median(trips_ms)) / 2:.1f} ms one way, half the median of "
+            f"{len(trips_ms)} time exchanges; the delay within the tracker is not in it"
+        )
+    if len(rows) and {"frames", "frames_dropped"} <= set(rows):
+        frames, missed = int(rows["frames"].sum()), int(rows["frames_dropped"].sum())
+        if frames:
+            facts["frames"] = f"{missed} of {frames + missed} missed in trials"
     return facts

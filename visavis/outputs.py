@@ -26,6 +26,7 @@ from visavis.figures import figure_of_quality, study_figures
 from visavis.locked.review import PlanReview, review_section
 from visavis.pairs import columns_of_tests, published_cells
 from visavis.quality import QUALITY_TABLE, Quality, quality_of
+from visavis.references import bibtex, references_of, ris
 from visavis.report import REPORT_NAME, build_report
 from visavis.sections import Extra, made
 from visavis.sensitivity import sensitivity_columns
@@ -69,6 +70,9 @@ def write_study(
         ) from error
     sections = [extra.section for extra in extras if extra.section is not None]
     sections += [] if plan is None else [review_section(plan)]
+    cited = references_of(analysis, with_gaze=quality is not None)
+    (out_dir / "references.bib").write_text(bibtex(cited), encoding="utf-8")
+    (out_dir / "references.ris").write_text(ris(cited), encoding="utf-8")
     path = out_dir / REPORT_NAME
     return build_report(
         analysis, experiment, provenance, figures, path, questionnaires, sections, quality

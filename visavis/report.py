@@ -36,7 +36,7 @@ from visavis.figures import figure_name, label_of
 from visavis.looks import LooksOn
 from visavis.measures import aggregated
 from visavis.methods import method_paragraphs
-from visavis.quality import Quality, quality_table
+from visavis.quality import LOSS_COLUMNS, Quality, quality_table
 from visavis.reporting_list import Kept, reporting_table
 from visavis.texts import shown
 
@@ -335,7 +335,8 @@ def _quality(
     looks = analysis.study.looks
     rules = looks[0].rules({"parameters": experiment.parameters}) if looks else LooksOn().rules({})
     selection, kept = analysis.selection, kept_of(analysis)
-    blocks: list[Block] = [pictures["quality"], reporting_table(kept, quality, provenance, rules),
+    listed = reporting_table(kept, quality, provenance, rules, _losses(analysis))
+    blocks: list[Block] = [pictures["quality"], listed,
                            Fold("Every participant", (quality_table(quality),))]  # fmt: skip
     heads = tuple(Column(h) for h in ("Participant", "What", "Why"))
     errors = selection.people.get("calibration_error_deg")
@@ -348,6 +349,21 @@ def _quality(
         table = Table(heads, quality.incidents, "Interruptions and deviations")
         blocks.append(Fold(f"Interruptions and deviations: {len(quality.incidents)}", (table,)))
     return Section("quality", "Quality of gaze data", tuple(blocks))
+
+
+def _losses(analysis: StudyAnalysis) -> list[tuple[str, str]]:
+    """Return every level of the factors compared with the share of gaze lost in its trials."""
+    rows = analysis.selection.finished
+    lost = next((c for c in LOSS_COLUMNS if c in rows), None)
+    if lost is None:
+        return []
+    found = []
+    for factor in analysis.cells:
+        for level in analysis.levels[factor]:
+            share = pd.to_numeric(rows.loc[rows[factor] == level, lost], errors="coerce").mean()
+            said = "not recorded" if share != share else percentage(float(share))
+            found.append((f"{factor} {level}", said))
+    return found
 
 
 def kept_of(analysis: StudyAnalysis) -> Kept:

@@ -1,6 +1,10 @@
-"""The minimal reporting list for eye tracking (Dunn et al., 2024), answered from the data."""
+"""The minimal reporting list for eye tracking (Dunn et al., 2024), answered from the data.
 
-from collections.abc import Mapping
+Items of virtual reality stand beside it: frames, tracking, fit of the headset.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
@@ -13,7 +17,9 @@ from devices.registry import driver_spec
 from visavis.looks import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 from visavis.quality import DRIFT, END_ACCURACY, REJECTED, Quality
 
-OPEN = "not recorded – to be filled in by the lab"
+OPEN = "not recorded, because "
+"""How the answer begins to an item of which nothing is known; the reason follows."""
+
 FILL_IN = "to be filled in by the lab"
 
 PARTLY: Mapping[str, str] = {
@@ -32,7 +38,29 @@ SETUP_ITEMS = (
     ("operator", "Who operated the tracker, with what training"),
     ("calibration", "Calibration: procedure, points, acceptance"),
     ("filter", "Filtering of the gaze signal"),
+    ("latency", "Latency of gaze, and how it was measured"),
+    ("frames", "Frames: rate kept, frames missed in trials"),
+    ("tracking", "Tracking of head and body: devices, rates"),
+    ("fit", "Headset: fit, interpupillary distance, glasses under it"),
 )
+
+WHY_NOT: Mapping[str, str] = {
+    "eye_tracker": "the manifest names no eye tracker",
+    "sampling_rate": "no stream of gaze was recorded",
+    "eyes": "no eye tracker was recorded",
+    "display": "the manifest names no headset",
+    "viewing": "no device sees posture or head restraint",
+    "lighting": "no device measures the light of the room",
+    "vision": "nobody was asked, or nobody answered",
+    "operator": "operators are not named in recordings",
+    "calibration": "no calibration was performed through Visavis",
+    "filter": "the tracker does not say whether it filters",
+    "latency": "the tracker exchanges no times with this computer",
+    "frames": "no frames were counted",
+    "tracking": "the manifest names no tracker",
+    "fit": "nobody measured it with this headset",
+}
+"""Why an item has no answer; a lab answers it in the paper."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +108,12 @@ def reporting_table(
     quality: Quality,
     provenance: ReportProvenance,
     measures: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
+    losses: Sequence[tuple[str, str]] = (),
 ) -> Table:
-    """Return the list with every answer the data give, and what is left to the lab."""
+    """Return the list with every answer the data give, and why there is none to others.
+
+    `losses` are conditions with the share of gaze that was lost in them.
+    """
     rows: list[tuple[Cell | str, ...]] = [
         (label, _setup_cell(key, quality.facts, provenance.setup)) for key, label in SETUP_ITEMS
     ]
@@ -94,6 +126,7 @@ def reporting_table(
             "Data loss, of the trial time (range)",
             _range(table, "lost_01", share=True),
         ),
+        *((f"Data loss with {name}", share) for name, share in losses),
         (
             "Participants excluded, with reasons",
             f"{kept.people_out} of {kept.people}; see Exclusions",
@@ -126,11 +159,12 @@ def reporting_table(
             kept.limits,
         ),
         ("Analysis software", ", ".join(f"{k} {v}" for k, v in provenance.versions.items())),
+        ("Recordings: SHA-256 of all together", _hash_of_all(provenance)),
     ]
-    left = sum(isinstance(r[1], Cell) and r[1].text == OPEN for r in rows)
+    left = sum(isinstance(r[1], Cell) and r[1].text.startswith(OPEN) for r in rows)
     partly = sum(isinstance(r[1], Cell) and r[1].text.endswith(f": {FILL_IN}") for r in rows)
     open_items = [
-        *([f"{counted(left, 'item')} left to the lab"] if left else []),
+        *([f"{counted(left, 'item')} not recorded"] if left else []),
         *([f"{counted(partly, 'item')} partly open"] if partly else []),
     ]
     note = f"{', '.join(open_items)}." if open_items else "Every item is answered."
@@ -150,13 +184,24 @@ def _setup_cell(key: str, recorded: Mapping[str, str], given: Mapping[str, str])
     if key == "viewing":
         whole = [part for part in (known, recorded.get("distances", "")) if part]
         if known or not whole:
-            return Cell("; ".join(whole)) if whole else Cell(OPEN, "differ")
+            return Cell("; ".join(whole)) if whole else _missing(key)
         return Cell(f"{whole[0]}; posture and head restraint: {FILL_IN}", "differ")
     if not known:
-        return Cell(OPEN, "differ")
+        return _missing(key)
     if key in PARTLY:
         return Cell(f"{known}; {PARTLY[key]}: {FILL_IN}", "differ")
     return Cell(known)
+
+
+def _missing(key: str) -> Cell:
+    return Cell(f"{OPEN}{WHY_NOT[key]}", "differ")
+
+
+def _hash_of_all(provenance: ReportProvenance) -> Cell | str:
+    hashes = sorted(s.sha256 for s in provenance.sessions if s.sha256)
+    if not hashes:
+        return Cell(f"{OPEN}the analysis was given tables, no recordings", "differ")
+    return hashlib.sha256("".join(hashes).encode()).hexdigest()
 
 
 def _at_the_end(table: pd.DataFrame) -> list[tuple[Cell | str, ...]]:

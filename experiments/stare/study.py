@@ -98,7 +98,7 @@ study = Study(
     source=Source(published.CITATION, published.PARTICIPANTS, published.cells()),
     methods=METHODS,
     references=REFERENCES,
-    setup={"distances": distances()},
+    setup={"distances": distances(), "viewing": "seated, head free"},
     looks=[LooksOn("active_index", "t_start_ns", "t_end_ns", "switch_ns")],
     columns=[
         Column("active_index", "", "index of the active agent in the recorded columns"),

@@ -11,7 +11,7 @@ from visavis.measures import Measure
 from visavis.quality import quality_of as quality_of_study
 from visavis.quality import quality_of_trials, quality_table
 from visavis.report import kept_of
-from visavis.reporting_list import FILL_IN, OPEN, reporting_table
+from visavis.reporting_list import FILL_IN, OPEN, WHY_NOT, reporting_table
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,9 @@ def test_vision_is_counted_in_the_words_of_the_questionnaire(analysis):
 def test_vision_nobody_answered_stays_open(analysis):
     quality = quality_of(analysis, people(vision=[None, None, None]))
 
-    assert listed(analysis, quality)[0]["Participants' vision and correction"] == OPEN
+    assert listed(analysis, quality)[0]["Participants' vision and correction"] == (
+        f"{OPEN}{WHY_NOT['vision']}"
+    )
 
 
 def test_items_answered_in_part_are_marked_and_counted(analysis):
@@ -90,7 +92,7 @@ def test_items_answered_in_part_are_marked_and_counted(analysis):
 
     assert display == f"Vive Pro, 90 Hz; resolution and field of view: {FILL_IN}"
     assert viewing == "seated, head free; agents' heads 1.4 to 4.2 m from the eyes (seating plan)"
-    assert note == "8 items left to the lab, 1 item partly open."
+    assert note == "13 items not recorded, 1 item partly open."
 
 
 def test_what_the_lab_filled_in_is_whole(analysis):
