@@ -153,9 +153,8 @@ def test_reporting_list_leaves_open_what_nobody_recorded(html, analysis):
     cells = [c for row in table.rows for c in row[1:]]
     texts = [c if isinstance(c, str) else c.text for c in cells]
 
-    assert words_of(html).count(OPEN) == len(
-        SETUP_ITEMS
-    )  # viewing is the study's own; no recording has a hash here
+    # viewing is the study's own answer; there is no recording to have a hash
+    assert words_of(html).count(OPEN) == len(SETUP_ITEMS)
     assert "Pupil Core" in texts
     assert sum(t.startswith(OPEN) for t in texts) == len(SETUP_ITEMS) - 1
 
