@@ -2,7 +2,8 @@
 
 `python -m tools.dependencies` names packages that are missing or older than asked for, licences
 that do not fit ours, and, where pip-audit is installed, versions with known weaknesses; it ends
-with 1 where it found anything. `--bom FILE` writes the bill of materials of a release (CycloneDX 1.5).
+with 1 where it found anything. `--bom FILE` writes the bill of materials of a release (CycloneDX
+1.5).
 """
 
 import argparse
