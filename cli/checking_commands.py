@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from analysis.foreign_check import check_foreign
 from analysis.session_check import check_session
 from analysis.session_verdict import Level, SessionCheck
 from cli.app import ConfigOption, JsonOption, OfParticipant, SessionArgument, app, console, verbatim
@@ -20,6 +21,7 @@ from visavis.sessions.study_check import is_study, repair_study, study_problems
 from visavis.sessions.study_folder import session_folders
 
 EXIT_RED = 5
+DATA_SET = "dataset_description.json"
 STYLE = {Level.GREEN: "green", Level.AMBER: "yellow", Level.RED: "bold red"}
 ANSWER = {
     Level.GREEN: "They can leave.",
@@ -57,8 +59,14 @@ def check(
 
     Of a study's folder, every file of every session is verified, settings and ledger too.
 
+    Recordings made elsewhere (an XDF file, a BIDS data set) are judged by their times: missing
+    clock offsets, stamps that go back, gaps, rates, streams apart from the others.
+
     Example: visavis check data/simulated/stare/sub-S07H/ses-001
     """
+    if session_path.suffix.lower() == ".xdf" or (session_path / DATA_SET).is_file():
+        _check_foreign(session_path, as_json=as_json)
+        return
     if participant:
         session_path = session_of(session_path, config, participant)
     elif not session_path.is_dir():
@@ -74,6 +82,26 @@ def check(
     else:
         print_check(verdict, session_path, list_trials=trials)
     if verdict.level is Level.RED:
+        raise typer.Exit(EXIT_RED)
+
+
+def _check_foreign(path: Path, *, as_json: bool) -> None:
+    verdicts = check_foreign(path)
+    if as_json:
+        content = [{**asdict(v), "level": v.level.name.lower()} for v in verdicts]
+        typer.echo(json.dumps(content, ensure_ascii=False, indent=1))
+    else:
+        for verdict in verdicts:
+            rate = "" if verdict.rate_hz is None else f", {verdict.rate_hz:.1f} Hz"
+            console.print(
+                f"[{STYLE[verdict.level]}]●[/] [b]{verbatim(verdict.name)}[/]  "
+                f"{verdict.samples} samples{rate}"
+                + ("" if verdict.findings else "  nothing wrong with its times"),
+                soft_wrap=True,
+            )
+            for what, to_do in verdict.findings:
+                console.print(f"    {verbatim(what)}\n      → {verbatim(to_do)}", soft_wrap=True)
+    if any(v.level is Level.RED for v in verdicts):
         raise typer.Exit(EXIT_RED)
 
 

@@ -73,7 +73,7 @@ def is_unfit(licence: str) -> bool:
     return NOT_FITTING.search(licence) is not None
 
 
-def licence_of(said: Mapping[str, Any] | Any) -> str:
+def licence_of(said: Any) -> str:
     """Return a package's licence as its metadata names it, in one line."""
     expression = said.get("License-Expression")
     if expression:
