@@ -102,11 +102,13 @@ def _choose(
 
 @compiled
 def _hold_ns(mind: Records, person: Records, targets: Records, i: int) -> int:
-    """Draw by how much contact prolongs a visit."""
+    """Draw by how much contact prolongs a visit; negative in people who avert their eyes."""
     p = person[0]
     mean_s = p.hold_s * p.hold_growth ** max(0, targets[i].visits - 1)
     if targets[i].caught == 1:
         mean_s *= p.caught_hold
+    if mean_s < 0.0:
+        return -log_normal_ns(mind, -mean_s, p.hold_log_sd)
     return log_normal_ns(mind, mean_s, p.hold_log_sd)
 
 
@@ -208,7 +210,7 @@ def _notice(mind: Records, person: Records, targets: Records, t_ns: int) -> None
         g.believed = 1
         g.caught = 1 if m.saw_change == 1 or g.visits > 1 else 0
         m.arousal_01 = 1.0
-        m.visit_end_ns += _hold_ns(mind, person, targets, m.target)
+        m.visit_end_ns = max(t_ns, m.visit_end_ns + _hold_ns(mind, person, targets, m.target))
     elif g.contact == 0 and (g.believed == 1 or m.saw_change == 1):
         g.believed = 0
         g.lost_ns = t_ns

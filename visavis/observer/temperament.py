@@ -8,6 +8,9 @@ import numpy.typing as npt
 from lab.errors import UsageError
 from visavis.observer.state import PERSON_DTYPE
 
+MIN_RETURN_GAIN = 0.1
+"""What contact leaves of a head's attraction in those whom it repels most."""
+
 
 @dataclass(frozen=True)
 class Population:
@@ -36,7 +39,7 @@ class Population:
     """C (sign: Foulsham et al. 2013, Ossandon et al. 2014): log weight per 20° to the left."""
     centre_deg: float = 35.0
     """C: weights fall with the angle from the middle of the view as a Gaussian of this width."""
-    head_appeal_log_sd: float = 0.42
+    head_appeal_log_sd: float = 0.32
     """F: between-person spread of the share of looking that heads get."""
     novelty_gain: float = 1.0
     """C: weight of a target not yet inspected in this trial."""
@@ -57,11 +60,11 @@ class Population:
     """L: near targets before far ones, exponential in saccade size (Tatler et al. 2006)."""
 
     # ---- how long visits and fixations last ----
-    head_visit_s: float = 0.240
+    head_visit_s: float = 0.262
     """F: mean visit to a head without contact (one or more fixations on it)."""
     head_visit_log_sd: float = 0.45
     """F: its within-person log spread."""
-    head_visit_between_log_sd: float = 0.25
+    head_visit_between_log_sd: float = 0.22
     """F: its between-person log spread."""
     other_visit_s: float = 0.35
     """C: mean visit to a body or a point of the room."""
@@ -85,30 +88,33 @@ class Population:
     """C: mean time to notice that the agent looked at begins or ends contact."""
     notice_log_sd: float = 0.35
     """C: log spread of both."""
-    hold_s: float = 0.295
+    hold_s: float = 0.34
     """F: mean prolongation of a visit by contact."""
     hold_log_sd: float = 0.60
     """C: its within-person log spread."""
-    hold_between_log_sd: float = 0.58
-    """F: its between-person log spread."""
+    hold_between_share: float = 0.76
+    """F: its between-person spread, a share of the mean; people below zero cut a visit short when
+    they are looked at."""
     startle_s: float = 0.46
     """F: mean time a visit goes on after contact was seen to end."""
-    startle_between_log_sd: float = 0.7
+    startle_between_log_sd: float = 0.6
     """F: its between-person log spread."""
-    hold_growth: float = 1.37
+    hold_growth: float = 1.0
     """F: factor on `hold_s` at each further visit to an agent in contact."""
     caught_hold: float = 1.15
     """F: factor on `hold_s` for an agent seen to look elsewhere before, ..."""
     caught_return: float = 2.5
     """F: ... and on `return_gain`: being caught staring asks for another look."""
-    return_gain: float = 13.0
-    """F: median factor by which an agent known to be in contact draws gaze back."""
-    return_between_log_sd: float = 0.75
-    """F: its between-person log spread."""
-    return_habituation: float = 0.36
+    return_gain: float = 21.0
+    """F: mean factor by which an agent known to be in contact draws gaze back."""
+    return_between_share: float = 1.0
+    """F: its between-person spread, a share of the mean; below one, contact repels."""
+    return_habituation: float = 0.42
     """F: factor on the former at each further visit."""
     recheck_gain: float = 3.7
     """F: extra attraction of an agent that was seen to look away, ..."""
+    recheck_between_log_sd: float = 0.75
+    """F: its between-person log spread."""
     recheck_s: float = 5.0
     """F: ... and the time constant with which it fades."""
     parafovea_p: float = 0.10
@@ -123,13 +129,13 @@ class Population:
     """F: extra attraction of an agent whose contact was noticed beside the point looked at."""
 
     # ---- social anxiety ----
-    anxiety_on_hold: float = -0.45
+    anxiety_on_hold: float = -0.35
     """F: correlation of the trait with the log of `hold_s` (published: dwell rs -.37 to -.57)."""
-    anxiety_on_return: float = -0.6
+    anxiety_on_return: float = -0.45
     """F: correlation of the trait with the log of `return_gain`."""
     anxiety_on_visit: float = -0.55
     """F: correlation of the trait with the log of `head_visit_s` (published: A rs -.40)."""
-    hold_with_return: float = 0.9
+    hold_with_return: float = -0.3
     """F: correlation of the two gains through what is not anxiety."""
 
     # ---- eye movements ----
@@ -231,16 +237,18 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
         "head_visit_log_sd": q.head_visit_log_sd,
         "other_visit_s": q.other_visit_s * np.exp(0.10 * z[4]),
         "other_visit_log_sd": q.other_visit_log_sd,
-        "hold_s": q.hold_s * np.exp(q.hold_between_log_sd * hold - q.hold_between_log_sd**2 / 2),
+        "hold_s": q.hold_s * (1 + q.hold_between_share * hold),
         "hold_log_sd": q.hold_log_sd,
         "startle_s": q.startle_s
         * np.exp(q.startle_between_log_sd * hold - q.startle_between_log_sd**2 / 2),
         "hold_growth": q.hold_growth,
         "caught_hold": q.caught_hold,
         "caught_return": q.caught_return,
-        "return_gain": q.return_gain * np.exp(q.return_between_log_sd * come_back),
+        "return_gain": max(
+            MIN_RETURN_GAIN, q.return_gain * (1 + q.return_between_share * come_back)
+        ),
         "return_habituation": q.return_habituation,
-        "recheck_gain": q.recheck_gain * np.exp(q.return_between_log_sd * come_back),
+        "recheck_gain": q.recheck_gain * np.exp(q.recheck_between_log_sd * come_back),
         "recheck_s": q.recheck_s,
         "novelty_gain": q.novelty_gain,
         "recovery_s": q.recovery_s,
@@ -324,6 +332,6 @@ def scaled_population(population: Population, effect: float) -> Population:
         caught_hold=p.caught_hold**effect,
         caught_return=p.caught_return**effect,
         return_gain=p.return_gain**effect,
-        return_between_log_sd=p.return_between_log_sd * effect,
+        return_between_share=p.return_between_share * effect,
         return_habituation=p.return_habituation**effect,
     )
