@@ -18,13 +18,15 @@ _SYMBOLS: Final = {"p": "p", "eta2p": "partial η²"}
 class Published:
     """What a source prints of a comparison ("F(1, 15) = 7.09, p = .017"), and its verdict.
 
-    `statistic` is the printed F, t or z; `misfits` say what of the printed does not follow from it.
+    `statistic` is the printed F, t or z, `df` an F's degrees of freedom; `misfits` say what of the
+    printed does not follow from it.
     """
 
     text: str
     is_significant: bool
     statistic: float | None = None
     misfits: tuple[str, ...] = ()
+    df: tuple[int, int] | None = None
 
 
 def published_f(
@@ -41,7 +43,7 @@ def published_f(
         for name, verdict in check.verdicts.items()
         if not verdict.is_consistent
     )
-    return Published(text, is_significant, float(F), misfits)
+    return Published(text, is_significant, float(F), misfits, (df1, df2))
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from analysis.power import Found, Source, Verdicts
+from analysis.power import Found, PrintedTest, Source, Verdicts
+from analysis.statistics.results import number
 from lab.errors import DataError, UsageError
 from visavis.analysis import Finding, Results, StudyAnalysis, answered, corrected
 from visavis.catalogue import find_study
@@ -29,6 +30,7 @@ from visavis.pairs import (
     CorrelationTest,
     Family,
     Pairs,
+    PairTest,
     Test,
     compare_pairs,
     results_of,
@@ -86,6 +88,24 @@ class KitPower:
                 f"{self.name} plans no comparison, so there is no power to find; declare one: "
                 'compare=[Compare("…", within="…")]'
             )
+        return found
+
+    @property
+    def printed(self) -> Mapping[str, PrintedTest]:
+        """The F tests of effects within people, and paired t tests, that the source prints."""
+        study = self._opened.study
+        found = {name: test for of in families_of(study) for name, test in _printed_t(study, of)}
+        for compare in self._opened.study.compare:
+            for term in terms_of((*compare.within, *compare.between)):
+                printed = compare.published_of(term)
+                if compare.between or printed is None or printed.statistic is None:
+                    continue
+                if printed.df is not None:
+                    df1, df2 = printed.df
+                    found[f"{compare.dv}:{term}"] = PrintedTest(
+                        f"F({df1}, {df2}) = {number(printed.statistic)}", printed.statistic, df1,
+                        df2, df2 // df1 + 1,
+                    )  # fmt: skip
         return found
 
     @property
@@ -309,6 +329,30 @@ def claims_of(study: Study, of: Family, measures: Sequence[str] | None = None) -
         for level in levels
         for m, said in names
     }
+
+
+def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:
+    """Yield what a source prints of the paired t tests of a family, by their names."""
+    if not isinstance(of, Pairs) or of.printed is None or study.source is None:
+        return
+    n, nan = study.source.participants, float("nan")
+    known = {m.column: m for m in study.measures}
+    n_tests = (len(of.levels) if "levels" in of.shared else 1) * (
+        len(of.measures) if "measures" in of.shared else 1
+    )
+    for pair in of.levels:
+        for column in of.measures:
+            unmade = PairTest(
+                of, "", known[column], *pair, 0, 0, nan, nan, nan, nan, nan, n_tests, None
+            )
+            printed = of.printed(unmade)
+            if printed is not None and printed.t is not None:
+                yield (
+                    pair_name(pair, column),
+                    PrintedTest(
+                        f"t({n - 1}) = {number(printed.t)}", printed.t**2, 1, n - 1, n, n_tests
+                    ),
+                )
 
 
 def _found(rows: pd.DataFrame, tests: Sequence[Test]) -> Iterator[tuple[str, Found]]:

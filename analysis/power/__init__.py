@@ -4,7 +4,7 @@ A study takes part by offering a `PowerStudy`; nothing here knows which study it
 is one study of the largest number of participants; its first n participants are the study of n.
 """
 
-from analysis.power.contract import Found, PowerStudy, Source, Verdicts
+from analysis.power.contract import Found, PowerStudy, PrintedTest, Source, Verdicts
 from analysis.power.figure import draw_power
 from analysis.power.replicates import (
     PowerRequest,
@@ -21,6 +21,7 @@ __all__ = [
     "PowerRequest",
     "PowerStudy",
     "PowerSummary",
+    "PrintedTest",
     "Replicate",
     "ReplicateJob",
     "Source",

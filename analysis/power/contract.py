@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
 import pandas as pd
+from scipy import special
 
 Source: TypeAlias = Literal["studies", "simulated pool", "study folder"]
 """Where a replicate's participants come from: simulated anew, or drawn from people at hand."""
@@ -29,6 +30,31 @@ Verdicts: TypeAlias = Mapping[str, Found]
 """By name of the planned test."""
 
 
+@dataclass(frozen=True)
+class PrintedTest:
+    """A test as a source printed it, from which power follows without simulation.
+
+    F (t² of a t test) with its degrees of freedom, on `n` people measured in all conditions;
+    `n_tests` is by how many the level of significance is divided here.
+    """
+
+    text: str
+    F: float
+    df1: float
+    df2: float
+    n: int
+    n_tests: int = 1
+
+    def power(self, n: int, alpha: float) -> float:
+        """Return the power of n people to whom the effect is as printed.
+
+        Noncentrality df1·F·n/n₀ takes the printed effect for the true one.
+        """
+        df2 = self.df2 * (n - 1) / (self.n - 1)
+        critical = special.fdtri(self.df1, df2, 1 - alpha / self.n_tests)
+        return float(1 - special.ncfdtr(self.df1, df2, self.df1 * self.F * n / self.n, critical))
+
+
 class PowerStudy(Protocol):
     """A study whose power can be simulated; it travels between processes, so it must pickle.
 
@@ -43,6 +69,11 @@ class PowerStudy(Protocol):
     @property
     def tests(self) -> Mapping[str, str]:
         """Every planned test by name, with what it claims in words."""
+        ...
+
+    @property
+    def printed(self) -> Mapping[str, PrintedTest]:
+        """What a source printed of these tests, by their names; those it does not print lack."""
         ...
 
     @property

@@ -12,13 +12,17 @@ from analysis.statistics.power import AdequacyRule
 from analysis.statistics.results import Row, number, threshold_text
 from lab.errors import UsageError
 
+MAX_PARTING = 0.05
+"""How far closed-form power may lie outside the simulated interval without a warning."""
+
 
 @dataclass(frozen=True)
 class TestPower:
     """Power of one planned test.
 
     `untested` counts replicates, by number of participants, in which the test could not be made.
-    `difference` and `standardised` are means over the replicates at the largest number.
+    `difference` and `standardised` are means over the replicates at the largest number. `printed`
+    is the closed-form power of the statistic that a source printed, by number of participants.
     """
 
     __test__ = False  # not a test of pytest's
@@ -29,6 +33,7 @@ class TestPower:
     untested: tuple[int, ...]
     difference: float
     standardised: float
+    printed: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -52,12 +57,15 @@ class PowerSummary:
     def rows(self) -> Iterator[Row]:
         """Yield one flat row per test and number of participants."""
         for test in self.tests:
-            for row, untested in zip(test.curve.rows(), test.untested, strict=True):
+            printed = test.printed or (None,) * len(test.untested)
+            columns = zip(test.curve.rows(), test.untested, printed, strict=True)
+            for row, untested, closed_form in columns:
                 yield {
                     "study": self.study,
                     "test": test.name,
                     **row,
                     "not_testable": untested,
+                    "power_of_printed": closed_form,
                     "target": test.curve.target,
                     "rule": test.curve.rule,
                     "alpha": self.request.alpha,
@@ -118,7 +126,11 @@ def summarise(
         study.rule(request.alpha),
         study.effect_meaning(request.effect, source),
         tests,
-        (*_notes(tests, request, len(ordered), rule, target), *notes),
+        (
+            *_notes(tests, request, len(ordered), rule, target),
+            *_printed_notes(study, tests, request),
+            *notes,
+        ),
     )
 
 
@@ -146,7 +158,39 @@ def _of_test(
         tuple(sum(f.is_significant is None for f in found[n]) for n in request.numbers),
         _mean([f.difference for f in last]),
         _mean([f.standardised for f in last]),
+        _printed_power(study, request, name),
     )
+
+
+def _printed_power(study: PowerStudy, request: PowerRequest, name: str) -> tuple[float, ...]:
+    """Return closed-form power of what a source printed; nothing for another effect than that."""
+    test = study.printed.get(name)
+    if test is None or request.effect != 1:
+        return ()
+    return tuple(test.power(n, request.alpha) for n in request.numbers)
+
+
+def _printed_notes(
+    study: PowerStudy, tests: tuple[TestPower, ...], request: PowerRequest
+) -> Iterator[str]:
+    """Quote closed-form power beside the simulated one, and warn where they part."""
+    for test in tests:
+        if not test.printed:
+            continue
+        pairs = list(zip(test.curve.points, test.printed, strict=True))
+        listed = ", ".join(f"{number(power)} at {point.n}" for point, power in pairs)
+        told = f"{test.claim}: the printed {study.printed[test.name].text} alone has power {listed}"
+        parted = [
+            str(point.n)
+            for point, power in pairs
+            if not point.interval.low - MAX_PARTING <= power <= point.interval.high + MAX_PARTING
+        ]
+        if parted:
+            told += (
+                f"; WARNING: simulated people part from it at n = {', '.join(parted)}: "
+                "plan with the smaller power of the two"
+            )
+        yield told
 
 
 def _mean(values: list[float]) -> float:

@@ -6,9 +6,19 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import special
 from typer.testing import CliRunner
 
-from analysis.power import Found, PowerRequest, Replicate, jobs_of, run_job, study_seed, summarise
+from analysis.power import (
+    Found,
+    PowerRequest,
+    PrintedTest,
+    Replicate,
+    jobs_of,
+    run_job,
+    study_seed,
+    summarise,
+)
 from benchmarks.stare_studies import condition_means
 from cli.main import app
 from cli.power_commands import free_folder, power_study, read_effect, read_numbers, read_tests
@@ -186,6 +196,7 @@ def test_scaling_the_effect_moves_only_what_contact_does() -> None:
 class TwoTests:
     name = "made-up"
     tests = {"first": "the first", "second": "the second"}  # noqa: RUF012 - a study of this test
+    printed: dict[str, PrintedTest] = {}  # noqa: RUF012 - a study of this test
     shown_tests = ("first",)
     smallest_n = 3
 
@@ -220,6 +231,37 @@ def test_the_rule_decides_which_number_is_adequate() -> None:
     found = made_up({4: 50, 8: 84, 12: 95})
     assert 8 == summary_of(found, rule="estimate").smallest_n
     assert 12 == summary_of(found, rule="lower bound").smallest_n
+
+
+def test_power_of_the_printed_statistic_is_that_of_the_noncentral_t() -> None:
+    printed = power_study("stare").printed[DWELL]
+    assert "t(29) = −6.75" == printed.text
+    for n, expected in ((12, 0.57), (16, 0.83)):
+        assert expected == pytest.approx(printed.power(n, 0.05), abs=0.005)
+        reach = special.stdtrit(n - 1, 1 - 0.05 / 60)
+        dz = 6.75 * np.sqrt(n / 30)
+        tails = special.nctdtr(n - 1, dz, -reach) + 1 - special.nctdtr(n - 1, dz, reach)
+        assert tails == pytest.approx(printed.power(n, 0.05), abs=1e-6)
+
+
+def test_simulated_power_that_parts_from_the_printed_is_warned_of() -> None:
+    class Printed(TwoTests):
+        printed = {"first": PrintedTest("t(29) = 6.75", 6.75**2, 1, 29, 30, 30)}  # noqa: RUF012
+
+    wanted = request(numbers=(12, 16), tests=("first",), replicates=100)
+
+    def notes(hits: dict[int, int]) -> str:
+        summary = summarise(
+            Printed(), wanted, made_up(hits), source="studies", people_are_simulated=True
+        )
+        assert [0.57, 0.83] == pytest.approx(
+            [row["power_of_printed"] for row in summary.rows()], abs=0.005
+        )
+        return " ".join(n for n in summary.notes if "printed" in n)
+
+    assert "0.57 at 12, 0.83 at 16; WARNING" in notes({12: 96, 16: 100})
+    assert "at n = 12, 16" in notes({12: 96, 16: 100})
+    assert "WARNING" not in notes({12: 60, 16: 85})
 
 
 def test_one_lucky_number_does_not_decide() -> None:
