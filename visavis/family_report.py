@@ -1,7 +1,7 @@
 """Sections of the report on families of tests: every test beside what its source prints."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from analysis.report import (
     Block,
@@ -60,6 +60,12 @@ def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
     return tuple(found)
 
 
+FITTED: Final = (
+    " The people are simulated and fitted to the published study: agreement shows that recording "
+    "and analysis work, and is no evidence about people."
+)
+
+
 def agreement_table(analysis: StudyAnalysis) -> Table | None:
     """Return how many published verdicts come back, by family; None where nothing is printed."""
     rows = []
@@ -77,8 +83,14 @@ def agreement_table(analysis: StudyAnalysis) -> Table | None:
         tuple(rows),
         "Agreement with the published study",
         "Verdicts agree when both are not significant, or both are, in the same direction. "
-        "Undecided: not tested, or so few participants that the test cannot reach its threshold.",
+        "Undecided: not tested, or so few participants that the test cannot reach its threshold."
+        + fitted_note(analysis),
     )
+
+
+def fitted_note(analysis: StudyAnalysis) -> str:
+    """Return what agreement with a source means where people are simulated; else nothing."""
+    return FITTED if analysis.is_simulated else ""
 
 
 def family_sections(

@@ -31,7 +31,12 @@ from analysis.report.notation import counted, mean_sd, percentage, probability
 from protocol.questionnaires import Questionnaire
 from visavis.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term
 from visavis.experiment import StudyExperiment
-from visavis.family_report import agreement_table, family_sections, family_verdicts
+from visavis.family_report import (
+    agreement_table,
+    family_sections,
+    family_verdicts,
+    fitted_note,
+)
 from visavis.figures import figure_name, label_of
 from visavis.looks import LooksOn
 from visavis.measures import aggregated
@@ -239,7 +244,8 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
                 f"Means (SD over participants). {source.note}".strip(),
                 *(f"{m[:1].upper()}{m[1:]}." for m in misfits),
             )
-        ),
+        )
+        + fitted_note(analysis),
     )
 
 

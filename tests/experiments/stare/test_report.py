@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pandas as pd
@@ -13,6 +14,7 @@ from tests.experiments.stare.synthetic_rows import (
     study_rows,
     varied_rows,
 )
+from visavis.family_report import agreement_table
 from visavis.intake import questionnaire
 from visavis.methods import method_paragraphs
 from visavis.opened import OpenedStudy
@@ -38,6 +40,14 @@ def write(folder, participants=6, rows=None, varied=None, is_simulated=True):
     asked = [questionnaire(name, study.folders) for name in study.questionnaires]
     write_study(analysis, experiment_of(), asked, PROVENANCE, folder, study.setup)
     return analysis
+
+
+def test_agreement_of_simulated_people_is_called_no_evidence():
+    analysis = analysed(study_rows(6), anxiety_answers(6))
+    for is_simulated, expected in ((True, 1), (False, 0)):
+        table = agreement_table(replace(analysis, is_simulated=is_simulated))
+        assert table is not None
+        assert expected == table.note.count("simulated and fitted to the published study")
 
 
 class Words(HTMLParser):
