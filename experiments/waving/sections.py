@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from analysis.plots import BLACK, draw, new_figure
 from analysis.report import Block, Bullets, Column, Paragraph, Section, Table
-from analysis.report.notation import counted, decimal, fraction, mean_sd
+from analysis.report.notation import counted, decimal, fraction, mean_sd, percentage
 from experiments.waving.clips import TECHNIQUES
 from experiments.waving.study import DIRECTIONS, EYE_HEIGHT_TOLERANCE_M, PLACES
 from protocol.columns import Column as Described
@@ -19,6 +19,8 @@ from visavis.figures import label_of
 from visavis.report import picture_of
 from visavis.sections import Extra
 
+ENOUGH_ON_TARGET_01: Final = 0.8
+"""Share of frames on target below which the report says that warping missed its target."""
 TOLD: Final = ("left", "self", "right", "farther")
 
 
@@ -131,6 +133,51 @@ def eye_heights(trials: pd.DataFrame) -> pd.DataFrame:
 def heights_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
     """Return for whom the waves at the participant were not made."""
     return Extra(Section("eye_heights", "Eye heights", tuple(_heights(analysis.selection.people))))
+
+
+def warping_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
+    """Return what warping asked for and what it reached, by direction."""
+    blocks = _reached(analysis.selection.counted, experiment)
+    return Extra(Section("warping", "What warping reached", tuple(blocks)))
+
+
+def _reached(trials: pd.DataFrame, experiment: StudyExperiment) -> list[Block]:
+    if "target_met_01" not in trials or not trials["target_met_01"].notna().any():
+        return [Paragraph("No wave was warped, or the recording does not tell what was reached.")]
+    known = trials[trials["target_met_01"].notna()]
+    rows = []
+    for direction in (*DIRECTIONS, None):
+        part = known if direction is None else known[known["direction"] == direction]
+        wave = "All" if direction is None else label_of(experiment.texts, direction)
+        cells = [_change(part[c]) for c in ("coverage_wanted", "coverage_reached")]
+        met = percentage(float(part["target_met_01"].mean()), 0) if len(part) else "–"
+        rows.append((wave, str(len(part)), *cells, met))
+    heads = (
+        Column("Wave"), Column("Warped trials", "right"), Column("Coverage wanted", "right"),
+        Column("Reached", "right"), Column("Frames on target", "right"),
+    )  # fmt: skip
+    met = float(known["target_met_01"].mean())
+    said = (
+        "Medians of trials, beside the wave that was not warped; a frame is on target when head "
+        "and hand both are within a tenth of the change wanted."
+    )
+    table = Table(heads, tuple(rows), "Coverage of head and hand", said)
+    if met >= ENOUGH_ON_TARGET_01:
+        return [table]
+    warned = (
+        f"Warping met its target in {percentage(met, 0)} of frames. What this study compares is "
+        "the wave as it was reached, not the coverage that was asked for."
+    )
+    return [Paragraph(warned), table]
+
+
+def _change(shares: pd.Series) -> str:
+    """Return the median change of coverage in percent, with its sign."""
+    known = shares.dropna()
+    if known.empty:
+        return "–"
+    change = float(known.median()) - 1
+    return f"{'−' if change < 0 else '+'}{percentage(abs(change), 0)}"
 
 
 def _heights(people: pd.DataFrame) -> list[Block]:

@@ -127,6 +127,14 @@ study = Study(
         Column("eye_height_off_m", "m", "eye height minus the planned one, median over trials"),
         Column("eye_height_is_off", "", "farther from it than the study's tolerance"),
         Column("is_right", "", "the answer is the place waved at"),
+        Column(
+            "coverage_wanted",
+            "1",
+            "coverage of head and hand asked for, as a share of the "
+            "unwarped wave's; empty where nothing was warped or seen",
+        ),
+        Column("coverage_reached", "1", "coverage that warping reached, as the same share"),
+        Column("target_met_01", "1", "share of the wave's frames in which both targets were met"),
         Column("wave_sha256", "", "hash of the wave's poses; its parameters are in event 'wave'"),
     ],
     measures=[
@@ -156,6 +164,7 @@ study = Study(
     sections=[
         "experiments.waving.sections:places_section",
         "experiments.waving.sections:heights_section",
+        "experiments.waving.sections:warping_section",
     ],
     source=Source(
         "A. Jovane, thesis, Université de Rennes, 2023, chapter 2 (visual motion warping), "
@@ -303,7 +312,7 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     yield t.mark("scene_on", scene_name=scene.name)
     if wave is not None:
         yield t.mark("wave", **wave_record(wave, t.increment))
-        t.row["wave_sha256"] = wave.sha256
+        t.row |= {"wave_sha256": wave.sha256, **reached_by(wave)}
     while view.t_ns < start_ns + round(scene_s * NS_PER_S):
         if view.head_valid:
             heights.append(float(view.head.position_m[1]))
@@ -346,6 +355,16 @@ def wave_record(wave: StudyWave, increment: float) -> dict[str, Scalar | None]:
             **{f"loop_{name}": value for name, value in asdict(SETTINGS).items()},
         }
     return found
+
+
+def reached_by(wave: StudyWave) -> dict[str, Scalar | None]:
+    """Return what a trial's row tells of the warp: wanted, reached, share of frames on target."""
+    record = wave.record
+    names = ("coverage_wanted", "coverage_reached", "target_met_01")
+    if record is None:
+        return dict.fromkeys(names)
+    values = (record.wanted, record.reached, record.reached_share_01)
+    return {n: known(round(v, 4)) for n, v in zip(names, values, strict=True)}
 
 
 def known(value: float) -> float | None:

@@ -9,7 +9,13 @@ import pytest
 from analysis.report import ReportProvenance
 from analysis.statistics.published import check_f
 from experiments.waving.clips import TECHNIQUES
-from experiments.waving.sections import confusion, eye_heights, heights_section, relative_confusion
+from experiments.waving.sections import (
+    confusion,
+    eye_heights,
+    heights_section,
+    relative_confusion,
+    warping_section,
+)
 from experiments.waving.study import DIRECTIONS, study
 from lab.errors import DataError
 from visavis.deriving import derive
@@ -196,6 +202,28 @@ def test_report_names_whom_the_waves_were_not_warped_for():
     said = str(heights_section(found, EXPERIMENT).section)
     assert "S01: 1.70 m (+0.08 m)" in said
     assert "S02: " not in said
+
+
+def of_warps(met_01):
+    trials = rows(3)
+    warped = trials["technique"] == "warping"
+    return trials.assign(
+        coverage_wanted=np.where(warped, 1.25, np.nan),
+        coverage_reached=np.where(warped, 1.11, np.nan),
+        target_met_01=np.where(warped, met_01, np.nan),
+    )
+
+
+def test_report_says_what_warping_reached_and_warns_where_it_missed():
+    said = str(warping_section(analysed(of_warps(0.05)), EXPERIMENT).section)
+    assert "Warping met its target in 5 % of frames" in said
+    assert "'All', '81', '+25 %', '+11 %', '5 %'" in said
+    assert "Warping met" not in str(warping_section(analysed(of_warps(0.9)), EXPERIMENT).section)
+
+
+def test_a_recording_that_does_not_tell_what_was_reached_says_so():
+    said = str(warping_section(analysed(rows(2)), EXPERIMENT).section)
+    assert "does not tell what was reached" in said
 
 
 def test_an_eye_height_can_leave_out_where_a_rule_of_the_lab_names_it():

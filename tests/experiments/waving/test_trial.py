@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.waving.clips import Making, base_clip, study_wave
-from experiments.waving.study import study
+from experiments.waving.clips import Making, WarpRecord, base_clip, study_wave
+from experiments.waving.study import reached_by, study
 from lab.clock import NS_PER_S
 from lab.geometry import Pose, turn_towards, unit
 from protocol.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
@@ -163,3 +163,13 @@ def test_the_planned_eye_height_of_a_row_is_the_one_that_was_set():
 def test_eye_height_is_kept_beside_the_one_the_waves_were_made_for():
     done = Answering(plan(), press=("1",))
     assert (1.6, 1.62) == (done.row["eye_height_m"], done.row["planned_eye_height_m"])
+
+
+def test_a_row_tells_what_the_warp_of_its_wave_wanted_and_reached():
+    plain = study_wave("clerk_left", "place_3", "orientation", MAKING)
+    assert {None} == set(reached_by(plain).values())
+    warped = replace(plain, record=WarpRecord("ab", 1.25, 1.11, 0.05, 20.0))
+    expected = {"coverage_wanted": 1.25, "coverage_reached": 1.11, "target_met_01": 0.05}
+    assert expected == reached_by(warped)
+    unseen = replace(plain, record=WarpRecord("ab", np.nan, np.nan, 0.0, 0.0))
+    assert reached_by(unseen)["coverage_wanted"] is None
