@@ -336,6 +336,8 @@ def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:
     if not isinstance(of, Pairs) or of.printed is None or study.source is None:
         return
     n, nan = study.source.participants, float("nan")
+    if n is None:
+        return
     known = {m.column: m for m in study.measures}
     n_tests = (len(of.levels) if "levels" in of.shared else 1) * (
         len(of.measures) if "measures" in of.shared else 1

@@ -51,8 +51,9 @@ class PrintedTest:
         Noncentrality df1·F·n/n₀ takes the printed effect for the true one.
         """
         df2 = self.df2 * (n - 1) / (self.n - 1)
-        critical = special.fdtri(self.df1, df2, 1 - alpha / self.n_tests)
-        return float(1 - special.ncfdtr(self.df1, df2, self.df1 * self.F * n / self.n, critical))
+        critical = float(special.fdtri(self.df1, df2, 1 - alpha / self.n_tests))
+        noncentrality = self.df1 * self.F * n / self.n
+        return float(1 - special.ncfdtr(self.df1, df2, noncentrality, critical))
 
 
 class PowerStudy(Protocol):

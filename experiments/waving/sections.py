@@ -156,16 +156,16 @@ def _reached(trials: pd.DataFrame, experiment: StudyExperiment) -> list[Block]:
         Column("Wave"), Column("Warped trials", "right"), Column("Coverage wanted", "right"),
         Column("Reached", "right"), Column("Frames on target", "right"),
     )  # fmt: skip
-    met = float(known["target_met_01"].mean())
+    met_01 = float(known["target_met_01"].mean())
     said = (
         "Medians of trials, beside the wave that was not warped; a frame is on target when head "
         "and hand both are within a tenth of the change wanted."
     )
     table = Table(heads, tuple(rows), "Coverage of head and hand", said)
-    if met >= ENOUGH_ON_TARGET_01:
+    if met_01 >= ENOUGH_ON_TARGET_01:
         return [table]
     warned = (
-        f"Warping met its target in {percentage(met, 0)} of frames. What this study compares is "
+        f"Warping met its target in {percentage(met_01, 0)} of frames. What this study compares is "
         "the wave as it was reached, not the coverage that was asked for."
     )
     return [Paragraph(warned), table]
