@@ -30,7 +30,7 @@ from analysis.plots.panels import (
 )
 from analysis.report.notation import counted
 from visavis.analysis import Finding, StudyAnalysis
-from visavis.exclusions import NOT_FINISHED, REPEATED, Selection
+from visavis.exclusions import NOT_FINISHED, REPEATED, Exclusion, Selection
 from visavis.measures import aggregated
 from visavis.quality import LOSS_COLUMNS, QUALITY_COLUMNS, Quality
 from visavis.texts import Texts, shown
@@ -45,7 +45,11 @@ def study_figures(analysis: StudyAnalysis, texts: Texts) -> dict[str, Drawn]:
         for finding in {f.compare.name: f for f in analysis.findings}.values()
         if finding.measure.column in analysis.selection.counted
     ]
-    drawn.append(exclusions_figure(analysis.selection, is_simulated=analysis.is_simulated))
+    drawn.append(
+        exclusions_figure(
+            analysis.selection, analysis.study.exclusions, is_simulated=analysis.is_simulated
+        )
+    )
     return {d.name: d for d in drawn}
 
 
@@ -123,7 +127,9 @@ def _dots(ax: object, table: Values, labels: Sequence[str], colours: Sequence[st
     ax.set_xlim(-0.5, len(labels) - 0.5)  # type: ignore[attr-defined]  # as above
 
 
-def exclusions_figure(selection: Selection, *, is_simulated: bool) -> Drawn:
+def exclusions_figure(
+    selection: Selection, rules: Sequence[Exclusion], *, is_simulated: bool
+) -> Drawn:
     """Return what was performed, what every rule left out, and what counts."""
     people, counts = selection.people, selection.counted
     stages = [
@@ -131,7 +137,7 @@ def exclusions_figure(selection: Selection, *, is_simulated: bool) -> Drawn:
             f"{counted(len(people), 'participant')}, {counted(selection.performed, 'trial')} "
             "performed",
             "\n".join(
-                f"{counted(left.count, left.level)}: {_rule_words(analysis, left.rule)}"
+                f"{counted(left.count, left.level)}: {_rule_words(selection, rules, left.rule)}"
                 for left in selection.left
             ),
         ),
@@ -150,13 +156,13 @@ def exclusions_figure(selection: Selection, *, is_simulated: bool) -> Drawn:
     )
 
 
-def _rule_words(analysis: StudyAnalysis, name: str) -> str:
+def _rule_words(selection: Selection, rules: Sequence[Exclusion], name: str) -> str:
     """Return what a step leaves out, in words: of a rule its column and the limit in force."""
-    rule = next((r for r in analysis.study.exclusions if r.name == name), None)
+    rule = next((r for r in rules if r.name == name), None)
     if rule is not None:
         if rule.if_missing:
             return rule.words
-        limit = shown(analysis.selection.limits[name])
+        limit = shown(selection.limits[name])
         what = rule.column.replace("_", " ")
         return f"{what} {'above' if rule.above else 'below'} {limit}"
     known = {"damaged": "unreadable, the recording is damaged", "unfinished": NOT_FINISHED,

@@ -12,6 +12,7 @@ from analysis.plots.style import BLACK
 from analysis.report.notation import counted
 from experiments.crowd import published
 from experiments.crowd.analysis import CrowdAnalysis, Tables
+from experiments.crowd.analysis_parameters import RULES
 from experiments.crowd.collision_table import counted_of
 from experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC
 from experiments.crowd.figures_paths import path_figures
@@ -113,7 +114,7 @@ def study_figures(
         ),
     ]
     figures += path_figures(analysis, tables, tracks)
-    figures.append(exclusions_figure(analysis.selection, is_simulated=simulated))
+    figures.append(exclusions_figure(analysis.selection, RULES, is_simulated=simulated))
     return {f.name: f for f in figures}
 
 

@@ -35,18 +35,18 @@ class Phrase(NamedTuple):
 class Rule(NamedTuple):
     """What goes with a gesture: `by` H (its hand), L (its lexeme) or HL (both).
 
-    `count` phrases have the antecedent, `joint` of them the posture, too.
+    `with_gesture` phrases have the antecedent, `with_posture` of them the posture, too.
     """
 
     by: str
     posture: str
-    count: int
-    joint: int
+    with_gesture: int
+    with_posture: int
 
     @property
     def confidence(self) -> float:
         """Share of the antecedent's phrases with this posture."""
-        return self.joint / self.count
+        return self.with_posture / self.with_gesture
 
 
 @dataclass(frozen=True)

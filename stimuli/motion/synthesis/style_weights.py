@@ -39,7 +39,7 @@ class StyleWeights:
     def is_spare(self) -> bool:
         """Whether so few examples stand in so many dimensions that weights are unsteady."""
         n, d = self.examples.shape
-        return n < d + MIN_SPARE
+        return bool(n < d + MIN_SPARE)
 
     @property
     def condition(self) -> float:
@@ -79,13 +79,13 @@ def fit_weights(examples: Vector) -> StyleWeights:
         raise DataError(f"examples of shape {points.shape}; give at least two finite rows")
     apart = np.linalg.norm(points[:, None] - points, axis=-1)
     np.fill_diagonal(apart, np.inf)
-    reach = apart.min(axis=0)
+    reach: Vector = apart.min(axis=0)
     if not (reach > 0).all():
         row = int(np.argmin(reach))
         raise DataError(f"example {row + 1} stands where another does; move or drop one")
     np.fill_diagonal(apart, 0.0)
     own = np.eye(len(points))
     basis = np.column_stack([np.ones(len(points)), points])
-    linear = np.linalg.lstsq(basis, own, rcond=None)[0]
-    radial = np.linalg.solve(b_spline(apart / reach), own - basis @ linear)
+    linear = np.asarray(np.linalg.lstsq(basis, own, rcond=None)[0], dtype=np.float64)
+    radial = np.asarray(np.linalg.solve(b_spline(apart / reach), own - basis @ linear))
     return StyleWeights(points, linear, radial, reach)
