@@ -35,7 +35,11 @@ def worker_count(asked: int | None) -> int:
     """Return how many processes to use: as asked, or one per usable core."""
     if asked is not None:
         return max(asked, 1)
-    cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count()
+    cores: int | None
+    if sys.platform == "linux":
+        cores = len(os.sched_getaffinity(0))
+    else:
+        cores = os.cpu_count()
     return cores or 1
 
 
