@@ -54,6 +54,15 @@ def test_participant_without_a_session_is_told_who_has_one(here: Path) -> None:
         said(here, "check ./duel.py --participant 9")
 
 
+def test_quality_of_a_session_is_printed_and_written_as_a_marked_page(here: Path) -> None:
+    session = next(here.rglob("ses-001")).relative_to(here)
+    code, text = said(here, f"quality {session}")
+    assert (0, True) == (code, "Stated rate 120.0 Hz" in text)
+    page = next(here.rglob("gaze_quality.html")).read_text(encoding="utf-8")
+    assert "SIMULATED" in page
+    assert "Precision, RMS-S2S" in page
+
+
 def test_export_of_a_study_file_copies_every_session(here: Path) -> None:
     code, text = said(here, "export ./duel.py -o out")
     assert (0, True) == (code, "1 session in out" in text)
