@@ -163,10 +163,10 @@ def test_reporting_list_leaves_open_what_nobody_recorded(html, analysis):
     cells = [c for row in table.rows for c in row[1:]]
     texts = [c if isinstance(c, str) else c.text for c in cells]
 
-    # viewing is the study's own answer; there is no recording to have a hash
-    assert words_of(html).count(OPEN) == len(SETUP_ITEMS)
+    # viewing is the study's own answer
+    assert words_of(html).count(OPEN) == len(SETUP_ITEMS) - 1
     assert "Pupil Core" in texts
-    assert sum(t.startswith(OPEN) for t in texts) == len(SETUP_ITEMS) - 1
+    assert sum(t.startswith(OPEN) for t in texts) == len(SETUP_ITEMS) - 2
 
 
 def methods(parameters=None, **settings):
