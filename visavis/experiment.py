@@ -115,7 +115,8 @@ class StudyExperiment:
                 f"study {self.name} shows scenes of {', '.join(map(str, sorted(counts)))} people; "
                 "all scenes of a study hold equally many (or none)"
             )
-        return max(counts, default=0) or 1  # a recorded column has a width
+        # Where scenes show others than their agents, columns have had the width of one.
+        return max(counts, default=0) or (1 if self.study.people else 0)
 
     @property
     def people_count(self) -> int:
