@@ -97,17 +97,14 @@ def speeds_deg_s(
 
 
 @compiled
-def slow_runs(
-    speed_deg_s: Vector,
-    stretch: npt.NDArray[np.int64],
-    limit_deg_s: float,
-    out: npt.NDArray[np.int64],
+def runs_where(
+    mask: npt.NDArray[np.bool_], stretch: npt.NDArray[np.int64], out: npt.NDArray[np.int64]
 ) -> int:
-    """Fill `out` (k, 2) with first and last row of runs not faster than the limit; return k."""
+    """Fill `out` (k, 2) with first and last row of runs of True within a stretch; return k."""
     k = 0
     is_open = False
-    for i in range(speed_deg_s.shape[0]):
-        if not speed_deg_s[i] <= limit_deg_s:
+    for i in range(mask.shape[0]):
+        if not mask[i]:
             is_open = False
             continue
         if is_open and stretch[i] == stretch[i - 1]:

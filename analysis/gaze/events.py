@@ -13,7 +13,7 @@ from analysis.gaze.event_kernels import (
     compact_runs,
     fill_gaps,
     merge_runs,
-    slow_runs,
+    runs_where,
     speeds_deg_s,
 )
 from analysis.gaze.stamps import Times, order_of, typical_step_ns
@@ -170,7 +170,7 @@ def detect_ivt(
         if not known.size or np.median(known) <= params.noise_share * params.threshold_deg_s:
             break
     runs = np.empty((t.shape[0], 2), np.int64)
-    count = slow_runs(speed, stretch, params.threshold_deg_s, runs)
+    count = runs_where(speed <= params.threshold_deg_s, stretch, runs)
     count = merge_runs(
         t,
         v,

@@ -127,8 +127,11 @@ def _latency(found: SessionQuality) -> tuple[Table, Paragraph]:
     )
     return (
         Table(
-            (Column("Age of a sample when"), Column("Median (ms)", "right"),
-             Column("95th percentile (ms)", "right")),
+            (
+                Column("Age of a sample when"),
+                Column("Median (ms)", "right"),
+                Column("95th percentile (ms)", "right"),
+            ),
             tuple((name, decimal(a, 1), decimal(b, 1)) for name, a, b in rows),
             "From the sample's time stamp",
         ),
@@ -136,7 +139,7 @@ def _latency(found: SessionQuality) -> tuple[Table, Paragraph]:
             "What the tracker takes from the eye's image to its time stamp is in no recording; "
             "take it from the maker or measure it."
         ),
-    )  # fmt: skip
+    )
 
 
 def _movements(found: SessionQuality) -> tuple[Paragraph, Table]:

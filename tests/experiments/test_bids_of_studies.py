@@ -10,7 +10,7 @@ from recording.bids import export_bids
 from recording.reader import Recording
 from tests.experiments.crowd.sessions import session as crowd_session
 from tests.faults.sessions import lab, perform
-from tests.recording.test_export import ABOUT, VALIDATOR, issues_of
+from tests.recording.test_export import ABOUT, issues_of
 from visavis.catalogue import find_study
 from visavis.sessions.perform import perform_new, simulated_request
 
@@ -30,7 +30,6 @@ def recording_of(study: str, root: Path) -> Recording:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not VALIDATOR.exists(), reason="bids-validator-deno is not installed")
 @pytest.mark.parametrize("study", ["stare", "crowd", "waving"])
 def test_a_studys_data_set_passes_the_official_validator(study: str, tmp_path: Path) -> None:
     recording = recording_of(study, tmp_path / "data")

@@ -207,8 +207,9 @@ def test_bids_says_who_made_it_where_and_under_which_licence(tmp_path: Path) -> 
     stem = "sub-P01/ses-001/motion/sub-P01_ses-001_task-stare_tracksys-HMD_run-1_motion.json"
     notes = json.loads((tmp_path / "b" / stem).read_text("utf-8"))
     assert ("Institute", "People looked at faces.") == (
-        notes["InstitutionName"], notes["TaskDescription"],
-    )  # fmt: skip
+        notes["InstitutionName"],
+        notes["TaskDescription"],
+    )
 
 
 def test_bids_holds_a_labs_own_streams_with_their_units(tmp_path: Path) -> None:
@@ -258,7 +259,6 @@ def issues_of(data_set: Path) -> list[str]:
     ]
 
 
-@pytest.mark.skipif(not VALIDATOR.exists(), reason="bids-validator-deno is not installed")
 def test_official_validator_finds_nothing_that_could_be_mended(tmp_path: Path) -> None:
     recording = gaze_session(tmp_path / "d", own=(BELT, KNOB))
     export_bids([recording], tmp_path / "b", task="stare", dataset_name="Stare", about=ABOUT)

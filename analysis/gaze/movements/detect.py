@@ -13,7 +13,7 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.event_kernels import fill_gaps, merge_runs, speeds_deg_s
+from analysis.gaze.event_kernels import fill_gaps, merge_runs, runs_where, speeds_deg_s
 from analysis.gaze.events import half_window, limit_ns, prepared
 from analysis.gaze.movements.engbert_kliegl import noise_deg_s, outside_ellipse
 from analysis.gaze.movements.finish_kernels import (
@@ -31,7 +31,7 @@ from analysis.gaze.movements.nystrom_holmqvist import (
     mark_saccades,
 )
 from analysis.gaze.movements.pursuit import is_pursuit
-from analysis.gaze.movements.velocity import Rows, runs_where, velocities_deg_s
+from analysis.gaze.movements.velocity import Rows, velocities_deg_s
 from analysis.gaze.stamps import Times
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import UsageError

@@ -3,7 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.movements.velocity import Rows, runs_where
+from analysis.gaze.event_kernels import runs_where
+from analysis.gaze.movements.velocity import Rows
 from analysis.gaze.stamps import Times
 from lab.geometry import Vector
 

@@ -64,22 +64,3 @@ def velocities_deg_s(t_ns: Times, v: Vector, stretch: Rows, half: int) -> Vector
         out[i, 0] = np.degrees(dx * right_x + dz * right_z) / span
         out[i, 1] = np.degrees(dx * up_x + dy * up_y + dz * up_z) / span
     return out
-
-
-@compiled
-def runs_where(mask: npt.NDArray[np.bool_], stretch: Rows, out: Rows) -> int:
-    """Fill `out` (k, 2) with first and last row of runs of True within a stretch; return k."""
-    k = 0
-    is_open = False
-    for i in range(mask.shape[0]):
-        if not mask[i]:
-            is_open = False
-            continue
-        if is_open and stretch[i] == stretch[i - 1]:
-            out[k - 1, 1] = i
-        else:
-            out[k, 0] = i
-            out[k, 1] = i
-            k += 1
-            is_open = True
-    return k
