@@ -81,36 +81,47 @@ def _verdict(
         found.append((Level.RED, "no sample", "see whether the program that sends it was running"))
     if stream.offsets == 0:
         level = Level.RED if several_hosts else Level.AMBER
-        found.append((
-            level, "no clock offset",
-            "its times are of the sender's clock alone; from another computer they cannot be "
-            "compared with the others: record it again, let the sender run to the end",
-        ))  # fmt: skip
+        found.append(
+            (
+                level,
+                "no clock offset",
+                "its times are of the sender's clock alone; from another computer they cannot be "
+                "compared with the others: record it again, let the sender run to the end",
+            )
+        )
     steps = np.diff(stamps)
     back = int((steps < 0).sum())
     if back:
-        found.append((
-            Level.RED, f"stamps go back {back} times, by up to {-steps.min() * 1000:.0f} ms",
-            "do not sort blindly: the sender stamps wrongly, or two senders share one name",
-        ))  # fmt: skip
+        found.append(
+            (
+                Level.RED,
+                f"stamps go back {back} times, by up to {-steps.min() * 1000:.0f} ms",
+                "do not sort blindly: the sender stamps wrongly, or two senders share one name",
+            )
+        )
     measured = None
     if rate_hz and n > 2 and stamps[-1] > stamps[0]:
         measured = float(1 / np.median(steps[steps > 0])) if (steps > 0).any() else None
         gaps = steps[steps > GAP_PERIODS / rate_hz]
         if len(gaps):
             level = Level.RED if gaps.max() > LONG_GAP_S else Level.AMBER
-            found.append((
-                level, f"{len(gaps)} gaps, the longest {gaps.max():.3f} s",
-                "samples were lost on the way or never sent; leave trials out that overlap them",
-            ))  # fmt: skip
+            found.append(
+                (
+                    level,
+                    f"{len(gaps)} gaps, the longest {gaps.max():.3f} s",
+                    "samples were lost on the way or never sent; leave out trials they overlap",
+                )
+            )
         kept = (n - 1) / float(stamps[-1] - stamps[0] - gaps.sum() + len(gaps) / rate_hz)
         off = abs(kept / rate_hz - 1)
         if off > RATE_AMBER_01:
-            found.append((
-                Level.RED if off > RATE_RED_01 else Level.AMBER,
-                f"{kept:.2f} Hz instead of {rate_hz:g} Hz nominal",
-                "use the stamps, not the nominal rate; find out which of the two is right",
-            ))  # fmt: skip
+            found.append(
+                (
+                    Level.RED if off > RATE_RED_01 else Level.AMBER,
+                    f"{kept:.2f} Hz instead of {rate_hz:g} Hz nominal",
+                    "use the stamps, not the nominal rate; find out which of the two is right",
+                )
+            )
     if rate_hz and n > 1 and len(spans) > 1:
         found += _apart(float(stamps[0]), float(stamps[-1]), spans)
     level = max((f[0] for f in found), default=Level.GREEN)
@@ -123,17 +134,19 @@ def _apart(
     begin, end = (float(np.median([s[i] for s in spans])) for i in (0, 1))
     if last_s < begin or first_s > end:
         yield (
-            Level.RED, f"does not overlap the others: off by {first_s - begin:.0f} s",
+            Level.RED,
+            f"does not overlap the others: off by {first_s - begin:.0f} s",
             "its clock was not mapped onto the others'; look for its clock offsets",
-        )  # fmt: skip
+        )
         return
     for what, off in (("begins", first_s - begin), ("ends", last_s - end)):
         if abs(off) > APART_S:
             side = "after" if off > 0 else "before"
             yield (
-                Level.AMBER, f"{what} {abs(off):.0f} s {side} the others",
+                Level.AMBER,
+                f"{what} {abs(off):.0f} s {side} the others",
                 "analyse only the time that all streams cover",
-            )  # fmt: skip
+            )
 
 
 # ---- XDF -------------------------------------------------------------------------------------
@@ -180,10 +193,12 @@ def _take_chunk(file: BufferedReader, tag: int, size: int, streams: dict[int, _X
         info = ET.fromstring(file.read(size - 4))  # noqa: S314 - expat bounds entities by itself
         said = {e.tag: (e.text or "").strip() for e in info}
         streams[number] = _Xdf(
-            said.get("name", f"stream {number}"), said["channel_format"],
-            int(said["channel_count"]), float(said.get("nominal_srate") or 0),
+            said.get("name", f"stream {number}"),
+            said["channel_format"],
+            int(said["channel_count"]),
+            float(said.get("nominal_srate") or 0),
             said.get("hostname", ""),
-        )  # fmt: skip
+        )
     elif tag == _OFFSET:
         streams[number].offsets.append(struct.unpack("<dd", file.read(16)))
     else:

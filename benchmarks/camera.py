@@ -187,10 +187,14 @@ def judged(
     )
     later = director.cuts[1:]
     return {
-        "visible": float(np.mean([
-            o.sees(v.position_m, head_of(m), m.people)
-            for v, m in zip(views, moments, strict=True)
-        ])),
+        "visible": float(
+            np.mean(
+                [
+                    o.sees(v.position_m, head_of(m), m.people)
+                    for v, m in zip(views, moments, strict=True)
+                ]
+            )
+        ),
         "cuts": len(later),
         "hits": hits,
         "in_people": inside,
@@ -202,7 +206,7 @@ def judged(
         "update_ms": float(np.mean(director.update_ms)),
         "update_p99_ms": float(np.percentile(director.update_ms, 99)),
         "step_ms": float(np.mean(director.step_ms)),
-    }  # fmt: skip
+    }
 
 
 def rates_apart_m(place: FilmedPlace, style: Style, moment_at: Callable[[int], Moment]) -> float:
@@ -277,10 +281,14 @@ def measure(seconds: int) -> list[Row]:
         ours, theirs = (judged(p, style, people, 10, 2) for p in (place, scattered))
         rows += [
             row(f"{room.name}, roadmap: update, ms", theirs["update_ms"], None),
-            row(f"{room.name}: update, times quicker than roadmap",
-                theirs["update_ms"] / ours["update_ms"], 10.0, more=True),
+            row(
+                f"{room.name}: update, times quicker than roadmap",
+                theirs["update_ms"] / ours["update_ms"],
+                10.0,
+                more=True,
+            ),
             row(f"{room.name}, roadmap: subject visible", theirs["visible"], None),
-        ]  # fmt: skip
+        ]
     crowds = [judged(prepare_once, STYLES["long-cuts"], in_station(k), seconds, k)["visible"]
               for prepare_once in (prepare(station(), seed=1),)
               for k in range(1, CONFIGURATIONS + 1)]  # fmt: skip

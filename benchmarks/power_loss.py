@@ -90,9 +90,12 @@ def record(root: Path, log: list[Step]) -> Path:
     )  # fmt: skip
     with create_session(root, manifest) as folder, logged(log):
         recorder = Recorder(
-            folder.begin_part(clock), clock, threaded=False, max_batch_ns=100 * NS_PER_MS,
+            folder.begin_part(clock),
+            clock,
+            threaded=False,
+            max_batch_ns=100 * NS_PER_MS,
             is_simulated=True,
-        )  # fmt: skip
+        )
         recorder.declare(COUNTED)
         for trial in range(TRIALS):
             for first in range(0, SAMPLES_PER_TRIAL, BATCH):

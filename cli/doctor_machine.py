@@ -149,9 +149,12 @@ def _clock(clock: Clock) -> Finding:
     step_ms = clock_step_ns(clock) / NS_PER_MS
     if step_ms > MAX_STEP_NS / NS_PER_MS:
         return Finding(
-            COMPUTER, "clock", "missing", f"moves in steps of {step_ms:g} ms: too coarse",
+            COMPUTER,
+            "clock",
+            "missing",
+            f"moves in steps of {step_ms:g} ms: too coarse",
             "switch the high precision event timer on in the computer's firmware",
-        )  # fmt: skip
+        )
     text = f"wakes {median(late_ms):.2f} ms late (worst {max(late_ms):.1f}); {clock.wall_iso()}"
     if median(late_ms) > LATE_NAP_MS:
         return Finding(

@@ -60,9 +60,13 @@ def lock(
     simulated = is_simulated(lab)
     folder = study_dir(lab.data_root, chosen.name, is_simulated=simulated)
     wanted = wanted_settings(
-        folder, chosen, is_simulated=simulated, seed=seed, assignments=assignments,
+        folder,
+        chosen,
+        is_simulated=simulated,
+        seed=seed,
+        assignments=assignments,
         language=language or lab.language,
-    )  # fmt: skip
+    )
     experiment = chosen.experiment(wanted.parameters)
     prepare_data_root(lab)
     ledger = ledger_of(lab, chosen.name, simulated=simulated)

@@ -511,10 +511,12 @@ def _event_rows(name: str, arrays: Columns, zero_ns: int) -> list[dict[str, Any]
     """Return the samples of a stream without a rate as events, such as presses."""
     table = _stream_table(arrays, zero_ns).drop(columns=["timestamp"])
     return [
-        {**_event_row(name, row["t_host_ns"], row["t_host_ns"], zero_ns),
-         **{f"{name}_{key}": value for key, value in row.items() if key != "t_host_ns"}}
+        {
+            **_event_row(name, row["t_host_ns"], row["t_host_ns"], zero_ns),
+            **{f"{name}_{key}": value for key, value in row.items() if key != "t_host_ns"},
+        }
         for row in table.to_dict("records")
-    ]  # fmt: skip
+    ]
 
 
 def _event_row(name: str, start_ns: int, end_ns: int, zero_ns: int) -> dict[str, Any]:

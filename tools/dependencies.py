@@ -49,9 +49,11 @@ def packages_of(root: str = ROOT) -> tuple[tuple[Package, ...], tuple[str, ...]]
         distribution = metadata.distribution(name)
         needed = list(_needs(distribution))
         found[_plain(name)] = Package(
-            name, distribution.version, licence_of(distribution.metadata),
+            name,
+            distribution.version,
+            licence_of(distribution.metadata),
             tuple(sorted(_plain(r.name) for r in needed)),
-        )  # fmt: skip
+        )
         for requirement in needed:
             problem = _problem(name, requirement)
             problems += [problem] if problem else []
@@ -104,8 +106,12 @@ def bill_of_materials(packages: Sequence[Package]) -> dict[str, Any]:
 def _component(package: Package, refs: Mapping[str, str], kind: str) -> dict[str, Any]:
     ref = refs[_plain(package.name)]
     component: dict[str, Any] = {
-        "type": kind, "bom-ref": ref, "name": package.name, "version": package.version, "purl": ref,
-    }  # fmt: skip
+        "type": kind,
+        "bom-ref": ref,
+        "name": package.name,
+        "version": package.version,
+        "purl": ref,
+    }
     if package.licence:
         component["licenses"] = [{"license": {"name": package.licence}}]
     return component

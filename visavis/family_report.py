@@ -268,9 +268,13 @@ def _correlation_table(tests: Sequence[CorrelationTest]) -> Table:
         f"Spearman correlations with {tests[0].of.score_name}",
         f"{n}. p uncorrected with threshold {threshold(tests[0].alpha)}; Holm-adjusted values are "
         "in statistics.csv."
-        + (" n.s.: the source states no correlation. ✓ same verdict, ✗ different, ? undecided, "
-           "n not tested." if beside else ""),
-    )  # fmt: skip
+        + (
+            " n.s.: the source states no correlation. ✓ same verdict, ✗ different, ? undecided, "
+            "n not tested."
+            if beside
+            else ""
+        ),
+    )
 
 
 def _sensitivity_table(analysis: StudyAnalysis) -> Table:

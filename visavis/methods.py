@@ -55,9 +55,11 @@ def _blocks(count: int) -> str:
 
 def _measured(analysis: StudyAnalysis) -> str:
     used = dict.fromkeys(
-        (*(f.measure for f in analysis.findings),
-         *(t.measure for r in analysis.results for t in r.tests))
-    )  # fmt: skip
+        (
+            *(f.measure for f in analysis.findings),
+            *(t.measure for r in analysis.results for t in r.tests),
+        )
+    )
     words = [
         f"{m.words[:1].lower()}{m.words[1:]} ({m.column}, {m.aggregate} over the trials of a cell)"
         for m in used

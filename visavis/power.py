@@ -103,9 +103,12 @@ class KitPower:
                 if printed.df is not None:
                     df1, df2 = printed.df
                     found[f"{compare.dv}:{term}"] = PrintedTest(
-                        f"F({df1}, {df2}) = {number(printed.statistic)}", printed.statistic, df1,
-                        df2, df2 // df1 + 1,
-                    )  # fmt: skip
+                        f"F({df1}, {df2}) = {number(printed.statistic)}",
+                        printed.statistic,
+                        df1,
+                        df2,
+                        df2 // df1 + 1,
+                    )
         return found
 
     @property

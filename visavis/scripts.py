@@ -161,9 +161,13 @@ class StudyData:
             )
         manifests = [s.recording.manifest for s in self.sessions]
         refuse_to_peek(
-            self.path, read_lock(self.path), manifests, SystemClock(), asked=peek is not None,
+            self.path,
+            read_lock(self.path),
+            manifests,
+            SystemClock(),
+            asked=peek is not None,
             reason=peek or "",
-        )  # fmt: skip
+        )
         return self.study.analysis_of(self._intakes, limits)
 
 

@@ -83,9 +83,13 @@ class Clmm(Result):
     ) -> Contrasts:
         """Compare log odds of a higher answer; the effect is the cumulative odds ratio."""
         return marginal_contrasts(
-            self.design, self.model, term, adjust=adjust, ratio="odds ratio",
+            self.design,
+            self.model,
+            term,
+            adjust=adjust,
+            ratio="odds ratio",
             provenance=replace(self.provenance, test="marginal means (logit scale)", notes=()),
-        )  # fmt: skip
+        )
 
     def sentence(self) -> str:
         """Return all effects, one sentence each."""
@@ -164,10 +168,12 @@ def clmm(
         )
     name = "Cumulative link mixed model" if has_intercept else "Cumulative link model"
     provenance = Provenance(
-        f"{name} (logit)", design.n,
+        f"{name} (logit)",
+        design.n,
         error_term=f"{f'random intercept per {subject}, ' if has_intercept else ''}robust errors",
-        dropped=design.dropped, notes=tuple(notes),
-    )  # fmt: skip
+        dropped=design.dropped,
+        notes=tuple(notes),
+    )
     return Clmm(tuple(effects), model, fit, tuple(float(c) for c in categories), design, provenance)
 
 

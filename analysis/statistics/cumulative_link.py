@@ -193,7 +193,10 @@ def log_likelihood(category: Codes, X: Array, subject: Codes, *, has_intercept: 
 
 def _peak(likelihood: _Likelihood) -> Array:
     found = optimize.minimize(
-        likelihood.loss, likelihood.start(), jac=True, method="BFGS",
+        likelihood.loss,
+        likelihood.start(),
+        jac=True,
+        method="BFGS",
         options={"gtol": 1e-5, "maxiter": 500},
-    )  # fmt: skip
+    )
     return np.asarray(found.x, dtype=np.float64)

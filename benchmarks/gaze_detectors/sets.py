@@ -31,8 +31,11 @@ RATERS = ("MN", "RA")
 HOOGE_PIXELS, HOOGE_CM, HOOGE_DISTANCE_CM = (1920, 1080), (50.9, 28.6), 65.0
 GAZECOM_CM, GAZECOM_DISTANCE_CM, GAZECOM_RATE_HZ = (40.0, 22.5), 45.0, 250.0
 GAZECOM_LABELS = {
-    "F": Movement.FIXATION, "S": Movement.SACCADE, "P": Movement.PURSUIT, "B": Movement.BLINK,
-}  # fmt: skip
+    "F": Movement.FIXATION,
+    "S": Movement.SACCADE,
+    "P": Movement.PURSUIT,
+    "B": Movement.BLINK,
+}
 LOOKATPOINT_LABELS = (0, 1, 2, 3, 0, 5)
 
 

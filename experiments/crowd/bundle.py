@@ -86,9 +86,13 @@ class CrowdBundle(OpenedStudy):
 
         parameters, limits = _thresholds(settings or {})
         return analyse_study(
-            sessions, out_dir, is_simulated=is_simulated, commands=commands,
-            parameters=parameters, limits=limits,
-        )  # fmt: skip
+            sessions,
+            out_dir,
+            is_simulated=is_simulated,
+            commands=commands,
+            parameters=parameters,
+            limits=limits,
+        )
 
 
 def _thresholds(settings: Mapping[str, Any]) -> tuple[AnalysisParameters, dict[str, Any]]:

@@ -103,10 +103,12 @@ def changes_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Ext
     if changes is not None:
         blocks.append(Paragraph(changes.sentence()))
     if not float(experiment.parameters["look_trigger_ms"]):
-        blocks.append(Paragraph(
-            "One gaze sample on the active agent's head changes its gaze at once, so a saccade "
-            "that passes over the head is enough: this platform's reading of “first looked at”."
-        ))  # fmt: skip
+        blocks.append(
+            Paragraph(
+                "One gaze sample on the active agent's head changes its gaze at once, so a saccade "
+                "that passes over the head is enough: this platform's reading of “first looked at”."
+            )
+        )
     rules = analysis.study.looks[0].rules({"parameters": experiment.parameters})
     example = None if analysis.example is None else example_of(analysis.example, rules)
     drawn = () if example is None else (trial_figure(example, is_simulated=analysis.is_simulated),)

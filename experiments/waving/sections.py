@@ -153,9 +153,12 @@ def _reached(trials: pd.DataFrame, experiment: StudyExperiment) -> list[Block]:
         met = percentage(float(part["target_met_01"].mean()), 0) if len(part) else "–"
         rows.append((wave, str(len(part)), *cells, met))
     heads = (
-        Column("Wave"), Column("Warped trials", "right"), Column("Coverage wanted", "right"),
-        Column("Reached", "right"), Column("Frames on target", "right"),
-    )  # fmt: skip
+        Column("Wave"),
+        Column("Warped trials", "right"),
+        Column("Coverage wanted", "right"),
+        Column("Reached", "right"),
+        Column("Frames on target", "right"),
+    )
     met_01 = float(known["target_met_01"].mean())
     said = (
         "Medians of trials, beside the wave that was not warped; a frame is on target when head "

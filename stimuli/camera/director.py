@@ -148,10 +148,11 @@ def prepare(
     obstacles = Obstacles.of_room(room)
     floors = walkable_floors(room, walkers)
     lines = [
-        tracks_through(camera_places(f, medial_axis(f.area), obstacles, rays), obstacles, seed,
-                       tracks)
+        tracks_through(
+            camera_places(f, medial_axis(f.area), obstacles, rays), obstacles, seed, tracks
+        )
         for f in floors
-    ]  # fmt: skip
+    ]
     graph = track_graph(np.concatenate(lines), obstacles, joins)
     triangles = np.concatenate([small_triangles(f, triangle_m2) for f in floors])
     table = floor_table(graph, triangles, obstacles, seed)
@@ -375,9 +376,13 @@ class Director:
             dt_s = (self._time_of(self._tick + 1) - self._time_of(self._tick)) / NS_PER_S
             there, _ = self._follow(dt_s)
             self._held = not is_free_step(
-                self._position, there, self._moment.people, self._style.clear_m,
-                self._style.people_clear_m, *self._place.obstacles.packed,
-            )  # fmt: skip
+                self._position,
+                there,
+                self._moment.people,
+                self._style.clear_m,
+                self._style.people_clear_m,
+                *self._place.obstacles.packed,
+            )
 
 
 def _above(place_m: Vector, by_m: float) -> Vector:

@@ -110,9 +110,12 @@ def slerp_segments(a: Vector, b: Vector, segment: Index, h: Vector, out: Vector)
         least = 1.0
         for j in range(n):
             x[j] = (
-                a[s, j, 0] * b[s, j, 0] + a[s, j, 1] * b[s, j, 1]
-                + a[s, j, 2] * b[s, j, 2] + a[s, j, 3] * b[s, j, 3] - 1.0
-            )  # fmt: skip
+                a[s, j, 0] * b[s, j, 0]
+                + a[s, j, 1] * b[s, j, 1]
+                + a[s, j, 2] * b[s, j, 2]
+                + a[s, j, 3] * b[s, j, 3]
+                - 1.0
+            )
         for j in range(n):
             if is_near and x[j] > LONG_SERIES_DOT - 1.0:
                 least = min(least, x[j] + 1.0)

@@ -69,9 +69,12 @@ def test_a_fault_of_times_is_named(
 def test_a_stream_without_offsets_and_one_beside_the_others_are_named(tmp_path: Path) -> None:
     other_clock = REGULAR + 90_000
     path = written(
-        tmp_path / "a.xdf", ("gaze", REGULAR, OFFSETS), ("head", REGULAR, OFFSETS),
-        ("body", other_clock, ()), ("belt", other_clock, [(90_000.0, -90_000.0)]),
-    )  # fmt: skip
+        tmp_path / "a.xdf",
+        ("gaze", REGULAR, OFFSETS),
+        ("head", REGULAR, OFFSETS),
+        ("body", other_clock, ()),
+        ("belt", other_clock, [(90_000.0, -90_000.0)]),
+    )
     found = check_foreign(path)
     said = [what for what, _ in of(found, "body").findings]
     assert "no clock offset" in said

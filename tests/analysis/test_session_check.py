@@ -13,7 +13,7 @@ from analysis.session_check import in_one
         ("7 dropped of 10 to 12.5", ["7 dropped of 12.5", "7 dropped of 10"]),
         ("the left eye is not seen", ["the left eye is not seen"] * 3),
     ],
-)  # fmt: skip
+)
 def test_messages_that_differ_in_numbers_are_told_with_their_range(
     expected: str, messages: list[str]
 ) -> None:

@@ -32,8 +32,12 @@ def received(tmp_path_factory):
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "LSLAPICFG": str(settings)}
     child = subprocess.run(
         [sys.executable, "-m", "tests.devices.lsl_stream_child", str(os.getpid())],
-        capture_output=True, text=True, timeout=60, env=environment, cwd=folder,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=environment,
+        cwd=folder,
+    )
     assert child.returncode == 0, child.stderr
     return json.loads(child.stdout.splitlines()[-1])
 

@@ -13,9 +13,13 @@ LOST = Exclusion("max_lost_01", "trial", "lost_01", 0.3, "{value:.0%} lost", mis
 def rows(**columns: list[Any]) -> pd.DataFrame:
     n = len(next(iter(columns.values())))
     usual: dict[str, list[Any]] = {
-        "participant": ["a"] * n, "session": [1] * n, "is_practice": [False] * n,
-        "trial_id": [f"T{i}" for i in range(n)], "attempt": [1] * n, "status": ["complete"] * n,
-    }  # fmt: skip
+        "participant": ["a"] * n,
+        "session": [1] * n,
+        "is_practice": [False] * n,
+        "trial_id": [f"T{i}" for i in range(n)],
+        "attempt": [1] * n,
+        "status": ["complete"] * n,
+    }
     return pd.DataFrame(usual | columns)
 
 

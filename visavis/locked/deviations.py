@@ -103,7 +103,6 @@ def marked(compare: Sequence[Compare], planned: Mapping[str, Any]) -> tuple[Comp
     They form a family of their own, so that planned ones are corrected as was planned.
     """
     return tuple(
-        one if name in planned["comparisons"]
-        else replace(one, exploratory=True, family=UNPLANNED)
+        one if name in planned["comparisons"] else replace(one, exploratory=True, family=UNPLANNED)
         for name, one in named(compare).items()
-    )  # fmt: skip
+    )

@@ -99,9 +99,10 @@ def review_of(
     more = list(_about_sample(locked, len({m.participant for m in manifests})))
     if without:
         more.append(
-            Deviation("sessions", "without the plan's hash", "0", str(len(without)),
-                      _whose(without[0]))
-        )  # fmt: skip
+            Deviation(
+                "sessions", "without the plan's hash", "0", str(len(without)), _whose(without[0])
+            )
+        )
     return PlanReview(
         locked, (*now, *past, *more), besides, len(carried), len(by_time), tuple(peeks)
     )
@@ -133,9 +134,7 @@ def _about_sample(locked: LockedPlan, people: int) -> list[Deviation]:
     if people == locked.participants:
         return []
     said = "so far " if people < locked.participants else ""
-    return [
-        Deviation("sample", "size", str(locked.participants), f"{said}{people}", IN_ANALYSIS)
-    ]  # fmt: skip
+    return [Deviation("sample", "size", str(locked.participants), f"{said}{people}", IN_ANALYSIS)]
 
 
 def review_section(review: PlanReview) -> Section:

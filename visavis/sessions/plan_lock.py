@@ -57,10 +57,12 @@ def lock_plan(
         "locked_at": clock.wall_iso(),
         "is_blinded": is_blinded,
         "sample": {
-            "participants": participants, "rule": rule, "sessions_before": sessions_before,
+            "participants": participants,
+            "rule": rule,
+            "sessions_before": sessions_before,
         },
         "plan": content_now(study, experiment, seed),
-    }  # fmt: skip
+    }
     write_sealed(folder / LOCK_NAME, content)
     made = _locked(content, seal_of(seal(content)))
     replace_file(folder / PAGE_NAME, markdown(content, made.sha256).encode())

@@ -111,17 +111,23 @@ def repeated(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Printed | st
         write_outcome(replace(asked(name), samples=()), folder / name)
     (folder / "all.R").write_text(RUN_ALL, encoding="utf-8")
     done = subprocess.run(
-        [rscript, "--vanilla", "all.R"], cwd=folder, capture_output=True, text=True, check=True,
+        [rscript, "--vanilla", "all.R"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
         timeout=90,
-    )  # fmt: skip
+    )
     found: dict[str, Printed | str] = {}
     for part in re.split(r"^==\t\./", done.stdout, flags=re.MULTILINE)[1:]:
         name, *lines = part.splitlines()
         cells = [line.split("\t") for line in lines if "\t" in line]
         broken = [cell[1] for cell in cells if cell[0] == "error"]
-        found[name.strip()] = broken[0] if broken else {
-            c[0]: (float(c[1]), float("nan") if c[2] == "NA" else float(c[2])) for c in cells
-        }  # fmt: skip
+        found[name.strip()] = (
+            broken[0]
+            if broken
+            else {c[0]: (float(c[1]), float("nan") if c[2] == "NA" else float(c[2])) for c in cells}
+        )
     return found
 
 

@@ -79,9 +79,12 @@ def test_walks_not_tracked_or_not_finished_are_left_out_with_the_reason():
 
 @pytest.mark.parametrize(
     ("status", "why"),
-    [(DAMAGED, "the recording is damaged"), (LOST, "the recording is damaged"),
-     ("interrupted", "not finished")],
-)  # fmt: skip
+    [
+        (DAMAGED, "the recording is damaged"),
+        (LOST, "the recording is damaged"),
+        ("interrupted", "not finished"),
+    ],
+)
 def test_walks_that_cannot_be_read_or_were_not_finished_stand_among_what_is_left_out(status, why):
     given = tables(walks(6))
     columns = ("participant", "session", "group", "condition", "configuration", "is_practice",

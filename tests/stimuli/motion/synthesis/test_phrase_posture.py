@@ -9,9 +9,11 @@ from lab.errors import DataError
 from stimuli.motion.synthesis.phrase_posture import CLASSES, Habits, Phrase
 
 POSTURES = st.tuples(
-    st.sampled_from(["LH", "RH", "2H"]), st.sampled_from("abc"),
-    st.sampled_from(CLASSES["com"]), st.sampled_from(CLASSES["yaw"]),
-)  # fmt: skip
+    st.sampled_from(["LH", "RH", "2H"]),
+    st.sampled_from("abc"),
+    st.sampled_from(CLASSES["com"]),
+    st.sampled_from(CLASSES["yaw"]),
+)
 SPEECH = st.lists(POSTURES, min_size=12, max_size=60)
 
 
