@@ -9,6 +9,7 @@ import typer
 from rich.table import Table
 
 from analysis.foreign_check import check_foreign
+from analysis.report.notation import counted
 from analysis.session_check import check_session
 from analysis.session_verdict import Level, SessionCheck
 from cli.app import ConfigOption, JsonOption, OfParticipant, SessionArgument, app, console, verbatim
@@ -120,7 +121,7 @@ def _check_study(folder: Path, *, as_json: bool) -> None:
             soft_wrap=True,
         )
     else:
-        console.print(f"[green]{count} sessions, every file verified[/]")
+        console.print(f"[green]{counted(count, 'session')}, every file verified[/]")
     if problems:
         raise typer.Exit(EXIT_RED)
 

@@ -36,7 +36,7 @@ from cli.studies import study_of_lab
 from lab.clock import SimClock, SystemClock
 from lab.config import LabConfig
 from lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
-from protocol.experiment import spare_roles_of
+from protocol.experiment import Experiment, spare_roles_of
 from protocol.identifiers import make_label
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from protocol.operator import Operator, UnattendedOperator
@@ -103,7 +103,10 @@ def ledger_of(config: LabConfig, study: str, *, simulated: bool) -> Ledger:
 @app.command()
 def plan(
     study: StudyArgument,
-    participant: ParticipantOption,
+    participant: Annotated[
+        str | None,
+        typer.Option(help="Identifier from the ledger, such as 07; left out: the next new one."),
+    ] = None,
     seed: SeedOption = None,
     devices: DevicesOption = None,
     config: ConfigOption = None,
@@ -113,7 +116,7 @@ def plan(
 ) -> None:
     """Show the order of all trials before anything runs.
 
-    Example: visavis plan stare --participant 07
+    Without a participant, what the next new one would get. Example: visavis plan ./duel.py
     """
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
     chosen = study_of_lab(study, lab)
@@ -130,22 +133,34 @@ def plan(
     ledger = ledger_of(lab, chosen.name, simulated=simulated)
     experiment = chosen.experiment(wanted.parameters)
     check_rig(devices_for(lab, experiment))
-    try:
-        entry = ledger.resolve(participant)
-        label, index, group = entry.label, entry.index, entry.group
-        note = ""
-    except UnknownParticipant as unknown:
-        label, group = make_label(unknown.number, ledger.prefix), ""
-        index = ledger.next_place(lambda place: experiment.plan(place, in_force).group)
-        note = (
-            f"{label} is not in the ledger yet: no place is allocated. Shown is place "
-            f"{index + 1}, which they would get now."
-        )
+    label, index, group, note = _place_shown(ledger, participant, experiment, in_force)
     made = experiment.plan(index, in_force, group)
     if as_json:
         typer.echo(json.dumps(asdict(made), default=str, ensure_ascii=False, indent=1))
         return
     _print_plan(made, label, note)
+
+
+def _place_shown(
+    ledger: Ledger, participant: str | None, experiment: Experiment, seed: int
+) -> tuple[str, int, str, str]:
+    """Return label, place, group and a note on whether that place is allocated."""
+    label, person = "next", "the next new participant"
+    if participant is not None:
+        try:
+            entry = ledger.resolve(participant)
+        except UnknownParticipant as unknown:
+            label, person = make_label(unknown.number, ledger.prefix), "they"
+        else:
+            return entry.label, entry.index, entry.group, ""
+    index = ledger.next_place(lambda place: experiment.plan(place, seed).group)
+    unknown_one = f"{label} is not in the ledger yet: no place is allocated. " * (person == "they")
+    return (
+        label,
+        index,
+        "",
+        f"{unknown_one}Shown is place {index + 1}, which {person} would get now.",
+    )
 
 
 def _seed_in_force(settings: StudySettings | None, seed: int | None) -> int:

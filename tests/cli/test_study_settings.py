@@ -73,10 +73,12 @@ def test_plan_shows_the_place_that_adding_gives(devices: str, lab_config: Path) 
     for number, place in (("7", "1"), ("3", "2")):
         shown = visavis(lab_config, "plan", "stare", "--participant", number, *here)
         assert "not in the ledger yet" in shown
+        nobody = visavis(lab_config, "plan", "stare", *here)
+        assert "not in the ledger" not in nobody
         added = visavis(lab_config, "participant", "add", "stare", number, *here)
         again = visavis(lab_config, "plan", "stare", "--participant", number, *here)
         assert "not in the ledger" not in again
-        assert [place] * 3 == [place_of(text) for text in (shown, added, again)]
+        assert [place] * 4 == [place_of(text) for text in (shown, nobody, added, again)]
 
 
 def test_a_session_of_somebody_not_registered_takes_the_first_free_place(lab_config: Path) -> None:

@@ -41,7 +41,7 @@ def said(folder: Path, arguments: str) -> tuple[int, str]:
 
 def test_check_of_a_study_file_verifies_its_data(here: Path) -> None:
     code, text = said(here, "check ./duel.py")
-    assert (0, True) == (code, "1 sessions, every file verified" in text)
+    assert (0, True) == (code, "1 session, every file verified" in text)
 
 
 def test_check_of_one_participant_says_whether_they_can_leave(here: Path) -> None:
