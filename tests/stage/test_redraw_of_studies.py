@@ -1,4 +1,4 @@
-"""Frames of the crowd and the waving study drawn again from their recordings alone."""
+"""Frames of the crowd, the waving and a lab's own study drawn again from their recordings alone."""
 
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ import visavis.sessions.perform
 from cli.redraw import redraw
 from devices.registry import OPTION_MODELS
 from lab.config import load_config
+from recording.folder import study_dir
 from recording.reader import Recording
 from stage.drawn_stage import Display, default_views
 from stage.errors import StageError
@@ -17,17 +18,24 @@ from stage.renderer import LIGHTEST, Renderer
 from stimuli.dressing.picture_of import picture_of
 from tests.faults.sessions import CONFIG
 from tests.stage.sessions import NowAndThen
+from tests.visavis.sessions import STUDIES
 from visavis.catalogue import find_study
 from visavis.sessions.perform import perform_new, simulated_request
+from visavis.sessions.study_folder import settle, wanted_settings
 
 CROWD = {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0}
 WAVING = {
     "clerk": ["clerk_left"], "increment": 0.0, "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1,
     "intertrial_s": 0.1, "blocks": 1,
 }  # fmt: skip
+DUEL = {"repetitions": 1, "practice": 0}
 
 
-@pytest.mark.parametrize(("study", "parameters", "every"), [("crowd", CROWD, 131), ("waving", WAVING, 197)])  # fmt: skip  # noqa: E501 - one case a tuple
+@pytest.mark.parametrize(
+    ("study", "parameters", "every"),
+    [("crowd", CROWD, 131), ("waving", WAVING, 197), (str(STUDIES / "duel.py"), DUEL, 211)],
+    ids=["crowd", "waving", "duel.py"],
+)
 def test_every_drawn_frame_of_a_study_redraws_as_it_was(
     study: str,
     parameters: dict[str, Any],
@@ -56,6 +64,8 @@ def test_every_drawn_frame_of_a_study_redraws_as_it_was(
     request = simulated_request(
         chosen, chosen.experiment(parameters), config, label="S01B", index=0, seed=3
     )
+    folder = study_dir(tmp_path, chosen.name, is_simulated=True)
+    settle(folder, wanted_settings(folder, chosen, is_simulated=True), seed_given=False)
     recording = Recording(perform_new(request))
     (stage,) = made
     drawn = recording.stream_arrays("drawn")
