@@ -13,6 +13,10 @@ from typing import NamedTuple
 
 import pytest
 
+from stage.errors import StageError
+from stage.renderer import LIGHTEST, Renderer
+from tests.visavis.sessions import STUDIES
+
 ROOT = Path(__file__).resolve().parents[2]
 LEFT_BEHIND = shutil.ignore_patterns(
     ".*", "__pycache__", "build", "*.egg-info", "data", "demo", "out", "tests", "docs"
@@ -22,6 +26,20 @@ QUICK = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s
 QUICK += ["--set", "repetitions=1"]
 ONE = ["--processes", "1"]
 """Two would compile everything twice."""
+EVERY_VERB = [
+    "plan ./duel.py",
+    "preview ./duel.py --png duel.png --size 128x96",
+    "run ./duel.py --participant 1 --fast --set repetitions=1",
+    "check ./duel.py",
+    "simulate ./duel.py --participants 3 --output dry --set repetitions=1 --processes 1",
+    "analyse dry/simulated/duel --processes 1",
+    "report ./duel.py --processes 1",
+    "power ./duel.py --participants 4 --replicates 2 --fast --pool 5 --processes 1 -o power",
+    "replay ./duel.py --trial T01 --video trial.avi --seconds 0.2 --rate 5 --size 128x96",
+    "export ./duel.py -o out",
+]
+"""In the order a lab types them."""
+DRAWING = {"preview", "replay"}
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 
@@ -82,6 +100,16 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
         (listed,) = (n for n in held.namelist() if n.endswith("/top_level.txt"))
         packages = held.read(listed).decode().split()
     return Installed(programs, wheel, tuple(packages))
+
+
+@pytest.fixture(scope="module")
+def own(installed: Installed, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A new lab's folder with a study file of its own."""
+    made = tmp_path_factory.mktemp("own study")
+    shutil.copytree(STUDIES / "texts", made / "texts")
+    shutil.copy(STUDIES / "duel.py", made / "duel.py")
+    said(installed.run("visavis", "init", cwd=made))
+    return made
 
 
 @pytest.fixture(scope="module")
@@ -157,6 +185,25 @@ def test_a_study_is_simulated_and_analysed(installed: Installed, folder: Path) -
     said(installed.run("visavis", *simulate, cwd=folder))
     said(installed.run("visavis", "analyse", "dry/simulated/stare", *ONE, cwd=folder))
     assert (folder / "dry/simulated/stare/derived/report.html").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("verb", EVERY_VERB, ids=[verb.split()[0] for verb in EVERY_VERB])
+def test_a_labs_own_study_file_goes_through_every_verb(
+    verb: str, installed: Installed, own: Path
+) -> None:
+    if verb.split()[0] in DRAWING:
+        try:
+            Renderer(quality=LIGHTEST).close()
+        except StageError as problem:
+            pytest.skip(str(problem))
+    said(installed.run("visavis", *verb.split(), cwd=own))
+
+
+def test_what_every_verb_made_of_the_study_file_is_there(own: Path) -> None:
+    assert (own / "data/simulated/duel/derived/report.html").stat().st_size > 10_000
+    assert (own / "dry/simulated/duel/derived/report.html").stat().st_size > 10_000
+    assert list((own / "out").rglob("*.parquet"))
+    assert (own / "power").is_dir()
 
 
 def test_the_demo_writes_a_report_in_an_empty_folder(installed: Installed, tmp_path: Path) -> None:
