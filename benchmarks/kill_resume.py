@@ -1,17 +1,20 @@
 """Kill sessions at random instants, resume them, and compare with one that was left alone.
 
-python -m benchmarks.kill_resume --kills 200 [--json] [--seed 1] [--output DIR]
+python -m benchmarks.kill_resume --kills 1000 [--study stare] [--minutes 60] [--json] [--seed 1]
+                                [--output DIR]
 
-Every life of a session is a forked process that performs a short stare session on the virtual
-clock through `visavis.sessions.perform`; SIGKILL comes at an instant drawn over what is expected to
-be left of the session, start-up and close included. After every kill each trial that the process
-had acknowledged must be in the recording; a finished session must lack no planned trial, and its
-trial table, measures included, must equal that of an uninterrupted session. SIGKILL tests the
-death of a process, not the loss of power.
+Kills are shared by the three studies, or are all `--study`'s; `--minutes` ends each study's share
+of the time early. Every life of a session is a forked process that performs a short session of the
+study on the virtual clock through `visavis.sessions.perform`; SIGKILL comes at an instant drawn
+over what is expected to be left of the session, start-up and close included. After every kill each
+trial that the process had acknowledged must be in the recording; a finished session must lack no
+planned trial, and its trial table, measures included, must equal that of an uninterrupted session.
+SIGKILL tests the death of a process, not the loss of power (`benchmarks.power_loss`).
 """
 
 import argparse
 import json
+import math
 import mmap
 import os
 import shutil
@@ -19,15 +22,15 @@ import signal
 import sys
 import tempfile
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
 
 from analysis.session_check import check_session
-from experiments.stare.study import study
 from lab.clock import NS_PER_S, StopWatch, SystemClock
 from lab.config import DeviceConfig, LabConfig, load_config
 from lab.config_files import EXAMPLE
@@ -40,11 +43,38 @@ from recording.folder import session_dir
 from recording.reader import Recording
 from visavis.catalogue import find_study
 from visavis.experiment import StudyExperiment
+from visavis.opened import OpenedStudy
 from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
 
-BLOCKS_KEPT = 3
-TRIALS_KEPT = 8
-"""Training and the first two blocks, eight trials of each, so that lives are short."""
+
+@dataclass(frozen=True)
+class Short:
+    """What makes a session of a study short: parameters, and how much of the plan is kept."""
+
+    parameters: Mapping[str, Any]
+    blocks_kept: int
+    trials_kept: int
+
+
+SHORT: Mapping[str, Short] = {
+    "stare": Short(
+        {"trial_s": 1.0, "practice_s": 1.0, "intertrial_s": 0.2, "repetitions": 1}, 3, 8
+    ),
+    "crowd": Short({"configuration": [1], "limit_s": 3.0, "intertrial_s": 0.2}, 3, 2),
+    "waving": Short(
+        {
+            "clerk": ["clerk_left"],
+            "increment": 0.1,
+            "before_s": 0.2,
+            "wave_s": 0.4,
+            "after_s": 0.1,
+            "intertrial_s": 0.1,
+            "blocks": 1,
+        },
+        2,
+        3,
+    ),
+}
 
 TIMING = TargetTiming(100, 300, 500, 700)
 RATES_HZ = {"headset": ("display_rate_hz", 30), "eye_tracker": ("rate_hz", 60)}
@@ -56,18 +86,19 @@ INTERRUPTION_COLUMNS = {
     "recording_part": "the part of the recording that holds the row",
     "part": "the same, as the session counts it",
     "attempt": "a trial that was running when the process died is performed again",
-    "t_start_ns": "session time goes on differently after a new start",
-    "t_end_ns": "as t_start_ns; the duration is compared",
-    "switch_ns": "as t_start_ns; switch_ms is compared",
-    "look_ns": "as t_start_ns; its distance from t_start_ns is compared",
+    "t_start_ns": "session time goes on differently after a new start; others count from it",
     "clock_offset_ns": "host minus device time, anew with every start of the simulated device",
     "calibration_id": "counts the session's validations; resuming adds one",
     "calibration_age_s": "resuming calibrates anew, so the calibration is younger",
 }
 """Columns that tell the interruption, each with the reason why it may differ."""
 
+ROUNDING_NS = 2
+"""Frames are not whole nanoseconds apart."""
+
 LABEL, INDEX, SEED = "S01", 0, 1
 STATES = tuple(SessionState)
+LOOK_NS = 2_000_000
 
 
 @dataclass
@@ -94,14 +125,15 @@ class Outcome:
         )
 
 
-class ShortStare(StudyExperiment):
-    """The stare study with the first trials of its first blocks alone."""
+class ShortStudy(StudyExperiment):
+    """A study with the first trials of its first blocks alone."""
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return the beginning of what the participant would do."""
+        kept = SHORT[self.study.name]
         whole = super().plan(participant_index, seed, group)
-        blocks = tuple(replace(b, trials=b.trials[:TRIALS_KEPT]) for b in whole.blocks)
-        return replace(whole, blocks=blocks[:BLOCKS_KEPT])
+        blocks = tuple(replace(b, trials=b.trials[: kept.trials_kept]) for b in whole.blocks)
+        return replace(whole, blocks=blocks[: kept.blocks_kept])
 
 
 class _StateOperator(UnattendedOperator):
@@ -116,18 +148,23 @@ class _StateOperator(UnattendedOperator):
         self._shared[0] = STATES.index(status.state)
 
 
-def kill_sessions(kills: int, *, seed: int, root: Path) -> Outcome:
-    """Perform, kill and resume sessions below `root` until so many kills were survived."""
+def kill_sessions(
+    kills: int, *, seed: int, root: Path, study: str = "stare", limit_s: float = math.inf
+) -> Outcome:
+    """Perform, kill and resume sessions below `root` until so many kills were survived.
+
+    Once `limit_s` has passed no further session is begun.
+    """
     rng = np.random.default_rng(seed)
     watch = StopWatch()
     outcome = Outcome()
-    config = _fast_config()
-    reference, life_s = _uninterrupted(config, root / "reference")
-    while outcome.kills < kills:
+    short = _ShortSessions(cast(OpenedStudy, find_study(study)), _fast_config())
+    reference = short.uninterrupted(root / study / "reference")
+    while outcome.kills < kills and watch.elapsed_s() < limit_s:
         outcome.sessions += 1
-        folder = root / f"session-{outcome.sessions:04d}"
-        session = _one_session(config, folder, rng, life_s, kills, outcome)
-        _compare(session, reference, outcome)
+        folder = root / study / f"session-{outcome.sessions:04d}"
+        session = _one_session(short, folder, rng, kills, outcome)
+        _compare(short, session, reference, outcome)
         shutil.rmtree(folder)
     outcome.wall_s = watch.elapsed_s()
     return outcome
@@ -145,59 +182,74 @@ def _fast_config() -> LabConfig:
     return config.model_copy(update={"devices": devices})
 
 
-def _request(config: LabConfig, data_root: Path) -> Request:
-    request = simulated_request(
-        find_study("stare"),
-        ShortStare(
-            study, {"trial_s": 1.0, "practice_s": 1.0, "intertrial_s": 0.2, "repetitions": 1}
-        ),
-        config.model_copy(update={"data_root": data_root}),
-        label=LABEL,
-        index=INDEX,
-        seed=SEED,
-    )
-    return replace(request, timing=TIMING)
+@dataclass
+class _ShortSessions:
+    """Short sessions of a study, and how their trials are measured.
 
+    `life_s` is how long one lasts, by the latest that was left alone from its beginning; other
+    programs on the machine change that.
+    """
 
-def _uninterrupted(config: LabConfig, data_root: Path) -> tuple[pd.DataFrame, float]:
-    """Return the trial table to compare with, and how long a session lasts once warm."""
-    path = perform_new(_request(config, data_root / "cold"))
-    watch = StopWatch()
-    perform_new(_request(config, data_root / "warm"))
-    return _trial_table(path), watch.elapsed_s()
+    study: OpenedStudy
+    config: LabConfig
+    life_s: float = 1.0
 
+    def request(self, data_root: Path) -> Request:
+        """Return what to perform."""
+        request = simulated_request(
+            self.study,
+            ShortStudy(self.study.study, SHORT[self.study.name].parameters),
+            self.config.model_copy(update={"data_root": data_root}),
+            label=LABEL,
+            index=INDEX,
+            seed=SEED,
+        )
+        return replace(request, timing=TIMING)
 
-def _trial_table(session: Path) -> pd.DataFrame:
-    rows: pd.DataFrame = find_study("stare").measure(Recording(session)).rows
-    rows = rows[rows["status"].isin(DONE)].set_index("trial_id").sort_index()
-    rows["duration_ns"] = rows["t_end_ns"] - rows["t_start_ns"]
-    rows["look_after_ns"] = rows["look_ns"] - rows["t_start_ns"]
-    return rows
+    def uninterrupted(self, data_root: Path) -> pd.DataFrame:
+        """Return the trial table to compare with; note how long a session lasts once warm."""
+        path = perform_new(self.request(data_root / "cold"))
+        watch = StopWatch()
+        perform_new(self.request(data_root / "warm"))
+        self.life_s = watch.elapsed_s()
+        return self.trial_table(path)
+
+    def trial_table(self, session: Path) -> pd.DataFrame:
+        """Return the finished trials, measured; times count from the trial's start."""
+        taken = self.study.measure(Recording(session))
+        walks = getattr(taken, "walks", None)
+        rows = taken.rows if walks is None else pd.DataFrame([w.row for w in walks])
+        rows = rows[rows["status"].isin(DONE)].set_index("trial_id").sort_index()
+        times = [c for c in map(str, rows) if c.endswith("_ns") and c not in INTERRUPTION_COLUMNS]
+        for column in times:
+            rows[column] = rows[column] - rows["t_start_ns"]
+        return rows
 
 
 # ---- lives and deaths ------------------------------------------------------------------------
 
 
 def _one_session(
-    config: LabConfig,
+    short: _ShortSessions,
     folder: Path,
     rng: np.random.Generator,
-    life_s: float,
     kills: int,
     outcome: Outcome,
 ) -> Path:
-    session = session_dir(folder, "stare", LABEL, 1, is_simulated=True)
+    session = session_dir(folder, short.study.name, LABEL, 1, is_simulated=True)
     finished: set[str] = set()
     planned = 1
     for life in range(LIVES_AT_MOST + 1):
-        left_s = life_s * (1.05 - 0.9 * min(len(finished) / planned, 1.0))
+        left_s = short.life_s * (1.05 - 0.9 * min(len(finished) / planned, 1.0))
         is_spared = life == LIVES_AT_MOST or outcome.kills >= kills
         wait_s = None if is_spared else float(rng.uniform(0.0, left_s))
         outcome.resumes += session.exists() and life > 0
-        ended = _live(config, folder, session, wait_s)
+        ended = _live(short, folder, session, wait_s)
         finished |= ended.acknowledged
         planned = max(planned, ended.planned)
         if not ended.was_killed:
+            if life == 0:
+                short.life_s = ended.lasted_s
             if ended.exit_status != 0:
                 outcome.failed_lives += 1
                 outcome.problems.append(f"{session}: {ended.complaint}")
@@ -216,6 +268,7 @@ def _one_session(
 @dataclass(frozen=True)
 class _End:
     was_killed: bool
+    lasted_s: float
     exit_status: int
     acknowledged: frozenset[str]
     planned: int
@@ -223,7 +276,7 @@ class _End:
     complaint: str
 
 
-def _live(config: LabConfig, folder: Path, session: Path, wait_s: float | None) -> _End:
+def _live(short: _ShortSessions, folder: Path, session: Path, wait_s: float | None) -> _End:
     """Fork a process that performs what is left; kill it after `wait_s`, None for never."""
     clock = SystemClock()
     shared = mmap.mmap(-1, 1)
@@ -232,19 +285,24 @@ def _live(config: LabConfig, folder: Path, session: Path, wait_s: float | None) 
     pid = os.fork()
     if pid == 0:
         os.close(reading)
-        _child(config, folder, session, writing, shared)
+        _child(short, folder, session, writing, shared)
     os.close(writing)
+    begun_ns = clock.now_ns()
     if wait_s is not None:
-        clock.sleep_until_ns(clock.now_ns() + round(wait_s * NS_PER_S))
+        end_ns = begun_ns + round(wait_s * NS_PER_S)
+        while (now_ns := clock.now_ns()) < end_ns and not _has_ended(pid):
+            clock.sleep_until_ns(min(end_ns, now_ns + LOOK_NS))
         os.kill(pid, signal.SIGKILL)
     with os.fdopen(reading, encoding="utf-8") as pipe:
         *lines, tail = pipe.read().split("\n")
     _, status = os.waitpid(pid, 0)
+    lasted_s = (clock.now_ns() - begun_ns) / NS_PER_S
     code = shared[0]
     shared.close()
     trials = [line.split() for line in lines if not line.startswith("!")]
     return _End(
         was_killed=os.WIFSIGNALED(status),
+        lasted_s=lasted_s,
         exit_status=os.waitstatus_to_exitcode(status),
         acknowledged=frozenset(t[0] for t in trials),
         planned=max((int(t[1]) for t in trials), default=1),
@@ -253,12 +311,18 @@ def _live(config: LabConfig, folder: Path, session: Path, wait_s: float | None) 
     )
 
 
-def _child(config: LabConfig, folder: Path, session: Path, writing: int, shared: mmap.mmap) -> None:
+def _has_ended(pid: int) -> bool:
+    return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+
+
+def _child(
+    short: _ShortSessions, folder: Path, session: Path, writing: int, shared: mmap.mmap
+) -> None:
     """Perform until killed; never returns."""
     status = 1
     try:
         request = replace(
-            _request(config, folder),
+            short.request(folder),
             operator=_StateOperator(shared),
             respondent=None,
             on_trial=lambda trial_id, _, planned: _tell(writing, f"{trial_id} {planned}"),
@@ -293,14 +357,16 @@ def _check_kept(session: Path, finished: set[str], outcome: Outcome) -> None:
 # ---- comparison ------------------------------------------------------------------------------
 
 
-def _compare(session: Path, reference: pd.DataFrame, outcome: Outcome) -> None:
+def _compare(
+    short: _ShortSessions, session: Path, reference: pd.DataFrame, outcome: Outcome
+) -> None:
     recording = Recording(session)
     missing = [t for t in check_session(recording).trials if t.status not in DONE]
     if missing or recording.status != "complete":
         outcome.missing_trials += max(len(missing), 1)
         outcome.problems.append(f"{session}: {recording.status}, {len(missing)} trials missing")
         return
-    differing, compared = unequal_cells(_trial_table(session), reference)
+    differing, compared = unequal_cells(short.trial_table(session), reference)
     outcome.cells_compared += compared
     outcome.unequal_cells += len(differing)
     outcome.problems += [f"{session}: {text}" for text in differing[:20]]
@@ -314,7 +380,9 @@ def unequal_cells(table: pd.DataFrame, reference: pd.DataFrame) -> tuple[list[st
     differing = [f"{c} is missing" for c in columns if c not in table.columns]
     for column in (c for c in columns if c in table.columns):
         found, expected = table[column], reference[column]
-        unequal = ~((found == expected) | (found.isna() & expected.isna()))
+        is_time = column.endswith("_ns") and pd.api.types.is_numeric_dtype(expected)
+        same = (found - expected).abs() <= ROUNDING_NS if is_time else found == expected
+        unequal = ~(same | (found.isna() & expected.isna()))
         differing += [
             f"{trial_id} {column}: {found[trial_id]!r} for {expected[trial_id]!r}"
             for trial_id in reference.index[unequal]
@@ -328,19 +396,39 @@ def unequal_cells(table: pd.DataFrame, reference: pd.DataFrame) -> tuple[list[st
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the outcome; exit status 1 when anything was lost or differs."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--kills", type=int, default=1000)
+    parser.add_argument("--study", choices=list(SHORT), help="one study; all without")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="limit, of all studies")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--output", type=Path, help="where to record; a temporary folder without")
     options = parser.parse_args(arguments)
+    studies = [options.study] if options.study else list(SHORT)
+    shares = [options.kills * (i + 1) // len(studies) - options.kills * i // len(studies)
+              for i in range(len(studies))]  # fmt: skip
+    limit_s = options.minutes * 60 / len(studies)
     with tempfile.TemporaryDirectory(dir=options.output) as root:
-        outcome = kill_sessions(options.kills, seed=options.seed, root=Path(root))
+        found = {
+            study: kill_sessions(
+                share, seed=options.seed, root=Path(root), study=study, limit_s=limit_s
+            )
+            for study, share in zip(studies, shares, strict=True)
+        }
+    is_clean = all(outcome.is_clean for outcome in found.values())
     if options.json:
-        sys.stdout.write(json.dumps({**asdict(outcome), "is_clean": outcome.is_clean}) + "\n")
-        return 0 if outcome.is_clean else 1
+        said = {study: asdict(outcome) for study, outcome in found.items()}
+        sys.stdout.write(json.dumps({**said, "is_clean": is_clean}) + "\n")
+        return 0 if is_clean else 1
+    for study, outcome in found.items():
+        _print(study, outcome)
+    sys.stdout.write(f"{sum(o.kills for o in found.values())} kills in all\n")
+    return 0 if is_clean else 1
+
+
+def _print(study: str, outcome: Outcome) -> None:
     where = ", ".join(f"{name} {n}" for name, n in sorted(outcome.killed_in.items()))
     rows = [
-        ("kills", outcome.kills, f"({where})"),
+        (f"{study}: kills", outcome.kills, f"({where})"),
         ("sessions", outcome.sessions, f"in {outcome.wall_s:.0f} s"),
         ("resumes", outcome.resumes, ""),
         ("acknowledged trials lost", outcome.lost_trials, "limit 0"),
@@ -351,7 +439,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name, value, note in rows:
         sys.stdout.write(f"{name:36} {value:8} {note}\n")
     sys.stdout.writelines(f"  {problem}\n" for problem in outcome.problems[:40])
-    return 0 if outcome.is_clean else 1
 
 
 if __name__ == "__main__":

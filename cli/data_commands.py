@@ -112,7 +112,9 @@ def export(
     tier: Annotated[
         str,
         typer.Option(
-            "--tier", help="shared: no free text, ages in bands of ten years; raw: everything."
+            "--tier",
+            help="shared: no free text, ages in bands of ten years; raw: everything; public: "
+            "heights, limb lengths and movements blurred, too.",
         ),
     ] = "shared",
     keep_label: Annotated[
@@ -124,11 +126,12 @@ def export(
 
     Of a study every session is copied, or --participant's.
 
-    People bear a pseudonym that only the study's key file links to their label.
+    People bear a pseudonym that only the study's key file links to their label. With --tier
+    public the measures are computed before and after the blur, which takes as long as analyse.
 
     Example: visavis export data/simulated/stare/sub-S07H/ses-001 --format bids -o out/bids
     """
-    from cli.sharing import RISK, shared_recording
+    from cli.sharing import BLURRED_RISK, LOSS_NAME, RISK, loss_page, losses, shared_recording
     from visavis.sessions.damage import require_intact
 
     sessions = _exported(session_path, config, participant)
@@ -137,6 +140,13 @@ def export(
     lab = load_lab(config, only_simulates=is_simulated, quiet=True)
     shown = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
     written = _written(shown, format_name, output, lab)
+    if tier == "public":
+        lost = losses(shown, lab)
+        note = output / LOSS_NAME
+        note.write_text(loss_page(lost), "utf-8")
+        written = (*written, note)
+        _print_columns("what measures lose by the blur", _columns(lost))
+        console.print(f"[yellow]{BLURRED_RISK}[/]", soft_wrap=True)
     protect_files(written)
     study = sessions[0].resolve().parent.parent
     if is_study(study):
@@ -146,7 +156,7 @@ def export(
         f"{len(written)} files of {counted(len(sessions), 'session')} in [b]{verbatim(output)}[/]",
         soft_wrap=True,
     )
-    if not is_simulated:
+    if not is_simulated and tier != "public":
         console.print(f"[yellow]{RISK}[/]", soft_wrap=True)
 
 

@@ -1,7 +1,13 @@
 """Who may see what of a recording that leaves the lab."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import pandas as pd
+
+from analysis.blur_loss import loss_table, motion_of
 from lab.config import LabConfig
 from lab.errors import LabError, UsageError
 from protocol.key_file import KeyFile
@@ -17,6 +23,14 @@ RISK = (
     "movements of head and body identify people even without a name (Nair et al. 2023, of 55,000 "
     "people 94 % from 100 s): share them only as your consent form says"
 )
+BLURRED_RISK = (
+    "The public tier gives everybody the body of one reference person, smooths movements, tells "
+    "gaze on heads in coarse steps and leaves out pupils, eye distances and what cannot be "
+    "blurred. This is no anonymity: habits of walking, looking and answering are left, and who "
+    "has other recordings of a person may know them again (Nair et al. 2023). Publish it only "
+    "where the consent form and the ethics board allow it."
+)
+LOSS_NAME = "public_tier.md"
 
 
 def shared_recording(
@@ -33,13 +47,42 @@ def shared_recording(
     """
     wanted: Tier | None = next((t for t in TIERS if t == tier), None)
     if wanted is None:
-        raise UsageError(f"--tier takes {' or '.join(TIERS)}, not {tier!r}")
+        raise UsageError(f"--tier takes {', '.join(TIERS[:-1])} or {TIERS[-1]}, not {tier!r}")
     recording = Recording(session)
     label, study = recording.manifest.participant, recording.manifest.study
     if not keep_label and not recording.is_simulated:
         label = KeyFile(lab.key_root, study, [lab.data_root]).pseudonym(label)
     rule, columns = _texts_of(study, lab)
-    return SharedRecording(session, Sharing(label, wanted, rule, columns))
+    return SharedRecording(session, Sharing(label, wanted, rule, columns, wanted == "public"))
+
+
+def losses(shown: Sequence[SharedRecording], lab: LabConfig) -> pd.DataFrame:
+    """Return what each measure of a study loses by the blur of the public tier."""
+    study = find_study(shown[0].manifest.study, lab.studies)
+    before, after, online, motion = [], [], [], []
+    for public in shown:
+        raw = Recording(public.path)
+        blurred = SharedRecording(public.path, replace(public.sharing, tier="raw"))
+        before.append(_rows(study.measure(raw)))
+        after.append(_rows(study.measure(blurred)))
+        online.append({*raw.trials().columns})
+        motion.append((motion_of(raw), motion_of(blurred)))
+    return loss_table(before, after, online, motion)
+
+
+def _rows(measured: Any) -> pd.DataFrame:
+    rows = getattr(measured, "rows", None)
+    return pd.DataFrame([w.row for w in measured.walks]) if rows is None else rows
+
+
+def loss_page(table: pd.DataFrame) -> str:
+    """Return the page that goes with data of the public tier: the risk, and what is lost."""
+    lines = ["# Public tier", BLURRED_RISK, "Means of the same trials, as recorded and as shown:"]
+    head = ["measure", "values", "before", "after", "mean change", "missing after"]
+    rows = [head, ["---"] * len(head)]
+    rows += [[str(r[0]), str(r[1]), *(f"{v:.4g}" for v in r[2:5]), str(r[5])]
+             for r in table.itertuples(index=False, name=None)]  # fmt: skip
+    return "\n\n".join([*lines, "\n".join(f"| {' | '.join(row)} |" for row in rows)]) + "\n"
 
 
 def dataset_about(recording: Recording, lab: LabConfig) -> DatasetAbout:

@@ -23,6 +23,7 @@ from lab.errors import RecordingError, UsageError
 from lab.schema import StreamSchema
 from lab.version import version
 from recording.bids_about import DatasetAbout
+from recording.blurring import segments_of
 from recording.csv_file import NEUTRALISED, neutralised
 from recording.durable import make_folder, replace_file
 from recording.journal import as_json
@@ -266,17 +267,9 @@ def _label(name: str) -> str:
 
 def _segments(recording: Recording, body: Columns | None) -> tuple[str, ...]:
     """Return the names of a body's segments, as its stream describes them."""
-    if body is None:
-        return ()
-    n = body["position_m"].shape[1]
-    for name in recording.stream_names:
-        schema = recording.stream_schema(name)
-        if schema is not None and _is_body(schema):
-            said = next(f.description for f in schema.fields if f.name == "position_m")
-            listed = said.rpartition(":")[2].split()
-            if len(listed) == n and all(t.isidentifier() for t in listed):
-                return tuple(listed)
-    return tuple(f"segment_{i + 1}" for i in range(n))
+    schemas = (recording.stream_schema(name) for name in recording.stream_names)
+    found = next((s for s in schemas if s is not None and _is_body(s)), None)
+    return () if body is None or found is None else segments_of(found)
 
 
 def _task_fields(recording: Recording, about: DatasetAbout) -> dict[str, Any]:

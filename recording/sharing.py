@@ -1,4 +1,4 @@
-"""A recording as others may see it: under a pseudonym, without free text, ages in bands."""
+"""A recording as others may see it: under a pseudonym, no free text, ages in bands, blurred."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -6,12 +6,26 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
+import numpy as np
 import pandas as pd
 
+from recording.blurring import (
+    BLURRED,
+    blurred_body,
+    blurred_gaze,
+    blurred_head,
+    blurred_targets,
+    has_reference,
+    heights_m,
+    kind_of,
+    segments_of,
+    tells_length,
+)
 from recording.reader import PART_COLUMN, Recording
+from recording.stream_file import Columns, StreamContent
 
-Tier: TypeAlias = Literal["raw", "shared"]
-TIERS: Final[tuple[Tier, ...]] = ("raw", "shared")
+Tier: TypeAlias = Literal["raw", "shared", "public"]
+TIERS: Final[tuple[Tier, ...]] = ("raw", "shared", "public")
 
 TextRule: TypeAlias = Callable[[str, str], bool]
 """Tells of a questionnaire and a question whether the answer is free text."""
@@ -30,13 +44,16 @@ class Sharing:
 
     In the tier "raw" nothing else changes. In "shared", free text (answers by `is_text`, columns of
     trial rows in `text_columns`, what the operator typed) is missing and ages are bands of ten
-    years.
+    years; so they are in "public". With `blurs`, as "public" has it, motion is blurred
+    (`recording.blurring`): streams that cannot be are left out, and lengths of the body in trial
+    rows are missing.
     """
 
     label: str
     tier: Tier
     is_text: TextRule
     text_columns: frozenset[str] = frozenset()
+    blurs: bool = False
 
 
 class SharedRecording(Recording):
@@ -44,10 +61,12 @@ class SharedRecording(Recording):
 
     def __init__(self, path: Path, sharing: Sharing) -> None:
         super().__init__(path)
-        self._sharing = sharing
+        self.sharing = sharing
         self._own = self.manifest.participant
+        self._blurred: dict[tuple[int, str], StreamContent] = {}
+        self._medians_m: dict[str, float] = {}
         parts = self.manifest.parts
-        if sharing.tier == "shared":
+        if self._hides:
             parts = tuple(replace(part, reason="") for part in parts)
         self.manifest = replace(self.manifest, participant=sharing.label, parts=parts)
 
@@ -73,8 +92,64 @@ class SharedRecording(Recording):
         """Return a part's trial rows as shown; see `Recording.trial_entries`."""
         return tuple({**t, "row": self._row(t["row"])} for t in super().trial_entries(part))
 
+    def _names(self, number: int) -> tuple[str, ...]:
+        names = super()._names(number)
+        return tuple(n for n in names if self._kind(number, n)) if self.sharing.blurs else names
+
+    def _kind(self, number: int, name: str) -> str | None:
+        schema = super()._state(number, name).schema
+        kind = "as_it_is" if schema is None else kind_of(schema)
+        if kind == "body" and schema is not None and not has_reference(segments_of(schema)):
+            return None
+        return kind
+
+    def _content(self, number: int, name: str, *, with_columns: bool = True) -> StreamContent:
+        if not (self.sharing.blurs and with_columns):
+            return super()._content(number, name, with_columns=with_columns)
+        if (number, name) not in self._blurred:
+            content = super()._content(number, name)
+            self._blurred[number, name] = replace(
+                content, columns=self._blur(number, name, content)
+            )
+        return self._blurred[number, name]
+
+    def _blur(self, number: int, name: str, content: StreamContent) -> Columns:
+        columns, schema = content.columns, content.schema
+        kind = None if schema is None else kind_of(schema)
+        if schema is None or kind not in BLURRED or not content.n_rows:
+            return columns
+        if kind == "head":
+            return blurred_head(columns, self._median_m(name))
+        if kind == "body":
+            return blurred_body(columns, segments_of(schema), self._median_m(name))
+        if kind == "gaze":
+            return blurred_gaze(columns)
+        gaze, head = (self._first(number, wanted) for wanted in ("gaze", "head"))
+        return blurred_targets(columns, gaze, head)
+
+    def _median_m(self, name: str) -> float:
+        """Return the median height of a stream's first point, over all parts as recorded."""
+        if name not in self._medians_m:
+            parts = [
+                super(SharedRecording, self)._content(p.number, name)
+                for p in self._parts_with(name)
+            ]
+            heights = [heights_m(content.columns) for content in parts if content.n_rows]
+            tracked = np.concatenate(heights) if heights else np.zeros(0)
+            self._medians_m[name] = float(np.median(tracked)) if len(tracked) else float("nan")
+        return self._medians_m[name]
+
+    def _first(self, number: int, kind: str) -> Columns | None:
+        """Return the first stream of a kind that a part has, as shown."""
+        for name in self._names(number):
+            if self._kind(number, name) == kind:
+                return self._content(number, name).columns
+        return None
+
     def _row(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        hidden = {*TYPED, *self._sharing.text_columns} if self._hides else set()
+        hidden = {*TYPED, *self.sharing.text_columns} if self._hides else set()
+        if self.sharing.blurs:
+            hidden |= {name for name in row if tells_length(name)}
         return {k: None if k in hidden else self._relabelled(v) for k, v in row.items()}
 
     def _payload(self, name: str, payload: Mapping[str, Any]) -> dict[str, Any]:
@@ -94,16 +169,16 @@ class SharedRecording(Recording):
         if _AGE.fullmatch(str(question)):
             return age_band(answer)
         name = str(asked).partition("@")[0]
-        return None if self._sharing.is_text(name, str(question)) else answer
+        return None if self.sharing.is_text(name, str(question)) else answer
 
     @property
     def _hides(self) -> bool:
-        return self._sharing.tier == "shared"
+        return self.sharing.tier != "raw"
 
     def _relabelled(self, value: Any) -> Any:
         """Put the label shown in the place of the own one, wherever it stands by itself."""
         if isinstance(value, str):
-            return self._sharing.label if value == self._own else value
+            return self.sharing.label if value == self._own else value
         if isinstance(value, Mapping):
             return {k: self._relabelled(v) for k, v in value.items()}
         if isinstance(value, list):

@@ -90,7 +90,7 @@ def test_the_label_can_be_kept(session: Path, lab: Path) -> None:
 
 
 def test_another_tier_is_refused(session: Path, lab: Path) -> None:
-    with pytest.raises(UsageError, match="raw or shared"):
+    with pytest.raises(UsageError, match="raw, shared or public"):
         export(session, lab, "--tier", "secret")
 
 

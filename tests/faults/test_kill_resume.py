@@ -5,15 +5,17 @@ from pathlib import Path
 
 import pytest
 
-KILLS = 50
+KILLS = {"stare": 30, "crowd": 10, "waving": 10}
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-def test_sessions_killed_fifty_times_lose_nothing_and_end_as_uninterrupted_ones(
-    tmp_path: Path,
+@pytest.mark.parametrize("study", ["stare", "crowd", "waving"])
+def test_killed_sessions_lose_nothing_and_end_as_uninterrupted_ones(
+    study: str, tmp_path: Path
 ) -> None:
-    command = ["-m", "benchmarks.kill_resume", "--kills", str(KILLS), "--json"]
+    kills = KILLS[study]
+    command = ["-m", "benchmarks.kill_resume", "--study", study, "--kills", str(kills), "--json"]
     done = subprocess.run(
         [sys.executable, *command, "--output", str(tmp_path)],
         capture_output=True,
@@ -23,11 +25,11 @@ def test_sessions_killed_fifty_times_lose_nothing_and_end_as_uninterrupted_ones(
     )
 
     assert "" == done.stderr
-    outcome = json.loads(done.stdout)
+    outcome = json.loads(done.stdout)[study]
     assert [] == outcome["problems"]
-    assert KILLS == outcome["kills"]
-    assert outcome["resumes"] > KILLS // 2
-    assert outcome["cells_compared"] > 1000
+    assert kills == outcome["kills"]
+    assert outcome["resumes"] > kills // 2
+    assert outcome["cells_compared"] > 100
     assert (0, 0, 0, 0) == (
         outcome["lost_trials"],
         outcome["missing_trials"],

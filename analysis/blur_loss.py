@@ -1,0 +1,95 @@
+"""Tell what measures lose by blurred motion: the same session measured as recorded and as shown."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from lab.clock import NS_PER_S
+from lab.geometry import Vector, quat_conjugate, quat_multiply
+from recording.blurring import kind_of
+from recording.reader import Recording
+
+COLUMNS: Final = ("measure", "n", "before", "after", "mean_change", "missing_after")
+KEY: Final = ["trial_id", "attempt"]
+
+
+def motion_of(recording: Recording) -> dict[str, float]:
+    """Return how high, fast and quick in turning the head was, and the body's hands apart.
+
+    Medians of speed and turning between samples and of height, in units as named; what was not
+    recorded is left out.
+    """
+    found: dict[str, float] = {}
+    for name in recording.stream_names:
+        schema = recording.stream_schema(name)
+        kind = None if schema is None else kind_of(schema)
+        if kind not in ("head", "body"):
+            continue
+        columns = recording.stream_arrays(name)
+        n = len(columns["t_host_ns"])
+        place = columns["position_m"].reshape(n, -1, 3)[:, 0].astype(np.float64)
+        turn = columns["orientation_wxyz"].reshape(n, -1, 4)[:, 0].astype(np.float64)
+        valid = columns["valid"].reshape(n, -1)[:, 0].astype(bool)
+        place, turn = place[valid], turn[valid]
+        spent_s = np.diff(columns["t_host_ns"][valid]) / NS_PER_S
+        kept = spent_s > 0
+        if not kept.any():
+            continue
+        what = "head" if kind == "head" else "hips"
+        found[f"{what}_height_m"] = float(np.median(place[:, 1]))
+        moved_m = np.linalg.norm(np.diff(place, axis=0), axis=1)
+        found[f"{what}_speed_m_s"] = float(np.median(moved_m[kept] / spent_s[kept]))
+        turned_deg = _turned_deg(turn)
+        found[f"{what}_turning_deg_s"] = float(np.median(turned_deg[kept] / spent_s[kept]))
+    return found
+
+
+def _turned_deg(turn: Vector) -> Vector:
+    between = quat_multiply(quat_conjugate(turn[:-1]), turn[1:])
+    sine = np.linalg.norm(between[:, 1:], axis=1)
+    return np.asarray(np.degrees(2 * np.arctan2(sine, np.abs(between[:, 0]))))
+
+
+def loss_table(
+    before: Sequence[pd.DataFrame],
+    after: Sequence[pd.DataFrame],
+    online: Sequence[set[str]],
+    motion: Sequence[tuple[Mapping[str, float], Mapping[str, float]]],
+) -> pd.DataFrame:
+    """Return a row per measure: its mean as recorded and as shown, over the same trials.
+
+    `before` and `after` hold trial rows of the same sessions; `online` names the columns that the
+    session itself wrote, which are no measures. `n` counts values compared, `missing_after` those
+    that are gone, `mean_change` is the mean of the absolute differences.
+    """
+    pairs: dict[str, list[tuple[float, float]]] = {}
+    for raw, shown, own in zip(before, after, online, strict=True):
+        left, right = (rows.set_index(KEY) for rows in (raw, shown))
+        for column in [c for c in left if c not in own and c in right]:
+            if not pd.api.types.is_numeric_dtype(left[column]) or left[column].dtype == bool:
+                continue
+            values = pd.concat([left[column], right[column]], axis=1).astype(float)
+            pairs.setdefault(str(column), []).extend(values.itertuples(index=False, name=None))
+    for raw_motion, shown_motion in motion:
+        for name, value in raw_motion.items():
+            pairs.setdefault(name, []).append((value, shown_motion.get(name, float("nan"))))
+    rows = [_row(name, np.array(values, float).reshape(-1, 2)) for name, values in pairs.items()]
+    return pd.DataFrame([row for row in rows if row], columns=list(COLUMNS))
+
+
+def _row(name: str, values: Vector) -> dict[str, Any] | None:
+    there = np.isfinite(values[:, 0])
+    if not there.any():
+        return None
+    kept = values[there & np.isfinite(values[:, 1])]
+    known = len(kept) > 0
+    return {
+        "measure": name,
+        "n": int(there.sum()),
+        "before": float(kept[:, 0].mean()) if known else float(values[there, 0].mean()),
+        "after": float(kept[:, 1].mean()) if known else float("nan"),
+        "mean_change": float(np.abs(kept[:, 1] - kept[:, 0]).mean()) if known else float("nan"),
+        "missing_after": int(there.sum()) - len(kept),
+    }
