@@ -31,6 +31,7 @@ LetPass = Callable[[float], None]
 
 OPEN_DEADLINE_S = 5.0
 STEP_S = 0.01
+SLOW_PERIODS = 3
 UNIT_LENGTH_TOLERANCE = 1e-4
 
 
@@ -222,9 +223,14 @@ def check_armband(make: Callable[[], Armband], let_pass: LetPass) -> None:
 
 
 def collect(device: Device, let_pass: LetPass, *, seconds: float = 1.0) -> list[SampleBatch]:
-    """Open, start and poll a device for a while; it is stopped but still open afterwards."""
+    """Open, start and poll a device for a while; it is stopped but still open afterwards.
+
+    A slow device gets the time of `SLOW_PERIODS` samples.
+    """
     batches: list[SampleBatch] = []
     device.open(OPEN_DEADLINE_S)
+    rates_hz = [s.nominal_rate_hz for s in device.describe() if s.nominal_rate_hz > 0]
+    seconds = max([seconds, *(SLOW_PERIODS / rate_hz for rate_hz in rates_hz)])
     device.start(batches.append)
     for _ in range(round(seconds / STEP_S)):
         let_pass(STEP_S)

@@ -139,6 +139,16 @@ class FaultSchedule:
         """Return every fault of one kind, in the order given."""
         return tuple(fault for fault in self.faults if fault.kind == kind)
 
+    def clock_error_ns(self, t_ns: int) -> int:
+        """Return what drifts and jumps have added to the device's clock by this session time."""
+        error_ns = 0
+        for fault in self.of_kind("drift"):
+            error_ns += round(max(0, t_ns - fault.start_ns) * fault.amount * 1e-6)
+        for fault in self.of_kind("clock_jump"):
+            if t_ns >= fault.start_ns:
+                error_ns += round(fault.amount * NS_PER_S)
+        return error_ns
+
     def any_between(self, start_ns: int, end_ns: int) -> bool:
         """Tell whether any fault is in force in [start, end]; lets a quiet wire be quick."""
         return any(f.start_ns <= end_ns and start_ns < f.end_ns for f in self.faults)

@@ -276,7 +276,8 @@ class Pump:
         if quiet_ns >= STALLED_NS:
             if self._quiet != "stalled":
                 self._quiet = "stalled"
-                self._tell("stalled", "blocking", "no data for 1 s", _SILENCE_REMEDY)
+                message = f"no data for {quiet_ns / NS_PER_S:.0f} s"
+                self._tell("stalled", "blocking", message, _SILENCE_REMEDY)
         elif quiet_ns >= self._silence_ns:
             if not self._quiet:
                 self._quiet = "silent"

@@ -122,6 +122,24 @@ def streamed_by(simulator: str) -> Callable[[Site[Any]], "MessageTransport"]:
     return wire
 
 
+def spoken_by(simulator: str) -> Callable[[Site[Any]], "ByteLink"]:
+    """Return a `simulated`: a memory link to a device ("module:Class") that speaks by itself.
+
+    It is given role, clock, seed, body and faults, and what the options say for it.
+    """
+
+    def link(site: Site[Any]) -> "ByteLink":
+        from devices.byte_links import MemoryLink
+
+        peer = imported(simulator)(
+            site.role, site.clock, seed=site.own_seed, body=site.body, faults=site.faults,
+            **site.options.for_simulator(),
+        )  # fmt: skip
+        return MemoryLink(peer, site.clock)
+
+    return link
+
+
 def worn_as(simulator: str, **more: Any) -> Callable[[Site[Any]], "ByteLink"]:
     """Return a `simulated`: a memory link to a band ("module:Class") which the body feels."""
 

@@ -109,7 +109,7 @@ BAND = StreamSchema(
     fields=(
         Field("event", "u1", "", description="index into BAND_EVENTS"),
         Field("battery_01", "f4", "1", description="charge; NaN if unknown"),
-        Field("temperature_c", "f4", "", description="degrees Celsius; NaN if unknown"),
+        Field("temperature_c", "f4", "Cel", description="NaN if unknown"),
     ),
 )
 """What a band tells of itself: about once a second, and whenever something happens."""

@@ -24,8 +24,12 @@ from lab.yaml_lines import (
 ROLES = ("headset", "eye_tracker", "responses", "body_tracker")
 ARMBAND_ROLE = re.compile(r"armband_[a-z0-9_]+")
 TAKEN_STREAMS = frozenset(
-    {"gaze", "head", "body", "frames", "frame_timing", "pointer", "haptics", "events", "trials"}
-)
+    {
+        "gaze", "head", "body", "frames", "frame_timing", "pointer", "haptics", "band", "events",
+        "trials", "scene_states", "gaze_targets", "drawn", "drawn_views",
+    }
+)  # fmt: skip
+"""Streams and tables of Visavis: a device of the lab's own is called by another name."""
 OWN_ROLE = re.compile(r"[a-z][a-z0-9_]{1,40}")
 MISSPELT_01 = 0.8
 """A role as like one of ours as this is taken for misspelt; others are the lab's own."""

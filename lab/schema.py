@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.errors import DataError
+from lab.ucum import require_ucum
 
 UNIT_OF_SUFFIX: Mapping[str, str] = {
     "_ns": "ns",
@@ -32,7 +33,8 @@ class Field:
 
     `dtype` is a NumPy scalar code ("f4", "i8", "?", "u1"); `shape` is the shape per sample,
     `()` for a scalar, `(3,)` for a vector; `frame` names the coordinate frame of vectors
-    ("world", "head"); `unit` is "1" for dimensionless numbers and "" for flags and codes.
+    ("world", "head"); `unit` is of UCUM (`lab.ucum`): "uV", "/min", "1" for dimensionless numbers,
+    and "" for flags and codes. Raises DataError for any other, with the nearest.
     """
 
     name: str
@@ -43,6 +45,8 @@ class Field:
     description: str = ""
 
     def __post_init__(self) -> None:
+        if self.unit:
+            require_ucum(self.unit, f"field {self.name!r}")
         stated = next((u for s, u in UNIT_OF_SUFFIX.items() if self.name.endswith(s)), None)
         if self.unit in UNIT_OF_SUFFIX.values() and self.unit != "1" and stated != self.unit:
             raise DataError(f"field {self.name!r} has unit {self.unit!r} but its name does not")

@@ -15,6 +15,7 @@ CONTENT_TYPES = {"gaze": "Gaze", "head": "MoCap", "body": "MoCap", "responses": 
 """Stream name -> content type; others are "Misc"."""
 
 UNITS = {"m": "meters", "mm": "millimeters", "s": "seconds", "deg": "degrees", "1": "normalized"}
+UNITS |= {"uV": "microvolts", "mV": "millivolts", "uS": "microsiemens", "Cel": "celsius"}
 FRAMES = {"head": "head-space", "world": "world-space"}
 
 

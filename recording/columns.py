@@ -12,7 +12,8 @@ import pyarrow as pa
 
 from lab.errors import RecordingError
 from lab.plain_files import parse_json
-from lab.schema import Field, StreamSchema
+from lab.schema import UNIT_OF_SUFFIX, Field, StreamSchema
+from lab.ucum import code_of, is_ucum
 from recording.framing import read_message
 
 FORMAT_VERSION = 1
@@ -90,14 +91,19 @@ def stream_schema(schema: Any) -> StreamSchema:
     fields = []
     for column in list(schema)[len(STAMPS) :]:
         notes = {k.decode(): v.decode() for k, v in (column.metadata or {}).items()}
+        unit, described = notes["unit"], notes["description"]
+        if unit and not is_ucum(unit):  # recorded before units were those of UCUM
+            described = described if unit in described else f"{described or column.name} in {unit}"
+            code = code_of(unit)
+            unit = code if code not in UNIT_OF_SUFFIX.values() else ""
         fields.append(
             Field(
                 name=column.name,
                 dtype=notes["dtype"],
-                unit=notes["unit"],
+                unit=unit,
                 frame=notes["frame"],
                 shape=_shape(notes["shape"]),
-                description=notes["description"],
+                description=described,
             )
         )
         if np.dtype(fields[-1].dtype).str[1:] not in _ARROW_TYPES:

@@ -10,25 +10,29 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "add-a-device.md"
-BLOCK = re.compile(r"^```python\n# (pedal/\w+\.py)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-TESTS_ON_THE_PAGE = 9
+BLOCK = re.compile(r"^```python\n# ((?:pedal|belt)/\w+\.py)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+TESTS_ON_THE_PAGE = {"pedal": 9, "belt": 3}
+MOST_LINES_OF_THE_BELT = 80
+TOML = re.compile(r"^```toml\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
     blocks = BLOCK.findall(PAGE.read_text("utf-8"))
-    (folder / "pedal").mkdir()
-    (folder / "pedal" / "__init__.py").touch()
+    for name in TESTS_ON_THE_PAGE:
+        (folder / name).mkdir()
+        (folder / name / "__init__.py").touch()
     for name, text in blocks:
         (folder / name).write_text(text, "utf-8")
-    installed = folder / "pedal-1.dist-info"
-    installed.mkdir()
-    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: pedal\nVersion: 1\n")
-    points = re.search(r"^```toml\n(.*?)^```$", PAGE.read_text("utf-8"), re.MULTILINE | re.DOTALL)
-    groups = re.sub(r'\[project\.entry-points\."([\w.]+)"\]', r"[\1]", points[1])
-    lines = [line.replace('"', "") for line in groups.splitlines() if not line.startswith("#")]
-    (installed / "entry_points.txt").write_text("\n".join(lines))
+    for number, block in enumerate(TOML.findall(PAGE.read_text("utf-8"))):
+        installed = folder / f"page{number}-1.dist-info"
+        installed.mkdir()
+        about = f"Metadata-Version: 2.1\nName: page{number}\nVersion: 1\n"
+        (installed / "METADATA").write_text(about)
+        points = re.sub(r'\[project\.entry-points\."([\w.]+)"\]', r"[\1]", block)
+        lines = [line.replace('"', "") for line in points.splitlines() if line[:1] != "#"]
+        (installed / "entry_points.txt").write_text("\n".join(lines))
     return folder
 
 
@@ -44,9 +48,17 @@ def run(package, *arguments):
     )
 
 
-def test_what_the_page_says_passes_the_suite(package):
-    done = run(package, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider", "pedal")
-    assert f"{TESTS_ON_THE_PAGE} passed" in done.stdout, done.stdout + done.stderr
+@pytest.mark.parametrize(("name", "passed"), TESTS_ON_THE_PAGE.items())
+def test_what_the_page_says_passes_the_suite(package, name, passed):
+    done = run(package, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider", name)
+    assert f"{passed} passed" in done.stdout, done.stdout + done.stderr
+
+
+def test_the_belt_takes_at_most_80_lines():
+    parts = [text for name, text in BLOCK.findall(PAGE.read_text("utf-8")) if "belt/" in name]
+    written = [text for text in parts if "def test_" not in text]
+    assert len(written) == 3
+    assert sum(len(text.splitlines()) + 1 for text in written) <= MOST_LINES_OF_THE_BELT
 
 
 def test_suite_names_the_promise_that_a_newcomer_breaks(package, tmp_path):

@@ -43,7 +43,7 @@ def received(tmp_path_factory):
 
 
 def test_numbers_have_the_columns_and_units_their_sender_names(received):
-    expected = [["fz", "microvolts"], ["cz", "microvolts"], ["pz", "microvolts"]]
+    expected = [["fz", "uV"], ["cz", "uV"], ["pz", "uV"]]
     assert received["eeg"]["fields"] == expected
     first = received["eeg"]["first"]
     assert (first[0], first[2]) == (-first[1], 0.5)
@@ -111,7 +111,7 @@ def test_a_role_the_lab_named_is_recorded_with_its_clock_beside_a_study(tmp_path
     recording = perform(config.model_copy(update={"devices": {**config.devices, "eeg": eeg}}))
 
     arrays = recording.stream_arrays("eeg")
-    assert recording.stream_schema("eeg").fields[1].unit == "microvolts"
+    assert recording.stream_schema("eeg").fields[1].unit == "uV"
     assert np.diff(arrays["t_device_ns"]).max() < 10_100_000
     told = [e for e in events(recording, "clock_exchanges") if e["role"] == "eeg"]
     assert sum(len(e["send_device_receive_ns"]) for e in told) >= 5

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict, Field
 
 from devices.registry import OPTION_MODELS
-from lab.config import load_config, parse_config, with_devices
+from lab.config import TAKEN_STREAMS, load_config, parse_config, with_devices
 from lab.config_files import EXAMPLE
 from lab.errors import ConfigError
 
@@ -339,3 +339,9 @@ def test_what_a_model_of_ours_refuses_is_told_in_its_own_words(tmp_path):
         parse_config(without_address, tmp_path / "c.yaml", OPTION_MODELS)
     assert "armband_left_forearm: give the band's address or the name" in str(refused.value)
     assert "alue error" not in str(refused.value)
+
+
+def test_no_stream_of_a_session_itself_can_be_a_device_of_the_labs_own():
+    from recording.bids import BOOKKEEPING
+
+    assert BOOKKEEPING <= TAKEN_STREAMS

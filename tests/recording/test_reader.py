@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from lab.clock import NS_PER_MS, SimClock
 from lab.errors import RecordingError, UsageError
-from recording.columns import arrow_schema
+from lab.schema import Field, StreamSchema
+from recording.columns import arrow_schema, stream_schema
 from recording.folder import create_session
 from recording.journal import decode_line, encode_line
 from recording.journal_file import read_journal
@@ -339,3 +340,18 @@ def test_running_session_reads_so_far_and_is_running_while_held(tmp_path: Path) 
     folder.close()
     assert "crashed" == Recording(folder.path).status
     recorder.close("aborted")
+
+
+@pytest.mark.parametrize(
+    ("written", "code"), [("microvolts", "uV"), ("milliseconds", ""), ("furlongs", "")]
+)
+def test_units_recorded_before_they_were_those_of_ucum_are_read(written, code):
+    schema = StreamSchema("eeg", (Field("fz", "f8", "uV", description="Fz"),), 250.0)
+    arrow = arrow_schema(schema, is_simulated=True)
+    notes = {**arrow.field("fz").metadata, b"unit": written.encode()}
+    arrow = arrow.set(arrow.get_field_index("fz"), arrow.field("fz").with_metadata(notes))
+
+    read = stream_schema(arrow).fields[0]
+
+    assert read.unit == code
+    assert read.description == f"Fz in {written}"

@@ -1,4 +1,4 @@
-"""Options of armbands by the wire they hang on."""
+"""Options of devices by the wire they hang on."""
 
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -7,19 +7,17 @@ from pydantic import Field, model_validator
 from devices.options import SimulatedOptions
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from devices.byte_links import ByteLink
     from devices.spec import Site
     from lab.clock import Clock
 
 
-class BandOptions(SimulatedOptions):
-    """What every armband takes: how many commands a second its wire may carry."""
-
-    max_rate_hz: float = Field(default=50.0, ge=1, le=1000)
-
-
-class SerialBandOptions(BandOptions):
+class SerialOptions(SimulatedOptions):
     """A port by name, or by what is plugged in."""
+
+    of_wire = frozenset({"port", "vid", "pid", "serial_number"})
 
     port: str = ""
     vid: int | None = Field(default=None, ge=0, le=0xFFFF)
@@ -38,6 +36,26 @@ class SerialBandOptions(BandOptions):
             serial_number=self.serial_number,
             baud=baud,
         )
+
+
+def serial_port(baud: int) -> "Callable[[Site[Any]], ByteLink]":
+    """Return a `real`: the serial port that a device's options (`SerialOptions`) name."""
+
+    def link(site: "Site[Any]") -> "ByteLink":
+        found: ByteLink = site.options.serial_link(site.clock, baud)
+        return found
+
+    return link
+
+
+class BandOptions(SimulatedOptions):
+    """What every armband takes: how many commands a second its wire may carry."""
+
+    max_rate_hz: float = Field(default=50.0, ge=1, le=1000)
+
+
+class SerialBandOptions(SerialOptions, BandOptions):
+    """An armband on a serial port."""
 
 
 class BleBandOptions(BandOptions):

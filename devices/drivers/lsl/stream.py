@@ -25,6 +25,7 @@ from lab.clock import NS_PER_S, Clock
 from lab.clock_fit import ClockFit, fit_clock
 from lab.errors import DataError, ProtocolViolation
 from lab.schema import Field, StreamSchema
+from lab.ucum import code_of
 
 TEXT_BYTES = 256
 MAX_CHANNELS = 4096
@@ -43,7 +44,10 @@ class StreamSample:
 
 
 def schema_of(info: StreamInfo, name: str) -> StreamSchema:
-    """Return the columns of a stream by its own labels and units, as far as it states any."""
+    """Return the columns of a stream by its own labels and units, as far as it states any.
+
+    A unit that UCUM does not have stands in the column's description alone.
+    """
     if info.is_text:
         described = f"UTF-8, at most {TEXT_BYTES} bytes, the rest zero"
         fields = [Field("text", "u1", "", shape=(TEXT_BYTES,), description=described)]
@@ -59,7 +63,7 @@ def schema_of(info: StreamInfo, name: str) -> StreamSchema:
         taken.add(plain)
         described = label if not unit else f"{label} in {unit}"
         try:
-            fields.append(Field(plain, "f8", unit, description=described))
+            fields.append(Field(plain, "f8", code_of(unit), description=described))
         except DataError:  # the label ends as another unit's names do
             fields.append(Field(f"{plain}_", "f8", "", description=described))
             taken.add(f"{plain}_")

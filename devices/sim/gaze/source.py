@@ -121,13 +121,8 @@ class GazeSource:
     def device_ns(self, t_ns: int) -> int:
         """Return what the device's clock shows at a session time."""
         since_ns = t_ns - self.origin_ns
-        shown = self._epoch_ns + since_ns + round(self._drift * since_ns)
-        for fault in self.faults.of_kind("drift"):
-            shown += round(max(0, since_ns - fault.start_ns) * fault.amount * 1e-6)
-        for fault in self.faults.of_kind("clock_jump"):
-            if since_ns >= fault.start_ns:
-                shown += round(fault.amount * NS_PER_S)
-        return shown
+        own_ns = self._epoch_ns + since_ns + round(self._drift * since_ns)
+        return own_ns + self.faults.clock_error_ns(since_ns)
 
     def take(self, t_ns: int) -> list[Shot]:
         """Return the samples due up to this session time that will arrive, faults applied."""

@@ -1,0 +1,213 @@
+"""Record any device that tells a sample per line of text, on a serial port or another byte link.
+
+A driver states its columns, what to say when it is opened and how a line is read. The stream is
+named for the role, so that two such devices lie side by side in one recording.
+"""
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterable, Sequence
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.byte_links import ByteLink
+from devices.contracts import Fault
+from devices.drivers.streaming.message_device import UNREADABLE
+from devices.drivers.streaming.stream_device import StreamDevice
+from devices.spec import AnySpec
+from devices.transports import Exchange, Frames, Message
+from lab.clock import NS_PER_S, Clock
+from lab.errors import DeviceTimeout
+from lab.schema import Field, StreamSchema
+
+LONGEST_LINE = 4096
+MAX_STAMP_NS = 2**62
+LOST_PERIODS = 5
+"""A device is away when as many samples in a row did not come, however slow it is."""
+
+
+class Line(NamedTuple):
+    """One sample: the device's own time (None where it tells none), a number per column.
+
+    NaN is what is not known: a zero that the device writes for it does not belong here.
+    """
+
+    t_device_ns: int | None
+    numbers: Sequence[float]
+
+
+class _Sample(NamedTuple):
+    seq: int
+    t_device_ns: int
+    numbers: Sequence[float]
+
+
+class LineDevice(StreamDevice[_Sample]):
+    """Follow the `Device` contract; a subclass sets what is named here and adds `read`.
+
+    `columns` are scalars, `rate_hz` is 0 for a device that speaks when something happens. Lines
+    that cannot be read leave a hole in `seq`. Without a time of the device's own, `t_device_ns` is
+    the arrival.
+    """
+
+    spec: ClassVar[AnySpec]
+    columns: ClassVar[tuple[Field, ...]]
+    rate_hz: ClassVar[float] = 0.0
+    hello: ClassVar[bytes] = b""
+    """Written when the device is opened, for one that has to be started."""
+
+    def __init__(
+        self, role: str, link: ByteLink, clock: Clock, *, lost_after_s: float = 2.0
+    ) -> None:
+        schema = StreamSchema(role, self.columns, self.rate_hz)
+        lost_s = max(lost_after_s, LOST_PERIODS / self.rate_hz) if self.rate_hz else math.inf
+        self._rest = b""
+        self._seq = -1
+        super().__init__(
+            role, LinkMessages(link), clock, self.spec, schema, lost_after_s=min(lost_s, 1e6)
+        )
+
+    @abstractmethod
+    def read(self, line: bytes) -> Line | None:
+        """Return the sample of a line, None where it is none; any exception: it is damaged."""
+
+    def check(self) -> tuple[Fault, ...]:
+        """Name everything odd about the lines since start."""
+        found = list(self._notes.values())
+        for count, text, remedy in (
+            (self._malformed, "lines could not be read", "look at the cable and the baud rate"),
+            (self._meter.gaps, "gaps in the stream", "look at the device and its cable"),
+            (len(self._one_way.jumps_ms), "jumps of the device's clock", "was it switched off?"),
+        ):
+            if count:
+                found.append(self._warning(f"{count} {text}", remedy))
+        return tuple(found)
+
+    # ---- inside -----------------------------------------------------------------------------
+
+    def _connect(self, deadline_ns: int) -> None:
+        """Wait for a first sample, or, of a device that speaks when it likes, for nothing."""
+        self._resume()
+        if not self.rate_hz:
+            return
+        heard = 0
+        while (now_ns := self._clock.now_ns()) < deadline_ns:
+            for message in self._transport.receive((deadline_ns - now_ns) / NS_PER_S):
+                heard += len(message.frames[0])
+                for line in self._lines(message.frames[0]):
+                    if self._sample(line, message.t_host_ns) is not None:
+                        return
+        text = f"{heard} bytes came, but no sample" if heard else "the device says nothing"
+        raise DeviceTimeout(text, remedy=self._spec.remedy)
+
+    def _resume(self) -> None:
+        self._rest = b""
+        if self.hello:
+            self._transport.post((self.hello,))
+
+    def _decode(self, message: Message) -> Iterable[_Sample]:
+        for line in self._lines(message.frames[0]):
+            sample = self._sample(line, message.t_host_ns)
+            if sample is not None:
+                yield sample
+
+    def _lines(self, data: bytes) -> list[bytes]:
+        *lines, rest = (self._rest + data).replace(b"\r", b"\n").split(b"\n")
+        if len(rest) > LONGEST_LINE:
+            self._malformed += 1
+            rest = b""
+        self._rest = rest
+        return [line for line in lines if line.strip()]
+
+    def _sample(self, line: bytes, t_host_ns: int) -> _Sample | None:
+        try:
+            found = self.read(line)
+            if found is None:
+                return None
+            fits = _fits(self.columns, found)
+        except UNREADABLE:
+            fits, found = False, None
+        self._seq += 1
+        if not fits or found is None:
+            self._malformed += 1
+            return None
+        stamp_ns = t_host_ns if found.t_device_ns is None else found.t_device_ns
+        return _Sample(self._seq, stamp_ns, found.numbers)
+
+    def _number(self, sample: _Sample) -> int:
+        return sample.seq
+
+    def _values(self, samples: Sequence[_Sample]) -> npt.NDArray[np.void]:
+        rows = [tuple(sample.numbers) for sample in samples]
+        values: npt.NDArray[np.void] = np.array(rows, self._schema.dtype)
+        return values
+
+    def _reset(self, now_ns: int) -> None:
+        super()._reset(now_ns)
+        self._seq = -1
+        self._rest = b""
+
+
+def _fits(columns: Sequence[Field], line: Line) -> bool:
+    """Say whether every number has its column and can be held there."""
+    if len(line.numbers) != len(columns):
+        return False
+    if line.t_device_ns is not None and not abs(line.t_device_ns) < MAX_STAMP_NS:
+        return False
+    for column, number in zip(columns, line.numbers, strict=True):
+        kind = np.dtype(column.dtype)
+        if kind.kind == "f":
+            if math.isfinite(number) and abs(number) > np.finfo(kind).max:
+                return False
+        elif kind.kind == "b":
+            if number not in (0, 1):
+                return False
+        elif int(number) != number or not np.iinfo(kind).min <= number <= np.iinfo(kind).max:
+            return False
+    return True
+
+
+class LinkMessages:
+    """A byte link as a wire of messages, one per chunk."""
+
+    def __init__(self, link: ByteLink) -> None:
+        self._link = link
+
+    @property
+    def kind(self) -> str:
+        """Name the link."""
+        return self._link.kind
+
+    @property
+    def is_simulated(self) -> bool:
+        """Tell whether a simulator is at the other end."""
+        return self._link.is_simulated
+
+    def open(self, deadline_s: float) -> None:
+        """Open the link."""
+        self._link.open(deadline_s)
+
+    def request(self, frames: Frames, timeout_s: float) -> Exchange:
+        """Refuse: an answer on a link of bytes is for its codec to find."""
+        raise NotImplementedError("post, and read what comes")
+
+    def post(self, frames: Frames) -> None:
+        """Write."""
+        self._link.write(b"".join(frames))
+
+    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
+        """Do nothing: a link has no topics."""
+
+    def receive(self, timeout_s: float) -> Sequence[Message]:
+        """Return the chunks that came."""
+        return [Message(t_ns, (data,)) for t_ns, data in self._link.read(timeout_s)]
+
+    def send(self, port: int, frames: Frames) -> None:
+        """Write."""
+        self.post(frames)
+
+    def close(self) -> None:
+        """Close the link."""
+        self._link.close()
