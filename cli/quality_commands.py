@@ -1,4 +1,4 @@
-"""quality: how good a session's gaze is."""
+"""quality: how good a session's gaze is, and what the lab's own devices recorded."""
 
 from pathlib import Path
 from typing import Annotated
@@ -24,10 +24,19 @@ def quality(
 ) -> None:
     """Write a page on a session's gaze: accuracy, precision, loss, rate, latency, pupil.
 
+    Devices of the lab's own (a belt, an amplifier) are described and drawn below it.
+
     Example: visavis quality data/simulated/stare/sub-S07H/ses-001 -o out/S07H
     """
-    from analysis.gaze.session_page import PAGE_NAME, headline_facts, write_session_page
-    from analysis.gaze.session_quality import session_quality
+    from analysis.gaze.session_page import (
+        PAGE_NAME,
+        headline_facts,
+        stream_facts,
+        write_session_page,
+        write_streams_page,
+    )
+    from analysis.gaze.session_quality import GAZE, session_quality
+    from analysis.own_streams import own_streams
 
     if participant:
         session_path = session_of(session_path, config, participant)
@@ -37,11 +46,19 @@ def quality(
     page = output / PAGE_NAME
     if page.exists():
         raise UsageError(f"{page} is already there; give another folder (-o)")
-    found = session_quality(Recording(session_path))
-    output.mkdir(parents=True, exist_ok=True)
-    write_session_page(found, page)
+    recording = Recording(session_path)
+    streams = own_streams(recording)
+    facts = stream_facts(streams)
+    if GAZE in recording.stream_names or not streams:
+        found = session_quality(recording)
+        facts = (*headline_facts(found), *facts)
+        output.mkdir(parents=True, exist_ok=True)
+        write_session_page(found, page, streams)
+    else:
+        output.mkdir(parents=True, exist_ok=True)
+        write_streams_page(streams, recording.manifest.study, page)
     table = Table(box=None, show_header=False)
-    for name, value in headline_facts(found):
+    for name, value in facts:
         table.add_row(name, value)
     console.print(table)
     console.print(f"the page is [b]{verbatim(page)}[/]", soft_wrap=True)

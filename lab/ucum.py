@@ -33,11 +33,12 @@ WRITTEN = {
     "millisecond": "ms", "msec": "ms", "microsecond": "us", "nanosecond": "ns", "minute": "min",
     "hertz": "Hz", "meter": "m", "metre": "m", "millimeter": "mm", "millimetre": "mm",
     "centimeter": "cm", "centimetre": "cm", "degree": "deg", "radian": "rad", "celsius": "Cel",
-    "degc": "Cel", "degreescelsius": "Cel", "°c": "Cel", "kelvin": "K", "percent": "%", "bpm": "/min",
-    "beatsperminute": "/min", "breathsperminute": "/min", "newton": "N", "pascal": "Pa",
-    "kilogram": "kg", "gram": "g", "gs": "[g]", "mmhg": "mm[Hg]", "tesla": "T", "microtesla": "uT",
-    "lux": "lx", "decibel": "dB", "normalized": "1", "normalised": "1", "none": "1", "count": "1",
-    "pixel": "{pixel}", "px": "{pixel}", "sample": "{sample}", "°": "deg",
+    "degc": "Cel", "degreescelsius": "Cel", "°c": "Cel", "kelvin": "K", "percent": "%",
+    "bpm": "/min", "beatsperminute": "/min", "breathsperminute": "/min", "newton": "N",
+    "pascal": "Pa", "kilogram": "kg", "gram": "g", "gs": "[g]", "mmhg": "mm[Hg]", "tesla": "T",
+    "microtesla": "uT", "lux": "lx", "decibel": "dB", "normalized": "1", "normalised": "1",
+    "none": "1", "count": "1", "pixel": "{pixel}", "px": "{pixel}", "sample": "{sample}",
+    "°": "deg",
 }  # fmt: skip
 """Names that people and programs write, in small letters and the singular, and their code."""
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.own_streams import OwnStream, own_streams
 from analysis.report import SessionSource
 from analysis.report.sources import source_of
 from lab.clock import NS_PER_MS
@@ -36,6 +37,8 @@ class SessionIntake:
     manifest: Manifest = field(repr=False)
     sensitivity: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
     facts: Mapping[str, str] = field(default_factory=dict)
+    streams: tuple[OwnStream, ...] = field(repr=False, default=())
+    """What devices of the lab's own recorded."""
 
     @property
     def planned(self) -> int:
@@ -106,6 +109,7 @@ def take_in(
         recording.manifest,
         pd.DataFrame(varied),
         gaze_facts(recording, rows),
+        own_streams(recording),
     )
 
 

@@ -231,7 +231,8 @@ class OpenedStudy:
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
         asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
         facts = {**sessions[0].facts, **self.study.setup}
-        return write_study(analysis, experiment, asked, provenance, out_dir, facts, self.plan)
+        return write_study(analysis, experiment, asked, provenance, out_dir, facts, self.plan,
+                           [stream for s in sessions for stream in s.streams])  # fmt: skip
 
 
 def overrides_of(plan: Mapping[str, Any]) -> dict[str, Any]:

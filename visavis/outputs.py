@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from analysis.own_streams import OwnStream, figures_of_streams, streams_section
 from analysis.plots import write_figure
 from analysis.report import ReportProvenance
 from lab.errors import UsageError
@@ -27,7 +28,7 @@ from visavis.locked.review import PlanReview, review_section
 from visavis.pairs import columns_of_tests, published_cells
 from visavis.quality import QUALITY_TABLE, Quality, quality_of
 from visavis.references import bibtex, references_of, ris
-from visavis.report import REPORT_NAME, build_report
+from visavis.report import REPORT_NAME, build_report, picture_of
 from visavis.sections import Extra, made
 from visavis.sensitivity import sensitivity_columns
 from visavis.table_types import typed
@@ -41,11 +42,12 @@ def write_study(
     out_dir: Path,
     facts: Mapping[str, str] | None = None,
     plan: PlanReview | None = None,
+    streams: Sequence[OwnStream] = (),
 ) -> Path:
     """Write tables, figures and the report; return the report's path.
 
     `facts` is what recordings answer of the reporting list for eye tracking, `plan` how a locked
-    plan was kept.
+    plan was kept, `streams` what devices of the lab's own recorded.
 
     Raises:
         UsageError: the folder cannot be written to.
@@ -58,6 +60,8 @@ def write_study(
     if quality is not None:
         drawn = figure_of_quality(analysis, quality)
         figures[drawn.name] = drawn
+    drawn_streams = figures_of_streams(streams)
+    figures |= drawn_streams
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         write_tables(analysis, experiment, questionnaires, out_dir, extras, quality)
@@ -69,6 +73,10 @@ def write_study(
             "folder you may write to"
         ) from error
     sections = [extra.section for extra in extras if extra.section is not None]
+    if streams:
+        first = streams[0].participant  # everybody's figures lie beside the report
+        shown = [picture_of(drawn_streams[n]) for n in drawn_streams if n.endswith(f"_{first}")]
+        sections.append(streams_section(streams, shown))
     sections += [] if plan is None else [review_section(plan)]
     cited = references_of(analysis, with_gaze=quality is not None)
     (out_dir / "references.bib").write_text(bibtex(cited), encoding="utf-8")

@@ -1,5 +1,7 @@
 """The page on the quality of one session's gaze, as HTML."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -9,7 +11,18 @@ from analysis.gaze.movements.detect import DETECTOR_NAMES
 from analysis.gaze.movements.kinds import Movement
 from analysis.gaze.pupil import LIGHT_IS_A_CONFOUND
 from analysis.gaze.session_quality import SessionQuality, blinks_a_minute
-from analysis.report import Column, Facts, Page, Paragraph, Section, Table, write_page
+from analysis.own_streams import OwnStream, figures_of_streams, streams_section
+from analysis.plots import svg_for_page
+from analysis.report import (
+    Column,
+    Facts,
+    Page,
+    Paragraph,
+    Picture,
+    Section,
+    Table,
+    write_page,
+)
 from analysis.report.notation import decimal, percentage
 from lab.clock import NS_PER_MS
 
@@ -17,9 +30,41 @@ PAGE_NAME: Final = "gaze_quality.html"
 _MOMENTS = {"block_start": "before block", "end": "at the end"}
 
 
-def write_session_page(found: SessionQuality, path: Path) -> Path:
-    """Write the page and return its path; the same session gives the same bytes."""
-    return write_page(session_page(found), path)
+def write_session_page(
+    found: SessionQuality, path: Path, streams: Sequence[OwnStream] = ()
+) -> Path:
+    """Write the page and return its path; the same session gives the same bytes.
+
+    `streams` are those of the lab's own devices, shown below the gaze.
+    """
+    page = session_page(found)
+    return write_page(replace(page, sections=(*page.sections, *_own_devices(streams))), path)
+
+
+def write_streams_page(streams: Sequence[OwnStream], study: str, path: Path) -> Path:
+    """Write the page of a session without gaze: its own devices alone; return its path."""
+    of = streams[0]
+    page = Page(
+        title=f"Devices of {of.participant}, session {of.session}",
+        subtitle=f"What the lab's own devices recorded; study {study}",
+        facts=Facts(stream_facts(streams)),
+        is_simulated=of.is_simulated,
+        sections=_own_devices(streams),
+    )
+    return write_page(page, path)
+
+
+def stream_facts(streams: Sequence[OwnStream]) -> tuple[tuple[str, str], ...]:
+    """Return a line per stream of the lab's own devices."""
+    return tuple((s.name, f"{s.rows} samples, {decimal(s.rate_hz, 1)} Hz") for s in streams)
+
+
+def _own_devices(streams: Sequence[OwnStream]) -> tuple[Section, ...]:
+    if not streams:
+        return ()
+    drawn = figures_of_streams(streams).values()
+    pictures = [Picture(svg_for_page(d), d.title, d.caption, d.alternative) for d in drawn]
+    return (streams_section(streams, pictures),)
 
 
 def session_page(found: SessionQuality) -> Page:

@@ -51,7 +51,7 @@ class LinePeer(ABC):
             raise DeviceNotFound(f"the simulated {self._role} is not there", remedy="wait for it")
         self._told_ns = t_ns
 
-    def accept(self, data: bytes, t_ns: int) -> None:
+    def accept(self, data: bytes, t_ns: int) -> None:  # noqa: B027 - most are told nothing
         """Take what the host says; nothing comes of it."""
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:

@@ -159,7 +159,7 @@ def _fits(columns: Sequence[Field], line: Line) -> bool:
     for column, number in zip(columns, line.numbers, strict=True):
         kind = np.dtype(column.dtype)
         if kind.kind == "f":
-            if math.isfinite(number) and abs(number) > np.finfo(kind).max:
+            if math.isfinite(number) and abs(number) > float(np.finfo(kind).max):
                 return False
         elif kind.kind == "b":
             if number not in (0, 1):

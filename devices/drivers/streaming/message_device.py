@@ -16,7 +16,7 @@ from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceError, DeviceTimeout, ProtocolViolation
 
 ATTEMPT_EVERY_NS = 500 * NS_PER_MS
-"""How often a driver tries to reach a peer that is gone."""
+"""How often a driver tries to reach a peer that is gone; less often where samples are rare."""
 
 UNREADABLE = (
     struct.error,
@@ -57,6 +57,7 @@ class MessageDevice(ABC):
         self._life = Lifecycle(role)
         self._sink: Sink | None = None
         self._attempt_ns = 0
+        self._attempt_every_ns = ATTEMPT_EVERY_NS
         self.info = spec.info(role, transport)
 
     # ---- what a driver adds -----------------------------------------------------------------
@@ -150,7 +151,7 @@ class MessageDevice(ABC):
         now_ns = self._clock.now_ns()
         if now_ns < self._attempt_ns:
             return False
-        self._attempt_ns = now_ns + ATTEMPT_EVERY_NS
+        self._attempt_ns = now_ns + self._attempt_every_ns
         return True
 
     def _warning(self, message: str, remedy: str) -> Fault:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import DeviceState, Fault, Health
-from devices.drivers.streaming.message_device import MessageDevice, named
+from devices.drivers.streaming.message_device import ATTEMPT_EVERY_NS, MessageDevice, named
 from devices.drivers.streaming.one_way_clock import OneWayClock
 from devices.meter import StreamMeter
 from devices.spec import AnySpec
@@ -20,6 +20,7 @@ from lab.errors import DeviceDisconnected, DeviceError
 from lab.schema import SampleBatch, StreamSchema
 
 ATTEMPT_S = 0.4
+ATTEMPT_PERIODS = 3
 EVERYTHING = (b"",)
 
 
@@ -138,7 +139,11 @@ class StreamDevice(MessageDevice, Generic[S]):
             self._notes[key] = fault
 
     def _reset(self, now_ns: int) -> None:
-        self._meter = StreamMeter(self._schema.nominal_rate_hz)
+        rate_hz = self._schema.nominal_rate_hz
+        self._meter = StreamMeter(rate_hz)
+        if rate_hz:  # opening anew loses what is under way: a sample must have time to come
+            slow_ns = round(ATTEMPT_PERIODS * NS_PER_S / rate_hz)
+            self._attempt_every_ns = max(ATTEMPT_EVERY_NS, slow_ns)
         self._one_way = OneWayClock()
         self._malformed = 0
         self._heard_ns = self._attempt_ns = now_ns
@@ -183,8 +188,11 @@ class StreamDevice(MessageDevice, Generic[S]):
                 self._transport.open(ATTEMPT_S)
                 self._subscribe()
                 self._resume()
+                if not self._schema.nominal_rate_hz:  # it may say nothing for long: it is there
+                    self._back()
             messages = self._transport.receive(timeout_s)
         except DeviceError as problem:
+            self._life.state = DeviceState.FAULT
             self._transport.close()
             self._note("away", self._warning(f"still away: {problem}", self._spec.remedy))
             if timeout_s > 0:
@@ -195,7 +203,10 @@ class StreamDevice(MessageDevice, Generic[S]):
         self._came_back()
         delivered = self._take(messages)
         if delivered:
-            self._note("away", None)
-            self._heard_ns = self._clock.now_ns()
-            self._life.state = DeviceState.STREAMING
+            self._back()
         return delivered
+
+    def _back(self) -> None:
+        self._note("away", None)
+        self._heard_ns = self._clock.now_ns()
+        self._life.state = DeviceState.STREAMING

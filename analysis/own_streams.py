@@ -1,0 +1,242 @@
+"""What devices of the lab's own recorded: every column described and drawn, whatever it is.
+
+Such a stream (a belt, an amplifier) is known by nothing but its columns and their units.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
+
+from analysis.plots import BLUE, Drawn, draw, new_figure
+from analysis.report import Column, Paragraph, Picture, Section, Table
+from analysis.report.notation import decimal, percentage
+from devices.meter import GAP_PERIODS
+from lab.clock import NS_PER_MS, NS_PER_S
+from lab.config import ARMBAND_ROLE, ROLES, TAKEN_STREAMS
+from recording.reader import PART_COLUMN, Recording, flattened
+
+MOST_CURVES: Final = 12
+"""Columns of one stream that are drawn; an amplifier's others look like them."""
+BINS: Final = 400
+"""Points along a curve; each is drawn with the range of what lies in it."""
+OF_VISAVIS: Final = frozenset({*ROLES, *TAKEN_STREAMS})
+
+Values = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class OwnColumn:
+    """One column; NaN where nothing is known. `curve` is its course over the session.
+
+    `curve` has shape (n, 4): seconds, lowest, middle, highest of the samples around.
+    """
+
+    name: str
+    unit: str
+    mean: float
+    sd: float
+    low: float
+    high: float
+    missing_01: float
+    curve: Values
+
+
+@dataclass(frozen=True)
+class OwnStream:
+    """One stream over a session. `expected` and the longest gap are None without a stated rate."""
+
+    participant: str
+    session: int
+    name: str
+    is_simulated: bool
+    rows: int
+    nominal_rate_hz: float
+    rate_hz: float
+    expected: int | None
+    gaps: int | None
+    longest_gap_ms: float | None
+    columns: tuple[OwnColumn, ...]
+
+
+def is_own_stream(name: str) -> bool:
+    """Say whether a stream is of a device of the lab's own, by its name."""
+    return not any(
+        name == ours or ARMBAND_ROLE.fullmatch(name.removeprefix(f"{ours}_")) for ours in OF_VISAVIS
+    )
+
+
+def own_streams(recording: Recording) -> tuple[OwnStream, ...]:
+    """Describe every stream of the lab's own devices in a session."""
+    return tuple(
+        _described(recording, name) for name in recording.stream_names if is_own_stream(name)
+    )
+
+
+def _described(recording: Recording, name: str) -> OwnStream:
+    schema = recording.stream_schema(name)
+    arrays = recording.stream_arrays(name)
+    t_ns, parts = arrays["t_host_ns"], arrays[PART_COLUMN]
+    nominal_hz = 0.0 if schema is None else schema.nominal_rate_hz
+    spans_ns, steps = 0, []
+    for part in np.unique(parts):
+        own = t_ns[parts == part]
+        spans_ns += int(own[-1] - own[0])
+        steps.append(np.diff(own))
+    gaps_ns = np.concatenate(steps) if steps else np.zeros(0, np.int64)
+    is_regular = nominal_hz > 0
+    limit_ns = GAP_PERIODS * NS_PER_S / nominal_hz if is_regular else np.inf
+    fields = () if schema is None else schema.fields
+    return OwnStream(
+        participant=recording.manifest.participant,
+        session=recording.manifest.session,
+        name=name,
+        is_simulated=recording.is_simulated,
+        rows=len(t_ns),
+        nominal_rate_hz=nominal_hz,
+        rate_hz=gaps_ns.size * NS_PER_S / spans_ns if spans_ns else np.nan,
+        expected=round(spans_ns * nominal_hz / NS_PER_S) + len(np.unique(parts))
+        if is_regular and len(t_ns)
+        else None,
+        gaps=int((gaps_ns > limit_ns).sum()) if is_regular else None,
+        longest_gap_ms=float(gaps_ns.max() / NS_PER_MS) if is_regular and gaps_ns.size else None,
+        columns=tuple(
+            _column(column, field.unit, t_ns, values.astype(np.float64))
+            for field in fields
+            if field.dtype != "u1" or not field.shape  # bytes of a text
+            for column, values in flattened(field.name, arrays[field.name])
+        ),
+    )
+
+
+def _column(name: str, unit: str, t_ns: npt.NDArray[np.int64], values: Values) -> OwnColumn:
+    known = values[np.isfinite(values)]
+    if not known.size:
+        nothing = np.zeros((0, 4))
+        return OwnColumn(name, unit, np.nan, np.nan, np.nan, np.nan, 1.0, nothing)
+    return OwnColumn(
+        name,
+        unit,
+        float(known.mean()),
+        float(known.std(ddof=1)) if known.size > 1 else np.nan,
+        float(known.min()),
+        float(known.max()),
+        1 - known.size / values.size,
+        _curve((t_ns - t_ns[0]) / NS_PER_S, values),
+    )
+
+
+def _curve(t_s: Values, values: Values) -> Values:
+    """Return at most `BINS` points with the range around each, so that no peak is lost."""
+    if t_s.size <= BINS:
+        return np.stack([t_s, values, values, values], axis=1)
+    edges = np.searchsorted(t_s, np.linspace(t_s[0], t_s[-1], BINS + 1)[1:-1])
+    points = []
+    for times, group in zip(np.split(t_s, edges), np.split(values, edges), strict=True):
+        known = group[np.isfinite(group)]
+        if times.size:
+            middle = (known.min(), float(np.median(known)), known.max()) if known.size else ()
+            points.append((times.mean(), *(middle or (np.nan,) * 3)))
+    return np.array(points)
+
+
+def streams_section(streams: Sequence[OwnStream], pictures: Sequence[Picture]) -> Section:
+    """Return the section of a report on the lab's own devices, with the pictures given."""
+    return Section(
+        "own-devices",
+        "Devices of the lab's own",
+        (
+            _arrivals(streams),
+            _numbers(streams),
+            *pictures,
+            Paragraph(
+                "Recorded as the devices sent them, in their units (UCUM); nothing was filtered "
+                "and nothing left out. Missing values are missing, never zero."
+            ),
+        ),
+    )
+
+
+def _arrivals(streams: Sequence[OwnStream]) -> Table:
+    heads = ("Participant", "Session", "Stream", "Samples", "Of expected", "Rate (Hz)",
+             "Stated (Hz)", "Gaps", "Longest gap (ms)")  # fmt: skip
+    return Table(
+        tuple(Column(h, "left" if i in (0, 2) else "right") for i, h in enumerate(heads)),
+        tuple(
+            (
+                s.participant,
+                str(s.session),
+                s.name,
+                str(s.rows),
+                percentage(s.rows / s.expected) if s.expected else "–",
+                decimal(s.rate_hz, 2),
+                decimal(s.nominal_rate_hz, 1) if s.nominal_rate_hz else "irregular",
+                "–" if s.gaps is None else str(s.gaps),
+                "–" if s.longest_gap_ms is None else decimal(s.longest_gap_ms, 0),
+            )
+            for s in streams
+        ),
+        "What arrived",
+        f"A gap is more than {GAP_PERIODS:g} periods of the stated rate.",
+    )
+
+
+def _numbers(streams: Sequence[OwnStream]) -> Table:
+    heads = ("Participant", "Stream", "Column", "Unit", "Mean", "SD", "Lowest", "Highest",
+             "Missing")  # fmt: skip
+    return Table(
+        tuple(Column(h, "left" if i < 4 else "right") for i, h in enumerate(heads)),
+        tuple(
+            (
+                s.participant,
+                s.name,
+                c.name,
+                c.unit or "–",
+                *(decimal(v, 2) for v in (c.mean, c.sd, c.low, c.high)),
+                percentage(c.missing_01),
+            )
+            for s in streams
+            for c in s.columns
+        ),
+        "What they measured, over the whole session",
+    )
+
+
+def figures_of_streams(streams: Sequence[OwnStream]) -> Mapping[str, Drawn]:
+    """Return a figure per stream that has numbers, by its name: every column over the session."""
+    return {
+        d.name: d
+        for d in (_drawn(stream) for stream in streams if any(len(c.curve) for c in stream.columns))
+    }
+
+
+def _drawn(stream: OwnStream) -> Drawn:
+    shown = [c for c in stream.columns if len(c.curve)][:MOST_CURVES]
+    left_out = len(stream.columns) - len(shown)
+    more = f" {left_out} further columns are not drawn." if left_out else ""
+    return draw(
+        f"stream_{stream.name}_{stream.participant}",
+        partial(_figure, shown),
+        title=f"{stream.name} of {stream.participant}, session {stream.session}",
+        caption="Every column over the session: the middle of the samples around each moment, and "
+        f"shaded their range.{more}",
+        alternative=f"Course of {', '.join(c.name for c in shown)} over the session.",
+        is_simulated=stream.is_simulated,
+    )
+
+
+def _figure(columns: Sequence[OwnColumn]) -> Figure:
+    figure = new_figure(9.6, 0.7 + 1.2 * len(columns))
+    grid = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, column in zip(grid, columns, strict=True):
+        t_s, low, middle, high = column.curve.T
+        axes.fill_between(t_s, low, high, color=BLUE, alpha=0.25, linewidth=0)
+        axes.plot(t_s, middle, color=BLUE, linewidth=0.9)
+        axes.set_ylabel(f"{column.name}\n({column.unit})" if column.unit else column.name)
+    grid[-1].set_xlabel("Time since the first sample (s)")
+    figure.align_ylabels(grid)
+    return figure
