@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from visavis.compare import Compare as Compare
     from visavis.compare import Published as Published
     from visavis.deriving import derive as derive
+    from visavis.exclusions import COMPLETENESS_RULES as COMPLETENESS_RULES
     from visavis.exclusions import STANDARD_RULES as STANDARD_RULES
     from visavis.exclusions import Exclusion as Exclusion
     from visavis.looks import LooksOn as LooksOn
@@ -62,7 +63,7 @@ _NAMES = {
     "visavis.analysis": ("Conclusion",),
     "visavis.compare": ("Compare", "Published"),
     "visavis.deriving": ("derive",),
-    "visavis.exclusions": ("STANDARD_RULES", "Exclusion"),
+    "visavis.exclusions": ("COMPLETENESS_RULES", "STANDARD_RULES", "Exclusion"),
     "visavis.looks": ("LooksOn",),
     "visavis.measures": (
         "Measure", "TrialRecord", "column", "dwell_on", "first_fixation_on", "fixations_on",

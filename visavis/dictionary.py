@@ -11,6 +11,7 @@ from lab.errors import DataError
 from protocol.columns import ENGINE_COLUMNS, Column
 from protocol.questionnaires import Questionnaire, score_range
 from recording.csv_file import tell_neutralised, write_csv
+from visavis.exclusions import ANSWERED
 from visavis.experiment import StudyExperiment
 from visavis.looks import LOOK_COLUMNS
 from visavis.measures import Measure
@@ -26,6 +27,7 @@ PEOPLE: Final = (
     Column("bad_trials_01", "1", "share of the finished trials that were left out"),
     Column("smallest_cell_trials", "1", "trials that count in the emptiest cell"),
     Column("smallest_cell_01", "1", "their share of the trials planned for a cell"),
+    Column(ANSWERED, "1", "share of the questionnaires' required questions that were answered"),
     Column("calibration_error_deg", "deg", "mean error over the validations of these trials"),
     Column("end_accuracy_deg", "deg", "mean error of the validation after the last trial"),
     Column("drift_deg", "deg", "error after the last trial minus that before; positive: worse"),

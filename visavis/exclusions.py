@@ -11,12 +11,15 @@ from typing import Any, Final, Literal
 import numpy as np
 import pandas as pd
 
+from analysis.report.notation import counted
 from lab.errors import UsageError
 from recording.integrity import DAMAGED, LOST
-from visavis.measures import LOST_COLUMN
+from visavis.measures import HEAD_LOST_COLUMN, LOST_COLUMN
 
 Level = Literal["trial", "participant"]
 REASON: Final = "left_out_because"
+ANSWERED: Final = "answered_01"
+"""Of each person: the share of the required questions of questionnaires that were answered."""
 COUNTED: Final = "is_analysed"
 PRACTICE: Final = "practice"
 NOT_FINISHED: Final = "not finished"
@@ -53,6 +56,14 @@ class Exclusion:
             return False
         return bool(value > limit) if self.above else bool(value < limit)
 
+    def rule(self, limit: float | None) -> str:
+        """Return what the rule leaves out, in words."""
+        whom = "trials" if self.level == "trial" else "participants"
+        if self.if_missing:
+            return f"{whom} without {self.column} ({self.name})"
+        side = "above" if self.above else "below"
+        return f"{whom} with {self.column} ({self.name}) {side} {limit:g}"
+
     def said(self, value: Any, limit: float | None) -> str:
         """Return why a value is out, in words."""
         if _is_missing(value) and not self.if_missing:
@@ -64,17 +75,30 @@ def _is_missing(value: Any) -> bool:
     return value is None or bool(value != value)
 
 
-STANDARD_RULES: Final = (
-    Exclusion("max_trial_lost_01", "trial", LOST_COLUMN, 0.5,
-              "{value:.0%} of the scene without usable gaze (limit {limit:.0%})"),
-    Exclusion("max_bad_trials_01", "participant", "bad_trials_01", 0.5,
-              "{value:.0%} of the trials left out (limit {limit:.0%})"),
-    Exclusion("max_calibration_error_deg", "participant", "calibration_error_deg", 3.0,
-              "mean calibration error {value:.2f}° (limit {limit:.2f}°)"),
+COMPLETENESS_RULES: Final = (
     Exclusion("min_completed_01", "participant", "completed_01", 0.75,
               "{value:.0%} of the planned trials finished (limit {limit:.0%})", above=False),
     Exclusion("min_cell_trials", "participant", "smallest_cell_trials", 1.0,
               "{value:.0f} trials in the emptiest cell (limit {limit:.0f})", above=False),
+    Exclusion("min_cell_01", "participant", "smallest_cell_01", 0.5,
+              "{value:.0%} of the trials planned for a cell count in the emptiest one "
+              "(limit {limit:.0%})", above=False),
+    Exclusion("min_answered_01", "participant", ANSWERED, 0.5,
+              "{value:.0%} of the questionnaires' required questions answered "
+              "(limit {limit:.0%})", above=False),
+)  # fmt: skip
+"""What leaves out a person of whom too little is there, whatever was measured."""
+
+STANDARD_RULES: Final = (
+    Exclusion("max_trial_lost_01", "trial", LOST_COLUMN, 0.5,
+              "{value:.0%} of the scene without usable gaze (limit {limit:.0%})"),
+    Exclusion("max_head_lost_01", "trial", HEAD_LOST_COLUMN, 0.5,
+              "the head not tracked for {value:.0%} of the trial (limit {limit:.0%})"),
+    Exclusion("max_bad_trials_01", "participant", "bad_trials_01", 0.5,
+              "{value:.0%} of the trials left out (limit {limit:.0%})"),
+    Exclusion("max_calibration_error_deg", "participant", "calibration_error_deg", 3.0,
+              "mean calibration error {value:.2f}° (limit {limit:.2f}°)"),
+    *COMPLETENESS_RULES,
 )  # fmt: skip
 """What leaves a trial or a person out of every study, unless the study says otherwise."""
 
@@ -111,6 +135,15 @@ class Selection:
         kept: pd.DataFrame = self.rows[self.rows[COUNTED]].reset_index(drop=True)
         return kept
 
+    def applied(self, rules: Sequence[Exclusion]) -> list[Exclusion]:
+        """Return the rules that are on and whose column there is."""
+        return [
+            r
+            for r in rules
+            if self.limits[r.name] is not None
+            and r.column in (self.rows if r.level == "trial" else self.people)
+        ]
+
     @property
     def finished(self) -> pd.DataFrame:
         """The trials that were finished, each once, practice left out, whether they count or not.
@@ -120,6 +153,35 @@ class Selection:
         out = (PRACTICE, UNREADABLE, NOT_FINISHED, REPEATED)
         done: pd.DataFrame = self.rows[~self.rows[REASON].isin(out)]
         return done
+
+
+def left_out_lines(selection: Selection, rules: Sequence[Exclusion]) -> list[str]:
+    """Return who and what does not count and why: trials by rule, then each person by name."""
+    trials = [left for left in selection.left if left.level == "trial" and left.rule != PRACTICE]
+    lines = [
+        f"left out: {counted(left.count, 'trial')}, {rule_words(selection, rules, left.rule)}"
+        for left in trials
+    ]
+    gone = selection.people[~selection.people[COUNTED].astype(bool)]
+    lines += [
+        f"left out: participant {name}, {why}"
+        for name, why in zip(gone["participant"], gone[REASON], strict=True)
+    ]
+    return lines
+
+
+def rule_words(selection: Selection, rules: Sequence[Exclusion], name: str) -> str:
+    """Return what a step leaves out, in words: of a rule its column and the limit in force."""
+    rule = next((r for r in rules if r.name == name), None)
+    if rule is None:
+        known = {"damaged": f"unreadable, {UNREADABLE}", "unfinished": NOT_FINISHED,
+                 "repeated": REPEATED}  # fmt: skip
+        return known.get(name, name.replace("_", " "))
+    if rule.if_missing:
+        return rule.words
+    limit = selection.limits[name]
+    what = rule.column.replace("_", " ")
+    return f"{what} {'above' if rule.above else 'below'} {limit:g}"
 
 
 def limits_in_force(
@@ -164,8 +226,8 @@ def select(
     Of a trial that was performed again the last finished attempt counts; one without a value that
     a rule asks for (`if_missing`) takes no other's place. `cells` are the factors
     within people whose combinations each person must meet, `planned` the number of trials planned
-    for each participant, `cell_count` how many cells each person meets. `facts` are the study's
-    own, one row per participant, for rules to name.
+    for each participant, `cell_count` how many cells each person meets. `facts` are what else is
+    known of people, one row per participant, for rules to name.
     """
     table = rows.reset_index(drop=True).copy()
     reasons = pd.Series([""] * len(table), dtype=object)
@@ -248,7 +310,8 @@ def participant_facts(
     for name in sorted({*rows["participant"].astype(str), *planned}):
         mine = finished[finished["participant"].astype(str) == name]
         good = mine[counts.reindex(mine.index, fill_value=False)]
-        intact = planned.get(name, 0) - _unreadable(rows, name)
+        gone = _gone(rows, name)
+        intact = planned.get(name, 0) - len(gone)
         sizes = good.groupby(list(cells)).size() if cells and len(good) else pd.Series([len(good)])
         smallest = 0 if len(sizes) < cell_count else int(sizes.min())
         found.append(
@@ -258,9 +321,9 @@ def participant_facts(
                 "completed_01": len(mine) / intact if intact > 0 else np.nan,
                 "bad_trials_01": (len(mine) - len(good)) / len(mine) if len(mine) else np.nan,
                 "smallest_cell_trials": smallest,
-                "smallest_cell_01": smallest * cell_count / planned[name]
-                if planned.get(name)
-                else np.nan,
+                "smallest_cell_01": _smallest_share(
+                    good, gone, cells, planned.get(name, 0), cell_count
+                ),
                 "calibration_error_deg": mean_error_deg(mine),
                 REASON: "",
             }
@@ -268,11 +331,31 @@ def participant_facts(
     return pd.DataFrame(found)
 
 
-def _unreadable(rows: pd.DataFrame, name: str) -> int:
-    """Return how many of a participant's trials a damaged recording cost: nobody's doing."""
+def _smallest_share(
+    good: pd.DataFrame, gone: pd.DataFrame, cells: Sequence[str], planned: int, cell_count: int
+) -> float:
+    """Return the least share, over cells, of the trials planned for one that count.
+
+    Trials that a damaged recording cost are not counted as planned, those of unknown cell by equal
+    shares.
+    """
+    if not planned:
+        return float("nan")
+    key = list(cells) or (lambda row: 0)
+    sizes = good.groupby(key).size()
+    if len(sizes) < cell_count:
+        return 0.0
+    unknown = gone[list(cells)].isna().any(axis=1)
+    lost = gone[~unknown].groupby(key).size().reindex(sizes.index, fill_value=0)
+    intact = (planned - int(unknown.sum())) / cell_count - lost
+    return float((sizes / intact.clip(lower=1)).min())
+
+
+def _gone(rows: pd.DataFrame, name: str) -> pd.DataFrame:
+    """Return a participant's trials that a damaged recording cost, each once: nobody's doing."""
     gone = rows["status"].isin((DAMAGED, LOST)) & ~rows["is_practice"].astype(bool)
     mine = rows["participant"].astype(str) == name
-    return int(rows.loc[gone & mine, "trial_id"].nunique())
+    return rows[gone & mine].drop_duplicates("trial_id")
 
 
 def mean_error_deg(rows: pd.DataFrame) -> float:

@@ -30,10 +30,10 @@ from analysis.plots.panels import (
 )
 from analysis.report.notation import counted
 from visavis.analysis import Finding, StudyAnalysis
-from visavis.exclusions import NOT_FINISHED, REPEATED, Exclusion, Selection
+from visavis.exclusions import Exclusion, Selection, rule_words
 from visavis.measures import aggregated
 from visavis.quality import LOSS_COLUMNS, QUALITY_COLUMNS, Quality
-from visavis.texts import Texts, shown
+from visavis.texts import Texts
 
 COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
 
@@ -137,7 +137,7 @@ def exclusions_figure(
             f"{counted(len(people), 'participant')}, {counted(selection.performed, 'trial')} "
             "performed",
             "\n".join(
-                f"{counted(left.count, left.level)}: {_rule_words(selection, rules, left.rule)}"
+                f"{counted(left.count, left.level)}: {rule_words(selection, rules, left.rule)}"
                 for left in selection.left
             ),
         ),
@@ -154,20 +154,6 @@ def exclusions_figure(
         alternative="; ".join(s.text for s in stages),
         is_simulated=is_simulated,
     )
-
-
-def _rule_words(selection: Selection, rules: Sequence[Exclusion], name: str) -> str:
-    """Return what a step leaves out, in words: of a rule its column and the limit in force."""
-    rule = next((r for r in rules if r.name == name), None)
-    if rule is not None:
-        if rule.if_missing:
-            return rule.words
-        limit = shown(selection.limits[name])
-        what = rule.column.replace("_", " ")
-        return f"{what} {'above' if rule.above else 'below'} {limit}"
-    known = {"damaged": "unreadable, the recording is damaged", "unfinished": NOT_FINISHED,
-             "repeated": REPEATED}  # fmt: skip
-    return known.get(name, name.replace("_", " "))
 
 
 def quality_figure(

@@ -14,10 +14,17 @@ from analysis.report.sources import source_of
 from lab.clock import NS_PER_MS
 from lab.errors import DataError
 from protocol.gaze_setup import TARGETS
-from protocol.questionnaires import Questionnaire, load_questionnaire, read_answers, score
+from protocol.questionnaires import (
+    Questionnaire,
+    load_questionnaire,
+    read_answers,
+    score,
+    unanswered,
+)
 from recording.integrity import analysed_trials
 from recording.manifest import Manifest
 from recording.reader import Recording
+from visavis.exclusions import ANSWERED
 from visavis.looks import LOOK_COLUMNS, LooksOn
 from visavis.measures import Measure, SessionGaze, TrialRecord, value_of
 
@@ -123,10 +130,15 @@ def person_of(recording: Recording, questionnaires: Sequence[Questionnaire]) -> 
         "participant": recording.manifest.participant,
         **validations_of(events),
     }
+    required = missing = 0
     for asked in questionnaires:
         answers = read_answers(asked, given.get(asked.name, {}))
+        required += sum(q.item.required for q in asked.questions())
+        missing += len(unanswered(asked, answers))
         person |= answers
         person |= {f"{asked.name}_{name}": value for name, value in score(asked, answers).items()}
+    if required:
+        person[ANSWERED] = (required - missing) / required
     return person
 
 

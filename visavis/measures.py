@@ -25,6 +25,7 @@ Aggregate = Literal["mean", "median", "share"]
 LOOKS: Final = replace(DEFAULT_LOOK_PARAMETERS, backward="sort", conflicts="keep_first")
 """A tracker's faulty stamps must not cost a study its session: they are mended."""
 LOST_COLUMN: Final = "gaze_lost_01"
+HEAD_LOST_COLUMN: Final = "head_lost_01"
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,6 +189,21 @@ def lost_gaze(scene: str = "scene") -> Measure:
         return looks.lost_01
 
     return Measure(LOST_COLUMN, "1", "Share of the scene without usable gaze", of)
+
+
+def lost_head() -> Measure:
+    """Return the share of a trial's head poses that were not tracked."""
+
+    def of(record: TrialRecord) -> Scalar | None:
+        start, end = record.number("t_start_ns"), record.number("t_end_ns")
+        if record.recording is None or start is None or end is None:
+            return None
+        if "head" not in record.recording.stream_names:
+            return None
+        valid = record.stream("head", int(start), int(end))["valid"]
+        return float(1 - valid.mean()) if len(valid) else None
+
+    return Measure(HEAD_LOST_COLUMN, "1", "Share of the trial without a tracked head", of)
 
 
 def column(

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 from analysis.report.notation import decimal, threshold
 from visavis.analysis import StudyAnalysis
-from visavis.exclusions import Exclusion
 from visavis.experiment import StudyExperiment
 from visavis.looks import MeasureParameters
 from visavis.pairs import Correlate, Pairs
@@ -83,21 +82,13 @@ def _looks(rules: MeasureParameters) -> str:
 
 
 def _excluded(analysis: StudyAnalysis) -> str:
-    rules = []
-    for rule in analysis.study.exclusions:
-        limit = analysis.selection.limits[rule.name]
-        if limit is None:
-            continue
-        rules.append(f"{_about(rule)} {'above' if rule.above else 'below'} {shown(limit)}")
+    selection = analysis.selection
+    applied = selection.applied(analysis.study.exclusions)
+    rules = [rule.rule(selection.limits[rule.name]) for rule in applied]
     return (
         "Trials that were not finished were left out; of trials performed again the last counts. "
         + (f"Left out further: {'; '.join(rules)}." if rules else "")
     )
-
-
-def _about(rule: Exclusion) -> str:
-    whom = "trials" if rule.level == "trial" else "participants"
-    return f"{whom} with {rule.column} ({rule.name})"
 
 
 def _compared(analysis: StudyAnalysis) -> str:

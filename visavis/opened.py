@@ -1,7 +1,7 @@
 """A study as the command line and scripts use it: made, performed, measured, analysed."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -19,11 +19,11 @@ from protocol.shown import Shown
 from recording.reader import Recording
 from stimuli.scene import SceneFrame
 from visavis.analysis import StudyAnalysis, analyse_rows, measures_of
-from visavis.exclusions import Selection, limits_in_force, select
+from visavis.exclusions import ANSWERED, Selection, left_out_lines, limits_in_force, select
 from visavis.experiment import StudyExperiment
 from visavis.intake import SessionIntake, questionnaire, take_in
 from visavis.locked.review import PlanReview
-from visavis.measures import LOST_COLUMN, Measure, lost_gaze
+from visavis.measures import Measure, lost_gaze, lost_head
 from visavis.pairs import DEFAULT_TEST_RULES, TestRules
 from visavis.person import StudyPerson
 from visavis.scenes import Scene, Staging, stage
@@ -38,6 +38,8 @@ class OpenedStudy:
     study: Study
     plan: PlanReview | None = None
     """How its locked plan was kept, for the report; None where no plan was locked."""
+    tell: Callable[[str], None] | None = None
+    """Hears of every trial and person that an analysis leaves out, and why."""
 
     @property
     def name(self) -> str:
@@ -112,12 +114,15 @@ class OpenedStudy:
     # ---- analysis ----
 
     def measures(self, experiment: StudyExperiment) -> tuple[Measure, ...]:
-        """Return everything measured; lost gaze too, where gaze is and looks do not say it."""
+        """Return everything measured; what was lost of gaze too, or of the head where no gaze is.
+
+        Looks say themselves what of gaze was lost.
+        """
         found = measures_of(self.study, experiment.responses)
-        known = {m.column for m in found}
-        if any(m.needs_gaze for m in found) and LOST_COLUMN not in known and not self.study.looks:
-            found = (*found, lost_gaze())
-        return found
+        if self.study.looks:
+            return found
+        lost = lost_gaze() if any(m.needs_gaze for m in found) else lost_head()
+        return found if lost.column in {m.column for m in found} else (*found, lost)
 
     def measure(self, recording: Recording) -> SessionIntake:
         """Take in one session."""
@@ -175,7 +180,9 @@ class OpenedStudy:
         """
         design = self.study.design(experiment.parameters)
         compared = self.study.cells_of(design)
-        selection = self.selection_of(experiment, rows, planned=planned, settings=settings)
+        selection = self.selection_of(
+            experiment, rows, planned=planned, settings=settings, people=people
+        )
         return analyse_rows(
             self.study,
             selection,
@@ -195,8 +202,9 @@ class OpenedStudy:
         *,
         planned: Mapping[str, int],
         settings: Mapping[str, Any] | None = None,
+        people: pd.DataFrame | None = None,
     ) -> Selection:
-        """Decide by the study's rules which trials count."""
+        """Decide by the study's rules which trials count; `people` hold what they answered."""
         rules, facts_of = self.study.exclusions, self.study.facts_of
         compared = self.study.cells_of(self.study.design(experiment.parameters))
         return select(
@@ -206,7 +214,7 @@ class OpenedStudy:
             cells=[f.name for f in compared],
             planned=planned,
             cell_count=int(np.prod([len(f.levels) for f in compared])),
-            facts=None if facts_of is None else facts_of(rows),
+            facts=_facts(None if facts_of is None else facts_of(rows), people),
         )
 
     def analyse(
@@ -225,6 +233,9 @@ class OpenedStudy:
 
         analysis = self.analysis_of(sessions, settings)
         analysis = replace(analysis, is_simulated=is_simulated, example=example)
+        for line in left_out_lines(analysis.selection, self.study.exclusions):
+            if self.tell is not None:
+                self.tell(line)
         provenance = provenance_of_sessions(
             self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands
         )
@@ -233,6 +244,14 @@ class OpenedStudy:
         facts = {**sessions[0].facts, **self.study.setup}
         return write_study(analysis, experiment, asked, provenance, out_dir, facts, self.plan,
                            [stream for s in sessions for stream in s.streams])  # fmt: skip
+
+
+def _facts(own: pd.DataFrame | None, people: pd.DataFrame | None) -> pd.DataFrame | None:
+    """Return what is known of people besides their trials, the study's own facts among it."""
+    if people is None or ANSWERED not in people:
+        return own
+    answered = people[["participant", ANSWERED]]
+    return answered if own is None else answered.merge(own, on="participant", how="outer")
 
 
 def overrides_of(plan: Mapping[str, Any]) -> dict[str, Any]:

@@ -101,7 +101,9 @@ def write_tables(
     trials = typed(trials, {c.name: c for c in fixed_columns(experiment)})
     write_table(trials, known, out_dir / "trials.csv", scenes=True)
     trials.to_parquet(out_dir / "trials.parquet", index=False)
-    people = analysis.selection.people.merge(analysis.people, on="participant", how="left")
+    people = analysis.selection.people
+    rest = [c for c in analysis.people if c == "participant" or c not in people]
+    people = people.merge(analysis.people[rest], on="participant", how="left")
     if quality is not None:
         twice = [c for c in quality.participants if c in people and c != "participant"]
         measured = quality.participants.drop(columns=twice)

@@ -30,6 +30,7 @@ from analysis.report import (
 from analysis.report.notation import counted, mean_sd, percentage, probability
 from protocol.questionnaires import Questionnaire
 from visavis.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term
+from visavis.exclusions import rule_words
 from visavis.experiment import StudyExperiment
 from visavis.family_report import (
     agreement_table,
@@ -43,7 +44,6 @@ from visavis.measures import aggregated
 from visavis.methods import method_paragraphs
 from visavis.quality import LOSS_COLUMNS, Quality, quality_table
 from visavis.reporting_list import Kept, reporting_table
-from visavis.texts import shown
 
 REPORT_NAME: Final = "report.html"
 Pictures = Mapping[str, Picture]
@@ -376,9 +376,8 @@ def kept_of(analysis: StudyAnalysis) -> Kept:
     """Return what was left out by which limits, for the reporting list."""
     selection = analysis.selection
     limits = "; ".join(
-        f"{rule.column} {'above' if rule.above else 'below'} {shown(selection.limits[rule.name])}"
-        for rule in analysis.study.exclusions
-        if selection.limits[rule.name] is not None
+        rule_words(selection, [rule], rule.name)
+        for rule in selection.applied(analysis.study.exclusions)
     )
     finished = selection.finished
     return Kept(

@@ -6,7 +6,7 @@ import numpy as np
 
 from experiments.stare import published
 from experiments.stare.published import COMPARISONS
-from visavis.exclusions import Exclusion
+from visavis.exclusions import COMPLETENESS_RULES, Exclusion
 from visavis.looks import (
     DWELL_MS,
     FIRST_FIXATION_DURATION_MS,
@@ -50,6 +50,7 @@ RULES: Final = (
               "{value:.0%} of the trials without enough gaze (limit {limit:.0%})"),
     Exclusion("max_error_deg", "participant", "calibration_error_deg", 2.5,
               "mean calibration error {value:.1f}° (limit {limit:.1f}°)"),
+    *COMPLETENESS_RULES,
 )  # fmt: skip
 """This platform's: the source names none."""
 

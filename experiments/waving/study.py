@@ -142,10 +142,7 @@ study = Study(
         column("realism", "1", "Realism (1 to 9)"),
         column("who_ms", "ms", "Time to the answer", aggregate="median"),
     ],
-    exclusions=(
-        needs_answer("who"),
-        *(rule for rule in STANDARD_RULES if rule.name == "min_cell_trials"),
-    ),
+    exclusions=(needs_answer("who"), *STANDARD_RULES),
     compare=[
         COMPARED,
         replace(

@@ -5,7 +5,14 @@ import pandas as pd
 import pytest
 
 from lab.errors import UsageError
-from visavis.exclusions import Exclusion, limits_in_force, select
+from visavis.exclusions import (
+    STANDARD_RULES,
+    Exclusion,
+    Selection,
+    left_out_lines,
+    limits_in_force,
+    select,
+)
 
 LOST = Exclusion("max_lost_01", "trial", "lost_01", 0.3, "{value:.0%} lost", missing_is_out=True)
 
@@ -61,3 +68,59 @@ def test_limit_that_is_no_share_is_refused(value: object) -> None:
 
 def test_rule_without_a_limit_is_off() -> None:
     assert {"max_lost_01": None} == limits_in_force((LOST,), {"max_lost_01": None})
+
+
+def standard(table: pd.DataFrame, planned: int, answered: float | None = None) -> Selection:
+    """Select by the kit's own rules among trials of two sides, of one person."""
+    facts = pd.DataFrame({"participant": ["a"], "answered_01": [answered]})
+    return select(
+        table,
+        STANDARD_RULES,
+        limits_in_force(STANDARD_RULES, {}),
+        cells=("side",),
+        planned={"a": planned},
+        cell_count=2,
+        facts=facts,
+    )
+
+
+def sides(left: int, right: int, **columns: Any) -> pd.DataFrame:
+    table = rows(side=["left"] * left + ["right"] * right)
+    return table.assign(**columns)
+
+
+@pytest.mark.parametrize(
+    ("table", "answered", "why"),
+    [
+        (sides(3, 2), 1.0, "62% of the planned trials finished (limit 75%)"),
+        (sides(4, 1), 1.0, "25% of the trials planned for a cell count"),
+        (sides(4, 4), 0.4, "40% of the questionnaires' required questions answered"),
+        (sides(4, 4, calibration_accuracy_deg=3.5), 1.0, "mean calibration error 3.50°"),
+        (sides(4, 4, gaze_lost_01=0.6), 1.0, "100% of the trials left out"),
+        (sides(4, 4, head_lost_01=0.6), 1.0, "100% of the trials left out"),
+    ],
+)
+def test_standard_rules_leave_a_person_out_by_name_and_with_the_limit(
+    table: pd.DataFrame, answered: float, why: str
+) -> None:
+    found = standard(table, 8, answered)
+    assert 0 == len(found.counted)
+    said = [line for line in left_out_lines(found, STANDARD_RULES) if "participant a" in line]
+    assert 1 == len(said)
+    assert why in said[0]
+
+
+def test_whole_person_is_left_in_and_nothing_is_said() -> None:
+    found = standard(sides(4, 4, gaze_lost_01=0.1), 8, 0.5)
+    assert 8 == len(found.counted)
+    assert [] == left_out_lines(found, STANDARD_RULES)
+
+
+def test_trials_left_out_are_told_by_rule_with_the_number() -> None:
+    found = standard(sides(4, 4, head_lost_01=[0.9, *[0.0] * 7]), 8, 1.0)
+    assert ["left out: 1 trial, head lost 01 above 0.5"] == left_out_lines(found, STANDARD_RULES)
+
+
+def test_cell_that_a_damaged_recording_emptied_in_part_is_judged_by_the_rest() -> None:
+    table = sides(4, 4, status=["complete"] * 5 + ["damaged"] * 3)
+    assert 1.0 == standard(table, 8, 1.0).people["smallest_cell_01"].item()

@@ -216,6 +216,8 @@ def analyse_study(
         )
     else:
         ordered = _measured(reference_of(chosen), sessions, processes, scheduler, telling)
+    if isinstance(chosen, OpenedStudy):
+        chosen = replace(chosen, tell=telling.warn)
     report_path = chosen.analyse(
         ordered,
         out_dir,

@@ -11,7 +11,7 @@ from visavis.opened import OpenedStudy
 LIMIT_DEG = 2.5
 
 
-def select_trials(rows: pd.DataFrame, **settings: float) -> Selection:
+def select_trials(rows: pd.DataFrame, **settings: float | None) -> Selection:
     """Decide by the study's rules which trials count."""
     opened = OpenedStudy(study)
     return opened.selection_of(opened.experiment({}), rows, planned={}, settings=settings)
@@ -57,7 +57,7 @@ def test_participant_with_exactly_the_allowed_share_of_lost_trials_stays(rows):
     rows.loc[:17, "lost_01"] = 0.9  # 18 of 72 trials of S01: 25 %
     rows.loc[72:90, "lost_01"] = 0.9  # 19 of 72 trials of S02
 
-    assert ["S02"] == people_out(select_trials(rows, max_bad_trials_01=0.25))
+    assert ["S02"] == people_out(select_trials(rows, max_bad_trials_01=0.25, min_cell_trials=None))
 
 
 def test_participant_with_exactly_the_allowed_calibration_error_stays(rows):
@@ -81,7 +81,7 @@ def test_participant_goes_out_when_more_than_thirty_percent_of_trials_are_lost(r
     rows.loc[:21, "lost_01"] = 0.9  # 22 of 72 trials of S01: 30.6 %
     rows.loc[72:92, "lost_01"] = 0.9  # 21 of 72 trials of S02: 29.2 %
 
-    selection = select_trials(rows)
+    selection = select_trials(rows, min_cell_trials=None)
 
     assert people_out(selection) == ["S01"]
     assert left(selection) == {"max_trial_lost_01": 22 + 21, "max_bad_trials_01": 1}
@@ -136,7 +136,7 @@ def test_the_attempt_made_last_counts_wherever_its_row_stands(rows, order):
     twice = pd.concat([rows.iloc[[0]]] * 2, ignore_index=True)
     twice["attempt"], twice["dwell_ms"] = order, [1000.0 * attempt for attempt in order]
 
-    kept = select_trials(twice).counted
+    kept = select_trials(twice, min_cell_trials=None).counted
 
     assert kept["dwell_ms"].tolist() == [2000.0]
 
@@ -174,3 +174,13 @@ def test_threshold_of_tests_is_set_for_the_whole_analysis(rows):
 
     assert {0.01 / 30} == {t.threshold for t in found.pairs_of("conditions")}
     assert {0.01} == {t.alpha for t in found.correlations_of("anxiety")}
+
+
+def test_person_who_broke_off_half_way_is_left_out(rows):
+    kept = rows[(rows["participant"] != "S02") | (rows.groupby("participant").cumcount() % 2 == 0)]
+    opened = OpenedStudy(study)
+    planned = dict.fromkeys(sorted(set(rows["participant"])), 72)
+
+    found = opened.selection_of(opened.experiment({}), kept, planned=planned)
+
+    assert ["S02"] == people_out(found)

@@ -232,3 +232,17 @@ def test_an_eye_height_can_leave_out_where_a_rule_of_the_lab_names_it():
     table = of_height(1.62, 1.70, 1.60)
     kept = own.selection_of(EXPERIMENT, table, planned=dict.fromkeys(table["participant"], 54))
     assert {"S00", "S02"} == set(kept.counted["participant"])
+
+
+def test_a_session_that_broke_off_is_no_whole_person_and_no_verdict_rests_on_it():
+    table = rows(7)
+    own = table[table["participant"] == "S06"]
+    broken = own[~own["is_practice"]].index[25:]
+    found = analysed(table.drop(index=broken))
+    out = found.selection.people.set_index("participant").loc["S06", "left_out_because"]
+    assert "46% of the planned trials finished (limit 75%)" in out
+    assert 6 == found.n_participants
+    assert (
+        found.findings[0].terms
+        == analysed(rows(7)[lambda t: t["participant"] != "S06"]).findings[0].terms
+    )

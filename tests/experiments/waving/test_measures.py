@@ -39,9 +39,8 @@ def trial(**changed):
 def selected(*rows):
     table = pd.DataFrame(rows)
     planned = dict.fromkeys(table["participant"], 54)
-    return WAVING.selection_of(
-        WAVING.experiment({}), table, planned=planned, settings={"min_cell_trials": None}
-    )
+    off = dict.fromkeys(("min_cell_trials", "min_cell_01", "min_completed_01"))
+    return WAVING.selection_of(WAVING.experiment({}), table, planned=planned, settings=off)
 
 
 def counted(*rows):
