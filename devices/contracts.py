@@ -42,7 +42,10 @@ class DeviceState(StrEnum):
 
 @dataclass(frozen=True)
 class DeviceInfo:
-    """Who a device is; stored in the manifest."""
+    """Who a device is; stored in the manifest.
+
+    `gaze_delay_ms` is how late an eye tracker's stamps are, as configured; None: not known.
+    """
 
     role: str
     driver: str
@@ -53,6 +56,7 @@ class DeviceInfo:
     transport: str
     is_simulated: bool
     capabilities: frozenset[str] = field(default_factory=frozenset)
+    gaze_delay_ms: float | None = None
 
 
 @dataclass(frozen=True)

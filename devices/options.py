@@ -19,11 +19,22 @@ class Options(BaseModel):
 
     def for_driver(self) -> dict[str, Any]:
         """Return what the driver is constructed with, beside role, wire and clock."""
-        return self.model_dump(exclude={"faults", "drift_ppm", *self.of_wire})
+        of_session = {"faults", "drift_ppm", "gaze_delay_ms"}
+        return self.model_dump(exclude={*of_session, *self.of_wire})
 
     def for_simulator(self) -> dict[str, Any]:
         """Return what a simulator is constructed with, beside body, clock, seed and faults."""
         return {}
+
+
+class GazeTiming(Options):
+    """What every eye tracker takes: how late its own stamps are.
+
+    `gaze_delay_ms` lies between a movement of the eye and the time the tracker stamps it with; by
+    the vendor's document or a measurement. None: not known, and nothing is subtracted.
+    """
+
+    gaze_delay_ms: float | None = Field(default=None, ge=0, le=200)
 
 
 class SimulatedOptions(Options):

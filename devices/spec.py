@@ -8,7 +8,7 @@ import importlib
 import zlib
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast
 
 from pydantic import ValidationError
@@ -94,8 +94,11 @@ def driven_by(driver: str) -> Callable[[Site[Any], Any], "Device"]:
     """Return a `make`: a driver ("module:Class") that takes role, wire, clock and its options."""
 
     def make(site: Site[Any], wire: Any) -> "Device":
-        device: Device = imported(driver)(site.role, wire, site.clock, **site.options.for_driver())
-        return device
+        device: Any = imported(driver)(site.role, wire, site.clock, **site.options.for_driver())
+        if site.spec.kind == "eye tracker":
+            delay_ms = getattr(site.options, "gaze_delay_ms", None)
+            device.info = replace(device.info, gaze_delay_ms=delay_ms)
+        return cast("Device", device)
 
     return make
 

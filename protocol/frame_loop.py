@@ -78,7 +78,9 @@ class FrameLoop:
         self._frames = RowBuffer(frames, recorder.append, hold_ns=hold_ns)
         self._targets = RowBuffer(targets, recorder.append, hold_ns=hold_ns)
         self._scene_states = RowBuffer(scene_states, recorder.append, hold_ns=hold_ns)
-        self.observer = GazeObserver(self._targets)
+        tracker = rig.eye_tracker
+        delay_ms = None if tracker is None else tracker.info.gaze_delay_ms
+        self.observer = GazeObserver(self._targets, delay_ns=round((delay_ms or 0.0) * NS_PER_MS))
         self._agent_count = m
         self._rig = rig
         self._stage = stage

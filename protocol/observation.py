@@ -199,11 +199,13 @@ class GazeObserver:
     """Collect gaze batches from the eye tracker and evaluate them once per frame.
 
     `clock_offset_ns` is host minus device time; it is constant within a trial, so differences
-    between sample times are the device's own.
+    between sample times are the device's own. The tracker's own delay (`delay_ns`) is taken off:
+    a sample's time is that of the eye, and so is the head's pose it is turned by.
     """
 
-    def __init__(self, targets: RowBuffer) -> None:
+    def __init__(self, targets: RowBuffer, *, delay_ns: int = 0) -> None:
         self.clock_offset_ns = 0
+        self._delay_ns = delay_ns
         self._targets = targets
         self._source = targets.columns
         self._columns = tuple(targets.columns[name] for name in RECORDED)
@@ -259,7 +261,7 @@ class GazeObserver:
             np.frombuffer(batch.values.tobytes(), np.uint8),
             batch.seq,
             batch.t_device_ns,
-            self.clock_offset_ns,
+            self.clock_offset_ns - self._delay_ns,
             frame_index,
             self._pose_t_ns,
             self._pose_p,

@@ -16,7 +16,12 @@ def gaze_targets_schema(agent_count: int, rate_hz: float) -> StreamSchema:
         fields=(
             Field("gaze_seq", "i8", "", description="seq of the sample in the gaze stream"),
             Field("frame_index", "i4", "", description="frame in which it was evaluated"),
-            Field("t_sample_ns", "i8", "ns", description="device time + clock offset in force"),
+            Field(
+                "t_sample_ns",
+                "i8",
+                "ns",
+                description="device time + clock offset - gaze_delay_ms",
+            ),
             Field("valid", "?", "", description="the combined ray may be used"),
             Field("direction_world", "f4", "1", "world", (3,), "unit vector; NaN if lost"),
             Field("origin_world_m", "f4", "m", "world", (3,), "where the ray starts"),

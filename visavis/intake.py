@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.gaze.targets import gaze_delay_ms
 from analysis.own_streams import OwnStream, own_streams
 from analysis.report import SessionSource
 from analysis.report.sources import source_of
@@ -209,9 +210,15 @@ def _timing_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
         for send, _, receive in payload["send_device_receive_ns"]
     ]
     if trips_ms:
+        delay_ms = gaze_delay_ms(recording)
+        own = (
+            "the delay within the tracker is not known and not in it"
+            if delay_ms is None
+            else f"the tracker's own delay, {delay_ms:g} ms, is taken off every sample's time"
+        )
         facts["latency"] = (
             f"transport {float(np.median(trips_ms)) / 2:.1f} ms one way, half the median of "
-            f"{len(trips_ms)} time exchanges; the delay within the tracker is not in it"
+            f"{len(trips_ms)} time exchanges; {own}"
         )
     if len(rows) and {"frames", "frames_dropped"} <= set(rows):
         frames, missed = int(rows["frames"].sum()), int(rows["frames_dropped"].sum())

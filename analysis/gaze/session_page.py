@@ -181,8 +181,11 @@ def _latency(found: SessionQuality) -> tuple[Table, Paragraph]:
             "From the sample's time stamp",
         ),
         Paragraph(
-            "What the tracker takes from the eye's image to its time stamp is in no recording; "
-            "take it from the maker or measure it."
+            "What the tracker takes from the eye to its time stamp is not known and not in these; "
+            "take it from the maker or measure it, and configure it as gaze_delay_ms."
+            if found.gaze_delay_ms is None
+            else f"The tracker's own delay, {decimal(found.gaze_delay_ms, 1)} ms as configured "
+            "(gaze_delay_ms), is taken off every sample's time and so in these ages."
         ),
     )
 

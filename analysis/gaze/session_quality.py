@@ -13,6 +13,7 @@ from analysis.gaze.movements.kinds import Movement, Movements
 from analysis.gaze.pupil import Pupil, PupilResponse, prepared_pupil, response
 from analysis.gaze.quality import moving_precision_deg
 from analysis.gaze.stamps import Times, order_of
+from analysis.gaze.targets import gaze_delay_ms
 from lab.clock import NS_PER_MS
 from lab.errors import DataError
 from lab.geometry import Vector
@@ -58,7 +59,8 @@ class Latency:
     """Age of gaze in ms, medians and 95th percentiles; NaN where nothing tells.
 
     `handed_over` when the session had a sample, `shown` when the frame that used it was due on
-    the display. What the tracker itself takes before it stamps a sample is in neither.
+    the display, from the sample's time on: what the tracker itself takes before it stamps a sample
+    is in both where its delay is configured, in neither where it is not.
     """
 
     handed_over_ms: float
@@ -85,6 +87,7 @@ class SessionQuality:
     study: str
     tracker: str
     nominal_rate_hz: float
+    gaze_delay_ms: float | None
     validations: tuple[ValidationQuality, ...]
     eyes: tuple[EyeQuality, ...]
     latency: Latency
@@ -107,7 +110,8 @@ def session_quality(recording: Recording) -> SessionQuality:
         gaze["t_host_ns"], gaze["direction_head"], backward="sort", conflicts="keep_first"
     )
     rows = np.arange(len(gaze["t_host_ns"])) if order.rows is None else order.rows
-    t_ns = np.ascontiguousarray(gaze["t_host_ns"][rows])
+    delay_ms = gaze_delay_ms(recording)
+    t_ns = gaze["t_host_ns"][rows] - round((delay_ms or 0.0) * NS_PER_MS)
     if rate_hz <= 0 or not len(t_ns):
         raise DataError(f"{recording.path}: the gaze stream has no samples or states no rate")
     pupil_mm = _pupil_mm(gaze)
@@ -121,6 +125,7 @@ def session_quality(recording: Recording) -> SessionQuality:
         study=recording.manifest.study,
         tracker=str(devices.get("eye_tracker", {}).get("driver", "unknown")),
         nominal_rate_hz=rate_hz,
+        gaze_delay_ms=delay_ms,
         validations=_validations(recording),
         eyes=tuple(
             _eye(name, t_ns, gaze[direction][rows], gaze[valid][rows], rate_hz)

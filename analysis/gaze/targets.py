@@ -68,6 +68,15 @@ class GazeTargets:
         )
 
 
+def gaze_delay_ms(recording: Recording) -> float | None:
+    """Return how late the eye tracker stamped its samples, as configured; None: not known."""
+    for device in recording.manifest.devices:
+        if device["role"] == "eye_tracker":
+            found = device.get("gaze_delay_ms")
+            return None if found is None else float(found)
+    return None
+
+
 def targets_of_part(recording: Recording, part: int) -> tuple[GazeTargets, npt.NDArray[np.bool_]]:
     """Return a part's evaluated samples, frozen ones made lost, and which those are.
 

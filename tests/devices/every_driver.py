@@ -34,9 +34,9 @@ def own_options(driver):
     return {**NEEDED.get(driver, {}), **built_in()[driver].understood}
 
 
-def config_of(driver):
+def config_of(driver, **options):
     spec = built_in()[driver]
-    options = spec.options.model_validate(own_options(driver)).model_dump()
+    options = spec.options.model_validate(own_options(driver) | options).model_dump()
     role = ROLES[spec.kind]
     return DeviceConfig(role=role, driver=driver, simulated=True, options=options)
 
@@ -75,9 +75,9 @@ def checks_of(driver):
     return {**found, kind: own[kind]} if kind in own else found
 
 
-def check_on_simulator(driver, check):
+def check_on_simulator(driver, check, **options):
     with contextlib.ExitStack() as stack:
-        bench = Bench(config_of(driver), SimClock(), stack)
+        bench = Bench(config_of(driver, **options), SimClock(), stack)
         check(bench.make, bench.let_pass)
 
 

@@ -53,6 +53,24 @@ def test_driver_keeps_the_contract_on_a_capture(driver, name, tmp_path):
     check_on_replay(path, check)
 
 
+TRACKERS = [name for name in sorted(built_in()) if built_in()[name].kind == "eye tracker"]
+
+
+@pytest.mark.parametrize("driver", TRACKERS)
+def test_every_eye_tracker_takes_its_own_delay_and_tells_it_once_open(driver):
+    need(driver)
+    told = []
+
+    def opened(make, let_pass):
+        device = make()
+        device.open(5.0)
+        told.append(device.info.gaze_delay_ms)
+        device.close()
+
+    check_on_simulator(driver, opened, gaze_delay_ms=12.5)
+    assert [12.5] == told
+
+
 STORED = sorted(path.stem for path in FOLDER.glob("*.wire"))
 
 

@@ -26,10 +26,10 @@ def gaze_batch(t_ns: list[int], yaw_deg: float, *, valid: bool = True) -> Sample
     return SampleBatch(GAZE, np.arange(n), stamps, stamps, values)
 
 
-def observer(scene: Scene) -> tuple[GazeObserver, list[SampleBatch], RowBuffer]:
+def observer(scene: Scene, delay_ns: int = 0) -> tuple[GazeObserver, list[SampleBatch], RowBuffer]:
     recorded: list[SampleBatch] = []
     rows = RowBuffer(gaze_targets_schema(2, 120.0), recorded.append, hold_ns=10**12)
-    made = GazeObserver(rows)
+    made = GazeObserver(rows, delay_ns=delay_ns)
     made.show(scene)
     return made, recorded, rows
 
@@ -58,6 +58,20 @@ def test_the_pose_at_the_samples_own_time_is_used_not_the_latest() -> None:
 
     assert view.hit.tolist() == [0, -1, 1]
     assert view.angle_deg[1].tolist() == pytest.approx([10.0, 10.0], abs=1e-3)
+
+
+def test_the_trackers_own_delay_is_taken_off_before_the_head_is_looked_up() -> None:
+    seen, recorded, rows = observer(SCENE, delay_ns=50)
+    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.add_pose(100, Pose(EYE, quat_from_yaw_pitch_deg(20.0)))
+    seen.take(gaze_batch([50, 100], 0.0))
+
+    view = seen.observe(1, 100)
+    rows.flush()
+
+    assert [0, 50] == view.t_ns.tolist()
+    assert [0, 50] == recorded[0].values["t_sample_ns"].tolist()
+    assert [0, -1] == view.hit.tolist()
 
 
 def test_a_sample_older_than_every_pose_takes_the_oldest_pose() -> None:

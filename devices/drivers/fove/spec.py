@@ -3,11 +3,11 @@
 from pydantic import Field
 
 from devices.drivers.streaming.options import EyeDistanceMm
-from devices.options import StreamOptions
+from devices.options import GazeTiming, StreamOptions
 from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 
-class FoveOptions(StreamOptions):
+class FoveOptions(GazeTiming, StreamOptions):
     """Options of `fove`."""
 
     of_wire = frozenset({"library_path"})

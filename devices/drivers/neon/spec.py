@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from devices.libraries import NEON as NEON_LIBRARY
-from devices.options import StreamOptions
+from devices.options import GazeTiming, StreamOptions
 from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 REMEDY = (
@@ -12,7 +12,7 @@ REMEDY = (
 )
 
 
-class NeonOptions(StreamOptions):
+class NeonOptions(GazeTiming, StreamOptions):
     """Options of `neon`; the scene camera is a pinhole of these pixels until it is calibrated."""
 
     of_wire = frozenset({"address", "port"})

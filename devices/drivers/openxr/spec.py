@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from devices.libraries import OPENXR
-from devices.options import SimulatedOptions
+from devices.options import GazeTiming, SimulatedOptions
 from devices.spec import DriverSpec, Site, driven_by
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ class OpenXrControllersOptions(SimulatedOptions):
     controls: dict[str, str] = Field(default_factory=dict)
 
 
-class OpenXrGazeOptions(SimulatedOptions):
+class OpenXrGazeOptions(GazeTiming, SimulatedOptions):
     """Options of `openxr_gaze`."""
 
     rate_hz: float = Field(default=120.0, ge=1, le=2000)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from devices.libraries import ZMQ
-from devices.options import StreamOptions
+from devices.options import GazeTiming, StreamOptions
 from devices.spec import DriverSpec, Site, driven_by, wired_by
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ REMEDY = (
 )
 
 
-class PupilCoreOptions(StreamOptions):
+class PupilCoreOptions(GazeTiming, StreamOptions):
     """Options of `pupil_core`; `faults` and `drift_ppm` count on a simulated wire only."""
 
     of_wire = frozenset({"address", "port"})

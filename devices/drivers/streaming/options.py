@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from devices.options import StreamOptions
+from devices.options import GazeTiming, StreamOptions
 
 if TYPE_CHECKING:
     from devices.drivers.streaming.gaze_rays import Screen
@@ -14,7 +14,7 @@ OffsetMm = Annotated[float, Field(ge=-5000, le=5000)]
 EyeDistanceMm = Annotated[float, Field(ge=40, le=90)]
 
 
-class ScreenOptions(StreamOptions):
+class ScreenOptions(GazeTiming, StreamOptions):
     """Where the screen stands as seen from the viewing place."""
 
     screen_width_mm: PositiveMm = 531.0
