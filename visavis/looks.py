@@ -256,7 +256,8 @@ def second_view(
     on_active = aoi == span.active
     columns = _event_columns(IVT, detect_ivt(t_ns, direction, params.ivt), on_active)
     columns |= _event_columns(IDT, detect_idt(t_ns, direction, params.idt), on_active)
-    movements = detect_movements(t_ns, direction, params.adaptive)
+    in_head = None if samples.direction_head is None else samples.direction_head[rows]
+    movements = detect_movements(t_ns, direction, params.adaptive, in_head=in_head)
     columns |= _event_columns(ADAPTIVE, fixations_of(movements), on_active)
     return columns | _movement_columns(movements)
 

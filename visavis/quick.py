@@ -204,6 +204,7 @@ class _Frames:
                             capacity=TRACKER_HZ * 20)  # fmt: skip
         self._targets = targets
         self._observer = GazeObserver(targets)
+        self._in_head: list[npt.NDArray[np.float32]] = []
         self._index = 0
         self._samples = 0
         self._view: SceneFrame | None = None
@@ -234,10 +235,10 @@ class _Frames:
         """Return every gaze sample of the trial with where it fell."""
         self._targets.flush()
         names = ("t_sample_ns", "valid", "direction_world", "angle_deg", "radius_deg",
-                 "pad_limit_deg", "hit")  # fmt: skip
-        return GazeTargets.from_columns(
-            {n: np.concatenate([b.values[n] for b in self._batches]) for n in names}
-        )
+                 "pad_limit_deg", "hit", "gaze_seq")  # fmt: skip
+        columns = {n: np.concatenate([b.values[n] for b in self._batches]) for n in names}
+        columns["direction_head"] = np.concatenate(self._in_head)[columns["gaze_seq"]]
+        return GazeTargets.from_columns(columns)
 
     @property
     def _t_ns(self) -> int:
@@ -279,6 +280,7 @@ class _Frames:
         )
         values = empty_values(GAZE, n)
         values["direction_head"], values["valid"] = direction, valid
+        self._in_head.append(np.where(valid[:, None], direction, np.nan).astype(np.float32))
         arrived = t_ns + self._tracker.delay_ns
         self._observer.take(SampleBatch(GAZE, numbers, t_ns, arrived, values))
         self._samples = last

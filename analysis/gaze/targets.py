@@ -18,7 +18,8 @@ class GazeTargets:
     """Samples of the `gaze_targets` stream: n samples, m agents, in order of arrival.
 
     `t_ns` (n,) when each was taken; `valid` (n,); `direction_world` (n, 3), NaN where lost;
-    `angle_deg`, `radius_deg`, `pad_limit_deg` (n, m) and `hit` (n,) as in `GazeView`.
+    `angle_deg`, `radius_deg`, `pad_limit_deg` (n, m) and `hit` (n,) as in `GazeView`;
+    `direction_head` (n, 3) the eye in the head, None where it is not known.
     """
 
     t_ns: npt.NDArray[np.int64]
@@ -28,6 +29,7 @@ class GazeTargets:
     radius_deg: npt.NDArray[np.floating[Any]]
     pad_limit_deg: npt.NDArray[np.floating[Any]]
     hit: npt.NDArray[np.integer[Any]]
+    direction_head: npt.NDArray[np.floating[Any]] | None = None
 
     @classmethod
     def from_columns(cls, columns: Mapping[str, npt.NDArray[Any]]) -> Self:
@@ -47,7 +49,8 @@ class GazeTargets:
                 f"the gaze_targets stream lacks {', '.join(missing)}; it was not recorded by a "
                 "session with an eye tracker"
             )
-        return cls(**{own: columns[name] for own, name in names.items()})
+        found = {own: columns[name] for own, name in names.items()}
+        return cls(**found, direction_head=columns.get("direction_head"))
 
     def between(self, start_ns: int, end_ns: int) -> Self:
         """Return the samples of a stretch of time and the one before it, as views."""
@@ -65,6 +68,7 @@ class GazeTargets:
             radius_deg=self.radius_deg[part],
             pad_limit_deg=self.pad_limit_deg[part],
             hit=self.hit[part],
+            direction_head=None if self.direction_head is None else self.direction_head[part],
         )
 
 
@@ -92,4 +96,19 @@ def targets_of_part(recording: Recording, part: int) -> tuple[GazeTargets, npt.N
         columns["hit"] = np.where(frozen, LOST, columns["hit"]).astype(columns["hit"].dtype)
         columns["angle_deg"] = np.where(frozen[:, None], np.nan, columns["angle_deg"])
         columns["direction_world"] = np.where(frozen[:, None], np.nan, columns["direction_world"])
+    columns["direction_head"] = _in_head(gaze, columns["gaze_seq"])
     return GazeTargets.from_columns(columns), frozen
+
+
+def _in_head(
+    gaze: Mapping[str, npt.NDArray[Any]], wanted: npt.NDArray[np.integer[Any]]
+) -> npt.NDArray[np.float32]:
+    """Return (n, 3) the eye in the head at samples by number; NaN where lost or not recorded."""
+    in_head = np.full((len(wanted), 3), np.nan, np.float32)
+    if not len(gaze["seq"]):
+        return in_head
+    order = np.argsort(gaze["seq"], kind="stable")
+    at = order[np.minimum(np.searchsorted(gaze["seq"], wanted, sorter=order), len(order) - 1)]
+    known = (gaze["seq"][at] == wanted) & gaze["valid"][at]
+    in_head[known] = gaze["direction_head"][at[known]]
+    return in_head

@@ -23,7 +23,13 @@ class FewSamples:
         direction[:, 2] = -1
         direction[12:, 0] = np.linspace(0.01, 0.1, 12)
         if name == "gaze":
-            return {"seq": np.arange(n), "t_device_ns": t_ns, "direction_head": direction}
+            last = n - 1  # which was not recorded
+            return {
+                "seq": np.arange(last),
+                "t_device_ns": t_ns[:last],
+                "direction_head": direction[:last],
+                "valid": np.arange(last) != 13,
+            }
         return {
             "gaze_seq": np.arange(n),
             "t_sample_ns": t_ns,
@@ -43,6 +49,17 @@ def test_gaze_that_repeats_one_direction_for_100_ms_is_lost() -> None:
     assert [LOST] * 12 + [0] * 12 == samples.hit.tolist()
     assert not samples.valid[:12].any()
     assert samples.valid[12:].all()
+
+
+def test_eye_in_head_is_that_of_the_same_sample_and_missing_where_it_was_lost() -> None:
+    samples, _ = targets_of_part(FewSamples(), 1)  # type: ignore[arg-type]  # as above
+
+    assert samples.direction_head is not None
+    right = samples.direction_head[:, 0].tolist()
+    known = np.linspace(0.01, 0.1, 12)
+    assert np.isnan([right[13], right[23]]).all()
+    assert [0.0] * 12 == right[:12]
+    assert known[[0, *range(2, 11)]].tolist() == pytest.approx([right[12], *right[14:23]])
 
 
 def test_measures_pad_heads_as_the_trials_did_online() -> None:

@@ -89,6 +89,7 @@ def test_samples_of_neighbouring_trials_do_not_count() -> None:
         **{
             name: np.concatenate([getattr(targets, name), getattr(later, name)])
             for name in targets.__dataclass_fields__
+            if getattr(targets, name) is not None
         }
     )
 
@@ -130,6 +131,20 @@ def test_second_view_counts_fixations_everywhere_and_on_the_active_agent() -> No
     assert (4, "engbert_kliegl") == (found["adaptive_saccade_count"], found["adaptive_detector"])
 
 
+def test_head_that_carries_a_resting_eye_makes_no_saccade() -> None:
+    targets, row = measured("D", lambda _: ACTIVE)
+    seconds = (targets.t_ns - targets.t_ns[0]) / 1e9
+    swept = np.radians(np.clip(80.0 * (seconds - 1.0), 0.0, 40.0))  # half a second at 80 deg/s
+    carried = np.stack([np.sin(swept), np.zeros_like(swept), -np.cos(swept)], axis=1)
+    still = np.broadcast_to([0.0, 0.0, -1.0], carried.shape)
+    moved = replace(targets, direction_world=carried, valid=np.ones(len(seconds), np.bool_))
+
+    assert 1 == second_view(moved, row)["adaptive_saccade_count"]
+    told = second_view(replace(moved, direction_head=still), row)
+    assert 0 == told["adaptive_saccade_count"]
+    assert 0.1 < float(told["adaptive_pursuit_share_01"]) < 0.2  # type: ignore[arg-type]
+
+
 def test_second_view_of_a_lost_trial_has_no_fixations_and_no_mean() -> None:
     found = second_view(*measured("D", lambda _: -2))
 
@@ -142,7 +157,11 @@ def test_repeated_rows_change_nothing_but_their_count() -> None:
     targets, row = measured("D", on_between((500, 800)))
     twice = np.sort(np.append(np.arange(targets.t_ns.shape[0]), [100, 200]))
     doubled = GazeTargets(
-        **{name: getattr(targets, name)[twice] for name in targets.__dataclass_fields__}
+        **{
+            name: getattr(targets, name)[twice]
+            for name in targets.__dataclass_fields__
+            if getattr(targets, name) is not None
+        }
     )
     once, again = trial_measures(targets, row), trial_measures(doubled, row)
 
