@@ -109,7 +109,18 @@ BAND = StreamSchema(
     fields=(
         Field("event", "u1", "", description="index into BAND_EVENTS"),
         Field("battery_01", "f4", "1", description="charge; NaN if unknown"),
-        Field("temperature_c", "f4", "Cel", description="NaN if unknown"),
+        Field(
+            "electronics_temperature_c",
+            "f4",
+            "Cel",
+            description="of die or board in degrees Celsius, not of the skin; NaN if unknown",
+        ),
+        Field(
+            "skin_temperature_c",
+            "f4",
+            "Cel",
+            description="between motors and skin in degrees Celsius; NaN without a sensor",
+        ),
     ),
 )
 """What a band tells of itself: about once a second, and whenever something happens."""
@@ -124,6 +135,10 @@ BAND_EVENTS = (
     "too_hot",
     "cool_again",
     "pattern_ended",
+    "motors_rest",
+    "motors_rested",
+    "held_too_long",
+    "skin_sensor_lost",
 )
 """Events of the `BAND` stream by code: a regular report, started anew, silenced for want of
 frames, silenced at the end of a time to live, and so on."""

@@ -4,6 +4,7 @@
 session's: nothing here depends on how fast this computer is, except `TerminalMachine`.
 """
 
+import math
 import os
 import select
 import shutil
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from devices.byte_links import Chunk
-from devices.sim.armband.firmware import ArmbandFirmware
+from devices.sim.armband.firmware import ArmbandFirmware, Protection, Surroundings
 from lab.clock import NS_PER_MS, NS_PER_S, SystemClock
 from lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
 
@@ -23,6 +24,9 @@ BYTE_US = 260
 
 STARTED_S = 30.0
 LOOK_NS = 200 * NS_PER_MS
+
+SKIN_OPEN = 1023
+"""What the thermistor's divider reads without a thermistor."""
 
 MachineKind = Literal["simavr", "host"]
 
@@ -37,6 +41,8 @@ class DutyChange(NamedTuple):
 
 def build(kind: MachineKind, folder: Path, limits: str = "") -> list[str]:
     """Compile into `folder` and return the command that runs the machine.
+
+    With "boot_old.elf" or "boot_new.elf" of `folder` behind it, simavr's begins every reset there.
 
     Raises DeviceNotFound naming the packages that are missing, DeviceError when the firmware
     itself does not compile.
@@ -81,6 +87,12 @@ def _has_header(compiler: str, header: str) -> bool:
         check=False,
     )
     return "No such file" not in probe.stderr
+
+
+def skin_reading(skin_c: float) -> int:
+    """Return what the divider reads, of 1023: 10 kOhm at 25 degrees, B 3380 K, against 10 kOhm."""
+    ratio = math.exp(3380.0 * (1 / (273.15 + skin_c) - 1 / 298.15))
+    return round(SKIN_OPEN * ratio / (1 + ratio))
 
 
 class LockstepMachine:
@@ -130,9 +142,16 @@ class LockstepMachine:
                     "the simulated processor stopped", remedy="run it by hand to see why"
                 )
 
-    def surround(self, battery_mv: int, temperature_c: float) -> None:
-        """Set what the analogue inputs see."""
-        self._write(f"A {battery_mv} {round(temperature_c * 100)}\n")
+    def surround(
+        self,
+        battery_mv: int,
+        temperature_c: float,
+        motor_mv: int = 3300,
+        skin_c: float | None = None,
+    ) -> None:
+        """Set what the analogue inputs see; without `skin_c` there is no thermistor."""
+        reading = SKIN_OPEN if skin_c is None else skin_reading(skin_c)
+        self._write(f"A {battery_mv} {motor_mv} {round(temperature_c * 100)} {reading}\n")
 
     def hang(self) -> None:
         """Let the program run wild; only its watchdog can help."""
@@ -229,6 +248,11 @@ class TerminalMachine:
             if any(self.changes[-1].duties) == running:
                 return self.changes[-1]
 
+    def cut(self) -> None:
+        """Cut the cable: nothing passes any more, either way."""
+        if self._process.stdin is not None:
+            self._process.stdin.write(b"C")
+
     def close(self) -> None:
         """End the program; what it said last is read first."""
         for stream in (self._process.stdin, self._process.stdout):
@@ -272,8 +296,8 @@ class TerminalMachine:
 class PythonMachine:
     """The firmware's model in Python behind the same methods, where nothing can be compiled."""
 
-    def __init__(self) -> None:
-        self.firmware = ArmbandFirmware()
+    def __init__(self, protection: Protection | None = None) -> None:
+        self.firmware = ArmbandFirmware(protection=protection or Protection())
         self._at_us = 0
         self._hangs_until_us: int | None = None
         self.sent: list[tuple[int, int]] = []
@@ -305,10 +329,15 @@ class PythonMachine:
             self._said(self.firmware.step(self._at_us))
             self._note()
 
-    def surround(self, battery_mv: int, temperature_c: float) -> None:
-        """Set what the analogue inputs see."""
-        self.firmware.surroundings.battery_mv = battery_mv
-        self.firmware.surroundings.temperature_c = temperature_c
+    def surround(
+        self,
+        battery_mv: int,
+        temperature_c: float,
+        motor_mv: int = 3300,
+        skin_c: float | None = None,
+    ) -> None:
+        """Set what the analogue inputs see; without `skin_c` there is no thermistor."""
+        self.firmware.surroundings = Surroundings(battery_mv, temperature_c, motor_mv, skin_c)
 
     def hang(self) -> None:
         """Stand still until the watchdog bites."""

@@ -10,17 +10,37 @@
 #else
 #define PROGMEM
 #define pgm_read_byte(address) (*(address))
+#define pgm_read_word(address) (*(address))
 #endif
 
 enum { HELLO = 1, SET = 2, PATTERN = 3, STOP = 4, PING = 5, ARM = 6, REPLY = 0x80, EVENT = 0xF0 };
-enum { OK, NOT_ARMED, BAD_ARGUMENT, TOO_HOT, BATTERY_EMPTY, DISAGREED };
+enum { OK, NOT_ARMED, BAD_ARGUMENT, TOO_HOT, BATTERY_EMPTY, DISAGREED, RESTING, HELD, BLIND };
 enum { STEADY, SINE, SQUARE, RAMP };
-enum { BOOT = 1, DEAD_MAN, EXPIRED, LOW, GOOD, HOT, COOL, PATTERN_ENDED };
+enum {
+    BOOT = 1,
+    DEAD_MAN,
+    EXPIRED,
+    LOW,
+    GOOD,
+    HOT,
+    COOL,
+    PATTERN_ENDED,
+    RESTS,
+    RESTED,
+    HELD_TOO_LONG,
+    SENSOR_LOST
+};
 
 #define VERSION 1
 #define FIRMWARE_MAJOR 1
-#define FIRMWARE_MINOR 0
+#define FIRMWARE_MINOR 1
 #define COUPLED_DRIVE 1 /* capability: rate and amplitude share one drive per motor */
+#define SKIN_IS_TOLD 2  /* capability: the temperature in answers is the skin's */
+#define ALL_MOTORS ((1 << BAND_MOTORS) - 1)
+#define BIN_US (WINDOW_MS * 1000UL / (BAND_BINS - 1))
+#define BIN_MS (BIN_US / 1000)
+#define HANG_MAX_MS 150 /* the watchdog's 120 ms by an oscillator that is 10 % off, and more */
+#define LEDGER_MAGIC 0x5EA7BA2DUL
 #define COMMAND_BYTES 12
 #define ANSWER_BYTES 13
 #define HELLO_BYTES 24
@@ -32,6 +52,10 @@ static const uint8_t quarter_sine[65] PROGMEM = {
     51,  54,  57,  60,  63,  65,  68,  71,  73,  76,  78,  81,  83,  85,  88,  90,  92,
     94,  96,  98,  100, 102, 104, 106, 107, 109, 111, 112, 113, 115, 116, 117, 118, 120,
     121, 122, 122, 123, 124, 125, 125, 126, 126, 126, 127, 127, 127, 127};
+
+/* Readings of the thermistor's divider (10 kOhm at 25 degrees and B 3380 K to ground, 10 kOhm to
+ * the supply, 1023 steps) every 5 degrees from 0 to 60. */
+static const uint16_t skin_readings[13] PROGMEM = {755, 709, 661, 611, 561, 512, 464, 418, 376, 337, 301, 268, 238};
 
 static uint16_t crc_update(uint16_t crc, uint8_t byte) {
 #ifdef __AVR__
@@ -117,7 +141,7 @@ static void welcome(struct band *band, uint8_t seq, uint32_t now_us) {
     raw[3] = BAND_MOTORS;
     raw[4] = FIRMWARE_MAJOR;
     raw[5] = FIRMWARE_MINOR;
-    put16(raw + 6, COUPLED_DRIVE);
+    put16(raw + 6, COUPLED_DRIVE | (SKIN_SENSOR ? SKIN_IS_TOLD : 0));
     memcpy(raw + 8, SERIAL_NUMBER, sizeof SERIAL_NUMBER - 1 < 8 ? sizeof SERIAL_NUMBER - 1 : 8);
     put32(raw + 16, now_us);
     raw[20] = DUTY_MIN;
@@ -133,9 +157,9 @@ static void answer(struct band *band, uint8_t kind, uint8_t seq, uint8_t status,
     raw[1] = seq;
     put32(raw + 2, now_us);
     raw[6] = status;
-    memcpy(raw + 7, band->duty, BAND_MOTORS);
+    memcpy(raw + 7, band->granted, BAND_MOTORS);
     put16(raw + 11, band->battery_mv);
-    put16(raw + 13, (uint16_t)band->temperature);
+    put16(raw + 13, (uint16_t)(SKIN_SENSOR ? band->skin : band->die));
     band->last_size = stuff(raw, 2 + ANSWER_BYTES, band->last_answer);
     band->has_last = 1;
     band->last_kind = kind;
@@ -143,11 +167,67 @@ static void answer(struct band *band, uint8_t kind, uint8_t seq, uint8_t status,
     queue(band, band->last_answer, band->last_size);
 }
 
+/* ---- how long the motors were on ---------------------------------------------------------- */
+
+static void open_ledger(struct band *band) {
+    struct band_ledger *ledger = band->ledger;
+    if (ledger->magic != LEDGER_MAGIC || ledger->bin >= BAND_BINS) {
+        memset(ledger, 0, sizeof *ledger);
+        ledger->magic = LEDGER_MAGIC;
+    }
+    if (ledger->into_bin_us >= BIN_US) ledger->into_bin_us = 0;
+    /* A program that hung left its motors on until the watchdog bit. */
+    for (uint8_t motor = 0; motor < BAND_MOTORS; motor++)
+        if (ledger->on >> motor & 1) ledger->on_ms[ledger->bin][motor] += HANG_MAX_MS;
+    ledger->on = 0;
+    for (uint8_t bin = 0; bin < BAND_BINS; bin++) {
+        for (uint8_t motor = 0; motor < BAND_MOTORS; motor++) {
+            uint16_t *on_ms = &ledger->on_ms[bin][motor];
+            if (*on_ms > 2 * BIN_MS) *on_ms = 2 * BIN_MS; /* a reset cut its writing */
+            band->spent_ms[motor] += *on_ms;
+        }
+    }
+}
+
+/* Add up to now what has been on; call before anything is switched. */
+static void account(struct band *band, uint32_t now_us) {
+    struct band_ledger *ledger = band->ledger;
+    uint32_t elapsed_us = now_us - band->counted_us;
+    band->counted_us = now_us;
+    for (uint8_t motor = 0; motor < BAND_MOTORS; motor++) {
+        if (!band->duty[motor]) continue;
+        uint32_t on_us = band->counted_rest_us[motor] + elapsed_us;
+        while (on_us >= 1000) {
+            on_us -= 1000;
+            ledger->on_ms[ledger->bin][motor]++;
+            band->spent_ms[motor]++;
+        }
+        band->counted_rest_us[motor] = (uint16_t)on_us;
+    }
+    ledger->into_bin_us += elapsed_us;
+    while (ledger->into_bin_us >= BIN_US) {
+        ledger->into_bin_us -= BIN_US;
+        ledger->bin = (uint8_t)((ledger->bin + 1) % BAND_BINS);
+        for (uint8_t motor = 0; motor < BAND_MOTORS; motor++) {
+            uint16_t *on_ms = &ledger->on_ms[ledger->bin][motor];
+            band->spent_ms[motor] -= *on_ms;
+            *on_ms = 0;
+        }
+    }
+}
+
 /* ---- the motors ------------------------------------------------------------------------- */
 
 static void silence(struct band *band) {
-    band->running = 0;
+    band->running = band->ledger->on = 0;
     memset(band->duty, 0, BAND_MOTORS);
+    memset(band->granted, 0, BAND_MOTORS);
+}
+
+/* Silence because the host asks for it: the same setting may come again. */
+static void release(struct band *band) {
+    silence(band);
+    band->held = 0;
 }
 
 static uint8_t duty_of_rate(uint8_t rate_hz) {
@@ -187,32 +267,82 @@ static uint8_t pattern_duty(const struct band *band, uint32_t now_us) {
     }
 }
 
-static void drive(struct band *band, uint32_t now_us) {
-    uint8_t duty = band->is_pattern ? pattern_duty(band, now_us) : 0;
+/* The highest duty whose mean voltage the motors bear. */
+static uint8_t highest_duty(const struct band *band) {
+    uint16_t supply_mv = band->motor_mv ? band->motor_mv : MOTOR_WORST_MV;
+    if (supply_mv <= MOTOR_MAX_MV) return 255;
+    return (uint8_t)(255UL * MOTOR_MAX_MV / supply_mv);
+}
+
+/* Let motors that stand still start one after the other; return what each may do now. */
+static void take_turns(struct band *band, uint32_t now_us, uint8_t *duty) {
     for (uint8_t motor = 0; motor < BAND_MOTORS; motor++) {
-        if (band->is_pattern)
-            band->duty[motor] = band->mask >> motor & 1 ? duty : 0;
-        else if (!band->amplitude[motor])
-            band->duty[motor] = 0;
-        else if (band->rate[motor])
-            band->duty[motor] = duty_of_rate(band->rate[motor]);
-        else
-            band->duty[motor] = duty_of_level(DUTY_MIN, DUTY_MAX, band->amplitude[motor]);
+        uint8_t bit = (uint8_t)(1 << motor);
+        if (band->starting & bit && now_us - band->turned_us[motor] >= START_MS * 1000UL)
+            band->starting &= (uint8_t)~bit;
+        if (!duty[motor] || !(band->still & bit)) continue;
+        if (band->starting && now_us - band->last_start_us < STAGGER_MS * 1000UL) {
+            duty[motor] = 0;
+            continue;
+        }
+        band->still &= (uint8_t)~bit;
+        band->starting |= bit;
+        band->turned_us[motor] = band->last_start_us = now_us;
     }
 }
 
-static uint8_t refusal(const struct band *band) {
+/* Weaken all alike when together they would take more than the supply gives. */
+static void share_current(const struct band *band, uint8_t *duty) {
+    uint32_t taken = 0;
+    const uint32_t given = CURRENT_MAX_MA * 255UL;
+    for (uint8_t motor = 0; motor < BAND_MOTORS; motor++)
+        taken += (uint32_t)duty[motor] *
+                 (band->starting >> motor & 1 ? MOTOR_START_MA : MOTOR_RUN_MA);
+    if (taken <= given) return;
+    for (uint8_t motor = 0; motor < BAND_MOTORS; motor++)
+        duty[motor] = (uint8_t)(duty[motor] * given / taken);
+}
+
+static void drive(struct band *band, uint32_t now_us) {
+    uint8_t duty = band->is_pattern ? pattern_duty(band, now_us) : 0;
+    uint8_t highest = highest_duty(band), asked;
+    for (uint8_t motor = 0; motor < BAND_MOTORS; motor++) {
+        if (band->is_pattern)
+            asked = band->mask >> motor & 1 ? duty : 0;
+        else if (!band->amplitude[motor])
+            asked = 0;
+        else if (band->rate[motor])
+            asked = duty_of_rate(band->rate[motor]);
+        else
+            asked = duty_of_level(DUTY_MIN, DUTY_MAX, band->amplitude[motor]);
+        if (band->resting >> motor & 1) asked = 0;
+        band->granted[motor] = asked > highest ? highest : asked;
+    }
+    uint8_t now[BAND_MOTORS];
+    memcpy(now, band->granted, BAND_MOTORS);
+    take_turns(band, now_us, now);
+    share_current(band, now);
+    memcpy(band->duty, now, BAND_MOTORS);
+    band->ledger->on = 0;
+    for (uint8_t motor = 0; motor < BAND_MOTORS; motor++)
+        if (now[motor]) band->ledger->on |= (uint8_t)(1 << motor);
+}
+
+/* Why nothing may run; `motors` are asked for, a bit each. */
+static uint8_t refusal(const struct band *band, uint8_t motors) {
     if (!band->armed) return NOT_ARMED;
+    if (band->blind) return BLIND;
     if (band->hot) return TOO_HOT;
     if (band->battery_mv && band->battery_mv < BATTERY_EMPTY_MV) return BATTERY_EMPTY;
+    if (!(motors & ~band->resting)) return RESTING;
     return OK;
 }
 
-static void run(struct band *band, uint8_t seq, uint32_t now_us, uint16_t for_ms) {
+static void run(struct band *band, uint8_t seq, uint32_t now_us, uint32_t for_us) {
     band->running = 1;
     band->running_seq = seq;
     band->started_us = now_us;
-    band->until_us = now_us + for_ms * 1000UL;
+    band->until_us = now_us + for_us;
     drive(band, now_us);
 }
 
@@ -220,21 +350,33 @@ static void run(struct band *band, uint8_t seq, uint32_t now_us, uint16_t for_ms
 
 static uint8_t set(struct band *band, uint8_t seq, const uint8_t *at, uint32_t now_us) {
     uint16_t ttl_ms = get16(at);
-    uint8_t any = 0;
+    uint8_t motors = 0, same = !band->is_pattern;
+    uint32_t held_us = 0, for_us = ttl_ms * 1000UL;
     if (ttl_ms < 1 || ttl_ms > TTL_MAX_MS) return BAD_ARGUMENT;
-    for (uint8_t motor = 0; motor < BAND_MOTORS; motor++) any |= at[2 + 2 * motor];
-    if (!any) {
-        silence(band);
+    for (uint8_t motor = 0; motor < BAND_MOTORS; motor++) {
+        uint8_t amplitude = at[2 + 2 * motor], rate = at[3 + 2 * motor];
+        if (amplitude) motors |= (uint8_t)(1 << motor);
+        if (amplitude != band->amplitude[motor] || rate != band->rate[motor]) same = 0;
+    }
+    if (!motors) {
+        release(band);
         return OK;
     }
-    uint8_t status = refusal(band);
+    uint8_t status = refusal(band, motors);
     if (status != OK) return status;
+    if (same && band->held) return HELD;
+    if (same && band->running)
+        held_us = now_us - band->held_since_us;
+    else
+        band->held_since_us = now_us;
+    if (held_us >= HOLD_MAX_MS * 1000UL) return HELD; /* its end is a step away */
+    if (for_us > HOLD_MAX_MS * 1000UL - held_us) for_us = HOLD_MAX_MS * 1000UL - held_us;
     for (uint8_t motor = 0; motor < BAND_MOTORS; motor++) {
         band->amplitude[motor] = at[2 + 2 * motor];
         band->rate[motor] = at[3 + 2 * motor];
     }
-    band->is_pattern = 0;
-    run(band, seq, now_us, ttl_ms);
+    band->is_pattern = band->held = 0;
+    run(band, seq, now_us, for_us);
     return OK;
 }
 
@@ -245,7 +387,7 @@ static uint8_t play(struct band *band, uint8_t seq, const uint8_t *at, uint32_t 
         high > RATE_MAX_HZ || low > high || modulation < 1 || modulation > 500 || duration < 1 ||
         duration > PATTERN_MAX_MS)
         return BAD_ARGUMENT;
-    uint8_t status = refusal(band);
+    uint8_t status = refusal(band, mask);
     if (status != OK) return status;
     band->mask = mask;
     band->pattern = at[1];
@@ -254,7 +396,8 @@ static uint8_t play(struct band *band, uint8_t seq, const uint8_t *at, uint32_t 
     band->modulation_dhz = modulation;
     band->duration_ms = duration;
     band->is_pattern = 1;
-    run(band, seq, now_us, duration);
+    band->held = 0;
+    run(band, seq, now_us, duration * 1000UL);
     return OK;
 }
 
@@ -289,8 +432,9 @@ static void obey(struct band *band, const uint8_t *raw, uint8_t size, uint32_t n
     for (uint8_t i = used; i < COMMAND_BYTES; i++)
         if (at[i]) return;
     band->fed_us = now_us;
+    account(band, now_us);
     if (kind == HELLO) {
-        silence(band);
+        release(band);
         band->armed = band->has_last = 0;
         welcome(band, seq, now_us);
         return;
@@ -307,7 +451,7 @@ static void obey(struct band *band, const uint8_t *raw, uint8_t size, uint32_t n
         status = play(band, seq, at, now_us);
         break;
     case STOP:
-        silence(band);
+        release(band);
         break;
     case PING:
         status = ping(band, at);
@@ -318,7 +462,7 @@ static void obey(struct band *band, const uint8_t *raw, uint8_t size, uint32_t n
             break;
         }
         band->armed = at[0];
-        if (!band->armed) silence(band);
+        if (!band->armed) release(band);
         break;
     }
     answer(band, kind, seq, status, now_us);
@@ -354,11 +498,46 @@ void band_receive(struct band *band, uint8_t byte, uint32_t now_us) {
 
 /* ---- time ------------------------------------------------------------------------------- */
 
-void band_boot(struct band *band, uint32_t now_us, uint8_t cause) {
+void band_boot(struct band *band, struct band_ledger *ledger, uint32_t now_us, uint8_t cause) {
     memset(band, 0, sizeof *band);
-    band->temperature = INT16_MIN;
-    band->fed_us = now_us;
+    band->die = band->skin = BAND_UNKNOWN;
+    band->still = ALL_MOTORS;
+    band->fed_us = band->counted_us = now_us;
+    band->ledger = ledger;
+    open_ledger(band);
     tell(band, BOOT, now_us, cause);
+}
+
+int16_t band_skin_of(uint16_t reading) {
+    for (uint8_t i = 1; i < sizeof skin_readings / sizeof *skin_readings; i++) {
+        uint16_t above = pgm_read_word(&skin_readings[i - 1]);
+        uint16_t below = pgm_read_word(&skin_readings[i]);
+        if (reading > above) return BAND_UNKNOWN; /* broken off, or colder than any skin */
+        if (reading >= below)
+            return (int16_t)(500 * i - 500L * (reading - below) / (above - below));
+    }
+    return BAND_UNKNOWN; /* shorted, or hotter than it could have become unseen */
+}
+
+static void look_at_heat(struct band *band, uint32_t now_us) {
+    uint8_t die_is_hot = band->die != BAND_UNKNOWN && band->die > DIE_HOT_CENTI_C;
+    uint8_t die_is_cool = band->die == BAND_UNKNOWN || band->die < DIE_COOL_CENTI_C;
+    uint8_t skin_is_hot = SKIN_SENSOR && band->skin != BAND_UNKNOWN && band->skin > SKIN_HOT_CENTI_C;
+    uint8_t skin_is_cool = !SKIN_SENSOR || (band->skin != BAND_UNKNOWN && band->skin < SKIN_COOL_CENTI_C);
+    uint8_t blind = SKIN_SENSOR && band->skin == BAND_UNKNOWN;
+    if (blind && !band->blind) {
+        silence(band);
+        tell(band, SENSOR_LOST, now_us, 0);
+    }
+    band->blind = blind;
+    if (!band->hot && (die_is_hot || skin_is_hot)) {
+        band->hot = 1;
+        silence(band);
+        tell(band, HOT, now_us, skin_is_hot ? band->skin : band->die);
+    } else if (band->hot && die_is_cool && skin_is_cool) {
+        band->hot = 0;
+        tell(band, COOL, now_us, SKIN_SENSOR ? band->skin : band->die);
+    }
 }
 
 static void look_around(struct band *band, uint32_t now_us) {
@@ -371,25 +550,51 @@ static void look_around(struct band *band, uint32_t now_us) {
             tell(band, GOOD, now_us, (int16_t)band->battery_mv);
         }
     }
-    if (band->temperature == INT16_MIN) return;
-    if (!band->hot && band->temperature > HOT_CENTI_C) {
-        band->hot = 1;
-        silence(band);
-        tell(band, HOT, now_us, band->temperature);
-    } else if (band->hot && band->temperature < COOL_CENTI_C) {
-        band->hot = 0;
-        tell(band, COOL, now_us, band->temperature);
+    look_at_heat(band, now_us);
+}
+
+/* Send motors whose time is used up to rest, and let them back once a bin's worth is free. */
+static void look_at_budget(struct band *band, uint32_t now_us) {
+    uint8_t before = band->resting;
+    for (uint8_t motor = 0; motor < BAND_MOTORS; motor++) {
+        uint8_t bit = (uint8_t)(1 << motor);
+        if (band->spent_ms[motor] >= BUDGET_MS) {
+            band->resting |= bit;
+            band->duty[motor] = band->granted[motor] = 0;
+        } else if (band->spent_ms[motor] <= BUDGET_MS - BIN_MS) {
+            band->resting &= (uint8_t)~bit;
+        }
+    }
+    if (band->resting & ~before) tell(band, RESTS, now_us, band->resting);
+    if (before & ~band->resting) tell(band, RESTED, now_us, band->resting);
+}
+
+/* A motor that was off long enough stands still. */
+static void note_standstill(struct band *band, uint32_t now_us) {
+    for (uint8_t motor = 0; motor < BAND_MOTORS; motor++) {
+        uint8_t bit = (uint8_t)(1 << motor);
+        if (band->duty[motor])
+            band->off_since_us[motor] = now_us;
+        else if (now_us - band->off_since_us[motor] >= COAST_MS * 1000UL)
+            band->still |= bit;
     }
 }
 
 void band_step(struct band *band, uint32_t now_us) {
+    account(band, now_us);
+    note_standstill(band, now_us);
+    look_at_budget(band, now_us);
     if (band->running) {
         if (now_us - band->fed_us > DEAD_MAN_MS * 1000UL) {
             silence(band);
             tell(band, DEAD_MAN, now_us, 0);
         } else if ((int32_t)(now_us - band->until_us) >= 0) {
+            uint8_t is_held = !band->is_pattern &&
+                              now_us - band->held_since_us >= HOLD_MAX_MS * 1000UL;
             silence(band);
-            tell(band, band->is_pattern ? PATTERN_ENDED : EXPIRED, now_us, band->running_seq);
+            band->held = is_held;
+            tell(band, band->is_pattern ? PATTERN_ENDED : is_held ? HELD_TOO_LONG : EXPIRED, now_us,
+                 band->running_seq);
         } else {
             drive(band, now_us);
         }

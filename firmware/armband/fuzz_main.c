@@ -12,6 +12,8 @@
 #include "band.h"
 #include "config.h"
 
+#define ALL_STARTED_MS (3 * STAGGER_MS + 1)
+
 static uint64_t state;
 
 static uint32_t draw(uint32_t below) {
@@ -90,9 +92,11 @@ int main(int argc, char **argv) {
     uint32_t now_us = 0;
     long wrong = 0, survived = 0, forged = 0;
     const int lowest = DUTY_MIN, highest = DUTY_MAX;
-    band_boot(&band, 0, 1);
+    struct band_ledger ledger = {0};
+    band_boot(&band, &ledger, 0, 1);
     band.battery_mv = 3900;
-    band.temperature = 2500;
+    band.motor_mv = 3300;
+    band.die = 2500;
     send(&band, bytes, frame(bytes, 6, 1, armed), now_us);
     for (long round = 0; round < count; round++) {
         uint8_t seq = (uint8_t)(round * 2 + 2), before[4];
@@ -128,10 +132,13 @@ int main(int argc, char **argv) {
             for (int i = 0; i < 4; i++) payload[2 + 2 * i] = wanted;
         }
         send(&band, bytes, frame(bytes, wanted ? 2 : 5, (uint8_t)(seq + 1), payload), now_us);
-        for (int i = 0; i < 4; i++)
-            if ((band.duty[i] != 0) != (wanted != 0)) survived++;
-        now_us += 50000;
-        band_step(&band, now_us);
+        for (int ms = 0; ms < 50; ms++) {
+            now_us += 1000;
+            band_step(&band, now_us);
+            if (ms != ALL_STARTED_MS) continue;
+            for (int i = 0; i < 4; i++)
+                if ((band.duty[i] != 0) != (wanted != 0)) survived++;
+        }
     }
     printf("{\"frames\": %ld, \"forged\": %ld, \"wrong_until_refresh\": %ld, \"survived\": %ld}\n",
            count, forged, wrong, survived);

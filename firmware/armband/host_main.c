@@ -5,17 +5,25 @@
 #include "lockstep.h"
 
 static struct band band;
+static struct band_ledger ledger; /* outlives a reset, as the board's does */
 static uint64_t now_us;
-static unsigned battery_mv = 3900;
-static int centi_c = 2500;
+static struct surroundings around = ROOM;
 static int hangs;
 static uint64_t hangs_until_us;
 
 #define WATCHDOG_US 120000
 
-void machine_start(const char *image) {
-    (void)image;
-    band_boot(&band, 0, 1);
+static void measure(void) {
+    band.battery_mv = (uint16_t)around.battery_mv;
+    band.motor_mv = (uint16_t)around.motor_mv;
+    band.die = (int16_t)around.die_centi_c;
+    band.skin = band_skin_of((uint16_t)around.skin_reading);
+}
+
+void machine_start(const char *image, const char *bootloader) {
+    (void)image, (void)bootloader;
+    band_boot(&band, &ledger, 0, 1);
+    measure();
 }
 
 void machine_run_to(uint64_t t_us) {
@@ -23,11 +31,10 @@ void machine_run_to(uint64_t t_us) {
     now_us = t_us;
     if (hangs && now_us >= hangs_until_us) {
         hangs = 0;
-        band_boot(&band, (uint32_t)now_us, 8);
+        band_boot(&band, &ledger, (uint32_t)now_us, 8);
     }
     if (hangs) return;
-    band.battery_mv = (uint16_t)battery_mv;
-    band.temperature = (int16_t)centi_c;
+    measure();
     band_step(&band, (uint32_t)now_us);
     while (band_next(&band, &byte)) host_takes(byte, now_us);
 }
@@ -40,10 +47,7 @@ void machine_give(uint8_t byte) {
 
 void machine_duties(uint8_t duty[4]) { memcpy(duty, band.duty, 4); }
 
-void machine_surroundings(unsigned mv, int temperature) {
-    battery_mv = mv;
-    centi_c = temperature;
-}
+void machine_surroundings(const struct surroundings *now) { around = *now; }
 
 void machine_hang(void) {
     hangs = 1;

@@ -18,7 +18,7 @@ static uint8_t waiting[WAITING_BYTES];
 static uint32_t first, last;
 static uint8_t shown[4];
 static uint64_t at_us;
-static int terminal = -1;
+static int terminal = -1, is_cut;
 
 static void fail(const char *what) {
     perror(what);
@@ -34,7 +34,7 @@ static uint64_t host_ns(void) {
 void host_takes(uint8_t byte, uint64_t t_us) {
     if (terminal < 0)
         printf("X %llu %02x\n", (unsigned long long)t_us, byte);
-    else if (write(terminal, &byte, 1) != 1 && errno != EAGAIN && errno != EIO)
+    else if (!is_cut && write(terminal, &byte, 1) != 1 && errno != EAGAIN && errno != EIO)
         fail("write");
 }
 
@@ -62,8 +62,8 @@ static void run_to(uint64_t t_us, unsigned step_us) {
 
 static void obey(char *line) {
     unsigned long long t_us;
-    unsigned battery_mv;
-    int centi_c, skip;
+    struct surroundings around;
+    int skip;
     if (sscanf(line, "B %llu %n", &t_us, &skip) == 1) {
         unsigned byte;
         run_to(t_us, STEP_US);
@@ -74,8 +74,9 @@ static void obey(char *line) {
         run_to(t_us, STEP_US);
         printf("K %llu\n", (unsigned long long)at_us);
         fflush(stdout);
-    } else if (sscanf(line, "A %u %d", &battery_mv, &centi_c) == 2) {
-        machine_surroundings(battery_mv, centi_c);
+    } else if (sscanf(line, "A %u %u %d %u", &around.battery_mv, &around.motor_mv,
+                      &around.die_centi_c, &around.skin_reading) == 4) {
+        machine_surroundings(&around);
     } else if (line[0] == 'H') {
         machine_hang();
     } else {
@@ -109,10 +110,12 @@ static void serve_terminal(void) {
         if (watched[1].revents) { /* whoever started this has gone, or says stop */
             if (read(STDIN_FILENO, bytes, 1) <= 0) return;
             if (bytes[0] == 'H') machine_hang();
+            if (bytes[0] == 'C') is_cut = 1; /* the cable: nothing passes any more */
             if (bytes[0] == 'Q') return;
         }
         if (watched[0].revents & POLLIN) {
             ssize_t n = read(terminal, bytes, sizeof bytes);
+            if (is_cut) continue;
             for (ssize_t i = 0; i < n; i++) waiting[last++ % WAITING_BYTES] = bytes[i];
             if (n > 0)
                 printf("R %llu %llu %zd\n", (unsigned long long)at_us,
@@ -126,7 +129,8 @@ static void serve_terminal(void) {
 
 int main(int argc, char **argv) {
     int on_terminal = argc > 1 && strcmp(argv[1], "--pty") == 0;
-    machine_start(argc > 1 + on_terminal ? argv[1 + on_terminal] : NULL);
+    char **images = argv + 1 + on_terminal; /* argv ends with a NULL */
+    machine_start(images[0], images[0] ? images[1] : NULL);
     show_duties(1);
     if (on_terminal) {
         serve_terminal();

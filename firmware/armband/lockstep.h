@@ -7,13 +7,21 @@
 
 #include <stdint.h>
 
-/* What a machine offers. */
-void machine_start(const char *image);
+/* What the analogue inputs see; the thermistor's divider of 1023 steps. */
+struct surroundings {
+    unsigned battery_mv, motor_mv;
+    int die_centi_c;
+    unsigned skin_reading;
+};
+#define ROOM {3900, 3300, 2500, 512}
+
+/* What a machine offers. `bootloader` is run at every reset, before the image (NULL: none). */
+void machine_start(const char *image, const char *bootloader);
 void machine_run_to(uint64_t t_us);
 int machine_takes(void); /* may one more byte be given now? */
 void machine_give(uint8_t byte);
 void machine_duties(uint8_t duty[4]);
-void machine_surroundings(unsigned battery_mv, int centi_c);
+void machine_surroundings(const struct surroundings *now);
 void machine_hang(void); /* the program runs wild: an endless loop without interrupts */
 
 /* What a machine calls for every byte that it sends. */

@@ -8,6 +8,7 @@
 
 #include "lockstep.h"
 
+#define BOOT_START 0x7800 /* as the Makefile links it */
 #define MHZ 8
 #define TCCR0A 0x44
 #define OCR0A 0x47
@@ -54,8 +55,20 @@ static avr_cycle_count_t stop_here(avr_t *processor, avr_cycle_count_t when, voi
     return 0;
 }
 
-void machine_start(const char *image) {
+/* What a lab's board has in its boot section; every reset begins there. */
+static void add_bootloader(const char *image) {
+    elf_firmware_t loader = {0};
+    if (elf_read_firmware(image, &loader)) {
+        fprintf(stderr, "cannot read the bootloader %s\n", image);
+        exit(1);
+    }
+    avr_loadcode(avr, loader.flash, loader.flashsize, BOOT_START);
+    avr->reset_pc = avr->pc = BOOT_START;
+}
+
+void machine_start(const char *image, const char *bootloader) {
     elf_firmware_t firmware = {0};
+    static const struct surroundings room = ROOM;
     uint32_t flags = 0;
     if (image == NULL || elf_read_firmware(image, &firmware)) {
         fprintf(stderr, "cannot read the image %s\n", image ? image : "(none given)");
@@ -78,7 +91,8 @@ void machine_start(const char *image) {
         avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF), on_full, NULL);
     avr_irq_register_notify(
         avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XON), on_room, NULL);
-    machine_surroundings(3900, 2500);
+    machine_surroundings(&room);
+    if (bootloader) add_bootloader(bootloader);
 }
 
 void machine_run_to(uint64_t t_us) {
@@ -106,15 +120,19 @@ void machine_duties(uint8_t duty[4]) {
     duty[3] = io[TCCR2A] & 0x20 && io[DDRD] & 1 << 3 ? io[OCR2B] : 0;
 }
 
-void machine_surroundings(unsigned battery_mv, int centi_c) {
-    avr_irq_t *battery = avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0);
-    avr_irq_t *heat = avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_TEMP);
-    avr_raise_irq(battery, battery_mv / 4);
-    avr_raise_irq(heat, (uint32_t)(314 + (centi_c - 2500) / 100));
+static void see(int input, uint32_t millivolt) {
+    avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, input), millivolt);
+}
+
+void machine_surroundings(const struct surroundings *now) {
+    see(ADC_IRQ_ADC0, now->battery_mv / 4);
+    see(ADC_IRQ_ADC1, now->motor_mv / 4);
+    see(ADC_IRQ_ADC2, (now->skin_reading * 3300 + 1650) / 1023);
+    see(ADC_IRQ_TEMP, (uint32_t)(314 + (now->die_centi_c - 2500) / 100));
 }
 
 void machine_hang(void) {
-    const uint32_t free_word = avr->flashend - 1; /* an endless loop in unused flash */
+    const uint32_t free_word = 0x7000; /* an endless loop in unused flash */
     avr->flash[free_word] = 0xFF;
     avr->flash[free_word + 1] = 0xCF;
     avr->pc = free_word;

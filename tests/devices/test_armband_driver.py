@@ -80,7 +80,7 @@ def test_open_tells_firmware_serial_and_range():
     band = Band().start()
 
     assert band.driver.info.serial == serial_of("arm")
-    assert band.driver.info.model == "armband (firmware 1.0)"
+    assert band.driver.info.model == "armband (firmware 1.1)"
     assert band.driver.rate_range_hz == (57.0, 126.0)
     assert band.driver.state is DeviceState.STREAMING
 
@@ -432,10 +432,10 @@ def test_serial_driver_drives_a_band_on_a_pseudo_terminal():
         deadline_ns = clock.now_ns() + 5 * NS_PER_S
         while not batches and clock.now_ns() < deadline_ns:
             driver.poll(0.05)
-        duties = peer.firmware.duties
+        granted = peer.firmware.granted
         driver.close()
         silent = peer.firmware.duties
 
-    assert (255, 185, 0, 150) == duties
+    assert (255, 185, 0, 150) == granted
     assert (0, 0, 0, 0) == silent
     assert batches[0].values["acknowledged"][0]

@@ -294,7 +294,7 @@ def test_slim_board_tells_battery_and_temperature():
 
     last = rig.told()[-1]
     assert last["battery_01"] == pytest.approx((3900 - 3300) / 850, abs=0.01)
-    assert last["temperature_c"] == 31.5
+    assert last["electronics_temperature_c"] == 31.5
 
 
 def test_slim_board_plays_the_rate_that_was_asked():

@@ -21,7 +21,7 @@ HELLO, SET, PATTERN, STOP, PING, ARM = 0x01, 0x02, 0x03, 0x04, 0x05, 0x06
 REPLY = 0x80
 EVENT = 0xF0
 
-OK, NOT_ARMED, BAD_ARGUMENT, TOO_HOT, BATTERY_EMPTY, DISAGREED = range(6)
+OK, NOT_ARMED, BAD_ARGUMENT, TOO_HOT, BATTERY_EMPTY, DISAGREED, RESTING, HELD, BLIND = range(9)
 STATUS_TEXTS = (
     "done",
     "refused: not armed",
@@ -29,7 +29,12 @@ STATUS_TEXTS = (
     "refused: too hot",
     "refused: battery empty",
     "silenced: host and band disagreed on what was running",
+    "refused: the motors' time is used up",
+    "refused: the same setting has held for as long as it may",
+    "refused: the skin's temperature cannot be read",
 )
+COUPLED_DRIVE, SKIN_IS_TOLD = 1, 2
+"""Capabilities of a band: rate and amplitude share one drive; the temperature is the skin's."""
 
 COMMAND_BYTES = 12
 """Payload of every command, padded with zeros: with the zero that leads it, a command is as long
@@ -70,7 +75,9 @@ class Welcome:
 class Acknowledgement:
     """The band's answer to a command: when it was applied and the PWM duties (0..255) then.
 
-    `battery_mv` and `temperature_c` are None when the band cannot measure them.
+    `battery_mv` and `temperature_c` are None when the band cannot measure them; the temperature is
+    the skin's where the welcome says `SKIN_IS_TOLD`, else that of the processor's die. A motor
+    that waits for its turn to start is told with the duty that it will have.
     """
 
     kind: int

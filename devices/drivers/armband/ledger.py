@@ -57,7 +57,8 @@ class BandRow:
     t_device_ns: int
     event: int
     battery_01: float
-    temperature_c: float
+    electronics_temperature_c: float
+    skin_temperature_c: float = math.nan
 
 
 class DeviceMicros:
@@ -109,7 +110,7 @@ def command_batch(rows: Sequence[Command], first_seq: int) -> SampleBatch:
 def band_batch(rows: Sequence[BandRow], first_seq: int) -> SampleBatch:
     """Return what the band told of itself as samples of `BAND`."""
     values = empty_values(BAND, len(rows))
-    for name in ("event", "battery_01", "temperature_c"):
+    for name in ("event", "battery_01", "electronics_temperature_c", "skin_temperature_c"):
         values[name] = [getattr(row, name) for row in rows]
     return SampleBatch(
         BAND,

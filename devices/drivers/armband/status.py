@@ -5,7 +5,10 @@ from dataclasses import dataclass, field
 from devices.contracts import Fault
 from devices.drivers.armband.codec import (
     BATTERY_EMPTY,
+    BLIND,
     DISAGREED,
+    HELD,
+    RESTING,
     STATUS_TEXTS,
     TOO_HOT,
     Acknowledgement,
@@ -17,6 +20,14 @@ EMPTY_MV = 3300
 LOW_01 = 0.2
 
 DEAD_MAN, EXPIRED, BATTERY_LOW, BATTERY_GOOD, HOT, COOL = 2, 3, 4, 5, 6, 7
+MOTORS_REST, MOTORS_RESTED, HELD_TOO_LONG, SENSOR_LOST = 9, 10, 11, 12
+REMEDIES = {
+    BATTERY_EMPTY: "charge it",
+    DISAGREED: "charge it",
+    RESTING: "let the study vibrate less: docs/armbands.md tells how long a motor may run",
+    HELD: "let the study end a setting, or change it, before it has held for 20 s",
+    BLIND: "check the thermistor on the strap and its cable",
+}
 
 
 UNANSWERED = "commands were not acknowledged"
@@ -30,6 +41,9 @@ class BandStatus:
     role: str
     battery_01: float | None = None
     temperature_c: float | None = None
+    tells_skin: bool = False
+    """`temperature_c` is the skin's, not the processor's."""
+    resting: int = 0
     battery_is_low: bool = False
     is_hot: bool = False
     loop_stalled: bool = False
@@ -53,7 +67,8 @@ class BandStatus:
             self.battery_01 = charge_01(event.value)
         elif event.code in (HOT, COOL):
             self.is_hot = event.code == HOT
-            self.temperature_c = event.value / 100
+        elif event.code in (MOTORS_REST, MOTORS_RESTED):
+            self.resting = event.value
 
     def refused(self, status: int) -> None:
         """Count a command that the band did not carry out."""
@@ -64,6 +79,10 @@ class BandStatus:
         role, found = self.role, []
         if self.is_hot:
             found.append(Fault(role, "blocking", "too hot: it refuses to run", "take it off"))
+        if self.resting:
+            motors = ", ".join(str(m + 1) for m in range(8) if self.resting >> m & 1)
+            text = f"motors that rest, their time being used up: {motors}"
+            found.append(Fault(role, "warning", text, REMEDIES[RESTING]))
         if self.battery_is_low or (self.battery_01 is not None and self.battery_01 < LOW_01):
             charge = "" if self.battery_01 is None else f" ({self.battery_01:.0%})"
             found.append(Fault(role, "warning", f"battery low{charge}", "charge it at the break"))
@@ -78,10 +97,9 @@ class BandStatus:
             found.append(Fault(role, "warning", text, "bring the band nearer, check its cable"))
         for status, count in sorted(self.refusals.items()):
             said = STATUS_TEXTS[status] if status < len(STATUS_TEXTS) else f"status {status}"
-            if status not in (TOO_HOT, BATTERY_EMPTY, DISAGREED):
-                found.append(Fault(role, "warning", f"{count} commands {said}", "report this"))
-            elif status != TOO_HOT:
-                found.append(Fault(role, "warning", f"{count} commands {said}", "charge it"))
+            if status != TOO_HOT:
+                remedy = REMEDIES.get(status, "report this")
+                found.append(Fault(role, "warning", f"{count} commands {said}", remedy))
         if damaged:
             text = f"{damaged} messages could not be read"
             found.append(Fault(role, "warning", text, "keep the .wire log and report it"))

@@ -357,6 +357,7 @@ class Traffic:
         self._heard()
         if isinstance(answer, codec.Welcome):
             self.welcome = answer
+            self.band.tells_skin = bool(answer.capabilities & codec.SKIN_IS_TOLD)
             return
         device_ns = self._micros.unwrap_ns(answer.device_us)
         if isinstance(answer, codec.BandEvent):
@@ -392,8 +393,9 @@ class Traffic:
 
     def _tell(self, event: int, t_host_ns: int, device_ns: int) -> None:
         battery = math.nan if self.band.battery_01 is None else self.band.battery_01
-        heat = math.nan if self.band.temperature_c is None else self.band.temperature_c
-        self._told.append(BandRow(t_host_ns, device_ns, event, battery, heat))
+        told_c = math.nan if self.band.temperature_c is None else self.band.temperature_c
+        heat_c = (math.nan, told_c) if self.band.tells_skin else (told_c, math.nan)
+        self._told.append(BandRow(t_host_ns, device_ns, event, battery, *heat_c))
 
     def _add_pair(self, send_ns: int, device_ns: int, receive_ns: int) -> None:
         if send_ns <= receive_ns:  # an answer to what was not yet asked is none

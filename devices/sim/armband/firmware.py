@@ -1,11 +1,13 @@
 """Behave as our armband's firmware does: the same protocol, limits and dead man, in Python.
 
-Not modelled: bytes per interrupt, EEPROM, brown-out. The C of firmware/armband is the reference;
-tests hold both against the same script.
+Not modelled: bytes per interrupt, brown-out, the thermistor's divider. The C of firmware/armband is
+the reference; tests hold both against the same script.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 from devices.drivers.armband import codec
 from devices.drivers.armband.codec import Acknowledgement, BandEvent, Frame, Welcome
@@ -17,17 +19,77 @@ LOWEST_DUTY, HIGHEST_DUTY = 115, 255
 LOWEST_HZ, HIGHEST_HZ = 57, 126
 STEADY, SINE, SQUARE, RAMP = range(4)
 BOOT, DEAD_MAN, EXPIRED, BATTERY_LOW, BATTERY_GOOD, HOT, COOL, PATTERN_ENDED = range(1, 9)
+RESTS, RESTED, HELD_TOO_LONG, SENSOR_LOST = range(9, 13)
 LOW_MV, GOOD_MV, EMPTY_MV = 3500, 3600, 3300
-HOT_CENTI_C, COOL_CENTI_C = 6000, 5500
+DIE_HOT_C, DIE_COOL_C = 60.0, 55.0
+SKIN_HOT_C, SKIN_COOL_C = 43.0, 41.0
 WRAP_US = 2**32
+HANG_MAX_US: Final = 150_000
+BINS: Final = 25
+"""The current one and 24 that make up the window."""
+ALL_MOTORS: Final = range(codec.MOTORS)
+
+
+@dataclass(frozen=True)
+class Protection:
+    """What keeps motors, supply and skin from harm; the values of firmware/armband/config.h."""
+
+    motor_max_mv: int = 3600
+    motor_worst_mv: int = 4250
+    motor_start_ma: int = 120
+    motor_run_ma: int = 80
+    current_max_ma: int = 500
+    start_ms: int = 50
+    stagger_ms: int = 4
+    coast_ms: int = 100
+    window_ms: int = 120_000
+    budget_ms: int = 60_000
+    hold_max_ms: int = 20_000
+    has_skin_sensor: bool = False
+
+    @property
+    def bin_us(self) -> int:
+        """How long one bin of the window is."""
+        return self.window_ms * 1000 // (BINS - 1)
 
 
 @dataclass
 class Surroundings:
-    """What the band's analogue inputs see."""
+    """What the band's analogue inputs see; `skin_c` None: the thermistor is broken or absent."""
 
     battery_mv: int = 3900
     temperature_c: float = 25.0
+    motor_mv: int = 3300
+    skin_c: float | None = None
+
+
+class _Ledger:
+    """For how long each motor was on, lately; a reset leaves it as it is."""
+
+    def __init__(self) -> None:
+        self.bins_us = [[0] * codec.MOTORS for _ in range(BINS)]
+        self.spent_us = [0] * codec.MOTORS
+        self.at = 0
+        self.into_us = 0
+
+    def add(self, duties: tuple[int, ...], elapsed_us: int, bin_us: int) -> None:
+        """Count what has been on for this long."""
+        if any(duties):
+            now_us = self.bins_us[self.at]
+            for motor in ALL_MOTORS:
+                if duties[motor]:
+                    now_us[motor] += elapsed_us
+                    self.spent_us[motor] += elapsed_us
+        self.into_us += elapsed_us
+        if self.into_us < bin_us:
+            return
+        passed, self.into_us = divmod(self.into_us, bin_us)
+        for _ in range(min(passed, BINS)):
+            self.at = (self.at + 1) % BINS
+            gone_us = self.bins_us[self.at]
+            for motor in ALL_MOTORS:
+                self.spent_us[motor] -= gone_us[motor]
+                gone_us[motor] = 0
 
 
 @dataclass
@@ -49,13 +111,20 @@ class ArmbandFirmware:
     surroundings: Surroundings = field(default_factory=Surroundings)
     serial: str = "SIM00001"
     version: int = codec.VERSION
+    protection: Protection = field(default_factory=Protection)
 
     def __post_init__(self) -> None:
         self._reader = codec.FrameReader()
+        self._ledger = _Ledger()
+        self.duties: tuple[int, ...] = (0,) * codec.MOTORS
         self.boot(0)
 
     def boot(self, now_us: int) -> bytes:
-        """Start anew, silent and disarmed; return the message that says so."""
+        """Start anew, silent and disarmed; return the message that says so.
+
+        A program that hung left its motors on until the watchdog bit, which counts as on.
+        """
+        self._ledger.add(self.duties, HANG_MAX_US, self.protection.bin_us)
         self._reader.reset()
         self._armed = False
         self._course: _Course | None = None
@@ -63,8 +132,16 @@ class ArmbandFirmware:
         self._last_ack = b""
         self._fed_us = now_us
         self._event_seq = 0
-        self._is_low = self._is_hot = False
-        self.duties: tuple[int, ...] = (0,) * codec.MOTORS
+        self._is_low = self._is_hot = self._is_blind = self._is_held = False
+        self._held_since_us = self._counted_us = self._last_start_us = now_us
+        self._asked: tuple[tuple[int, ...], ...] = ()
+        self._resting = [False] * codec.MOTORS
+        self._stands = [True] * codec.MOTORS
+        self._off_since_us = [now_us] * codec.MOTORS
+        self._starting_us: dict[int, int] = {}
+        self.duties = (0,) * codec.MOTORS
+        self.granted = self.duties
+        """What each motor does once its turn to start has come."""
         return self._event(BOOT, now_us, 0)
 
     def feed(self, data: bytes, now_us: int) -> bytes:
@@ -74,17 +151,22 @@ class ArmbandFirmware:
     def step(self, now_us: int) -> bytes:
         """Let time pass to `now_us`; return what the band says unasked."""
         said = b""
+        self._account(now_us)
+        said += self._look_at_budget(now_us)
         course = self._course
         if course is not None:
             if now_us - self._fed_us > DEAD_MAN_US:
                 self._silence()
                 said += self._event(DEAD_MAN, now_us, 0)
             elif now_us >= course.until_us:
+                held_us = now_us - self._held_since_us
                 ended = EXPIRED if course.pattern is None else PATTERN_ENDED
+                if course.pattern is None and held_us >= self.protection.hold_max_ms * 1000:
+                    self._is_held, ended = True, HELD_TOO_LONG
                 self._silence()
                 said += self._event(ended, now_us, course.seq)
             else:
-                self.duties = _duties(course, now_us)
+                self._drive(course, now_us)
         return said + self._look_around(now_us)
 
     @property
@@ -97,24 +179,28 @@ class ArmbandFirmware:
         if not codec.is_command(frame):
             return b""
         self._fed_us = now_us
+        self._account(now_us)
         if kind == codec.HELLO:
             self._armed = False
-            self._silence()
+            self._release()
             self._last = None
             return codec.encode_welcome(
                 Welcome(
-                    seq, self.version, codec.MOTORS, (1, 0), 1, self.serial,
+                    seq, self.version, codec.MOTORS, (1, 1),
+                    codec.COUPLED_DRIVE | codec.SKIN_IS_TOLD * self.protection.has_skin_sensor,
+                    self.serial,
                     now_us % WRAP_US, (LOWEST_DUTY, HIGHEST_DUTY), (LOWEST_HZ, HIGHEST_HZ),
                 )
             )  # fmt: skip
         if kind == codec.STOP:
-            self._silence()
+            self._release()
         elif self._last == (kind, seq):
             return self._last_ack
         status = self._carry_out(kind, seq, payload, now_us)
         room = self.surroundings
+        told_c = room.skin_c if self.protection.has_skin_sensor else room.temperature_c
         ack = Acknowledgement(
-            kind, seq, now_us % WRAP_US, status, self.duties, room.battery_mv, room.temperature_c
+            kind, seq, now_us % WRAP_US, status, self.granted, room.battery_mv, told_c
         )
         self._last = (kind, seq)
         self._last_ack = codec.encode_acknowledgement(ack)
@@ -126,7 +212,7 @@ class ArmbandFirmware:
                 return codec.BAD_ARGUMENT
             self._armed = payload[0] == 1
             if not self._armed:
-                self._silence()
+                self._release()
         elif kind == codec.PING:
             running = self._course
             expected = payload[1] if payload[0] else None
@@ -138,9 +224,25 @@ class ArmbandFirmware:
             if not 1 <= ttl_ms <= LONGEST_TTL_MS:
                 return codec.BAD_ARGUMENT
             if not any(amplitudes):
-                self._silence()
+                self._release()
                 return codec.OK
-            return self._run(_Course(seq, now_us + ttl_ms * 1000, amplitudes, rates_hz), now_us)
+            status = self._refusal(amplitudes)
+            if status != codec.OK:
+                return status
+            held_us = 0
+            if (amplitudes, rates_hz) == self._asked:
+                if self._is_held:
+                    return codec.HELD
+                if self._course is not None:
+                    held_us = now_us - self._held_since_us
+            if not held_us:
+                self._held_since_us = now_us
+            left_us = self.protection.hold_max_ms * 1000 - held_us
+            if left_us <= 0:
+                return codec.HELD
+            self._asked, self._is_held = (amplitudes, rates_hz), False
+            until_us = now_us + min(ttl_ms * 1000, left_us)
+            return self._run(_Course(seq, until_us, amplitudes, rates_hz), now_us)
         elif kind == codec.PATTERN:
             pattern = codec.decode_pattern(payload)
             mask, name, amplitude, low, high, modulation, duration_ms = pattern
@@ -153,24 +255,100 @@ class ArmbandFirmware:
                 or not 1 <= duration_ms <= LONGEST_PATTERN_MS
             ):
                 return codec.BAD_ARGUMENT
+            status = self._refusal([mask >> motor & 1 for motor in ALL_MOTORS])
+            if status != codec.OK:
+                return status
+            self._asked, self._is_held = (), False
             until_us = now_us + duration_ms * 1000
             return self._run(_Course(seq, until_us, pattern=pattern, started_us=now_us), now_us)
         return codec.OK
 
-    def _run(self, course: _Course, now_us: int) -> int:
+    def _refusal(self, motors: Sequence[int]) -> int:
+        """Say why nothing may run; `motors` are those asked for."""
         if not self._armed:
             return codec.NOT_ARMED
+        if self._is_blind:
+            return codec.BLIND
         if self._is_hot:
             return codec.TOO_HOT
         if self.surroundings.battery_mv < EMPTY_MV:
             return codec.BATTERY_EMPTY
+        if all(rests or not on for on, rests in zip(motors, self._resting, strict=True)):
+            return codec.RESTING
+        return codec.OK
+
+    def _run(self, course: _Course, now_us: int) -> int:
         self._course = course
-        self.duties = _duties(course, now_us)
+        self._drive(course, now_us)
         return codec.OK
 
     def _silence(self) -> None:
         self._course = None
-        self.duties = (0,) * codec.MOTORS
+        self.duties = self.granted = (0,) * codec.MOTORS
+
+    def _release(self) -> None:
+        """Silence because the host asks for it: the same setting may come again."""
+        self._silence()
+        self._is_held = False
+
+    def _account(self, now_us: int) -> None:
+        self._ledger.add(self.duties, now_us - self._counted_us, self.protection.bin_us)
+        self._counted_us = now_us
+
+    def _look_at_budget(self, now_us: int) -> bytes:
+        protection = self.protection
+        full_us = protection.budget_ms * 1000
+        before = sum(rests << motor for motor, rests in enumerate(self._resting))
+        for motor, spent_us in enumerate(self._ledger.spent_us):
+            if self.duties[motor]:
+                self._off_since_us[motor] = now_us
+            elif now_us - self._off_since_us[motor] >= protection.coast_ms * 1000:
+                self._stands[motor] = True
+            if spent_us >= full_us:
+                self._resting[motor] = True
+            elif spent_us <= full_us - protection.bin_us:
+                self._resting[motor] = False
+        after = sum(rests << motor for motor, rests in enumerate(self._resting))
+        said = b""
+        if after & ~before:
+            said += self._event(RESTS, now_us, after)
+        if before & ~after:
+            said += self._event(RESTED, now_us, after)
+        return said
+
+    def _drive(self, course: _Course, now_us: int) -> None:
+        protection, supply_mv = self.protection, self.surroundings.motor_mv
+        supply_mv = supply_mv or protection.motor_worst_mv
+        highest = min(255, 255 * protection.motor_max_mv // supply_mv)
+        granted = [
+            0 if rests else min(duty, highest)
+            for duty, rests in zip(_duties(course, now_us), self._resting, strict=True)
+        ]
+        self.granted = tuple(granted)
+        self._take_turns(granted, now_us)
+        full_ma = [
+            protection.motor_start_ma if motor in self._starting_us else protection.motor_run_ma
+            for motor in ALL_MOTORS
+        ]
+        taken = sum(duty * ma for duty, ma in zip(granted, full_ma, strict=True))
+        given = protection.current_max_ma * 255
+        if taken > given:
+            granted = [duty * given // taken for duty in granted]
+        self.duties = tuple(granted)
+
+    def _take_turns(self, duties: list[int], now_us: int) -> None:
+        """Let motors that stand still start one after the other."""
+        protection, starting = self.protection, self._starting_us
+        for motor in ALL_MOTORS:
+            if now_us - starting.get(motor, now_us) >= protection.start_ms * 1000:
+                del starting[motor]
+            if not duties[motor] or not self._stands[motor]:
+                continue
+            if starting and now_us - self._last_start_us < protection.stagger_ms * 1000:
+                duties[motor] = 0
+                continue
+            self._stands[motor] = False
+            starting[motor] = self._last_start_us = now_us
 
     def _look_around(self, now_us: int) -> bytes:
         said = b""
@@ -181,14 +359,24 @@ class ArmbandFirmware:
         elif self._is_low and room.battery_mv > GOOD_MV:
             self._is_low = False
             said += self._event(BATTERY_GOOD, now_us, room.battery_mv)
-        centi_c = round(room.temperature_c * 100)
-        if not self._is_hot and centi_c > HOT_CENTI_C:
+        has_skin = self.protection.has_skin_sensor
+        is_blind = has_skin and room.skin_c is None
+        if is_blind and not self._is_blind:
+            self._silence()
+            said += self._event(SENSOR_LOST, now_us, 0)
+        self._is_blind = is_blind
+        skin_c = room.skin_c if has_skin else None
+        skin_is_hot = skin_c is not None and skin_c > SKIN_HOT_C
+        is_cool = room.temperature_c < DIE_COOL_C and not is_blind
+        if not self._is_hot and (skin_is_hot or room.temperature_c > DIE_HOT_C):
             self._is_hot = True
             self._silence()
-            said += self._event(HOT, now_us, centi_c)
-        elif self._is_hot and centi_c < COOL_CENTI_C:
+            hot_c = skin_c if skin_is_hot and skin_c is not None else room.temperature_c
+            said += self._event(HOT, now_us, round(hot_c * 100))
+        elif self._is_hot and is_cool and (skin_c is None or skin_c < SKIN_COOL_C):
             self._is_hot = False
-            said += self._event(COOL, now_us, centi_c)
+            cool_c = room.temperature_c if skin_c is None else skin_c
+            said += self._event(COOL, now_us, round(cool_c * 100))
         return said
 
     def _event(self, code: int, now_us: int, value: int) -> bytes:
