@@ -142,9 +142,10 @@ def export(
     written = _written(shown, format_name, output, lab)
     if tier == "public":
         lost = losses(shown, lab)
-        note = output / LOSS_NAME
-        note.write_text(loss_page(lost), "utf-8")
-        written = (*written, note)
+        note = output / ("README.md" if format_name == "bids" else LOSS_NAME)
+        before = f"{note.read_text('utf-8')}\n" if note in written else ""
+        note.write_text(before + loss_page(lost), "utf-8")
+        written = (*dict.fromkeys((*written, note)),)
         _print_columns("what measures lose by the blur", _columns(lost))
         console.print(f"[yellow]{BLURRED_RISK}[/]", soft_wrap=True)
     protect_files(written)

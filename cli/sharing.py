@@ -77,7 +77,7 @@ def _rows(measured: Any) -> pd.DataFrame:
 
 def loss_page(table: pd.DataFrame) -> str:
     """Return the page that goes with data of the public tier: the risk, and what is lost."""
-    lines = ["# Public tier", BLURRED_RISK, "Means of the same trials, as recorded and as shown:"]
+    lines = ["## Public tier", BLURRED_RISK, "Means of the same trials, as recorded and as shown:"]
     head = ["measure", "values", "before", "after", "mean change", "missing after"]
     rows = [head, ["---"] * len(head)]
     rows += [[str(r[0]), str(r[1]), *(f"{v:.4g}" for v in r[2:5]), str(r[5])]

@@ -3,11 +3,13 @@
 Gaze goes to `beh/…_recording-eye<1|2|3>_physio.tsv.gz` (left, right, combined), head poses to
 `motion/…_tracksys-HMD_motion.tsv`, the tracked body to `motion/…_tracksys-body_motion.tsv`, other
 streams of devices to `beh/…_recording-<name>_physio.tsv.gz` (those without a rate to the events),
-events and trials to `…_events.tsv` beside both. Times count in seconds from the first sample or
-event of the part; every part is a run.
+events and trials to `…_events.tsv` beside both, and who and what stood where to `stimuli/`, one
+file for every arrangement, named by `stim_file` of the events. Times count in seconds from the
+first sample or event of the part; every part is a run.
 """
 
 import gzip
+import hashlib
 import io
 import json
 from collections.abc import Mapping, Sequence
@@ -49,10 +51,14 @@ BOOKKEEPING = frozenset(
 )
 """Streams of the session itself, of use beside the session alone: what was shown and when."""
 
+_ARRANGEMENTS: Mapping[str, str] = {"scene": "agents", "crowd": "people"}
+"""Events that say who stood where, and the key under which they do."""
+
 FILES: Mapping[str, str] = {
     "beh/*_recording-eye1_physio.tsv.gz": "gaze of the left eye (eye2: right, eye3: combined)",
     "beh/*_physio.tsv.gz": "other streams of devices, with the units of every column",
     "beh/*_events.tsv": "events, trials with their results, presses (the same beside motion)",
+    "stimuli/*.json": "who and what stood where, as `stim_file` of the events names it",
     "motion/*_tracksys-HMD_motion.tsv": "poses of the head in the room",
     "motion/*_tracksys-body_motion.tsv": "poses of the body's segments in the room",
 }
@@ -138,6 +144,16 @@ class _Files:
     def json(self, name: str, value: Mapping[str, Any]) -> None:
         self.text(name, json.dumps(as_json(value), indent=1, ensure_ascii=False) + "\n")
 
+    def stimulus(self, name: str, content: Mapping[str, Any]) -> str:
+        """Write an arrangement once, however often it was shown; return its name in `stimuli`."""
+        text = json.dumps(as_json(content), indent=1, ensure_ascii=False) + "\n"
+        digest = hashlib.sha256(text.encode()).hexdigest()[:12]
+        shown = _label(str(content.get("scene_name") or name))
+        file = f"{shown}_{digest}.json"
+        if self._root / "stimuli" / file not in self.written:
+            self.text(f"stimuli/{file}", text)
+        return file
+
     def tsv(self, name: str, frame: pd.DataFrame, *, header: bool = True) -> None:
         self.text(name, _tsv(frame, header=header))
 
@@ -184,7 +200,7 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
         head = _arrays_with(recording, part.number, _HEAD_NEEDS)
         zero_ns = _first_ns(recording, part.number, gaze, head)
         run = f"run-{part.number}"
-        events = _events(recording, part.number, zero_ns)
+        events = _with_stimuli(_events(recording, part.number, zero_ns), files)
         body = _arrays_with(recording, part.number, _HEAD_NEEDS, bodies=True)
         notes = {**_events_notes(recording, events), **shared}
         for kind in ("beh", *(["motion"] if head is not None or body is not None else [])):
@@ -500,6 +516,29 @@ def _events(recording: Recording, part: int, zero_ns: int) -> pd.DataFrame:
     return frame.sort_values("onset", kind="stable").reset_index(drop=True)
 
 
+def _with_stimuli(events: pd.DataFrame, files: _Files) -> pd.DataFrame:
+    """Move what events tell of an arrangement into a file of its own, and name it there."""
+    found: dict[Any, str] = {}
+    for name, key in _ARRANGEMENTS.items():
+        if key not in events:
+            continue
+        told = events[(events["trial_type"] == name) & events[key].map(bool) & events[key].notna()]
+        for at, row in told.to_dict("index").items():
+            said = json.loads(row[key]) if isinstance(row[key], str) else row[key]
+            labels: dict[str, Any] = {
+                column: row[column]
+                for column in ("scene_name", "brightness_01")
+                if column in row and row[column] == row[column]
+            }
+            found[at] = files.stimulus(name, {**labels, key: said})
+        events.loc[events["trial_type"] == name, key] = None
+        if events[key].isna().all():
+            events = events.drop(columns=key)
+    if found:
+        events.insert(3, "stim_file", pd.Series(found, dtype=object).reindex(events.index))
+    return events
+
+
 def _event_rows(name: str, arrays: Columns, zero_ns: int) -> list[dict[str, Any]]:
     """Return the samples of a stream without a rate as events, such as presses."""
     table = _stream_table(arrays, zero_ns).drop(columns=["timestamp"])
@@ -535,4 +574,6 @@ def _events_notes(recording: Recording, events: pd.DataFrame) -> dict[str, Any]:
     for column in events.columns[3:]:
         note = f"; {NEUTRALISED}" if str(column) in touched else ""
         notes[str(column)] = {"Description": f"{column}, as the study recorded it{note}"}
+    if "stim_file" in notes:
+        notes["stim_file"] = {"Description": "file in stimuli/ that says who and what stood where"}
     return notes

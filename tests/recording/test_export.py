@@ -20,7 +20,7 @@ from recording.export import export_session, export_tables
 from recording.folder import create_session
 from recording.reader import Recording
 from recording.writer import Recorder
-from tests.recording.sessions import probe_batch, probe_manifest, record_session
+from tests.recording.sessions import new_recorder, probe_batch, probe_manifest, record_session
 
 VECTOR = (3,)
 GAZE_LIKE = StreamSchema(
@@ -76,7 +76,8 @@ def gaze_session(
                 if field.dtype == "?":
                     values[field.name] = np.arange(n) != 1
                 elif field.name.endswith("direction_head"):
-                    values[field.name] = [np.sqrt(0.5), 0.0, -np.sqrt(0.5)]
+                    yaw = np.pi / 4 + 0.004 * np.arange(n)
+                    values[field.name] = np.stack([np.sin(yaw), 0 * yaw, -np.cos(yaw)], axis=1)
                 elif field.name == "orientation_wxyz":
                     values[field.name] = [1.0, 0.0, 0.0, 0.0]
                 else:
@@ -228,6 +229,32 @@ def test_bids_holds_a_labs_own_streams_with_their_units(tmp_path: Path) -> None:
     events = pd.read_csv(beh / f"{stem}_events.tsv", sep="\t")
     assert 2 == (events["trial_type"] == "knob").sum()
     assert [3.5, 3.5] == events["knob_turn_deg"].dropna().tolist()
+
+
+def test_bids_keeps_who_stood_where_once_among_the_stimuli(tmp_path: Path) -> None:
+    agents = [{"identifier": "a1", "head_centre_m": [0.0, 1.2, -2.0]}]
+    crowd = {"position_m": [[1.0, 2.0]]}
+    clock = SimClock()
+    with create_session(tmp_path / "d", probe_manifest()) as folder:
+        recorder = new_recorder(folder, clock)
+        recorder.append(probe_batch(0, 10))
+        for number, shown in enumerate((agents, [], agents)):
+            recorder.event("scene", number, scene=number, scene_name="hall", agents=shown)
+        recorder.event("crowd", 9, people=json.dumps(crowd))
+        folder.end_part(clock, recorder.close("complete"))
+        recording = Recording(folder.path)
+    export_bids([recording], tmp_path / "b", task="probe", dataset_name="Probe", about=ABOUT)
+    stem = "sub-P01/ses-001/beh/sub-P01_ses-001_task-probe_run-1_events"
+    events = pd.read_csv(tmp_path / "b" / f"{stem}.tsv", sep="\t", na_values="n/a")
+    assert not {"agents", "people"} & set(events.columns)
+    named = events["stim_file"].tolist()
+    assert [True, False, True, True] == [isinstance(name, str) for name in named]
+    assert named[0] == named[2] != named[3]
+    files = {p.name: json.loads(p.read_text("utf-8")) for p in (tmp_path / "b/stimuli").iterdir()}
+    assert {named[0], named[3]} == set(files)
+    assert {"scene_name": "hall", "agents": agents} == files[named[0]]
+    assert {"people": crowd} == files[named[3]]
+    assert [] == issues_of(tmp_path / "b")
 
 
 ABOUT = DatasetAbout(
