@@ -207,7 +207,7 @@ class Session:
         )
         self._desk.block_name = block.name
         self._desk.wait(block.instruction)
-        if block.calibrate and self._calibrates:
+        if self._calibrates and (block.calibrate or self._is_uncalibrated(block)):
             self._calibrate(block)
         self._queue = deque(trials)
         while self._queue:
@@ -221,6 +221,11 @@ class Session:
             self._repeat_if_asked()
             self._hold_if_needed(block)
         self._recorder.event("block_end", self._loop.t_ns, block=block.index)
+
+    def _is_uncalibrated(self, block: Block) -> bool:
+        """Tell whether a resumed session has opened the tracker anew since it was calibrated."""
+        before = (b for b in self._setup.plan.blocks if b.index < block.index)
+        return self._calibration is None and any(b.calibrate for b in before)
 
     def _one_trial(self, trial: Trial) -> Outcome:
         self._states.move(SessionState.INTERTRIAL)

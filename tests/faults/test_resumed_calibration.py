@@ -1,0 +1,45 @@
+"""A tracker that was opened anew is calibrated before the first trial it records."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from experiments.stare.study import study
+from lab.errors import SessionAborted
+from protocol.operator import Action, Command
+from protocol.plan import SessionPlan
+from protocol.states import SessionState
+from recording.reader import Recording
+from tests.faults.sessions import FewTrials, ScriptedOperator, events, lab, path_of, request
+from visavis.sessions.perform import perform_new, perform_rest
+
+
+class CalibratedOnce(FewTrials):
+    """The same, calibrated before the first block alone, as studies without gaze measures are."""
+
+    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
+        """Return blocks of which only the first calibrates."""
+        whole = super().plan(participant_index, seed, group)
+        first, *others = whole.blocks
+        return replace(whole, blocks=(first, *(replace(b, calibrate=False) for b in others)))
+
+
+def test_a_session_resumed_in_a_block_that_does_not_calibrate_is_calibrated(
+    tmp_path: Path,
+) -> None:
+    config = lab(tmp_path)
+    made = request(config)
+    made = replace(made, experiment=CalibratedOnce(study, made.experiment.parameters))
+    operator = ScriptedOperator((SessionState.BREAK, 2, 2, Command(Action.ABORT)))
+    with pytest.raises(SessionAborted):
+        perform_new(replace(made, operator=operator))
+
+    session = Recording(perform_rest(made, path_of(config)))
+
+    rows = session.trials()
+    assert [1, 2] == sorted(set(rows["part"]))
+    assert rows["calibration_accepted"].tolist() == [True] * len(rows)
+    calibrated = session.events().query("name == 'calibration'")["recording_part"]
+    assert {1, 2} == set(calibrated)
+    assert {0, 2} == {e["block"] for e in events(session, "calibration")}
