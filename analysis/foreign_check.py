@@ -4,7 +4,6 @@ What LabRecorder and others do not name: streams without clock offsets, stamps t
 rates off the nominal, streams that began or ended apart from the others.
 """
 
-import gzip
 import struct
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,7 +17,7 @@ import numpy.typing as npt
 
 from analysis.session_verdict import Level
 from lab.errors import DataError
-from lab.plain_files import open_plain, parse_json, read_plain
+from lab.plain_files import open_plain, parse_json, read_packed, read_plain
 
 GAP_PERIODS = 1.5
 LONG_GAP_S = 1.0
@@ -277,8 +276,7 @@ def _times_of(path: Path, said: Mapping[str, Any]) -> Times | None:
         column, text = "latency", read_plain(path).decode()
     else:
         names, column = [str(c) for c in said["Columns"]], "timestamp"
-        with gzip.open(path, "rt", encoding="utf-8") as file:
-            text = file.read()
+        text = read_packed(path).decode()
     if column not in names:
         return None
     at = names.index(column)

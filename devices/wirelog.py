@@ -7,7 +7,7 @@ byte link a received record is one chunk that came, a sent one what went out.
 
 import bisect
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -59,7 +59,7 @@ def read_wire_log(path: Path) -> WireLog:
                 f"{path}: wire log version {header.get('version')!r}; this program reads "
                 f"{VERSION}: update Visavis"
             )
-        for number, record in enumerate(records, start=1):
+        for number, record in enumerate(_whole(records, path), start=1):
             try:
                 kind, *fields = record
                 if kind == _MESSAGE:
@@ -81,6 +81,20 @@ def read_wire_log(path: Path) -> WireLog:
         tuple(sent),
         dict(header.get("note", {})),
     )
+
+
+def _whole(records: msgpack.Unpacker, path: Path) -> Iterator[Any]:
+    """Yield every whole record; a torn last one ends them.
+
+    Raises:
+        DataError: what stands there is no msgpack.
+    """
+    try:
+        yield from records
+    except msgpack.OutOfData:
+        return
+    except (ValueError, msgpack.UnpackException) as cause:
+        raise DataError(f"{path}: a record is damaged ({cause}); restore the file") from cause
 
 
 W = TypeVar("W", MessageTransport, ByteLink)

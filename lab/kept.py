@@ -7,7 +7,6 @@ that is emptied, or cannot be written to, but time. Of each name the files used 
 
 import hashlib
 import os
-import zipfile
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from platformdirs import user_cache_path
+
+from lab.plain_files import read_arrays
 
 MAX_KEPT_BYTES = 200_000_000
 
@@ -34,9 +35,8 @@ def read_kept(name: str, key: str) -> dict[str, npt.NDArray[Any]] | None:
     """
     path = _folder(name) / f"{key}.npz"
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
-            found = {name: kept[name] for name in kept.files}
-    except (OSError, ValueError, zipfile.BadZipFile):
+        found = read_arrays(path)
+    except (OSError, ValueError):
         return None
     with suppress(OSError):
         path.touch()  # used last

@@ -1,16 +1,24 @@
 """Open files and read JSON that may come from anywhere: bounded, and never a pipe or a device."""
 
 import errno
+import gzip
 import json
 import stat
+import tokenize
+import zipfile
+import zlib
 from collections.abc import Iterator
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 MAX_DEPTH = 64
 MAX_TEXT_BYTES = 256 * 1024 * 1024
 """No file of text that Visavis writes comes near this."""
+MAX_UNPACKED_BYTES = 4 << 30
 
 
 def open_plain(path: Path) -> BufferedReader:
@@ -30,6 +38,38 @@ def read_plain(path: Path, *, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
     if len(data) > max_bytes:
         raise OSError(errno.EFBIG, f"it is larger than {max_bytes} bytes", str(path))
     return data
+
+
+def read_packed(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> bytes:
+    """Return what a gzip file holds.
+
+    Raises OSError, also when it is cut or damaged, or unpacks to more than `max_bytes`.
+    """
+    with open_plain(path) as file, gzip.GzipFile(fileobj=file) as packed:
+        try:
+            data = packed.read(max_bytes + 1)
+        except (EOFError, zlib.error) as error:
+            raise OSError(errno.EIO, f"it is no whole gzip file ({error})", str(path)) from error
+    if len(data) > max_bytes:
+        raise OSError(errno.EFBIG, f"it unpacks to more than {max_bytes} bytes", str(path))
+    return data
+
+
+def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays of an .npz file by name.
+
+    Raises OSError when it cannot be read, and ValueError for anything that is no whole .npz file.
+    """
+    try:
+        with open_plain(path) as file, np.load(file, allow_pickle=False) as arrays:
+            return {name: np.asarray(arrays[name]) for name in arrays.files}
+    except (
+        ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, NotImplementedError,
+        RecursionError, RuntimeError, SyntaxError, TypeError, tokenize.TokenError,
+        zipfile.BadZipFile, zlib.error,
+    ) as error:  # fmt: skip
+        # zipfile and NumPy's header parser let through whatever a damaged byte leads them to.
+        raise ValueError(f"no whole .npz file: {error or type(error).__name__}") from error
 
 
 def parse_json(data: bytes | str, *, max_depth: int = MAX_DEPTH) -> Any:

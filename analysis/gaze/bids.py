@@ -19,7 +19,7 @@ from analysis.gaze.text_table import NS_PER_UNIT, TextTable, read_text_table
 from lab.clock import NS_PER_S
 from lab.errors import DataError, UsageError
 from lab.geometry import Vector, direction_from_yaw_pitch_deg, yaw_pitch_deg_of
-from lab.plain_files import parse_json, read_plain
+from lab.plain_files import parse_json, read_packed, read_plain
 
 BIDS_VERSION = "1.11.1"
 _EYES = {"left": ("eye1", "left"), "right": ("eye2", "right"), "combined": ("eye3", "cyclopean")}
@@ -198,8 +198,8 @@ def _read_sidecar(path: Path) -> dict[str, Any]:
 
 def _read_rows(path: Path, sidecar: Mapping[str, Any]) -> TextTable:
     try:
-        text = gzip.decompress(path.read_bytes()).decode()
-    except (OSError, EOFError, UnicodeDecodeError) as error:
+        text = read_packed(path).decode()
+    except (OSError, UnicodeDecodeError) as error:
         raise DataError(f"{path}: not a whole gzip text ({error}); copy it again") from error
     return read_text_table(
         path, delimiter="\t", text=text, names=[str(c) for c in sidecar["Columns"]]

@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,10 @@ NS_PER_UNIT: Mapping[str, int] = {
     "s": 1_000_000_000,
 }
 _MISSING = frozenset({"", "n/a", "N/A", "NA", "nan", "NaN", "NAN", "null", "None"})
+
+
+MAX_STAMP_NS = Decimal(10) ** 30
+"""Beyond any clock; whole numbers of more digits take ever longer to write out."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +87,10 @@ class TextTable:
         for i, cell in enumerate(self.column(name)):
             try:
                 ns = Decimal(cell.strip().replace(",", ".")) * factor
+                if not abs(ns) < MAX_STAMP_NS:
+                    raise OverflowError
                 values.append(int(ns.to_integral_value()))
-            except (InvalidOperation, ValueError, OverflowError) as error:
+            except (ArithmeticError, ValueError) as error:
                 raise DataError(self._complaint(i, name, cell, "not a time stamp")) from error
         if from_first and values:
             values = [v - values[0] for v in values]

@@ -2,8 +2,6 @@
 
 import io
 import json
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from lab.plain_files import read_arrays
 from stimuli.characters.character import (
     BodyCapsule,
     Character,
@@ -140,8 +139,7 @@ def read_character(path: Path) -> Character:
         CharacterError: the file cannot be read or is of another format.
     """
     try:
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = read_arrays(path)
         head = json.loads(arrays["head"].tobytes())
         if head["format"] != FORMAT:
             raise CharacterError(
@@ -152,7 +150,7 @@ def read_character(path: Path) -> Character:
         raise CharacterError(
             f"{path}: no such character; `visavis character list` names all"
         ) from e
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile, zlib.error) as e:
+    except (OSError, ValueError, KeyError, TypeError) as e:
         raise CharacterError(f"{path}: not a whole character file ({e}); import it again") from e
 
 

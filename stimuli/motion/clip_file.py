@@ -1,11 +1,11 @@
 """Clips in our own format: one .npz file with skeleton, times and turns, nothing lost."""
 
-import zipfile
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from lab.plain_files import read_arrays
 from stimuli.motion.clip import Clip
 from stimuli.motion.errors import MotionError
 from stimuli.motion.skeleton import Skeleton
@@ -44,19 +44,19 @@ def read_clip(path: Path) -> Clip:
         MotionError: the file is missing, broken, or of another format.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            if str(file["format"]) != FORMAT:
-                raise MotionError(f"{path} is of format {file['format']}; this reads {FORMAT}")
-            skeleton = Skeleton(
-                tuple(str(n) for n in file["names"]), file["parents"], file["offsets_m"],
-                file["tips_m"],
-            )  # fmt: skip
-            x, y, z = file["travel_m"].tolist()
-            return Clip(
-                skeleton, float(file["frame_s"]), file["root_m"], file["orientation_wxyz"],
-                bool(file["looped"]), (x, y, z),
-            )  # fmt: skip
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as problem:
+        file = read_arrays(path)
+        if str(file["format"]) != FORMAT:
+            raise MotionError(f"{path} is of format {file['format']}; this reads {FORMAT}")
+        skeleton = Skeleton(
+            tuple(str(n) for n in file["names"]), file["parents"], file["offsets_m"],
+            file["tips_m"],
+        )  # fmt: skip
+        x, y, z = file["travel_m"].tolist()
+        return Clip(
+            skeleton, float(file["frame_s"]), file["root_m"], file["orientation_wxyz"],
+            bool(file["looped"]), (x, y, z),
+        )  # fmt: skip
+    except (OSError, KeyError, TypeError, ValueError) as problem:
         raise MotionError(
             f"{path} cannot be read as a clip ({problem}); give a file that `visavis warp` or "
             "write_clip wrote, or a BVH file"

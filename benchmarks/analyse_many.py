@@ -1,0 +1,99 @@
+"""Analyse ever more participants and see whether time stays linear and memory flat. Linux, macOS.
+
+python -m benchmarks.analyse_many [--participants 100] [--json] [--keep DIR]
+
+Short stare sessions are simulated once; a quarter, half and all of them are then analysed by the
+command, one process each, from folders that share the recordings. A line through the first two
+gives what the whole should take: `time_over_linear` is what it took over that, limit 1.1. Memory
+is the largest the process ever had; what a participant adds to it counts, because the tables of
+all of them are held.
+"""
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from recording.folder import SIMULATED_ROOT
+
+STUDY = "stare"
+SHORT = ("trial_s=1", "practice_s=1", "intertrial_s=0.2", "repetitions=1")
+LIMIT_OVER_LINEAR = 1.1
+LIMIT_MB_PER_PARTICIPANT = 1.0
+REPOSITORY = Path(__file__).resolve().parents[1]
+KIB = 1 if sys.platform == "darwin" else 1024
+"""Bytes of the unit that the system gives a process's memory in."""
+
+
+def visavis(*arguments: str) -> tuple[float, float]:
+    """Run the command; return its CPU seconds and the most memory it had, in MB."""
+    child = subprocess.Popen(
+        [sys.executable, "-m", "cli.main", *arguments],
+        cwd=REPOSITORY,
+        stdout=subprocess.DEVNULL,
+    )
+    _, status, used = os.wait4(child.pid, 0)
+    if os.waitstatus_to_exitcode(status):
+        raise SystemExit(f"visavis {' '.join(arguments)} failed")
+    return used.ru_utime + used.ru_stime, used.ru_maxrss * KIB / 1e6
+
+
+def some_of(study: Path, n: int, root: Path) -> Path:
+    """Return a study of the first n participants; the recordings are the same files."""
+    target = root / f"of-{n}" / SIMULATED_ROOT / study.name
+    target.mkdir(parents=True)
+    for file in (p for p in study.iterdir() if p.is_file()):
+        shutil.copy2(file, target)
+    for person in sorted(study.glob("sub-*"))[:n]:
+        shutil.copytree(person, target / person.name, copy_function=os.link)
+    return target
+
+
+def main() -> int:
+    """Print time and memory of every size; exit status 1 where a limit is missed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--participants", type=int, default=100)
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--keep", type=Path, help="keep the sessions here, and use them again")
+    options = parser.parse_args()
+    sizes = [options.participants // 4, options.participants // 2, options.participants]
+    with tempfile.TemporaryDirectory(dir=options.keep) as scratch:
+        root = options.keep or Path(scratch)
+        study = root / SIMULATED_ROOT / STUDY
+        if len(list(study.glob("sub-*"))) < options.participants:
+            settings = [f"--set={setting}" for setting in SHORT]
+            visavis(
+                "simulate", STUDY, "--participants", str(options.participants), "--seed", "1",
+                "--output", str(root), *settings,
+            )  # fmt: skip
+        used = [
+            visavis("analyse", str(some_of(study, n, Path(scratch))), "--processes", "1")
+            for n in sizes
+        ]
+    (small_s, small_mb), (half_s, _), (all_s, all_mb) = used
+    per_person_s = (half_s - small_s) / (sizes[1] - sizes[0])
+    found = {
+        "participants": sizes,
+        "cpu_s": [round(cpu_s, 2) for cpu_s, _ in used],
+        "memory_mb": [round(mb, 1) for _, mb in used],
+        "time_over_linear": all_s / (half_s + per_person_s * (sizes[2] - sizes[1])),
+        "mb_per_participant": (all_mb - small_mb) / (sizes[2] - sizes[0]),
+    }
+    if options.json:
+        print(json.dumps(found))
+    else:
+        for name, value in found.items():
+            print(f"{name:20} {value}")
+    kept = (
+        found["time_over_linear"] <= LIMIT_OVER_LINEAR
+        and found["mb_per_participant"] <= LIMIT_MB_PER_PARTICIPANT
+    )
+    return 0 if kept else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

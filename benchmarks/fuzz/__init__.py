@@ -1,0 +1,1 @@
+"""Damaged inputs for every reader of a file and every codec of a wire."""
