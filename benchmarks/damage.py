@@ -1,6 +1,6 @@
 """Damage a small study in every way a disk, a copy or a hand can, and see whether it is named.
 
-python -m benchmarks.damage [--changes 10000] [--json] [--seed 1] [--keep DIR]
+python -m benchmarks.damage [--changes 10000] [--analysed 500] [--json] [--seed 1] [--keep DIR]
 
 Two people of a short waving study are simulated and analysed. Every change hits one file of the
 study's folder, drawn anew: a flipped bit, a cut, bytes overwritten with zeros, two blocks of the
@@ -10,7 +10,9 @@ verified as `visavis check STUDY` does, and the folder is put back.
 
 `unnamed` counts changes after which nothing was said; `tracebacks` those that ended in an error
 that is none of ours; `repaired` how many of the changes to files with a copy `visavis recover`
-undid byte for byte.
+undid byte for byte. After the first `--analysed` changes of a session's files the session is also
+taken in as `visavis analyse` does: `stopped` counts those it refused, `same_numbers` those it
+measured as before (a damaged copy), `other_numbers` those whose trial rows differ without a word.
 """
 
 import argparse
@@ -23,11 +25,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from cli.main import main as visavis
 from lab.clock import StopWatch
 from lab.errors import LabError
+from recording.reader import Recording
 from recording.sealed import copy_path
+from visavis.catalogue import find_study
+from visavis.sessions.damage import require_intact
 from visavis.sessions.study_check import repair_study, study_problems
 
 STUDY = "waving"
@@ -87,7 +93,7 @@ class DamagedStudy:
         self.content = {p: p.read_bytes() for p in paths}
         for path in paths:
             path.chmod(0o600)
-        self.said: Counter[str] = Counter()
+        self.rows = {session: _rows_of(session) for session in folder.glob("sub-*/ses-*")}
 
     def change(self, kind: str, rng: np.random.Generator) -> tuple[Path, ...]:
         """Damage one file and return those that differ now; none where chance changed nothing."""
@@ -133,6 +139,16 @@ class DamagedStudy:
             print(f"{kind} of {names}: {error!r}", file=sys.stderr)
             return "traceback"
 
+    def numbers_after(self, changed: tuple[Path, ...]) -> str:
+        """Return "stopped", "same_numbers" or "other_numbers" for the sessions that changed."""
+        sessions = sorted({p for c in changed for p in c.parents if p.name.startswith("ses-")})
+        try:
+            require_intact(sessions, accept=False)
+            same = all(self.rows[s].equals(_rows_of(s)) for s in sessions)
+        except LabError:
+            return "stopped"
+        return "same_numbers" if same else "other_numbers"
+
     def is_repaired(self, changed: tuple[Path, ...]) -> bool | None:
         """Recover and tell whether the changed files are whole again; None without a copy."""
         if not all(copy_path(p) in self.content for p in changed):
@@ -142,6 +158,11 @@ class DamagedStudy:
         except LabError:
             return False
         return all(p.exists() and p.read_bytes() == self.content[p] for p in changed)
+
+
+def _rows_of(session: Path) -> pd.DataFrame:
+    rows: pd.DataFrame = find_study(STUDY).measure(Recording(session)).rows
+    return rows
 
 
 def simulated_study(root: Path) -> Path:
@@ -161,7 +182,7 @@ def simulated_study(root: Path) -> Path:
     return folder
 
 
-def measure(folder: Path, changes: int, seed: int) -> dict[str, object]:
+def measure(folder: Path, changes: int, seed: int, analysed: int) -> dict[str, object]:
     """Damage a study so many times; return the counts."""
     study = DamagedStudy(folder)
     if problems := study_problems(folder):
@@ -169,6 +190,7 @@ def measure(folder: Path, changes: int, seed: int) -> dict[str, object]:
     rng = np.random.default_rng(seed)
     counts: Counter[tuple[str, str]] = Counter()
     repaired: Counter[bool] = Counter()
+    numbers: Counter[str] = Counter()
     places: dict[str, list[str]] = {"unnamed": [], "not repaired": []}
     watch = StopWatch()
     done = 0
@@ -181,6 +203,9 @@ def measure(folder: Path, changes: int, seed: int) -> dict[str, object]:
                 done += 1
                 outcome = study.judge(kind, changed)
                 counts[kind, outcome] += 1
+                in_session = any(p.name.startswith("ses-") for c in changed for p in c.parents)
+                if in_session and numbers.total() < analysed:
+                    numbers[study.numbers_after(changed)] += 1
                 if outcome == "unnamed":
                     places["unnamed"].append(_said(kind, changed, folder))
                 whole = study.is_repaired(changed) if outcome == "named" else None
@@ -198,6 +223,8 @@ def measure(folder: Path, changes: int, seed: int) -> dict[str, object]:
                     for kind in KINDS},
         "unnamed": sum(n for (_, outcome), n in counts.items() if outcome == "unnamed"),
         "tracebacks": sum(n for (_, outcome), n in counts.items() if outcome == "traceback"),
+        "analysed": numbers.total(),
+        **{what: numbers[what] for what in ("stopped", "same_numbers", "other_numbers")},
         "with_a_copy": sum(repaired.values()),
         "repaired": repaired[True],
         "where": {what: found[:20] for what, found in places.items()},
@@ -213,6 +240,7 @@ def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--changes", type=int, default=10_000)
+    parser.add_argument("--analysed", type=int, default=500)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--keep", type=Path, help="keep the study here, and use it again")
@@ -222,7 +250,7 @@ def main() -> None:
     if not (folder / "exports.jsonl").exists():
         folder = simulated_study(root)
     try:
-        found = measure(folder, options.changes, options.seed)
+        found = measure(folder, options.changes, options.seed, options.analysed)
     finally:
         if options.keep is None:
             shutil.rmtree(root, ignore_errors=True)

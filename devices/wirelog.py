@@ -54,6 +54,8 @@ def read_wire_log(path: Path) -> WireLog:
             raise DataError(f"{path}: no wire log: it is empty or cut in its header") from cause
         if not isinstance(header, dict) or header.get("format") != FORMAT:
             raise DataError(f"{path}: no wire log: its header does not say {FORMAT!r}")
+        if not isinstance(header.get("note", {}), dict):
+            raise DataError(f"{path}: no wire log: the note in its header is damaged")
         if header.get("version") != VERSION:
             raise DataError(
                 f"{path}: wire log version {header.get('version')!r}; this program reads "

@@ -91,6 +91,13 @@ def test_a_wire_log_with_a_record_that_is_no_msgpack_is_refused(
         read_wire_log(path)
 
 
+def test_a_wire_log_whose_note_is_no_map_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.wire"
+    path.write_bytes(msgpack.packb({"format": FORMAT, "version": VERSION, "note": ["role"]}))
+    with pytest.raises(DataError, match="note"):
+        read_wire_log(path)
+
+
 @pytest.mark.parametrize("cell", ["9" * 5000, "1e999999999", "-1e40", "nan", "inf"])
 def test_a_time_of_too_many_digits_is_refused(cell: str, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
