@@ -44,7 +44,10 @@ def register_export(
     """
     folder = where.resolve()
     hashes = {path.resolve().relative_to(folder).as_posix(): sha256_of(path) for path in files}
-    record = {"event": "export", "at": clock.wall_iso(), "what": what, "where": str(folder),
+    root = study_root.resolve()
+    # Relative inside the study, so that it is found again where the study has moved or was copied.
+    at = folder.relative_to(root).as_posix() if folder.is_relative_to(root) else str(folder)
+    record = {"event": "export", "at": clock.wall_iso(), "what": what, "where": at,
               "labels": list(labels), "files": hashes}  # fmt: skip
     path = study_root / REGISTER_NAME
     try:
@@ -75,7 +78,7 @@ def registered_exports(study_root: Path) -> tuple[Export, ...]:
         )
     try:
         return tuple(
-            Export(str(r["at"]), str(r["what"]), Path(str(r["where"])),
+            Export(str(r["at"]), str(r["what"]), study_root.resolve() / str(r["where"]),
                    tuple(map(str, r["labels"])), {str(k): str(v) for k, v in r["files"].items()})
             for r in found.records
         )  # fmt: skip
