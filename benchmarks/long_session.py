@@ -20,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +34,8 @@ SETTINGS = ("repetitions=40", "record_gaze=true")
 """Four hours of walks and more: time ends the session, not the plan."""
 
 PERIOD_S = 5.0
-ENDING_S = 120.0
+ENDING_S = 1800.0
+"""Closing hashes and checks hours of data, which a busy machine does slowly."""
 MAX_GROWTH_01 = 0.05
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -100,14 +101,22 @@ def held_by(pid: int, t_s: float, root: Path) -> Held:
     )
 
 
-def watch(seconds: float, root: Path) -> tuple[list[Held], float]:
-    """Perform a session below `root` for so long; return the readings and the CPU seconds."""
+def watch(seconds: float, root: Path, series: Path) -> tuple[list[Held], float]:
+    """Perform a session below `root` for so long; return the readings and the CPU seconds.
+
+    Every reading is written to `series` at once, so that none is lost with this process.
+    """
     (root / CONFIG_NAME).write_text(EXAMPLE.read_text("utf-8"), "utf-8")
     clock = SystemClock()
     settings = [f"--set={setting}" for setting in SETTINGS]
     command = [sys.executable, "-m", "cli.main", "run", STUDY, "--participant", "1", *settings]
     readings: list[Held] = []
-    with (root / "terminal.txt").open("wb") as terminal:
+    with (
+        (root / "terminal.txt").open("wb") as terminal,
+        series.open("w", newline="", encoding="utf-8") as file,
+    ):
+        rows = csv.DictWriter(file, [field.name for field in fields(Held)])
+        rows.writeheader()
         running = subprocess.Popen(
             command,
             cwd=root,
@@ -120,6 +129,8 @@ def watch(seconds: float, root: Path) -> tuple[list[Held], float]:
         try:
             while (t_s := elapsed.elapsed_s()) < seconds and running.poll() is None:
                 readings.append(held_by(running.pid, t_s, root))
+                rows.writerow(asdict(readings[-1]))
+                file.flush()
                 clock.sleep_until_ns(clock.now_ns() + round(PERIOD_S * NS_PER_S))
             cpu_s = _cpu_s(running.pid)
         finally:
@@ -173,13 +184,9 @@ def main() -> int:
     parser.add_argument("--series", type=Path, help="write every reading here")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=options.output) as scratch:
-        readings, cpu_s = watch(options.hours * 3600, Path(scratch))
+        series = options.series or Path(scratch) / "series.csv"
+        readings, cpu_s = watch(options.hours * 3600, Path(scratch), series)
         found = judge(readings, cpu_s, Path(scratch))
-    if options.series:
-        with options.series.open("w", newline="", encoding="utf-8") as file:
-            rows = csv.DictWriter(file, list(asdict(readings[0])))
-            rows.writeheader()
-            rows.writerows(asdict(held) for held in readings)
     if options.json:
         print(json.dumps({**asdict(found), "is_flat": found.is_flat}))
     else:
