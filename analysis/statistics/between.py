@@ -17,7 +17,7 @@ from analysis.statistics.contrasts import (
     pair_matrix,
 )
 from analysis.statistics.design import Design, Frame, read_design
-from analysis.statistics.effects import partial_eta_squared
+from analysis.statistics.effects import partial_eta_squared, rank_effect
 from analysis.statistics.errors import ConstantResponse
 from analysis.statistics.linear import model_matrix, residual_ss
 from analysis.statistics.ranks import average_ranks, tie_sizes
@@ -80,24 +80,29 @@ class OneWay(Result):
 
 @dataclass(frozen=True)
 class KruskalWallis(Result):
-    """Outcome of the Kruskal-Wallis test, H corrected for ties; `epsilon2` is its effect size."""
+    """Outcome of the Kruskal-Wallis test, H corrected for ties; `effect` is epsilon squared."""
 
     H: float
     df: int
     p: float
-    epsilon2: float
+    effect: Effect
     levels: tuple[str, ...]
     mean_ranks: tuple[float, ...]
     provenance: Provenance
 
+    @property
+    def epsilon2(self) -> float:
+        """Epsilon squared, H over its greatest value."""
+        return self.effect.value
+
     def sentence(self) -> str:
         """Return the result as an APA sentence."""
-        return f"H({self.df}) = {self.H:.2f}, {p_text(self.p)}, ε² = {self.epsilon2:.2f}"
+        return f"H({self.df}) = {self.H:.2f}, {p_text(self.p)}, {self.effect}"
 
     def row(self) -> Row:
         """Return the result as one flat table row."""
         numbers = {"H": self.H, "df": self.df, "p": self.p, "epsilon2": self.epsilon2}
-        return {**numbers, **self.provenance.row()}
+        return {**numbers, **self.effect.row(), **self.provenance.row()}
 
 
 @dataclass(frozen=True)
@@ -281,7 +286,8 @@ def kruskal_wallis(
     ties = tie_sizes(every)
     H = float(H / (1 - (ties**3 - ties).sum() / (N**3 - N)))
     return KruskalWallis(
-        H, k - 1, float(special.chdtrc(k - 1, H)), H / (N - 1), names,
+        H, k - 1, float(special.chdtrc(k - 1, H)), rank_effect("ε²", H / (N - 1), k - 1, N - k),
+        names,
         tuple(float(r.mean()) for r in ranks),
         Provenance("Kruskal-Wallis", N, unit="rows", error_term="ranks, corrected for ties"),
     )  # fmt: skip

@@ -44,6 +44,16 @@ def eta_interval(F: float, df1: float, df2: float, *, level: float = 0.95) -> In
     return Interval(float(low), float(high), level)
 
 
+def rank_effect(name: str, value: float, df1: float, df2: float, *, level: float = 0.95) -> Effect:
+    """Return a share of rank variance (ε² of Kruskal-Wallis, Kendall's W) with its interval.
+
+    Either is eta squared of the ranks, whose F (Conover's, Iman and Davenport's) has df1 and df2;
+    the interval is the noncentral one of that F, as if ranks were normal: an approximation.
+    """
+    F = np.inf if value >= 1 - 1e-12 else value / (1 - value) * df2 / df1
+    return Effect(name, value, eta_interval(float(F), df1, df2, level=level))
+
+
 def _solve_noncentrality(cdf: Callable[[float], float], target: float, start: float) -> float:
     """Find nc ≥ 0 with cdf(nc) = target for a cdf falling in nc; 0 when even nc = 0 is below.
 

@@ -10,9 +10,19 @@ from scipy import special
 
 from analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment, adjust_p
 from analysis.statistics.design import Design, Frame, Levels, read_design
+from analysis.statistics.effects import rank_effect
 from analysis.statistics.errors import ConstantResponse, TooFewLevels
 from analysis.statistics.ranks import average_ranks, tie_sizes
-from analysis.statistics.results import Array, Provenance, Result, Row, f_text, number, p_text
+from analysis.statistics.results import (
+    Array,
+    Effect,
+    Provenance,
+    Result,
+    Row,
+    f_text,
+    number,
+    p_text,
+)
 from analysis.statistics.signed_rank import (
     SignedRank,
     SignedRankMethod,
@@ -28,7 +38,7 @@ class Friedman(Result):
     chi2: float
     df: int
     p: float
-    kendall_w: float
+    effect: Effect
     F: float
     F_df: tuple[int, int]
     p_f: float
@@ -36,11 +46,16 @@ class Friedman(Result):
     mean_ranks: tuple[float, ...]
     provenance: Provenance
 
+    @property
+    def kendall_w(self) -> float:
+        """Kendall's coefficient of concordance."""
+        return self.effect.value
+
     def sentence(self) -> str:
         """Return the result as an APA sentence."""
         return (
-            f"χ²({self.df}) = {number(self.chi2)}, {p_text(self.p)}, Kendall's "
-            f"W = {number(self.kendall_w)}, n = {self.provenance.n}{self._by_f()}"
+            f"χ²({self.df}) = {number(self.chi2)}, {p_text(self.p)}, {self.effect}, "
+            f"n = {self.provenance.n}{self._by_f()}"
         )
 
     def _by_f(self) -> str:
@@ -58,6 +73,7 @@ class Friedman(Result):
             "kendall_W": self.kendall_w,
             "iman_davenport_F": self.F,
             "iman_davenport_p": self.p_f,
+            **self.effect.row(),
             **self.provenance.row(),
         }
 
@@ -116,7 +132,8 @@ def friedman(
     df = (k - 1, (k - 1) * (n - 1))
     F = float("inf") if 1 - W < 1e-12 else (n - 1) * chi2 / (n * (k - 1) - chi2)
     return Friedman(
-        chi2, k - 1, float(special.chdtrc(k - 1, chi2)), W, F, df,
+        chi2, k - 1, float(special.chdtrc(k - 1, chi2)),
+        rank_effect("Kendall's W", W, *df), F, df,
         float(special.fdtrc(*df, F)),
         tuple(str(v) for v in design.factors[0].levels),
         tuple(ranks.mean(axis=0).tolist()),
