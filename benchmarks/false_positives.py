@@ -23,7 +23,7 @@ from analysis.statistics.gee import Family, gee
 from analysis.statistics.lmm import linear_mixed
 from analysis.statistics.power import proportion_interval
 from analysis.statistics.results import Array
-from analysis.statistics_report.prepare import uneven_groups
+from analysis.statistics_report.prepare import uneven_changes, uneven_groups
 
 ALPHA = 0.05
 HELD = (0.03, 0.07)
@@ -276,6 +276,17 @@ def kruskal(frame: Frame, null: str) -> Tested:
     return statistics.kruskal_wallis(frame, "y", factor="g").p, uneven(frame)
 
 
+def correlated(frame: Frame, null: str) -> Tested:
+    """Spearman's correlation of a measure with a score."""
+    return statistics.spearman(frame["x"], frame["y"]).p, ()
+
+
+def grouped_anova(frame: Frame, null: str) -> Tested:
+    """Mixed ANOVA of groups over conditions."""
+    made = statistics.rm_anova(frame, "y", subject="s", within=("c",), between=("g",))
+    return made.effect(null).p_used, uneven_changes(made.design)
+
+
 # ---- situations ----
 
 FACTORIAL: Mapping[str, Test] = {
@@ -288,6 +299,8 @@ TRIALS: Mapping[str, Test] = {"lmm": trial_model, "gee": equations("gaussian")}
 TWO_GROUPS: Mapping[str, Test] = {
     "t": welch_t, "student": student_t, "mannwhitney": mann_whitney,
 }  # fmt: skip
+SCORES: Mapping[str, Test] = {"spearman": correlated}
+GROUPED: Mapping[str, Test] = {"rm": grouped_anova}
 MORE_GROUPS: Mapping[str, Test] = {
     "welch": welch_anova, "anova": classic_anova, "kruskal": kruskal,
 }  # fmt: skip
@@ -329,6 +342,25 @@ def situations() -> list[Situation]:
         z = people(rng, NO_A + B_EFFECT, differ=0.7)
         return tidy(rating(trials_of(z, rng, 3)))
 
+    def scores(bend: Callable[[Array], Array], n: int) -> Callable[[np.random.Generator], Frame]:
+        return lambda rng: {
+            "x": np.round(46 + 21 * rng.normal(size=n)),
+            "y": bend(rng.normal(size=n)),
+        }
+
+    def over_conditions(
+        sizes: tuple[int, int], sds: tuple[float, float]
+    ) -> Callable[[np.random.Generator], Frame]:
+        g = np.repeat([0, 1], sizes)
+
+        def make(rng: np.random.Generator) -> Frame:
+            y = rng.normal(size=(g.size, 3)) * np.array(sds)[g][:, None]
+            y = y + rng.normal(size=(g.size, 1)) + np.array([0.0, 0.8, 1.6])
+            frame = tidy(y[:, :, None])
+            return {"s": frame["s"], "c": frame["A"], "g": g[frame["s"]], "y": frame["y"]}
+
+        return make
+
     same: Callable[[Array], Array] = np.asarray
     return [
         *within("normal", lambda z, rng: z),
@@ -350,6 +382,14 @@ def situations() -> list[Situation]:
                   lambda rng: groups(rng, (10, 10), (1, 1), np.exp), TWO_GROUPS),
         Situation("groups of 6, 10, 18, SD 3, 2, 1", "g",
                   lambda rng: groups(rng, (6, 10, 18), (3, 2, 1), same), MORE_GROUPS),
+        Situation("score of 30 people, normal", "r", scores(same, 30), SCORES),
+        Situation("score of 30 people, lognormal", "r", scores(np.exp, 30), SCORES),
+        Situation("score of 9 people, ratings", "r", scores(rating, 9), SCORES),
+        Situation("groups of 12 and 12 over conditions", "c:g",
+                  over_conditions((12, 12), (1, 1)), GROUPED),
+        Situation("groups of 8 and 23 over conditions", "c:g",
+                  over_conditions((8, 23), (1, 1)), GROUPED),
+        Situation("the same, SD 3 and 1", "c:g", over_conditions((8, 23), (3, 1)), GROUPED),
     ]  # fmt: skip
 
 

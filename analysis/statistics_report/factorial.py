@@ -51,6 +51,7 @@ from analysis.statistics_report.prepare import (
     read,
     samples_of,
     tested_rows,
+    uneven_changes,
     uneven_groups,
 )
 from analysis.statistics_report.table_file import DataTable
@@ -129,7 +130,7 @@ def _art(table: DataTable, q: Question) -> Outcome:
         transform=cast(Transform, q.transform), correction=_correction(q, "gg"), alpha=q.alpha,
     )  # fmt: skip
     families = _Families(q, lambda effect: _art_has_contrasts(made, effect))
-    families.notes += _beside_listwise(table, q, made)
+    families.notes += [*_beside_listwise(table, q, made), *uneven_changes(made.design)]
     for effect in made.effects:
         if families.wanted(effect, adjust):
             _art_contrasts(families, made, effect, adjust)
@@ -212,6 +213,7 @@ def _rm(table: DataTable, q: Question) -> Outcome:
     path = [f"Has every subject every cell: n = {design.n} → yes"]
     path += _sphericity_path(made)
     families = _Families(q, _is_main)
+    families.notes += uneven_changes(made.design)
     for effect in made.effects:
         if families.wanted(effect, adjust):
             _mean_contrasts(families, made, effect, adjust)
@@ -254,7 +256,9 @@ def _mixed(table: DataTable, q: Question) -> Outcome:
     )  # fmt: skip
     state = "yes" if made.design.is_complete else "no, the model uses what is there"
     families = _Families(q, lambda effect: False)
-    families.notes += [*_beside_listwise(table, q, made), *_not_spherical(table, q)]
+    families.notes += [
+        *_beside_listwise(table, q, made), *_not_spherical(table, q), *uneven_changes(made.design),
+    ]  # fmt: skip
     path = [f"Has every subject every cell: n = {made.design.n} → {state}"]
     return _anova_outcome(table, q, prepared, made, families, path)
 

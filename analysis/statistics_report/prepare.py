@@ -125,13 +125,42 @@ def uneven_groups(design: Design, instead: str) -> tuple[str, ...]:
     found = [
         (float(person[group == g].std(ddof=1)), int((group == g).sum())) for g in np.unique(group)
     ]
+    return _if_uneven(found, "SD", instead)
+
+
+def uneven_changes(design: Design) -> tuple[str, ...]:
+    """Note groups in which people's differences between conditions spread differently far.
+
+    Interactions of group and condition pool them. Nothing without both kinds of factors.
+    """
+    if not design.between or not design.within or not design.is_complete:
+        return ()
+    group = np.ravel_multi_index(design.group_of_subject, tuple(f.k for f in design.between))
+    table = design.table(design.y).reshape(design.n, -1)
+    off = table - table.mean(axis=1, keepdims=True)
+    found = []
+    for g in np.unique(group):
+        own = off[group == g]
+        df = (len(own) - 1) * (own.shape[1] - 1)
+        if df == 0:
+            return ()
+        found.append((float(np.sqrt(((own - own.mean(axis=0)) ** 2).sum() / df)), len(own)))
+    return _if_uneven(
+        found,
+        "the SD of people's differences between conditions",
+        "each group by itself, or the groups' differences by the test t, which is Welch's",
+    )
+
+
+def _if_uneven(found: Sequence[tuple[float, int]], what: str, instead: str) -> tuple[str, ...]:
+    """Note spreads of groups, each with its size, that differ too far to be pooled."""
     (low, n_low), (high, n_high) = min(found), max(found)
     if high < MAX_SPREAD_RATIO * low or n_low == n_high:
         return ()
     return (
-        f"SD is {number(high)} in a group of {n_high} and {number(low)} in one of {n_low}; with "
-        f"unequal sizes this test then finds differences that are not there, or misses some: take "
-        f"{instead}",
+        f"{what} is {number(high)} in a group of {n_high} and {number(low)} in one of {n_low}; "
+        "with unequal sizes this test then finds differences that are not there, or misses some: "
+        f"take {instead}",
     )
 
 

@@ -186,3 +186,20 @@ def test_groups_that_spread_unequally_bring_a_warning_where_spread_is_pooled(tes
     assert any(n.startswith("SD is") and "6 and" in n for n in answer(frame, question).notes)
     welch = Question("t", dv="y", between=("g",))
     assert not any("SD is" in note for note in answer(frame, welch).notes)
+
+
+@pytest.mark.parametrize("test", ["rm", "art", "mixed"])
+def test_groups_whose_changes_spread_unequally_bring_a_warning_about_pooling_them(
+    test: str,
+) -> None:
+    rng = np.random.default_rng(4)
+    s, c = np.repeat(np.arange(24), 3), np.tile([0, 1, 2], 24)
+    frame = pd.DataFrame({"s": s, "c": c, "g": np.where(s < 6, "few", "many")})
+    frame["y"] = rng.normal(size=72) + rng.normal(0, 5, 24)[s]
+    question = Question(test, dv="y", within=("c",), between=("g",), subject="s")
+    assert not any("differences between" in note for note in answer(frame, question).notes)
+    few = frame["s"] < 6
+    frame.loc[few, "y"] += rng.normal(0, 4, 18)
+    told = [n for n in answer(frame, question).notes if "differences between conditions" in n]
+    assert 1 == len(told)
+    assert "in a group of 6 and" in told[0]
