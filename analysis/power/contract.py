@@ -1,7 +1,8 @@
 """What a study offers so that its power can be simulated."""
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
@@ -54,6 +55,15 @@ class PrintedTest:
         critical = float(special.fdtri(self.df1, df2, 1 - alpha / self.n_tests))
         noncentrality = self.df1 * self.F * n / self.n
         return float(1 - special.ncfdtr(self.df1, df2, noncentrality, critical))
+
+    @property
+    def dz(self) -> float:
+        """The standardised difference of a paired t test; NaN for an F of more than one df."""
+        return math.sqrt(self.F / self.n) if self.df1 == 1 else float("nan")
+
+    def of_dz(self, dz: float) -> "PrintedTest":
+        """Return the same test as if it had found another standardised difference."""
+        return replace(self, F=dz**2 * self.n)
 
 
 class PowerStudy(Protocol):

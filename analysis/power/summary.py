@@ -188,9 +188,26 @@ def _printed_notes(
         if parted:
             told += (
                 f"; WARNING: simulated people part from it at n = {', '.join(parted)}: "
-                "plan with the smaller power of the two"
+                f"plan with the smaller power of the two{_why_parted(study, test, request)}"
             )
         yield told
+
+
+def _why_parted(study: PowerStudy, test: TestPower, request: PowerRequest) -> str:
+    """Say how much of the parting is the size of the difference, and how much its shape."""
+    printed = study.printed[test.name]
+    last = request.numbers[-1]
+    # dz of a few people is too large on average (Hedges)
+    dz = abs(test.standardised) * (1 - 3 / (4 * (last - 1) - 1))
+    if not np.isfinite(dz) or not np.isfinite(printed.dz):
+        return ""
+    alone = ", ".join(
+        f"{number(printed.of_dz(dz).power(n, request.alpha))} at {n}" for n in request.numbers
+    )
+    return (
+        f". They differ by dz {number(dz)}, the printed statistic by {number(printed.dz)}: that "
+        f"alone gives {alone}; the rest is the shape of their differences, which are not normal"
+    )
 
 
 def _mean(values: list[float]) -> float:
