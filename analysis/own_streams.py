@@ -107,7 +107,7 @@ def _described(recording: Recording, name: str) -> OwnStream:
         columns=tuple(
             _column(column, field.unit, t_ns, values.astype(np.float64))
             for field in fields
-            if field.dtype != "u1" or not field.shape  # bytes of a text
+            if field.unit != "ns" and (field.dtype != "u1" or not field.shape)  # times, texts
             for column, values in flattened(field.name, arrays[field.name])
         ),
     )

@@ -22,6 +22,7 @@ from devices.contracts import (
     EyeTracker,
     Headset,
     ResponseInput,
+    TriggerOutput,
     body_schema,
 )
 from lab.errors import DeviceError
@@ -220,6 +221,33 @@ def check_armband(make: Callable[[], Armband], let_pass: LetPass) -> None:
     )
     device.close()
     device.silence()
+
+
+def check_trigger_output(
+    make: Callable[[], TriggerOutput], let_pass: LetPass, *, mark: str = "trial_start"
+) -> None:
+    """Check that every pulse has a row, in order, with its stamps; `mark` is one with a code."""
+    device = make()
+    device.open(OPEN_DEADLINE_S)
+    batches: list[SampleBatch] = []
+    device.start(batches.append)
+    let_pass(STEP_S)
+    device.poll(0.0)
+    _promise(not device.trigger("no_such_mark", 0), "a mark without a code is not sent")
+    for number in range(3):
+        _promise(device.trigger(mark, number), "trigger() says that a mark has a code")
+    for _ in range(50):
+        let_pass(STEP_S)
+        device.poll(0.0)
+    device.stop()
+    rows = np.concatenate([batch.values for batch in batches])
+    _promise(rows["t_commanded_ns"].tolist() == [0, 1, 2], "every mark gives one row, in order")
+    _promise(len(set(rows["code"].tolist())) == 1, "the row holds the code")
+    _promise(bool((rows["t_before_ns"] <= rows["t_after_ns"]).all()), "before is before after")
+    _promise(bool((rows["t_after_ns"] < rows["t_released_ns"]).all()), "a pulse has a width")
+    later = rows["t_before_ns"][1:] >= rows["t_released_ns"][:-1]
+    _promise(bool(later.all()), "a pulse waits for the one before")
+    device.close()
 
 
 def collect(device: Device, let_pass: LetPass, *, seconds: float = 1.0) -> list[SampleBatch]:

@@ -353,3 +353,15 @@ class BodyTracker(Device, Protocol):
     def segments(self) -> tuple[str, ...]:
         """Names of the segments, joints of the canonical skeleton ("left_lower_arm")."""
         ...
+
+
+@runtime_checkable
+class TriggerOutput(Device, Protocol):
+    """Lines to an amplifier; delivers a stream of pulses, a row for each when it ended."""
+
+    def trigger(self, mark: str, t_ns: int) -> bool:
+        """Send the code of a mark of this session time, if it has one; say whether it has.
+
+        Never raises: what did not reach the lines is told in the stream and by `check`.
+        """
+        ...

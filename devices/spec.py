@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from devices.transports import MessageTransport
     from lab.clock import Clock
 
-Kind = Literal["eye tracker", "headset", "responses", "body tracker", "armband", "other"]
+Kind = Literal[
+    "eye tracker", "headset", "responses", "body tracker", "armband", "triggers", "other"
+]
 O = TypeVar("O", bound=Options)  # noqa: E741 - of options
 
 

@@ -64,7 +64,7 @@ def role_states(lab: LabConfig) -> tuple[RoleState, ...]:
 
 def driver_states() -> tuple[DriverState, ...]:
     """Return every driver known here, eye trackers first."""
-    order = ("eye tracker", "headset", "responses", "body tracker", "armband", "other")
+    order = ("eye tracker", "headset", "responses", "body tracker", "armband", "triggers", "other")
     states = []
     for facts in driver_specs():
         missing = _missing(facts)

@@ -15,6 +15,7 @@ from devices.contracts import (
     Headset,
     Health,
     ResponseInput,
+    TriggerOutput,
 )
 from devices.pump import Pump
 from lab.clock import NS_PER_S, Clock
@@ -59,6 +60,7 @@ class RunningRig:
         self._clock = clock
         self._devices = rig.by_role()
         self._bands = {r: d for r, d in self._devices.items() if isinstance(d, Armband)}
+        self._triggers = [d for d in self._devices.values() if isinstance(d, TriggerOutput)]
         tracker = self._devices.get("body_tracker")
         self._segments = tracker.segments if isinstance(tracker, BodyTracker) else ()
         self._pumps = {
@@ -104,7 +106,12 @@ class RunningRig:
         }
 
     def mark(self, text: str, t_ns: int) -> None:
-        """Mark the eye tracker's own recording, where it keeps one; never waits for it."""
+        """Send a mark's trigger, and mark the eye tracker's own recording, where there are such.
+
+        The trigger is that of the mark's first word. Never waits for the tracker.
+        """
+        for device in self._triggers:
+            device.trigger(text.partition(" ")[0], t_ns)
         tracker = self._rig.eye_tracker
         if tracker is not None and "annotation" in tracker.info.capabilities:
             with contextlib.suppress(DeviceError):  # it is away, which the session hears elsewhere

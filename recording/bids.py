@@ -39,6 +39,8 @@ from recording.reader import (
 from recording.stream_file import Columns
 
 BIDS_VERSION = "1.11.1"
+NO_TIME = -(2**63)
+"""What stands in a stream for a time that nobody knows: `devices.streams.NO_DEVICE_TIME`."""
 NOTHING_SAID = DatasetAbout()
 
 _EYES = (
@@ -545,7 +547,11 @@ def _event_rows(name: str, arrays: Columns, zero_ns: int) -> list[dict[str, Any]
     return [
         {
             **_event_row(name, row["t_host_ns"], row["t_host_ns"], zero_ns),
-            **{f"{name}_{key}": value for key, value in row.items() if key != "t_host_ns"},
+            **{
+                f"{name}_{key}": None if value == NO_TIME else value
+                for key, value in row.items()
+                if key != "t_host_ns"
+            },
         }
         for row in table.to_dict("records")
     ]

@@ -18,9 +18,14 @@ ROLES = {
     "responses": "responses",
     "body tracker": "body_tracker",
     "armband": "armband_left_forearm",
+    "triggers": "triggers",
     "other": "eeg",
 }
+CODES = {"codes": {"trial_start": 1, "trial_end": 2}}
 NEEDED = {
+    **dict.fromkeys(
+        ("serial_triggers", "parallel_triggers", "labjack_triggers", "lsl_triggers"), CODES
+    ),
     "openvr_trackers": {"worn": {"LHR-0A": "left_hand"}},
     "lsl_body": {"objects": {"Wand": "right_hand"}},
     "natnet": {"multicast_group": ""},
@@ -70,6 +75,7 @@ def checks_of(driver):
         "body tracker": conformance.check_body_tracker,
         "responses": conformance.check_response_input,
         "armband": conformance.check_armband,
+        "triggers": conformance.check_trigger_output,
     }
     kind = built_in()[driver].kind
     return {**found, kind: own[kind]} if kind in own else found

@@ -24,6 +24,7 @@ def rules_for(*devices):
 @pytest.mark.parametrize(
     ("driver", "expected"),
     [
+        ("labjack_triggers", 'SUBSYSTEM=="usb", ATTR{idVendor}=="0403", ATTR{idProduct}=="6001"'),
         ("serial_armband", 'SUBSYSTEM=="tty", ATTRS{idVendor}=="0403", ATTRS{idProduct}=="6001"'),
         ("hid_armband", 'KERNEL=="hidraw*", ATTRS{idVendor}=="0403", ATTRS{idProduct}=="6001"'),
         ("usb_armband", 'SUBSYSTEM=="usb", ATTR{idVendor}=="0403", ATTR{idProduct}=="6001"'),

@@ -40,6 +40,7 @@ GUARDED = {
     ("devices/testing/armband_pty.py", "os.openpty"): "sys.platform; DeviceNotFound on Windows",
     ("devices/testing/armband_pty.py", "os.ttyname"): "sys.platform; DeviceNotFound on Windows",
     ("devices/testing/armband_pty.py", "os.set_blocking"): "sys.platform; as above",
+    ("devices/drivers/triggers/links.py", "fcntl"): "sys.platform; by address on Windows",
     ("recording/lock.py", "fcntl"): "sys.platform; msvcrt on Windows",
     ("recording/durable.py", "shutil.chown"): "sys.platform; folders are personal on Windows",
     ("visavis/sessions/simulation.py", "os.sched_getaffinity"): "sys.platform; cpu_count",

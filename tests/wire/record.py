@@ -36,8 +36,8 @@ def record(driver: str, folder: Path = FOLDER) -> Path:
     kind = built_in()[driver].kind
 
     def check(make, let_pass):  # type: ignore[no-untyped-def]  # as the suite's checks are
-        if kind == "armband":
-            checks_of(driver)["armband"](make, let_pass)
+        if kind in ("armband", "triggers"):
+            checks_of(driver)[kind](make, let_pass)
         elif kind == "headset":
             check_headset(make, n_frames=FRAMES)
         else:
@@ -80,8 +80,9 @@ def decoded(driver: str) -> dict[str, dict[str, float | int]]:
 
 
 def wired() -> list[str]:
-    """Return the drivers that have a wire, except bands: what those say answers a command."""
-    return [d for d, f in sorted(built_in().items()) if f.wire != "none" and f.kind != "armband"]
+    """Return the drivers that have a wire and speak by themselves, unlike bands and triggers."""
+    told = ("armband", "triggers")
+    return [d for d, f in sorted(built_in().items()) if f.wire != "none" and f.kind not in told]
 
 
 def main() -> None:

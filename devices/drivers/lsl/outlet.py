@@ -64,7 +64,7 @@ class LslOutlets:
     ) -> None:
         self._clock = clock
         self._offset_of = offset_of
-        self._lsl = lsl if lsl is not None else _library()
+        self._lsl = lsl if lsl is not None else lsl_library()
         if configuration := scope.configuration():
             self._lsl.set_config_content(configuration)
         self.clock_difference_ns = self._measure_difference()
@@ -146,7 +146,8 @@ def _copy(source: Element, target: Any) -> None:
             target.append_child_value(child.tag, child.text or "")
 
 
-def _library() -> Any:
+def lsl_library() -> Any:
+    """Return pylsl; raises DeviceNotFound where it cannot be loaded."""
     try:
         import pylsl
     except (ImportError, RuntimeError) as cause:  # RuntimeError: liblsl itself is missing

@@ -1,0 +1,313 @@
+"""Put the session's marks as codes on lines: parallel port, serial box, LabJack, LSL.
+
+A mark is written from the thread that makes it, at once; the end of its pulse, and marks that have
+to wait for it, are written while the device is polled. Every pulse is a row of its stream.
+"""
+
+import contextlib
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from devices.byte_links import ByteLink
+from devices.contracts import NO_DEVICE_TIME, ClockPair, DeviceState, Fault, Health, Sink
+from devices.drivers.triggers.labjack_codec import AnswerReader, lines_out, set_lines
+from devices.drivers.triggers.pulses import Pulse, PulseTrain, Step
+from devices.lifecycle import Lifecycle
+from devices.meter import StreamMeter
+from devices.spec import AnySpec
+from lab.clock import NS_PER_S, Clock
+from lab.errors import DeviceDisconnected, DeviceError, DeviceTimeout
+from lab.schema import Field, SampleBatch, StreamSchema
+
+AGAIN_NS = NS_PER_S // 2
+ANSWER_S = 0.5
+
+PULSES = (
+    Field("code", "u2", "", description="what stood on the lines"),
+    Field("t_commanded_ns", "i8", "ns", description="frame time of the mark"),
+    Field("t_before_ns", "i8", "ns", description="before it was written; NO_DEVICE_TIME: never"),
+    Field("t_after_ns", "i8", "ns", description="when the wire had taken it"),
+    Field("t_released_ns", "i8", "ns", description="when the end of the pulse was taken"),
+)
+"""A row is stamped (`t_host_ns`) when its code was taken. The code rose between `t_before_ns` and
+`t_after_ns`, but for a delay of the device itself."""
+
+
+class TriggerOut:
+    """Follow the `Device` and `TriggerOutput` contracts on a wire where a byte sets the lines.
+
+    `codes` gives the code, 1 to 255, of every mark that is sent; other marks are not.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        link: ByteLink,
+        clock: Clock,
+        *,
+        spec: AnySpec,
+        codes: Mapping[str, int],
+        width_ms: float,
+        settle_ms: float,
+        hello: bytes = b"",
+        encode: Callable[[int], bytes] = lambda code: bytes((code,)),
+        answers: bool = False,
+    ) -> None:
+        self._spec = spec
+        self._link = link
+        self._clock = clock
+        self._codes = dict(codes)
+        self._times = (width_ms, settle_ms)
+        self._hello = hello or encode(0)
+        self._encode = encode
+        self._answers = answers
+        self._life = Lifecycle(role)
+        self._schema = StreamSchema(role, PULSES, 0.0)
+        self._lock = threading.RLock()
+        self._wake = threading.Event()
+        self._sink: Sink | None = None
+        self._gone: DeviceError | None = None
+        self._begin()
+        self.info = spec.info(role, link)
+
+    @property
+    def state(self) -> DeviceState:
+        """Where it is in its life; FAULT while the device is gone."""
+        return self._life.state
+
+    def open(self, deadline_s: float) -> None:
+        """Open the wire and bring every line low."""
+        self._life.require("open", DeviceState.CLOSED)
+        try:
+            self._connect(deadline_s)
+        except DeviceError:
+            self._link.close()
+            raise
+        self.info = replace(
+            self.info, transport=self._link.kind, is_simulated=self._link.is_simulated
+        )
+        self._life.state = DeviceState.OPEN
+
+    def describe(self) -> tuple[StreamSchema, ...]:
+        """Return the stream of pulses."""
+        return (self._schema,)
+
+    def start(self, sink: Sink) -> None:
+        """Begin sending marks."""
+        self._life.require("start", DeviceState.OPEN)
+        with self._lock:
+            self._begin()
+            self._sink = sink
+            self._life.state = DeviceState.STREAMING
+
+    def trigger(self, mark: str, t_ns: int) -> bool:
+        """Send the code of a mark, if it has one; say whether it has. Never raises."""
+        code = self._codes.get(mark)
+        if code is None or self._life.state not in (DeviceState.STREAMING, DeviceState.FAULT):
+            return False
+        with self._lock:
+            self._train.ask(code, t_ns)
+            if self._life.state is DeviceState.FAULT:
+                self._drop()
+            else:
+                self._write_what_is_due()
+        self._wake.set()
+        return True
+
+    def poll(self, timeout_s: float) -> int:
+        """End pulses that have stood long enough; deliver those that ended. See the contract."""
+        self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
+        if self._life.state is DeviceState.FAULT and self._gone is None:
+            self._reconnect(timeout_s)
+        else:
+            self._wait(timeout_s)
+        with self._lock:
+            if self._life.state is DeviceState.STREAMING:
+                self._write_what_is_due()
+                self._hear()
+            delivered = self._deliver()
+            gone, self._gone = self._gone, None
+        if gone is not None:
+            raise DeviceDisconnected(
+                str(gone), role=self.info.role, remedy=self._spec.remedy
+            ) from gone
+        return delivered
+
+    def stop(self) -> None:
+        """Bring the lines low and stop sending; the wire stays open."""
+        self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
+        with self._lock:
+            self._rest()
+            self._deliver()
+            self._sink = None
+            self._life.state = DeviceState.OPEN
+
+    def close(self) -> None:
+        """Bring the lines low and close the wire; idempotent."""
+        with self._lock:
+            if self._life.state is not DeviceState.CLOSED:
+                self._rest()
+            self._sink = None
+            self._link.close()
+            self._life.state = DeviceState.CLOSED
+
+    def health(self) -> Health:
+        """Report the pulses delivered."""
+        return self._meter.health(self.state, self._clock.now_ns())
+
+    def check(self) -> tuple[Fault, ...]:
+        """Tell of marks that never reached the lines, and of answers that speak of errors."""
+        found = []
+        for count, text in (
+            (self._lost, "marks never reached the lines"),
+            (self._refused, "codes were refused by the device"),
+            (self._reader.damaged, "bytes of answers could not be read"),
+        ):
+            if count:
+                fault = Fault(self.info.role, "warning", f"{count} {text}", self._spec.remedy)
+                found.append(fault)
+        return tuple(found)
+
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return nothing: lines have no clock."""
+        return ()
+
+    # ---- inside -----------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        self._train = PulseTrain(*self._times)
+        self._meter = StreamMeter(0.0)
+        self._reader = AnswerReader()
+        self._begun: dict[int, tuple[int, int]] = {}
+        self._rows: list[tuple[int, ...]] = []
+        self._seq = self._lost = self._refused = self._retry_ns = 0
+        self._gone = None
+
+    def _connect(self, deadline_s: float) -> None:
+        deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
+        self._link.open(deadline_s)
+        self._link.write(self._hello)
+        reader = AnswerReader()
+        while self._answers:
+            left_s = (deadline_ns - self._clock.now_ns()) / NS_PER_S
+            if left_s <= 0:
+                text = "the device does not answer"
+                raise DeviceTimeout(text, role=self.info.role, remedy=self._spec.remedy)
+            for chunk in self._link.read(min(left_s, ANSWER_S)):
+                for error in reader.feed(chunk.data):
+                    if error:
+                        text = f"the device refuses to set its lines (error {error})"
+                        raise DeviceError(text, role=self.info.role, remedy=self._spec.remedy)
+                    return
+
+    def _wait(self, timeout_s: float) -> None:
+        """Wait until the lines have to change, or a mark comes; with 0 not at all."""
+        due_ns = self._train.due_ns()
+        now_ns = self._clock.now_ns()
+        if due_ns is not None:
+            timeout_s = min(timeout_s, (due_ns - now_ns) / NS_PER_S)
+        if timeout_s <= 0:
+            return
+        if due_ns is None and not self._clock.is_virtual:
+            self._wake.wait(timeout_s)
+            self._wake.clear()
+        else:
+            self._clock.sleep_until_ns(now_ns + round(timeout_s * NS_PER_S))
+
+    def _write_what_is_due(self) -> None:
+        while (step := self._train.step(self._clock.now_ns())) is not None:
+            before_ns = self._clock.now_ns()
+            try:
+                after_ns = self._link.write(self._encode(step.pulse.code if step.begins else 0))
+            except DeviceError as problem:
+                self._lose(problem)
+                return
+            self._train.written(step, after_ns)
+            self._note(step, before_ns, after_ns)
+
+    def _note(self, step: Step, before_ns: int, after_ns: int) -> None:
+        if step.begins:
+            self._begun[step.pulse.number] = (before_ns, after_ns)
+        else:
+            self._row(step.pulse, *self._begun.pop(step.pulse.number), after_ns)
+
+    def _row(self, pulse: Pulse, before_ns: int, after_ns: int, released_ns: int) -> None:
+        row = (pulse.number, pulse.code, pulse.t_commanded_ns, before_ns, after_ns, released_ns)
+        self._rows.append(row)
+
+    def _hear(self) -> None:
+        if not self._answers:
+            return
+        try:
+            for chunk in self._link.read(0.0):
+                self._refused += sum(error != 0 for error in self._reader.feed(chunk.data))
+        except DeviceError as problem:
+            self._lose(problem)
+
+    def _lose(self, problem: DeviceError) -> None:
+        self._link.close()
+        self._life.state = DeviceState.FAULT
+        self._gone = problem
+        self._retry_ns = self._clock.now_ns() + AGAIN_NS
+        self._drop()
+
+    def _drop(self, released_ns: int = NO_DEVICE_TIME) -> None:
+        """Record the pulse that stood, and that the marks which wait were never sent."""
+        stood, never = self._train.forget()
+        if stood is not None:
+            self._row(stood, *self._begun.pop(stood.number), released_ns)
+        for pulse in never:
+            self._lost += 1
+            self._row(pulse, NO_DEVICE_TIME, NO_DEVICE_TIME, NO_DEVICE_TIME)
+
+    def _reconnect(self, timeout_s: float) -> None:
+        now_ns = self._clock.now_ns()
+        if now_ns >= self._retry_ns:
+            try:
+                self._connect(max(timeout_s, 0.05))
+            except DeviceError:
+                self._link.close()
+                self._retry_ns = now_ns + AGAIN_NS
+            else:
+                self._life.state = DeviceState.STREAMING
+                return
+        if timeout_s > 0:
+            self._clock.sleep_until_ns(now_ns + round(timeout_s * NS_PER_S))
+
+    def _rest(self) -> None:
+        """Bring the lines low, whatever stood on them."""
+        released_ns = NO_DEVICE_TIME
+        if self._life.state is not DeviceState.FAULT:
+            with contextlib.suppress(DeviceError):  # it is gone, and so are its lines
+                released_ns = self._link.write(self._encode(0))
+        self._drop(released_ns)
+
+    def _deliver(self) -> int:
+        if not self._rows or self._sink is None:
+            return 0
+        rows, self._rows = self._rows, []
+        values = np.array([row[1:] for row in rows], np.int64)
+        packed = np.zeros(len(rows), self._schema.dtype)
+        for column, field in zip(values.T, self._schema.fields, strict=True):
+            packed[field.name] = column
+        now_ns = self._clock.now_ns()
+        numbers = np.arange(self._seq, self._seq + len(rows))
+        self._seq += len(rows)
+        nothing = np.full(len(rows), NO_DEVICE_TIME)
+        self._meter.update(values[:, 3].tolist(), now_ns)
+        host = np.where(values[:, 3] == NO_DEVICE_TIME, now_ns, values[:, 3])  # t_after_ns
+        self._sink(SampleBatch(self._schema, numbers, nothing, host, packed))
+        return len(rows)
+
+
+def labjack(
+    role: str, link: ByteLink, clock: Clock, spec: AnySpec, **options: object
+) -> TriggerOut:
+    """Return triggers on the lines EIO0-7 of a LabJack."""
+    return TriggerOut(
+        role, link, clock, spec=spec, hello=lines_out(), encode=set_lines, answers=True,
+        **options,  # type: ignore[arg-type]  # they were checked by the option model
+    )  # fmt: skip

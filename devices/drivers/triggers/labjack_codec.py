@@ -1,0 +1,71 @@
+"""Low-level function Feedback of LabJack's U3 and U6: eight lines EIO0-7 set at once.
+
+Held against LabJackPython, which packs the same bytes. Source: U3 User's Guide, 5.2.5.
+"""
+
+from collections.abc import Iterator
+
+COMMAND = 0xF8
+PORT_STATE_WRITE, PORT_DIRECTION_WRITE = 27, 29
+EIO = (0, 0xFF, 0)
+"""Write mask of FIO, EIO, CIO."""
+HEADER = 6
+
+
+def feedback(commands: bytes) -> bytes:
+    """Return a Feedback packet with both checksums."""
+    body = b"\0" + commands  # echo, then the commands
+    body += b"\0" * (len(body) % 2)
+    total = sum(body) & 0xFFFF
+    head = bytes((COMMAND, len(body) // 2, 0, total & 0xFF, total >> 8))
+    return bytes((_folded(head),)) + head + body
+
+
+def lines_out() -> bytes:
+    """Return the packet that makes EIO outputs, all low."""
+    write = bytes((PORT_STATE_WRITE, *EIO, 0, 0, 0))
+    return feedback(write + bytes((PORT_DIRECTION_WRITE, *EIO, *EIO)))
+
+
+def set_lines(code: int) -> bytes:
+    """Return the packet that puts a code, 0 to 255, on EIO0-7."""
+    return feedback(bytes((PORT_STATE_WRITE, *EIO, 0, code, 0)))
+
+
+class AnswerReader:
+    """Find answers to Feedback in bytes cut anywhere; `damaged` counts bytes that are none."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self.damaged = 0
+
+    def feed(self, data: bytes) -> Iterator[int]:
+        """Yield the error code of every answer, 0 where it was carried out."""
+        self._rest += data
+        while len(self._rest) >= HEADER:
+            found = _answer(self._rest)
+            if found is None:
+                self.damaged += 1
+                self._rest = self._rest[1:]
+            elif len(self._rest) < found:
+                return
+            else:
+                packet, self._rest = self._rest[:found], self._rest[found:]
+                total = sum(packet[HEADER:]) & 0xFFFF
+                if packet[4] | packet[5] << 8 == total:
+                    yield packet[6]
+                else:
+                    self.damaged += len(packet)
+
+
+def _answer(data: bytes) -> int | None:
+    """Return how long the answer is that begins here; None where none does."""
+    if data[1] != COMMAND or data[3] != 0 or not 0 < data[2] <= 29:
+        return None
+    return HEADER + 2 * data[2] if data[0] == _folded(data[1:HEADER]) else None
+
+
+def _folded(data: bytes) -> int:
+    total = sum(data)
+    total = (total & 0xFF) + (total >> 8)
+    return (total & 0xFF) + (total >> 8)

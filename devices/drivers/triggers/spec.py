@@ -1,0 +1,166 @@
+"""Triggers out: options, wires, simulators."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field, field_validator
+
+from devices.drivers.links.options import SerialOptions
+from devices.libraries import LSL, SERIAL, USB
+from devices.options import SimulatedOptions
+from devices.spec import AnySpec, DriverSpec, Site, imported, spoken_by
+
+if TYPE_CHECKING:
+    from devices.byte_links import ByteLink
+    from devices.contracts import Device
+
+LABJACK_VID, U3_PID = 0x0CD5, 0x0003
+
+
+class TriggerOptions(SimulatedOptions):
+    """Which code, 1 to 255, stands for which mark; how long it stands, and the rest after it."""
+
+    codes: dict[str, int] = Field(min_length=1)
+    width_ms: float = Field(default=5.0, ge=0.1, le=1000)
+    settle_ms: float = Field(default=2.0, ge=0, le=1000)
+
+    @field_validator("codes")
+    @classmethod
+    def _fit(cls, codes: dict[str, int]) -> dict[str, int]:
+        wrong = {mark: code for mark, code in codes.items() if not 1 <= code <= 255}
+        if wrong:
+            mark, code = next(iter(wrong.items()))
+            raise ValueError(f"{mark}: {code} is no code: eight lines hold 1 to 255")
+        return codes
+
+    def for_trigger(self) -> dict[str, Any]:
+        """Return what the driver is constructed with, beside role, wire and clock."""
+        return {"codes": self.codes, "width_ms": self.width_ms, "settle_ms": self.settle_ms}
+
+
+class SerialTriggerOptions(TriggerOptions, SerialOptions):
+    """Options of `serial_triggers`."""
+
+    baud: int = Field(default=115_200, ge=1200, le=3_000_000)
+
+
+class ParallelTriggerOptions(TriggerOptions):
+    """Options of `parallel_triggers`: "/dev/parport0", or on Windows an address, "0x378"."""
+
+    port: str = "/dev/parport0"
+
+
+class LabJackTriggerOptions(TriggerOptions):
+    """Options of `labjack_triggers`; `pid` 3 is a U3, 6 a U6."""
+
+    vid: int = Field(default=LABJACK_VID, ge=0, le=0xFFFF)
+    pid: int = Field(default=U3_PID, ge=0, le=0xFFFF)
+    serial_number: str = ""
+
+
+class LslTriggerOptions(TriggerOptions):
+    """Options of `lsl_triggers`: what the stream is called."""
+
+    stream_name: str = "visavis triggers"
+    source_id: str = "visavis-triggers"
+
+
+def _make(site: Site[Any], wire: Any) -> "Device":
+    driver = imported("devices.drivers.triggers.driver:TriggerOut")
+    device: Device = driver(
+        site.role, wire, site.clock, spec=site.spec, **site.options.for_trigger()
+    )
+    return device
+
+
+def _make_labjack(site: Site[Any], wire: Any) -> "Device":
+    make = imported("devices.drivers.triggers.driver:labjack")
+    device: Device = make(site.role, wire, site.clock, spec=site.spec, **site.options.for_trigger())
+    return device
+
+
+def _serial(site: Site[SerialTriggerOptions]) -> "ByteLink":
+    return site.options.serial_link(site.clock, site.options.baud)
+
+
+def _parallel(site: Site[ParallelTriggerOptions]) -> "ByteLink":
+    from devices.drivers.triggers.links import ParallelLink
+
+    return ParallelLink(site.clock, site.options.port)
+
+
+def _labjack(site: Site[LabJackTriggerOptions]) -> "ByteLink":
+    from devices.drivers.links.usb import UsbLink
+
+    options = site.options
+    return UsbLink(
+        site.clock, vid=options.vid, pid=options.pid, serial_number=options.serial_number
+    )
+
+
+def _markers(site: Site[LslTriggerOptions]) -> "ByteLink":
+    from devices.drivers.triggers.links import MarkerLink
+
+    return MarkerLink(site.clock, site.options.stream_name, site.options.source_id)
+
+
+SERIAL_TRIGGERS: AnySpec = DriverSpec(
+    name="serial_triggers",
+    kind="triggers",
+    options=SerialTriggerOptions,
+    make=_make,
+    real=_serial,
+    simulated=spoken_by("devices.sim.triggers:LinesPeer"),
+    carries="bytes",
+    model="serial trigger box",
+    wire="serial port",
+    remedy="plug the box in; `visavis doctor` lists what is plugged in",
+    library=SERIAL,
+    stands_for="trigger boxes on a serial port: a byte sets eight lines, 0 clears them",
+    checked="our reading of such boxes' manuals; pyserial on a pseudo-terminal",
+    unproven="any box: its delay, and whether it clears its lines by itself",
+)
+PARALLEL_TRIGGERS = replace(
+    SERIAL_TRIGGERS,
+    name="parallel_triggers",
+    options=ParallelTriggerOptions,
+    real=_parallel,
+    vendor="IEEE 1284",
+    model="parallel port",
+    wire="parallel port",
+    remedy="see docs/eeg.md: the port's driver, its address, the group lp",
+    library=None,
+    stands_for="parallel port, lines D0 to D7",
+    checked="requests to the kernel compared with pyparallel's; inpoutx64 by our reading",
+    unproven="a port with its kernel driver; any card",
+)
+LABJACK_TRIGGERS = replace(
+    SERIAL_TRIGGERS,
+    name="labjack_triggers",
+    options=LabJackTriggerOptions,
+    make=_make_labjack,
+    real=_labjack,
+    simulated=spoken_by("devices.sim.triggers:LabJackPeer"),
+    vendor="LabJack",
+    model="U3 or U6",
+    wire="USB",
+    remedy="plug the LabJack in; on Linux, visavis devices rules",
+    library=USB,
+    stands_for="LabJack U3 and U6, lines EIO0 to EIO7",
+    checked="packets compared with LabJackPython's",
+    unproven="a unit: endpoints, delay over USB",
+)
+LSL_TRIGGERS = replace(
+    SERIAL_TRIGGERS,
+    name="lsl_triggers",
+    options=LslTriggerOptions,
+    real=_markers,
+    model="LSL markers",
+    wire="LSL",
+    remedy="install pylsl, and look for the stream in LabRecorder",
+    library=LSL,
+    stands_for="LSL markers for any recorder",
+    checked="received by pylsl's own inlet",
+    unproven="other recorders",
+)
+SPECS = (SERIAL_TRIGGERS, PARALLEL_TRIGGERS, LABJACK_TRIGGERS, LSL_TRIGGERS)
