@@ -105,6 +105,29 @@ def test_light_leaves_one_period_and_the_runtimes_delay_after_the_sync():
     )
 
 
+@pytest.mark.parametrize("running_start_ms", [0.5, 3.0, 8.0])
+def test_light_of_a_frame_handed_out_before_its_sync_is_foreseen_a_period_after_that_sync(
+    running_start_ms,
+):
+    with headset_on(running_start_ms=running_start_ms) as (headset, _, _, _):
+        frames = run(headset, 20)
+    sync_ns = np.array([f.t_ns for f in frames]) + running_start_ms * 1e6
+    assert np.abs(sync_ns % (1e9 / 90) - (1e9 / 90) * np.round(sync_ns % (1e9 / 90) / (1e9 / 90))
+                  ).max() < 2  # fmt: skip
+    light_ns = np.array([f.predicted_display_ns for f in frames])
+    expected = sync_ns + 1e9 / 90 + openvr_runtime.PHOTONS_S * 1e9
+    assert np.abs(light_ns - expected).max() < 10
+    assert {f.dropped for f in frames} == {0}
+
+
+def test_frames_that_are_late_across_a_running_start_are_counted():
+    with headset_on(running_start_ms=3.0) as (headset, _, clock, _):
+        run(headset, 3)
+        clock.sleep_until_ns(clock.now_ns() + 25_000_000)
+        dropped = [frame.dropped for frame in run(headset, 3)]
+    assert dropped == [2, 0, 0]
+
+
 def test_a_frame_that_took_too_long_is_a_skipped_one_and_the_runtime_says_so():
     with headset_on() as (headset, _, clock, batches):
         run(headset, 3)

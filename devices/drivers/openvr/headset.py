@@ -6,6 +6,8 @@ for that frame's light; its `t_device_ns` is `predicted_display_ns`. All of it, 
 `submit` included, belongs to the thread that draws.
 """
 
+import math
+import struct
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -28,6 +30,7 @@ from lab.frame import FrameInfo
 from lab.geometry import Pose, rotate
 
 BASE_STATIONS_EVERY_NS = 2 * NS_PER_S
+REMAINING = struct.Struct("<d")
 
 Array = npt.NDArray[Any]
 
@@ -71,10 +74,16 @@ class OpenVrHeadset(RuntimeHeadset):
             return self._wait_without_runtime()
         t_ns = max(exchange.t_receive_ns, self._last_t_ns + 1)
         known, since_ns, count = self._vsync(exchange, t_ns)
-        skipped = self._skipped(known, count, t_ns)
+        remaining_ns = self._remaining_ns(exchange)
+        if remaining_ns is None:
+            predicted_ns = t_ns - since_ns + self._period_ns + self._photons_ns
+            skipped = self._skipped(known, count, t_ns)
+        else:
+            predicted_ns = t_ns + remaining_ns + self._photons_ns
+            skipped = self._skipped_to(predicted_ns)
+            self._last_count = count if known else None
         self._timing_raw = exchange.frames[3] if len(exchange.frames) > 3 else b""
         self._close_frame()
-        predicted_ns = t_ns - since_ns + self._period_ns + self._photons_ns
         poses = codec.decode_poses(exchange.frames[1] if len(exchange.frames) > 1 else b"")
         return self._begin_with(t_ns, max(predicted_ns, t_ns), skipped, poses)
 
@@ -166,6 +175,26 @@ class OpenVrHeadset(RuntimeHeadset):
         if not known or not 0 <= since_s < 1:
             return False, 0, 0
         return True, round(since_s * NS_PER_S), int(count)
+
+    def _remaining_ns(self, exchange: Exchange) -> int | None:
+        """Return the time to the sync at which the frame is shown; None where it is not told.
+
+        Runtimes hand a frame out some milliseconds before the sync at which it begins (running
+        start): counted from the last sync, its light would be foreseen a whole frame too early.
+        The runtime's own count of the time that is left knows of it.
+        """
+        raw = exchange.frames[4] if len(exchange.frames) > 4 else b""
+        if len(raw) != REMAINING.size:
+            return None
+        (remaining_s,) = REMAINING.unpack(raw)
+        remaining_ns = round(remaining_s * NS_PER_S) if math.isfinite(remaining_s) else 0
+        return remaining_ns if 0 < remaining_ns <= 2 * self._period_ns else None
+
+    def _skipped_to(self, predicted_ns: int) -> int:
+        if self._frame is None:
+            return 0
+        step_ns = predicted_ns - self._frame.predicted_display_ns
+        return max(0, round(step_ns / self._period_ns) - 1)
 
     def _skipped(self, known: bool, count: int, t_ns: int) -> int:
         before, self._last_count = self._last_count, count if known else None

@@ -213,8 +213,9 @@ class OpenVrLibrary:
         poses = bytes(self._poses)
         known, since_s, count = self._system.getTimeSinceLastVsync()
         vsync = VSYNC.pack(bool(known), float(since_s), int(count))
+        remaining = struct.pack("<d", self._compositor.getFrameTimeRemaining())
         filled, timing = self._compositor.getFrameTiming(1)
-        return poses, vsync, bytes(timing) if filled else b""
+        return poses, vsync, bytes(timing) if filled else b"", remaining
 
     def _present_poses(self, _: Frames) -> Frames:
         self._system.getDeviceToAbsoluteTrackingPose(

@@ -3,9 +3,9 @@
 A small C library (`native/vrclient`) is compiled when it is first needed; its function tables
 are built from the package's own definitions, and what they do is here. Not modelled: lens
 distortion, IVRInput and every interface but IVRSystem and IVRCompositor, tracking noise and
-prediction error (a predicted pose is the body's pose at the call), running start (a frame begins
-at the vertical sync), reprojection. `on_submit` gets the GL names of images; with `on_image` every
-texture is read back from the card as it is handed over, and one that is not there is refused.
+prediction error (a predicted pose is the body's pose at the call), reprojection. `on_submit` gets
+the GL names of images; with `on_image` every texture is read back from the card as it is handed
+over, and one that is not there is refused.
 """
 
 import ctypes
@@ -31,7 +31,7 @@ from devices.sim.native_build import build_library
 from devices.sim.openvr.events import button_of, packed_event
 from devices.sim.openvr.tables import FunctionTables, table_header
 from devices.sim.openvr.world import CONTROLLER, POSE_BYTES, SimulatedVrWorld
-from lab.clock import NS_PER_S, Clock
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceError, DeviceNotFound
 from lab.geometry import Vector
 
@@ -75,8 +75,9 @@ class SimulatedVrRuntime:
 
     `trackers` maps serial numbers to the segments of a moving body they are worn on. Faults:
     standby, silence (tracking lost), disconnect (the headset is unplugged), loss and garbage
-    (shares of poses), late_start (initialising is refused), version. Only one such runtime can
-    exist in a process at a time, and no real one beside it.
+    (shares of poses), late_start (initialising is refused), version. With `running_start_ms` a
+    frame is handed out that long before its vertical sync. Only one such runtime can exist in a
+    process at a time, and no real one beside it.
     """
 
     def __init__(
@@ -88,7 +89,9 @@ class SimulatedVrRuntime:
         display_rate_hz: float = 90.0,
         trackers: Mapping[str, str] | None = None,
         faults: FaultSchedule | None = None,
+        running_start_ms: float = 0.0,
     ) -> None:
+        self._running_start_ns = round(running_start_ms * NS_PER_MS)
         self.on_submit: Callable[[int, int], None] | None = None
         self.on_image: Callable[[int, npt.NDArray[np.uint8]], None] | None = None
         self.submissions: list[Submission] = []
@@ -99,7 +102,6 @@ class SimulatedVrRuntime:
         self._faults = faults if faults is not None else FaultSchedule()
         self._origin_ns = clock.now_ns()
         self._vsync = -1
-        self._vsync_ns = 0
         self._last_vsync = -1
         self._events: deque[tuple[int, str, int, str]] = deque()
         self._refusals = _Refusals()
@@ -238,7 +240,8 @@ class SimulatedVrRuntime:
             self._clock.sleep_until_ns(self._clock.now_ns() + NS_PER_S // 10)
             return self._refusals.wait
         scale = NS_PER_S * MILLI_HZ
-        due = -(-self._clock.now_ns() * self._rate_milli_hz // scale)
+        ready_ns = self._clock.now_ns() + self._running_start_ns
+        due = -(-ready_ns * self._rate_milli_hz // scale)
         following = due if self._vsync < 0 else self._vsync + 1
         vsync = max(due, following)
         self._counts = _Counts(
@@ -247,8 +250,7 @@ class SimulatedVrRuntime:
             dropped=vsync - following,
         )
         self._vsync = vsync
-        self._vsync_ns = vsync * scale // self._rate_milli_hz
-        self._clock.sleep_until_ns(self._vsync_ns)
+        self._clock.sleep_until_ns(self._vsync_at_ns(vsync) - self._running_start_ns)
         self._submitted_eyes.clear()
         self._write_poses(render, n)
         if game:
@@ -288,9 +290,22 @@ class SimulatedVrRuntime:
     def _time_since_vsync(self, since_s: Any, count: Any) -> bool:
         if self._vsync < 0:
             return False
-        since_s[0] = (self._clock.now_ns() - self._vsync_ns) / NS_PER_S
-        count[0] = self._vsync
+        now_ns, last = self._clock.now_ns(), self._vsync
+        while self._vsync_at_ns(last) > now_ns:
+            last -= 1
+        since_s[0] = (now_ns - self._vsync_at_ns(last)) / NS_PER_S
+        count[0] = last
         return True
+
+    def _time_remaining(self) -> float:
+        """Return the time to the sync that ends the frame; a frame is handed out before it begins.
+
+        As the header says, the value rolls over by the running start before it reaches 0.
+        """
+        return (self._vsync_at_ns(self._vsync + 1) - self._clock.now_ns()) / NS_PER_S
+
+    def _vsync_at_ns(self, number: int) -> int:
+        return number * NS_PER_S * MILLI_HZ // self._rate_milli_hz
 
     def _frame_timing(self, timing: Any, ago: int) -> bool:
         if self._vsync < 0:
@@ -378,6 +393,7 @@ class SimulatedVrRuntime:
             "waitGetPoses": self._wait_get_poses,
             "submit": self._submit,
             "getFrameTiming": self._frame_timing,
+            "getFrameTimeRemaining": self._time_remaining,
         }
         self._tables.fill(0, vr.IVRSystem_FnTable, system)
         self._tables.fill(1, vr.IVRCompositor_FnTable, compositor)
