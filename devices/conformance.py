@@ -91,7 +91,8 @@ def check_eye_tracker(make: Callable[[], EyeTracker], let_pass: LetPass) -> None
     device = make()
     batches = collect(device, let_pass)
     _promise(device.describe()[0].fields == GAZE.fields, "the first stream has GAZE's fields")
-    values = np.concatenate([batch.values for batch in batches])
+    gaze = device.describe()[0]
+    values = np.concatenate([b.values for b in batches if b.schema == gaze])
     for name in ("direction_head", "left_direction_head", "right_direction_head"):
         lengths = np.linalg.norm(values[name].astype(np.float64), axis=1)
         known = np.isfinite(lengths)

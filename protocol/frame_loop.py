@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from devices.contracts import HEAD, POINTER, Fault
+from devices.contracts import GAZE, HEAD, POINTER, Fault
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceError
 from lab.frame import FrameInfo
@@ -113,7 +113,7 @@ class FrameLoop:
     def sink(self, role: str, batch: SampleBatch) -> None:
         """Accept what a device delivers: record it, and keep what the loop needs."""
         self._recorder.append(batch)
-        if role == "eye_tracker":
+        if role == "eye_tracker" and batch.schema.name == GAZE.name:
             self.observer.take(batch)
             self._stage.watch(role, batch)
             if self.gaze_tap is not None:

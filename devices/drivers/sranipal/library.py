@@ -1,0 +1,128 @@
+"""Carry eye data out of SRanipal, the vendor's library, by ctypes.
+
+The library only answers when asked: a thread asks it more often than frames come, and hands on
+every frame once, stamped when it was first seen, as messages of a wire. `start` asks whether the
+headset is a Vive Pro Eye.
+"""
+
+import ctypes
+import threading
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+from devices.drivers.sranipal.codec import EYE_DATA
+from devices.transports import Exchange, Frames, Message
+from lab.clock import NS_PER_S, Clock
+from lab.errors import DeviceDisconnected, DeviceNotFound
+
+EYE_V2 = 2
+"""The kind of module: eyes, second version of the data."""
+WORK = 0
+ASK_EVERY_NS = NS_PER_S // 500
+JOIN_S = 1.0
+HELD_FRAMES = 10_000
+NUMBER = slice(4, 8)
+"""Where the number of the frame lies."""
+SPARE_BYTES = 256
+"""A later library may fill in more than is read."""
+LIBRARY_REMEDY = "install SR_Runtime and write the full path of SRanipal.dll under library_path"
+RUNTIME_REMEDY = "start SR_Runtime as administrator, and SteamVR with the headset connected"
+
+
+class SranipalLibrary:
+    """Offer the eye tracker of a loaded SRanipal as a message transport."""
+
+    def __init__(self, library_path: str, clock: Clock, *, is_simulated: bool = False) -> None:
+        self.is_simulated = is_simulated
+        self._path = library_path
+        self._clock = clock
+        self._library: Any = None
+        self._data = ctypes.create_string_buffer(EYE_DATA.size + SPARE_BYTES)
+        self._arrived = threading.Condition()
+        self._frames: deque[Message] = deque(maxlen=HELD_FRAMES)
+        self._error = WORK
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def kind(self) -> str:
+        """Name the library."""
+        return f"library {self._path}"
+
+    def open(self, deadline_s: float) -> None:
+        """Load the library and start its eye module; raises DeviceNotFound with what to do."""
+        self.close()
+        try:
+            library = ctypes.CDLL(self._path)
+            start = library.Initial
+            library.IsViveProEye.restype = ctypes.c_bool
+        except OSError as cause:
+            text = f"SRanipal at {self._path!r} cannot be loaded ({cause})"
+            raise DeviceNotFound(text, remedy=LIBRARY_REMEDY) from cause
+        except AttributeError as cause:
+            text = f"{self._path!r} is no SRanipal library"
+            raise DeviceNotFound(text, remedy=LIBRARY_REMEDY) from cause
+        error = start(ctypes.c_int(EYE_V2), None)
+        if error != WORK:
+            text = f"SRanipal does not start its eye module (error {error})"
+            raise DeviceNotFound(text, remedy=RUNTIME_REMEDY)
+        self._library = library
+        self._error = WORK
+        self._frames.clear()
+        self._stopping.clear()
+        self._thread = threading.Thread(target=self._watch, name="sranipal", daemon=True)
+        self._thread.start()
+
+    def request(self, frames: Frames, timeout_s: float) -> Exchange:
+        """Say whether the headset is a Vive Pro Eye."""
+        sent_ns = self._clock.now_ns()
+        found = self._library is not None and self._library.IsViveProEye()
+        return Exchange((frames[0], bytes((found,))), sent_ns, self._clock.now_ns())
+
+    def post(self, frames: Frames) -> None:
+        """Do nothing: nothing is asked without waiting."""
+
+    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
+        """Do nothing: frames come since open."""
+
+    def receive(self, timeout_s: float) -> Sequence[Message]:
+        """Return the frames that came; raises DeviceDisconnected while the library gives none."""
+        with self._arrived:
+            if not self._frames and timeout_s > 0 and self._error == WORK:
+                self._arrived.wait(timeout_s)
+            messages = list(self._frames)
+            self._frames.clear()
+            error = self._error
+        if error != WORK and not messages:
+            text = f"SRanipal gives no eye data (error {error})"
+            raise DeviceDisconnected(text, remedy=RUNTIME_REMEDY)
+        return messages
+
+    def send(self, port: int, frames: Frames) -> None:
+        """Do nothing: the library takes no messages."""
+
+    def close(self) -> None:
+        """End the thread and release the eye module; idempotent."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join(JOIN_S)
+            self._thread = None
+        library, self._library = self._library, None
+        if library is not None:
+            library.Release(ctypes.c_int(EYE_V2))
+
+    def _watch(self) -> None:
+        last: bytes | None = None
+        while not self._stopping.is_set():
+            error = self._library.GetEyeData_v2(self._data)
+            now_ns = self._clock.now_ns()
+            raw = self._data.raw[: EYE_DATA.size]
+            number = raw[NUMBER]
+            with self._arrived:
+                self._error = error
+                if error == WORK and number != last:
+                    last = number
+                    self._frames.append(Message(now_ns, (raw,)))
+                self._arrived.notify_all()
+            self._clock.sleep_until_ns(now_ns + ASK_EVERY_NS)

@@ -1,0 +1,35 @@
+"""Vive Pro Eye: its options, its wire, its simulator."""
+
+from pydantic import Field
+
+from devices.options import StreamOptions
+from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
+
+
+class SranipalOptions(StreamOptions):
+    """Options of `vive_pro_eye`."""
+
+    of_wire = frozenset({"library_path"})
+
+    library_path: str = Field(default="SRanipal.dll", min_length=1)
+
+
+VIVE_PRO_EYE = DriverSpec(
+    name="vive_pro_eye",
+    kind="eye tracker",
+    options=SranipalOptions,
+    make=driven_by("devices.drivers.sranipal.driver:ViveProEye"),
+    real=wired_by("devices.drivers.sranipal.library:SranipalLibrary", "library_path"),
+    simulated=streamed_by("devices.sim.sranipal:SranipalSimulator"),
+    vendor="HTC",
+    model="Vive Pro Eye",
+    wire="vendor library",
+    remedy="start SR_Runtime and SteamVR, put the headset on, allow eye tracking and calibrate in "
+    "SteamVR's eye settings; write the path of SRanipal.dll under library_path",
+    capabilities=frozenset({"gaze", "per_eye", "pupil", "openness", "head_frame"}),
+    stands_for="Vive Pro Eye",
+    checked="layout of the vendor's public header, by a C compiler; C library of our own behind "
+    "ctypes; axes as public clients turn them",
+    unproven="axes, delay, the size of the data in other versions",
+)
+SPECS = (VIVE_PRO_EYE,)

@@ -1,0 +1,97 @@
+"""SRanipal as seen by its caller: in memory, or as a C library compiled from `native/sranipal`.
+
+Written from the vendor's public header. Not modelled: the runtime, its calibration and its
+filter, expressions, convergence, advice on tracking.
+"""
+
+import ctypes
+import struct
+from pathlib import Path
+
+from devices.contracts import Body
+from devices.faults import FaultSchedule
+from devices.sim.gaze.source import EYE_X_M, GazePeer, GazeSource, Shot
+from devices.sim.gaze.tracker_error import TrackerErrorModel
+from devices.sim.native_build import build_library
+from devices.transports import Frames
+from lab.clock import NS_PER_MS, Clock
+
+ONE_EYE = struct.Struct("<Q3f3fff2f")
+ALL_VALID, ONLY_OPENNESS = 0x1F, 0x08
+
+
+class SranipalSimulator(GazePeer):
+    """Deliver frames of a body's eyes."""
+
+    def __init__(
+        self,
+        body: Body,
+        *,
+        seed: int,
+        clock: Clock,
+        rate_hz: float = 120.0,
+        faults: FaultSchedule | None = None,
+        error: TrackerErrorModel | None = None,
+        drift_ppm: float = 0.0,
+    ) -> None:
+        source = GazeSource(
+            body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
+            drift_ppm=drift_ppm, epoch_ns=10**12,
+        )  # fmt: skip
+        super().__init__(source, seed=seed)
+
+    def to_message(self, shot: Shot) -> Frames:
+        """Return one frame, as the library fills it in."""
+        return (eye_data(shot) if shot.garbage is None else shot.garbage,)
+
+    def answer(self, frames: Frames, t_ns: int) -> Frames | None:
+        """Be a Vive Pro Eye."""
+        return frames[0], b"\x01"
+
+
+def eye_data(shot: Shot) -> bytes:
+    """Return `EyeData_v2` of a shot, member by member as the header lists them."""
+    left = _eye(shot.left, -EYE_X_M, shot, seen=shot.left_seen)
+    right = _eye(shot.right, EYE_X_M, shot, seen=shot.right_seen)
+    middle = tuple((a + b) / 2 for a, b in zip(shot.left, shot.right, strict=True))
+    both = _eye(middle, 0.0, shot, seen=shot.left_seen and shot.right_seen)
+    head = struct.pack("<?3xii4x", False, shot.number, shot.t_device_ns // NS_PER_MS)
+    convergence, advice, expressions = bytes(8), bytes(48), bytes(24)
+    return head + left + right + both + convergence + advice + expressions
+
+
+def _eye(ray: tuple[float, ...], x_m: float, shot: Shot, *, seen: bool) -> bytes:
+    if not seen:
+        return ONE_EYE.pack(ONLY_OPENNESS, *(0.0,) * 7, shot.openness_01, 0.0, 0.0)
+    x, y, z = ray
+    place = (-1e3 * x_m, 0.0, 0.0)
+    return ONE_EYE.pack(
+        ALL_VALID, *place, -x, y, -z, shot.pupil_mm, shot.openness_01, 0.5, 0.5
+    )  # fmt: skip
+
+
+def built_library() -> Path:
+    """Compile the stand-in for SRanipal; raises DeviceNotFound without a C compiler."""
+    return build_library("sranipal/sranipal_stub.c", {}, "sranipal.so")
+
+
+class StandIn:
+    """What a test does to the stand-in: which frame it holds, how it answers."""
+
+    def __init__(self, path: Path) -> None:
+        self._native = ctypes.CDLL(str(path))
+        self.size: int = self._native.visavis_size()
+
+    def hold(self, data: bytes) -> None:
+        """Give this frame to whoever asks."""
+        self._native.visavis_hold(data, len(data))
+
+    def answer_with(self, start: int, data: int, is_vive_pro_eye: bool) -> None:
+        """Answer with these codes from now on."""
+        self._native.visavis_answer(start, data, int(is_vive_pro_eye))
+
+    def offsets(self) -> list[int]:
+        """Return where members of the structure lie, as the C compiler puts them."""
+        found = (ctypes.c_int * 8)()
+        self._native.visavis_offsets(found)
+        return list(found)
