@@ -57,7 +57,7 @@ def test_session_streams_gaze_head_and_events(
     clock = SystemClock()
     lsl = NamedLsl(clock)
     monkeypatch.setattr(cli.lsl_announcer, "set_scope", lambda scope: None)
-    monkeypatch.setattr("devices.drivers.lsl.outlet._library", lambda: lsl)
+    monkeypatch.setattr("devices.drivers.lsl.outlet.lsl_library", lambda: lsl)
     config = lab(tmp_path).model_copy(update={"sync": Sync(lsl=True)})
     with pytest.raises(SessionAborted):
         perform_new(replace(request(config, Stopping()), clock=clock, companion=LabCompanion()))
