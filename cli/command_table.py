@@ -28,6 +28,11 @@ COMMANDS: Mapping[str, Entry] = {
     ),
     "new": Entry("new_commands", "Write a study to begin with: its file, its texts, and a test."),
     "devices": Entry("devices_commands", "What devices there are, and whether they work."),
+    "sync-test": Entry(
+        "sync_commands",
+        "Measure how late picture, sound and vibration are here: delay, jitter, drift, lost "
+        "frames.",
+    ),
     "participant": Entry(
         "participant_commands", "Issue, list and withdraw participant identifiers."
     ),

@@ -9,6 +9,7 @@ from typing import Any
 from cli.doctor_findings import Finding, worst
 from cli.doctor_machine import COMPUTER, computer, libraries, licence_of
 from cli.doctor_wires import RUNTIME_NAMES, RUNTIMES, network, ports, runtimes
+from cli.sync_records import MAX_AGE_DAYS, age_days, newest
 from devices.bench import Trial, capture
 from devices.contracts import Device
 from devices.registry import driver_spec, driver_specs
@@ -50,7 +51,7 @@ def examine(lab: LabConfig, clock: Clock, *, self_test_s: float = 0.0) -> Report
     there = [d for d, trial in zip(chosen, trials, strict=True) if trial is None]
     heard = iter(capture(there, clock, self_test_s or GLANCE_S) if there else ())
     done = tuple(trial if trial is not None else next(heard) for trial in trials)
-    findings = (_configuration(lab), *around, *_devices(lab, done))
+    findings = (_configuration(lab), *around, *_devices(lab, done), _sync_test(lab, clock))
     return Report(clock.wall_iso(), str(lab.path), findings, done, _licences())
 
 
@@ -108,6 +109,20 @@ def _configuration(lab: LabConfig) -> Finding:
             "run: visavis init (or give the path of yours: --config FILE)",
         )  # fmt: skip
     return Finding(COMPUTER, "configuration", "ok", f"{lab.path} ({lab.lab})")
+
+
+def _sync_test(lab: LabConfig, clock: Clock) -> Finding:
+    """Say how old the lab's newest synchronisation test is, and what it found."""
+    found = newest(lab)
+    remedy = "run: visavis sync-test (docs/synchronisation.md)"
+    if found is None:
+        return Finding(DEVICES, "sync-test", "note", "delays were never measured here", remedy)
+    days = age_days(found, clock.wall_iso())
+    offsets = ", ".join(f"{name} {ms:g}" for name, ms in found.get("offsets_ms", {}).items())
+    told = f"{days:.0f} days old: {offsets or 'nothing was answered'}"
+    if days > MAX_AGE_DAYS or not offsets:
+        return Finding(DEVICES, "sync-test", "note", told, remedy)
+    return Finding(DEVICES, "sync-test", "ok", told)
 
 
 def _surroundings(lab: LabConfig, clock: Clock, *, are_open: bool = False) -> tuple[Finding, ...]:

@@ -9,7 +9,9 @@
 #include "lockstep.h"
 
 #define BOOT_START 0x7800 /* as the Makefile links it */
+#ifndef MHZ
 #define MHZ 8
+#endif
 #define TCCR0A 0x44
 #define OCR0A 0x47
 #define OCR0B 0x48

@@ -1,0 +1,199 @@
+"""Put a synchronisation test together: a display, a speaker, a band and a sensor, real or not."""
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.sync_test import Delays, Modality, delays
+from devices.building import build_device
+from devices.byte_links import MemoryLink
+from devices.contracts import Armband, Headset
+from devices.sim.sync_room import Planted, SimulatedRoom, SyncBoardSimulator
+from devices.sync.audio import SoundCardSensor, SoundCardSpeaker, sound_library
+from devices.sync.board import BAUD, SyncBoard
+from devices.sync.role import RoleSensor
+from devices.sync.sensing import Sensor, Trace
+from lab.clock import NS_PER_MS, Clock, SimClock
+from lab.config import DeviceConfig, LabConfig
+from lab.errors import UsageError
+from protocol.sync_test import Asked, Patch, SeenHeadset, Speaker, perform
+
+OPENING_S = 10.0
+DEFAULT_CHANNELS = {"picture": "light", "sound": "sound", "vibration": "motion"}
+AUDIO_CHANNELS = {"picture": "input_1", "sound": "input_2", "vibration": "input_2"}
+Float = npt.NDArray[np.float64]
+
+
+class RoomSpeaker:
+    """A loudspeaker in the simulated room."""
+
+    def __init__(self, room: SimulatedRoom, clock: Clock) -> None:
+        self._room = room
+        self._clock = clock
+
+    def click(self) -> None:
+        """Click now."""
+        self._room.click(self._clock.now_ns())
+
+
+def opened(stack: ExitStack, device: Any) -> Any:
+    """Open and start a device until the stack is left; what it delivers is not kept."""
+    stack.callback(device.close)
+    device.open(OPENING_S)
+    device.start(lambda batch: None)
+    return device
+
+
+def real_sensor(lab: LabConfig, name: str, clock: Clock, stack: ExitStack) -> Sensor:
+    """Return the sensor that "PORT", "audio", "audio:NAME" or "role:ROLE" names.
+
+    Raises UsageError for a role that the lab does not have.
+    """
+    kind, _, rest = name.partition(":")
+    if kind == "audio":
+        return SoundCardSensor(sound_library(), clock, rest or None)
+    if kind == "role":
+        if rest not in lab.devices:
+            raise UsageError(f"no role {rest!r} in {lab.path}; it has {', '.join(lab.devices)}")
+        return RoleSensor(build_device(lab.devices[rest], clock, None, 0, stack))
+    from devices.drivers.links.serial_port import SerialLink
+
+    return SyncBoard(SerialLink(clock, port=name, baud=BAUD), clock)
+
+
+def real_speaker(name: str, stack: ExitStack) -> Speaker:
+    """Return the sound output of this name; "default" is the computer's own."""
+    speaker = SoundCardSpeaker(sound_library(), None if name == "default" else name)
+    stack.callback(speaker.close)
+    return speaker
+
+
+def analysed(
+    asked: Asked, traces: Mapping[str, Trace], channels: Mapping[str, str], band_role: str
+) -> list[Delays]:
+    """Return the delays of all that was asked for; UsageError for an unknown channel."""
+    found = []
+    stimuli: tuple[tuple[Modality, list[int], str], ...] = (
+        ("picture", asked.picture_ns, "headset"),
+        ("sound", asked.sound_ns, "speaker"),
+        ("vibration", asked.vibration_ns, band_role),
+    )
+    for modality, asked_ns, source in stimuli:
+        channel = channels[modality]
+        if not asked_ns or channel == "none":
+            continue
+        if channel not in traces:
+            raise UsageError(
+                f"the sensor has no channel {channel!r} for {modality}; it has {', '.join(traces)}"
+            )
+        trace = traces[channel]
+        found.append(
+            delays(
+                modality, source, trace.t_ns, trace.level, asked_ns,
+                flash_ns=asked.flash_ns, frame_ns=asked.frame_ns,
+            )
+        )  # fmt: skip
+    return found
+
+
+def perform_real(
+    lab: LabConfig,
+    clock: Clock,
+    *,
+    sensor_name: str,
+    speaker_name: str,
+    band_role: str,
+    channels: Mapping[str, str],
+    repeats: int,
+    progress: Callable[[int], None],
+) -> tuple[list[Delays], Asked, Sensor]:
+    """Test the display of this lab, and its speaker and band where they are named."""
+    from stage.context import offscreen_context
+
+    if lab.devices["headset"].simulated:
+        raise UsageError("the lab's display is simulated; use --simulated, or configure a real one")
+    with ExitStack() as stack:
+        sensor = real_sensor(lab, sensor_name, clock, stack)
+        headset = cast("Headset", build_device(lab.devices["headset"], clock, None, 0, stack))
+        getattr(headset, "show_images", lambda: None)()
+        context = offscreen_context()
+        opened(stack, headset)
+        band = None
+        if band_role:
+            if band_role not in lab.devices:
+                raise UsageError(f"no role {band_role!r} in {lab.path}")
+            band = opened(stack, build_device(lab.devices[band_role], clock, None, 0, stack))
+        speaker = real_speaker(speaker_name, stack) if speaker_name else None
+        patch = Patch(headset, context)
+        stack.callback(patch.release)
+        stack.callback(sensor.close)
+        sensor.open()
+        asked = perform(
+            sensor, clock, np.random.default_rng(), patch=patch, speaker=speaker, band=band,
+            repeats=repeats, progress=progress,
+        )  # fmt: skip
+        return analysed(asked, sensor.traces(), channels, band_role), asked, sensor
+
+
+def perform_simulated(
+    *,
+    seed: int,
+    repeats: int,
+    picture: Planted,
+    sound: Planted,
+    rise_ms: float = 30.0,
+    loss_01: float = 0.0,
+    progress: Callable[[int], None] = lambda done: None,
+) -> tuple[list[Delays], Asked, Sensor, dict[str, Float]]:
+    """Test the simulated room on the virtual clock; return its true delays (ms), too."""
+    from stage.context import offscreen_context
+
+    clock = SimClock()
+    room_rng, board_rng, order_rng = np.random.default_rng(seed).spawn(3)
+    room = SimulatedRoom(clock, room_rng, picture, sound)
+    role = "armband_left_forearm"
+    with ExitStack() as stack:
+        context = offscreen_context()
+        stack.callback(context.release)
+
+        def device(name: str, driver: str, **options: object) -> Any:
+            config = DeviceConfig(role=name, driver=driver, simulated=True, options=options)
+            return opened(stack, build_device(config, clock, room, seed, stack))
+
+        headset = SeenHeadset(
+            device("headset", "simulated_headset"), lambda lit, at: room.show(lit, at)
+        )
+        band: Armband = device(role, "simulated_armband", rise_ms=rise_ms)
+        board = SyncBoardSimulator(room, clock, board_rng, loss_01=loss_01)
+        sensor = SyncBoard(MemoryLink(board, clock), clock)
+        sensor.open()
+        patch = Patch(cast("Headset", headset), context)
+        stack.callback(patch.release)
+        asked = perform(
+            sensor, clock, order_rng, patch=patch, speaker=RoomSpeaker(room, clock), band=band,
+            repeats=repeats, progress=progress,
+        )  # fmt: skip
+        found = analysed(asked, sensor.traces(), DEFAULT_CHANNELS, role)
+    commanded = {
+        "picture": asked.picture_ns,
+        "sound": asked.sound_ns,
+        "vibration": asked.vibration_ns,
+    }
+    true_ms = {
+        name: (np.array(room.happened[name]) - np.array(asked_ns)) / NS_PER_MS
+        for name, asked_ns in commanded.items()
+    }
+    return found, asked, sensor, true_ms
+
+
+def simulated_chain(
+    *, seed: int, repeats: int, picture: Planted, sound: Planted, rise_ms: float
+) -> tuple[list[Delays], dict[str, Float]]:
+    """Return what a simulated test found, and the room's true delays."""
+    found, _, _, true_ms = perform_simulated(
+        seed=seed, repeats=repeats, picture=picture, sound=sound, rise_ms=rise_ms
+    )
+    return found, true_ms
