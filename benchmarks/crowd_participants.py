@@ -14,23 +14,29 @@ import json
 import os
 import sys
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.stats import ttest_rel
 
 from analysis.cells import dice
-from experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC
+from experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC, CrowdParameters
+from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.participant.traits import DEFAULT_POPULATION
-from experiments.crowd.quick_study import QuickStudy, block_means, quick_study
+from experiments.crowd.quick_measures import Cell
+from experiments.crowd.quick_study import walked
+from experiments.crowd.study import study
 from lab.clock import StopWatch
 from lab.geometry import Vector
+from visavis.experiment import StudyExperiment
 
 PUBLISHED = {
     "collisions": ((71.0, 62.8, 60.7), (29.2, 34.6, 34.6)),
@@ -72,6 +78,43 @@ class SeedOutcome:
     holds: dict[str, bool]
     significant: dict[str, bool]
     home_01: float
+
+
+@dataclass(frozen=True)
+class QuickStudy:
+    """One simulated study: `trials` one row per walk; `cells` the cells each walk visited."""
+
+    trials: pd.DataFrame
+    cells: list[frozenset[Cell]]
+
+
+def quick_study(
+    participants: int,
+    seed: int,
+    *,
+    effect: bool = True,
+    parameters: Mapping[str, Any] = MappingProxyType({}),
+) -> QuickStudy:
+    """Simulate and measure a study; `effect=False` disconnects the vibration."""
+    experiment = StudyExperiment(study, parameters)
+    params = CrowdParameters.of(experiment.parameters)
+    rows: list[dict[str, Any]] = []
+    cells: list[frozenset[Cell]] = []
+    for index in range(participants):
+        plan = experiment.plan(index, seed)
+        for block in walked(CrowdParticipant(index, seed, effect), plan, params):
+            for trial, row, visited in block:
+                which = {"participant": index, "group": plan.group, "trial_id": trial.trial_id}
+                rows.append({**which, **trial.factors, **row})
+                cells.append(visited)
+    return QuickStudy(pd.DataFrame(rows), cells)
+
+
+def block_means(trials: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
+    """Return means over participants of their block means, one row per condition."""
+    per_person = trials.groupby(["condition", "participant"])[list(measures)].mean()
+    means: pd.DataFrame = per_person.groupby("condition").mean()
+    return means
 
 
 def simulate_seed(seed: int, *, participants: int, effect: bool) -> SeedOutcome:

@@ -13,7 +13,7 @@ from cli.preview_pictures import Viewpoint
 from cli.studies import session_of
 from cli.telling import TELLING, Forecast
 from recording.reader import Recording
-from visavis.catalogue import FilmedStudy
+from visavis.opened import OpenedStudy
 from visavis.sessions.study_folder import study_of_folder
 
 
@@ -52,8 +52,9 @@ def replay(
             if said := forecast.told(done, of):
                 TELLING.say(said.removesuffix(", --png draws one"))
 
-        if isinstance(study, FilmedStudy):
-            n = study.write_film(
+        film = study.study.film_of if isinstance(study, OpenedStudy) else None
+        if film is not None:
+            n = film(
                 recording, trial, video, size_px=size_px, rate_hz=rate, seconds=seconds,
                 on_frame=told,
             )  # fmt: skip

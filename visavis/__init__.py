@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from visavis.pairs import Printed as Printed
     from visavis.person import Seen as Seen
     from visavis.person import unopinionated as unopinionated
+    from visavis.pieces import MeasuredTrial as MeasuredTrial
+    from visavis.pieces import Pieces as Pieces
     from visavis.responses import Choice as Choice
     from visavis.responses import Keys as Keys
     from visavis.responses import Number as Number
@@ -69,6 +71,7 @@ _NAMES = {
         "Measure", "TrialRecord", "column", "dwell_on", "first_fixation_on", "fixations_on",
     ),
     "visavis.pairs": ("Correlate", "Pairs", "Printed"),
+    "visavis.pieces": ("MeasuredTrial", "Pieces"),
     "visavis.person": ("Seen", "unopinionated"),
     "visavis.responses": (
         "Choice", "Keys", "Number", "Pointing", "Rating", "SideBySide", "Text",

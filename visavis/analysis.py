@@ -4,10 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+import numpy as np
 import pandas as pd
 
 from analysis.report.blocks import Status
 from analysis.statistics import adjust_p
+from analysis.statistics.results import MINUS
 from analysis.statistics_report import Outcome, answer
 from lab.errors import DataError, LabError
 from protocol.steps import Scalar
@@ -18,10 +20,12 @@ from visavis.looks import MAIN_MEASURES
 from visavis.measures import Measure, aggregated
 from visavis.pairs import (
     DEFAULT_TEST_RULES,
+    Agreement,
     CorrelationTest,
     Family,
     Pairs,
     PairTest,
+    Printed,
     Test,
     TestRules,
     compare_pairs,
@@ -52,6 +56,39 @@ class Term:
 
 
 @dataclass(frozen=True)
+class Contrast:
+    """Two levels compared after the test over all of a factor: first minus second.
+
+    `p` is corrected over the contrasts; significant only where the test over all was.
+    """
+
+    first: str
+    second: str
+    p: float
+    is_significant: bool
+    difference: float
+    sentence: str
+    row: Mapping[str, Any] = field(repr=False)
+    printed: Printed | None = None
+
+    @property
+    def name(self) -> str:
+        """The contrast in short: 'A – B'."""
+        return f"{self.first} – {self.second}"
+
+    @property
+    def agreement(self) -> Agreement | None:
+        """Our verdict beside the source's; None where it prints none.
+
+        Its direction is that of second minus first.
+        """
+        if self.printed is None:
+            return None
+        same = self.printed.direction in (0, -int(np.sign(self.difference)))
+        return Agreement(self.printed.is_significant, self.is_significant, same)
+
+
+@dataclass(frozen=True)
 class Finding:
     """What came of one planned comparison; `outcome` is None where nothing was tested."""
 
@@ -60,6 +97,33 @@ class Finding:
     outcome: Outcome | None
     terms: tuple[Term, ...]
     why_not: str = ""
+
+    @property
+    def contrasts(self) -> tuple[Contrast, ...]:
+        """The levels of its one factor compared two by two."""
+        compare, outcome = self.compare, self.outcome
+        factors = (*compare.within, *compare.between)
+        if outcome is None or outcome.data is None or len(factors) != 1 or not self.terms:
+            return ()
+        values = outcome.data[compare.dv].astype(float)
+        means = values.groupby(outcome.data[factors[0]].astype(str)).mean()
+        levels = list(map(str, outcome.data[factors[0]].cat.categories))
+        told = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
+        rows = [(*_levels_of(row), float(row["p_adjusted"]), said, row) for row, said in told]  # type: ignore[arg-type]  # a number, as tests write it
+        if not rows and len(levels) == 2:
+            rows = [(levels[0], levels[1], self.terms[0].p_corrected,
+                     " ".join(outcome.sentences), self.terms[0].row)]  # fmt: skip
+        return tuple(
+            Contrast(
+                a, b, p, self.terms[0].is_significant and p < compare.alpha,
+                float(means[a] - means[b]), said, row, compare.pairs.get((a, b)),
+            )
+            for a, b, p, said, row in rows
+        )  # fmt: skip
+
+    def contrast(self, pair: tuple[str, str]) -> Contrast | None:
+        """Return the contrast of two levels; None where it was not tested."""
+        return next((c for c in self.contrasts if (c.first, c.second) == pair), None)
 
 
 @dataclass(frozen=True)
@@ -118,6 +182,14 @@ class StudyAnalysis:
     without_rules: tuple[PairTest, ...] = field(default=(), repr=False)
     sensitivity: tuple[SensitivityRow, ...] = field(default=(), repr=False)
     rules: TestRules = DEFAULT_TEST_RULES
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict, repr=False)
+    """Further tables of the study by name."""
+    thresholds: Any = None
+    """Those of the study's own analysis, `Study.thresholds` with what was set."""
+    how: Any = None
+    """How trials were measured one by one."""
+    further: Any = field(default=None, repr=False)
+    """What the study finds besides; None in power."""
     example: Recording | None = field(default=None, repr=False)
     """A session from which sections may show a trial."""
 
@@ -126,9 +198,21 @@ class StudyAnalysis:
         """Participants with trials that count."""
         return int(self.selection.counted["participant"].nunique())
 
+    @property
+    def measured_by(self) -> str:
+        """How trials were measured one by one ("rule volume, surface fine"); else nothing."""
+        pieces = self.study.measured_in_pieces
+        if pieces is None or self.how is None:
+            return ""
+        return ", ".join(f"{name} {getattr(self.how, name)}" for name in pieces.kept_by)
+
     def measure(self, column: str) -> Measure:
         """Return a measure by its column."""
         return next(m for m in self.measures if m.column == column)
+
+    def finding(self, column: str) -> Finding | None:
+        """Return what came of the first comparison of a measure; None where there is none."""
+        return next((f for f in self.findings if f.compare.dv == column), None)
 
     def families(self) -> tuple[str, ...]:
         """Return the names of the families of tests that were made."""
@@ -192,10 +276,16 @@ def analyse_rows(
     cells: Sequence[str] = (),
     rules: TestRules = DEFAULT_TEST_RULES,
     varied: pd.DataFrame | None = None,
+    compare: Sequence[Compare] | None = None,
+    tables: Mapping[str, pd.DataFrame] | None = None,
+    thresholds: Any = None,
+    how: Any = None,
 ) -> StudyAnalysis:
     """Answer every planned comparison and make every family of tests; untested ones say why.
 
-    `varied` holds the main measures of looks by padding and minimum duration, where there are any.
+    `compare` are the comparisons that this design can make (all by default). `varied` holds the
+    main measures of looks by padding and minimum duration, where there are any; `tables`, `how`
+    and `thresholds` are what sections and further findings need.
 
     Raises:
         DataError: no trial counts.
@@ -207,13 +297,14 @@ def analyse_rows(
     known = {m.column: m for m in measures}
     found = [
         answered(c, selection.counted, known, dict(levels), is_simulated=is_simulated)
-        for c in study.compare
+        for c in (study.compare if compare is None else compare)
     ]
     made = StudyAnalysis(
         study, is_simulated, selection, people, dict(levels), tuple(measures), corrected(found),
-        tuple(cells or levels), rules=rules,
+        tuple(cells or levels), rules=rules, tables=tables or {}, thresholds=thresholds, how=how,
     )  # fmt: skip
-    return _with_families(made, known, varied)
+    made = _with_families(made, known, varied)
+    return made if study.further_of is None else replace(made, further=study.further_of(made))
 
 
 def _with_families(
@@ -265,6 +356,7 @@ def answered(
             f"the comparison {compare.name} names {', '.join(unknown)}, which is no factor of this "
             f"study; there are {', '.join(levels)}"
         )
+    trials = compare.chosen(trials)
     if measure.column not in trials:
         return Finding(compare, measure, None, (), f"no trial has {measure.column}")
     if compare.model:  # which takes single trials
@@ -294,6 +386,14 @@ def answered(
         if (p := row.get("p_used", row.get("p"))) is not None and isinstance(p, float)
     )
     return Finding(compare, measure, outcome, terms)
+
+
+def _levels_of(row: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the two levels of a contrast's row."""
+    if "level_1" in row:
+        return str(row["level_1"]), str(row["level_2"])
+    first, _, second = str(row["contrast"]).partition(f" {MINUS} ")
+    return first, second
 
 
 def corrected(findings: Sequence[Finding]) -> tuple[Finding, ...]:

@@ -4,11 +4,11 @@ import hashlib
 import importlib
 import importlib.util
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final, Protocol, cast, runtime_checkable
+from typing import Any, Final, Protocol, cast
 
 from lab.config import LabConfig
 from lab.errors import DesignError, UsageError
@@ -24,7 +24,7 @@ from visavis.study import Study
 
 SHIPPED: Final[Mapping[str, str]] = {
     "stare": "experiments.stare.study:study",
-    "crowd": "experiments.crowd.bundle:MAKE_STUDY",
+    "crowd": "experiments.crowd.study:study",
     "waving": "experiments.waving.study:study",
 }
 """The studies Visavis comes with, as an entry point would name them."""
@@ -84,44 +84,6 @@ class AnyStudy(Protocol):
         settings: Mapping[str, Any] | None = None,
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""
-        ...
-
-
-@runtime_checkable
-class PiecewiseStudy(Protocol):
-    """A study whose sessions take long to measure: trial by trial, kept in a store."""
-
-    def measure_all(
-        self,
-        sessions: Sequence[Path],
-        store: Path,
-        run: Any,
-        on_walk: Callable[[int, int], None],
-        settings: Mapping[str, Any],
-    ) -> list[Any]:
-        """Take in sessions; `run` does jobs anywhere, `on_walk` is told how many are done.
-
-        `settings` say how to measure, by name.
-        """
-        ...
-
-
-@runtime_checkable
-class FilmedStudy(Protocol):
-    """A study that films its recorded trials in a way of its own."""
-
-    def write_film(
-        self,
-        recording: Recording,
-        trial_id: str,
-        video: Path,
-        *,
-        size_px: tuple[int, int],
-        rate_hz: int,
-        seconds: float | None,
-        on_frame: Callable[[int, int], None] | None,
-    ) -> int:
-        """Write the film of a trial and return its number of pictures."""
         ...
 
 

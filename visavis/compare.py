@@ -1,13 +1,17 @@
 """What a study compares: a question of `analysis.statistics_report` with its claim and family."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
+
+import pandas as pd
 
 from analysis.report.notation import fraction
 from analysis.statistics.published import check_f
 from analysis.statistics_report import Question
 from lab.errors import DesignError
+from protocol.steps import Scalar
+from visavis.pairs import Printed
 
 Correction = Literal["none", "holm", "bonferroni", "bh"]
 MODELS: Final = ("", "lmm", "gee", "clmm")
@@ -56,7 +60,9 @@ class Compare:
     mixed model ("lmm"), generalised estimating equations ("gee") or, for ratings, a cumulative
     link mixed model ("clmm") instead. `claim` says in words
     what a significant result would show. Comparisons of one `family` are corrected together. An
-    `exploratory` one stands apart in the report and makes no headline.
+    `exploratory` one stands apart in the report and makes no headline. `only` are levels of other
+    factors that trials must have ({"group": "haptics"}). `pairs` are what a source prints of two
+    levels compared after the test over all of a factor.
     """
 
     dv: str
@@ -71,6 +77,8 @@ class Compare:
     published: Published | Mapping[str, Published] | None = None
     exploratory: bool = False
     options: Sequence[tuple[str, Any]] = ()
+    only: Mapping[str, Scalar] = field(default_factory=dict)
+    pairs: Mapping[tuple[str, str], Printed] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("within", "between"):
@@ -100,8 +108,22 @@ class Compare:
 
     @property
     def name(self) -> str:
-        """What the comparison is called in tables: measure and factors."""
-        return f"{self.dv} by {' × '.join((*self.within, *self.between))}"
+        """What the comparison is called in tables: measure and factors, and of whom."""
+        of = f" ({', '.join(map(str, self.only.values()))})" if self.only else ""
+        return f"{self.dv} by {' × '.join((*self.within, *self.between))}{of}"
+
+    def chosen(self, trials: pd.DataFrame) -> pd.DataFrame:
+        """Return the trials it is about."""
+        return trials_of(trials, self.only)
+
+    def with_alphas(self, settings: Mapping[str, Any]) -> "Compare":
+        """Return it with the thresholds `alpha` and `normality_alpha` that were set."""
+        options = {k: v for k, v in settings.items() if k == "normality_alpha"}
+        return replace(
+            self,
+            alpha=settings.get("alpha", self.alpha),
+            options=tuple({**dict(self.options), **options}.items()),
+        )
 
     def question(self, levels: dict[str, tuple[str, ...]]) -> Question:
         """Return the question for `analysis.statistics_report`; `levels` in their order."""
@@ -127,3 +149,33 @@ class Compare:
         if self.between or len(self.within) > 1:
             return "art"
         return "paired" if len(levels[self.within[0]]) == 2 else "conditions"
+
+
+def trials_of(trials: pd.DataFrame, only: Mapping[str, Scalar]) -> pd.DataFrame:
+    """Return the trials that have the levels of `only`."""
+    for name, level in only.items():
+        trials = trials[trials[name] == level]
+    return trials
+
+
+def possible(
+    compare: Sequence[Compare],
+    in_force: Mapping[str, Sequence[Scalar]],
+    varied: Sequence[str],
+) -> tuple[Compare, ...]:
+    """Return the comparisons that a design can make.
+
+    `in_force` are the levels of every factor, `varied` those factors that the design has: a group
+    that everybody belongs to is none. What is about an absent level, or between groups that are
+    not there, is left out.
+    """
+    found = []
+    for one in compare:
+        factors = (*one.within, *one.between)
+        if any(level not in in_force.get(name, (level,)) for name, level in one.only.items()):
+            continue
+        if any(name in in_force and name not in varied for name in factors):
+            continue
+        kept = {name: level for name, level in one.only.items() if name in varied}
+        found.append(replace(one, only=kept))
+    return tuple(found)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -110,6 +111,7 @@ STATISTICS: Final = (
     Column("shapiro_p", "1", "its p"),
     Column("test", "", "the test that was made"),
     Column("n", "1", "subjects tested"),
+    Column("sentence", "", "the result in words"),
     Column("correction", "", "correction for several tests within it"),
     Column("dropped", "", "who was left out of the test, and why"),
     Column("notes", "", "what to know about it"),
@@ -182,6 +184,16 @@ def people_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]
             low, high = score_range(asked, score)
             words = f"{asked.title}: {rule.method} of {score.replace('_', ', ')}"
             found[column] = Column(column, "1", f"{words}, {low:g} to {high:g}")
+    return found
+
+
+def block_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]:
+    """Return what describes the answers and scores of questionnaires asked after blocks."""
+    found = people_columns(questionnaires)
+    found["block"] = Column("block", "1", "number of the block")
+    for asked in questionnaires:
+        for score_name in asked.scores:
+            found[score_name] = replace(found[f"{asked.name}_{score_name}"], name=score_name)
     return found
 
 

@@ -18,6 +18,7 @@ from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
 from stimuli.scene import Scene as StageScene
 from visavis.asking import frame
+from visavis.compare import Compare, possible
 from visavis.parameters import parameters_in_force
 from visavis.reading import TrialRead, read_trials
 from visavis.responses import Keys, Pointing, Rating, Response
@@ -271,6 +272,12 @@ class StudyExperiment:
         found = {f.name: tuple(f.levels) for f in design.factors}
         cells = list(self.conditions())
         return found | {n: tuple(dict.fromkeys(c[n] for c in cells)) for n in self.study.derived}
+
+    @cached_property
+    def compare(self) -> tuple[Compare, ...]:
+        """The comparisons that the design in force can make."""
+        in_force = {f.name: self.parameters.get(f.name, f.levels) for f in self.study.factors}
+        return possible(self.study.compare, in_force, tuple(self.levels))
 
     def _derived(self, factors: Mapping[str, Any]) -> dict[str, Any]:
         """Return a trial's factors with what follows from them."""

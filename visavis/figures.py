@@ -55,7 +55,8 @@ def study_figures(analysis: StudyAnalysis, texts: Texts) -> dict[str, Drawn]:
 
 def figure_name(finding: Finding) -> str:
     """Return the file stem of a comparison's figure."""
-    return re.sub(r"\W+", "_", f"{finding.measure.column}_by_" + "_".join(_factors(finding)))
+    words = (*_factors(finding), *map(str, finding.compare.only.values()))
+    return re.sub(r"\W+", "_", f"{finding.measure.column}_by_" + "_".join(words))
 
 
 def label_of(texts: Texts, name: str) -> str:
@@ -74,6 +75,8 @@ def _comparison(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Draw
     source = analysis.study.source
     cells = {} if source is None else source.cells.get(finding.measure.column, {})
     published = " Open diamonds: published means (dashed: ± SD)." if cells else ""
+    if analysis.measured_by:
+        published += f" Measured by {analysis.measured_by}."
     lines = "Each line is one participant. " if finding.compare.within else "Each dot is one. "
     return draw(
         figure_name(finding),
@@ -93,7 +96,8 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
     axes = figure.subplots(1, len(panel_levels), sharey=True, squeeze=False)[0]
     levels = analysis.levels[x]
     labels = [label_of(texts, str(v)) for v in levels]
-    cells = aggregated(analysis.selection.counted, [finding.measure], factors[:2])
+    counted_rows = finding.compare.chosen(analysis.selection.counted)
+    cells = aggregated(counted_rows, [finding.measure], factors[:2])
     for ax, panel in zip(axes, panel_levels, strict=True):
         mine = cells if not panels else cells[cells[panels[0]] == panel]
         table = (

@@ -35,6 +35,8 @@ class SessionIntake:
     """What one session gives to analysis: `rows` one per performed trial with its measures,
     `person` the answers of the questionnaires and what became of the validations.
 
+    `blocks` holds the answers and scores of questionnaires asked after blocks, `tables` further
+    tables by name, of studies measured trial by trial.
     `sensitivity` are the main measures of looks by padding and minimum duration, `facts` what the
     recording says for the eye-tracking reporting list.
     """
@@ -47,6 +49,8 @@ class SessionIntake:
     facts: Mapping[str, str] = field(default_factory=dict)
     streams: tuple[OwnStream, ...] = field(repr=False, default=())
     """What devices of the lab's own recorded."""
+    blocks: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
+    tables: Mapping[str, pd.DataFrame] = field(repr=False, default_factory=dict)
 
     @property
     def planned(self) -> int:
@@ -68,13 +72,20 @@ def take_in(
     measures: Sequence[Measure],
     questionnaires: Sequence[Questionnaire],
     looks: Sequence[LooksOn] = (),
+    after_block: Sequence[Questionnaire] = (),
+    blocked_by: str | None = None,
+    needs: Sequence[str] | None = (),
 ) -> SessionIntake:
     """Measure every finished and intact trial; the others keep their row unmeasured.
+
+    A measure that is a score of a questionnaire asked after blocks stands in every row of its
+    block. `needs` are streams of which a trial must have lost nothing (None: any).
 
     Raises:
         DataError: the session has no trial rows, or a measure cannot be computed.
     """
-    needs = ("gaze", "gaze_targets") if looks or any(m.needs_gaze for m in measures) else ()
+    if needs is not None and (looks or any(m.needs_gaze for m in measures)):
+        needs = (*needs, "gaze", "gaze_targets")
     rows = analysed_trials(recording, needs=needs)
     if "status" not in rows:
         raise DataError(
@@ -109,6 +120,11 @@ def take_in(
         named = [c.name for c in LOOK_COLUMNS]
         added = pd.concat([added, pd.DataFrame(looked, index=rows.index, columns=named)], axis=1)
     rows = pd.concat([rows.drop(columns=[c for c in added if c in rows]), added], axis=1)
+    blocks = blocks_of(recording, after_block, blocked_by)
+    scored = [m.column for m in measures if m.column in blocks]
+    if scored:
+        rows = rows.drop(columns=[c for c in scored if c in rows])
+        rows = rows.merge(blocks[["block", *scored]], on="block", how="left")
     rows.insert(0, "is_simulated", recording.is_simulated)
     return SessionIntake(
         rows,
@@ -118,15 +134,42 @@ def take_in(
         pd.DataFrame(varied),
         gaze_facts(recording, rows),
         own_streams(recording),
+        blocks,
     )
 
 
-def person_of(recording: Recording, questionnaires: Sequence[Questionnaire]) -> dict[str, Any]:
-    """Return a participant's answers and scores; a questionnaire asked twice has both, numbered."""
+def _answers(recording: Recording) -> dict[str, dict[str, Any]]:
+    """Return what was answered by questionnaire (NAME, or NAME@BLOCK) and question."""
     events = recording.events()
     given: dict[str, dict[str, Any]] = {}
     for payload in events.loc[events["name"] == "answer", "payload"]:
         given.setdefault(payload["questionnaire"], {})[payload["question"]] = payload["answer"]
+    return given
+
+
+def blocks_of(
+    recording: Recording, after_block: Sequence[Questionnaire], blocked_by: str | None = None
+) -> pd.DataFrame:
+    """Return one row per block with the answers and scores of what was asked after it."""
+    given, found = _answers(recording), []
+    for block in recording.manifest.plan["blocks"]:
+        row: dict[str, Any] = {
+            "participant": recording.manifest.participant,
+            "block": block["index"],
+        }
+        if blocked_by is not None:
+            row[blocked_by] = block["trials"][0]["factors"][blocked_by]
+        asked = [q for q in after_block if f"{q.name}@{block['index']}" in given]
+        for one in asked:
+            answers = given[f"{one.name}@{block['index']}"]
+            row |= read_answers(one, answers) | score(one, answers)
+        found += [row] if asked else []
+    return pd.DataFrame(found)
+
+
+def person_of(recording: Recording, questionnaires: Sequence[Questionnaire]) -> dict[str, Any]:
+    """Return a participant's answers and scores; a questionnaire asked twice has both, numbered."""
+    events, given = recording.events(), _answers(recording)
     person: dict[str, Any] = {
         "participant": recording.manifest.participant,
         **validations_of(events),

@@ -26,6 +26,7 @@ from visavis.locked.review import PlanReview
 from visavis.measures import Measure, lost_gaze, lost_head
 from visavis.pairs import DEFAULT_TEST_RULES, TestRules
 from visavis.person import StudyPerson
+from visavis.pieces import MeasuredTrial, Pieces
 from visavis.scenes import Scene, Staging, stage
 from visavis.study import Study
 from visavis.validation import judge_validation
@@ -124,32 +125,82 @@ class OpenedStudy:
         lost = lost_gaze() if any(m.needs_gaze for m in found) else lost_head()
         return found if lost.column in {m.column for m in found} else (*found, lost)
 
-    def measure(self, recording: Recording) -> SessionIntake:
-        """Take in one session."""
+    @property
+    def pieces(self) -> Pieces | None:
+        """How its trials are measured one by one; None where a session is measured at once."""
+        return self.study.measured_in_pieces
+
+    def asked(self, names: Sequence[str]) -> list[Questionnaire]:
+        """Return questionnaires by name, as they were written."""
+        return [questionnaire(name, self.study.folders) for name in names]
+
+    def measure(
+        self,
+        recording: Recording,
+        settings: Mapping[str, Any] | None = None,
+        measured: Mapping[str, MeasuredTrial] | None = None,
+    ) -> SessionIntake:
+        """Take in one session; `measured` are trials that were measured one by one before."""
+        study, pieces = self.study, self.pieces
         experiment = self.experiment(overrides_of(recording.manifest.plan))
-        asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
-        return take_in(recording, self.measures(experiment), asked, self.study.looks)
+        taken = take_in(
+            recording,
+            self.measures(experiment),
+            self.asked(study.questionnaires),
+            study.looks,
+            self.asked(study.after_block),
+            study.blocked_by,
+            () if pieces is None else None,
+        )
+        if pieces is None:
+            return taken
+        how = pieces.how_with(settings or {})
+        found = pieces.measured(recording, how) if measured is None else measured
+        factors = [f.name for f in study.factors]
+        rows, tables = pieces.put_together(recording, taken.rows, found, factors, how)
+        return replace(taken, rows=rows, tables=tables)
 
-    def analysis_of(
-        self, sessions: Sequence[SessionIntake], settings: Mapping[str, Any] | None = None
-    ) -> StudyAnalysis:
-        """Analyse sessions that were taken in.
-
-        `settings` replace limits of exclusion rules and thresholds of tests (`TestRules`).
+    def check_settings(self, settings: Mapping[str, Any]) -> None:
+        """Refuse settings of the analysis that do not exist, before anything is measured.
 
         Raises:
-            DataError: there is no such rule or threshold, or nothing counts.
+            DataError: there is no such rule or threshold.
             UsageError: one is out of range.
+            ConfigError: a value is none of the kind.
         """
-        settings = settings or {}
-        known = [r.name for r in self.study.exclusions]
-        known += [f.name for f in fields(TestRules)] if self.study.families else []
+        study, pieces = self.study, self.pieces
+        known = [r.name for r in study.exclusions]
+        if study.families:
+            known += [f.name for f in fields(TestRules)]
+        elif study.compare:
+            known += ["alpha", "normality_alpha"]
+        known += [] if study.thresholds is None else [f.name for f in fields(study.thresholds)]
+        known += [] if pieces is None else pieces.settable
         unknown = set(settings) - set(known)
         if unknown:
             raise DataError(
                 f"{self.name} has no rule {', '.join(sorted(unknown))}; its rules are "
                 f"{', '.join(known)}"
             )
+        limits_in_force(study.exclusions, settings)
+        DEFAULT_TEST_RULES.with_settings(settings)
+        study.thresholds_with(settings)
+        _ = pieces is None or pieces.how_with(settings)
+
+    def analysis_of(
+        self, sessions: Sequence[SessionIntake], settings: Mapping[str, Any] | None = None
+    ) -> StudyAnalysis:
+        """Analyse sessions that were taken in.
+
+        `settings` replace limits of exclusion rules, thresholds of tests (`TestRules`) and of
+        the study's own analysis.
+
+        Raises:
+            DataError: there is no such rule or threshold, or nothing counts.
+            UsageError: one is out of range.
+        """
+        settings = settings or {}
+        self.check_settings(settings)
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
         return self.analysis_of_rows(
             experiment,
@@ -158,7 +209,17 @@ class OpenedStudy:
             planned={str(s.manifest.participant): s.planned for s in sessions},
             settings=settings,
             varied=pd.concat([s.sensitivity for s in sessions], ignore_index=True),
+            tables=self._tables(sessions),
         )
+
+    def _tables(self, sessions: Sequence[SessionIntake]) -> dict[str, pd.DataFrame]:
+        """Return the further tables of all sessions: answers after blocks, and the study's own."""
+        every = [{"blocks": s.blocks, **s.tables} for s in sessions]
+        found = {
+            name: pd.concat([t[name] for t in every], ignore_index=True)
+            for name in dict.fromkeys(name for t in every for name in t)
+        }
+        return {name: t for name, t in found.items() if len(t.columns) or name != "blocks"}
 
     def analysis_of_rows(
         self,
@@ -169,20 +230,23 @@ class OpenedStudy:
         planned: Mapping[str, int],
         settings: Mapping[str, Any] | None = None,
         varied: pd.DataFrame | None = None,
+        tables: Mapping[str, pd.DataFrame] | None = None,
     ) -> StudyAnalysis:
         """Analyse trials, one row each; `people` hold answers of questionnaires.
 
         `planned` is how many trials each participant was to have; `varied` are the main measures
-        of looks by padding and minimum duration.
+        of looks by padding and minimum duration, `tables` the study's further tables.
 
         Raises:
             DataError: nothing counts.
         """
         design = self.study.design(experiment.parameters)
         compared = self.study.cells_of(design)
+        settings = settings or {}
         selection = self.selection_of(
             experiment, rows, planned=planned, settings=settings, people=people
         )
+        pieces = self.pieces
         return analyse_rows(
             self.study,
             selection,
@@ -191,8 +255,12 @@ class OpenedStudy:
             measures=self.measures(experiment),
             is_simulated=bool(rows["is_simulated"].any()),
             cells=[f.name for f in (*design.between, *compared)],
-            rules=DEFAULT_TEST_RULES.with_settings(settings or {}),
+            rules=DEFAULT_TEST_RULES.with_settings(settings),
             varied=varied,
+            compare=[c.with_alphas(settings) for c in experiment.compare],
+            tables=tables or {},
+            thresholds=self.study.thresholds_with(settings),
+            how=None if pieces is None else pieces.how_with(settings),
         )
 
     def selection_of(
@@ -240,7 +308,7 @@ class OpenedStudy:
             self.name, [s.manifest for s in sessions], [s.source for s in sessions], commands
         )
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
-        asked = [questionnaire(n, self.study.folders) for n in self.study.questionnaires]
+        asked = self.asked(self.study.questionnaires)
         facts = {**sessions[0].facts, **self.study.setup}
         return write_study(analysis, experiment, asked, provenance, out_dir, facts, self.plan,
                            [stream for s in sessions for stream in s.streams])  # fmt: skip

@@ -12,10 +12,11 @@ from analysis.report import ReportProvenance
 from lab.errors import UsageError
 from protocol.columns import Column
 from protocol.questionnaires import Questionnaire
-from visavis.analysis import SIMULATED_COLUMN, StudyAnalysis
+from visavis.analysis import SIMULATED_COLUMN, Finding, StudyAnalysis
 from visavis.dictionary import (
     PEOPLE,
     STATISTICS,
+    block_columns,
     fixed_columns,
     people_columns,
     trial_columns,
@@ -24,6 +25,7 @@ from visavis.dictionary import (
 from visavis.experiment import StudyExperiment
 from visavis.family_figures import family_figures
 from visavis.figures import figure_of_quality, study_figures
+from visavis.intake import questionnaire
 from visavis.locked.review import PlanReview, review_section
 from visavis.pairs import columns_of_tests, published_cells
 from visavis.quality import QUALITY_TABLE, Quality, quality_of
@@ -56,7 +58,7 @@ def write_study(
     extras = [made(section)(analysis, experiment) for section in experiment.study.sections]
     figures = study_figures(analysis, experiment.texts) | family_figures(analysis, experiment.texts)
     figures |= {d.name: d for extra in extras for d in extra.figures}
-    quality = quality_of(analysis, facts)
+    quality = quality_of(analysis, facts) if experiment.study.validate else None
     if quality is not None:
         drawn = figure_of_quality(analysis, quality)
         figures[drawn.name] = drawn
@@ -95,8 +97,16 @@ def write_tables(
     extras: Sequence[Extra] = (),
     quality: Quality | None = None,
 ) -> None:
-    """Write trials, participants, cell means, statistics and contrasts, each with a dictionary."""
-    trials = analysis.selection.rows.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
+    """Write trials, participants, cell means, statistics and contrasts, each with a dictionary.
+
+    Further tables of the study, and the trials, are written as Parquet, too. Every table says how
+    trials were measured where that can be set.
+    """
+    study = experiment.study
+    pieces = study.measured_in_pieces
+    marks = {SIMULATED_COLUMN: analysis.is_simulated}
+    marks |= {} if pieces is None or analysis.how is None else pieces.marks(analysis.how)
+    trials = analysis.selection.rows.assign(**marks)
     known = trial_columns(experiment, analysis.measures)
     trials = typed(trials, {c.name: c for c in fixed_columns(experiment)})
     write_table(trials, known, out_dir / "trials.csv", scenes=True)
@@ -108,28 +118,34 @@ def write_tables(
         twice = [c for c in quality.participants if c in people and c != "participant"]
         measured = quality.participants.drop(columns=twice)
         people = people.merge(measured, on="participant", how="left")
-    people = people.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
+    people = people.assign(**marks)
     described_people = {**known, **people_columns(questionnaires)}
     described_people |= {c.name: c for c in QUALITY_TABLE}
     write_table(people, described_people, out_dir / "participants.csv")
-    means = analysis.cell_means().assign(**{SIMULATED_COLUMN: analysis.is_simulated})
+    means = analysis.cell_means().assign(**marks)
     counted = {**known, "n": Column("n", "1", "trials that count")}
     write_table(means, counted, out_dir / "cell_means.csv")
     for extra in extras:
         for name, table in extra.tables.items():
             columns = {**known, **{c.name: c for c in extra.columns}}
-            marked = table.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
-            write_table(marked, columns, out_dir / f"{name}.csv")
+            write_table(table.assign(**marks), columns, out_dir / f"{name}.csv")
+    asked = [questionnaire(name, study.folders) for name in study.after_block]
+    for name, table in analysis.tables.items():
+        columns = {**known, **block_columns(asked)} if name == "blocks" else known
+        own = () if pieces is None else pieces.tables.get(name, ())
+        columns = {**columns, **{c.name: c for c in own}}
+        write_table(table.assign(**marks), columns, out_dir / f"{name}.csv")
+        table.assign(**marks).to_parquet(out_dir / f"{name}.parquet", index=False)
     described = {c.name: c for c in (*PEOPLE, *STATISTICS)}
+    described |= {name: known[name] for name in marks}
     described |= columns_of_tests(analysis.study.families) if analysis.results else {}
     for name, rows in (("statistics", statistics_rows(analysis)),
                        ("contrasts", contrast_rows(analysis))):  # fmt: skip
         if rows:
-            table = pd.DataFrame(rows).assign(**{SIMULATED_COLUMN: analysis.is_simulated})
+            table = pd.DataFrame(rows).assign(**marks)
             write_table(table, described, out_dir / f"{name}.csv")
     if analysis.sensitivity:
-        table = pd.DataFrame([row.row() for row in analysis.sensitivity])
-        table = table.assign(**{SIMULATED_COLUMN: analysis.is_simulated})
+        table = pd.DataFrame([row.row() for row in analysis.sensitivity]).assign(**marks)
         of = analysis.sensitivity[0].shown[0].of
         columns = sensitivity_columns(of, {m.column: m for m in analysis.measures})
         write_table(table, known | columns, out_dir / "sensitivity.csv")
@@ -153,6 +169,7 @@ def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
             "is_tested": bool(finding.terms),
             "why_not": finding.why_not,
             "alpha": compare.alpha,
+            "sentence": "" if finding.outcome is None else " ".join(finding.outcome.sentences),
         }
         if not finding.terms:
             rows.append(about)
@@ -183,11 +200,29 @@ def contrast_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
             "comparison": finding.compare.name,
             "measure": finding.compare.dv,
             **{("term" if k == "family" else k): v for k, v in _plain(row).items()},
+            **_decided(finding, row),
         }
         for finding in analysis.findings
         if finding.outcome is not None
         for row in finding.outcome.contrasts
     ]
+
+
+def _decided(finding: Finding, row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what was decided of a contrast of two levels, beside what the source prints."""
+    found = next((c for c in finding.contrasts if c.row is row), None)
+    if found is None:
+        return {}
+    decided: dict[str, Any] = {
+        "level_1": found.first, "level_2": found.second, "mean_difference": found.difference,
+        "is_significant": found.is_significant, "sentence": found.sentence,
+    }  # fmt: skip
+    beside = found.agreement
+    if beside is not None:
+        decided |= {
+            "published_significant": beside.published, "agrees_with_published": beside.agrees,
+        }  # fmt: skip
+    return decided
 
 
 def _plain(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from analysis.statistics.results import number
 from lab.errors import DataError, UsageError
 from visavis.analysis import Finding, Results, StudyAnalysis, answered, corrected
 from visavis.catalogue import find_study
+from visavis.compare import Compare
 from visavis.exclusions import COUNTED, Selection
 from visavis.experiment import StudyExperiment
 from visavis.measures import aggregated
@@ -74,9 +75,8 @@ class KitPower:
         """
         study = self._opened.study
         found = {}
-        for compare in study.compare:
-            if compare.exploratory:
-                continue
+        compared = self._opened.experiment({}).compare
+        for compare in (c for c in compared if not c.exploratory):
             for term in terms_of((*compare.within, *compare.between)):
                 claim = compare.claim or f"{compare.dv} depends on {term.replace(':', ' × ')}"
                 found[f"{compare.dv}:{term}"] = claim
@@ -95,7 +95,7 @@ class KitPower:
         """The F tests of effects within people, and paired t tests, that the source prints."""
         study = self._opened.study
         found = {name: test for of in families_of(study) for name, test in _printed_t(study, of)}
-        for compare in self._opened.study.compare:
+        for compare in self._opened.experiment({}).compare:
             for term in terms_of((*compare.within, *compare.between)):
                 printed = compare.published_of(term)
                 if compare.between or printed is None or printed.statistic is None:
@@ -245,14 +245,14 @@ class KitPower:
         opened: OpenedStudy,
         experiment: StudyExperiment,
     ) -> dict[str, Found]:
-        study = opened.study
         known = {m.column: m for m in opened.measures(experiment)}
         levels = experiment.levels
+        asks = any(name in opened.study.questions for name in tests)
         findings = corrected(
             [
                 answered(compare, rows, known, levels, is_simulated=True)
-                for compare in study.compare
-                if not compare.exploratory
+                for compare in (c.with_alphas({"alpha": alpha}) for c in experiment.compare)
+                if not compare.exploratory and (asks or _is_asked(compare, tests, experiment))
             ]
         )
         found: dict[str, Found] = dict.fromkeys(tests, Found(None))
@@ -263,7 +263,16 @@ class KitPower:
                     found[name] = Found(
                         bool(term.p_corrected < alpha), *_difference(finding, rows, levels)
                     )
-        return found | _of_families(opened, experiment, rows, tests, alpha)
+        return found | _of_families(opened, experiment, rows, tests, alpha, findings)
+
+
+def _is_asked(compare: Compare, tests: Sequence[str], experiment: StudyExperiment) -> bool:
+    """Tell whether a comparison, or another that shares its correction, is asked for."""
+    family = [
+        c for c in experiment.compare
+        if c is compare or (c.correction != "none" and c.family == compare.family)
+    ]  # fmt: skip
+    return any(name.partition(":")[0] == c.dv for c in (compare, *family) for name in tests)
 
 
 def _of_families(
@@ -272,6 +281,7 @@ def _of_families(
     rows: pd.DataFrame,
     tests: Sequence[str],
     alpha: float,
+    findings: tuple[Finding, ...],
 ) -> dict[str, Found]:
     """Make the asked tests of families; a question needs every test of every family."""
     study, levels = opened.study, experiment.levels
@@ -297,7 +307,7 @@ def _of_families(
     if asks:
         selection = Selection(rows, people, len(rows), (), {})
         analysis = StudyAnalysis(study, True, selection, people, levels, tuple(known.values()),
-                                 (), (), tuple(results), rules=rules)  # fmt: skip
+                                 findings, (), tuple(results), rules=rules)  # fmt: skip
         found |= {c.name: Found(c.is_found) for c in analysis.conclusions}
     return {name: verdict for name, verdict in found.items() if name in tests}
 

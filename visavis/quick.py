@@ -26,7 +26,7 @@ from protocol.boards import HAND
 from protocol.observation import GazeObserver
 from protocol.participants import SimulatedParticipant
 from protocol.plan import Trial
-from protocol.questionnaires import read_answers, score
+from protocol.questionnaires import Questionnaire, read_answers, score
 from protocol.row_buffer import RowBuffer
 from protocol.steps import Answered, Ask, BodyView, FrameView, NextFrame, Plan, Prompt, Show
 from protocol.streams import gaze_targets_schema
@@ -110,13 +110,18 @@ def quick_study(
         tables.append(rows)
         known: dict[str, Any] = {"participant": _name(index)}
         for questions in asked:
-            given = {q.question_id: person.answer(q.question_id, q.prompt, q.options)
-                     for q in questions.questions()}  # fmt: skip
-            answers = read_answers(questions, given)
+            answers = answers_of(person, questions)
             known |= answers
             known |= {f"{questions.name}_{k}": v for k, v in score(questions, answers).items()}
         people.append(known)
     return QuickStudy(pd.concat(tables, ignore_index=True), pd.DataFrame(people))
+
+
+def answers_of(person: SimulatedParticipant, questions: Questionnaire) -> dict[str, Any]:
+    """Ask a simulated person a whole questionnaire; return the answers as analysis reads them."""
+    given = {q.question_id: person.answer(q.question_id, q.prompt, q.options)
+             for q in questions.questions()}  # fmt: skip
+    return dict(read_answers(questions, given))
 
 
 def _person(

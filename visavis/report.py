@@ -30,6 +30,7 @@ from analysis.report import (
 from analysis.report.notation import counted, mean_sd, percentage, probability
 from protocol.questionnaires import Questionnaire
 from visavis.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term
+from visavis.compare import trials_of
 from visavis.exclusions import rule_words
 from visavis.experiment import StudyExperiment
 from visavis.family_report import (
@@ -37,11 +38,13 @@ from visavis.family_report import (
     family_sections,
     family_verdicts,
     fitted_note,
+    verdict_cell,
 )
 from visavis.figures import figure_name, label_of
 from visavis.looks import LooksOn
 from visavis.measures import aggregated
 from visavis.methods import method_paragraphs
+from visavis.pairs import Printed
 from visavis.quality import LOSS_COLUMNS, Quality, quality_table
 from visavis.reporting_list import Kept, reporting_table
 
@@ -70,8 +73,10 @@ def build_report(
         facts=Facts(
             (
                 ("Participants analysed",
-                 f"{analysis.n_participants} of {len(analysis.selection.people)}"),
+                 f"{analysis.n_participants} of {len(analysis.selection.people)}"
+                 f"{_by_group(analysis)}"),
                 ("Trials analysed", str(len(analysis.selection.counted))),
+                *([("Measured by", analysis.measured_by)] if analysis.measured_by else []),
                 ("Data", "simulated" if analysis.is_simulated else "real"),
                 ("Recorded", provenance.data_date or "unknown"),
                 ("Study version", provenance.study_version),
@@ -94,6 +99,15 @@ def build_report(
     return write_page(page, path)
 
 
+def _by_group(analysis: StudyAnalysis) -> str:
+    """Return how many participants of each group count; nothing where there are no groups."""
+    told = []
+    for factor in (f for f in analysis.study.factors if f.between and f.name in analysis.levels):
+        counts = analysis.selection.counted.groupby(factor.name)["participant"].nunique()
+        told += [f"{counts.get(level, 0)} {level}" for level in analysis.levels[factor.name]]
+    return f" ({', '.join(told)})" if told else ""
+
+
 def picture_of(drawn: Drawn) -> Picture:
     """Return a figure as a block of a report."""
     return Picture(svg_for_page(drawn), drawn.title, drawn.caption, drawn.alternative)
@@ -106,6 +120,8 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
         if not finding.compare.exploratory
         for term in finding.terms or (None,)
     ]
+    if analysis.study.conclude_of is not None:
+        verdicts = []  # its own conclusions say it
     verdicts += family_verdicts(analysis)
     blocks: list[Block] = []
     if verdicts:
@@ -168,7 +184,8 @@ def _direction(
     if len(factors) != 1 or len(analysis.levels[factors[0]]) != 2:
         return None
     column = finding.measure.column
-    cells = aggregated(analysis.selection.counted, [finding.measure], factors)
+    counted_rows = finding.compare.chosen(analysis.selection.counted)
+    cells = aggregated(counted_rows, [finding.measure], factors)
     means = cells.groupby(factors[0])[column].mean()
     one, other = analysis.levels[factors[0]]
     if one not in means or other not in means or means[one] == means[other]:
@@ -204,12 +221,16 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
         return None
     rows: list[tuple[Cell | str, ...]] = []
     misfits: list[str] = []
+    only = {name: level for name, level in source.only.items() if name in analysis.levels}
+    counted_rows = trials_of(analysis.selection.counted, only)
     for column, cells in source.cells.items():
         measure = analysis.measure(column)
+        if column not in counted_rows:
+            continue
         for factor, levels in analysis.levels.items():
             if not set(map(str, levels)) >= set(cells):
                 continue
-            means = aggregated(analysis.selection.counted, [measure], [factor])
+            means = aggregated(counted_rows, [measure], [factor])
             for level, (mean, sd) in cells.items():
                 ours = means.loc[means[factor].astype(str) == level, column].to_numpy(float)
                 here = _mean_sd(ours, measure.digits)
@@ -228,6 +249,13 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
             what = f"{finding.measure.words} by {term.name.replace(':', ' × ')}"
             rows.append((what, f"p {_p(term.p_corrected)}", printed.text, agree))
             misfits += printed.misfits
+        for contrast in finding.contrasts:
+            beside = contrast.agreement
+            if beside is not None and contrast.printed is not None:
+                rows.append(
+                    (f"{finding.measure.words}, {contrast.name}", f"p {_p(contrast.p)}",
+                     _printed(contrast.printed), verdict_cell(beside))
+                )  # fmt: skip
         if not finding.terms:
             rows += [
                 (finding.compare.name, "–", printed.text, Cell("not tested", "weak"))
@@ -247,6 +275,12 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
         )
         + fitted_note(analysis),
     )
+
+
+def _printed(printed: Printed) -> str:
+    """Return what a source prints of two levels: its p where it does, else its verdict."""
+    said = "different" if printed.is_significant else "not different"
+    return said if printed.p is None else f"{said}, p {_p(printed.p)}"
 
 
 def _mean_sd(values: Values, digits: int = 2) -> str:
@@ -278,7 +312,8 @@ def _measures(
             picture = pictures.get(figure_name(finding))
             blocks += [] if picture is None else [picture]
             blocks += _tests(finding)
-        blocks.append(_means_table(analysis, measure.column, experiment))
+        if column in analysis.selection.counted:
+            blocks.append(_means_table(analysis, measure.column, experiment))
         sections.append(Section(column, measure.words, tuple(blocks)))
     compared = {f.measure.column for f in analysis.findings}
     others = [

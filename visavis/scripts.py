@@ -127,8 +127,13 @@ class StudyData:
 
     @cached_property
     def _intakes(self) -> tuple[Any, ...]:
+        return self._taken_in({})
+
+    def _taken_in(self, how: Mapping[str, Any]) -> tuple[Any, ...]:
         counted, _ = one_per_participant(tuple(s.path for s in self.sessions))
-        return tuple(self.study.measure(Recording(path)) for path in counted)
+        if not isinstance(self.study, OpenedStudy):
+            return tuple(self.study.measure(Recording(path)) for path in counted)
+        return tuple(self.study.measure(Recording(path), how) for path in counted)
 
     def trials(self) -> pd.DataFrame:
         """Return every trial, measured from the recordings; one row each.
@@ -147,7 +152,8 @@ class StudyData:
     def analysis(self, *, peek: str | None = None, **limits: Any) -> StudyAnalysis:
         """Return the analysis: what counts, cell means, an answer to each planned comparison.
 
-        `limits` replace those of the study's exclusion rules. `peek` is why results of a blinded
+        `limits` replace those of the study's exclusion rules, thresholds, and how trials are
+        measured where that can be set. `peek` is why results of a blinded
         study are looked at before it is complete, which is recorded.
 
         Raises:
@@ -168,7 +174,10 @@ class StudyData:
             asked=peek is not None,
             reason=peek or "",
         )
-        return self.study.analysis_of(self._intakes, limits)
+        self.study.check_settings(limits)
+        pieces = self.study.pieces
+        how = {k: v for k, v in limits.items() if pieces is not None and k in pieces.settable}
+        return self.study.analysis_of(self._taken_in(how) if how else self._intakes, limits)
 
 
 def open_study(path: str | Path) -> StudyData:

@@ -3,7 +3,7 @@
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from protocol.columns import Column
 
@@ -39,6 +39,11 @@ def made(section: SectionOf | str) -> SectionOf:
     """Return what makes a section; one named "module:function" is imported now."""
     if not isinstance(section, str):
         return section
-    module, _, name = section.partition(":")
-    found: SectionOf = getattr(importlib.import_module(module), name)
+    found: SectionOf = named(section)
     return found
+
+
+def named(reference: str) -> Any:
+    """Return what "module:name" names, imported now."""
+    module, _, name = reference.partition(":")
+    return getattr(importlib.import_module(module), name)

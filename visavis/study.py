@@ -13,9 +13,9 @@ tables with their dictionaries, statistics, figures, report, power.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, TypeAlias
 
 import numpy as np
 
@@ -24,10 +24,12 @@ from protocol.columns import Column
 from protocol.design import BlockOrder, Design, Factor, TrialOrder
 from protocol.experiment import Demands
 from protocol.orders import Constraint
+from protocol.parameters import parameters_from
 from protocol.participants import SimulatedParticipant
 from protocol.plan import SessionPlan, Trial
 from protocol.shown import Shown
 from protocol.steps import Scalar, Step
+from recording.reader import Recording
 from stimuli.scene import SceneFrame
 from visavis.compare import Compare
 from visavis.exclusions import STANDARD_RULES, Exclusion
@@ -35,9 +37,10 @@ from visavis.looks import LooksOn
 from visavis.measures import Measure
 from visavis.pairs import Family
 from visavis.person import Seen
+from visavis.pieces import Pieces
 from visavis.responses import Response
 from visavis.scenes import Maker
-from visavis.sections import SectionOf
+from visavis.sections import SectionOf, named
 from visavis.trial import TrialPlan, TrialScript
 
 if TYPE_CHECKING:
@@ -68,6 +71,7 @@ QuickOf: TypeAlias = Callable[
     ["StudyExperiment", SimulatedParticipant, "TrackerModel"],
     Callable[[SessionPlan], Iterator[tuple[Trial, Mapping[str, Any]]]],
 ]
+FurtherOf: TypeAlias = Callable[["StudyAnalysis"], Any]
 ConcludeOf: TypeAlias = Callable[["StudyAnalysis"], "Sequence[Conclusion]"]
 DemandsOf: TypeAlias = Callable[[Mapping[str, Any]], Demands]
 RolesOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[str]]
@@ -90,6 +94,26 @@ class Source:
     participants: int | None = None
     cells: Mapping[str, Mapping[str, tuple[float, float | None]]] = field(default_factory=dict)
     note: str = ""
+    only: Mapping[str, Scalar] = field(default_factory=dict)
+    """Levels of other factors that trials must have to stand beside it."""
+
+
+class FilmOf(Protocol):
+    """Films a recorded trial in a way of the study's own."""
+
+    def __call__(
+        self,
+        recording: Recording,
+        trial_id: str,
+        video: Path,
+        *,
+        size_px: tuple[int, int],
+        rate_hz: int,
+        seconds: float | None,
+        on_frame: Callable[[int, int], None] | None,
+    ) -> int:
+        """Write the film of a trial and return its number of pictures."""
+        ...
 
 
 @dataclass
@@ -117,6 +141,8 @@ class Study:
     `dressed_by` names what dresses scenes that a trial makes itself ("module:function"). The eye
     tracker is calibrated at the beginning, and before every block with `calibrate_blocks`.
     `setup` answers items of the reporting list for eye tracking that follow from the study.
+    `thresholds` is a dataclass of numbers of its own analysis, `pieces` how trials are measured
+    one by one ("module:name" of it): `analyse --set` replaces fields of both by name.
     """
 
     name: str
@@ -143,6 +169,8 @@ class Study:
     families: Sequence[Family] = ()
     questions: Mapping[str, str] = field(default_factory=dict)
     exclusions: Sequence[Exclusion] = STANDARD_RULES
+    thresholds: Any = None
+    pieces: Pieces | str | None = None
     questionnaires: Sequence[str] = ()
     after_block: Sequence[str] = ()
     needs: Sequence[str] = ()
@@ -172,7 +200,9 @@ class Study:
     scaled_of: ScaledOf | None = None
     quick_of: QuickOf | None = None
     facts_of: FactsOf | None = None
+    further_of: FurtherOf | None = None
     conclude_of: ConcludeOf | None = None
+    film_of: FilmOf | None = None
     views_of: ViewsOf | None = None
     older_of: Callable[[dict[str, Any]], dict[str, Any]] | None = None
     sections: list[SectionOf | str] = field(default_factory=list)
@@ -283,6 +313,19 @@ class Study:
         self.facts_of = facts
         return facts
 
+    def further(self, further: FurtherOf) -> FurtherOf:
+        """Take a function of the analysis as what the study finds besides (a decorator).
+
+        Conclusions and sections read it as `analysis.further`; power does without.
+        """
+        self.further_of = further
+        return further
+
+    def film(self, film: FilmOf) -> FilmOf:
+        """Take a function as what films a recorded trial (a decorator)."""
+        self.film_of = film
+        return film
+
     def conclude(self, conclude: ConcludeOf) -> ConcludeOf:
         """Take a function of the analysis as what answers the study's questions (a decorator)."""
         self.conclude_of = conclude
@@ -308,6 +351,25 @@ class Study:
         return older
 
     # ---- what follows ----
+
+    @property
+    def measured_in_pieces(self) -> Pieces | None:
+        """How its trials are measured one by one; None where a session is measured at once."""
+        found: Pieces | None = named(self.pieces) if isinstance(self.pieces, str) else self.pieces
+        return found
+
+    def thresholds_with(self, settings: Mapping[str, Any]) -> Any:
+        """Return the numbers of its own analysis with those that were set; None without any.
+
+        Raises:
+            ConfigError: a value is none of the kind.
+            UsageError: it is out of range.
+        """
+        if self.thresholds is None:
+            return None
+        known = {f.name for f in fields(self.thresholds)}
+        own = {k: v for k, v in settings.items() if k in known}
+        return parameters_from(type(self.thresholds), own, f"analysis of {self.name}")
 
     @property
     def trial_plan(self) -> TrialPlan:

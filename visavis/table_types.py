@@ -19,7 +19,7 @@ _DTYPES: dict[str, Any] = {
     "boolean": pd.BooleanDtype(),
     "string": pd.StringDtype(),
 }
-_FLAGS = ("on_at_onset", "cut_at_end", "calibration_accepted")
+_FLAGS = ("on_at_onset", "cut_at_end", "calibration_accepted", "came_back", "track_right")
 _NUMBERS = (
     "recording_part",
     "participant_index",

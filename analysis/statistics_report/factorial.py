@@ -452,8 +452,8 @@ def _conditions(table: DataTable, q: Question) -> Outcome:
     design = read(prepared, q)
     made = compare_conditions(
         _kept(prepared, design), q.dv, subject=q.subject, within=within,
-        levels=prepared.levels[within], alpha=q.alpha, adjust=cast(Adjustment, adjust),
-        always_posthoc=q.always_posthoc,
+        levels=prepared.levels[within], alpha=q.alpha, normality_alpha=q.normality_alpha,
+        adjust=cast(Adjustment, adjust), always_posthoc=q.always_posthoc,
     )  # fmt: skip
     pairs: Any = made.pairs.contrasts if isinstance(made.pairs, Contrasts) else made.pairs
     return Outcome(

@@ -31,6 +31,7 @@ class Question:
     posthoc: str = ""
     always_posthoc: bool = False
     alpha: float = 0.05
+    normality_alpha: float = 0.05
     partner: str = ""
     items: tuple[str, ...] = ()
     reverse: tuple[str, ...] = ()

@@ -3,18 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from experiments.crowd.design import CONDITIONS
+from experiments.crowd.design import CROWDS
 from protocol.columns import Column
-from protocol.questionnaires import Questionnaire
-from visavis.dictionary import people_columns
 
-SHARED: Final = (
+TRIALS: Final = (
     Column("measure_rule", "", "rule of volumes: volume, centres or published"),
     Column("measure_surface", "", "bodies measured: characters, fine, light or capsules"),
-    Column("rule", "", "rule of volumes: volume, centres or published"),
-    Column("surface", "", "bodies measured: characters, fine, light or capsules"),
-)
-TRIALS: Final = (
     Column("block_walks", "1", "walks planned in the block"),
     Column("crowd_density_per_m2", "1/m²", "people per square metre of the crowd, as planned"),
     Column("walk_flags", "", "what the body's tracking and the walk flagged while it ran"),
@@ -28,12 +22,8 @@ TRIALS: Final = (
     Column("body_samples", "1", "body samples looked at online"),
     Column("body_silent_ms", "ms", "time in gaps between body samples of more than 150 ms"),
     Column("body_frozen_ms", "ms", "time in which the tracker repeated one pose"),
-    Column(
-        "frozen_segments",
-        "ms",
-        "segment=time of those that repeated one pose, found live",
-    ),
-    Column("frozen_segments_measured", "ms", "segment=time, by the recording; not measured"),
+    Column("frozen_segments", "", "segment=time (ms) of those that repeated one pose, found live"),
+    Column("frozen_segments_measured", "", "segment=time (ms), by the recording; not measured"),
     Column("body_part_lost_samples", "1", "samples in which some segment was not tracked"),
     Column("outside_room_samples", "1", "samples outside the room"),
     Column("lost_01", "1", "share of 10 ms steps without a whole tracked body"),
@@ -83,6 +73,8 @@ COLLISIONS: Final = (
     Column("side", "", "left, right or middle of the participant"),
     Column("speed_m_s", "m/s", "speed of the hips at first contact"),
     Column("counted", "", "lasted longer than 10 ms"),
+    Column("rule", "", "rule of volumes: volume, centres or published"),
+    Column("surface", "", "bodies measured: characters, fine, light or capsules"),
     Column("cut", "", "the step before or after was not measured, so the duration is unknown"),
 )
 CROSSINGS: Final = (
@@ -110,18 +102,7 @@ PULSES: Final = (
 )
 CELLS: Final = (
     Column("cells", "", "cells as walked, each the numbers of three people; null outside"),
-)
-STATISTICS: Final = (
-    Column("measure", "", "column of the trial table, or a rating"),
-    Column("comparison", "", "blocks: the test over all three; otherwise first - second"),
-    Column("n", "1", "participants with all three blocks"),
-    Column("test", "", "rm_anova or friedman"),
-    Column("p", "1", "of the test; adjusted (Bonferroni over three) for pairs"),
-    Column("significant", "", "p below alpha; for pairs only after a significant test over blocks"),
-    Column("difference", "", "mean of the first block less that of the second"),
-    Column("agrees_with_published", "", "same verdict and direction as printed"),
-    Column("sentence", "", "the result in words"),
-    Column("problem", "", "why it was not tested"),
+    Column("track_m", "m", "way over the floor, x and z every 0.1 s"),
 )
 SIMILARITY: Final = (
     Column("variant", "", "of Dice: union, frequency or pairs"),
@@ -138,36 +119,15 @@ SIMILARITY: Final = (
     Column("n_people", "1", "people"),
     Column("n_splits", "1", "random splits"),
     Column("n_permutations", "1", "permutations"),
+    *(
+        Column(f"between_{crowd}", "1", f"Dice of whole blocks in configuration {crowd}")
+        for crowd in CROWDS
+    ),
 )
 TABLES: Final[Mapping[str, Sequence[Column]]] = {
-    "trials": TRIALS,
     "collisions": COLLISIONS,
     "crossings": CROSSINGS,
-    "pulses": PULSES,
     "cells": CELLS,
-    "statistics": STATISTICS,
-    "similarity": SIMILARITY,
-    "condition_means": TRIALS,
+    "pulses": PULSES,
 }
-
-
-def table_columns(
-    table: str, names: Sequence[str], known: Mapping[str, Column], asked: Sequence[Questionnaire]
-) -> dict[str, Column]:
-    """Return what describes the columns of a table by name, beside those `known` of all trials.
-
-    Columns that only a recording of another version has are said to be its own.
-    """
-    found = {name: Column(name, "", "as the session recorded it") for name in names}
-    found |= {**known, **people_columns(asked), **{c.name: c for c in SHARED}}
-    for questionnaire in asked:
-        for score in questionnaire.scores:
-            found[score] = Column(score, "1", f"{questionnaire.title}: mean of its items, 1 to 7")
-    for condition in CONDITIONS:
-        for start, words in (("mean", "mean"), ("sd", "standard deviation")):
-            name = f"{start}_{condition}"
-            found[name] = Column(name, "", f"{words} over participants of block {condition}")
-    for name in (n for n in names if n.startswith("between_")):
-        crowd = name.removeprefix("between_")
-        found[name] = Column(name, "1", f"Dice of whole blocks in configuration {crowd}")
-    return found | {c.name: c for c in TABLES.get(table, ())}
+"""Tables beside those of every study."""

@@ -1,179 +1,124 @@
-"""Compare the three blocks in every measure: one decision path per measure."""
+"""What the study measures and compares: the source's measures first, with what it prints."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Final
 
 import numpy as np
-import pandas as pd
 
-from analysis.statistics import Contrasts, Equivalence, compare_conditions, tost_paired
-from analysis.statistics.conditions import ConditionsComparison
-from analysis.statistics.errors import StatisticsError
 from experiments.crowd import published
-from experiments.crowd.analysis_parameters import AnalysisParameters
-from experiments.crowd.design import CONDITIONS
-from experiments.crowd.terms import PAIRS, Measure
-from lab.geometry import Vector
+from experiments.crowd.design import AFTER, BEFORE, CONTROL_GROUP, HAPTIC, HAPTICS_GROUP
+from lab.errors import UsageError
+from visavis.compare import Compare
+from visavis.exclusions import Exclusion
+from visavis.measures import Measure
+from visavis.pairs import Printed
+
+PAIRS: Final = ((BEFORE, HAPTIC), (HAPTIC, AFTER), (BEFORE, AFTER))
+"""Every two blocks, in the order of the published table of similarities."""
+
+COLLISIONS: Final = Measure("collisions", "1", "Collisions per walk")
+VOLUME: Final = Measure("max_volume_dm3", "dm³", "Largest common volume")
+TO_GAP: Final = Measure("shoulders_to_gap_deg", "deg", "Shoulders to gap")
+SPEED: Final = Measure("speed_m_s", "m/s", "Walking speed")
+PRIMARY: Final = (COLLISIONS, VOLUME, TO_GAP, SPEED)
+FURTHER: Final = (
+    Measure("collisions_per_tracked_min", "1/min", "Collisions per tracked minute"),
+    Measure("shoulders_to_gap_narrow_deg", "deg", "Shoulders to narrow gaps"),
+    Measure("shoulders_to_way_deg", "deg", "Shoulders to walking direction"),
+    Measure("collision_s", "s", "Duration of a collision"),
+    Measure("collision_speed_m_s", "m/s", "Speed at contact"),
+    Measure("clearance_mean_m", "m", "Mean clearance"),
+    Measure("path_m", "m", "Path length"),
+    Measure("time_s", "s", "Time of a walk"),
+    Measure("hesitations", "1", "Hesitations per walk"),
+    Measure("density_per_m2", "1/m²", "Density (Voronoi cell)"),
+)
+RATINGS: Final = tuple(
+    Measure(column, "1", column.capitalize())
+    for column in ("agency", "change", "ownership", "presence")
+)
+"""Means of 7-point ratings, asked after every block."""
+MEASURES: Final = (*PRIMARY, *FURTHER, *RATINGS)
+
+RULES: Final = (
+    Exclusion("max_lost_01", "trial", "lost_01", 0.10,
+              "{value:.0%} of the walk not tracked (limit {limit:.0%})"),
+    Exclusion("came_back", "trial", "came_back", 1.0,
+              "did not come back to the mark in time", above=False),
+    Exclusion("min_walks_01", "participant", "smallest_cell_01", 0.5,
+              "{value:.0%} of the walks planned for a block can be used (limit {limit:.0%})",
+              above=False),
+)  # fmt: skip
+"""What leaves out a walk, or a person; all of it this platform's."""
 
 
 @dataclass(frozen=True)
-class PairTest:
-    """A post-hoc comparison, first minus second; `p` adjusted (Bonferroni)."""
+class PathThresholds:
+    """How paths are compared; all of it appears in the report.
 
-    pair: tuple[str, str]
-    difference: float
-    p: float
-    differs: bool
-    sentence: str
-
-
-@dataclass(frozen=True)
-class MeasureComparison:
-    """One measure over the three blocks.
-
-    `table` (people, 3) holds each person's mean over the walks of a block, of people who have
-    all three; `test` None with `problem` where it could not be tested.
+    `n_splits` is the source's. `dice_bound` and `path_bound_01` are the differences of paths that
+    are still called equal (about one standard deviation between configurations in the source, and
+    a twentieth of the path); they and the rest are this platform's.
     """
 
-    measure: Measure
-    people: tuple[str, ...]
-    table: Vector
-    test: ConditionsComparison | None
-    pairs: tuple[PairTest, ...]
-    problem: str = ""
+    n_splits: int = 30
+    n_permutations: int = 999
+    dice_bound: float = 0.05
+    path_bound_01: float = 0.05
+    splits_seed: int = 20200
 
-    @property
-    def means(self) -> Vector:
-        """Mean of each block, NaN without data."""
-        return self.table.mean(axis=0) if len(self.table) else np.full(3, np.nan)
-
-    @property
-    def sds(self) -> Vector:
-        """Standard deviation over people of each block."""
-        return self.table.std(axis=0, ddof=1) if len(self.table) > 1 else np.full(3, np.nan)
-
-    def differs(self, pair: tuple[str, str]) -> bool | None:
-        """Tell whether two blocks differ significantly; None when it was not tested."""
-        if self.test is None:
-            return None
-        if not self.test.significant:
-            return False
-        return any(t.pair == pair and t.differs for t in self.pairs)
-
-    def agrees(self, pair: tuple[str, str]) -> bool | None:
-        """Tell whether the published verdict on two blocks comes back, direction included."""
-        source = published.TESTS.get(self.measure.column)
-        ours = self.differs(pair)
-        if source is None or ours is None:
-            return None
-        theirs = pair in source.pairs
-        if not (ours and theirs):
-            return ours == theirs
-        printed = published.MEANS[self.measure.column]
-        a, b = (CONDITIONS.index(c) for c in pair)
-        here = self.means[a] - self.means[b]
-        return bool(np.sign(here) == np.sign(printed[pair[0]].mean - printed[pair[1]].mean))
-
-    def rows(self) -> list[dict[str, Any]]:
-        """Return flat rows: the test over blocks, then every post-hoc."""
-        base: dict[str, Any] = {"measure": self.measure.column, "n": len(self.people)}
-        for condition, mean, sd in zip(CONDITIONS, self.means, self.sds, strict=True):
-            base |= {f"mean_{condition}": mean, f"sd_{condition}": sd}
-        if self.test is None:
-            return [{**base, "comparison": "blocks", "problem": self.problem}]
-        rows = [
-            {
-                **base,
-                "comparison": "blocks",
-                "test": "rm_anova" if self.test.is_parametric else "friedman",
-                "p": self.test.p,
-                "significant": self.test.significant,
-                "sentence": self.test.sentence(),
-            }
-        ]
-        rows += [
-            {
-                **base,
-                "comparison": f"{t.pair[0]} - {t.pair[1]}",
-                "p": t.p,
-                "significant": t.differs,
-                "difference": t.difference,
-                "agrees_with_published": self.agrees(t.pair),
-                "sentence": t.sentence,
-            }
-            for t in self.pairs
-        ]
-        return rows
+    def __post_init__(self) -> None:
+        for name in ("dice_bound", "path_bound_01"):
+            if not 0 < getattr(self, name) < 1:
+                raise UsageError(f"{name} is {getattr(self, name)}; give a number between 0 and 1")
+        for name in ("n_splits", "n_permutations"):
+            if getattr(self, name) < 1:
+                raise UsageError(f"{name} is {getattr(self, name)}; give a whole number above 0")
 
 
-def compare_measure(
-    means: pd.DataFrame, measure: Measure, parameters: AnalysisParameters
-) -> MeasureComparison:
-    """Compare a measure over blocks; `means` has participant, condition and the measure."""
-    if measure.column not in means:
-        return _untested(measure, "not measured")
-    wide = means.pivot(index="participant", columns="condition", values=measure.column)
-    wide = wide.reindex(columns=list(CONDITIONS)).astype(float).dropna()
-    people = tuple(map(str, wide.index))
-    table = wide.to_numpy(float)
-    if len(people) < 3:
-        return _untested(measure, f"{len(people)} people with all three blocks", people, table)
-    tidy = pd.DataFrame(
-        {
-            "participant": np.repeat(people, 3),
-            "block": np.tile(CONDITIONS, len(people)),
-            measure.column: table.ravel(),
-        }
-    )
-    try:
-        test = compare_conditions(
-            tidy,
-            measure.column,
-            subject="participant",
-            within="block",
-            levels=CONDITIONS,
-            alpha=parameters.alpha,
-            normality_alpha=parameters.normality_alpha,
-            always_posthoc=True,
+def compared() -> Iterator[Compare]:
+    """Yield the blocks compared in every measure, of those who felt vibrations and of controls,
+    and whether the change over blocks differs between the groups.
+
+    A measure that the source did not test is exploratory.
+    """
+    for measure in MEASURES:
+        column = measure.column
+        yield Compare(
+            column,
+            within="condition",
+            correction="none",
+            options=(("always_posthoc", True),),
+            published=published.TESTS.get(column),
+            pairs=dict(_printed_pairs(column)),
+            exploratory=column not in published.TESTS,
+            only={"group": HAPTICS_GROUP},
         )
-    except StatisticsError as error:
-        return _untested(measure, str(error), people, table)
-    return MeasureComparison(measure, people, table, test, _pairs(test, table))
+    for measure in MEASURES:
+        yield Compare(
+            measure.column,
+            within="condition",
+            correction="none",
+            options=(("always_posthoc", True),),
+            exploratory=True,
+            only={"group": CONTROL_GROUP},
+        )
+    for measure in PRIMARY:
+        yield Compare(
+            measure.column, within="condition", between="group", test="rm", correction="none",
+            exploratory=True,
+        )  # fmt: skip
 
 
-def _pairs(test: ConditionsComparison, table: Vector) -> tuple[PairTest, ...]:
-    found: dict[frozenset[str], tuple[float, str]] = {}
-    if isinstance(test.pairs, Contrasts):
-        for contrast in test.pairs.contrasts:
-            found[frozenset(contrast.pairs[0])] = (contrast.p_adjusted, contrast.sentence())
-    else:
-        for one in test.pairs:
-            found[frozenset((one.level_1, one.level_2))] = (one.p_adjusted, one.sentence())
-    means = table.mean(axis=0)
-    rows = []
+def _printed_pairs(column: str) -> Iterator[tuple[tuple[str, str], Printed]]:
+    if column not in published.TESTS:
+        return
+    different = published.DIFFERENT.get(column, {})
+    means = published.MEANS[column]
     for pair in PAIRS:
-        p, sentence = found[frozenset(pair)]
-        a, b = (CONDITIONS.index(c) for c in pair)
-        differs = bool(test.significant and p < test.alpha)
-        rows.append(PairTest(pair, float(means[a] - means[b]), p, differs, sentence))
-    return tuple(rows)
-
-
-def _untested(
-    measure: Measure, problem: str, people: Sequence[str] = (), table: Vector | None = None
-) -> MeasureComparison:
-    values = np.empty((0, 3)) if table is None else table
-    return MeasureComparison(measure, tuple(people), values, None, (), problem)
-
-
-def path_length_equivalence(
-    comparison: MeasureComparison, pair: tuple[str, str], parameters: AnalysisParameters
-) -> Equivalence | str:
-    """Test whether people walk as far in two blocks, within a share of the mean; or say why not."""
-    a, b = (comparison.table[:, CONDITIONS.index(c)] for c in pair)
-    bound = parameters.path_bound_01 * float(comparison.table.mean()) if len(a) else 0.0
-    try:
-        return tost_paired(a, b, low=-bound, high=bound, alpha=parameters.alpha, names=pair)
-    except StatisticsError as error:
-        return str(error)
+        if pair in different:
+            sign = int(np.sign(means[pair[1]].mean - means[pair[0]].mean))
+            yield pair, Printed(True, different[pair], direction=sign)
+        else:
+            yield pair, Printed(False)

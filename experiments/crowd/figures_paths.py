@@ -18,11 +18,9 @@ from analysis.plots import BLUE, GREY, VERMILION, Drawn, draw, new_figure
 from analysis.plots.panels import no_data
 from analysis.plots.style import BLACK
 from experiments.crowd import published
-from experiments.crowd.analysis import CrowdAnalysis, Tables
-from experiments.crowd.design import CONDITIONS
+from experiments.crowd.comparisons import PAIRS
 from experiments.crowd.measures import crowd_cells
-from experiments.crowd.paths import VARIANT_NAMES, VARIANTS
-from experiments.crowd.terms import PAIRS
+from experiments.crowd.paths import VARIANT_NAMES, VARIANTS, GroupPaths
 from lab.geometry import Vector
 from stimuli.scenes.station_crowd import (
     BOARD_M,
@@ -31,20 +29,20 @@ from stimuli.scenes.station_crowd import (
     START_M,
     station_crowd,
 )
+from visavis.analysis import StudyAnalysis
 
-SHORT_PAIRS = ("before–haptic", "haptic–after", "before–after")
+SHORT_PAIRS = dict(zip(PAIRS, ("before–haptic", "haptic–after", "before–after"), strict=True))
 _UPRIGHT = np.array([1.0, -1.0])
 """Seen from above, −z is up the page, so that right stays right."""
-Tracks = Mapping[tuple[str, str], Vector]
 
 
-def path_figures(analysis: CrowdAnalysis, tables: Tables, tracks: Tracks) -> list[Drawn]:
+def path_figures(analysis: StudyAnalysis, group: GroupPaths) -> list[Drawn]:
     """Return a figure of similarities and one of paths per configuration that was walked."""
     simulated = analysis.is_simulated
     figures = [
         draw(
             "similarity",
-            lambda: _similarity(analysis),
+            lambda: _similarity(group),
             title="Similarity of the paths of two blocks",
             caption="Left: as published, Dice of all cells of one block with all of another, one "
             "dot per configuration, beside random halves of one block (grey) and the published "
@@ -56,10 +54,11 @@ def path_figures(analysis: CrowdAnalysis, tables: Tables, tracks: Tracks) -> lis
             is_simulated=simulated,
         )
     ]
+    rows = group.rows_of(analysis.tables["cells"])
     figures += [
         draw(
             f"paths_{configuration}",
-            partial(_paths, analysis, tables, tracks, configuration),
+            partial(_paths, group, rows, configuration),
             title=f"Paths and cells, configuration {configuration}",
             caption="From above; one line per participant, there and back. Colour: how many "
             "participants walked through the triangle between three people. Dots: people. Square: "
@@ -67,47 +66,49 @@ def path_figures(analysis: CrowdAnalysis, tables: Tables, tracks: Tracks) -> lis
             alternative=f"Three maps of configuration {configuration}, one per block.",
             is_simulated=simulated,
         )
-        for configuration in analysis.main.paths.configurations
+        for configuration in group.paths.configurations
     ]
     return figures
 
 
-def _similarity(analysis: CrowdAnalysis) -> Figure:
+def _similarity(group: GroupPaths) -> Figure:
     figure = new_figure(9.6, 3.9)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.25))
-    paths = analysis.main.paths
+    paths = group.paths
     within = paths.within["union"].ravel()
     within = within[np.isfinite(within)]
     if not within.size:
         no_data(left, "too few people")
         no_data(right, "too few people")
         return figure
-    for x, pair in enumerate(PAIRS):
+    pairs = paths.block_pairs
+    for x, pair in enumerate(pairs):
         values = paths.pair(pair).by_configuration
         left.scatter(np.full(len(values), x), values, s=22, color=BLUE, alpha=0.7)
         printed = published.DICE_BETWEEN_ALL[pair]
         _diamond(left, x + 0.22, printed.mean, printed.sd)
     offset = np.linspace(-0.18, 0.18, within.size)
-    left.scatter(3 + offset, within, s=10, color=GREY, alpha=0.6)
-    _diamond(left, 3.3, published.DICE_WITHIN.mean, published.DICE_WITHIN.sd)
-    left.set_xticks(range(4), [*(n.replace("–", "–\n") for n in SHORT_PAIRS), "within\n(halves)"])
+    left.scatter(len(pairs) + offset, within, s=10, color=GREY, alpha=0.6)
+    _diamond(left, len(pairs) + 0.3, published.DICE_WITHIN.mean, published.DICE_WITHIN.sd)
+    names = [SHORT_PAIRS[pair].replace("–", "–\n") for pair in pairs]
+    left.set_xticks(range(len(pairs) + 1), [*names, "within\n(halves)"])
     left.set_ylabel("Dice (union of cells)")
     left.set_title("As published")
     at = 0.0
     ticks: list[float] = []
     labels: list[str] = []
     for variant in VARIANTS:
-        for k, pair in enumerate(PAIRS):
+        for k, pair in enumerate(pairs):
             fair = paths.pair(pair, variant).fair
             if fair is None:
                 continue
             right.plot([at, at], [fair.within, fair.between], color=GREY, linewidth=1)
-            names = ("within", "between") if not ticks and k == 0 else ("", "")
-            right.plot([at], [fair.within], "o", color=BLUE, label=names[0] or None)
-            right.plot([at], [fair.between], "s", color=VERMILION, label=names[1] or None)
+            kinds = ("within", "between") if at == 0.0 else (None, None)
+            right.plot([at], [fair.within], "o", color=BLUE, label=kinds[0])
+            right.plot([at], [fair.between], "s", color=VERMILION, label=kinds[1])
             top = max(fair.within, fair.between)
             right.text(at, top + 0.012, f"p {fair.p:.2f}", ha="center", fontsize=8, color=BLACK)
-            if k == 1:
+            if k == len(pairs) // 2:
                 ticks.append(at)
                 labels.append(
                     VARIANT_NAMES[variant].replace(" of ", "\nof ").replace(" over ", "\nover ")
@@ -131,26 +132,22 @@ def _diamond(axes: Axes, x: float, mean: float, sd: float) -> None:
     axes.plot([x], [mean], "D", color="white", mec=BLACK, markersize=6.5)
 
 
-def _paths(analysis: CrowdAnalysis, tables: Tables, tracks: Tracks, configuration: int) -> Figure:
+def _paths(group: GroupPaths, rows: pd.DataFrame, configuration: int) -> Figure:
     figure = new_figure(9.6, 3.75)
-    panels = figure.subplots(1, 3, sharex=True, sharey=True)
-    density = analysis.trials.get("crowd_density_per_m2", pd.Series([DENSITY_PER_M2])).iloc[0]
+    blocks = group.paths.blocks
+    panels = figure.subplots(1, len(blocks), sharex=True, sharey=True, squeeze=False)[0]
+    density = group.kept.get("crowd_density_per_m2", pd.Series([DENSITY_PER_M2])).iloc[0]
     cells = crowd_cells(station_crowd(configuration, float(density)))
-    visits = {c: Counter[Cell]() for c in CONDITIONS}
-    lines: dict[str, list[Vector]] = {c: [] for c in CONDITIONS}
-    rows = tables["cells"]
+    visits = {c: Counter[Cell]() for c in blocks}
+    lines: dict[str, list[Vector]] = {c: [] for c in blocks}
     for row in rows[rows["configuration"] == configuration].to_dict("records"):
-        key = (str(row["participant"]), str(row["trial_id"]))
-        if key not in analysis.main.walks:
-            continue
         condition = str(row["condition"])
         visits[condition].update(
             {(c[0], c[1], c[2]) for c in json.loads(row["cells"]) if c is not None}
         )
-        if key in tracks:
-            lines[condition].append(tracks[key] * _UPRIGHT)
+        lines[condition].append(np.array(json.loads(row["track_m"])).reshape(-1, 2) * _UPRIGHT)
     most = max((n for v in visits.values() for n in v.values()), default=1)
-    for axes, condition in zip(panels, CONDITIONS, strict=True):
+    for axes, condition in zip(panels, blocks, strict=True):
         picture = _map(axes, cells, visits[condition], most)
         axes.add_collection(
             LineCollection(lines[condition], colors=BLACK, linewidths=0.5, alpha=0.35, zorder=3)

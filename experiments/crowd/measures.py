@@ -16,7 +16,7 @@ from experiments.crowd.replay import Walk
 from experiments.crowd.surfaces import Surface
 from experiments.crowd.tracking import named_durations
 from lab.clock import NS_PER_S
-from lab.errors import ConfigError
+from lab.errors import ConfigError, UsageError
 from lab.geometry import Vector
 from stimuli.scenes.station_crowd import BOARD_M, Crowd, in_room
 
@@ -25,32 +25,47 @@ JITTER_SEED: Final = 20200
 
 @dataclass(frozen=True)
 class MeasureParameters:
-    """How walks are measured; named in every table.
+    """How walks are measured.
 
-    `rule` is how volumes are measured (`analysis.collisions`), `surface` of what body.
+    `rule` is how volumes are measured (`analysis.collisions`), `surface` of what body; both are
+    named in every table. `narrow_gap_m` is the widest gap of two people's centres that
+    `shoulders_to_gap_narrow_deg` counts.
     """
 
     rule: Rule = "volume"
     surface: Surface = "characters"
+    narrow_gap_m: float = 1.5
+
+    def __post_init__(self) -> None:
+        if not 0 < self.narrow_gap_m < np.inf:
+            raise UsageError(
+                f"narrow_gap_m is {self.narrow_gap_m}; give a number of metres above 0"
+            )
 
 
 DEFAULT_MEASURES: Final = MeasureParameters()
 
 
 def measure_parameters(settings: Mapping[str, Any]) -> MeasureParameters:
-    """Return how to measure, from `rule` and `surface` by name; what is left out stays as usual.
+    """Return how to measure, from settings by name; what is left out stays as usual.
 
     Raises:
         ConfigError: a name or a value does not exist.
+        UsageError: a value is out of range.
     """
     known: dict[str, tuple[str, ...]] = {"rule": get_args(Rule), "surface": get_args(Surface)}
     for name, value in settings.items():
-        if name not in known:
+        if name not in (*known, "narrow_gap_m"):
             raise ConfigError(
-                f"a crowd study is not measured by {name!r}; it takes {' and '.join(known)}"
+                f"a crowd study is not measured by {name!r}; it takes {', '.join(known)} and "
+                "narrow_gap_m"
             )
-        if value not in known[name]:
+        if name in known and value not in known[name]:
             raise ConfigError(f"{name}={value} does not exist; choose {', '.join(known[name])}")
+        if name == "narrow_gap_m" and (
+            isinstance(value, bool) or not isinstance(value, int | float)
+        ):
+            raise ConfigError(f"narrow_gap_m is {value!r}; give a number of metres")
     found = MeasureParameters(**settings)
     if found.surface == "capsules" and found.rule != "volume":
         raise ConfigError("capsules are measured by rule volume alone; choose another surface")

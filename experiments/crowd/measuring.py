@@ -1,181 +1,107 @@
-"""Measure the walks of a study one by one: kept as they are done, so that a stop loses one walk."""
+"""How walks are measured one by one, and what only the whole session tells of them."""
 
-import hashlib
 import json
-import math
-import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 
 from analysis.gait import step_length_m
-from experiments.crowd.intake import SessionIntake, answers_of, take_in
+from experiments.crowd.columns import TABLES
 from experiments.crowd.measures import (
     DEFAULT_MEASURES,
-    MeasuredWalk,
     MeasureParameters,
+    measure_parameters,
     measure_walk,
 )
+from experiments.crowd.pulses import pulse_rows
 from experiments.crowd.replay import walk_of, walk_records
-from lab.errors import DataError
-from recording.durable import replace_file
+from protocol.questionnaires import load_questionnaire
 from recording.reader import Recording
-from recording.sealed import read_sealed, seal
+from stimuli.scenes.station_crowd import DENSITY_PER_M2
+from visavis.intake import person_of
+from visavis.pieces import MeasuredTrial, Pieces, Rows
 
-MEASURE_VERSION: Final = 6
+VERSION: Final = 7
 """Raise it when measures change: what was kept before is then measured again."""
-STORE_NAME: Final = "measured"
 
 
-@dataclass(frozen=True)
-class WalkJob:
-    """One walk to be measured, with everything it depends on but the recording itself."""
-
-    session: str
-    trial_id: str
-    step_m: float
-    sex: str | None
-    params: MeasureParameters
+def sex_of(recording: Recording) -> str | None:
+    """Return what the participant said they are, in the questionnaire's own words."""
+    asked = load_questionnaire("demographics")
+    options = next(q.scale.options for q in asked.questions() if q.question_id == "gender")
+    said = person_of(recording, [asked]).get("gender")
+    return options.get(said) if isinstance(said, int) else said
 
 
-Runner: TypeAlias = Callable[
-    [Callable[[WalkJob], MeasuredWalk], list[WalkJob]], Iterator[tuple[int, MeasuredWalk]]
-]
-"""Does a function for every job, anywhere, and yields (job number, result) as they finish."""
+def trials_of(recording: Recording) -> tuple[str, ...]:
+    """Return the intact walks of a session, training left out."""
+    return tuple(record.trial_id for record in walk_records(recording, intact=True))
 
 
-def measure_job(job: WalkJob) -> MeasuredWalk:
-    """Measure one walk of a session on disk.
+def measure_trial(recording: Recording, trial_id: str, how: MeasureParameters) -> MeasuredTrial:
+    """Measure one walk from its recording alone."""
+    sex = sex_of(recording)
+    walk = walk_of(recording, trial_id)
+    found = measure_walk(walk, step_length_m(sex), how, sex=sex)
+    walked = {
+        "cells": json.dumps(found.cells),
+        "track_m": json.dumps(np.round(found.track_m, 6).tolist()),
+    }
+    tables = {"collisions": found.collisions, "crossings": found.crossings, "cells": [walked]}
+    return MeasuredTrial.plain(found.row, tables)
 
-    Raises:
-        DataError: the session is not there, as on a worker that does not share the folder.
-    """
-    path = Path(job.session)
-    if not (path / "manifest.json").exists():
-        raise DataError(
-            f"{path} is not there; every worker must see the study's folder under the same path"
+
+def of_session(
+    recording: Recording, rows: Rows, tables: dict[str, Rows], how: MeasureParameters
+) -> tuple[Rows, dict[str, Rows]]:
+    """Add vibrations, what the plan says of each walk, and gaps that somebody squeezes through."""
+    plan = recording.manifest.plan
+    planned = {b["trials"][0]["factors"]["condition"]: len(b["trials"]) for b in plan["blocks"]}
+    pulses = pulse_rows(recording)
+    for row in rows:
+        row["block_walks"] = planned.get(row["condition"])
+        row["crowd_density_per_m2"] = plan["parameters"].get("density_per_m2", DENSITY_PER_M2)
+        if row.get("tracked_s") is None:
+            continue
+        walked = (row["trial_id"], row["attempt"])
+        own = [p for p in pulses if (p["trial_id"], p["attempt"]) == walked]
+        row["pulses"] = len(own)
+        row["pulses_lost"] = sum(not p["acknowledged"] for p in own)
+        flags = (
+            *str(row.get("flags") or "").split(";"),
+            *str(row.get("walk_flags") or "").split(";"),
+            "pulse_lost" if row["pulses_lost"] else "",
         )
-    walk = walk_of(Recording(path), job.trial_id)
-    return measure_walk(walk, job.step_m, job.params, sex=job.sex)
+        row["flags"] = ";".join(dict.fromkeys(text for text in flags if text))
+        crossed = [c for c in tables["crossings"] if c["trial_id"] == row["trial_id"]]
+        row |= narrow_gaps(row, crossed, how.narrow_gap_m)
+    who = recording.manifest.participant
+    tables["pulses"] = [{"participant": who, **pulse} for pulse in pulses]
+    return rows, tables
 
 
-def measure_sessions(
-    sessions: Sequence[Path],
-    store: Path,
-    run: Runner,
-    *,
-    params: MeasureParameters = DEFAULT_MEASURES,
-    on_walk: Callable[[int, int], None] | None = None,
-) -> list[SessionIntake]:
-    """Measure every walk that `store` does not hold yet, then take in the sessions.
+def narrow_gaps(row: dict[str, Any], crossings: Rows, narrow_gap_m: float) -> dict[str, Any]:
+    """Return how many gaps so wide at most a walk crossed, and the mean angle of shoulders there.
 
-    Each walk is written to `store` as soon as it is measured, so a later call goes on where
-    this one was stopped. `on_walk` is told how many of how many walks are done.
+    Cells are Delaunay triangles, so the crowd's outline has edges of several metres between people
+    whom nobody passes between; the published angle counts their crossings like any other. Without
+    any narrow gap the angle is missing, without cells the count is, too.
     """
-    recordings = [Recording(path) for path in sessions]
-    jobs: list[WalkJob] = []
-    wanted: list[dict[str, Path]] = []
-    missing: list[tuple[WalkJob, Path]] = []
-    for recording in recordings:
-        own = {
-            job.trial_id: (job, _kept_at(store, recording, job))
-            for job in jobs_of(recording, params)
-        }
-        wanted.append({trial: path for trial, (_, path) in own.items()})
-        jobs += [job for job, _ in own.values()]
-        missing += [(job, path) for job, path in own.values() if read_kept(path) is None]
-    done = len(jobs) - len(missing)
-    if on_walk is not None:
-        on_walk(done, len(jobs))
-    if missing:
-        store.mkdir(parents=True, exist_ok=True)
-        for number, measured in run(measure_job, [job for job, _ in missing]):
-            replace_file(missing[number][1], seal(as_json(measured)))
-            done += 1
-            if on_walk is not None:
-                on_walk(done, len(jobs))
-    return [
-        take_in(recording, params, measured=[_kept(path) for path in paths.values()])
-        for recording, paths in zip(recordings, wanted, strict=True)
-    ]
-
-
-def jobs_of(recording: Recording, params: MeasureParameters) -> list[WalkJob]:
-    """Return one job per intact walk of a session, training left out."""
-    person, _ = answers_of(recording)
-    sex = person.get("gender")
-    step_m = step_length_m(sex)
-    session = str(recording.path.resolve())
-    return [
-        WalkJob(session, record.trial_id, step_m, sex, params)
-        for record in walk_records(recording, intact=True)
-    ]
-
-
-def as_json(measured: MeasuredWalk) -> dict[str, Any]:
-    """Return a measured walk as JSON holds it; numbers come back bit for bit."""
+    narrow = [c for c in crossings if c["centres_apart_m"] <= narrow_gap_m]
+    angles = [a for c in narrow if (a := c["shoulders_to_gap_deg"]) is not None and a == a]
     return {
-        "row": {k: _plain(v) for k, v in measured.row.items()},
-        "collisions": [{k: _plain(v) for k, v in c.items()} for c in measured.collisions],
-        "crossings": [{k: _plain(v) for k, v in c.items()} for c in measured.crossings],
-        "cells": [None if c is None else [int(k) for k in c] for c in measured.cells],
-        "track_m": np.round(measured.track_m, 6).tolist(),
+        "shoulders_to_gap_narrow_deg": float(np.mean(angles)) if angles else None,
+        "crossings_narrow": None if row.get("crossings") is None else len(narrow),
     }
 
 
-def from_json(content: dict[str, Any]) -> MeasuredWalk:
-    """Return what `as_json` was given."""
-    return MeasuredWalk(
-        row=content["row"],
-        collisions=content["collisions"],
-        crossings=content["crossings"],
-        cells=tuple(None if c is None else (c[0], c[1], c[2]) for c in content["cells"]),
-        track_m=np.array(content["track_m"], float).reshape(-1, 2),
-    )
-
-
-def read_kept(path: Path) -> MeasuredWalk | None:
-    """Return a walk measured before; None when there is none, or a damaged file."""
-    try:
-        kept = read_sealed(path)
-        return from_json(kept.content) if kept.is_sealed else None
-    except (OSError, ValueError, KeyError, TypeError, IndexError):
-        return None
-
-
-def _kept(path: Path) -> MeasuredWalk:
-    measured = read_kept(path)
-    if measured is None:
-        raise DataError(f"{path} was measured and is gone or damaged; run the analysis again")
-    return measured
-
-
-def _kept_at(store: Path, recording: Recording, job: WalkJob) -> Path:
-    """Return where a walk is kept: the name changes with the recording and with how it is
-    measured, so nothing out of date is ever used.
-    """
-    manifest = recording.manifest
-    content = [
-        MEASURE_VERSION,
-        manifest.study,
-        [[s.name, s.rows, s.sha256] for part in manifest.parts for s in part.streams],
-        [part.journal.sha256 if part.journal else "" for part in manifest.parts],
-        job.trial_id,
-        job.step_m,
-        job.sex,
-        asdict(job.params),
-    ]
-    digest = hashlib.sha256(json.dumps(content, default=str).encode()).hexdigest()[:16]
-    trial = re.sub(r"[^A-Za-z0-9_-]", "_", job.trial_id)  # which foreign data may make a path
-    return store / f"{recording.path.parent.name}_{recording.path.name}_{trial}_{digest}.json"
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and math.isnan(value):
-        return None
-    return value
+PIECES: Final = Pieces(
+    how=DEFAULT_MEASURES,
+    read_how=measure_parameters,
+    trials=trials_of,
+    measure=measure_trial,
+    version=VERSION,
+    kept_by=("rule", "surface"),
+    of_session=of_session,
+    tables=TABLES,
+)

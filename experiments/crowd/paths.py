@@ -1,10 +1,12 @@
 """Do people take the same way through a crowd in every block? Similarity as published, and fair."""
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+import pandas as pd
 
 from analysis.cells import (
     BlockComparison,
@@ -17,12 +19,12 @@ from analysis.cells import (
     within_block,
 )
 from analysis.cells.triangulation import Cell
-from analysis.statistics import Equivalence, tost_one_sample
+from analysis.statistics import Equivalence, tost_one_sample, tost_paired
 from analysis.statistics.errors import StatisticsError
-from experiments.crowd.analysis_parameters import AnalysisParameters
-from experiments.crowd.design import CONDITIONS
-from experiments.crowd.terms import PAIRS
+from experiments.crowd.comparisons import PAIRS, PathThresholds
+from experiments.crowd.design import CONDITIONS, CONTROL_GROUP
 from lab.geometry import Vector
+from visavis.analysis import StudyAnalysis
 
 VARIANTS: Final[tuple[Variant, ...]] = ("union", "frequency", "pairs")
 VARIANT_NAMES: Final = {
@@ -80,19 +82,102 @@ class PathEquivalence:
 class PathAnalysis:
     """Similarity of paths: `within` (blocks × splits) per variant, as published."""
 
+    blocks: tuple[str, ...]
     configurations: tuple[int, ...]
     n_people: int
     within: Mapping[Variant, Vector]
     pairs: tuple[PairSimilarity, ...]
     equivalence: tuple[PathEquivalence, ...]
 
+    @property
+    def block_pairs(self) -> tuple[tuple[str, str], ...]:
+        """Every two of the blocks that there were."""
+        return tuple(e.pair for e in self.equivalence)
+
     def pair(self, pair: tuple[str, str], variant: Variant = "union") -> PairSimilarity:
         """Return the similarity of two blocks in a variant."""
         return next(p for p in self.pairs if p.pair == pair and p.variant == variant)
 
 
-def analyse_paths(cells: CellsBy, parameters: AnalysisParameters) -> PathAnalysis:
+@dataclass(frozen=True)
+class GroupPaths:
+    """The paths of one group of participants; `kept` are its walks that count.
+
+    `lengths` says per pair of blocks whether people walk as far, or why that was not tested.
+    """
+
+    group: str
+    kept: pd.DataFrame = field(repr=False)
+    paths: PathAnalysis
+    lengths: Mapping[tuple[str, str], Equivalence | str]
+
+    def rows_of(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Return the rows of a table that are of the group's walks that count."""
+        if table.empty:
+            return table
+        keys = ["participant", "trial_id"]
+        mine = pd.MultiIndex.from_frame(self.kept[keys].astype(str))
+        return table[pd.MultiIndex.from_frame(table[keys].astype(str)).isin(mine)]
+
+
+def paths_by_group(analysis: StudyAnalysis) -> tuple[GroupPaths, ...]:
+    """Compare the paths of those who felt vibrations, then of controls, where there are any."""
+    counted = analysis.selection.counted
+    named = counted.get("group", pd.Series("", counted.index)).fillna("").astype(str)
+    blocks = tuple(c for c in CONDITIONS if c in analysis.levels["condition"])
+    found = []
+    for kept in (counted[named != CONTROL_GROUP], counted[named == CONTROL_GROUP]):
+        if kept.empty:
+            continue
+        cells = cells_by(analysis.tables["cells"], kept)
+        paths = analyse_paths(cells, analysis.thresholds, analysis.rules.alpha, blocks)
+        lengths = {
+            pair: _same_lengths(kept, pair, analysis.thresholds, analysis.rules.alpha)
+            for pair in paths.block_pairs
+        }
+        found.append(GroupPaths(str(named[kept.index[0]]), kept, paths, lengths))
+    return tuple(found)
+
+
+def cells_by(cells: pd.DataFrame, kept: pd.DataFrame) -> CellsBy:
+    """Return the cells of every kept walk by condition, configuration and participant."""
+    keys = set(zip(kept["participant"].astype(str), kept["trial_id"].astype(str), strict=True))
+    return {
+        (str(row["condition"]), int(row["configuration"]), str(row["participant"])): frozenset(
+            (int(c[0]), int(c[1]), int(c[2])) for c in json.loads(row["cells"]) if c is not None
+        )
+        for row in cells.to_dict("records")
+        if (str(row["participant"]), str(row["trial_id"])) in keys
+    }
+
+
+def _same_lengths(
+    kept: pd.DataFrame, pair: tuple[str, str], thresholds: PathThresholds, alpha: float
+) -> Equivalence | str:
+    """Test whether people walk as far in two blocks, within a share of the mean; or say why not."""
+    if "path_m" not in kept:
+        return "not measured"
+    values = kept.assign(path_m=pd.to_numeric(kept["path_m"], errors="coerce"))
+    wide = values.pivot_table(index="participant", columns="condition", values="path_m")
+    wide = wide.dropna()
+    if not set(pair) <= set(wide.columns):
+        return "no path of both blocks was measured"
+    bound = thresholds.path_bound_01 * float(wide.to_numpy().mean()) if len(wide) else 0.0
+    a, b = (wide[c].to_numpy(float) for c in pair)
+    try:
+        return tost_paired(a, b, low=-bound, high=bound, alpha=alpha, names=pair)
+    except StatisticsError as error:
+        return str(error)
+
+
+def analyse_paths(
+    cells: CellsBy,
+    parameters: PathThresholds,
+    alpha: float = 0.05,
+    blocks: tuple[str, ...] = CONDITIONS,
+) -> PathAnalysis:
     """Compare the cells that people walked through; every random split comes from one seed."""
+    block_pairs = [pair for pair in PAIRS if set(pair) <= set(blocks)]
     people = sorted({person for _, _, person in cells})
     configurations = tuple(sorted({configuration for _, configuration, _ in cells}))
 
@@ -102,17 +187,19 @@ def analyse_paths(cells: CellsBy, parameters: AnalysisParameters) -> PathAnalysi
     within: dict[Variant, Vector] = {}
     pairs = []
     for variant in VARIANTS:
-        within[variant] = _within(cells, people, configurations, variant, parameters)
-        for pair in PAIRS:
+        within[variant] = _within(cells, people, configurations, variant, parameters, blocks)
+        for pair in block_pairs:
             crowds = [(paths(pair[0], c), paths(pair[1], c)) for c in configurations]
             fair, problem = _fair(crowds, variant, parameters)
             values = np.array([_between(a, b, variant) for a, b in crowds])
             pairs.append(PairSimilarity(pair, variant, values, fair, problem))
     equivalence = []
-    for pair in PAIRS:
+    for pair in block_pairs:
         crowds = [(paths(pair[0], c), paths(pair[1], c)) for c in configurations]
-        equivalence.append(_equivalence(pair, crowds, parameters))
-    return PathAnalysis(configurations, len(people), within, tuple(pairs), tuple(equivalence))
+        equivalence.append(_equivalence(pair, crowds, parameters, alpha))
+    return PathAnalysis(
+        blocks, configurations, len(people), within, tuple(pairs), tuple(equivalence)
+    )
 
 
 def _known(paths: Paths) -> list[frozenset[Cell]]:
@@ -129,11 +216,13 @@ def _within(
     people: Sequence[str],
     configurations: Sequence[int],
     variant: Variant,
-    parameters: AnalysisParameters,
+    parameters: PathThresholds,
+    blocks: tuple[str, ...],
 ) -> Vector:
     """Return (blocks, splits): halves of a block, averaged over configurations, as published."""
     rows = []
-    for number, condition in enumerate(CONDITIONS):
+    for condition in blocks:
+        number = CONDITIONS.index(condition)
         by_crowd = []
         for configuration in configurations:
             block = _known([cells.get((condition, configuration, p)) for p in people])
@@ -152,7 +241,7 @@ def _within(
 
 
 def _fair(
-    crowds: Sequence[tuple[Paths, Paths]], variant: Variant, parameters: AnalysisParameters
+    crowds: Sequence[tuple[Paths, Paths]], variant: Variant, parameters: PathThresholds
 ) -> tuple[BlockComparison | None, str]:
     n = len(crowds[0][0]) if crowds else 0
     if n < MIN_PEOPLE:
@@ -171,16 +260,15 @@ def _fair(
 def _equivalence(
     pair: tuple[str, str],
     crowds: Sequence[tuple[Paths, Paths]],
-    parameters: AnalysisParameters,
+    parameters: PathThresholds,
+    alpha: float,
 ) -> PathEquivalence:
     excess = own_block_excess(crowds) if crowds else np.empty(0)
     values = jackknifed_excess(crowds) if crowds else np.empty(0)
     known = values[np.isfinite(values)]
     bound = parameters.dice_bound
     try:
-        test = tost_one_sample(
-            known, low=-bound, high=bound, alpha=parameters.alpha, name="own-block excess"
-        )
+        test = tost_one_sample(known, low=-bound, high=bound, alpha=alpha, name="own-block excess")
     except StatisticsError as error:
         return PathEquivalence(pair, excess, None, str(error))
     return PathEquivalence(pair, excess, test)

@@ -10,7 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from experiments.crowd.design import AFTER, BEFORE, HAPTIC
+from experiments.crowd.design import AFTER, BEFORE, HAPTIC, HAPTICS_GROUP
+from visavis.compare import Published, published_f
+from visavis.study import Source
 
 CITATION: Final = (
     "Berton, F., et al. (2020). Crowd navigation in VR: exploring haptic rendering of collisions. "
@@ -27,27 +29,6 @@ class MeanSd:
 
     mean: float
     sd: float
-
-
-@dataclass(frozen=True)
-class BlockTest:
-    """A published test over the three blocks.
-
-    `F` and its degrees of freedom None where only p is printed; `pairs` the block pairs that
-    post-hoc tests call different, with the printed p (None where it is not printed).
-    """
-
-    p: float
-    p_is_bound: bool
-    F: float | None
-    df: tuple[float, float] | None
-    eta_p2: float | None
-    pairs: Mapping[tuple[str, str], float | None]
-
-    @property
-    def is_significant(self) -> bool:
-        """Whether the source calls the blocks different."""
-        return self.p < 0.05
 
 
 MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
@@ -74,22 +55,26 @@ MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
 }
 """By column and block; the volume of the last block is drawn but not printed."""
 
-TESTS: Final[Mapping[str, BlockTest]] = {
-    "collisions": BlockTest(
-        0.002, False, 7.13, (2, 44), 0.25, {(BEFORE, HAPTIC): 0.018, (BEFORE, AFTER): 0.002}
+TESTS: Final[Mapping[str, Published]] = {
+    "collisions": published_f("7.13", 2, 44, p="0.002", eta2p="0.25", is_significant=True),
+    "max_volume_dm3": published_f("4.35", 2, 44, p="0.019", eta2p="0.16", is_significant=True),
+    "shoulders_to_gap_deg": published_f(
+        "13.0", 2, 44, p="<0.001", eta2p="0.37", is_significant=True
     ),
-    "max_volume_dm3": BlockTest(0.019, False, 4.35, (2, 44), 0.16, {(BEFORE, HAPTIC): 0.016}),
-    "shoulders_to_gap_deg": BlockTest(
-        0.001, True, 13.0, (2, 44), 0.37, {(BEFORE, HAPTIC): None, (BEFORE, AFTER): None}
-    ),
-    "speed_m_s": BlockTest(
-        0.005, False, 7.14, (1.56, 34.2), 0.245, {(BEFORE, HAPTIC): None, (HAPTIC, AFTER): None}
-    ),
-    "agency": BlockTest(0.438, False, None, None, None, {}),
-    "change": BlockTest(0.085, False, None, None, None, {}),
-    "ownership": BlockTest(0.753, False, None, None, None, {}),
-    "presence": BlockTest(0.222, False, None, None, None, {}),
+    "speed_m_s": Published("F(1.56, 34.2) = 7.14, p = .005, η²p = .245", True, 7.14),
+    "agency": Published("p = .438", False),
+    "change": Published("p = .085", False),
+    "ownership": Published("p = .753", False),
+    "presence": Published("p = .222", False),
 }
+"""The tests over the three blocks."""
+DIFFERENT: Final[Mapping[str, Mapping[tuple[str, str], float | None]]] = {
+    "collisions": {(BEFORE, HAPTIC): 0.018, (BEFORE, AFTER): 0.002},
+    "max_volume_dm3": {(BEFORE, HAPTIC): 0.016},
+    "shoulders_to_gap_deg": {(BEFORE, HAPTIC): None, (BEFORE, AFTER): None},
+    "speed_m_s": {(BEFORE, HAPTIC): None, (HAPTIC, AFTER): None},
+}
+"""The blocks that post-hoc tests call different, with the printed p where it is printed."""
 
 DICE_BETWEEN: Final[Mapping[tuple[str, str], tuple[float, ...]]] = {
     (BEFORE, HAPTIC): (0.840, 0.884, 0.781, 0.919, 0.884, 0.828, 0.788, 0.850),
@@ -112,4 +97,14 @@ INCONSISTENCIES: Final = (
     "the volume of interpenetration is printed in dm⁻³; dm³ is meant",
     "the text keeps cubes in collision, which overstates a common volume about twofold: volumes "
     "by the true common volume cannot be compared with the printed ones without a look at the rule",
+)
+
+SOURCE: Final = Source(
+    CITATION,
+    PARTICIPANTS,
+    {
+        column: {condition: (printed.mean, printed.sd) for condition, printed in means.items()}
+        for column, means in MEANS.items()
+    },
+    only={"group": HAPTICS_GROUP},
 )

@@ -5,33 +5,29 @@ wire is without delay, tracking perfect, and the participant feels how much of e
 second an arm was in contact. `tests/experiments/crowd/test_quick_study.py` holds it to a session.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from types import MappingProxyType
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
-import pandas as pd
 
 from analysis.gait import step_length_m
 from experiments.crowd.design import DEFAULT_PARAMETERS, CrowdParameters
 from experiments.crowd.participant.participant import CrowdParticipant
-from experiments.crowd.participant.traits import DEFAULT_POPULATION, Population
 from experiments.crowd.quick_measures import (
     Cell,
     QuickWalk,
     people_of_crowd,
     quick_measures,
 )
-from experiments.crowd.study import study
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.geometry import Vector
-from protocol.plan import Trial
+from protocol.plan import SessionPlan, Trial
+from protocol.questionnaires import Questionnaire, score
 from stimuli.contact.body import ARM_JOINTS, BODY_JOINTS, capsule_body
 from stimuli.contact.figures import crowd_figures
 from stimuli.contact.touch import REACH_M, rows_touching
 from stimuli.scenes.station_crowd import CrowdFrame, CrowdScene, can_read, station_crowd
-from visavis.experiment import StudyExperiment
+from visavis.quick import answers_of
 
 STEP_NS: Final = 50 * NS_PER_MS
 LOOK_NS: Final = 250 * NS_PER_MS
@@ -40,61 +36,34 @@ FELT: Final = "arms"
 _NO_GAZE = np.empty((0, 3))
 
 
-@dataclass(frozen=True)
-class QuickStudy:
-    """One simulated study: `trials` one row per walk; `cells` the cells each walk visited."""
-
-    trials: pd.DataFrame
-    cells: list[frozenset[Cell]]
-
-
-def quick_study(
-    participants: int,
-    seed: int,
-    *,
-    effect: bool = True,
-    population: Population = DEFAULT_POPULATION,
-    parameters: Mapping[str, Any] = MappingProxyType({}),
-    on_participant: Callable[[int], None] | None = None,
-) -> QuickStudy:
-    """Simulate and measure a study; `effect=False` disconnects the vibration."""
-    rows: list[dict[str, Any]] = []
-    cells: list[frozenset[Cell]] = []
-    for index in range(participants):
-        for row, visited in quick_session(
-            index, seed, effect=effect, population=population, parameters=parameters
-        ):
-            rows.append(row)
-            cells.append(visited)
-        if on_participant is not None:
-            on_participant(index)
-    return QuickStudy(pd.DataFrame(rows), cells)
+def quick_trials(
+    participant: CrowdParticipant,
+    asked: Sequence[Questionnaire],
+    params: CrowdParameters,
+    plan: SessionPlan,
+) -> Iterator[tuple[Trial, dict[str, Any]]]:
+    """Perform a plan; yield every walk that counts with its measures and its block's ratings."""
+    for block in walked(participant, plan, params):
+        rated: dict[str, Any] = {}
+        for questions in asked if block else ():
+            rated |= score(questions, answers_of(participant, questions))
+        yield from ((trial, {**row, **rated}) for trial, row, _ in block)
 
 
-def quick_session(
-    index: int,
-    seed: int,
-    *,
-    effect: bool = True,
-    population: Population = DEFAULT_POPULATION,
-    parameters: Mapping[str, Any] = MappingProxyType({}),
-) -> list[tuple[dict[str, Any], frozenset[Cell]]]:
-    """Simulate and measure the walks of one participant; training is walked, not measured."""
-    participant = CrowdParticipant(index, seed, effect, population=population)
+def walked(
+    participant: CrowdParticipant, plan: SessionPlan, params: CrowdParameters
+) -> Iterator[list[tuple[Trial, dict[str, Any], frozenset[Cell]]]]:
+    """Yield the walks of every block with measures and cells; training is not measured."""
     step_m = step_length_m(participant.person.sex)
-    experiment = StudyExperiment(study, parameters)
-    plan, params = experiment.plan(index, seed), CrowdParameters.of(experiment.parameters)
-    measured = []
     now_ns = 0
-    for trial in plan.trials:
-        walk = quick_walk(participant, trial, now_ns, params)
-        now_ns += len(walk.t_s) * STEP_NS + REST_NS
-        if trial.is_practice:
-            continue
-        row, cells = quick_measures(walk, step_m)
-        which = {"participant": index, "group": plan.group, "trial_id": trial.trial_id}
-        measured.append(({**which, **trial.factors, **row}, cells))
-    return measured
+    for block in plan.blocks:
+        measured = []
+        for trial in block.trials:
+            walk = quick_walk(participant, trial, now_ns, params)
+            now_ns += len(walk.t_s) * STEP_NS + REST_NS
+            if not trial.is_practice:
+                measured.append((trial, *quick_measures(walk, step_m)))
+        yield measured
 
 
 def quick_walk(
@@ -159,10 +128,3 @@ def quick_walk(
         caution=participant.caution,
         touching_s=touched * STEP_NS / NS_PER_S,
     )
-
-
-def block_means(trials: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
-    """Return means over participants of their block means, one row per condition."""
-    per_person = trials.groupby(["condition", "participant"])[list(measures)].mean()
-    means: pd.DataFrame = per_person.groupby("condition").mean()
-    return means

@@ -145,7 +145,7 @@ def walk_of(recording: Recording, trial_id: str, *, step_ns: int = STEP_NS) -> W
         DataError: as `walks`.
     """
     records = walk_records(recording, practice=True)
-    for record in records:
+    for record in reversed(records):  # of a walk performed again the last
         if record.trial_id == trial_id:
             return load_walk(recording, record, step_ns=step_ns)
     known = ", ".join(r.trial_id for r in records) or "none"

@@ -7,9 +7,12 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
+from experiments.crowd import published
 from experiments.crowd.columns import TRIALS
+from experiments.crowd.comparisons import MEASURES, RULES, PathThresholds, compared
+from experiments.crowd.conclusions import QUESTIONS, RULE, conclude
 from experiments.crowd.design import (
     AFTER_BLOCK,
     AT_END,
@@ -26,22 +29,55 @@ from experiments.crowd.design import (
 )
 from experiments.crowd.haptics import BAND_ROLES, MOTORS
 from experiments.crowd.participant.participant import CrowdParticipant
+from experiments.crowd.paths import GroupPaths, paths_by_group
 from experiments.crowd.redrawing import views_of
 from experiments.crowd.reflex import load_contact
 from experiments.crowd.trial import intertrial, laid_out, run_trial, standing
+from lab.errors import UsageError
 from protocol.design import Factor
 from protocol.experiment import Demands
+from protocol.participants import SimulatedParticipant
 from protocol.plan import SessionPlan
+from protocol.questionnaires import load_questionnaire
 from protocol.shown import Shown
 from protocol.steps import Plan, Show
+from recording.reader import Recording
 from stimuli.contact.body import ARM_JOINTS
 from stimuli.scene import SceneFrame
 from stimuli.scenes.station_crowd import TRAINING_CONFIGURATION, max_people
+from visavis.analysis import Conclusion, StudyAnalysis
 from visavis.experiment import StudyExperiment
 from visavis.study import SETTABLE, Study
 from visavis.trial import TrialScript
 
+if TYPE_CHECKING:
+    from visavis.quick import TrackerModel
+
 NOMINAL_TRIAL_S: Final = 65.0
+METHODS: Final = f"""
+Participants walked through crowds of idle people in a station ({{density_per_m2}} per square
+metre), to a board and back, in blocks of fixed order: without haptics, with armbands that answer
+contact of hand, forearm and upper arm (pattern {{pattern}}), and without again. A walk ended when
+they were back within {{home_within_m}} m of the mark, or after {{limit_s}} s.
+
+Statistics are of each person's mean over the walks of a block; α is that of each measure. {RULE}
+Nothing is made up for lost time.
+"""
+REFERENCES: Final = (
+    "Berton, F., Grzeskowiak, F., Bonneau, A., Jovane, A., Aggravi, M., Hoyet, L., Olivier, A.-H., "
+    "Pacchierotti, C., & Pettré, J. (2020). Crowd navigation in VR: exploring haptic rendering of "
+    "collisions. IEEE TVCG. 10.1109/TVCG.2020.3041341.",
+    "Jovane, A. (2023). Thesis, Université de Rennes, chapter 4 and appendix B (the published "
+    "values shown here).",
+    "Cho, S. H., Park, J. M., & Kwon, O. Y. (2004). Gender differences in three dimensional gait "
+    "analysis data from 98 healthy Korean adults. Clinical Biomechanics, 19, 145–152.",
+    "Dice, L. R. (1945). Measures of the amount of ecologic association between species. "
+    "Ecology, 26, 297–302.",
+    "Schuirmann, D. J. (1987). A comparison of the two one-sided tests procedure. Journal of "
+    "Pharmacokinetics and Biopharmaceutics, 15, 657–680.",
+    "Schrödter, T., & the PedPy developers. PedPy: analysis of pedestrian dynamics (density by "
+    "Voronoi cell, individual speed).",
+)
 
 study = Study(
     "crowd",
@@ -53,7 +89,23 @@ study = Study(
         Factor("group", (HAPTICS_GROUP,), between=True),  # a lab may add the control group
     ],
     derived={"vibrates": vibrates},
+    cells=("condition",),
     columns=TRIALS,
+    measures=MEASURES,
+    compare=tuple(compared()),
+    questions=QUESTIONS,
+    exclusions=RULES,
+    thresholds=PathThresholds(),
+    pieces="experiments.crowd.measuring:PIECES",
+    sections=[
+        "experiments.crowd.sections:paths_section",
+        "experiments.crowd.sections:body_section",
+        "experiments.crowd.sections:haptics_section",
+        "experiments.crowd.sections:measured_section",
+    ],
+    source=published.SOURCE,
+    methods=METHODS,
+    references=REFERENCES,
     blocked_by="condition",
     practice=[{"condition": TRAINING, "configuration": TRAINING_CONFIGURATION}],
     parameters={k: v for k, v in asdict(DEFAULT_PARAMETERS).items() if k not in SETTABLE},
@@ -135,6 +187,39 @@ def empty_station(t: TrialScript) -> Plan:
 def person(index: int, seed: int, effect: bool, experiment: StudyExperiment) -> CrowdParticipant:
     """Return a simulated participant, fitted to the published speed."""
     return CrowdParticipant(index, seed, effect)
+
+
+@study.quick
+def quick(
+    experiment: StudyExperiment, person: SimulatedParticipant, tracker: "TrackerModel"
+) -> Any:
+    """Return what walks a plan in memory, without display, wires or files."""
+    from experiments.crowd.quick_study import quick_trials  # late: compiles when imported
+
+    if not isinstance(person, CrowdParticipant):
+        raise UsageError("the short path of crowd is that of its own simulated people")
+    asked = [load_questionnaire(name) for name in AFTER_BLOCK]
+    return partial(quick_trials, person, asked, CrowdParameters.of(experiment.parameters))
+
+
+@study.further
+def further(analysis: StudyAnalysis) -> tuple[GroupPaths, ...]:
+    """Compare the paths of every group."""
+    return paths_by_group(analysis)
+
+
+@study.conclude
+def conclusions(analysis: StudyAnalysis) -> tuple[Conclusion, ...]:
+    """Answer the hypotheses of the source."""
+    return conclude(analysis)
+
+
+@study.film
+def film(recording: Recording, trial_id: str, video: Path, **how: Any) -> int:
+    """Write the film of a walk from above, contacts lit; return its number of pictures."""
+    from experiments.crowd.film import write_film
+
+    return write_film(recording, trial_id, video, **how)
 
 
 @study.views

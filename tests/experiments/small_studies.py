@@ -14,20 +14,19 @@ from typing import Any, Final
 import pandas as pd
 from typer.testing import CliRunner
 
+from benchmarks.crowd_participants import quick_study as quick_crowd
 from benchmarks.simulated_tracker import tracker_of
 from benchmarks.waving_quick import quick_analysis
 from benchmarks.waving_quick import quick_study as quick_waving
 from cli.main import app
-from experiments.crowd.analysis import analyse_tables
-from experiments.crowd.analysis_parameters import AnalysisParameters as CrowdThresholds
 from experiments.crowd.design import CONTROL_GROUP, HAPTICS_GROUP
-from experiments.crowd.quick_study import quick_study as quick_crowd
-from experiments.crowd.study_outputs import similarity_rows
+from experiments.crowd.sections import similarity_rows
 from experiments.stare.study import experiment_of as stare_experiment
 from experiments.stare.study import study as stare
 from lab.config_files import EXAMPLE
 from recording.folder import SIMULATED_ROOT
 from tests.experiments.crowd.synthetic_walks import tables, walks
+from tests.experiments.crowd.tables import analysed as analysed_crowd
 from tests.experiments.fingerprint import (
     fingerprint_of_sessions,
     fingerprint_of_study,
@@ -145,14 +144,14 @@ def quick_crowd_tables() -> dict[str, pd.DataFrame]:
         *walks(12, group=HAPTICS_GROUP),
         *walks(4, seed=3, group=CONTROL_GROUP, effect=False),
     ]
-    thresholds = CrowdThresholds(n_permutations=99, n_splits=10)
-    analysis = analyse_tables(tables(drawn), thresholds, is_simulated=True)
+    analysis = analysed_crowd(tables(drawn), n_permutations=99, n_splits=10)
     walked = quick_crowd(2, SEED, parameters={"configurations": [1]})
     return {
         "quick_walks": walked.trials.assign(cells=[str(sorted(c)) for c in walked.cells]),
-        "condition_means": analysis.means,
-        "statistics": pd.DataFrame(analysis.statistics_rows()),
-        "similarity": similarity_rows(analysis),
+        "cell_means": analysis.cell_means(),
+        "statistics": pd.DataFrame(statistics_rows(analysis)),
+        "contrasts": pd.DataFrame(contrast_rows(analysis)),
+        "similarity": pd.DataFrame([r for g in analysis.further for r in similarity_rows(g)]),
     }
 
 

@@ -10,7 +10,6 @@ from typer.testing import CliRunner
 
 from analysis.session_check import check_session
 from cli.main import app
-from experiments.crowd.intake import take_in
 from experiments.crowd.measures import MeasureParameters
 from lab.errors import DeviceError, UsageError
 from protocol.experiment import spare_roles_of
@@ -19,6 +18,7 @@ from protocol.states import SessionState
 from recording.folder import session_dir
 from recording.reader import Recording
 from tests.experiments.crowd.sessions import request as crowd_request
+from tests.experiments.crowd.tables import measured
 from tests.faults.sessions import CONFIG, ScriptedOperator, lab
 from tests.visavis.sessions import opened
 from visavis import Choice, Factor, Keys, Study
@@ -59,7 +59,7 @@ def test_a_dead_band_ends_neither_a_session_nor_its_resume(tmp_path: Path) -> No
     assert {"complete"} == set(rows["status"])
     assert all(f"{BAND}_lost" in flags.split(";") for flags in rows["flags"])
     assert f"{BAND}: the operator went on without it; trials are flagged" in findings(recording)
-    walks = take_in(recording, MeasureParameters(surface="capsules")).walks
+    _, walks = measured(recording, MeasureParameters(surface="capsules"))
     assert 3 == len(walks)
     assert all(f"{BAND}_lost" in walk.row["flags"] for walk in walks)
 

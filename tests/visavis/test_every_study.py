@@ -1,8 +1,4 @@
-"""What must hold of every study, shipped or found: plans, people, texts, tables, pictures.
-
-A study declared on the kit joins by being found. One that is not yet is held to what can be asked
-of any study.
-"""
+"""What must hold of every study, shipped or found: plans, people, texts, tables, pictures."""
 
 import os
 import signal
@@ -34,7 +30,7 @@ from visavis.exclusions import COUNTED
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
 from visavis.pairs import results_of
-from visavis.quick import quick_rows
+from visavis.quick import quick_rows, quick_study
 from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
 from visavis.testing import (
     first_view,
@@ -66,6 +62,10 @@ SMALL: dict[str, dict[str, Any]] = {
     "duel": {"repetitions": 1, "practice": 1},
 }  # fmt: skip
 """Parameters that make a study short."""
+SHORT_COUNTS: dict[str, dict[str, Any]] = {"crowd": {"came_back": None, "surface": "capsules"}}
+"""Settings of the analysis with which short trials count, and are measured quickly."""
+FOR_NULL_SET: dict[str, dict[str, Any]] = {"crowd": {"configuration": [1, 2]}}
+"""Parameters of the null run where short trials hold nothing to compare."""
 TINY_PX = (96, 60)
 
 
@@ -86,10 +86,9 @@ def small(reference: str) -> dict[str, Any]:
 
 
 def on_kit(reference: str) -> OpenedStudy:
-    """Return a study declared on the kit; skip the test for one that is not yet."""
+    """Return a study; all of them are declared on the kit."""
     study = found(reference)
-    if not isinstance(study, OpenedStudy):
-        pytest.skip(f"{study.name} is not declared on the kit yet")
+    assert isinstance(study, OpenedStudy)
     return study
 
 
@@ -119,14 +118,6 @@ def request_for(
         group=experiment.plan(index, SEED).group,
     )
     return replace(made, timing=TIMING)
-
-
-def wholly_on_kit(reference: str) -> OpenedStudy:
-    """Return a study whose analysis is the kit's, too."""
-    study = on_kit(reference)
-    if study.name == "crowd":
-        pytest.skip(f"{study.name}'s analysis is still its own")
-    return study
 
 
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
@@ -225,13 +216,14 @@ def killed(request: Request) -> bool:
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_path: Path) -> None:
-    study = wholly_on_kit(reference)
+    study = on_kit(reference)
     paths = [perform_new(request_for(study, reference, tmp_path, i)) for i in range(PEOPLE - 1)]
     last = request_for(study, reference, tmp_path, PEOPLE - 1)
     assert killed(last)
     path = session_dir(tmp_path, study.name, last.participant_label, 1, is_simulated=True)
     paths.append(perform_rest(last, path))
-    sessions = [study.measure(Recording(p)) for p in paths]
+    settings = SHORT_COUNTS.get(study.name, {})
+    sessions = [study.measure(Recording(p), settings) for p in paths]
     rows = pd.concat([s.rows for s in sessions])
     done = rows[rows["status"] == "complete"]
     experiment = study.experiment(small(reference))
@@ -239,8 +231,9 @@ def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_pa
     assert planned == len(done) == len(done.groupby(["participant", "trial_id"]))
     assert [1, 1, 2] == [len(s.manifest.parts) for s in sessions]
     report = study.analyse(
-        sessions, tmp_path / "derived", is_simulated=True, commands=(), example=None
-    )
+        sessions, tmp_path / "derived", is_simulated=True, commands=(), example=None,
+        settings=settings,
+    )  # fmt: skip
     assert "SIMULATED" in report.read_text(encoding="utf-8")
     trials = pd.read_csv(tmp_path / "derived" / "trials.csv")
     assert 0 < trials[COUNTED].sum() <= (~trials["is_practice"]).sum()
@@ -263,7 +256,12 @@ def test_names_of_conditions_change_nothing_that_is_recorded(
 
 
 def without_effect(study: OpenedStudy, experiment: StudyExperiment, people: int) -> pd.DataFrame:
-    """Return a study's rows, by the quick path, of people on whom its conditions do nothing."""
+    """Return a study's rows, by the quick path, of people on whom its conditions do nothing.
+
+    Of a study measured trial by trial that path is its own.
+    """
+    if study.pieces is not None:
+        return quick_study(study, experiment, tracker_of, range(people), seed=SEED, effect=0).trials
     quick = [m for m in study.measures(experiment) if m.of is None or m.needs_gaze]
     return pd.concat(
         quick_rows(
@@ -292,9 +290,7 @@ def test_everybody_answers_in_time_on_the_quick_path(reference: str) -> None:
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_without_an_effect_nothing_is_found(reference: str) -> None:
     study = on_kit(reference)
-    if not study.study.compare and not study.study.families:
-        pytest.skip(f"{study.name}'s comparisons are still its own")
-    experiment = study.experiment(small(reference))
+    experiment = study.experiment(FOR_NULL_SET.get(study.name, small(reference)))
     measures = study.measures(experiment)
     rows = without_effect(study, experiment, FOR_NULL)
     levels = experiment.levels
@@ -303,7 +299,9 @@ def test_without_an_effect_nothing_is_found(reference: str) -> None:
     for family in study.study.families:
         for test in results_of(family, rows, nobody, known, levels):
             assert test.outcome is None or test.outcome.p > NULL_ALPHA, test.sentence()
-    for compare in study.study.compare:
+    compared = [c for c in experiment.compare if c.dv in rows]
+    assert compared or study.study.families
+    for compare in compared:
         finding = answered(compare, rows, known, levels, is_simulated=True)
         assert finding.outcome is not None, finding.why_not
         assert all(term.p > NULL_ALPHA for term in finding.terms), compare.name

@@ -42,6 +42,8 @@ def plan_content(
     levels = {f.name: tuple(map(str, f.levels)) for f in design.factors}
     limits = limits_in_force(study.exclusions, settings or {})
     rules = DEFAULT_TEST_RULES.with_settings(settings or {})
+    thresholds, pieces = study.thresholds_with(settings or {}), study.measured_in_pieces
+    compare = [c.with_alphas(settings or {}) for c in study.compare]
     content = {
         "study": study.name,
         "title": study.title,
@@ -61,7 +63,7 @@ def plan_content(
             }
             for m in measures
         },
-        "comparisons": dict(_comparisons(study.compare, levels)),
+        "comparisons": dict(_comparisons(compare, levels)),
         "families": {
             f"{i}. {family.family}": {
                 f.name: value
@@ -70,7 +72,11 @@ def plan_content(
             }
             for i, family in enumerate(study.families, start=1)
         },
-        "tests": asdict(rules) if study.families else {},
+        "tests": {
+            **(asdict(rules) if study.families else {}),
+            **({} if thresholds is None else asdict(thresholds)),
+            **({} if pieces is None else asdict(pieces.how_with(settings or {}))),
+        },
         "exclusions": {
             r.name: {
                 "level": r.level, "column": r.column, "limit": limits[r.name],
@@ -93,8 +99,11 @@ def _comparisons(
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     for name, one in named(compare).items():
         known = {*one.within, *one.between} <= set(levels)
-        about = asdict(one)
-        del about["published"]
+        about = {f.name: getattr(one, f.name) for f in fields(one)}
+        del about["published"], about["pairs"]
+        about["only"] = dict(one.only)
+        if not one.only:  # which plans locked before had not
+            del about["only"]
         about["test"] = one.question(levels).test if known else one.test
         about["options"] = {key: str(value) for key, value in one.options}
         yield name, about

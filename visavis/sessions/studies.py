@@ -21,12 +21,14 @@ from recording.durable import make_folder, protect
 from recording.folder import SIMULATED_ROOT
 from recording.manifest import Manifest, read_manifest
 from recording.reader import Recording
-from visavis.catalogue import AnyStudy, PiecewiseStudy, reference_of
+from visavis.catalogue import AnyStudy, reference_of
 from visavis.locked.deviations import marked
 from visavis.locked.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.opened import OpenedStudy, overrides_of
+from visavis.pieces import Pieces
 from visavis.sessions.damage import counted_damage, describe, require_intact, write_damage
 from visavis.sessions.data_root import prepare_data_root
+from visavis.sessions.piecewise import measure_sessions
 from visavis.sessions.plan_lock import (
     content_now,
     read_lock,
@@ -205,14 +207,17 @@ def analyse_study(
     if changed:
         telling.warn(changed)
     settings = read_parameters(list(measure))
+    if isinstance(chosen, OpenedStudy):
+        chosen.check_settings(settings)  # before anything is measured
     review = None
     if locked is not None and isinstance(chosen, OpenedStudy):
         chosen, review = _reviewed(chosen, locked, manifests, settings, peeks)
         for line in review.lines():
             telling.warn(line) if review.deviations else telling.say(line)
-    if isinstance(chosen, PiecewiseStudy):
+    pieces = chosen.pieces if isinstance(chosen, OpenedStudy) else None
+    if isinstance(chosen, OpenedStudy) and pieces is not None:
         ordered = _measured_piecewise(
-            chosen, sessions, folder, processes, scheduler, settings, telling
+            chosen, pieces, sessions, folder, processes, scheduler, settings, telling
         )
     else:
         ordered = _measured(reference_of(chosen), sessions, processes, scheduler, telling)
@@ -293,7 +298,8 @@ def _run(
 
 
 def _measured_piecewise(
-    study: PiecewiseStudy,
+    study: OpenedStudy,
+    pieces: Pieces,
     sessions: Sequence[Path],
     folder: Path,
     processes: int | None,
@@ -301,13 +307,14 @@ def _measured_piecewise(
     settings: Mapping[str, Any],
     telling: Telling,
 ) -> list[Any]:
-    """Measure walk by walk, here or on a scheduler; walks measured before are kept."""
+    """Measure trial by trial, here or on a scheduler; those measured before are kept."""
     if scheduler is not None:
         run = partial(on_scheduler, address=scheduler)
     else:
         run = partial(on_this_machine, processes=worker_count(processes))
+    store = folder / DERIVED / MEASURED
     with telling.progress("measuring") as told:
-        return study.measure_all(sessions, folder / DERIVED / MEASURED, run, told, settings)
+        return measure_sessions(study, pieces, sessions, store, run, settings, told)
 
 
 def _from_root(folder: Path) -> str:

@@ -1,5 +1,6 @@
 """Tables of a made-up crowd study: numbers are drawn, nothing walks."""
 
+import json
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import pandas as pd
 
 from experiments.crowd.design import CONDITIONS
 from experiments.crowd.measures import MeasuredWalk, crowd_cells
-from experiments.crowd.study_outputs import tables_of_walks
+from experiments.crowd.measuring import narrow_gaps
 from stimuli.scenes.station_crowd import station_crowd
 
 COLLISIONS = (71.0, 62.8, 60.7)
@@ -86,6 +87,21 @@ def walks(
     return found
 
 
+def tables_of_walks(walked: list[MeasuredWalk]) -> dict[str, pd.DataFrame]:
+    """Return the tables of walks as sessions of the study give them."""
+    trials, collisions, crossings, cells = [], [], [], []
+    for walk in walked:
+        place = {n: walk.row[n] for n in ("participant", "condition", "configuration", "trial_id")}
+        gaps = narrow_gaps(walk.row | {"crossings": len(walk.crossings)}, walk.crossings, 1.5)
+        trials.append(walk.row | gaps)
+        collisions += [{**place, **c} for c in walk.collisions]
+        crossings += [{**place, **c} for c in walk.crossings]
+        told = {"cells": json.dumps(walk.cells), "track_m": json.dumps(walk.track_m.tolist())}
+        cells.append({**place, **told})
+    found = {"trials": trials, "collisions": collisions, "crossings": crossings, "cells": cells}
+    return {name: pd.DataFrame(rows) for name, rows in found.items()}
+
+
 def tables(walked: list[MeasuredWalk], seed: int = 2) -> dict[str, pd.DataFrame]:
     """Return all tables of a study with these walks, ratings drawn without any effect."""
     rng = np.random.default_rng(seed)
@@ -109,9 +125,11 @@ def tables(walked: list[MeasuredWalk], seed: int = 2) -> dict[str, pd.DataFrame]
         "risen_ms": 40.0,
         "held_ms": 300.0,
     }
+    found = tables_of_walks(walked)
+    ratings = pd.DataFrame(blocks)
+    found["trials"] = found["trials"].merge(ratings.drop(columns="block"), how="left")
     return {
-        **tables_of_walks(walked),
+        **found,
         "pulses": pd.DataFrame([pulse]),
-        "blocks": pd.DataFrame(blocks),
-        "people": pd.DataFrame([{"participant": p, "group": g} for p, g in people]),
+        "blocks": ratings,
     }

@@ -5,7 +5,6 @@ import pytest
 
 from experiments.crowd.design import CrowdParameters
 from experiments.crowd.haptics import BAND_ROLES
-from experiments.crowd.intake import take_in
 from experiments.crowd.measures import MeasureParameters
 from experiments.crowd.replay import walks
 from experiments.crowd.trial import run_trial
@@ -14,6 +13,7 @@ from protocol.plan import Trial
 from protocol.steps import NextFrame, Reflex, Silence, TrialInterrupted
 from stimuli.contact.body import BODY_JOINTS
 from tests.experiments.crowd.sessions import session
+from tests.experiments.crowd.tables import measured
 
 QUICK = MeasureParameters(surface="capsules")
 HAPTIC_TRIAL = Trial(
@@ -67,7 +67,7 @@ def test_motors_are_silent_at_the_end_in_spite_of_lost_commands(troubled):
 
 
 def test_measures_of_a_troubled_session_say_what_was_lost(troubled):
-    rows = [w.row for w in take_in(troubled, QUICK).walks]
+    _, rows = measured(troubled, QUICK)
     assert any(row["lost_01"] > 0.05 for row in rows)
     assert any("body_part_lost" in row["flags"] for row in rows)
     for row in rows:
@@ -113,7 +113,7 @@ def test_warnings_stand_among_the_events_of_a_study_without_calibration(one_dead
 
 def test_segments_that_repeat_their_last_pose_are_missing_in_the_measures(one_dead_sensor):
     found = {w.trial_id: w for w in walks(one_dead_sensor)}
-    rows = {w.row["trial_id"]: w.row for w in take_in(one_dead_sensor, QUICK).walks}
+    rows = {row["trial_id"]: row for row in measured(one_dead_sensor, QUICK)[1]}
     hit = [k for k, row in rows.items() if row["frozen_segments_measured"]]
     assert 1 == len(hit)
     (trial,) = hit
@@ -136,7 +136,7 @@ def test_a_sensor_that_stays_dead_is_missing_in_every_later_walk(tmp_path):
     later = trials[trials["t_start_ns"] > 20 * 1e9]
     assert len(later) >= 2
     assert later["walk_flags"].str.contains("segment_frozen").all()
-    for row in (w.row for w in take_in(recording, QUICK).walks):
+    for row in measured(recording, QUICK)[1]:
         if row["t_start_ns"] > 20 * 1e9:
             assert row["lost_01"] > 0.99
             assert row["collisions"] is None
@@ -145,13 +145,13 @@ def test_a_sensor_that_stays_dead_is_missing_in_every_later_walk(tmp_path):
 
 def test_a_clean_walk_on_the_same_wire_has_no_frozen_segment(tmp_path):
     recording = session(tmp_path, drivers={"body_tracker": XSENS}, limit_s=12.0)
-    rows = [w.row for w in take_in(recording, QUICK).walks]
+    _, rows = measured(recording, QUICK)
     assert all("segment_frozen" not in row["flags"] for row in rows)
     assert {""} == {row["frozen_segments_measured"] for row in rows}
 
 
 def test_a_whole_simulated_walk_has_no_frozen_segment(troubled):
-    rows = [w.row for w in take_in(troubled, QUICK).walks]
+    _, rows = measured(troubled, QUICK)
     assert {""} == {row["frozen_segments_measured"] for row in rows}
     assert {""} == set(troubled.trials()["frozen_segments"])
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from experiments.crowd.intake import take_in
 from experiments.crowd.measures import MeasureParameters
 from experiments.crowd.pulses import pulse_rows
 from protocol.operator import Action, Command
 from protocol.states import SessionState
 from recording.reader import Recording
 from tests.experiments.crowd.sessions import request, session
+from tests.experiments.crowd.tables import measured
 from tests.faults.sessions import ScriptedOperator
 from visavis.sessions.perform import perform_new
 
@@ -55,8 +55,8 @@ def test_pulses_of_an_interrupted_walk_are_not_those_of_the_walk_that_counts(
 ) -> None:
     pulses = pd.DataFrame(pulse_rows(away_mid_contact))
     assert {1, 2} == set(pulses["attempt"])
-    intake = take_in(away_mid_contact, MeasureParameters(surface="capsules"))
-    row = next(w.row for w in intake.walks if w.row["trial_id"] == "T02")
+    _, rows = measured(away_mid_contact, MeasureParameters(surface="capsules"))
+    row = next(row for row in rows if row["trial_id"] == "T02")
     assert (pulses["attempt"] == 2).sum() == row["pulses"]
     assert 0 == row["pulses_lost"]
     assert "pulse_lost" not in row["flags"]

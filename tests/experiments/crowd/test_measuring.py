@@ -3,28 +3,31 @@
 import json
 import shutil
 from collections.abc import Iterator
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from experiments.crowd.intake import SessionIntake, take_in
-from experiments.crowd.measures import MeasuredWalk, MeasureParameters, measure_parameters
-from experiments.crowd.measuring import (
-    WalkJob,
-    as_json,
-    from_json,
-    jobs_of,
+from experiments.crowd.measures import MeasureParameters, measure_parameters
+from experiments.crowd.measuring import PIECES, trials_of
+from lab.errors import ConfigError, DataError, UsageError
+from recording.reader import Recording
+from tests.experiments.crowd.sessions import session
+from tests.experiments.crowd.tables import OPENED
+from visavis.intake import SessionIntake
+from visavis.pieces import MeasuredTrial
+from visavis.sessions.piecewise import (
+    TrialJob,
+    kept_at,
     measure_job,
     measure_sessions,
     read_kept,
 )
-from lab.errors import ConfigError, DataError, UsageError
-from recording.reader import Recording
-from tests.experiments.crowd.sessions import session
 from visavis.sessions.runners import on_scheduler, on_this_machine
 
-QUICK = MeasureParameters(surface="capsules")
+QUICK = {"surface": "capsules"}
+HOW = MeasureParameters(surface="capsules")
 LIMIT_S = 4.0
 """Walks end after so long: three short walks are enough to be measured and kept."""
 
@@ -36,15 +39,24 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(path: Path, tmp_path_factory: pytest.TempPathFactory) -> list[SessionIntake]:
-    return measure_sessions([path], tmp_path_factory.mktemp("whole"), here, params=QUICK)
+    return measured([path], tmp_path_factory.mktemp("whole"), here)
 
 
-def here(work, jobs: list[WalkJob]) -> Iterator[tuple[int, MeasuredWalk]]:
+def here(work, jobs: list[TrialJob]) -> Iterator[tuple[int, MeasuredTrial]]:
     return on_this_machine(work, jobs, 1)
 
 
-def rows(intakes: list[SessionIntake]) -> list[dict]:
-    return [as_json(w) for w in intakes[0].walks]
+def measured(paths, store, run, settings=QUICK, told=None) -> list[SessionIntake]:
+    return measure_sessions(OPENED, PIECES, paths, store, run, settings, told)
+
+
+def rows(intakes: list[SessionIntake]) -> list[str]:
+    tables = [intakes[0].rows, *intakes[0].tables.values()]
+    return [table.to_json(double_precision=15) for table in tables]
+
+
+def walks_of(intake: SessionIntake) -> list[dict]:
+    return intake.rows[intake.rows["lost_01"].notna()].to_dict("records")
 
 
 def test_stopped_measuring_goes_on_with_what_is_missing(path, whole, tmp_path):
@@ -62,12 +74,10 @@ def test_stopped_measuring_goes_on_with_what_is_missing(path, whole, tmp_path):
         return here(work, jobs)
 
     with pytest.raises(KeyboardInterrupt):
-        measure_sessions([path], tmp_path, stops, params=QUICK)
+        measured([path], tmp_path, stops)
     told = []
-    again = measure_sessions(
-        [path], tmp_path, goes_on, params=QUICK, on_walk=lambda done, of: told.append((done, of))
-    )
-    first, *others = [w.row["trial_id"] for w in whole[0].walks]
+    again = measured([path], tmp_path, goes_on, told=lambda done, of: told.append((done, of)))
+    first, *others = [row["trial_id"] for row in walks_of(whole[0])]
     assert [first, others[0], *others] == asked
     assert [(1, 3), (2, 3), (3, 3)] == told
     assert rows(whole) == rows(again)
@@ -80,22 +90,23 @@ def test_only_a_walk_whose_file_is_damaged_is_measured_again(path, tmp_path):
         counts.append(len(jobs))
         return here(work, jobs)
 
-    measure_sessions([path], tmp_path, counting, params=QUICK)
-    measure_sessions([path], tmp_path, counting, params=QUICK)
+    measured([path], tmp_path, counting)
+    measured([path], tmp_path, counting)
     kept = sorted(tmp_path.glob("*.json"))
     kept[0].write_text("{", encoding="utf-8")
     assert read_kept(kept[0]) is None
-    measure_sessions([path], tmp_path, counting, params=QUICK)
+    measured([path], tmp_path, counting)
     assert [3, 1] == counts
 
 
 def test_walks_measured_another_way_are_not_taken_for_these(path, tmp_path):
-    measure_sessions([path], tmp_path, here, params=QUICK)
-    other = measure_sessions(
-        [path], tmp_path, here, params=MeasureParameters("centres", "capsules")
-    )
-    assert {"centres"} == {w.row["measure_rule"] for w in other[0].walks}
-    assert 6 == len(list(tmp_path.glob("*.json")))
+    recording, trial = Recording(path), "T01"
+    others = [MeasureParameters("centres"), MeasureParameters("published"), HOW]
+    names = {kept_at(tmp_path, recording, trial, PIECES, how) for how in others}
+    newer = replace(PIECES, version=PIECES.version + 1)
+    names.add(kept_at(tmp_path, recording, trial, newer, HOW))
+    names.add(kept_at(tmp_path, recording, "T02", PIECES, HOW))
+    assert 5 == len(names)
 
 
 def test_settings_of_measuring_are_taken_by_name():
@@ -108,7 +119,7 @@ def test_settings_of_measuring_are_taken_by_name():
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"ruel": "volume"}, "takes rule and surface"),
+        ({"ruel": "volume"}, "takes rule, surface and narrow_gap_m"),
         ({"rule": "publishd"}, "choose volume, centres, published"),
         ({"rule": "published", "surface": "capsules"}, "choose another surface"),
     ],
@@ -130,18 +141,17 @@ def test_a_scheduler_gives_identical_numbers(path, whole, tmp_path):
         host="127.0.0.1",
         protocol="tcp://",
     ) as cluster:
-        found = measure_sessions(
+        found = measured(
             [path],
             tmp_path,
             lambda work, jobs: on_scheduler(work, jobs, cluster.scheduler_address),
-            params=QUICK,
         )
     assert rows(whole) == rows(found)
 
 
 def test_a_worker_that_does_not_see_the_folder_says_so(path):
-    job = jobs_of(Recording(path), QUICK)[0]
-    gone = WalkJob(str(Path(job.session) / "gone"), job.trial_id, 0.7, None, QUICK)
+    job = TrialJob("crowd", str(path), trials_of(Recording(path))[0], HOW)
+    gone = TrialJob("crowd", str(Path(job.session) / "gone"), job.trial_id, HOW)
     with pytest.raises(DataError, match="every worker must see"):
         measure_job(gone)
 
@@ -149,7 +159,7 @@ def test_a_worker_that_does_not_see_the_folder_says_so(path):
 def test_a_session_without_its_body_stream_says_which_file_to_restore(path, tmp_path):
     copy = tmp_path / "ses-001"
     shutil.copytree(path, copy)
-    job = jobs_of(Recording(copy), QUICK)[0]
+    job = TrialJob("crowd", str(copy), trials_of(Recording(copy))[0], HOW)
     (copy / "part-01" / "body.arrows").unlink()
     with pytest.raises(DataError, match=r"body\.arrows.*restore it"):
         measure_job(job)
@@ -160,10 +170,10 @@ def test_a_stream_cut_off_leaves_later_walks_out_and_says_so(path, tmp_path):
     shutil.copytree(path, copy)
     stream = copy / "part-01" / "body.arrows"
     stream.write_bytes(stream.read_bytes()[: stream.stat().st_size // 2])
-    intake = take_in(Recording(copy), QUICK)
+    intake = OPENED.measure(Recording(copy), QUICK)
     assert intake.source.status.startswith("damaged; body (part 1): ")
     assert "T03" in intake.source.status
-    assert "T03" not in [walk.row["trial_id"] for walk in intake.walks]
+    assert "T03" not in [row["trial_id"] for row in walks_of(intake)]
 
 
 @pytest.mark.parametrize("content", ["null", "[]", "3", '{"row": {}, "cells": [3]}', ""])
@@ -174,20 +184,28 @@ def test_a_kept_file_of_another_shape_is_measured_again(content, tmp_path):
 
 
 def test_a_walk_that_does_not_exist_is_named(path):
-    job = jobs_of(Recording(path), QUICK)[0]
+    job = TrialJob("crowd", str(path), trials_of(Recording(path))[0], HOW)
     with pytest.raises(UsageError, match="holds no finished walk 'T99'"):
-        measure_job(WalkJob(job.session, "T99", 0.7, None, QUICK))
+        measure_job(TrialJob("crowd", job.session, "T99", HOW))
 
 
-def test_a_measured_walk_survives_json_bit_for_bit():
-    walk = MeasuredWalk(
-        {"a": np.float64(0.1), "b": np.int64(3), "c": float("nan")},
-        [{"v": 1 / 3}],
-        [],
-        ((1, 2, 3), None),
-        np.array([[0.25, -1.5]]),
+def test_a_measured_trial_survives_json_bit_for_bit():
+    trial = MeasuredTrial.plain(
+        {"a": np.float64(0.1), "b": np.int64(3), "c": float("nan")}, {"met": [{"v": 1 / 3}]}
     )
-    back = from_json(json.loads(json.dumps(as_json(walk))))
-    assert ({"a": 0.1, "b": 3, "c": None}, [{"v": 1 / 3}]) == (back.row, back.collisions)
-    assert ((1, 2, 3), None) == back.cells
-    assert (walk.track_m == back.track_m).all()
+    assert MeasuredTrial({"a": 0.1, "b": 3, "c": None}, {"met": [{"v": 1 / 3}]}) == trial
+    assert trial == MeasuredTrial(**json.loads(json.dumps(asdict(trial))))
+
+
+def test_gaps_so_wide_at_most_are_counted_again_without_measuring_walks_again(path, tmp_path):
+    counts = []
+
+    def counting(work, jobs):
+        counts.append(len(jobs))
+        return here(work, jobs)
+
+    narrow = measured([path], tmp_path, counting, {**QUICK, "narrow_gap_m": 0.9})
+    wide = measured([path], tmp_path, counting, {**QUICK, "narrow_gap_m": 9.0})
+    assert [3] == counts
+    few, many = (sum(r["crossings_narrow"] for r in walks_of(i[0])) for i in (narrow, wide))
+    assert few < many == sum(r["crossings"] for r in walks_of(wide[0]))

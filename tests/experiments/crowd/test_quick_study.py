@@ -5,22 +5,29 @@ import pytest
 
 from analysis.gait import crossing_angles_deg, step_length_m, walk_measures
 from experiments.crowd.collision_measures import collision_rows, walk_volumes
-from experiments.crowd.design import AFTER, BEFORE, HAPTIC
+from experiments.crowd.design import AFTER, BEFORE, HAPTIC, CrowdParameters
 from experiments.crowd.measures import cells_of
 from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.quick_measures import quick_measures
-from experiments.crowd.quick_study import quick_session, quick_walk
+from experiments.crowd.quick_study import quick_walk, walked
 from experiments.crowd.replay import STEP_NS, Walk
 from experiments.crowd.study import plan_session
 from stimuli.contact.body import BODY_JOINTS
 from stimuli.scenes.station_crowd import BOARD_M
+from visavis.catalogue import find_study
 
 ONE = {"configuration": [1]}
 
 
 def rows(effect=True, seed=3, parameters=ONE, group_index=0):
-    found = quick_session(group_index, seed, effect=effect, parameters=parameters)
-    return {row["condition"]: row for row, _ in found}
+    experiment = find_study("crowd").experiment(parameters)
+    plan = experiment.plan(group_index, seed)
+    blocks = walked(CrowdParticipant(group_index, seed, effect), plan, CrowdParameters())
+    return {
+        trial.factors["condition"]: {"group": plan.group, **row}
+        for block in blocks
+        for trial, row, _ in block
+    }
 
 
 @pytest.fixture(scope="module")

@@ -1,18 +1,18 @@
 """A simulated crowd session end to end: what is recorded, what is measured from it alone."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from analysis.session_check import check_session
 from experiments.crowd.design import CONDITIONS
 from experiments.crowd.haptics import BAND_ROLES
-from experiments.crowd.intake import take_in
 from experiments.crowd.measures import MeasureParameters
 from experiments.crowd.replay import walks
-from experiments.crowd.study_outputs import tables_of
 from stimuli.contact.body import ARM_JOINTS, capsule_body
 from stimuli.contact.touch import TouchSensor
 from tests.experiments.crowd.sessions import session
+from tests.experiments.crowd.tables import measured
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def recording(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def intake(recording):
-    return take_in(recording, MeasureParameters(surface="capsules"))
+    return measured(recording, MeasureParameters(surface="capsules"))
 
 
 def test_every_walk_goes_to_the_board_and_comes_back(recording):
@@ -73,8 +73,8 @@ def test_contacts_can_be_found_again_from_the_recording(recording):
 
 
 def test_measures_come_from_the_recording_alone(intake):
-    tables = tables_of([intake])
-    trials = tables["trials"].set_index("condition")
+    tables, rows = intake[0].tables, intake[1]
+    trials = pd.DataFrame(rows).set_index("condition")
     assert set(CONDITIONS) == set(trials.index)
     assert (trials["collisions"] > 5).all()
     assert trials["speed_m_s"].between(0.25, 0.7).all()
@@ -88,7 +88,7 @@ def test_measures_come_from_the_recording_alone(intake):
 
 
 def test_every_pulse_tells_commanded_sent_acknowledged_and_risen_in_order(intake):
-    pulses = tables_of([intake])["pulses"]
+    pulses = intake[0].tables["pulses"]
     assert len(pulses) > 5
     assert pulses["acknowledged"].all()
     assert (pulses["commanded_ms"] >= 0).all()
@@ -98,16 +98,16 @@ def test_every_pulse_tells_commanded_sent_acknowledged_and_risen_in_order(intake
 
 
 def test_commands_leave_less_than_five_milliseconds_after_the_sample_that_shows_contact(intake):
-    pulses = tables_of([intake])["pulses"]
+    pulses = intake[0].tables["pulses"]
     assert (pulses["sent_ms"] < 5).all()
 
 
 def test_presence_and_embodiment_are_asked_after_every_block(intake):
-    blocks = tables_of([intake])["blocks"]
+    blocks = intake[0].blocks
     assert list(CONDITIONS) == blocks["condition"].tolist()
     for scale in ("presence", "agency", "change", "ownership"):
         assert blocks[scale].between(1, 7).all()
-    assert {"age", "gender"} <= set(intake.person)
+    assert {"age", "gender"} <= set(intake[0].person)
 
 
 def test_a_study_without_gaze_is_not_asked_for_a_calibration(recording):
