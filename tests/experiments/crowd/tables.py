@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import pandas as pd
 
-from experiments.crowd.design import CONDITIONS, CONTROL_GROUP, GROUPS, HAPTICS_GROUP
+from experiments.crowd.design import CONTROL_GROUP, GROUPS, HAPTICS_GROUP
 from experiments.crowd.measures import DEFAULT_MEASURES, MeasureParameters
 from experiments.crowd.study import study
 from recording.reader import Recording
@@ -51,8 +51,6 @@ def measured(
 ) -> tuple[SessionIntake, list[dict[str, Any]]]:
     """Take in a session; return it with the rows of the walks that were measured."""
     taken = OPENED.measure(recording, {"rule": how.rule, "surface": how.surface})
-    rows = taken.rows[taken.rows["lost_01"].notna()].to_dict("records")
+    lost = taken.rows.get("lost_01")  # no column where no walk could be measured
+    rows = [] if lost is None else taken.rows[lost.notna()].to_dict("records")
     return taken, [{str(k): v for k, v in row.items()} for row in rows]
-
-
-__all__ = ["CONDITIONS", "OPENED", "QUICK", "analysed", "measured"]
