@@ -61,7 +61,7 @@ def test_a_dead_band_ends_neither_a_session_nor_its_resume(tmp_path: Path) -> No
     assert f"{BAND}: the operator went on without it; trials are flagged" in findings(recording)
     _, walks = measured(recording, MeasureParameters(surface="capsules"))
     assert 3 == len(walks)
-    assert all(f"{BAND}_lost" in walk.row["flags"] for walk in walks)
+    assert all(f"{BAND}_lost" in walk["flags"] for walk in walks)
 
 
 def test_what_a_study_needs_cannot_be_left_out(tmp_path: Path) -> None:
