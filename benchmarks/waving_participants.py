@@ -1,14 +1,11 @@
 """Hold simulated participants of the waving study against the published results.
 
     python -m benchmarks.waving_participants [--seeds 100] [--participants 16] [--session]
-    python -m benchmarks.waving_participants --eye-heights
 
 Over the quick path (`benchmarks.waving_quick`): what can be seen of the 54 waves is
 rendered once, people and answers are drawn anew for every seed. Prints mean accuracies beside
 the published ones and how often each effect is significant; `--session` also times a whole
-simulated session of 54 trials in processor seconds. `--eye-heights` prints instead what warping
-adds to the coverage of face and hand for participants taller or smaller than it was made for.
-`--json` for machines.
+simulated session of 54 trials in processor seconds. `--json` for machines.
 """
 
 import argparse
@@ -21,23 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.waving_quick import STIMULI, evidence_for, quick_analysis, quick_study
-from experiments.waving.clips import (
-    ORIENTATION,
-    TECHNIQUES,
-    WARPED_PARTS,
-    WARPING,
-    eye_at,
-    in_place,
-    seen_body_of,
-    study_wave,
-    view_of,
-)
+from experiments.waving.clips import TECHNIQUES
 from experiments.waving.study import DIRECTIONS, MEAN_ACCURACY
 from lab.clock import cpu_time_s
 from lab.config_files import EXAMPLE
-from stimuli.motion.warping.perceived import mask_of, perceived
-from stimuli.scenes import office
-from stimuli.scenes.office import CLERKS, PARTICIPANT_PLACES
 
 MEAN_LIMIT = 0.08
 SD_LIMIT = 0.08
@@ -50,8 +34,6 @@ SHARE_LIMITS = {
 }
 """Shares of studies: nominal means 5 %, of which 100 studies show up to 11 by chance."""
 SESSION_LIMIT_S = 60.0
-EYES_OFF_M = (-0.2, -0.1, -0.05, 0.05, 0.1, 0.2)
-LOOKS = 12
 
 
 def study_rows(seeds: range, participants: int) -> list[dict[str, object]]:
@@ -103,40 +85,6 @@ def study_rows(seeds: range, participants: int) -> list[dict[str, object]]:
     return rows
 
 
-def eye_height_rows(off_m: Sequence[float] = EYES_OFF_M) -> list[dict[str, object]]:
-    """Return what warping adds for eyes so far above the planned height, over nine waves.
-
-    Coverage of face and hand of the warped wave at the participant over that of the turned one,
-    less 1; and how far that is from the planned gain, mean and largest of the nine.
-    """
-    planned: list[float] = []
-    rows: list[dict[str, object]] = []
-    for off in (0.0, *off_m):
-        gains = [
-            _coverage(clerk.name, place, WARPING, off)
-            / _coverage(clerk.name, place, ORIENTATION, off) - 1
-            for clerk in CLERKS for place in PARTICIPANT_PLACES
-        ]  # fmt: skip
-        planned = planned or gains
-        away = np.abs(np.subtract(gains, planned))
-        rows.append({
-            "name": f"eyes {off:+.2f} m: what warping adds to coverage",
-            "value": float(np.mean(gains)),
-            "beside": f"off the planned by {away.mean():.3f}, at most {away.max():.3f}",
-        })  # fmt: skip
-    return rows
-
-
-def _coverage(clerk: str, place: str, technique: str, off_m: float) -> float:
-    waving = study_wave(clerk, place, technique).waving
-    eye_m = eye_at(place) + np.array([0.0, off_m, 0.0])
-    clip = in_place(waving.clip, office.place(clerk).floor_m, waving.heading_deg)
-    poses = clip.at(clip.duration_s * (np.arange(LOOKS) + 0.5) / LOOKS)
-    view = view_of(clerk, eye_m, place)
-    ids = perceived(seen_body_of(clerk), view, poses.root_m, poses.orientation_wxyz)
-    return sum(float(mask_of(parts)[ids].mean()) for parts in WARPED_PARTS)
-
-
 def session_row() -> dict[str, object]:
     """Return the processor time of one whole simulated session, waves being there already."""
     from devices.registry import OPTION_MODELS
@@ -169,14 +117,10 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--participants", type=int, default=16)
     parser.add_argument("--session", action="store_true")
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--eye-heights", action="store_true")
     given = parser.parse_args(arguments)
-    if given.eye_heights:
-        rows = eye_height_rows()
-    else:
-        for stimulus in STIMULI:
-            evidence_for(stimulus)
-        rows = study_rows(range(given.seeds), given.participants)
+    for stimulus in STIMULI:
+        evidence_for(stimulus)
+    rows = study_rows(range(given.seeds), given.participants)
     if given.session:
         rows.append(session_row())
     if given.json:

@@ -57,6 +57,12 @@ class Shown:
         row = past.iloc[-1]
         return int(row["t_ns"]), dict(row["payload"])
 
+    def since(self, event: str) -> list[dict[str, Any]]:
+        """Return the payloads of a name's events from the scene's beginning up to this frame."""
+        events = _events(self.recording, event, self.part)
+        here = (events["t_ns"] >= self.since_ns) & (events["t_ns"] <= self.t_ns)
+        return [dict(payload) for payload in events[here]["payload"]]
+
     def trial(self) -> Trial:
         """Return the trial, as planned, that had begun last when this frame was shown.
 

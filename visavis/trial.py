@@ -45,6 +45,7 @@ from visavis.asking import (
     pointed,
     pressed,
 )
+from visavis.beside import Beside
 from visavis.responses import Keys, Number, Pointing, Rating, Response, Text, labels_of
 from visavis.scenes import Maker, Scene, Staged, Staging, stage
 from visavis.texts import Texts
@@ -92,7 +93,8 @@ class Action:
 class Settings:
     """What every trial of a study shares: its parameters, words, scenes and ways of answering.
 
-    `memory` is what trials of one session leave to those after them.
+    `memory` is what trials of one session leave to those after them, `beside` works out what would
+    hold up a frame.
     """
 
     parameters: Mapping[str, Any]
@@ -103,6 +105,7 @@ class Settings:
     answer_by: str
     folder: Path
     memory: dict[str, Any] = field(default_factory=dict)
+    beside: Beside = field(default_factory=Beside)
 
 
 @dataclass(frozen=True)
@@ -153,6 +156,11 @@ class TrialScript:
     def session_memory(self) -> dict[str, Any]:
         """What earlier trials of this session left; a session that is resumed begins anew."""
         return self.settings.memory
+
+    @property
+    def beside(self) -> Beside:
+        """What performs functions without holding up a frame: `beside.submit(function, …)`."""
+        return self.settings.beside
 
     def rng(self, stream: int = 0) -> np.random.Generator:
         """Return chance for this trial: the same whenever the trial is performed again."""

@@ -1,12 +1,13 @@
-"""The waves of the study: turned towards the addressee, or warped to the addressee's view as well.
+"""The waves of the study: turned towards the addressee, or warped to the addressee's view.
 
-A warped wave takes seconds to find and is the same for everybody, so it is kept: in memory, and
-on the computer under the hash of everything it follows from.
+A warped wave starts from a plan: offsets for eyes where the addressee is expected. It takes many
+seconds to find and is kept, in memory and on the computer under the hash of everything it follows
+from. For a participant a loop corrects it while it is seen (`stimuli.motion.warping.track`).
 """
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, astuple, dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Final
@@ -14,21 +15,28 @@ from typing import Final
 import numpy as np
 
 import stimuli.motion.warping
-from lab.geometry import Vector, quat_from_yaw_pitch_deg, quat_multiply, rotate
+from lab.geometry import Vector
 from lab.kept import digest_of, keep, read_kept
 from stimuli.characters.character import Character
 from stimuli.dressing.casting import build_of, default_casting
-from stimuli.dressing.office import PARTS, person_of
+from stimuli.dressing.office import PARTS, person_of, pose_of_waver
 from stimuli.gaze.turning import Aimed
 from stimuli.motion.baking import baked
 from stimuli.motion.clip import Clip
 from stimuli.motion.kinds import Wave
 from stimuli.motion.people import PeopleMotion, Person
 from stimuli.motion.warping.clips import warp_clip
-from stimuli.motion.warping.control import ControlSettings
+from stimuli.motion.warping.control import (
+    ControlSettings,
+    Situation,
+    is_within,
+    see,
+    wanted_features,
+)
 from stimuli.motion.warping.features import FeatureTarget
-from stimuli.motion.warping.outlook import Outlook, looking_at, outlook_in
+from stimuli.motion.warping.outlook import Outlook, looking_at, outlook_in, seen_from
 from stimuli.motion.warping.perceived import SeenBody, body_of, posed_points
+from stimuli.motion.warping.track import WarpTrack, solved
 from stimuli.motion.warping.units import units_named
 from stimuli.picture import StaticMesh
 from stimuli.rooms.office import office
@@ -38,15 +46,23 @@ from stimuli.scenes.office import Waving
 ORIENTATION: Final = "orientation"
 WARPING: Final = "warping"
 TECHNIQUES: Final = (ORIENTATION, WARPING)
-"""The whole body turned towards the addressee, or the same wave warped to the addressee's view."""
+"""The whole body turned towards the addressee, or the wave warped to the addressee's view."""
 KEPT_AS: Final = "waving"
 HAND: Final = "right"
 BODY_TRIANGLES: Final = 2500
 BYSTANDER_TRIANGLES: Final = 2500
 VIEW_RADIUS_M: Final = 0.8
-VIEW_PX: Final = 128
+VIEW_PX: Final = 256
 MIDDLE_ABOVE_HIPS_M: Final = 0.35
-SETTINGS: Final = ControlSettings(rate_hz=6.0, most_steps=6)
+SETTINGS: Final = ControlSettings(
+    rate_hz=30.0, most_steps=4, probe_deg=6.0, step_cap_deg=10.0, error_cap=0.4, passes=5,
+    smoothness=0.005, rest_pull=0.005, search=True,
+)  # fmt: skip
+"""Of the plan of a wave, a key every 1 / `rate_hz` seconds."""
+REFINING: Final = replace(SETTINGS, most_steps=3, step_cap_deg=2.0)
+"""Of what a plan's keys get when all of them together have been solved."""
+LOOP: Final = replace(SETTINGS, most_steps=1, step_cap_deg=2.0)
+"""Of the loop in the session: one step a key, at most 2° for a unit."""
 WARPED_PARTS: Final = (("face", "eyes"), ("right_hand",))
 """Coverage is wanted of each: the head by its face (a profile has more pixels), the waving hand."""
 UNITS: Final = ("spine", "neck_head", "right_arm")
@@ -60,40 +76,38 @@ class Making:
     """What waves are made from: the wave lasts `wave_s` from `before_s` after the onset on.
 
     `increment` is how much more coverage of head and hand the warped wave shall have, `warp_from`
-    what it starts from: the wave "oriented" to the addressee, or the one to the "front".
+    what it starts from: the wave to the "front" as it was captured, or one "oriented", whole body,
+    to the addressee.
     """
 
     before_s: float = 1.0
     wave_s: float = 2.6
     increment: float = 0.25
-    warp_from: str = "oriented"
+    warp_from: str = "front"
 
 
 DEFAULT_MAKING: Final = Making()
 
 
 @dataclass(frozen=True)
-class WarpRecord:
-    """What became of a warp, for the record.
-
-    `wanted` and `reached` coverage as shares of the original, NaN where the addressee sees nothing
-    to begin with.
+class Reached:
+    """What a warp came to over a wave: coverage `wanted` and `reached` as shares of the original,
+    the share of frames on target, and of those whose pose alone can come to it (NaN: unknown).
     """
 
-    sha256: str
     wanted: float
     reached: float
-    reached_share_01: float
-    largest_turn_deg: float
+    met_01: float
+    reachable_01: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
 class StudyWave:
-    """One wave of the study; `record` is None where nothing was warped."""
+    """One wave of the study; `planned` is what its plan comes to, None where nothing is warped."""
 
     waving: Waving
     sha256: str
-    record: WarpRecord | None
+    planned: Reached | None
 
 
 @cache
@@ -105,28 +119,26 @@ def study_wave(
 
     The same object for the same wave.
     """
-    base = base_clip(clerk, making.wave_s)
-    towards = heading_deg(clerk, target_place)
-    front = places.place(clerk).yaw_deg
     warps = technique == WARPING
-    heading = front if warps and making.warp_from == "front" else towards
-    record = None
-    clip = base
+    front = warps and making.warp_from == "front"
+    heading = places.place(clerk).yaw_deg if front else heading_deg(clerk, target_place)
+    clip = base_clip(clerk, making.wave_s)
+    waving, planned = Waving(clerk, clip, heading, making.before_s, FADE_S), None
     if warps and making.increment > 0:
         eye_m = eye_at(target_place, eye_height_m)
-        clip, record = _warped(base, clerk, target_place, eye_m, heading, making.increment)
-    waving = Waving(clerk, clip, heading, making.before_s, FADE_S)
-    return StudyWave(waving, digest_of(clip.root_m, clip.orientation_wxyz), record)
+        waving, planned = _planned(waving, target_place, eye_m, making.increment)
+    omega = np.zeros(0) if waving.warp is None else waving.warp.omega_rad
+    return StudyWave(waving, digest_of(clip.root_m, clip.orientation_wxyz, omega), planned)
 
 
 @lru_cache(maxsize=8)
 def base_clip(clerk: str, wave_s: float) -> Clip:
-    """Return a clerk's wave straight ahead on their seat, before anything is done to it."""
+    """Return a clerk's wave straight ahead on their seat, from when the arm begins to rise."""
     number = tuple(PARTS).index(clerk)
     person = Person(
         build_of(character_of(clerk)), Wave(hand=HAND, seat_m=places.SEAT_M), 300 + number
     )
-    return baked(person, wave_s, gaze=STILL)
+    return baked(person, FADE_S + wave_s, gaze=STILL)
 
 
 def character_of(role: str) -> Character:
@@ -145,15 +157,6 @@ def eye_at(place: str, height_m: float = places.STANDING_EYE_M) -> Vector:
     """Return where a customer's eyes are (3,), in the office's coordinates."""
     eye: Vector = places.place(place).floor_m + np.array([0.0, height_m, 0.0])
     return eye
-
-
-def in_place(clip: Clip, floor_m: Vector, turn_deg: float) -> Clip:
-    """Return a clip carried to a place and turned."""
-    turn = quat_from_yaw_pitch_deg(turn_deg)
-    turns = clip.orientation_wxyz.copy()
-    turns[:, 0] = quat_multiply(np.broadcast_to(turn, turns[:, 0].shape), turns[:, 0])
-    root = floor_m + rotate(np.broadcast_to(turn, (len(turns), 4)), clip.root_m)
-    return replace(clip, root_m=root, orientation_wxyz=turns)
 
 
 @lru_cache(maxsize=16)
@@ -176,13 +179,32 @@ def others_in_view(clerk: str, viewer_place: str) -> tuple[StaticMesh, ...]:
 
 def view_of(clerk: str, eye_m: Vector, viewer_place: str, size_px: int = VIEW_PX) -> Outlook:
     """Return what somebody in a customer's place sees a clerk through, in office coordinates."""
-    centre = places.place(clerk).floor_m + np.array(
+    return _view_from(clerk, tuple(eye_m.tolist()), viewer_place, size_px)
+
+
+@lru_cache(maxsize=64)
+def _view_from(clerk: str, eye_m: tuple[float, ...], viewer_place: str, size_px: int) -> Outlook:
+    lit, centre = _lit_view(clerk, viewer_place, size_px), _middle_of(clerk)
+    hiding = [p.mesh for p in office().props]
+    camera = looking_at(np.array(eye_m), centre, VIEW_RADIUS_M)
+    return seen_from(lit, camera, [*hiding, *others_in_view(clerk, viewer_place)])
+
+
+@lru_cache(maxsize=32)
+def _lit_view(clerk: str, viewer_place: str, size_px: int) -> Outlook:
+    """Return a view with the lamps' shadows, which do not depend on the eye."""
+    centre = _middle_of(clerk)
+    return outlook_in(
+        office(), looking_at(eye_at(viewer_place), centre, VIEW_RADIUS_M), size_px,
+        lit_centre_m=centre, more=others_in_view(clerk, viewer_place),
+    )  # fmt: skip
+
+
+def _middle_of(clerk: str) -> Vector:
+    middle: Vector = places.place(clerk).floor_m + np.array(
         [0.0, places.SEAT_M + 0.1 + MIDDLE_ABOVE_HIPS_M, 0.0]
     )
-    return outlook_in(
-        office(), looking_at(eye_m, centre, VIEW_RADIUS_M), size_px, lit_centre_m=centre,
-        more=others_in_view(clerk, viewer_place),
-    )  # fmt: skip
+    return middle
 
 
 def seen_body_of(clerk: str) -> SeenBody:
@@ -190,42 +212,111 @@ def seen_body_of(clerk: str) -> SeenBody:
     return body_of(character_of(clerk), most_triangles=BODY_TRIANGLES)
 
 
-def _warped(
-    base: Clip, clerk: str, target_place: str, eye_m: Vector, heading: float, increment: float
-) -> tuple[Clip, WarpRecord]:
-    targets = tuple(FeatureTarget("coverage", parts, increment) for parts in WARPED_PARTS)
-    body = seen_body_of(clerk)
-    view = view_of(clerk, eye_m, target_place)
-    said = json.dumps(
-        [[asdict(t) for t in targets], UNITS, asdict(SETTINGS), heading, clerk], sort_keys=True
+def situation_of(
+    waving: Waving, viewer_place: str, eye_m: Vector, t_s: float, increment: float
+) -> Situation:
+    """Return the unwarped pose at a time of the scene as somebody's eyes (3,) see it, and what is
+    wanted of it.
+    """
+    view = view_of(waving.clerk, eye_m, viewer_place)
+    pose = pose_of_waver(replace(waving, warp=None), t_s)
+    return Situation(
+        seen_body_of(waving.clerk), view, targets_of(increment), units_named(UNITS), *pose
     )
+
+
+def targets_of(increment: float) -> tuple[FeatureTarget, ...]:
+    """Return what is wanted of a warped wave."""
+    return tuple(FeatureTarget("coverage", parts, increment) for parts in WARPED_PARTS)
+
+
+def solved_key(
+    about: tuple[str, str, Making], t_s: float, start_rad: Vector, eye_m: Vector
+) -> Vector:
+    """Return offsets (w,) for a key of a wave (clerk, target place, making) seen from eyes (3,)."""
+    waving, place, increment = _wave_about(about)
+    return solved(situation_of(waving, place, eye_m, t_s, increment), start_rad, LOOP)
+
+
+def reached_in(
+    about: tuple[str, str, Making], times_s: Vector, omega_rad: Vector, eyes_m: Vector
+) -> Reached:
+    """Return what offsets (n, w) of a wave came to at some times (n,), seen from eyes (n, 3)."""
+    return reached_of(*_wave_about(about), times_s, omega_rad, eyes_m)
+
+
+def reached_of(
+    waving: Waving, place: str, increment: float, times_s: Vector, omega_rad: Vector,
+    eyes_m: Vector,
+) -> Reached:  # fmt: skip
+    """Return what offsets (n, w) of a wave came to; see `reached_in`."""
+    seen, met = np.zeros((len(times_s), 3)), 0
+    for n, (t_s, omega, eye_m) in enumerate(zip(times_s, omega_rad, eyes_m, strict=True)):
+        situation = situation_of(waving, place, eye_m, float(t_s), increment)
+        original, now = see(situation, np.stack([np.zeros_like(omega), omega]))
+        wanted = wanted_features(situation.targets, original)
+        seen[n] = original.sum(), wanted.sum(), now.sum()
+        met += bool(original.any()) and is_within(wanted, original, now, situation)
+    original_sum, wanted_sum, now_sum = seen.sum(axis=0)
+    whole = original_sum if original_sum > 0 else np.nan
+    return Reached(float(wanted_sum / whole), float(now_sum / whole), met / max(len(times_s), 1))
+
+
+@lru_cache(maxsize=64)
+def _wave_about(about: tuple[str, str, Making]) -> tuple[Waving, str, float]:
+    clerk, place, making = about
+    bare = study_wave(clerk, place, WARPING, replace(making, increment=0.0)).waving
+    return bare, place, making.increment
+
+
+def _planned(
+    waving: Waving, target_place: str, eye_m: Vector, increment: float
+) -> tuple[Waving, Reached]:
+    """Return a wave with offsets planned for eyes (3,), and what they come to."""
+    clerk, clip = waving.clerk, waving.clip
+    body, view = seen_body_of(clerk), view_of(clerk, eye_m, target_place)
+    targets, units = targets_of(increment), units_named(UNITS)
+    said = json.dumps(
+        [[asdict(t) for t in targets], UNITS, asdict(SETTINGS), waving.heading_deg,
+         waving.start_s, FADE_S, clerk],
+        sort_keys=True,
+    )  # fmt: skip
     key = digest_of(
-        base.root_m, base.orientation_wxyz, body.rest, body.triangles, view.eye, view.behind,
+        clip.root_m, clip.orientation_wxyz, body.rest, body.triangles, view.eye, view.behind,
         view.lamps, view.maps, said=said + _warping_code(),
     )  # fmt: skip
     kept = read_kept(KEPT_AS, key)
     if kept is None:
-        stood = in_place(base, places.place(clerk).floor_m, heading)
-        found = warp_clip(stood, body, view, targets, units_named(UNITS), SETTINGS)
+        found = warp_clip(drawn_clip(waving), body, view, targets, units, SETTINGS)
+        gap_s = (waving.end_s - waving.start_s) / max(len(found.omega_rad) - 1, 1)
+        track = WarpTrack(units, waving.start_s, gap_s, found.omega_rad.copy(), FADE_S)
+        for k, t_s in enumerate(track.key_s):
+            situation = situation_of(waving, target_place, eye_m, float(t_s), increment)
+            track.omega_rad[k] = solved(situation, track.omega_rad[k], REFINING)
+        times = track.key_s[:-1] + gap_s / 2
+        offsets = np.array([track.at(float(t)) for t in times])
+        eyes = np.tile(eye_m, (len(times), 1))
+        came_to = reached_of(waving, target_place, increment, times, offsets, eyes)
         kept = {
-            "orientation_wxyz": found.clip.orientation_wxyz[:, 1:],
-            "numbers": np.array([
-                _share(found.wanted, found.original),
-                _share(found.reached, found.original),
-                found.is_reached.mean(),
-                np.degrees(np.abs(found.omega_rad).max()),
-            ]),
-        }  # fmt: skip
+            "omega_rad": track.omega_rad,
+            "gap_s": np.array(gap_s),
+            "numbers": np.array([*astuple(came_to)[:3], found.pose_reached.mean()]),
+        }
         keep(KEPT_AS, key, kept)
-    turns = base.orientation_wxyz.copy()
-    turns[:, 1:] = kept["orientation_wxyz"]
-    return replace(base, orientation_wxyz=turns), WarpRecord(key, *map(float, kept["numbers"]))
+    track = WarpTrack(units, waving.start_s, float(kept["gap_s"]), kept["omega_rad"], FADE_S)
+    return replace(waving, warp=track), Reached(*map(float, kept["numbers"]))
 
 
-def _share(value: Vector, original: Vector) -> float:
-    """Return summed coverage as a share of the original; NaN where nothing was seen."""
-    whole = float(original.sum())
-    return float(value.sum()) / whole if whole > 0 else float("nan")
+def drawn_clip(waving: Waving) -> Clip:
+    """Return a wave as it is drawn between its start and its end, in the office's coordinates."""
+    n = round((waving.end_s - waving.start_s) / waving.clip.frame_s) + 1
+    times = waving.start_s + waving.clip.frame_s * np.arange(n)
+    poses = [pose_of_waver(waving, float(t)) for t in times]
+    return replace(
+        waving.clip,
+        root_m=np.array([root for root, _ in poses]),
+        orientation_wxyz=np.array([turns for _, turns in poses]),
+    )
 
 
 @cache

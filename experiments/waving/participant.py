@@ -22,6 +22,7 @@ from experiments.waving.judgement import (
 from experiments.waving.perception import evidence_of
 from lab.errors import DataError
 from lab.geometry import Vector
+from stimuli.motion.warping.track import WarpTrack
 from stimuli.panels import choice_centre_m
 from stimuli.picture import Panel
 from stimuli.scene import SceneFrame
@@ -93,6 +94,7 @@ class WavingParticipant(StandingBody):
         super().prepare(stretch, t_ns)
         self._scene: OfficeScene | None = None
         self._gaze: Vector | None = None
+        self._warp: WarpTrack | None = None
         self._panel_text = ""
         self._judgement: Judgement | None = None
 
@@ -117,6 +119,8 @@ class WavingParticipant(StandingBody):
         if not view.panels:
             if scene.waving is not None:
                 self._gaze = view.gaze_direction[_waver_of(scene)]
+                # What was shown of a track stays as it was, so its last state tells all of it.
+                self._warp = view.warp
         elif view.panels[0].text != self._panel_text and self._gaze is not None:
             self._panel_text = view.panels[0].text
             self._decide(scene, view.panels[0], t_s)
@@ -126,7 +130,9 @@ class WavingParticipant(StandingBody):
             if scene.waving is None or self._gaze is None:
                 raise DataError("a question was asked about a scene in which nobody waved")
             eye = self.head(self._origin_ns)[0] - shift_m(scene.participant_place)
-            evidence = evidence_of(scene.waving, scene.participant_place, eye, self._gaze)
+            evidence = evidence_of(
+                scene.waving, scene.participant_place, eye, self._gaze, self._warp
+            )
             own = [c.name for c in CUSTOMERS].index(scene.participant_place)
             rng = self.rng(TRIAL_STREAM, self.stretch())
             self._judgement = judge(

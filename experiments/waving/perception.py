@@ -6,7 +6,7 @@ positive to the observers' right.
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from typing import Final
 
 import numpy as np
@@ -17,7 +17,6 @@ from experiments.waving.clips import (
     VIEW_RADIUS_M,
     body_mesh,
     eye_at,
-    in_place,
     seen_body_of,
     view_of,
 )
@@ -25,10 +24,12 @@ from lab.geometry import Vector, rotate
 from lab.kept import digest_of
 from stimuli.characters.body_parts import PARTS
 from stimuli.dressing.office import PARTS as ROLES
-from stimuli.motion.clip import Clip
+from stimuli.dressing.office import pose_of_waver
+from stimuli.motion.clip import Frames
 from stimuli.motion.skeleton import forward
 from stimuli.motion.warping.outlook import Outlook
 from stimuli.motion.warping.perceived import mask_of, perceived
+from stimuli.motion.warping.track import WarpTrack
 from stimuli.rooms.office import office
 from stimuli.scenes import office as places
 from stimuli.scenes.office import Waving
@@ -65,15 +66,18 @@ class Evidence:
         return float(self.pixels[1:].sum() / max(self.free[1:].sum(), 1.0))
 
 
-def evidence_of(waving: Waving, viewer_place: str, eye_m: Vector, gaze: Vector) -> Evidence:
-    """Render a wave from an observer's eyes (3,) and from every customer's place.
+def evidence_of(
+    waving: Waving, viewer_place: str, eye_m: Vector, gaze: Vector, warp: WarpTrack | None = None
+) -> Evidence:
+    """Render a wave, as it was drawn, from an observer's eyes (3,) and from every customer's place.
 
-    Office coordinates; `gaze` (3,) is where the clerk's eyes point.
+    Office coordinates; `gaze` (3,) is where the clerk's eyes point; `warp` stands in place of the
+    wave's own.
     """
     view = _sharp_view(waving.clerk, eye_m, viewer_place)
-    clip, times = _stood(waving), _times(waving)
-    pixels, free = _pixels(waving.clerk, clip, times, view)
-    heads, pointing = _pointing(clip, times, gaze)
+    poses = _poses(waving, warp)
+    pixels, free = _pixels(waving.clerk, poses, view)
+    heads, pointing = _pointing(waving, poses, gaze)
     return Evidence(
         pixels=pixels,
         free=free,
@@ -81,28 +85,24 @@ def evidence_of(waving: Waving, viewer_place: str, eye_m: Vector, gaze: Vector) 
         bearing_deg=np.array([
             _bearing_deg(eye_at(c.name) - heads) for c in places.CUSTOMERS
         ]),
-        reach_01=reach_of(waving),
+        reach_01=reach_of(waving, warp),
     )  # fmt: skip
 
 
-@cache
-def reach_of(waving: Waving) -> Vector:
+@lru_cache(maxsize=256)
+def reach_of(waving: Waving, warp: WarpTrack | None = None) -> Vector:
     """Return the share (5,) of head and waving hand that somebody in each place sees."""
-    clip, times = _stood(waving), _times(waving)
+    poses = _poses(waving, warp)
     return np.array([
-        _reach(waving.clerk, clip, times, _reach_view(waving.clerk, c.name))
-        for c in places.CUSTOMERS
+        _reach(waving.clerk, poses, _reach_view(waving.clerk, c.name)) for c in places.CUSTOMERS
     ])  # fmt: skip
 
 
-def _stood(waving: Waving) -> Clip:
-    floor = places.place(waving.clerk).floor_m
-    return in_place(waving.clip, floor, waving.heading_deg)
-
-
-def _times(waving: Waving) -> Vector:
-    length = waving.clip.duration_s
-    return length * (np.arange(LOOKS) + 0.5) / LOOKS
+def _poses(waving: Waving, warp: WarpTrack | None) -> Frames:
+    length = waving.end_s - waving.start_s
+    times = waving.start_s + length * (np.arange(LOOKS) + 0.5) / LOOKS
+    poses = [pose_of_waver(waving, float(t), warp) for t in times]
+    return Frames(np.array([root for root, _ in poses]), np.array([turns for _, turns in poses]))
 
 
 def _sharp_view(clerk: str, eye_m: Vector, viewer_place: str) -> Outlook:
@@ -119,8 +119,7 @@ def _reach_view(clerk: str, place: str) -> Outlook:
     return view_of(clerk, eye_at(place), place, REACH_PX)
 
 
-def _ids(clerk: str, clip: Clip, times: Vector, view: Outlook) -> npt.NDArray[np.uint8]:
-    poses = clip.at(times)
+def _ids(clerk: str, poses: Frames, view: Outlook) -> npt.NDArray[np.uint8]:
     return perceived(seen_body_of(clerk), view, poses.root_m, poses.orientation_wxyz)
 
 
@@ -128,21 +127,21 @@ def _uncovered(view: Outlook) -> Outlook:
     return replace(view, behind=np.zeros_like(view.behind))
 
 
-def _pixels(clerk: str, clip: Clip, times: Vector, view: Outlook) -> tuple[Vector, Vector]:
+def _pixels(clerk: str, poses: Frames, view: Outlook) -> tuple[Vector, Vector]:
     counted = []
     for one in (view, _uncovered(view)):
-        ids = _ids(clerk, clip, times, one)
-        by_part = np.bincount(ids.ravel(), minlength=len(PARTS)) / len(times)
+        ids = _ids(clerk, poses, one)
+        by_part = np.bincount(ids.ravel(), minlength=len(PARTS)) / LOOKS
         counted.append(
             np.array([by_part[mask_of(parts)[: len(by_part)]].sum() for parts in CUE_PARTS])
         )
     return counted[0], counted[1]
 
 
-def _reach(clerk: str, clip: Clip, times: Vector, view: Outlook) -> float:
+def _reach(clerk: str, poses: Frames, view: Outlook) -> float:
     mask = mask_of(REACH_PARTS)
-    seen = mask[_ids(clerk, clip, times, view)].sum()
-    free = mask[_ids(clerk, clip, times, _uncovered(view))].sum()
+    seen = mask[_ids(clerk, poses, view)].sum()
+    free = mask[_ids(clerk, poses, _uncovered(view))].sum()
     return float(seen) / max(float(free), 1.0)
 
 
@@ -150,18 +149,18 @@ def _bearing_deg(way: Vector) -> float:
     return float(np.degrees(np.arctan2(way[0], way[2])))
 
 
-def _pointing(clip: Clip, times: Vector, gaze: Vector) -> tuple[Vector, Vector]:
+def _pointing(waving: Waving, poses: Frames, gaze: Vector) -> tuple[Vector, Vector]:
     """Return where the head is (3,), and the bearings (4,) of eyes, head, torso and palm."""
-    skeleton, poses = clip.skeleton, clip.at(times)
+    skeleton = waving.clip.skeleton
     ahead, down = np.array([0.0, 0.0, -1.0]), np.array([0.0, -1.0, 0.0])
     head, front = np.zeros(3), np.zeros((3, 3))
     for root, turns in zip(poses.root_m, poses.orientation_wxyz, strict=True):
         body = forward(skeleton, root, turns)
-        head += body.position_m[skeleton.index("head")] / len(times)
+        head += body.position_m[skeleton.index("head")] / LOOKS
         for k, (joint, axis) in enumerate(
             (("head", ahead), ("upper_chest", ahead), ("right_hand", down))
         ):
-            front[k] += rotate(body.orientation_wxyz[skeleton.index(joint)], axis) / len(times)
+            front[k] += rotate(body.orientation_wxyz[skeleton.index(joint)], axis) / LOOKS
     return head, np.array([_bearing_deg(gaze), *(_bearing_deg(f) for f in front)])
 
 

@@ -8,10 +8,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from analysis.plots import BLACK, draw, new_figure
-from analysis.report import Block, Bullets, Column, Paragraph, Section, Table
-from analysis.report.notation import counted, decimal, fraction, mean_sd, percentage
+from analysis.report import Block, Column, Paragraph, Section, Table
+from analysis.report.notation import counted, decimal, fraction, percentage
 from experiments.waving.clips import TECHNIQUES
-from experiments.waving.study import DIRECTIONS, EYE_HEIGHT_TOLERANCE_M, PLACES
+from experiments.waving.study import DIRECTIONS, PLACES
 from protocol.columns import Column as Described
 from visavis.analysis import StudyAnalysis
 from visavis.experiment import StudyExperiment
@@ -109,32 +109,6 @@ def _matrices(trials: pd.DataFrame, names: list[str]) -> Figure:
     return figure
 
 
-def eye_heights(trials: pd.DataFrame) -> pd.DataFrame:
-    """Return each participant's eye height, how far it is from the planned one, whether too far.
-
-    One row per participant; NaN and False where no head was tracked. Empty for recordings that do
-    not have it.
-    """
-    columns = ["participant", "eye_height_m", "eye_height_off_m", "eye_height_is_off"]
-    if not {"eye_height_m", "planned_eye_height_m"} <= set(trials.columns):
-        return pd.DataFrame(columns=columns)
-    done = trials[trials["status"] == "complete"]
-    height = pd.to_numeric(done["eye_height_m"], errors="coerce")
-    off = height - pd.to_numeric(done["planned_eye_height_m"], errors="coerce")
-    frame = pd.DataFrame({
-        "participant": done["participant"], "eye_height_m": height, "eye_height_off_m": off,
-    })  # fmt: skip
-    found = frame.groupby("participant", sort=True).median().reset_index()
-    too_far = found["eye_height_off_m"].abs() > EYE_HEIGHT_TOLERANCE_M
-    table: pd.DataFrame = found.assign(eye_height_is_off=too_far)
-    return table[columns]
-
-
-def heights_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
-    """Return for whom the waves at the participant were not made."""
-    return Extra(Section("eye_heights", "Eye heights", tuple(_heights(analysis.selection.people))))
-
-
 def warping_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
     """Return what warping asked for and what it reached, by direction."""
     blocks = _reached(analysis.selection.counted, experiment)
@@ -145,33 +119,52 @@ def _reached(trials: pd.DataFrame, experiment: StudyExperiment) -> list[Block]:
     if "target_met_01" not in trials or not trials["target_met_01"].notna().any():
         return [Paragraph("No wave was warped, or the recording does not tell what was reached.")]
     known = trials[trials["target_met_01"].notna()]
+    if "target_reachable_01" not in known:  # recorded before it was told
+        known = known.assign(target_reachable_01=np.nan)
     rows = []
     for direction in (*DIRECTIONS, None):
         part = known if direction is None else known[known["direction"] == direction]
         wave = "All" if direction is None else label_of(experiment.texts, direction)
         cells = [_change(part[c]) for c in ("coverage_wanted", "coverage_reached")]
-        met = percentage(float(part["target_met_01"].mean()), 0) if len(part) else "–"
-        rows.append((wave, str(len(part)), *cells, met))
+        shares = [_share(part[c]) for c in ("target_reachable_01", "target_met_01")]
+        rows.append((wave, str(len(part)), *cells, *shares))
     heads = (
         Column("Wave"),
         Column("Warped trials", "right"),
         Column("Coverage wanted", "right"),
         Column("Reached", "right"),
+        Column("Frames within reach", "right"),
         Column("Frames on target", "right"),
     )
     met_01 = float(known["target_met_01"].mean())
     said = (
-        "Medians of trials, beside the wave that was not warped; a frame is on target when head "
-        "and hand both are within a tenth of the change wanted."
+        "Coverage: medians of trials, beside the wave that was not warped. A frame is on target "
+        "when head and hand both are within a tenth of the change wanted, within reach when a "
+        "search over the pose alone, of the wave as planned, came to it."
     )
     table = Table(heads, tuple(rows), "Coverage of head and hand", said)
-    if met_01 >= ENOUGH_ON_TARGET_01:
-        return [table]
-    warned = (
-        f"Warping met its target in {percentage(met_01, 0)} of frames. What this study compares is "
-        "the wave as it was reached, not the coverage that was asked for."
-    )
-    return [Paragraph(warned), table]
+    blocks: list[Block] = [table]
+    if met_01 < ENOUGH_ON_TARGET_01:
+        blocks.insert(0, Paragraph(
+            f"Warping met its target in {percentage(met_01, 0)} of frames; "
+            f"{_share(known['target_reachable_01'])} were within reach. What this study compares "
+            "is the wave as it was reached, not the coverage that was asked for."
+        ))  # fmt: skip
+    if "warp_loop_hz" in known and known["warp_loop_hz"].notna().any():
+        rate_hz = float(pd.to_numeric(known["warp_loop_hz"]).median())
+        late = int(pd.to_numeric(known["warp_late"]).sum())
+        blocks.append(Paragraph(
+            f"Waves at the participant were corrected for the tracked head {decimal(rate_hz, 0)} "
+            f"times a second (median of trials); {counted(late, 'correction')} came too late to be "
+            "shown."
+        ))  # fmt: skip
+    return blocks
+
+
+def _share(shares: pd.Series) -> str:
+    """Return the mean of shares in percent."""
+    known = pd.to_numeric(shares).dropna()
+    return "–" if known.empty else percentage(float(known.mean()), 0)
 
 
 def _change(shares: pd.Series) -> str:
@@ -181,31 +174,3 @@ def _change(shares: pd.Series) -> str:
         return "–"
     change = float(known.median()) - 1
     return f"{'−' if change < 0 else '+'}{percentage(abs(change), 0)}"
-
-
-def _heights(people: pd.DataFrame) -> list[Block]:
-    if "eye_height_m" not in people or not people["eye_height_m"].notna().any():
-        return [Paragraph("Nobody's head was tracked.")]
-    known = people.dropna(subset=["eye_height_m"])
-    heights = known["eye_height_m"].to_numpy(float)
-    planned = float((known["eye_height_m"] - known["eye_height_off_m"]).iloc[0])
-    sd = float(np.std(heights, ddof=1)) if len(heights) > 1 else None
-    off = known[known["eye_height_is_off"].astype(bool)]
-    text = (
-        f"Eye height {mean_sd(float(heights.mean()), sd)} m; waves at the participant were warped "
-        f"for {decimal(planned)} m."
-    )
-    if off.empty:
-        return [Paragraph(f"{text} All were within {EYE_HEIGHT_TOLERANCE_M:g} m of it.")]
-    text += (
-        f" {counted(len(off), 'participant')} differed by more than {EYE_HEIGHT_TOLERANCE_M:g} m, "
-        "so that warping added other than the planned coverage for them, less for the taller; "
-        "their trials are analysed with the others:"
-    )
-    said = tuple(
-        f"{p}: {decimal(height)} m ({'+' if by > 0 else '−'}{decimal(abs(by))} m)"
-        for p, height, by in zip(
-            off["participant"], off["eye_height_m"], off["eye_height_off_m"], strict=True
-        )
-    )
-    return [Paragraph(text), Bullets(said)]

@@ -4,22 +4,28 @@ The source is A. Jovane, Virtual humans: from motion to interaction (thesis, Uni
 2023), chapter 2, sections 2.3.1 to 2.3.3. Means per direction are in figures only.
 """
 
+import json
 from collections.abc import Callable, Generator, Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from concurrent.futures import Future
+from dataclasses import asdict, astuple, dataclass, field, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
 from experiments.waving.clips import (
+    LOOP,
     SETTINGS,
     TECHNIQUES,
     UNITS,
     WARPED_PARTS,
     Making,
+    Reached,
     StudyWave,
+    reached_in,
+    solved_key,
 )
 from experiments.waving.scene import office_eyes, scene_of, wave_of
 from lab.clock import NS_PER_S
@@ -31,6 +37,8 @@ from protocol.participants import SimulatedParticipant
 from protocol.shown import Shown
 from protocol.steps import FrameView, NextFrame, Scalar, Show
 from stimuli.gaze.behaviour import EyeBehaviour
+from stimuli.motion.warping.track import TrackLoop, WarpTrack
+from stimuli.motion.warping.units import units_named
 from stimuli.picture import Panel
 from stimuli.scene import SceneFrame
 from stimuli.scenes.office import (
@@ -40,7 +48,9 @@ from stimuli.scenes.office import (
     STANDING_EYE_M,
     OfficeFrame,
     OfficeScene,
+    Waving,
     neighbour,
+    shift_m,
 )
 from visavis.compare import Compare, Published, published_f
 from visavis.exclusions import STANDARD_RULES, needs_answer
@@ -49,9 +59,6 @@ from visavis.measures import column
 from visavis.responses import Choice, Rating
 from visavis.study import Source, Study
 from visavis.trial import TrialScript
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 DIRECTIONS: Final = ("self", "left", "right")
 """Who is waved at: the participant, the customer to the left, the customer to the right."""
@@ -80,9 +87,8 @@ BOARD_SIZE_M: Final = (1.5, 0.5)
 BOARD_AT: Final = Pose(np.array([0.0, 1.12, -1.7]), np.array([1.0, 0.0, 0.0, 0.0]))
 FOLLOW_STEP_M: Final = 0.01
 """The eyes follow the participant's head in steps of this size."""
-EYE_HEIGHT_TOLERANCE_M: Final = 0.05
-"""At this distance from the planned eye height a warped wave loses or wins some 3 % of coverage,
-a quarter of what warping adds (`benchmarks.waving_participants --eye-heights`)."""
+LOOK_S: Final = 0.1
+"""How often what a corrected wave came to is measured."""
 
 _PARTS: Final = " and of ".join(" with ".join(p) for p in WARPED_PARTS).replace("_", " ")
 
@@ -110,7 +116,7 @@ study = Study(
         "wave_s": 2.6,
         "after_s": 0.6,
         "increment": 0.25,
-        "warp_from": "oriented",
+        "warp_from": "front",
         "eye_height_m": STANDING_EYE_M,
     },
     intertrial_s=1.5,
@@ -123,9 +129,7 @@ study = Study(
         Column("target_place", "", "the place waved at, place_1 to place_5 from left to right"),
         Column("scene_frames", "1", "display frames that showed the scene before the questions"),
         Column("eye_height_m", "m", "median height of the tracked head above the floor"),
-        Column("planned_eye_height_m", "m", "height that waves at the participant were made for"),
-        Column("eye_height_off_m", "m", "eye height minus the planned one, median over trials"),
-        Column("eye_height_is_off", "", "farther from it than the study's tolerance"),
+        Column("planned_eye_height_m", "m", "height from which the loop starts for a participant"),
         Column("is_right", "", "the answer is the place waved at"),
         Column(
             "coverage_wanted",
@@ -135,6 +139,17 @@ study = Study(
         ),
         Column("coverage_reached", "1", "coverage that warping reached, as the same share"),
         Column("target_met_01", "1", "share of the wave's frames in which both targets were met"),
+        Column(
+            "target_reachable_01",
+            "1",
+            "share of the wave's poses that can come to both targets, found by search",
+        ),
+        Column(
+            "warp_loop_hz",
+            "Hz",
+            "corrections a second for the participant's eyes; empty for waves at others",
+        ),
+        Column("warp_late", "1", "corrections that came too late to be shown"),
         Column("wave_sha256", "", "hash of the wave's poses; its parameters are in event 'wave'"),
     ],
     measures=[
@@ -160,7 +175,6 @@ study = Study(
     ],
     sections=[
         "experiments.waving.sections:places_section",
-        "experiments.waving.sections:heights_section",
         "experiments.waving.sections:warping_section",
     ],
     source=Source(
@@ -180,10 +194,13 @@ directed, of five places, and how realistic it was from 1 to 9.
 With orientation the whole body was turned towards the addressee. With visual warping the wave
 (warp_from: {{warp_from}}) was warped to the addressee's view: a share of {{increment}} more
 coverage of {_PARTS}, all warping units of {", ".join(UNITS).replace("_", " ")}
-allowed to move (probe {SETTINGS.probe_deg:g}°, damping
-{SETTINGS.damping:g}, at most {SETTINGS.most_steps} steps at {SETTINGS.rate_hz:g} Hz, smoothing
-{SETTINGS.smooth_s:g} s). Waves at the participant were warped for eyes {{eye_height_m}} m above the
-floor. The eyes were led to the addressee by the same controller with both techniques.
+allowed to move. Offsets were planned at {SETTINGS.rate_hz:g} Hz for eyes at the addressee's place
+(probe {SETTINGS.probe_deg:g}°, damping {SETTINGS.damping:g}, at most {SETTINGS.most_steps} steps a
+pose, smoothness {SETTINGS.smoothness:g}), for the participant's own from {{eye_height_m}} m above
+the floor on; while the participant was waved at, a control loop corrected them for the tracked head
+(one step a key, at most {LOOP.step_cap_deg:g}° for a unit).
+
+The eyes were led to the addressee by the same controller with both techniques.
 
 What the source says besides its numbers: participants were less accurate when the wave was to their
 right, and rated it less realistic there than when it was to themselves. All named the eyes as a
@@ -273,6 +290,8 @@ class Office:
     eyes: EyeBehaviour
     start_ns: int
     observer_m: Vector
+    loop: TrackLoop | None = None
+    looked: list[tuple[float, Vector]] = field(default_factory=list)
 
     @property
     def roles(self) -> Mapping[str, int]:
@@ -286,7 +305,21 @@ class Office:
             if float(moved @ moved) > FOLLOW_STEP_M**2:
                 self.observer_m = np.array(view.head.position_m, np.float64)
         gaze, openness, _ = self.eyes.at(view.t_ns - self.start_ns, self.observer_m)
-        return OfficeFrame(self.scene, view.t_ns, gaze, openness, start_ns=self.start_ns)
+        warp = None if self.loop is None else self.loop.track
+        return OfficeFrame(self.scene, view.t_ns, gaze, openness, start_ns=self.start_ns, warp=warp)
+
+    def correct(self, t_ns: int) -> dict[str, Scalar | None] | None:
+        """Let the wave be warped for where the participant is; return the key that was taken."""
+        waving = self.scene.waving
+        if self.loop is None or waving is None or not self.observer_m.any():
+            return None
+        t_s = (t_ns - self.start_ns) * 1e-9
+        eye_m = self.observer_m - shift_m(self.scene.participant_place)
+        due_s = self.looked[-1][0] + LOOK_S if self.looked else waving.start_s
+        if due_s <= t_s < waving.end_s:
+            self.looked.append((t_s, eye_m))
+        key = self.loop.step(t_s, eye_m)
+        return None if key is None else key_record(self.loop.track, key, eye_m)
 
 
 @study.trial
@@ -300,7 +333,7 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     longest_s = scene_s + 2 * t.settings.ways.limit_s + 5.0
     eyes = office_eyes(scene, t.target_place, t.trial.seed, longest_s, t.before_s - 0.3)
     view = yield NextFrame()
-    office = Office(scene, eyes, view.t_ns, np.zeros(3))
+    office = Office(scene, eyes, view.t_ns, np.zeros(3), loop_of(t, wave))
     t.showing(office, view.t_ns)
     yield Show(office.frame(view, 0))
     view = yield NextFrame()
@@ -309,13 +342,17 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     yield t.mark("scene_on", scene_name=scene.name)
     if wave is not None:
         yield t.mark("wave", **wave_record(wave, t.increment))
-        t.row |= {"wave_sha256": wave.sha256, **reached_by(wave)}
+        t.row |= {"wave_sha256": wave.sha256, **reached_by(wave.planned)}
     while view.t_ns < start_ns + round(scene_s * NS_PER_S):
         if view.head_valid:
             heights.append(float(view.head.position_m[1]))
+        taken = office.correct(view.t_ns)
+        if taken is not None:
+            yield t.mark("warp", **taken)
         yield Show(office.frame(view, view.t_ns - start_ns))
         view = yield NextFrame()
         frames += 1
+    measured = measured_beside(t, office)
     t.row |= {
         "t_start_ns": start_ns,
         "scene_frames": frames,
@@ -324,6 +361,12 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     }
     for question in (who_question(t.participant_place), REALISM):
         yield t.ask(question, over_scene=True, at=BOARD_AT, size_m=BOARD_SIZE_M)
+    if office.loop is not None and measured is not None:
+        t.row |= reached_by(replace(measured.result(), reachable_01=wave.planned.reachable_01))
+        t.row |= {
+            "warp_loop_hz": round(office.loop.taken / t.wave_s, 2),
+            "warp_late": office.loop.late,
+        }
     told = t.row["who"]
     t.row["is_right"] = None if told is None else told == t.target_place
     yield t.dark(0.0)
@@ -336,32 +379,72 @@ def wave_record(wave: StudyWave, increment: float) -> dict[str, Scalar | None]:
         "wave_sha256": wave.sha256,
         "heading_deg": round(wave.waving.heading_deg, 6),
         "wave_start_s": wave.waving.start_s,
-        "wave_s": wave.waving.clip.duration_s,
-        "is_warped": wave.record is not None,
+        "wave_s": wave.waving.end_s - wave.waving.start_s,
+        "is_warped": wave.planned is not None,
     }
-    if wave.record is not None:
+    if wave.planned is not None and wave.waving.warp is not None:
         found |= {
-            "warp_sha256": wave.record.sha256,
             "features": "; ".join(f"coverage of {'+'.join(p)}" for p in WARPED_PARTS),
             "increment": increment,
             "units": ",".join(UNITS),
-            "wanted": known(wave.record.wanted),
-            "reached": known(wave.record.reached),
-            "reached_share_01": wave.record.reached_share_01,
-            "largest_turn_deg": wave.record.largest_turn_deg,
-            **{f"loop_{name}": value for name, value in asdict(SETTINGS).items()},
+            "largest_offset_deg": float(np.degrees(np.abs(wave.waving.warp.omega_rad).max())),
+            "offsets_rad": json.dumps(wave.waving.warp.omega_rad.tolist()),
+            "key_gap_s": wave.waving.warp.gap_s,
+            **{f"plan_{name}": value for name, value in asdict(SETTINGS).items()},
+            **{f"loop_{name}": value for name, value in asdict(LOOP).items()},
         }
     return found
 
 
-def reached_by(wave: StudyWave) -> dict[str, Scalar | None]:
-    """Return what a trial's row tells of the warp: wanted, reached, share of frames on target."""
-    record = wave.record
-    names = ("coverage_wanted", "coverage_reached", "target_met_01")
-    if record is None:
+def key_record(track: WarpTrack, key: int, eye_m: Vector) -> dict[str, Scalar | None]:
+    """Return what the recording keeps of a corrected key: its offsets, and the eyes it is for."""
+    found: dict[str, Scalar | None] = {"key": key, "key_s": float(track.key_s[key])}
+    found |= {f"eye_{axis}_m": float(v) for axis, v in zip("xyz", eye_m, strict=True)}
+    omega = track.omega_rad[key]
+    return found | {f"{u.name}_rad": float(v) for u, v in zip(track.units, omega, strict=True)}
+
+
+def track_shown(waving: Waving, wave: Mapping[str, Any], keys: list[dict[str, Any]]) -> Waving:
+    """Return a wave warped as its record and those of corrected keys say."""
+    if "offsets_rad" not in wave:
+        return replace(waving, warp=None)
+    units = units_named(tuple(str(wave["units"]).split(",")))
+    omega = np.array(json.loads(wave["offsets_rad"]))
+    track = WarpTrack(units, waving.start_s, wave["key_gap_s"], omega, waving.fade_s)
+    for key in keys:
+        angles = np.array([key[f"{u.name}_rad"] for u in units])
+        track = track.corrected(int(key["key"]), angles)
+    return replace(waving, warp=track)
+
+
+def about_of(t: TrialScript) -> tuple[str, str, Making]:
+    """Return what says which wave a trial has."""
+    return str(t.clerk), str(t.target_place), making_of(t.settings.parameters)
+
+
+def loop_of(t: TrialScript, wave: StudyWave | None) -> TrackLoop | None:
+    """Return what corrects a wave for the participant's eyes; None for waves at somebody else."""
+    track = None if wave is None else wave.waving.warp
+    if track is None or t.target_place != t.participant_place:
+        return None
+    return TrackLoop(track, partial(solved_key, about_of(t)), t.beside)
+
+
+def measured_beside(t: TrialScript, office: Office) -> Future[Reached] | None:
+    """Let be measured what a corrected wave came to; None where there is none."""
+    if office.loop is None or not office.looked:
+        return None
+    times, eyes = (np.array(column) for column in zip(*office.looked, strict=True))
+    omega = np.array([office.loop.track.at(float(time)) for time in times])
+    return t.beside.submit(reached_in, about_of(t), times, omega, eyes)
+
+
+def reached_by(found: Reached | None) -> dict[str, Scalar | None]:
+    """Return what a trial's row tells of the warp: wanted, reached, frames on target, reachable."""
+    names = ("coverage_wanted", "coverage_reached", "target_met_01", "target_reachable_01")
+    if found is None:
         return dict.fromkeys(names)
-    values = (record.wanted, record.reached, record.reached_share_01)
-    return {n: known(round(v, 4)) for n, v in zip(names, values, strict=True)}
+    return {n: known(round(v, 4)) for n, v in zip(names, astuple(found), strict=True)}
 
 
 def known(value: float) -> float | None:
@@ -384,18 +467,22 @@ def person(
 def views_of(shown: Shown, experiment: StudyExperiment) -> Iterator[SceneFrame]:
     """Yield the office without a board, then with each question and each choice pointed at.
 
-    Raises:
-        DataError: the wave of this version is not the one that was shown.
+    The wave's offsets are those of the recording, whatever this version would plan.
     """
     name = str(shown.description["scene_name"])
     if not name.startswith("office_"):
         yield shown.view
         return
     script = TrialScript(shown.trial(), experiment.settings)
-    making = making_of(experiment.parameters)
-    wave = wave_of(script.trial.factors, making, script.eye_height_m)
+    told = shown.latest("wave")
+    if told is None:
+        yield shown.view
+        return
+    making = replace(making_of(experiment.parameters), increment=0.0)
+    plain = wave_of(script.trial.factors, making, script.eye_height_m)
+    waving = track_shown(plain.waving, told[1], shown.since("warp"))
     bare = OfficeFrame(
-        scene_of(script.participant_place, wave.waving),
+        scene_of(script.participant_place, waving),
         shown.t_scene_ns,
         shown.gaze_direction,
         shown.eye_openness_01,
@@ -406,11 +493,3 @@ def views_of(shown: Shown, experiment: StudyExperiment) -> Iterator[SceneFrame]:
         prompt, labels = script.words_of(question)
         for lit in (None, *range(len(labels))):
             yield replace(bare, panels=(Panel(prompt, labels, BOARD_AT, BOARD_SIZE_M, lit),))
-
-
-@study.facts
-def facts(trials: "pd.DataFrame") -> "pd.DataFrame":
-    """Return each participant's eye height and whether waves were made for it."""
-    from experiments.waving.sections import eye_heights
-
-    return eye_heights(trials)

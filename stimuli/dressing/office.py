@@ -4,6 +4,7 @@ the participant, and whoever stands in between.
 Everything is in coordinates of the tracked room, in which the participant stands at the origin.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final
@@ -17,6 +18,8 @@ from stimuli.gaze.turning import Aimed
 from stimuli.motion.kinds import Idle, Kind, Phone, Recorded, Sit, Talk, Text
 from stimuli.motion.people import Doing, PeopleMotion, Person
 from stimuli.motion.skeleton import forward
+from stimuli.motion.warping.control import warped_turns
+from stimuli.motion.warping.track import WarpTrack
 from stimuli.picture import Picture, PosedPeople, Room
 from stimuli.rooms.office import office
 from stimuli.scene import Agent, SceneFrame
@@ -121,7 +124,10 @@ def agents_of(
     """Return everybody as agents, with heads where they are `at_s` after the onset."""
     dressed = _set_of(participant_place, waving, seed, default_casting)
     n = len(dressed.cast)
-    posed = dressed.motion.at(at_s, Aimed(np.full((n, 3), np.nan), np.ones(n)))
+    posed = dressed.motion.at(
+        at_s, Aimed(np.full((n, 3), np.nan), np.ones(n)),
+        changed=_warped(participant_place, waving, at_s),
+    )  # fmt: skip
     agents = []
     for i, role in enumerate(roles_of(participant_place)):
         head, eyes, facing = look_of(dressed.cast[i], posed.root_m[i], posed.orientation_wxyz[i])
@@ -131,11 +137,45 @@ def agents_of(
 
 def posed_office(
     scene: OfficeScene, t_s: float, gaze: Vector, openness_01: Vector,
-    *, casting: Casting = default_casting,
+    *, casting: Casting = default_casting, warp: WarpTrack | None = None,
 ) -> PosedPeople:  # fmt: skip
-    """Return everybody `t_s` after the onset, eyes along `gaze` (n, 3)."""
+    """Return everybody `t_s` after the onset, eyes along `gaze` (n, 3).
+
+    `warp` stands in place of the wave's own.
+    """
     dressed = _set_of(scene.participant_place, scene.waving, scene.seed, casting)
-    return dressed.motion.at(t_s, Aimed(gaze, openness_01))
+    changed = _warped(scene.participant_place, scene.waving, t_s, warp)
+    return dressed.motion.at(t_s, Aimed(gaze, openness_01), changed=changed)
+
+
+def _warped(
+    participant_place: str, waving: Waving | None, t_s: float, warp: WarpTrack | None = None
+) -> dict[int, Callable[[Vector], Vector]]:
+    """Return whose turns the wave's warp changes at a time, and how."""
+    if waving is None or (track := warp or waving.warp) is None:
+        return {}
+    skeleton, units, omega = waving.clip.skeleton, track.units, track.at(t_s)
+    who = roles_of(participant_place).index(waving.clerk)
+    return {who: lambda turns: warped_turns(skeleton, units, turns, omega)}
+
+
+def pose_of_waver(
+    waving: Waving, t_s: float, warp: WarpTrack | None = None
+) -> tuple[Vector, Vector]:
+    """Return root (3,) and turns (55, 4) of who waves, in the office's coordinates.
+
+    As drawn, but for where the eyes point. `warp` stands in place of the wave's own.
+    """
+    alone = _waver(waving).at(t_s, Aimed(np.full((1, 3), np.nan), np.ones(1)))
+    turns, track = alone.orientation_wxyz[0], warp or waving.warp
+    if track is not None:
+        turns = warped_turns(waving.clip.skeleton, track.units, turns, track.at(t_s))
+    return alone.root_m[0], turns
+
+
+@lru_cache(maxsize=32)
+def _waver(waving: Waving) -> PeopleMotion:
+    return PeopleMotion((person_of(waving.clerk, "place_3", waving, 0),))
 
 
 def office_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> Picture:
@@ -151,7 +191,12 @@ def office_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> 
         room=room_from(scene.participant_place),
         cast=_set_of(scene.participant_place, scene.waving, scene.seed, casting).cast,
         people=posed_office(
-            scene, t_s, frame.gaze_direction, frame.eye_openness_01, casting=casting
+            scene,
+            t_s,
+            frame.gaze_direction,
+            frame.eye_openness_01,
+            casting=casting,
+            warp=frame.warp if isinstance(frame, OfficeFrame) else None,
         ),
         brightness_01=scene.brightness_01,
         mark_m=scene.mark_m,

@@ -1,8 +1,9 @@
 """Everybody's motion at once: who does what from when on, posed at any time in a few calls."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -134,8 +135,14 @@ class PeopleMotion:
             mix_rows(controls, rows, earlier, share[rows])
         return controls
 
-    def at(self, t_s: float, gaze: Gaze | None = None) -> PosedPeople:
-        """Return everybody's pose at a time; without `gaze` people look around and blink."""
+    def at(
+        self, t_s: float, gaze: Gaze | None = None,
+        *, changed: Mapping[int, Callable[[Vector], Vector]] = MappingProxyType({}),
+    ) -> PosedPeople:  # fmt: skip
+        """Return everybody's pose at a time; without `gaze` people look around and blink.
+
+        `changed` makes other joint turns (55, 4) of some people's; their eyes are led after that.
+        """
         n = len(self.people)
         gaze = gaze or self._around
         controls = self.posture(t_s)
@@ -153,6 +160,8 @@ class PeopleMotion:
         for i, motion in self._recorded.items():
             frame = motion.at(t_s)
             root[i], joints[i] = frame.root_m, frame.orientation_wxyz
+        for i, change in changed.items():
+            joints[i] = change(joints[i])
         morphs = np.zeros((n, len(MORPHS)))
         morphs[:, MORPHS.index("jaw_open")] = controls[:, p.JAW]
         morphs[:, MORPHS.index("smile")] = controls[:, p.SMILE]

@@ -17,6 +17,7 @@ import numpy as np
 from lab.errors import DesignError
 from lab.geometry import Vector
 from stimuli.motion.clip import Clip
+from stimuli.motion.warping.track import WarpTrack
 from stimuli.panels import PanelFrame
 from stimuli.scene import Scene
 
@@ -119,6 +120,7 @@ def shift_m(participant_place: str) -> Vector:
 class Waving:
     """Who waves and how: `clip` has the floor at y = 0, the clerk's place as its origin and −z as
     its front; the body as a whole is turned by `heading_deg`. Times count from the scene's onset.
+    `warp` is what is added to the wave, None for nothing.
     """
 
     clerk: str
@@ -126,11 +128,12 @@ class Waving:
     heading_deg: float
     start_s: float
     fade_s: float
+    warp: WarpTrack | None = None
 
     @property
     def end_s(self) -> float:
-        """When the arm begins to sink."""
-        return self.start_s + self.clip.duration_s
+        """When the arm begins to sink; the clip has begun with the arm's rising."""
+        return self.start_s - self.fade_s + self.clip.duration_s
 
 
 @dataclass(frozen=True)
@@ -148,6 +151,10 @@ class OfficeScene(Scene):
 
 @dataclass(frozen=True, slots=True)
 class OfficeFrame(PanelFrame):
-    """The office in one frame: people move from `start_ns` on; `panels` may ask something."""
+    """The office in one frame: people move from `start_ns` on; `panels` may ask something.
+
+    `warp` stands in place of the wave's own where it has been corrected since.
+    """
 
     start_ns: int = 0
+    warp: WarpTrack | None = None

@@ -25,7 +25,7 @@ from visavis.sessions.study_folder import settle, wanted_settings
 
 CROWD = {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0}
 WAVING = {
-    "clerk": ["clerk_left"], "increment": 0.0, "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1,
+    "clerk": ["clerk_left"], "increment": 0.1, "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1,
     "intertrial_s": 0.1, "blocks": 1,
 }  # fmt: skip
 DUEL = {"repetitions": 1, "practice": 0}

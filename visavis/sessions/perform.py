@@ -29,6 +29,7 @@ from recording.reader import Recording
 from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseStatus, Recorder
 from stage.contracts import Stage, Viewer
 from visavis.catalogue import AnyStudy
+from visavis.experiment import StudyExperiment
 from visavis.sessions.plan_lock import carried_by_session
 from visavis.sessions.rig import build_rig, check_room, devices_for, is_simulated
 from visavis.sessions.stages import build_stage
@@ -184,6 +185,8 @@ def _equip(request: Request, stack: ExitStack) -> _Devices:
     seed = device_seed(behaviour_seed(request), request.participant_index)
     if isinstance(request.experiment, Preparing) and not request.clock.is_virtual:
         request.experiment.prepare()
+    if isinstance(request.experiment, StudyExperiment) and not request.clock.is_virtual:
+        stack.enter_context(request.experiment.settings.beside.in_process())
     rig = build_rig(request.config, request.clock, participant, seed, stack, request.without)
     return _Devices(rig, participant, respondent)
 

@@ -1,7 +1,7 @@
 """What an observer sees from: camera, what stands in between, which lamps burn; packed once."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -188,11 +188,14 @@ def outlook_in(
         ambient_01=float((room.sky.mean() + room.ground.mean()) / 2), lit_centre_m=lit_centre_m,
         lit_radius_m=lit_radius_m, least_light_01=least_light_01,
     )  # fmt: skip
-    height, width = packed.size_px
-    return Outlook(
-        camera, packed.eye, depth_of([*props, *more], packed.eye, height, width), packed.ambient,
-        packed.lamps, packed.maps, packed.map_eyes, packed.least_light,
-    )  # fmt: skip
+    return seen_from(packed, camera, [*props, *more])
+
+
+def seen_from(view: Outlook, camera: Camera, hiding: Sequence[StaticMesh]) -> Outlook:
+    """Return a view from another camera: what hides is drawn anew, shadows stay as they are."""
+    height, width = view.size_px
+    eye = packed_eye(camera)
+    return replace(view, camera=camera, eye=eye, behind=depth_of(hiding, eye, height, width))
 
 
 def _lamp(light: Light, lit_centre_m: Vector) -> tuple[Vector, Vector]:

@@ -11,15 +11,11 @@ from analysis.statistics.published import check_f
 from experiments.waving.clips import TECHNIQUES
 from experiments.waving.sections import (
     confusion,
-    eye_heights,
-    heights_section,
     relative_confusion,
     warping_section,
 )
 from experiments.waving.study import DIRECTIONS, study
 from lab.errors import DataError
-from visavis.deriving import derive
-from visavis.exclusions import Exclusion
 from visavis.opened import OpenedStudy
 from visavis.outputs import statistics_rows, write_study
 
@@ -180,30 +176,6 @@ def test_the_report_shows_published_values_and_what_is_wrong_with_them(analysis,
         assert all(described[c]["Description"] for c in table.columns)
 
 
-def of_height(*heights_m):
-    trials = rows(len(heights_m))
-    people = sorted(set(trials["participant"]))
-    own = trials["participant"].map(dict(zip(people, heights_m, strict=True)))
-    return trials.assign(eye_height_m=own, planned_eye_height_m=1.62)
-
-
-def test_eye_height_more_than_the_tolerance_from_the_planned_one_is_marked():
-    table = eye_heights(of_height(1.62, 1.66, 1.68, 1.50, np.nan))
-    np.testing.assert_allclose([0.0, 0.04, 0.06, -0.12, np.nan], table["eye_height_off_m"])
-    assert [False, False, True, True, False] == list(table["eye_height_is_off"])
-
-
-def test_recordings_without_eye_heights_mark_nobody():
-    assert eye_heights(rows(2)).empty
-
-
-def test_report_names_whom_the_waves_were_not_warped_for():
-    found = analysed(of_height(1.62, 1.70, 1.60))
-    said = str(heights_section(found, EXPERIMENT).section)
-    assert "S01: 1.70 m (+0.08 m)" in said
-    assert "S02: " not in said
-
-
 def of_warps(met_01):
     trials = rows(3)
     warped = trials["technique"] == "warping"
@@ -211,27 +183,25 @@ def of_warps(met_01):
         coverage_wanted=np.where(warped, 1.25, np.nan),
         coverage_reached=np.where(warped, 1.11, np.nan),
         target_met_01=np.where(warped, met_01, np.nan),
+        target_reachable_01=np.where(warped, 0.5, np.nan),
+        warp_loop_hz=np.where(warped & (trials["direction"] == "self"), 29.6, np.nan),
+        warp_late=np.where(warped & (trials["direction"] == "self"), 1, np.nan),
     )
 
 
 def test_report_says_what_warping_reached_and_warns_where_it_missed():
     said = str(warping_section(analysed(of_warps(0.05)), EXPERIMENT).section)
     assert "Warping met its target in 5 % of frames" in said
-    assert "'All', '81', '+25 %', '+11 %', '5 %'" in said
+    assert "50 % were within reach" in said
+    assert "'All', '81', '+25 %', '+11 %', '50 %', '5 %'" in said
+    assert "30 times a second" in said
+    assert "27 corrections came too late" in said
     assert "Warping met" not in str(warping_section(analysed(of_warps(0.9)), EXPERIMENT).section)
 
 
 def test_a_recording_that_does_not_tell_what_was_reached_says_so():
     said = str(warping_section(analysed(rows(2)), EXPERIMENT).section)
     assert "does not tell what was reached" in said
-
-
-def test_an_eye_height_can_leave_out_where_a_rule_of_the_lab_names_it():
-    tall = Exclusion("max_eye_off_m", "participant", "eye_height_off_m", 0.05, "{value} off")
-    own = OpenedStudy(derive(study, "tall", exclusions=(*study.exclusions, tall)))
-    table = of_height(1.62, 1.70, 1.60)
-    kept = own.selection_of(EXPERIMENT, table, planned=dict.fromkeys(table["participant"], 54))
-    assert {"S00", "S02"} == set(kept.counted["participant"])
 
 
 def test_a_session_that_broke_off_is_no_whole_person_and_no_verdict_rests_on_it():

@@ -1,13 +1,11 @@
 """Which trials of the waving study count, and the exact bounds of its measures."""
 
-import math
-
 import pandas as pd
 import pytest
 
 from experiments.waving.clips import TECHNIQUES
-from experiments.waving.sections import eye_heights, relative_confusion
-from experiments.waving.study import DIRECTIONS, EYE_HEIGHT_TOLERANCE_M, study
+from experiments.waving.sections import relative_confusion
+from experiments.waving.study import DIRECTIONS, study
 from visavis.measures import aggregated
 from visavis.opened import OpenedStudy
 
@@ -110,32 +108,3 @@ def test_an_answer_one_place_aside_is_left_or_right_and_two_places_farther(who, 
     counts = table[["left", "self", "right", "farther"]].sum()
     assert told == counts.idxmax()
     assert 1 == counts.sum()
-
-
-@pytest.mark.parametrize("side", [1, -1])
-def test_an_eye_height_at_the_tolerance_is_not_off_and_one_beyond_is(side):
-    at = side * EYE_HEIGHT_TOLERANCE_M
-    beyond = math.nextafter(at, side * math.inf)
-    table = pd.DataFrame(
-        [
-            trial(participant="at", eye_height_m=at, planned_eye_height_m=0.0),
-            trial(participant="beyond", eye_height_m=beyond, planned_eye_height_m=0.0),
-        ]
-    )
-    off = eye_heights(table).set_index("participant")["eye_height_is_off"]
-    assert {"at": False, "beyond": True} == off.to_dict()
-
-
-def test_eye_height_is_the_median_of_finished_trials_and_unknown_where_no_head_was_tracked():
-    heights = (1.60, 1.61, 1.69)
-    table = pd.DataFrame(
-        [
-            *(trial(eye_height_m=h) for h in heights),
-            trial(eye_height_m=0.3, status="interrupted"),
-            trial(participant="S02", eye_height_m=None),
-        ]
-    )
-    found = eye_heights(table).set_index("participant")
-    assert 1.61 == found.loc["S01", "eye_height_m"]
-    assert math.isnan(found.loc["S02", "eye_height_m"])
-    assert not found.loc["S02", "eye_height_is_off"]

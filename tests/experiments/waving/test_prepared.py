@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 import experiments.waving.clips as clips
-from experiments.waving.clips import WarpRecord, study_wave
+from experiments.waving.clips import Reached, study_wave
 from experiments.waving.scene import wave_of
 from experiments.waving.study import making_of
 from visavis.catalogue import find_study
@@ -17,10 +17,10 @@ def warped(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
     def quickly(base: Any, *about: Any) -> Any:
         made.append(about)
-        return base, WarpRecord("", 0.0, 0.0, 0.0, 0.0)
+        return base, Reached(0.0, 0.0, 0.0)
 
     study_wave.cache_clear()
-    monkeypatch.setattr(clips, "_warped", quickly)
+    monkeypatch.setattr(clips, "_planned", quickly)
     yield made
     study_wave.cache_clear()  # what was made here is no wave of the study
 

@@ -1,15 +1,21 @@
 """One trial of the waving study, frame by frame, without devices."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from experiments.waving.clips import Making, WarpRecord, base_clip, study_wave
-from experiments.waving.study import reached_by, study
+from experiments.waving.clips import UNITS, Making, Reached, StudyWave, base_clip, study_wave
+from experiments.waving.scene import scene_of
+from experiments.waving.study import key_record, reached_by, study, track_shown, wave_record
 from lab.clock import NS_PER_S
-from lab.geometry import Pose, turn_towards, unit
+from lab.geometry import Pose, rotate, turn_towards, unit
 from protocol.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
+from stimuli.dressing.office import pose_of_waver, posed_office
+from stimuli.motion.skeleton import forward
+from stimuli.motion.warping.track import WarpTrack
+from stimuli.motion.warping.units import units_named
 from stimuli.panels import choice_centre_m
 from stimuli.scenes.office import OfficeScene
 from visavis.opened import OpenedStudy
@@ -165,11 +171,52 @@ def test_eye_height_is_kept_beside_the_one_the_waves_were_made_for():
     assert (1.6, 1.62) == (done.row["eye_height_m"], done.row["planned_eye_height_m"])
 
 
-def test_a_row_tells_what_the_warp_of_its_wave_wanted_and_reached():
-    plain = study_wave("clerk_left", "place_3", "orientation", MAKING)
-    assert {None} == set(reached_by(plain).values())
-    warped = replace(plain, record=WarpRecord("ab", 1.25, 1.11, 0.05, 20.0))
-    expected = {"coverage_wanted": 1.25, "coverage_reached": 1.11, "target_met_01": 0.05}
-    assert expected == reached_by(warped)
-    unseen = replace(plain, record=WarpRecord("ab", np.nan, np.nan, 0.0, 0.0))
-    assert reached_by(unseen)["coverage_wanted"] is None
+def test_a_row_tells_what_the_warp_of_its_wave_wanted_reached_and_could_reach():
+    assert {None} == set(reached_by(None).values())
+    expected = {
+        "coverage_wanted": 1.25, "coverage_reached": 1.11,
+        "target_met_01": 0.05, "target_reachable_01": 0.5,
+    }  # fmt: skip
+    assert expected == reached_by(Reached(1.25, 1.11, 0.05, 0.5))
+    unseen = reached_by(Reached(np.nan, np.nan, 0.0))
+    assert (None, 0.0) == (unseen["coverage_wanted"], unseen["target_met_01"])
+
+
+def test_the_wave_goes_on_until_the_arm_sinks():
+    waving = study_wave("clerk_left", "place_2", "orientation", MAKING).waving
+    assert MAKING.before_s + MAKING.wave_s == pytest.approx(waving.end_s)
+    hand = waving.clip.skeleton.index("right_lower_arm")
+    late, end = (pose_of_waver(waving, t)[1][hand] for t in (waving.end_s - 0.1, waving.end_s))
+    assert np.abs(late - end).max() > 1e-3
+
+
+def test_the_eyes_of_a_warped_clerk_stay_on_the_addressee():
+    skeleton = base_clip("clerk_left", MAKING.wave_s).skeleton
+    units = units_named(("spine", "neck_head"))
+    track = WarpTrack(units, MAKING.before_s, 0.1, np.full((5, len(units)), 0.1), 0.5)
+    waving = replace(study_wave("clerk_left", "place_3", "orientation", MAKING).waving, warp=track)
+    scene = scene_of("place_3", waving)
+    ahead_m = scene.agents[0].facing
+    gaze = np.tile(ahead_m, (len(scene.agents), 1))
+    posed = posed_office(scene, 0.5, gaze, np.ones(len(gaze)))
+    body = forward(skeleton, posed.root_m[0], posed.orientation_wxyz[0])
+    ahead = np.array([0.0, 0.0, -1.0])
+    for eye in ("left_eye", "right_eye"):
+        looks = rotate(body.orientation_wxyz[skeleton.index(eye)], ahead)
+        np.testing.assert_allclose(ahead_m, looks, atol=1e-6)
+
+
+def test_a_wave_is_warped_again_exactly_as_the_record_says():
+    plain = study_wave("clerk_left", "place_3", "warping", MAKING).waving
+    units, rng = units_named(UNITS), np.random.default_rng(3)
+    omega = rng.normal(0.0, 0.2, (13, len(units)))
+    shown = WarpTrack(units, MAKING.before_s, 1 / 30, omega, plain.fade_s)
+    wave = replace(plain, warp=shown)
+    record = wave_record(StudyWave(wave, "", Reached(1.0, 1.0, 1.0)), 0.25)
+    keys = []
+    for key in (2, 5, 6):
+        shown = shown.corrected(key, rng.normal(0.0, 0.2, len(units)))
+        keys.append(key_record(shown, key, np.zeros(3)))
+    again = track_shown(plain, *json.loads(json.dumps([record, keys])))
+    assert np.array_equal(shown.omega_rad, again.warp.omega_rad)
+    assert all(np.array_equal(shown.at(t), again.warp.at(t)) for t in np.linspace(0, 1, 40))
