@@ -23,7 +23,6 @@ from experiments.waving.clips import (
     DEFAULT_MAKING,
     WARPING,
     Making,
-    eye_at,
     reached_in,
     situation_of,
     solved_key,
@@ -32,6 +31,7 @@ from experiments.waving.clips import (
 from lab.clock import NS_PER_S, StopWatch, SystemClock
 from lab.geometry import Vector
 from stimuli.dressing.office import agents_of, posed_office
+from stimuli.dressing.office_view import eye_at
 from stimuli.motion.warping.control import Situation, is_within, see, tolerance_of, wanted_features
 from stimuli.motion.warping.track import TrackLoop
 from stimuli.scenes.office import CLERKS, CUSTOMERS, STANDING_EYE_M, OfficeScene

@@ -17,7 +17,6 @@ from experiments.waving.clips import (
     KEPT_AS,
     TECHNIQUES,
     Making,
-    eye_at,
     study_wave,
 )
 from experiments.waving.judgement import DEFAULT_POPULATION, Population, judge
@@ -26,6 +25,7 @@ from experiments.waving.perception import Evidence, evidence_of, surroundings_sh
 from experiments.waving.scene import gaze_of
 from experiments.waving.study import CLERK_NAMES, DIRECTIONS, PLACES, making_of, study
 from lab.kept import digest_of, keep, read_kept
+from stimuli.dressing.office_view import eye_at
 from stimuli.scenes.office import PARTICIPANT_PLACES, neighbour
 from visavis.analysis import StudyAnalysis
 from visavis.experiment import StudyExperiment

@@ -17,29 +17,26 @@ import numpy as np
 import stimuli.motion.warping
 from lab.geometry import Vector
 from lab.kept import digest_of, keep, read_kept
-from stimuli.characters.character import Character
-from stimuli.dressing.casting import build_of, default_casting
-from stimuli.dressing.office import PARTS, person_of, pose_of_waver
-from stimuli.gaze.turning import Aimed
+from stimuli.dressing.casting import build_of
+from stimuli.dressing.office import PARTS, pose_of_waver
+from stimuli.dressing.office_view import (
+    STILL,
+    character_of,
+    drawn_clip,
+    eye_at,
+    heading_deg,
+    seen_body_of,
+    view_of,
+)
 from stimuli.motion.baking import baked
 from stimuli.motion.clip import Clip
 from stimuli.motion.kinds import Wave
-from stimuli.motion.people import PeopleMotion, Person
+from stimuli.motion.people import Person
 from stimuli.motion.warping.clips import warp_clip
-from stimuli.motion.warping.control import (
-    ControlSettings,
-    Situation,
-    is_within,
-    see,
-    wanted_features,
-)
+from stimuli.motion.warping.control import ControlSettings, Situation
 from stimuli.motion.warping.features import FeatureTarget
-from stimuli.motion.warping.outlook import Outlook, looking_at, outlook_in, seen_from
-from stimuli.motion.warping.perceived import SeenBody, body_of, posed_points
-from stimuli.motion.warping.track import WarpTrack, solved
+from stimuli.motion.warping.track import Reached, WarpTrack, reached_by, solved
 from stimuli.motion.warping.units import units_named
-from stimuli.picture import StaticMesh
-from stimuli.rooms.office import office
 from stimuli.scenes import office as places
 from stimuli.scenes.office import Waving
 
@@ -49,11 +46,6 @@ TECHNIQUES: Final = (ORIENTATION, WARPING)
 """The whole body turned towards the addressee, or the wave warped to the addressee's view."""
 KEPT_AS: Final = "waving"
 HAND: Final = "right"
-BODY_TRIANGLES: Final = 2500
-BYSTANDER_TRIANGLES: Final = 2500
-VIEW_RADIUS_M: Final = 0.8
-VIEW_PX: Final = 256
-MIDDLE_ABOVE_HIPS_M: Final = 0.35
 SETTINGS: Final = ControlSettings(
     rate_hz=30.0, most_steps=4, probe_deg=6.0, step_cap_deg=10.0, error_cap=0.4, passes=5,
     smoothness=0.005, rest_pull=0.005, search=True,
@@ -68,7 +60,6 @@ WARPED_PARTS: Final = (("face", "eyes"), ("right_hand",))
 UNITS: Final = ("spine", "neck_head", "right_arm")
 """All warping units that move head or waving hand."""
 FADE_S: Final = 0.5
-STILL: Final = Aimed(np.full((1, 3), np.nan), np.ones(1))
 
 
 @dataclass(frozen=True)
@@ -87,18 +78,6 @@ class Making:
 
 
 DEFAULT_MAKING: Final = Making()
-
-
-@dataclass(frozen=True)
-class Reached:
-    """What a warp came to over a wave: coverage `wanted` and `reached` as shares of the original,
-    the share of frames on target, and of those whose pose alone can come to it (NaN: unknown).
-    """
-
-    wanted: float
-    reached: float
-    met_01: float
-    reachable_01: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,77 +120,6 @@ def base_clip(clerk: str, wave_s: float) -> Clip:
     return baked(person, FADE_S + wave_s, gaze=STILL)
 
 
-def character_of(role: str) -> Character:
-    """Return who plays somebody of the office."""
-    return default_casting(PARTS[role])
-
-
-def heading_deg(clerk: str, target_place: str) -> float:
-    """Return the turn (left of −z) of a clerk who faces a customer's place, near their front."""
-    way = places.place(target_place).floor_m - places.place(clerk).floor_m
-    found = float(np.degrees(np.arctan2(-way[0], -way[2])))
-    return found % 360.0
-
-
-def eye_at(place: str, height_m: float = places.STANDING_EYE_M) -> Vector:
-    """Return where a customer's eyes are (3,), in the office's coordinates."""
-    eye: Vector = places.place(place).floor_m + np.array([0.0, height_m, 0.0])
-    return eye
-
-
-@lru_cache(maxsize=16)
-def body_mesh(role: str) -> StaticMesh:
-    """Return somebody of the office who stands or sits at ease as a mesh that hides others."""
-    person = person_of(role, "place_3", None, 0)
-    pose = PeopleMotion((person,)).at(0.0, STILL)
-    body = body_of(character_of(role), most_triangles=BYSTANDER_TRIANGLES)
-    points = posed_points(body, pose.root_m[0], pose.orientation_wxyz[0])
-    points = points - places.shift_m("place_3")
-    flat = np.zeros_like(points, dtype=np.float32)
-    grey = np.full(points.shape, 128, np.uint8)
-    return StaticMesh(points.astype(np.float32), flat, grey, body.triangles)
-
-
-def others_in_view(clerk: str, viewer_place: str) -> tuple[StaticMesh, ...]:
-    """Return everybody who may hide a clerk from a customer's place."""
-    return tuple(body_mesh(role) for role in PARTS if role not in (clerk, viewer_place))
-
-
-def view_of(clerk: str, eye_m: Vector, viewer_place: str, size_px: int = VIEW_PX) -> Outlook:
-    """Return what somebody in a customer's place sees a clerk through, in office coordinates."""
-    return _view_from(clerk, tuple(eye_m.tolist()), viewer_place, size_px)
-
-
-@lru_cache(maxsize=64)
-def _view_from(clerk: str, eye_m: tuple[float, ...], viewer_place: str, size_px: int) -> Outlook:
-    lit, centre = _lit_view(clerk, viewer_place, size_px), _middle_of(clerk)
-    hiding = [p.mesh for p in office().props]
-    camera = looking_at(np.array(eye_m), centre, VIEW_RADIUS_M)
-    return seen_from(lit, camera, [*hiding, *others_in_view(clerk, viewer_place)])
-
-
-@lru_cache(maxsize=32)
-def _lit_view(clerk: str, viewer_place: str, size_px: int) -> Outlook:
-    """Return a view with the lamps' shadows, which do not depend on the eye."""
-    centre = _middle_of(clerk)
-    return outlook_in(
-        office(), looking_at(eye_at(viewer_place), centre, VIEW_RADIUS_M), size_px,
-        lit_centre_m=centre, more=others_in_view(clerk, viewer_place),
-    )  # fmt: skip
-
-
-def _middle_of(clerk: str) -> Vector:
-    middle: Vector = places.place(clerk).floor_m + np.array(
-        [0.0, places.SEAT_M + 0.1 + MIDDLE_ABOVE_HIPS_M, 0.0]
-    )
-    return middle
-
-
-def seen_body_of(clerk: str) -> SeenBody:
-    """Return a clerk's body as the raster draws it."""
-    return body_of(character_of(clerk), most_triangles=BODY_TRIANGLES)
-
-
 def situation_of(
     waving: Waving, viewer_place: str, eye_m: Vector, t_s: float, increment: float
 ) -> Situation:
@@ -242,24 +150,12 @@ def reached_in(
     about: tuple[str, str, Making], times_s: Vector, omega_rad: Vector, eyes_m: Vector
 ) -> Reached:
     """Return what offsets (n, w) of a wave came to at some times (n,), seen from eyes (n, 3)."""
-    return reached_of(*_wave_about(about), times_s, omega_rad, eyes_m)
-
-
-def reached_of(
-    waving: Waving, place: str, increment: float, times_s: Vector, omega_rad: Vector,
-    eyes_m: Vector,
-) -> Reached:  # fmt: skip
-    """Return what offsets (n, w) of a wave came to; see `reached_in`."""
-    seen, met = np.zeros((len(times_s), 3)), 0
-    for n, (t_s, omega, eye_m) in enumerate(zip(times_s, omega_rad, eyes_m, strict=True)):
-        situation = situation_of(waving, place, eye_m, float(t_s), increment)
-        original, now = see(situation, np.stack([np.zeros_like(omega), omega]))
-        wanted = wanted_features(situation.targets, original)
-        seen[n] = original.sum(), wanted.sum(), now.sum()
-        met += bool(original.any()) and is_within(wanted, original, now, situation)
-    original_sum, wanted_sum, now_sum = seen.sum(axis=0)
-    whole = original_sum if original_sum > 0 else np.nan
-    return Reached(float(wanted_sum / whole), float(now_sum / whole), met / max(len(times_s), 1))
+    waving, place, increment = _wave_about(about)
+    situations = (
+        situation_of(waving, place, eye_m, float(t_s), increment)
+        for t_s, eye_m in zip(times_s, eyes_m, strict=True)
+    )
+    return reached_by(situations, omega_rad)
 
 
 @lru_cache(maxsize=64)
@@ -294,29 +190,18 @@ def _planned(
             situation = situation_of(waving, target_place, eye_m, float(t_s), increment)
             track.omega_rad[k] = solved(situation, track.omega_rad[k], REFINING)
         times = track.key_s[:-1] + gap_s / 2
-        offsets = np.array([track.at(float(t)) for t in times])
-        eyes = np.tile(eye_m, (len(times), 1))
-        came_to = reached_of(waving, target_place, increment, times, offsets, eyes)
+        between = (situation_of(waving, target_place, eye_m, float(t), increment) for t in times)
+        came_to = reached_by(between, np.array([track.at(float(t)) for t in times]))
+        at_keys = np.minimum(np.searchsorted(found.frame_s, found.key_s), len(found.original) - 1)
+        seen = found.original[at_keys].all(axis=1)
         kept = {
             "omega_rad": track.omega_rad,
             "gap_s": np.array(gap_s),
-            "numbers": np.array([*astuple(came_to)[:3], found.pose_reached.mean()]),
+            "numbers": np.array([*astuple(came_to)[:3], (found.pose_reached & seen).mean()]),
         }
         keep(KEPT_AS, key, kept)
     track = WarpTrack(units, waving.start_s, float(kept["gap_s"]), kept["omega_rad"], FADE_S)
     return replace(waving, warp=track), Reached(*map(float, kept["numbers"]))
-
-
-def drawn_clip(waving: Waving) -> Clip:
-    """Return a wave as it is drawn between its start and its end, in the office's coordinates."""
-    n = round((waving.end_s - waving.start_s) / waving.clip.frame_s) + 1
-    times = waving.start_s + waving.clip.frame_s * np.arange(n)
-    poses = [pose_of_waver(waving, float(t)) for t in times]
-    return replace(
-        waving.clip,
-        root_m=np.array([root for root, _ in poses]),
-        orientation_wxyz=np.array([turns for _, turns in poses]),
-    )
 
 
 @cache

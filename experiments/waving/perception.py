@@ -12,7 +12,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from experiments.waving.clips import (
+from lab.geometry import Vector, rotate
+from lab.kept import digest_of
+from stimuli.characters.body_parts import PARTS
+from stimuli.dressing.office import PARTS as ROLES
+from stimuli.dressing.office import pose_of_waver
+from stimuli.dressing.office_view import (
     MIDDLE_ABOVE_HIPS_M,
     VIEW_RADIUS_M,
     body_mesh,
@@ -20,11 +25,6 @@ from experiments.waving.clips import (
     seen_body_of,
     view_of,
 )
-from lab.geometry import Vector, rotate
-from lab.kept import digest_of
-from stimuli.characters.body_parts import PARTS
-from stimuli.dressing.office import PARTS as ROLES
-from stimuli.dressing.office import pose_of_waver
 from stimuli.motion.clip import Frames
 from stimuli.motion.skeleton import forward
 from stimuli.motion.warping.outlook import Outlook

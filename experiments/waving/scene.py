@@ -7,10 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from experiments.waving.clips import Making, StudyWave, eye_at, study_wave
+from experiments.waving.clips import Making, StudyWave, study_wave
 from lab.clock import NS_PER_S
 from lab.geometry import Vector
 from stimuli.dressing.office import agents_of, roles_of
+from stimuli.dressing.office_view import eye_at
 from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.gaze.blinks import draw_blinks
 from stimuli.scene import Agent

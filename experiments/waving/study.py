@@ -4,7 +4,6 @@ The source is A. Jovane, Virtual humans: from motion to interaction (thesis, Uni
 2023), chapter 2, sections 2.3.1 to 2.3.3. Means per direction are in figures only.
 """
 
-import json
 from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import Future
 from dataclasses import asdict, astuple, dataclass, field, replace
@@ -22,7 +21,6 @@ from experiments.waving.clips import (
     UNITS,
     WARPED_PARTS,
     Making,
-    Reached,
     StudyWave,
     reached_in,
     solved_key,
@@ -37,8 +35,13 @@ from protocol.participants import SimulatedParticipant
 from protocol.shown import Shown
 from protocol.steps import FrameView, NextFrame, Scalar, Show
 from stimuli.gaze.behaviour import EyeBehaviour
-from stimuli.motion.warping.track import TrackLoop, WarpTrack
-from stimuli.motion.warping.units import units_named
+from stimuli.motion.warping.track import (
+    Reached,
+    TrackLoop,
+    key_record,
+    recorded_track,
+    track_record,
+)
 from stimuli.picture import Panel
 from stimuli.scene import SceneFrame
 from stimuli.scenes.office import (
@@ -319,7 +322,10 @@ class Office:
         if due_s <= t_s < waving.end_s:
             self.looked.append((t_s, eye_m))
         key = self.loop.step(t_s, eye_m)
-        return None if key is None else key_record(self.loop.track, key, eye_m)
+        if key is None:
+            return None
+        eye = dict(zip(("eye_x_m", "eye_y_m", "eye_z_m"), eye_m.tolist(), strict=True))
+        return {**key_record(self.loop.track, key), **eye}
 
 
 @study.trial
@@ -342,7 +348,7 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     yield t.mark("scene_on", scene_name=scene.name)
     if wave is not None:
         yield t.mark("wave", **wave_record(wave, t.increment))
-        t.row |= {"wave_sha256": wave.sha256, **reached_by(wave.planned)}
+        t.row |= {"wave_sha256": wave.sha256, **told_of(wave.planned)}
     while view.t_ns < start_ns + round(scene_s * NS_PER_S):
         if view.head_valid:
             heights.append(float(view.head.position_m[1]))
@@ -362,7 +368,7 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     for question in (who_question(t.participant_place), REALISM):
         yield t.ask(question, over_scene=True, at=BOARD_AT, size_m=BOARD_SIZE_M)
     if office.loop is not None and measured is not None:
-        t.row |= reached_by(replace(measured.result(), reachable_01=wave.planned.reachable_01))
+        t.row |= told_of(replace(measured.result(), reachable_01=wave.planned.reachable_01))
         t.row |= {
             "warp_loop_hz": round(office.loop.taken / t.wave_s, 2),
             "warp_late": office.loop.late,
@@ -386,35 +392,18 @@ def wave_record(wave: StudyWave, increment: float) -> dict[str, Scalar | None]:
         found |= {
             "features": "; ".join(f"coverage of {'+'.join(p)}" for p in WARPED_PARTS),
             "increment": increment,
-            "units": ",".join(UNITS),
             "largest_offset_deg": float(np.degrees(np.abs(wave.waving.warp.omega_rad).max())),
-            "offsets_rad": json.dumps(wave.waving.warp.omega_rad.tolist()),
-            "key_gap_s": wave.waving.warp.gap_s,
+            **track_record(wave.waving.warp),
             **{f"plan_{name}": value for name, value in asdict(SETTINGS).items()},
             **{f"loop_{name}": value for name, value in asdict(LOOP).items()},
         }
     return found
 
 
-def key_record(track: WarpTrack, key: int, eye_m: Vector) -> dict[str, Scalar | None]:
-    """Return what the recording keeps of a corrected key: its offsets, and the eyes it is for."""
-    found: dict[str, Scalar | None] = {"key": key, "key_s": float(track.key_s[key])}
-    found |= {f"eye_{axis}_m": float(v) for axis, v in zip("xyz", eye_m, strict=True)}
-    omega = track.omega_rad[key]
-    return found | {f"{u.name}_rad": float(v) for u, v in zip(track.units, omega, strict=True)}
-
-
 def track_shown(waving: Waving, wave: Mapping[str, Any], keys: list[dict[str, Any]]) -> Waving:
     """Return a wave warped as its record and those of corrected keys say."""
-    if "offsets_rad" not in wave:
-        return replace(waving, warp=None)
-    units = units_named(tuple(str(wave["units"]).split(",")))
-    omega = np.array(json.loads(wave["offsets_rad"]))
-    track = WarpTrack(units, waving.start_s, wave["key_gap_s"], omega, waving.fade_s)
-    for key in keys:
-        angles = np.array([key[f"{u.name}_rad"] for u in units])
-        track = track.corrected(int(key["key"]), angles)
-    return replace(waving, warp=track)
+    warped = "offsets_rad" in wave
+    return replace(waving, warp=recorded_track(wave, keys) if warped else None)
 
 
 def about_of(t: TrialScript) -> tuple[str, str, Making]:
@@ -439,7 +428,7 @@ def measured_beside(t: TrialScript, office: Office) -> Future[Reached] | None:
     return t.beside.submit(reached_in, about_of(t), times, omega, eyes)
 
 
-def reached_by(found: Reached | None) -> dict[str, Scalar | None]:
+def told_of(found: Reached | None) -> dict[str, Scalar | None]:
     """Return what a trial's row tells of the warp: wanted, reached, frames on target, reachable."""
     names = ("coverage_wanted", "coverage_reached", "target_met_01", "target_reachable_01")
     if found is None:

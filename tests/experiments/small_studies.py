@@ -126,8 +126,11 @@ def quick_stare_tables() -> dict[str, pd.DataFrame]:
 
 
 def quick_waving_tables() -> dict[str, pd.DataFrame]:
-    """Return rows and statistics of sixteen people without sessions, one clerk waving."""
-    one = {"clerk": ["clerk_left"]}
+    """Return rows and statistics of sixteen people without sessions, one clerk waving briefly."""
+    # The waves of the small sessions, which take a while to plan.
+    one = {
+        k: SESSIONS["waving"].parameters[k] for k in ("clerk", "increment", "before_s", "wave_s")
+    }
     trials = quick_waving(16, SEED, parameters=one)
     analysis = quick_analysis(trials, one)
     return {

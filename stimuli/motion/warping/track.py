@@ -6,10 +6,11 @@ has once begun to shape is never changed again. So a track and the keys that wer
 what every frame showed.
 """
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,12 +18,13 @@ from lab.geometry import Vector
 from stimuli.motion.warping.control import (
     ControlSettings,
     Situation,
+    is_within,
     see,
     steer,
     tolerance_of,
     wanted_features,
 )
-from stimuli.motion.warping.units import WarpingUnit
+from stimuli.motion.warping.units import WarpingUnit, units_named
 
 LEAD_S: Final = 0.15
 """How long before it shapes what is shown a key is asked for: a solution and a frame or two."""
@@ -52,7 +54,7 @@ class WarpTrack:
     @property
     def key_s(self) -> Vector:
         """When the keys are (k,)."""
-        times: Vector = self.start_s + self.gap_s * np.arange(len(self.omega_rad))
+        times: Vector = self.start_s + self.gap_s * np.arange(len(self.omega_rad), dtype=np.float64)
         return times
 
     def at(self, t_s: float) -> Vector:
@@ -131,3 +133,60 @@ class TrackLoop:
                 self._last = key
                 self._asked = self._beside.submit(self._solve, time_s, start, eye_m)
         return taken
+
+
+@dataclass(frozen=True)
+class Reached:
+    """What a warp came to over a movement.
+
+    `wanted` and `reached` features as shares of the original (of their sums), the share of frames
+    on target, and of those whose pose alone can come to it (NaN: unknown).
+    """
+
+    wanted: float
+    reached: float
+    met_01: float
+    reachable_01: float = float("nan")
+
+
+def reached_by(situations: Iterable[Situation], omega_rad: Vector) -> Reached:
+    """Return what offsets (n, w) come to in n situations.
+
+    Where a feature is not seen at all there is no share of it to raise: that is not on target.
+    """
+    sums, met = np.zeros(3), 0
+    for situation, omega in zip(situations, omega_rad, strict=True):
+        original, now = see(situation, np.stack([np.zeros_like(omega), omega]))
+        wanted = wanted_features(situation.targets, original)
+        sums += original.sum(), wanted.sum(), now.sum()
+        met += bool(original.all()) and is_within(wanted, original, now, situation)
+    whole = sums[0] if sums[0] > 0 else np.nan
+    return Reached(float(sums[1] / whole), float(sums[2] / whole), met / max(len(omega_rad), 1))
+
+
+def key_record(track: WarpTrack, key: int) -> dict[str, int | float]:
+    """Return what a recording keeps of a corrected key: its number and every unit's offset."""
+    angles = zip(track.units, track.omega_rad[key].tolist(), strict=True)
+    return {"key": key, **{f"{unit.name}_rad": angle for unit, angle in angles}}
+
+
+def track_record(track: WarpTrack) -> dict[str, str | float]:
+    """Return what a recording keeps of a track: units, times, offsets as JSON, digit by digit."""
+    return {
+        "units": ",".join(unit.name for unit in track.units),
+        "track_start_s": track.start_s,
+        "key_gap_s": track.gap_s,
+        "fade_s": track.fade_s,
+        "offsets_rad": json.dumps(track.omega_rad.tolist()),
+    }
+
+
+def recorded_track(record: Mapping[str, Any], keys: Iterable[Mapping[str, Any]] = ()) -> WarpTrack:
+    """Return a track from its record and those of its corrected keys, in the order they came."""
+    units = units_named(tuple(str(record["units"]).split(",")))
+    omega = np.array(json.loads(record["offsets_rad"]))
+    track = WarpTrack(units, record["track_start_s"], record["key_gap_s"], omega, record["fade_s"])
+    for key in keys:
+        angles = np.array([key[f"{unit.name}_rad"] for unit in units])
+        track = track.corrected(int(key["key"]), angles)
+    return track

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from experiments.waving.clips import Making, eye_at, study_wave
+from experiments.waving.clips import Making, study_wave
 from experiments.waving.perception import CUES, evidence_of, reach_of
 from experiments.waving.scene import gaze_of
+from stimuli.dressing.office_view import eye_at
 from stimuli.scenes.office import CUSTOMERS
 
 PLAIN = Making(wave_s=0.6, increment=0.0)

@@ -5,9 +5,10 @@ from typing import Any
 import pytest
 
 import experiments.waving.clips as clips
-from experiments.waving.clips import Reached, study_wave
+from experiments.waving.clips import study_wave
 from experiments.waving.scene import wave_of
 from experiments.waving.study import making_of
+from stimuli.motion.warping.track import Reached
 from visavis.catalogue import find_study
 
 

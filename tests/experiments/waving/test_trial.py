@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.waving.clips import UNITS, Making, Reached, StudyWave, base_clip, study_wave
+from experiments.waving.clips import UNITS, Making, StudyWave, base_clip, study_wave
 from experiments.waving.scene import scene_of
-from experiments.waving.study import key_record, reached_by, study, track_shown, wave_record
+from experiments.waving.study import study, told_of, track_shown, wave_record
 from lab.clock import NS_PER_S
 from lab.geometry import Pose, rotate, turn_towards, unit
 from protocol.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
 from stimuli.dressing.office import pose_of_waver, posed_office
 from stimuli.motion.skeleton import forward
-from stimuli.motion.warping.track import WarpTrack
+from stimuli.motion.warping.track import Reached, WarpTrack, key_record
 from stimuli.motion.warping.units import units_named
 from stimuli.panels import choice_centre_m
 from stimuli.scenes.office import OfficeScene
@@ -172,13 +172,13 @@ def test_eye_height_is_kept_beside_the_one_the_waves_were_made_for():
 
 
 def test_a_row_tells_what_the_warp_of_its_wave_wanted_reached_and_could_reach():
-    assert {None} == set(reached_by(None).values())
+    assert {None} == set(told_of(None).values())
     expected = {
         "coverage_wanted": 1.25, "coverage_reached": 1.11,
         "target_met_01": 0.05, "target_reachable_01": 0.5,
     }  # fmt: skip
-    assert expected == reached_by(Reached(1.25, 1.11, 0.05, 0.5))
-    unseen = reached_by(Reached(np.nan, np.nan, 0.0))
+    assert expected == told_of(Reached(1.25, 1.11, 0.05, 0.5))
+    unseen = told_of(Reached(np.nan, np.nan, 0.0))
     assert (None, 0.0) == (unseen["coverage_wanted"], unseen["target_met_01"])
 
 
@@ -216,7 +216,7 @@ def test_a_wave_is_warped_again_exactly_as_the_record_says():
     keys = []
     for key in (2, 5, 6):
         shown = shown.corrected(key, rng.normal(0.0, 0.2, len(units)))
-        keys.append(key_record(shown, key, np.zeros(3)))
+        keys.append(key_record(shown, key))
     again = track_shown(plain, *json.loads(json.dumps([record, keys])))
     assert np.array_equal(shown.omega_rad, again.warp.omega_rad)
     assert all(np.array_equal(shown.at(t), again.warp.at(t)) for t in np.linspace(0, 1, 40))
