@@ -331,7 +331,7 @@ class Office:
 @study.trial
 def trial(t: TrialScript) -> Generator[Any, Any, None]:
     """Show the wave, then ask to whom it was and how realistic; times count from the onset."""
-    wave = None
+    wave, planned = None, told_of(None)
     if not t.is_read:
         wave = wave_of(t.trial.factors, making_of(t.settings.parameters), t.eye_height_m)
     scene = scene_of(t.participant_place, None if wave is None else wave.waving)
@@ -348,7 +348,8 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     yield t.mark("scene_on", scene_name=scene.name)
     if wave is not None:
         yield t.mark("wave", **wave_record(wave, t.increment))
-        t.row |= {"wave_sha256": wave.sha256, **told_of(wave.planned)}
+        planned = told_of(wave.planned)
+        t.row |= {"wave_sha256": wave.sha256, **planned}
     while view.t_ns < start_ns + round(scene_s * NS_PER_S):
         if view.head_valid:
             heights.append(float(view.head.position_m[1]))
@@ -368,7 +369,8 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     for question in (who_question(t.participant_place), REALISM):
         yield t.ask(question, over_scene=True, at=BOARD_AT, size_m=BOARD_SIZE_M)
     if office.loop is not None and measured is not None:
-        t.row |= told_of(replace(measured.result(), reachable_01=wave.planned.reachable_01))
+        t.row |= told_of(measured.result())
+        t.row["target_reachable_01"] = planned["target_reachable_01"]
         t.row |= {
             "warp_loop_hz": round(office.loop.taken / t.wave_s, 2),
             "warp_late": office.loop.late,
