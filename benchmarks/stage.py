@@ -38,7 +38,7 @@ from stimuli.rooms.solids import box
 
 EYE_PX = (480, 540)
 HEAD = Pose(np.array([0.0, 1.6, 0.6]), quat_from_yaw_pitch_deg(0.0))
-FULL = Quality(detail=DetailRule(limits_m=(1e9,)))
+FULL = Quality(detail=DetailRule(faces_px=(0.0,), budget_triangles=None))
 
 
 @dataclass(frozen=True)

@@ -315,7 +315,11 @@ class FrameLoop:
         if view.gaze_direction.shape[0]:
             columns["gaze_direction"][i] = view.gaze_direction
             columns["eye_openness_01"][i] = view.eye_openness_01
+            columns["gaze_distance_m"][i] = (
+                np.nan if view.gaze_distance_m is None else view.gaze_distance_m
+            )
         else:
+            columns["gaze_distance_m"][i] = np.nan
             columns["gaze_direction"][i] = np.nan
             columns["eye_openness_01"][i] = np.nan
         self._scene_states.commit(1, self.t_ns)

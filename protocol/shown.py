@@ -31,6 +31,7 @@ class Shown:
     description: dict[str, Any]
     gaze_direction: Vector
     eye_openness_01: Vector
+    gaze_distance_m: Vector | None = None
 
     @property
     def scene(self) -> Scene:
@@ -46,7 +47,10 @@ class Shown:
     @property
     def view(self) -> SceneFrame:
         """The frame of a study whose scenes are nothing but their agents."""
-        return SceneFrame(self.scene, self.t_scene_ns, self.gaze_direction, self.eye_openness_01)
+        return SceneFrame(
+            self.scene, self.t_scene_ns, self.gaze_direction, self.eye_openness_01,
+            gaze_distance_m=self.gaze_distance_m,
+        )  # fmt: skip
 
     def latest(self, event: str) -> tuple[int, dict[str, Any]] | None:
         """Return time and payload of the last event of a name up to this frame, None before."""
@@ -111,6 +115,10 @@ def shown_in(recording: Recording, part: int, frame: int, t_scene_ns: int, head_
         dict(row["payload"]),
         states["gaze_direction"][k][:n].astype(np.float64),
         states["eye_openness_01"][k][:n].astype(np.float64),
+        # Before 2027 nobody said how far away eyes met.
+        states["gaze_distance_m"][k][:n].astype(np.float64)
+        if "gaze_distance_m" in states
+        else None,
     )
 
 

@@ -59,5 +59,12 @@ def scene_states_schema(agent_count: int) -> StreamSchema:
             Field("scene", "i4", "", description="number of the static scene (event 'scene')"),
             Field("gaze_direction", "f4", "1", "world", (m, 3), "where each agent's eyes point"),
             Field("eye_openness_01", "f4", "1", shape=(m,), description="0 closed"),
+            Field(
+                "gaze_distance_m",
+                "f4",
+                "m",
+                shape=(m,),
+                description="from between the eyes to where both lines of gaze meet",
+            ),
         ),
     )

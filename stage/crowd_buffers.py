@@ -69,6 +69,15 @@ class CharacterMeshes:
         return found[1]
 
 
+def triangles_of(cast: tuple[Character, ...]) -> npt.NDArray[np.int64]:
+    """Return how many triangles (n, levels) people have; the last level stands for missing ones."""
+    counts = [[len(mesh.triangles) for mesh in person.levels] for person in cast]
+    most = max(map(len, counts), default=1)
+    return np.array([row + row[-1:] * (most - len(row)) for row in counts], np.int64).reshape(
+        -1, most
+    )
+
+
 class CrowdBuffers:
     """Everyone of one cast. `pose` writes the frame's matrices, `choose` who is drawn how;
     `level_before` is what was chosen last.
@@ -90,6 +99,7 @@ class CrowdBuffers:
         self.cast = cast
         self.joints = JointRows(cast)
         self.level_count = np.array([len(c.levels) for c in cast], np.int64)
+        self.triangles = triangles_of(cast)
         self.level_before = np.full(len(cast), -1, np.int64)
         n, width = self.joints.rows.shape[:2]
         self._matrices = context.texture((width, max(n, 1)), 4, dtype="f4")

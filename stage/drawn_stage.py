@@ -62,7 +62,12 @@ def as_drawn(view: SceneFrame, t_ns: int) -> SceneFrame:
     """Return a scene as it is drawn for a moment: with the gaze as exact as it is recorded."""
     gaze = view.gaze_direction.astype(np.float32).astype(np.float64)
     openness = view.eye_openness_01.astype(np.float32).astype(np.float64)
-    return replace(view, t_ns=t_ns, gaze_direction=gaze, eye_openness_01=openness)
+    distance_m = view.gaze_distance_m
+    if distance_m is not None:
+        distance_m = distance_m.astype(np.float32).astype(np.float64)
+    return replace(
+        view, t_ns=t_ns, gaze_direction=gaze, eye_openness_01=openness, gaze_distance_m=distance_m
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,8 @@
 """Which person and body part every pixel shows, how bright and how far: many views at once."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 
 import moderngl
 import numpy as np
@@ -10,11 +11,13 @@ import numpy.typing as npt
 from stage.errors import StageError
 from stage.levels import DetailRule
 from stage.renderer import Quality, Renderer
+from stimuli.characters.character import Character
 from stimuli.picture import Camera, Picture
 
 NOBODY = 0
-FAITHFUL = Quality(samples=0, shadows="none", detail=DetailRule(limits_m=(0.0,), finest=1))
-"""6 thousand triangles a person, no shadow maps: measures parts to within a few per cent."""
+FAITHFUL = Quality(samples=0, shadows="none", detail=DetailRule(faces_px=(), budget_triangles=None))
+"""The copies for measuring, 6 thousand triangles a person, no shadow maps: measures parts to within
+a few per cent."""
 LARGEST_ATLAS_PX = 8192
 
 
@@ -50,11 +53,11 @@ class IdentityBuffer:
         cameras: Sequence[Camera],
         size_px: tuple[int, int],
         *,
-        level: int | None = None,
+        level: int = 0,
     ) -> IdentityImages:
         """Return what each camera sees, (width, height) pixels each, in one read-back.
 
-        Everybody is drawn at `level` of detail; by default as the renderer's quality says.
+        Everybody is drawn as the copy for measuring number `level`, 0 the finest.
 
         Raises:
             StageError: so many views of this size do not fit one atlas.
@@ -73,8 +76,9 @@ class IdentityBuffer:
         assert frame is not None  # noqa: S101 - made by _fit
         context = renderer.context
         context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        picture = replace(picture, cast=_measured(picture.cast))
         crowd = renderer.crowd_of(picture)
-        levels = None if level is None else np.full(len(picture.cast), level, np.int64)
+        levels = np.full(len(picture.cast), level, np.int64)
         drawn = renderer.pose(picture, crowd, cameras, levels)
         renderer.light(picture, crowd, drawn, cameras, None)
         frame.use()
@@ -142,3 +146,14 @@ class IdentityBuffer:
             part.release()
         self._parts = []
         self._size = (0, 0)
+
+
+@lru_cache(maxsize=64)
+def _measured(cast: tuple[Character, ...]) -> tuple[Character, ...]:
+    """Return the people as they are measured, the same objects for the same cast."""
+    return tuple(_measuring(person) for person in cast)
+
+
+@cache
+def _measuring(person: Character) -> Character:
+    return replace(person, levels=person.measuring)

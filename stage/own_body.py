@@ -116,8 +116,12 @@ class OwnBody:
 def headless(character: Character) -> Character:
     """Return a character without head and neck; everything else is as it was."""
     hidden = [PART_INDEX[part] for part in HIDDEN_PARTS]
-    levels = tuple(_without(mesh, hidden) for mesh in character.levels)
-    return replace(character, name=f"{character.name}_headless", levels=levels)
+    levels, measuring = (
+        tuple(_without(mesh, hidden) for mesh in meshes)
+        for meshes in (character.levels, character.measuring)
+    )
+    name = f"{character.name}_headless"
+    return replace(character, name=name, levels=levels, measuring=measuring)
 
 
 def _without(mesh: SkinnedMesh, hidden: list[int]) -> SkinnedMesh:

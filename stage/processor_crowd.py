@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.geometry import Vector
-from stage.crowd_buffers import CharacterMeshes
+from stage.crowd_buffers import CharacterMeshes, triangles_of
 from stage.joint_rows import JointRows
 from stage.processor_layout import Counts, FreeRows, JoinedModels
 from stage.processor_models import (
@@ -92,6 +92,7 @@ class ProcessorCrowd:
         self.cast = cast
         self.joints = JointRows(cast)
         self.level_count = np.array([len(c.levels) for c in cast], np.int64)
+        self.triangles = triangles_of(cast)
         pictures = (m.texture_srgb for c in cast for m in c.materials if m.kind != "eye")
         self._layers = Layers(context, (p for p in pictures if p is not None))
         self.level_before = np.full(len(cast), -1, np.int64)

@@ -13,7 +13,7 @@ from stage.context import GL_FRAMEBUFFER_SRGB, offscreen_context
 from stage.errors import StageError
 from stage.glsl_lighting import MOST_SHADOWS, lamp_constants
 from stage.lamps import KIND_NUMBERS, LIGHTING_BYTES, ShadowView, lighting_block, shadow_views
-from stage.levels import BODY_RADIUS_M, DetailRule, choose_levels, in_view
+from stage.levels import BODY_RADIUS_M, DetailRule, choose_levels, faces_px, in_view
 from stage.lit_programs import Family, LitPrograms
 from stage.overlays import Overlays
 from stage.processor_crowd import ProcessorCrowd
@@ -55,8 +55,10 @@ class Quality:
 
 LIGHTEST = Quality(samples=0, shadows="blobs", fast=True, detail=DetailRule(finest=2))
 """For computers without a graphics card: people at their lightest, soft blobs for shadows."""
-ON_PROCESSOR = replace(LIGHTEST, detail=DetailRule(limits_m=(0.0, 5.0), finest=1))
-"""The same with faces fit to be looked at: people nearer than 5 m in 6 thousand triangles."""
+ON_PROCESSOR = replace(LIGHTEST, detail=DetailRule(budget_triangles=100_000))
+"""The same with faces fit to be looked at: the nearest at full detail, as many as are drawn in
+time, the next in 6 thousand triangles.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,8 +178,12 @@ class Renderer:
         crowd = None if dark else self._buffers.crowd(picture.cast)
         drawn = Drawn(np.full(len(picture.cast), -1), np.full(len(picture.cast), np.nan))
         if crowd is not None:
-            drawn = self.pose(picture, crowd, cameras, levels)
             widths = [target.size_px[0] for target in targets]
+            spans = [
+                px / (camera.right - camera.left)
+                for px, camera in zip(widths, cameras, strict=True)
+            ]
+            drawn = self.pose(picture, crowd, cameras, levels, max(spans, default=1.0))
             self.light(picture, crowd, drawn, cameras, max(widths, default=1))
         for camera, target in zip(cameras, targets, strict=True):
             target.begin(_background(picture))
@@ -200,8 +206,12 @@ class Renderer:
         crowd: Crowd,
         cameras: Sequence[Camera],
         levels: npt.NDArray[np.int64] | None = None,
+        px_per_tangent: float = 1.0,
     ) -> Drawn:
-        """Place everyone, choose who is drawn and how finely, and send it to the card."""
+        """Place everyone, choose who is drawn and how finely, and send it to the card.
+
+        Pictures have `px_per_tangent` pixels a tangent of 1; `levels` (n,) are used as they are.
+        """
         joints = crowd.joints
         joints.pose(picture.people)
         if not crowd.cast:
@@ -210,7 +220,10 @@ class Renderer:
         apart = joints.watched_m[:, 1, None, :] - eyes[None]
         distance_m = np.sqrt((apart * apart).sum(axis=2)).min(axis=1)
         if levels is None:
-            chosen = choose_levels(distance_m, crowd.level_before, self.quality.detail)
+            chosen = choose_levels(
+                faces_px(distance_m, px_per_tangent), crowd.level_before, self.quality.detail,
+                crowd.triangles,
+            )  # fmt: skip
             crowd.level_before = chosen
             seen = in_view(joints.watched_m[:, 0], BODY_RADIUS_M, cameras)
         else:

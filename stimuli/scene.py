@@ -63,9 +63,10 @@ class SceneFrame:
     """What stands before the participant in one frame.
 
     For n agents in the order of `scene.agents`: `gaze_direction` (n, 3) unit vectors in world,
-    `eye_openness_01` (n,) 0 closed. `people` is how everyone stands where a study decides that by
-    itself. `scene` is the same object while nothing static changes, so identity tells whether
-    anything must be rebuilt.
+    `eye_openness_01` (n,) 0 closed; `gaze_distance_m` (n,) from between the eyes to where both
+    lines of gaze meet, NaN where they are parallel, None where nobody says. `people` is how
+    everyone stands where a study decides that by itself. `scene` is the same object while nothing
+    static changes, so identity tells whether anything must be rebuilt.
     """
 
     scene: Scene
@@ -73,3 +74,4 @@ class SceneFrame:
     gaze_direction: npt.NDArray[np.float64]
     eye_openness_01: npt.NDArray[np.float64]
     people: PosedPeople | None = None
+    gaze_distance_m: npt.NDArray[np.float64] | None = None

@@ -112,7 +112,8 @@ class WithEyes:
         if not (changed or moving or self._was_moving):
             return None
         self._was_moving, self._is_shown = moving, True
-        return SceneFrame(self.scene, view.t_ns, gaze, openness)
+        distance_m = self.eyes.distance_m(elapsed_ns, self.observer_m)
+        return SceneFrame(self.scene, view.t_ns, gaze, openness, gaze_distance_m=distance_m)
 
     def _follow(self, view: FrameView) -> bool:
         if not view.head_valid:

@@ -411,7 +411,8 @@ class TrialScript:
                 return Show(replace(behind, t_ns=view.t_ns, panels=(panel,)))
             return Show(
                 PanelFrame(behind.scene, view.t_ns, behind.gaze_direction,
-                           behind.eye_openness_01, behind.people, panels=(panel,))
+                           behind.eye_openness_01, behind.people, behind.gaze_distance_m,
+                           panels=(panel,))
             )  # fmt: skip
 
         return show

@@ -70,7 +70,8 @@ class _Picture:
         if not (moving or changed or self.was_moving):
             return None
         self.was_moving = moving
-        return Show(SceneFrame(self.scene, t_ns, gaze, openness))
+        distance_m = self.eyes.distance_m(elapsed_ns, self.observer_m)
+        return Show(SceneFrame(self.scene, t_ns, gaze, openness, gaze_distance_m=distance_m))
 
 
 def _frame() -> Frames:

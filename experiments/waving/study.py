@@ -309,7 +309,11 @@ class Office:
                 self.observer_m = np.array(view.head.position_m, np.float64)
         gaze, openness, _ = self.eyes.at(view.t_ns - self.start_ns, self.observer_m)
         warp = None if self.loop is None else self.loop.track
-        return OfficeFrame(self.scene, view.t_ns, gaze, openness, start_ns=self.start_ns, warp=warp)
+        distance_m = self.eyes.distance_m(view.t_ns - self.start_ns, self.observer_m)
+        return OfficeFrame(
+            self.scene, view.t_ns, gaze, openness, gaze_distance_m=distance_m,
+            start_ns=self.start_ns, warp=warp,
+        )  # fmt: skip
 
     def correct(self, t_ns: int) -> dict[str, Scalar | None] | None:
         """Let the wave be warped for where the participant is; return the key that was taken."""
@@ -477,6 +481,7 @@ def views_of(shown: Shown, experiment: StudyExperiment) -> Iterator[SceneFrame]:
         shown.t_scene_ns,
         shown.gaze_direction,
         shown.eye_openness_01,
+        gaze_distance_m=shown.gaze_distance_m,
         start_ns=shown.since_ns,
     )
     yield bare

@@ -93,9 +93,10 @@ class Eyeball:
 class Character:
     """One person: canonical joint names, own lengths; rest is a T-pose facing −z.
 
-    `levels` go from the most detailed to the lightest. `stature_m` is crown to sole with shoes
-    as worn. `source` and `licence` say where the figure comes from. `closed` is the bare body as
-    one closed surface, for measuring volumes; None where it has to be built.
+    `levels` go from the most detailed to the lightest; `measuring` are copies, in the same order,
+    that body parts are measured on and nobody sees. `stature_m` is crown to sole with shoes as
+    worn. `source` and `licence` say where the figure comes from. `closed` is the bare body as one
+    closed surface, for measuring volumes; None where it has to be built.
     """
 
     name: str
@@ -104,6 +105,7 @@ class Character:
     age_years: float | None
     skeleton: Skeleton
     levels: tuple[SkinnedMesh, ...]
+    measuring: tuple[SkinnedMesh, ...]
     materials: tuple[Material, ...]
     capsules: tuple[BodyCapsule, ...]
     eyeball: Eyeball

@@ -19,7 +19,8 @@ from stimuli.characters.gltf_eyes import EyeFit, fitted_eye
 from stimuli.characters.gltf_figure import Figure, Surface, read_figure
 from stimuli.characters.gltf_file import GltfFile, read_glb
 from stimuli.characters.gltf_marks import marks_of
-from stimuli.characters.levels import LEVEL_TRIANGLES, joined, matched, thinned
+from stimuli.characters.levels import LEVELS, joined, lighter, thinned
+from stimuli.characters.measuring import MEASURING_TRIANGLES, matched
 from stimuli.characters.rest_pose import Rig, heaviest, rig_of_marks, to_rest
 from stimuli.characters.tagging import face_of_head, parts_of_weights
 from stimuli.motion.rotations import quat_between
@@ -90,8 +91,9 @@ def _imported(file: GltfFile, name: str, gender: Gender) -> Character:
             materials.append(_material(file, surface, kind))
         parts.append(_at_rest(file, figure, rig, surface, kind, keys[key], eyes))
     mesh = joined(parts)
-    first = thinned(mesh, LEVEL_TRIANGLES[0])
-    lighter = (matched(thinned(mesh, n), first) for n in LEVEL_TRIANGLES[1:])
+    first = lighter(mesh, LEVELS[0])
+    levels = (first, *(lighter(mesh, budget) for budget in LEVELS[1:]))
+    measuring = tuple(matched(thinned(mesh, n), first) for n in MEASURING_TRIANGLES)
     stature = float(np.ptp(points[:, 1]))
     radius = float(np.mean([eye.radius_m for eye in eyes.values()]))
     closed = closed_surface(mesh, rig.skeleton)
@@ -103,7 +105,8 @@ def _imported(file: GltfFile, name: str, gender: Gender) -> Character:
         stature_m=round(stature, 4),
         age_years=None,
         skeleton=rig.skeleton,
-        levels=(first, *lighter),
+        levels=levels,
+        measuring=measuring,
         materials=tuple(materials),
         capsules=fitted_capsules(rig.skeleton, closed),
         eyeball=Eyeball(

@@ -1,20 +1,35 @@
-"""Lighter copies of a mesh, in which every tagged part is seen as large as in the full one."""
+"""Lighter copies of a mesh: levels of detail that keep faces, and plain thinning by parts."""
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lab.geometry import Vector
-from stimuli.characters.body_parts import PART_INDEX, PARTS
+from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.character import Morph, SkinnedMesh
-from stimuli.characters.coverage import seen_areas_m2
 from stimuli.characters.errors import CharacterError
 
-LEVEL_TRIANGLES = (26000, 6000, 2000)
+FACE = ("face", "left_eye", "right_eye")
+
+
+@dataclass(frozen=True)
+class LevelBudget:
+    """How many triangles a level has, and how many of them at most its face with the eyes."""
+
+    triangles: int
+    face: int
+
+
+LEVELS = (
+    LevelBudget(26000, 9000),
+    LevelBudget(6000, 1600),
+    LevelBudget(2000, 600),
+)
+"""The levels of detail of everybody, from the finest to the lightest."""
 _HEAD = [PART_INDEX[p] for p in ("face", "left_eye", "right_eye", "scalp", "neck")]
 _HEAD_IMPORTANCE = 1.7
 _EYES = (PART_INDEX["left_eye"], PART_INDEX["right_eye"])
@@ -22,12 +37,15 @@ _EYE_SHARES = (0.014, 0.06)
 """Shares of the triangles that eyeballs and lids get."""
 _KEEPS_ALL = 12000
 """Levels with fewer triangles drop what lies deep in the sockets."""
+MOST_ERROR = 0.5
+"""Of thinning, in sizes of the mesh: the number of triangles decides."""
 _LID_M = 0.006
 _UV_WEIGHT = 0.3
-_LEAST_M2 = 5e-4
-"""Parts that are seen smaller than this on average are not matched; eyes always are."""
-_GOOD = 0.012
-_PROBE_M, _PROBE_STEP_M, _STEP_M, _MOST_M, _DAMPING = 0.002, 0.004, 0.004, 0.014, 400.0
+_NOSE_TO_LIPS, _ROUND_EYES = ((-0.55, 0.55), (-1.35, 0.25)), ((0.2, 0.85), (-0.25, 0.30))
+"""Where features lie from between the eyes, right and up, in distances of the eyes."""
+_PLAIN_SHARE = 0.3
+"""What bends and pictures on cheek and forehead count for against those of features."""
+_FEATURE_WEIGHTS = {"normal": 0.3, "colour": 0.02, "place": 6.0, "uv": 0.5}
 Indices = npt.NDArray[np.int64]
 
 
@@ -47,12 +65,7 @@ def thinned(mesh: SkinnedMesh, n_triangles: int) -> SkinnedMesh:
     eyes, lids, hidden = _round_the_eyes(apart)
     if n_triangles < _KEEPS_ALL:
         shown = ~hidden
-        apart = replace(
-            apart,
-            triangles=apart.triangles[shown],
-            triangle_part=apart.triangle_part[shown],
-            triangle_material=apart.triangle_material[shown],
-        )
+        apart = _of_triangles(apart, shown)
         eyes, lids = eyes[shown], lids[shown]
     on_head = np.isin(apart.triangle_part, _HEAD) & ~eyes & ~lids
     group = np.select([eyes, lids, on_head], [0, 1, 2], 3)
@@ -98,88 +111,57 @@ def _round_the_eyes(
     return eyes, lids, hidden
 
 
-def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMesh:
-    """Move the surface of a thinned mesh out or in until parts are seen as large as in the full.
+def lighter(mesh: SkinnedMesh, budget: LevelBudget) -> SkinnedMesh:
+    """Return the mesh as a level of detail, its face told apart from the rest and kept best.
 
-    Thinning cuts corners off round limbs; a millimetre or two along the normals gives them back.
-    How each part's surface changes what is seen of all parts (a collar hides the neck) is
-    measured, and the smallest moves that mend all of them are made.
+    Nose, lips, lids and what they border on change last, and no vertex ever leaves the surface of
+    the full mesh. Parts meet at seams that are thinned on both sides at once.
+
+    Raises:
+        CharacterError: the library that thins meshes is not installed.
     """
-    wanted = seen_areas_m2(full)
-    parts = np.flatnonzero(
-        wanted > np.where(np.isin(np.arange(len(PARTS)), _EYES), 2e-5, _LEAST_M2)
+    if len(mesh.triangles) <= budget.triangles:
+        return mesh
+    apart = _split_by_part(mesh)
+    if budget.triangles < _KEEPS_ALL:
+        apart = _of_triangles(apart, ~_round_the_eyes(apart)[2])
+    on_face = np.isin(apart.triangle_part, [PART_INDEX[p] for p in FACE])
+    locked = _between(apart, on_face.astype(np.int64))
+    share = _features(apart)
+    face = _thin(apart, apart.triangles[on_face], budget.face, locked, share)
+    left = budget.triangles - len(face)
+    thin = [face, _thin(apart, apart.triangles[~on_face], left, locked, share)]
+    return _compacted(apart, np.concatenate(thin))
+
+
+def _of_triangles(mesh: SkinnedMesh, chosen: npt.NDArray[np.bool_]) -> SkinnedMesh:
+    return replace(
+        mesh,
+        triangles=mesh.triangles[chosen],
+        triangle_part=mesh.triangle_part[chosen],
+        triangle_material=mesh.triangle_material[chosen],
     )
-    moved = range(1, len(PARTS))
-    normals, place, uses = _shared_normals(thin)
-    ways = uses[:, :, None] * normals[:, None]
-    for eye in _EYES:
-        ways[:, eye] = _opening(thin, place, eye, len(uses))
-    sides = np.zeros(len(PARTS))
-
-    def errors(sides: Vector, step_m: float = 0.002) -> tuple[Vector, npt.NDArray[np.float32]]:
-        out = np.einsum("vpk,p->vk", ways, sides)
-        vertices = (thin.vertices_m + out[place]).astype(np.float32)
-        return seen_areas_m2(thin, vertices, step_m)[parts] / wanted[parts] - 1, vertices
-
-    error, best = errors(sides)
-    for _ in range(rounds):
-        if np.abs(error).max(initial=0.0) < _GOOD:
-            break
-        coarse = errors(sides, _PROBE_STEP_M)[0]
-        slopes = np.zeros((len(parts), len(PARTS)))
-        for p in moved:
-            probe = sides.copy()
-            probe[p] += _PROBE_M
-            slopes[:, p] = (errors(probe, _PROBE_STEP_M)[0] - coarse) / _PROBE_M
-        damped = slopes.T @ slopes + _DAMPING * np.eye(len(PARTS))
-        step = np.clip(-np.linalg.solve(damped, slopes.T @ error), -_STEP_M, _STEP_M)
-        tried = []
-        for k in (1.0, 0.5, 0.25):
-            s = np.clip(sides + k * step, -_MOST_M, _MOST_M)
-            e, v = errors(s)
-            tried.append((np.abs(e).max(), s, e, v))
-            if tried[-1][0] < np.abs(error).max():
-                break
-        worst, s, e, v = min(tried, key=lambda row: float(row[0]))
-        if worst >= np.abs(error).max():
-            break
-        sides, error, best = s, e, v
-    return replace(thin, vertices_m=best)
 
 
-def _opening(mesh: SkinnedMesh, place: Indices, eye: int, n_places: int) -> Vector:
-    """Return how places (p, 3) move when the lids of an eye open: eyes stay the spheres they are,
-    but rims of lids that thinning has straightened are put back.
-    """
-    ways = np.zeros((n_places, 3))
-    ball = np.unique(mesh.triangles[mesh.triangle_part == eye])
-    if not len(ball):
-        return ways
-    points = mesh.vertices_m[ball]
-    radius = float(np.ptp(points[:, 0])) / 2
-    centre = (points.min(axis=0) + points.max(axis=0)) / 2
-    centre[2] = points[:, 2].min() + radius
-    face = np.unique(mesh.triangles[mesh.triangle_part == PART_INDEX["face"]])
-    d = mesh.vertices_m[face] - centre
-    near = np.clip(1.5 - (np.linalg.norm(d, axis=1) - radius) / _LID_M, 0, 1) * (d[:, 2] < 0)
-    ways[place[face], 1] = near * np.clip(d[:, 1] / (0.15 * radius), -1, 1)
-    return ways
+def _features(mesh: SkinnedMesh) -> Vector:
+    """Return how much each vertex (v,) belongs to nose, lips and lids: 0 to 1."""
+    centre = []
+    for side in FACE[1:]:
+        ball = mesh.vertices_m[np.unique(mesh.triangles[mesh.triangle_part == PART_INDEX[side]])]
+        if not len(ball):
+            return np.zeros(len(mesh.vertices_m))
+        centre.append((ball.min(axis=0) + ball.max(axis=0)) / 2)
+    apart_m = float(np.linalg.norm(centre[0] - centre[1]))
+    x, y, z = ((mesh.vertices_m - (centre[0] + centre[1]) / 2) / apart_m).T.astype(np.float64)
 
+    def within(value: Vector, bounds: tuple[float, float]) -> Vector:
+        edge: Vector = np.clip(np.minimum(value - bounds[0], bounds[1] - value) / 0.2 + 1, 0, 1)
+        return edge
 
-def _shared_normals(mesh: SkinnedMesh) -> tuple[Vector, Indices, Vector]:
-    """Return normals (p, 3) by place, the place of every vertex (v,), and how much of a place
-    belongs to each part (p, parts): copies of a vertex at seams must move together.
-    """
-    codes = np.round(mesh.vertices_m * 1e5).astype(np.int64) + (1 << 20)
-    _, place = np.unique(
-        (codes[:, 0] << 42) | (codes[:, 1] << 21) | codes[:, 2], return_inverse=True
-    )
-    normals = np.stack([np.bincount(place, mesh.normals[:, k]) for k in range(3)], axis=1)
-    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-    uses = np.zeros((len(normals), len(PARTS)))
-    for k in range(3):
-        np.add.at(uses, (place[mesh.triangles[:, k]], mesh.triangle_part), 1.0)
-    return normals, place, uses / np.maximum(uses.sum(axis=1, keepdims=True), 1)
+    middle = within(x, _NOSE_TO_LIPS[0]) * within(y, _NOSE_TO_LIPS[1])
+    eyes = within(np.abs(x), _ROUND_EYES[0]) * within(y, _ROUND_EYES[1])
+    front: Vector = np.clip((0.45 - z) / 0.2, 0, 1)
+    return front * np.maximum(middle, eyes)
 
 
 def joined(parts: Sequence[SkinnedMesh]) -> SkinnedMesh:
@@ -262,7 +244,11 @@ def _thin(
     triangles: npt.NDArray[np.int32],
     n_triangles: int,
     locked: npt.NDArray[np.bool_],
+    features_01: Vector | None = None,
 ) -> npt.NDArray[np.int32]:
+    """Return fewer triangles on the same vertices; without `features_01` (v,) all count alike."""
+    if len(triangles) <= n_triangles:
+        return triangles
     try:
         import meshoptimizer
     except ImportError as e:
@@ -272,17 +258,10 @@ def _thin(
     used, places = np.unique(triangles, return_inverse=True)
     indices = places.astype(np.uint32).ravel()
     vertices = np.ascontiguousarray(mesh.vertices_m[used])
-    attributes: list[npt.NDArray[np.float32]] = [
-        mesh.normals[used],
-        (mesh.colour_srgb[used] / 255).astype(np.float32),
-    ]
-    weights = [0.01, 0.01, 0.01, 0.02, 0.02, 0.02]
-    if mesh.uv is not None and np.abs(mesh.uv[used] - 0.5).max() > 0:
-        # Places in a picture must not swim: lips would take on the colour of the mouth's inside.
-        # Cloth that repeats may; it reaches beyond the picture.
-        once = (np.abs(mesh.uv[used] - 0.5) <= 0.51).all(axis=1, keepdims=True)
-        attributes.append(np.where(once, mesh.uv[used], 0.0).astype(np.float32))
-        weights += [_UV_WEIGHT, _UV_WEIGHT]
+    if features_01 is None:
+        attributes, weights = _plain_attributes(mesh, used)
+    else:
+        attributes, weights = _feature_attributes(mesh, used, features_01[used, None])
     values = np.ascontiguousarray(np.concatenate(attributes, axis=1), dtype=np.float32)
     result = np.zeros_like(indices)
     count = meshoptimizer.simplify_with_attributes(
@@ -293,11 +272,64 @@ def _thin(
         vertex_positions_stride=ctypes.c_size_t(12),
         vertex_attributes_stride=ctypes.c_size_t(4 * values.shape[1]),
         attribute_count=ctypes.c_size_t(values.shape[1]),
-        target_index_count=ctypes.c_size_t(3 * n_triangles), target_error=ctypes.c_float(0.5),
+        target_index_count=ctypes.c_size_t(3 * n_triangles),
+        target_error=ctypes.c_float(MOST_ERROR),
         options=ctypes.c_uint(0),
     )  # fmt: skip
     thin: npt.NDArray[np.int32] = used[result[:count].reshape(-1, 3)].astype(np.int32)
     return thin
+
+
+Attributes = tuple[list[npt.NDArray[np.float32]], list[float]]
+
+
+def _plain_attributes(mesh: SkinnedMesh, used: npt.NDArray[np.int32]) -> Attributes:
+    attributes: list[npt.NDArray[np.float32]] = [
+        mesh.normals[used],
+        (mesh.colour_srgb[used] / 255).astype(np.float32),
+    ]
+    weights = [0.01, 0.01, 0.01, 0.02, 0.02, 0.02]
+    places = _picture_places(mesh, used)
+    if places is not None:
+        attributes.append(places)
+        weights += [_UV_WEIGHT, _UV_WEIGHT]
+    return attributes, weights
+
+
+def _feature_attributes(
+    mesh: SkinnedMesh, used: npt.NDArray[np.int32], features_01: Vector
+) -> Attributes:
+    """Return what thinning should keep besides places: bends, colours, places in the picture, and
+    places once more where features are.
+    """
+    share = (_PLAIN_SHARE + (1 - _PLAIN_SHARE) * features_01).astype(np.float32)
+    points = mesh.vertices_m[used]
+    sizes = points - points.mean(axis=0)
+    sizes /= max(float(np.ptp(points, axis=0).max()), 1e-9)
+    attributes: list[npt.NDArray[np.float32]] = [
+        mesh.normals[used] * share,
+        (mesh.colour_srgb[used] / 255).astype(np.float32),
+        (sizes * features_01).astype(np.float32),
+    ]
+    of = _FEATURE_WEIGHTS
+    weights = 3 * [of["normal"]] + 3 * [of["colour"]] + 3 * [of["place"]]
+    places = _picture_places(mesh, used)
+    if places is not None:
+        attributes.append(places * share)
+        weights += 2 * [of["uv"]]
+    return attributes, weights
+
+
+def _picture_places(
+    mesh: SkinnedMesh, used: npt.NDArray[np.int32]
+) -> npt.NDArray[np.float32] | None:
+    """Return places in a picture (k, 2), which must not swim: lips would take on the colour of the
+    mouth's inside. Cloth that repeats may swim; it reaches beyond the picture.
+    """
+    if mesh.uv is None or not np.abs(mesh.uv[used] - 0.5).max() > 0:
+        return None
+    once = (np.abs(mesh.uv[used] - 0.5) <= 0.51).all(axis=1, keepdims=True)
+    return np.where(once, mesh.uv[used], 0.0).astype(np.float32)
 
 
 def _compacted(mesh: SkinnedMesh, triangles: npt.NDArray[np.int32]) -> SkinnedMesh:

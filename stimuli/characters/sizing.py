@@ -35,6 +35,7 @@ def sized(character: Character, stature_m: float) -> Character:
         stature_m=stature_m,
         skeleton=skeleton,
         levels=tuple(_scaled(mesh, k) for mesh in character.levels),
+        measuring=tuple(_scaled(mesh, k) for mesh in character.measuring),
         capsules=tuple(
             replace(c, start_m=k * c.start_m, end_m=k * c.end_m, radius_m=k * c.radius_m)
             for c in character.capsules

@@ -22,7 +22,7 @@ from stimuli.characters.character import (
 from stimuli.characters.errors import CharacterError
 from stimuli.motion.skeleton import Skeleton
 
-FORMAT = 1
+FORMAT = 2
 _STEP_M = 1 / 16384  # 0.06 mm; int16 reaches 2 m either way
 _MORPH_STEP_M = 1 / 262144
 _UV_STEP = 1 / 2048  # int16 reaches ±16 repeats of a cloth's texture
@@ -98,6 +98,7 @@ def write_character(character: Character, path: Path) -> None:
         "age_years": character.age_years,
         "joints": character.skeleton.names,
         "levels": len(character.levels),
+        "measuring": len(character.measuring),
         "materials": [
             {"name": m.name, "kind": m.kind, "roughness_01": m.roughness_01,
              "double_sided": m.double_sided}
@@ -124,6 +125,8 @@ def write_character(character: Character, path: Path) -> None:
     }
     for i, mesh in enumerate(character.levels):
         arrays |= _pack_mesh(mesh, f"level{i}")
+    for i, mesh in enumerate(character.measuring):
+        arrays |= _pack_mesh(mesh, f"measuring{i}")
     if character.closed is not None:
         arrays |= _pack_mesh(character.closed, "closed")
     for i, material in enumerate(character.materials):
@@ -176,6 +179,7 @@ def _character(arrays: Mapping[str, npt.NDArray[Any]], head: dict[str, Any]) -> 
         age_years=head["age_years"],
         skeleton=skeleton,
         levels=tuple(_unpack_mesh(arrays, f"level{i}") for i in range(head["levels"])),
+        measuring=tuple(_unpack_mesh(arrays, f"measuring{i}") for i in range(head["measuring"])),
         materials=tuple(materials),
         capsules=tuple(
             BodyCapsule(part, joint, start, end, radius)

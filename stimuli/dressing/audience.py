@@ -20,6 +20,8 @@ from stimuli.scenes import audience
 
 HABITS = 12
 """How many ways of sitting are tried for the one that keeps the feet on the step."""
+ATTENTIVE = Sit(lively=0.25)
+"""Who listens hardly stirs; breathing is as deep as ever."""
 TOE_M = 0.07
 FACING_OF_SPEAKER = np.array([0.0, 1.2, -2.5]) - audience.SPEAKER_EYE_M * np.array([1.0, 0.74, 1.0])
 
@@ -63,8 +65,9 @@ def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
     found: list[tuple[float, Person]] = []
     for habit in range(HABITS):
         person = seated_under_eyes(
-            build, agent.eye_centre_m, facing=agent.facing, seed=seed + 100 * habit, floor_m=floor_m
-        )
+            build, agent.eye_centre_m, facing=agent.facing, seed=seed + 100 * habit,
+            sit=ATTENTIVE, floor_m=floor_m,
+        )  # fmt: skip
         people = PeopleMotion((person,)).at(0.0)
         at = forward(build.skeleton, people.root_m[0], people.orientation_wxyz[0]).position_m
         toes = at[[build.skeleton.index(f"{side}_toes") for side in ("left", "right")]]
@@ -76,13 +79,21 @@ def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:
 def audience_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> Picture:
     """Return what a frame of the stare study looks like.
 
-    Eyes point along `frame.gaze_direction` exactly; heads stay where the study has them.
+    Both eyes meet where the study has them look, within what fixating eyes do; heads stay where
+    the study has them but for a few millimetres of sway.
     """
     dressed = _set_of(tuple(a.character for a in frame.scene.agents), casting)
     to_audience = np.array([-0.4, 1.3, -2.6]) - audience.SPEAKER_EYE_M
+    distance_m = np.full(len(frame.scene.agents), np.nan)
+    if frame.gaze_distance_m is not None:
+        distance_m = frame.gaze_distance_m
+    between_eyes = [a.eye_centre_m for a in frame.scene.agents]
     gaze = Aimed(
         np.concatenate([frame.gaze_direction, [to_audience / np.linalg.norm(to_audience)]]),
         np.concatenate([frame.eye_openness_01, [1.0]]),
+        np.append(distance_m, np.linalg.norm(to_audience)),
+        np.array([*between_eyes, audience.SPEAKER_EYE_M]),
+        fixates=True,
     )
     return Picture(
         t_ns=frame.t_ns,

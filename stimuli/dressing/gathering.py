@@ -8,7 +8,7 @@ import numpy as np
 
 from stimuli.characters.character import Character
 from stimuli.dressing.casting import Casting, build_of, default_casting
-from stimuli.dressing.office import HEAD_RADIUS_M, look_of
+from stimuli.dressing.office import HEAD_RADIUS_M, gaze_of, look_of
 from stimuli.gaze.turning import Aimed
 from stimuli.motion.kinds import Idle, Sit
 from stimuli.motion.people import HeldHeads, PeopleMotion, Person
@@ -83,7 +83,7 @@ def gathering_picture(frame: SceneFrame, *, casting: Casting = default_casting) 
         t_ns=frame.t_ns,
         room=_room(people),
         cast=dressed.cast,
-        people=dressed.motion.at(t_s, Aimed(frame.gaze_direction, frame.eye_openness_01)),
+        people=dressed.motion.at(t_s, gaze_of(frame)),
         brightness_01=scene.brightness_01,
         mark_m=scene.mark_m,
     )

@@ -135,17 +135,13 @@ def agents_of(
     return tuple(agents)
 
 
-def posed_office(
-    scene: OfficeScene, t_s: float, gaze: Vector, openness_01: Vector,
-    *, casting: Casting = default_casting, warp: WarpTrack | None = None,
-) -> PosedPeople:  # fmt: skip
-    """Return everybody `t_s` after the onset, eyes along `gaze` (n, 3).
-
-    `warp` stands in place of the wave's own.
-    """
-    dressed = _set_of(scene.participant_place, scene.waving, scene.seed, casting)
-    changed = _warped(scene.participant_place, scene.waving, t_s, warp)
-    return dressed.motion.at(t_s, Aimed(gaze, openness_01), changed=changed)
+def gaze_of(frame: SceneFrame) -> Aimed:
+    """Return the gaze of a frame's agents, whose eyes meet where they look and never rest."""
+    between_eyes = np.array([a.eye_centre_m for a in frame.scene.agents]).reshape(-1, 3)
+    return Aimed(
+        frame.gaze_direction, frame.eye_openness_01, frame.gaze_distance_m, between_eyes,
+        fixates=True,
+    )  # fmt: skip
 
 
 def _warped(
@@ -186,18 +182,14 @@ def office_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> 
                        brightness_01=scene.brightness_01, mark_m=scene.mark_m)  # fmt: skip
     start_ns = frame.start_ns if isinstance(frame, OfficeFrame) else 0
     t_s = max(0.0, (frame.t_ns - start_ns) * 1e-9)
+    dressed = _set_of(scene.participant_place, scene.waving, scene.seed, casting)
+    warp = frame.warp if isinstance(frame, OfficeFrame) else None
+    changed = _warped(scene.participant_place, scene.waving, t_s, warp)
     return Picture(
         t_ns=frame.t_ns,
         room=room_from(scene.participant_place),
-        cast=_set_of(scene.participant_place, scene.waving, scene.seed, casting).cast,
-        people=posed_office(
-            scene,
-            t_s,
-            frame.gaze_direction,
-            frame.eye_openness_01,
-            casting=casting,
-            warp=frame.warp if isinstance(frame, OfficeFrame) else None,
-        ),
+        cast=dressed.cast,
+        people=dressed.motion.at(t_s, gaze_of(frame), changed=changed),
         brightness_01=scene.brightness_01,
         mark_m=scene.mark_m,
     )

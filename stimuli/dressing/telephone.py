@@ -34,7 +34,12 @@ def holding_telephone(character: Character, side: Literal["left", "right"]) -> C
     joint = character.skeleton.index(f"{side}_hand")
     material = len(character.materials)
     levels = tuple(_with(mesh, held, joint, material) for mesh in character.levels)
-    return replace(character, levels=levels, materials=(*character.materials, CASE))
+    return replace(
+        character,
+        levels=levels,
+        measuring=tuple(_with(mesh, held, joint, material) for mesh in character.measuring),
+        materials=(*character.materials, CASE),
+    )
 
 
 def _grip(character: Character, side: str) -> tuple[Vector, Vector]:

@@ -170,6 +170,15 @@ class EyeBehaviour:
         turn_ns[agent] = t_ns
         return replace(self, follows_observer=follows, turn_ns=turn_ns)
 
+    def distance_m(self, t_ns: int, observer_eye_m: Vector) -> npt.NDArray[np.float64]:
+        """Return how far (m,) from between their eyes what agents look at is."""
+        turned = t_ns >= self.turn_ns
+        follows = np.where(turned, self.follows_observer[1], self.follows_observer[0])
+        point = np.where(turned[:, None], self.targets_m[1], self.targets_m[0])
+        away = np.where(follows[:, None], observer_eye_m, point) - self.eye_centre_m
+        distance_m: npt.NDArray[np.float64] = np.sqrt((away * away).sum(axis=1))
+        return distance_m
+
     def at(self, t_ns: int, observer_eye_m: Vector) -> EyeState:
         """Return gaze directions (m, 3), unit, world; openness (m,) 0..1; whether anything moves.
 

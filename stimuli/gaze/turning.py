@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.geometry import Vector
+from stimuli.gaze.fixation_kernels import fixation_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,15 +50,20 @@ class Gaze(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Aimed:
-    """Gaze that somebody else has worked out, such as a study; bodies add nothing of their own.
+    """Gaze that somebody else has worked out, such as a study; bodies add nothing of their own but
+    what eyes do while they fixate.
 
     `direction` (n, 3) unit vectors in world, `openness_01` (n,) as in `SceneFrame`. `distance_m`
-    is where both eyes' axes meet; without it they are parallel, each exactly along `direction`.
+    (n,) is where both eyes' axes meet, seen from `origin_m` (n, 3) or, without, from between the
+    eyes wherever these are; NaN or without it they are parallel. `fixates` moves both eyes alike
+    by drift and micro-saccades.
     """
 
     direction: Vector
     openness_01: Vector
-    distance_m: float = np.inf
+    distance_m: Vector | None = None
+    origin_m: Vector | None = None
+    fixates: bool = False
 
     def turns_rad(self, t_s: float, look: Look) -> Vector:
         """Return zeros."""
@@ -66,8 +72,16 @@ class Aimed:
     def aim(self, t_s: float, look: Look) -> Aim:
         """Return what was given."""
         n = len(look.eyes_m)
-        return Aim(
-            np.ascontiguousarray(self.direction, np.float64),
-            np.full(n, self.distance_m),
-            np.ascontiguousarray(self.openness_01, np.float64),
-        )
+        direction = np.array(self.direction, np.float64)
+        distance_m = np.full(n, np.inf)
+        if self.distance_m is not None:
+            distance_m = np.where(np.isfinite(self.distance_m), self.distance_m, np.inf)
+            met = np.flatnonzero(np.isfinite(distance_m))
+            if self.origin_m is not None and met.size:
+                goal = self.origin_m[met] + distance_m[met, None] * direction[met]
+                away = goal - look.eyes_m[met]
+                distance_m[met] = np.sqrt((away * away).sum(axis=1))
+                direction[met] = away / distance_m[met, None]
+        if self.fixates:
+            fixation_rows(t_s, look.seed, direction)
+        return Aim(direction, distance_m, np.ascontiguousarray(self.openness_01, np.float64))

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from lab.geometry import Vector, quat_from_yaw_pitch_deg, quat_multiply, rotate
 from stimuli.characters.character import MORPHS
 from stimuli.gaze.eye_kernels import aim_rows, look_rows
+from stimuli.gaze.fixation_kernels import sway_rows
 from stimuli.gaze.gaze_plan import GazePlan
 from stimuli.gaze.turning import Aimed, Gaze, Look
 from stimuli.motion import posture as p
@@ -65,7 +66,7 @@ class Person:
 class HeldHeads:
     """Heads that a study keeps in place: `eyes_m` (n, 3) between the eyes, `facing` (n, 3) unit.
 
-    Rows that are NaN are not held.
+    They sway about it by a few millimetres, as heads do. Rows that are NaN are not held.
     """
 
     eyes_m: Vector
@@ -155,6 +156,9 @@ class PeopleMotion:
         controls[:, p.TRUNK_YAW] += turns[:, 0]
         controls[:, p.HEAD_YAW] += turns[:, 1]
         controls[:, p.HEAD_PITCH] += turns[:, 2]
+        if held.any():
+            held_eyes, facing = held_eyes.copy(), facing.copy()
+            sway_rows(t_s, seeds, held_eyes, facing)
         root, joints = np.empty((n, 3)), np.empty((n, p.JOINTS, 4))
         pose_rows(controls, offsets, skeleton_of, held, held_eyes, facing, root, joints)
         for i, motion in self._recorded.items():

@@ -119,6 +119,7 @@ def figure(height_m: float = 1.75) -> Character:
         age_years=None,
         skeleton=skeleton,
         levels=tuple(_figure_mesh(skeleton, rings) for rings in (16, 10, 6)),
+        measuring=tuple(_figure_mesh(skeleton, rings) for rings in (10, 6)),
         materials=MATERIALS,
         capsules=(),
         eyeball=Eyeball(EYE_RADIUS_M, 0.0075, 0.003, (90, 120, 150)),

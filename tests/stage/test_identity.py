@@ -14,7 +14,7 @@ from stimuli.motion.skeleton import forward
 from stimuli.picture import Camera, Picture
 from tests.stage import figures
 
-LEVEL = 2
+LEVEL = 1
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def _triangles(picture: Picture) -> tuple[npt.NDArray[np.float64], npt.NDArray[n
         corners.append(mesh.vertices_m[mesh.triangles].astype(float))
         tags.append(np.zeros((len(mesh.triangles), 2), int))
     for i, character in enumerate(picture.cast):
-        mesh = character.levels[LEVEL]
+        mesh = character.measuring[LEVEL]
         placed = forward(
             character.skeleton, picture.people.root_m[i], picture.people.orientation_wxyz[i]
         )

@@ -121,11 +121,11 @@ def test_blink_covers_the_eyes_and_lids_follow_them(person: Character) -> None:
     assert set(mesh.morphs) == set(MORPHS)
 
 
-@pytest.mark.parametrize("level", [1, 2])
-def test_parts_of_lighter_levels_are_seen_as_large_as_in_the_full_mesh(
-    person: Character, level: int
+@pytest.mark.parametrize("copy", [0, 1])
+def test_parts_of_copies_for_measuring_are_seen_as_large_as_in_the_full_mesh(
+    person: Character, copy: int
 ) -> None:
-    full, thin = (seen_areas_m2(person.levels[k]) for k in (0, level))
+    full, thin = (seen_areas_m2(mesh) for mesh in (person.levels[0], person.measuring[copy]))
     eyes = [PART_INDEX["left_eye"], PART_INDEX["right_eye"]]
     large = np.union1d(np.flatnonzero(full > 5e-4), eyes)
     assert len(large) >= 18  # all, but for a pelvis of which a long top leaves little

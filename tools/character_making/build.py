@@ -9,7 +9,8 @@ import numpy.typing as npt
 from lab.geometry import Vector
 from stimuli.characters.capsules import fitted_capsules
 from stimuli.characters.character import Character, Eyeball, Material, SkinnedMesh
-from stimuli.characters.levels import LEVEL_TRIANGLES, joined, matched, thinned
+from stimuli.characters.levels import LEVELS, LevelBudget, joined, lighter, thinned
+from stimuli.characters.measuring import MEASURING_TRIANGLES, matched
 from stimuli.characters.tagging import face_of_head, parts_of_weights
 from tools.character_making.assembly import assembled
 from tools.character_making.clothes import (
@@ -178,27 +179,43 @@ def clothed(
     return pieces + lower_half, far + lower_half, np.asarray(np.minimum.reduce(fields))
 
 
+_HAIR = (0, 1, 2)
+"""How coarse the hair of each level is."""
+
+
 def levels_of(
     figure: Figure,
     pieces: Sequence[Piece],
     from_afar: Sequence[Piece],
     hair: Sequence[Locks | Sheet],
     materials: Sequence[Material],
-) -> tuple[SkinnedMesh, ...]:
-    """Return all levels: surfaces are thinned, of the hair fewer and wider locks are drawn."""
+) -> tuple[tuple[SkinnedMesh, ...], tuple[SkinnedMesh, ...]]:
+    """Return all levels and the copies for measuring: surfaces are thinned, of the hair fewer and
+    wider locks are drawn.
+    """
     whole = assembled(figure, pieces, materials)
     # Teeth and lashes are smaller than what thinning leaves: from afar they would poke out.
     bulk = [piece for piece in from_afar if piece.material not in ("teeth", "lash")]
     far = assembled(figure, bulk, materials)
-    levels: list[SkinnedMesh] = []
-    for level, n in enumerate(LEVEL_TRIANGLES):
+    locks_of = {}
+    for coarse in sorted(set(_HAIR)):
         # Of the sheets only the two outer ones are seen from afar.
-        some = [g for i, g in enumerate(hair) if not (level and i == 0 and isinstance(g, Sheet))]
-        locks_mesh = assembled(figure, [drawn(figure, g, level) for g in some], materials)
-        n_rest = n - len(locks_mesh.triangles)
-        mesh = joined([thinned(far if level else whole, n_rest), locks_mesh])
-        levels.append(matched(mesh, levels[0]) if level else mesh)
-    return tuple(levels)
+        some = [g for i, g in enumerate(hair) if not (coarse and i == 0 and isinstance(g, Sheet))]
+        locks_of[coarse] = assembled(figure, [drawn(figure, g, coarse) for g in some], materials)
+    levels: list[SkinnedMesh] = []
+    for budget, coarse in zip(LEVELS, _HAIR, strict=True):
+        mine = locks_of[coarse]
+        n_rest = budget.triangles - len(mine.triangles)
+        if not levels:
+            surfaces = thinned(whole, n_rest)
+        else:
+            surfaces = lighter(far if coarse else whole, LevelBudget(n_rest, budget.face))
+        levels.append(joined([surfaces, mine]))
+    copies = []
+    for n, coarse in zip(MEASURING_TRIANGLES, (1, 2), strict=True):
+        mine = locks_of[coarse]
+        copies.append(joined([thinned(far, n - len(mine.triangles)), mine]))
+    return tuple(levels), tuple(matched(copy, levels[0]) for copy in copies)
 
 
 def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> Character:
@@ -240,7 +257,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         Material("shoe", "leather", 0.5, double_sided=True),
     )
     hair = locks(figure, body, cloth, hair_colour, style, seed, recipe.face.grey)
-    levels = levels_of(figure, own + worn, own + worn_far, hair, materials)
+    levels, measuring = levels_of(figure, own + worn, own + worn_far, hair, materials)
     mesh = levels[0]
     stature = float(closed.vertices_m[:, 1].max() - mesh.vertices_m[:, 1].min())
     return Character(
@@ -250,6 +267,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         age_years=recipe.shape.age_years,
         skeleton=figure.rig.skeleton,
         levels=levels,
+        measuring=measuring,
         materials=materials,
         capsules=fitted_capsules(figure.rig.skeleton, closed),
         eyeball=Eyeball(figure.eye_radius_m, 0.0062, 0.0022, recipe.face.iris),

@@ -96,9 +96,9 @@ def seen_body(
 
 
 def body_of(character: Character, *, most_triangles: int = 8000) -> SeenBody:
-    """Pack the most detailed level of a character with at most so many triangles."""
-    fitting = [m for m in character.levels if len(m.triangles) <= most_triangles]
-    mesh = (fitting or character.levels[-1:])[0]
+    """Pack the finest copy for measuring of a character with at most so many triangles."""
+    fitting = [m for m in character.measuring if len(m.triangles) <= most_triangles]
+    mesh = (fitting or character.measuring[-1:])[0]
     return seen_body(mesh, character.skeleton, character.materials)
 
 

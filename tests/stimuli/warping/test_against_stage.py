@@ -15,7 +15,7 @@ from stimuli.motion.warping.perceived import perceived, seen_body
 from stimuli.picture import Picture, PosedPeople, Room
 from stimuli.rooms.furniture import placed
 
-LEVEL = 1
+LEVEL = 0
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def buffer() -> Iterator[IdentityBuffer]:
 def test_raster_agrees_with_the_stage_but_for_edge_pixels(buffer: IdentityBuffer, name: str):
     who = load_character("anna")
     stage = staged(case_named(name), who, size_px=160)
-    body = seen_body(who.levels[LEVEL], who.skeleton, who.materials)
+    body = seen_body(who.measuring[LEVEL], who.skeleton, who.materials)
     things = tuple(
         placed(f"thing_{i}", mesh, (0, 0, 0), 0.0) for i, mesh in enumerate(stage.case.things())
     )

@@ -1,0 +1,80 @@
+"""Eyes that stare meet, and whoever sits there lives: measured in the scene of the stare study."""
+
+import numpy as np
+import pytest
+
+from experiments.stare.trial import _Picture
+from lab.geometry import Vector, angle_deg, unit
+from protocol.steps import Show
+from stimuli.dressing.audience import audience_picture
+from stimuli.gaze.behaviour import EyeBehaviour
+from stimuli.gaze.blinks import Blinks
+from stimuli.gaze.lines import lines_of_gaze
+from stimuli.motion.skeleton import forward
+from stimuli.scenes.audience import PARTICIPANT_EYE_M, SPEAKER_EYE_M, audience_scene
+
+NAMES = [f"{g}_{i:02d}" for g, n in (("female", 6), ("male", 5)) for i in range(1, n + 1)]
+OBSERVER_M = PARTICIPANT_EYE_M + np.array([0.05, -0.02, 0.03])
+NO_BLINKS = Blinks(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64))
+
+
+@pytest.fixture(scope="module")
+def watched() -> tuple[Vector, Vector, Vector]:
+    """Eyes (t, 11, 2, 3), lines of gaze and shoulders of eleven who stare for 16 s."""
+    scene = audience_scene(NAMES)
+    eyes = EyeBehaviour.of_scene(scene, target_m=SPEAKER_EYE_M, blinks=NO_BLINKS)
+    for agent in range(len(NAMES)):
+        eyes = eyes.staring(agent)
+    shown = _Picture(scene, eyes, OBSERVER_M)
+    centres, lines, shoulders = [], [], []
+    for t_ns in range(0, 16_000_000_000, 50_000_000):
+        step = shown.at(t_ns, t_ns, changed=True)
+        assert isinstance(step, Show)
+        picture = audience_picture(step.view)
+        at, along = lines_of_gaze(picture)
+        centres.append(at[:-1])
+        lines.append(along[:-1])
+        body = [
+            forward(c.skeleton, picture.people.root_m[i], picture.people.orientation_wxyz[i])
+            for i, c in enumerate(picture.cast[:-1])
+        ]
+        shoulders.append(
+            [
+                b.position_m[c.skeleton.index("left_upper_arm"), 1]
+                - b.position_m[c.skeleton.index("upper_chest"), 1]
+                for b, c in zip(body, picture.cast, strict=False)
+            ]
+        )
+    return np.array(centres), np.array(lines), np.array(shoulders)
+
+
+def test_both_staring_eyes_meet_the_observer_within_a_tenth_of_a_degree(watched):
+    centres, lines, _ = watched
+    off = lines - unit(OBSERVER_M - centres)
+
+    assert 0.1 > np.degrees(np.linalg.norm(off.mean(axis=0), axis=-1)).max()
+    # At every moment both miss alike: their lines meet in one point.
+    assert 0.02 > np.degrees(np.linalg.norm(off[:, :, 0] - off[:, :, 1], axis=-1)).max()
+
+
+def test_fixating_eyes_drift_and_jump_but_stay_within_half_a_degree(watched):
+    centres, lines, _ = watched
+    off_deg = angle_deg(lines, unit(OBSERVER_M - centres))
+
+    assert 0.5 > off_deg.max()
+    assert 0.03 < off_deg.std(axis=0).min()
+
+
+def test_heads_sway_by_millimetres(watched):
+    centres, _, _ = watched
+    head_m = centres.mean(axis=2)
+    spread_m = np.linalg.norm(head_m.std(axis=0), axis=-1)
+
+    assert 0.001 < spread_m.min()
+    assert 0.005 > spread_m.max()
+
+
+def test_shoulders_rise_and_fall_with_the_breath(watched):
+    _, _, shoulders = watched
+
+    assert 0.001 < np.ptp(shoulders, axis=0).min()
