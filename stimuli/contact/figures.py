@@ -15,20 +15,20 @@ from stimuli.characters.character import Character
 from stimuli.characters.closing import collision_mesh
 from stimuli.contact.body import BODY_JOINTS, CAPSULE_JOINTS, bones
 from stimuli.dressing.casting import build_of, default_casting
-from stimuli.motion.posture import B_STAND
 from stimuli.scenes.station_crowd import CHARACTERS
 
 
 class Figures(NamedTuple):
     """k people in their own measures, as compiled kernels read them.
 
-    `parents` (22,) of `BODY_JOINTS`; `hip_height_m` (k,) over the floor when they stand;
-    `offsets_m` (k, 22, 3) of the joints; `columns` (19,) the joint each capsule hangs on;
+    `parents` (22,) of `BODY_JOINTS`; `lengths_m` (k, B_SIZE) of their builds;
+    `skeleton_m` (k, 55, 3) offsets of all joints, `offsets_m` (k, 22, 3) of the body's; `columns` (19,) the joint each capsule hangs on;
     `start_m`, `end_m` (k, 19, 3) in that joint's frame at rest and `radius_m` (k, 19).
     """
 
     parents: npt.NDArray[np.int64]
-    hip_height_m: Vector
+    lengths_m: Vector
+    skeleton_m: Vector
     offsets_m: Vector
     columns: npt.NDArray[np.int64]
     start_m: Vector
@@ -45,7 +45,8 @@ def crowd_figures() -> Figures:
     columns = [BODY_JOINTS.index(name) for name in CAPSULE_JOINTS]
     return Figures(
         parents=bones().parents,
-        hip_height_m=np.array([build_of(person).lengths_m[B_STAND] for person in cast]),
+        lengths_m=np.array([build_of(person).lengths_m for person in cast]),
+        skeleton_m=np.array([person.skeleton.offsets_m for person in cast]),
         offsets_m=np.array([_offsets(person) for person in cast]),
         columns=np.array(columns),
         start_m=starts,

@@ -1,8 +1,8 @@
 """How idle people stand: poses as a pure function of who they are and of time.
 
 Everybody shifts weight, breathes and looks about; who waits lets the arms hang, who telephones
-holds a hand to the ear. Periods of 2 to 20 s and amplitudes of millimetres to a few degrees are
-ours; phases differ by person.
+holds a telephone to the ear. What touches is what is drawn: both come from the kernels of
+`stimuli.motion`, person by person here, everybody at once there.
 """
 
 from typing import Final, Literal
@@ -13,33 +13,45 @@ from lab.compiled import compiled
 from lab.geometry import Vector
 from stimuli.contact.body import BODY_JOINTS
 from stimuli.contact.figures import Figures, crowd_figures
+from stimuli.gaze.gaze_shift_kernels import turn_rows
+from stimuli.motion import posture as p
+from stimuli.motion.gesture_kernels import phone_rows
+from stimuli.motion.kinds import NUMBERS, Idle, Kind, Phone
+from stimuli.motion.placing_kernels import placed_rows
+from stimuli.motion.posture_kernels import look_from, pose_rows
+from stimuli.motion.skeleton import canonical_skeleton
 from stimuli.motion.slerp_kernels import forward_rows
+from stimuli.motion.standing_kernels import idle_rows
 from stimuli.scenes.station_crowd import Crowd
 
-_J: Final = {name: i for i, name in enumerate(BODY_JOINTS)}
-_SPINE, _CHEST, _NECK, _HEAD = _J["spine"], _J["upper_chest"], _J["neck"], _J["head"]
-_LEFT_ARM, _RIGHT_ARM = _J["left_upper_arm"], _J["right_upper_arm"]
-_LEFT_LEG, _RIGHT_LEG = _J["left_upper_leg"], _J["right_upper_leg"]
 N_JOINTS: Final = len(BODY_JOINTS)
 N_PERSON: Final = 16
-_CHANCE: Final = slice(5, 15)
+_SEED: Final = 5
+_LIVELY: Final = 6
+_ARMS: Final = 7
+_HAND: Final = 8
+_TALK: Final = 9
 _FIGURE: Final = 15
-_RIGHT_SHARE: Final = 0.8
-"""The telephone is in the right hand of eight in ten."""
+WAITS: Final = Idle(arms="hanging")
+TELEPHONES: Final = Phone()
+_BODY: Final = np.array([canonical_skeleton().index(name) for name in BODY_JOINTS])
 
 
 def people_of(crowd: Crowd) -> Vector:
     """Return one row (n, 16) per person for the kernels below.
 
-    Columns: x, z, yaw, stature, behaviour, ten numbers in 0..1 from the person's seed, and which
-    of `figures.crowd_figures` the person is.
+    Columns: x, z, yaw, stature, behaviour, seed, how lively, the way of the arms of who waits, the
+    hand and the share of talk of who telephones, and last which of `figures.crowd_figures` the
+    person is; the others are spare.
     """
-    people = np.empty((len(crowd), N_PERSON))
+    people = np.zeros((len(crowd), N_PERSON))
     people[:, :2] = crowd.position_m
     people[:, 2], people[:, 3] = crowd.yaw_rad, crowd.stature_m
     people[:, 4] = crowd.behaviour
     for row, seed in zip(people, crowd.seed.tolist(), strict=True):
-        row[_CHANCE] = np.random.default_rng(seed).random(10)
+        row[_SEED] = seed
+        row[_LIVELY], row[_ARMS] = WAITS.numbers(seed)
+        _, row[_HAND], row[_TALK] = TELEPHONES.numbers(seed)
     people[:, _FIGURE] = crowd.character
     return people
 
@@ -47,9 +59,13 @@ def people_of(crowd: Crowd) -> Vector:
 def telephone_sides(people: Vector) -> list[Literal["left", "right"] | None]:
     """Return in which hand each of these rows (n, 16) holds a telephone; None for who waits."""
     return [
-        None if row[4] <= 0.5 else "right" if row[_CHANCE][9] < _RIGHT_SHARE else "left"
-        for row in people
+        None if row[4] <= 0.5 else "right" if row[_HAND] > 0.5 else "left" for row in people
     ]
+
+
+def kinds_of(people: Vector) -> list[Kind]:
+    """Return what each of these rows (n, 16) does, as data."""
+    return [WAITS if row[4] <= 0.5 else TELEPHONES for row in people]
 
 
 @compiled
@@ -66,42 +82,41 @@ def turned(local: Vector, joint: int, x: float, y: float, z: float) -> None:
 
 @compiled
 def idle_turns(
-    person: Vector, t_s: float, hip_height_m: float, root: Vector, local: Vector
+    person: Vector, t_s: float, figures: Figures, root: Vector, local: Vector
 ) -> None:
-    """Write root (3,) and joint turns (22, 4) of `BODY_JOINTS` of a person at a time."""
-    local[:] = 0.0
-    local[:, 0] = 1.0
-    p = person[5:]
-    w = 2 * np.pi
-    shift = np.sin(w * (t_s / (9 + 6 * p[0]) + p[1]))
-    sway = np.sin(w * (t_s / (3.1 + p[2]) + p[3]))
-    breath = np.sin(w * (t_s / (3.6 + 0.9 * p[4]) + p[5]))
-    look = np.sin(w * (t_s / (11 + 8 * p[6]) + p[7])) + 0.5 * np.sin(
-        w * (t_s / (5.3 + 2 * p[8]) + p[0])
-    )
-    yaw = person[2]
-    aside = 0.012 * shift + 0.003 * sway
-    ahead = 0.004 * np.sin(w * (t_s / (4.3 + p[5]) + p[8]))
-    root[0] = person[0] + np.cos(yaw) * aside - np.sin(yaw) * ahead
-    root[1] = hip_height_m
-    root[2] = person[1] - np.sin(yaw) * aside - np.cos(yaw) * ahead
-    turned(local, 0, 0.0, yaw + 0.03 * sway, 0.02 * shift)
-    turned(local, _SPINE, 0.012 * sway, 0.06 * look, -0.03 * shift)
-    turned(local, _CHEST, 0.012 * breath, 0.03 * look, -0.01 * shift)
-    turned(local, _NECK, -0.01 * breath, 0.06 * look, 0.0)
-    turned(local, _HEAD, 0.04 * sway - 0.05, 0.14 * look, 0.0)
-    lean = 0.02 * shift
-    turned(local, _LEFT_LEG, 0.0, 0.0, -lean - 0.03)
-    turned(local, _RIGHT_LEG, 0.0, 0.0, -lean + 0.03)
-    hang = 1.54 + 0.02 * breath
-    bend = 0.18 + 0.15 * p[9] + 0.04 * sway
-    hang_joint(local, _LEFT_ARM, 1.0, hang, 0.06 * sway, bend)
-    hang_joint(local, _RIGHT_ARM, -1.0, hang, -0.05 * sway, bend)
+    """Write roots (1, 3) and joint turns (1, 22, 4) of `BODY_JOINTS` of a person at a time: the
+    very posture that is drawn, feet locked to the floor.
+    """
+    who = int(person[_FIGURE])
+    controls, numbers = np.zeros((1, p.SIZE)), np.zeros((1, NUMBERS))
+    rows, since, seeds = np.zeros(1, np.int64), np.full(1, t_s), np.full(1, int(person[_SEED]))
+    lengths, offsets = figures.lengths_m[who : who + 1], figures.skeleton_m[who : who + 1]
+    numbers[0, 0] = person[_LIVELY]
     if person[4] > 0.5:
-        if p[9] < _RIGHT_SHARE:
-            hang_joint(local, _RIGHT_ARM, -1.0, 1.20 + 0.02 * breath, 0.55, 2.45 + 0.03 * sway)
-        else:
-            hang_joint(local, _LEFT_ARM, 1.0, 1.20 + 0.02 * breath, 0.55, 2.45 + 0.03 * sway)
+        numbers[0, 1], numbers[0, 2] = person[_HAND], person[_TALK]
+        phone_rows(rows, since, seeds, numbers, lengths, controls)
+    else:
+        numbers[0, 1] = person[_ARMS]
+        idle_rows(rows, since, seeds, numbers, lengths, controls)
+    place, heading = np.zeros((1, 3)), np.full(1, person[2])
+    place[0, 0], place[0, 2] = person[0], person[1]
+    placed_rows(controls, place, heading)
+    eyes, head, chest = np.empty((1, 3)), np.empty((1, 4)), np.empty((1, 4))
+    look_from(controls, offsets, rows, eyes, head, chest)
+    added = np.zeros((1, 3))
+    turn_rows(
+        t_s, np.zeros(2, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros((1, 3)), eyes,
+        head, controls[:, p.FRONT : p.ATTEND + 3].copy(), seeds, np.full(3, np.nan), added,
+    )  # fmt: skip
+    controls[0, p.TRUNK_YAW] += added[0, 0]
+    controls[0, p.HEAD_YAW] += added[0, 1]
+    controls[0, p.HEAD_PITCH] += added[0, 2]
+    turns = np.empty((1, p.JOINTS, 4))
+    nobody = np.zeros((1, 3))
+    pose_rows(controls, offsets, rows, np.zeros(1, np.bool_), nobody, nobody, root, turns)
+    for k in range(N_JOINTS):
+        for i in range(4):
+            local[0, k, i] = turns[0, _BODY[k], i]
 
 
 @compiled
@@ -128,8 +143,8 @@ def place_person(
     world: Vector,
 ) -> None:
     """Write joints in world, (1, 22, 3) and (1, 22, 4), of a person at a time."""
-    who = int(person[15])
-    idle_turns(person, t_s, figures.hip_height_m[who], root[0], local[0])
+    who = int(person[_FIGURE])
+    idle_turns(person, t_s, figures, root, local)
     forward_rows(figures.parents, figures.offsets_m[who], root, local, position, world)
 
 
@@ -142,12 +157,3 @@ def crowd_poses(people: Vector, t_s: float) -> tuple[Vector, Vector]:
     for i in range(n):
         place_person(people[i], t_s, figures, root, local, position[i : i + 1], world[i : i + 1])
     return position, world
-
-
-def crowd_turns(people: Vector, t_s: float) -> tuple[Vector, Vector]:
-    """Return roots (n, 3) and turns against the parent (n, 22, 4) for skinning characters."""
-    hips = crowd_figures().hip_height_m
-    root, local = np.empty((len(people), 3)), np.empty((len(people), N_JOINTS, 4))
-    for i, person in enumerate(people):
-        idle_turns(person, t_s, hips[int(person[_FIGURE])], root[i], local[i])
-    return root, local

@@ -5,15 +5,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from lab.geometry import Vector
 from stimuli.characters.character import MORPHS, Character
-from stimuli.contact.body import BODY_JOINTS
-from stimuli.contact.idle import crowd_turns, people_of, telephone_sides
+from stimuli.contact.idle import kinds_of, people_of, telephone_sides
 from stimuli.dressing.casting import Casting, build_of, default_casting
 from stimuli.dressing.telephone import holding_telephone
-from stimuli.motion.kinds import Idle
 from stimuli.motion.people import PeopleMotion, Person
-from stimuli.motion.posture import B_STAND
 from stimuli.picture import Picture, PosedPeople
 from stimuli.rooms.station import board_face, station
 from stimuli.scenes.station_crowd import CHARACTERS, Crowd, CrowdFrame, CrowdScene
@@ -22,43 +18,26 @@ from stimuli.scenes.station_crowd import CHARACTERS, Crowd, CrowdFrame, CrowdSce
 @dataclass(frozen=True, eq=False)
 class _Set:
     cast: tuple[Character, ...]
-    people: Vector
-    hips_m: Vector
-    relaxed: PeopleMotion
-    body: tuple[int, ...]
+    motion: PeopleMotion
 
 
 @lru_cache(maxsize=16)
 def _set_of(crowd: Crowd, casting: Casting) -> _Set:
     bare = [casting(CHARACTERS[c]) for c in crowd.character.tolist()]
-    people = tuple(
-        Person(build_of(character), Idle(arms="hanging"), int(seed) % 2**31)
-        for character, seed in zip(bare, crowd.seed, strict=True)
-    )
     rows = people_of(crowd)
-    sides = telephone_sides(rows)
+    people = tuple(
+        Person(
+            build_of(character), kind, int(seed), (float(x), 0.0, float(z)), float(np.degrees(yaw))
+        )
+        for character, kind, seed, (x, z), yaw in zip(
+            bare, kinds_of(rows), crowd.seed, crowd.position_m, crowd.yaw_rad, strict=True
+        )
+    )  # fmt: skip
     cast = tuple(
         character if side is None else holding_telephone(character, side)
-        for character, side in zip(bare, sides, strict=True)
+        for character, side in zip(bare, telephone_sides(rows), strict=True)
     )
-    index = cast[0].skeleton.index_of
-    return _Set(
-        cast=cast,
-        people=rows,
-        hips_m=np.array([build_of(c).lengths_m[B_STAND] for c in bare]),
-        relaxed=PeopleMotion(people),
-        body=tuple(index[name] for name in BODY_JOINTS),
-    )
-
-
-def _posed(dressed: _Set, t_s: float) -> PosedPeople:
-    """Return everybody with the trunk and limbs of the contact rule; fingers and face on top."""
-    relaxed = dressed.relaxed.at(t_s)
-    root, turns = crowd_turns(dressed.people, t_s)
-    orientation = relaxed.orientation_wxyz.copy()
-    orientation[:, dressed.body] = turns
-    hips = np.stack([root[:, 0], dressed.hips_m, root[:, 2]], axis=1)
-    return PosedPeople(hips, orientation, relaxed.morphs_01)
+    return _Set(cast, PeopleMotion(people))
 
 
 def station_picture(frame: CrowdFrame, *, casting: Casting = default_casting) -> Picture:
@@ -71,7 +50,7 @@ def station_picture(frame: CrowdFrame, *, casting: Casting = default_casting) ->
         people = nobody
     else:
         dressed = _set_of(crowd, casting)
-        cast, people = dressed.cast, _posed(dressed, frame.crowd_t_ns * 1e-9)
+        cast, people = dressed.cast, dressed.motion.at(frame.crowd_t_ns * 1e-9)
     return Picture(
         t_ns=frame.t_ns,
         room=station(),

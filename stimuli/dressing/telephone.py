@@ -9,12 +9,12 @@ import numpy as np
 from lab.geometry import Vector, unit
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.character import Character, Material, SkinnedMesh
+from stimuli.motion.gesture_kernels import HELD_AT
 from stimuli.picture import StaticMesh
 from stimuli.rooms.solids import box
 
 SIZE_M = (0.145, 0.071, 0.009)
 """Length, width and thickness."""
-OFF_PALM_M = 0.026
 BLACK = (30, 31, 34)
 CASE = Material("telephone", "other", 0.35)
 
@@ -43,8 +43,8 @@ def holding_telephone(character: Character, side: Literal["left", "right"]) -> C
 
 
 def _grip(character: Character, side: str) -> tuple[Vector, Vector]:
-    """Return the middle (3,) of what a hand holds at rest, and its axes as rows: along the edge
-    towards the thumb, along the fingers, out of the palm.
+    """Return the middle (3,) of what a hand holds at rest, and its axes as rows: its length, askew
+    between fingers and thumb, its width, out of the palm.
     """
     at = character.skeleton.rest_m
     index = character.skeleton.index
@@ -54,8 +54,9 @@ def _grip(character: Character, side: str) -> tuple[Vector, Vector]:
     towards_thumb = unit(thumb_side - (thumb_side @ fingers) * fingers)
     out = np.cross(fingers, towards_thumb)
     out *= -np.sign(out[1])  # palms face the floor at rest
-    place = hand + 0.8 * (middle - hand) + OFF_PALM_M * out + 0.012 * towards_thumb
-    return place, np.stack([towards_thumb, fingers, out])
+    along, off_palm_m, to_thumb_m = HELD_AT
+    place = hand + along * (middle - hand) + off_palm_m * out + to_thumb_m * towards_thumb
+    return place, np.stack([unit(fingers + towards_thumb), unit(fingers - towards_thumb), out])
 
 
 def _with(mesh: SkinnedMesh, held: StaticMesh, joint: int, material: int) -> SkinnedMesh:

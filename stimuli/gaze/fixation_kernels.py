@@ -29,7 +29,7 @@ NOD_RAD: Final = np.radians(0.35)
 def _offset_rad(t_s: float, person: int, purpose: int) -> float:
     micro, _ = stepping(t_s, MICRO_MEAN_S, MICRO_LASTS_S, person, purpose)
     slow = min(1.5, max(-1.5, drift(t_s, 0.35, person, purpose + 1)))
-    return MICRO_RAD * micro + DRIFT_RAD * slow
+    return float(MICRO_RAD * micro + DRIFT_RAD * slow)
 
 
 @compiled

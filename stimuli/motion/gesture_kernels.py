@@ -19,6 +19,14 @@ from stimuli.motion.standing_kernels import (
 )
 
 LEFT, RIGHT, BOTH = 0, 1, 2
+HELD_AT = (0.8, 0.026, 0.012)
+"""Middle of a held telephone from the wrist: shares of the hand along the fingers, metres out of
+the palm and towards the thumb."""
+EARPIECE_M = 0.055
+"""From the middle of a telephone to where it lies at the ear; half of it along the fingers."""
+EAR_FINGERS = (0.2425, 0.9701, 0.0)
+EAR_PALM = (1.0, -0.25, -0.25)
+"""In the head's axes, for the left hand: x inward, y up, z back."""
 
 
 @compiled
@@ -113,6 +121,33 @@ def wave_rows(
 
 
 @compiled
+def listen(a: Vector, b: Vector) -> None:
+    """Bring a hand to where the upper end of the telephone in it lies at the ear.
+
+    Fingers point up and forward, the palm faces the head; what is held lies askew in it, between
+    fingers and thumb, as `HELD_AT` says.
+    """
+    size = b[p.B_STATURE] / 1.75
+    fx, fy, fz = EAR_FINGERS
+    qx, qy, qz = EAR_PALM
+    along = fx * qx + fy * qy + fz * qz
+    qx, qy, qz = qx - along * fx, qy - along * fy, qz - along * fz
+    whole = np.sqrt(qx * qx + qy * qy + qz * qz)
+    qx, qy, qz = qx / whole, qy / whole, qz / whole
+    tx, ty, tz = qy * fz - qz * fy, qz * fx - qx * fz, qx * fy - qy * fx
+    up = EARPIECE_M * np.sqrt(0.5)
+    f = HELD_AT[0] * b[p.B_HAND] + up
+    q, t = HELD_AT[1], HELD_AT[2] + up
+    hold(
+        a, p.HEAD, 1.0,
+        -1.10 * b[p.B_HEAD_HALF] - 0.008 - f * fx - q * qx - t * tx,
+        b[p.B_EAR_Y] - 0.015 * size - f * fy - q * qy - t * ty,
+        0.028 * size - f * fz - q * qz - t * tz,
+        fx, fy, fz, qx, qy, qz,
+    )  # fmt: skip
+
+
+@compiled
 def phone_rows(
     rows: npt.NDArray[np.int64], t_s: Vector, persons: npt.NDArray[np.int64],
     numbers: Vector, builds: Vector, controls: Vector,
@@ -141,13 +176,7 @@ def phone_rows(
         c[p.HEAD_YAW] += np.radians(5.0) * lively * drift(t, 0.05, person, 322)
         c[p.TRUNK_YAW] += np.radians(4.0) * lively * drift(t, 0.04, person, 323)
         a = arm_of(c, side)
-        # The fingers hold the lower half of the phone; its upper end reaches the ear.
-        size = b[p.B_STATURE] / 1.75
-        hold(
-            a, p.HEAD, 1.0,
-            -b[p.B_HEAD_HALF] - 0.075 * size, b[p.B_EAR_Y] - 0.115 * size, -0.085 * size,
-            0.40, 0.72, 0.50, 1.0, -0.20, -0.38,
-        )  # fmt: skip
+        listen(a, b)
         pole(a, -0.50, -1.0, 0.10)
         a[p.SHOULDER_UP] += np.radians(6.0)
         curl(a, 0.26, 0.36, 0.42, 0.46, 0.30)

@@ -114,7 +114,7 @@ def test_idle_people_move_little_and_stand_on_the_floor():
     first, _ = crowd_poses(people, 0.0)
     for t_s in (3.0, 7.7, 31.0):
         now, _ = crowd_poses(people, t_s)
-        assert np.linalg.norm(now[:, 0] - first[:, 0], axis=1).max() < 0.05
+        assert np.linalg.norm(now[:, 0] - first[:, 0], axis=1).max() < 0.15
         toes = now[:, [BODY_JOINTS.index("left_toes"), BODY_JOINTS.index("right_toes")], 1]
         assert toes.min() > -0.03
         assert toes.max() < 0.06

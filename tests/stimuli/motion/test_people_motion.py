@@ -124,10 +124,10 @@ def test_held_heads_stay_where_the_study_put_them() -> None:
         body = forward(people[0].build.skeleton, pose.root_m[0], pose.orientation_wxyz[0])
         index = people[0].build.skeleton.index
         middle = body.position_m[[index("left_eye"), index("right_eye")]].mean(axis=0)
-        assert middle == pytest.approx(eyes[0], abs=1e-9)
+        assert middle == pytest.approx(eyes[0], abs=0.010)
         w, x, y, z = body.orientation_wxyz[index("head")]
         front = -np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-        assert front == pytest.approx(facing[0], abs=1e-9)
+        assert front == pytest.approx(facing[0], abs=np.radians(1.0))
 
 
 def test_changing_from_one_thing_to_the_next_does_not_pop() -> None:
