@@ -31,6 +31,7 @@ def crowd_of(n: int, rng: np.random.Generator) -> Crowd:
         (rng.random(n) < 0.5).astype(np.int64),
         rng.integers(0, len(CHARACTERS), n),
         rng.integers(0, 2**31, n),
+        np.zeros(n, np.int64),
     )
 
 

@@ -51,7 +51,7 @@ def gazes(count: int) -> GazePlan:
 
 
 def slips_mm_s(motion: PeopleMotion) -> Vector:
-    """Return speeds of the balls of a walker's feet while these are on the floor."""
+    """Return speeds of the balls of somebody's feet while these are on the floor."""
     own = motion.people[0].build
     toes = [own.skeleton.index(f"{side}_toes") for side in ("left", "right")]
     places = []
@@ -93,9 +93,10 @@ def rows() -> list[Row]:
         for name, gaze in (("looking around", None), ("shifting gaze", plan)):
             ms = cpu_ms(lambda m=motion, g=gaze: m.at(3.1, g))  # type: ignore[misc]
             table.append(row(f"{count} people posed, {name}", ms, "ms", limit_ms))
-    slips = slips_mm_s(crowd(1, (Walk(),)))
-    table.append(row("foot slip of a walker, 95th percentile", float(np.percentile(slips, 95)),
-                     "mm/s", 5.0))  # fmt: skip
+    for kind in KINDS:
+        slip = float(np.percentile(slips_mm_s(crowd(1, (kind,))), 95))
+        name = type(kind).__name__
+        table.append(row(f"foot slip, {name}, 95th percentile", slip, "mm/s", 5.0))
     table.append(row("gaze error, worst eye", gaze_error_deg(60), "deg", 0.1))
     beyond = max(
         float(beyond_deg(crowd(90).at(t).orientation_wxyz).max()) for t in (0.0, 7.0, 31.0)

@@ -79,6 +79,8 @@ def crowd_from_record(configuration: int, people: str) -> Crowd:
         behaviour=np.array(raw["behaviour"], np.int64),
         character=np.array(raw["character"], np.int64),
         seed=np.array(raw["seed"], np.int64),
+        # Before there were outfits everybody stood as they came.
+        outfit=np.array(raw.get("outfit", np.zeros(len(raw["seed"]))), np.int64),
     )
 
 

@@ -81,6 +81,7 @@ def crowd_record(crowd: Crowd) -> str:
             "stature_m": crowd.stature_m.tolist(),
             "behaviour": crowd.behaviour.tolist(),
             "character": crowd.character.tolist(),
+            "outfit": crowd.outfit.tolist(),
             "seed": crowd.seed.tolist(),
         }
     )

@@ -23,7 +23,7 @@ def _shipped(name: str) -> Character:
 
 @cache
 def load_cast() -> tuple[Character, ...]:
-    """Return the default cast: six women, then five men, all different adults.
+    """Return the default cast: six women, then six men, all different adults.
 
     Every call returns the same objects, so a renderer keeps what it has built.
     """

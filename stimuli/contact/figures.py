@@ -21,9 +21,10 @@ from stimuli.scenes.station_crowd import CHARACTERS
 class Figures(NamedTuple):
     """k people in their own measures, as compiled kernels read them.
 
-    `parents` (22,) of `BODY_JOINTS`; `lengths_m` (k, B_SIZE) of their builds;
-    `skeleton_m` (k, 55, 3) offsets of all joints, `offsets_m` (k, 22, 3) of the body's; `columns` (19,) the joint each capsule hangs on;
-    `start_m`, `end_m` (k, 19, 3) in that joint's frame at rest and `radius_m` (k, 19).
+    `parents` (22,) of `BODY_JOINTS`; `lengths_m` (k, B_SIZE) of their builds; `skeleton_m`
+    (k, 55, 3) offsets of all joints, `offsets_m` (k, 22, 3) of the body's; `columns` (19,) the
+    joint each capsule hangs on; `start_m`, `end_m` (k, 19, 3) in that joint's frame at rest and
+    `radius_m` (k, 19).
     """
 
     parents: npt.NDArray[np.int64]

@@ -58,9 +58,7 @@ def people_of(crowd: Crowd) -> Vector:
 
 def telephone_sides(people: Vector) -> list[Literal["left", "right"] | None]:
     """Return in which hand each of these rows (n, 16) holds a telephone; None for who waits."""
-    return [
-        None if row[4] <= 0.5 else "right" if row[_HAND] > 0.5 else "left" for row in people
-    ]
+    return [None if row[4] <= 0.5 else "right" if row[_HAND] > 0.5 else "left" for row in people]
 
 
 def kinds_of(people: Vector) -> list[Kind]:
@@ -81,9 +79,7 @@ def turned(local: Vector, joint: int, x: float, y: float, z: float) -> None:
 
 
 @compiled
-def idle_turns(
-    person: Vector, t_s: float, figures: Figures, root: Vector, local: Vector
-) -> None:
+def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local: Vector) -> None:
     """Write roots (1, 3) and joint turns (1, 22, 4) of `BODY_JOINTS` of a person at a time: the
     very posture that is drawn, feet locked to the floor.
     """

@@ -23,6 +23,7 @@ HABITS = 12
 ATTENTIVE = Sit(lively=0.25)
 """Who listens hardly stirs; breathing is as deep as ever."""
 TOE_M = 0.07
+MEN_TRIED = 24
 FACING_OF_SPEAKER = np.array([0.0, 1.2, -2.5]) - audience.SPEAKER_EYE_M * np.array([1.0, 0.74, 1.0])
 
 
@@ -46,7 +47,7 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
         people.append(person)
         if isinstance(person.does, Sit):
             seats[agent.place] = floor + person.does.seat_m
-    speaker = casting("male_02")
+    speaker = _speaker(cast, casting)
     feet = audience.SPEAKER_EYE_M * np.array([1.0, 0.0, 1.0])
     heading = float(np.degrees(np.arctan2(-FACING_OF_SPEAKER[0], -FACING_OF_SPEAKER[2])))
     people.append(
@@ -58,6 +59,12 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
         audience_room(seats), (*cast, speaker),
         PeopleMotion(tuple(people), HeldHeads(eyes, facing)),
     )  # fmt: skip
+
+
+def _speaker(listeners: tuple[Character, ...], casting: Casting) -> Character:
+    """Return a man who does not sit among the listeners."""
+    men = (casting(f"male_{number:02d}") for number in range(1, MEN_TRIED + 1))
+    return next(man for man in men if man not in listeners)
 
 
 def _seated(build: Build, agent: Agent, seed: int, floor_m: float) -> Person:

@@ -6,6 +6,7 @@ from functools import cache
 from lab.errors import DesignError
 from stimuli.characters.cast import cast_names, load_cast, load_character
 from stimuli.characters.character import Character
+from stimuli.characters.outfits import in_other_clothes
 from stimuli.motion.build import Build, build_of_character
 
 Casting = Callable[[str], Character]
@@ -16,7 +17,7 @@ Casting = Callable[[str], Character]
 def default_casting(part: str) -> Character:
     """Return who plays a part: a name of the cast, or the n-th woman or man of it.
 
-    Numbers beyond the cast start again, so "male_06" is played by the first man.
+    Numbers beyond the cast start again in other clothes: "male_07" is the first man so dressed.
 
     Raises:
         DesignError: the part is neither.
@@ -30,7 +31,8 @@ def default_casting(part: str) -> Character:
             "female_01, male_01 and so on"
         )
     candidates = [c for c in load_cast() if c.gender == gender]
-    return candidates[(int(number) - 1) % len(candidates)]
+    outfit, who = divmod(int(number) - 1, len(candidates))
+    return in_other_clothes(candidates[who], outfit)
 
 
 @cache

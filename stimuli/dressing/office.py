@@ -14,6 +14,7 @@ import numpy as np
 from lab.geometry import Vector, rotate
 from stimuli.characters.character import MORPHS, Character
 from stimuli.dressing.casting import Casting, build_of, default_casting
+from stimuli.dressing.telephone import holding_telephone
 from stimuli.gaze.turning import Aimed
 from stimuli.motion.kinds import Idle, Kind, Phone, Recorded, Sit, Talk, Text
 from stimuli.motion.people import Doing, PeopleMotion, Person
@@ -106,7 +107,14 @@ def person_of(
 def _set_of(participant_place: str, waving: Waving | None, seed: int, casting: Casting) -> _Set:
     roles = roles_of(participant_place)
     people = tuple(person_of(role, participant_place, waving, seed, casting) for role in roles)
-    return _Set(tuple(casting(PARTS[role]) for role in roles), PeopleMotion(people))
+    return _Set(tuple(_holding(role, casting(PARTS[role])) for role in roles), PeopleMotion(people))
+
+
+def _holding(role: str, character: Character) -> Character:
+    """Return whoever telephones or types with a telephone in the hand."""
+    kind = BUSY.get(role)
+    busy = isinstance(kind, Phone | Text) and kind.hand != "any"
+    return holding_telephone(character, kind.hand) if busy else character
 
 
 def look_of(character: Character, root_m: Vector, turns: Vector) -> tuple[Vector, Vector, Vector]:

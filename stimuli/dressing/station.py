@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from stimuli.characters.character import MORPHS, Character
+from stimuli.characters.outfits import in_other_clothes
 from stimuli.contact.idle import kinds_of, people_of, telephone_sides
 from stimuli.dressing.casting import Casting, build_of, default_casting
 from stimuli.dressing.telephone import holding_telephone
@@ -23,7 +24,10 @@ class _Set:
 
 @lru_cache(maxsize=16)
 def _set_of(crowd: Crowd, casting: Casting) -> _Set:
-    bare = [casting(CHARACTERS[c]) for c in crowd.character.tolist()]
+    bare = [
+        in_other_clothes(casting(CHARACTERS[c]), outfit)
+        for c, outfit in zip(crowd.character.tolist(), crowd.outfit.tolist(), strict=True)
+    ]
     rows = people_of(crowd)
     people = tuple(
         Person(

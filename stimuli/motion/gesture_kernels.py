@@ -140,9 +140,9 @@ def listen(a: Vector, b: Vector) -> None:
     q, t = HELD_AT[1], HELD_AT[2] + up
     hold(
         a, p.HEAD, 1.0,
-        -1.10 * b[p.B_HEAD_HALF] - 0.008 - f * fx - q * qx - t * tx,
-        b[p.B_EAR_Y] - 0.015 * size - f * fy - q * qy - t * ty,
-        0.028 * size - f * fz - q * qz - t * tz,
+        -1.10 * b[p.B_HEAD_HALF] - 0.016 - f * fx - q * qx - t * tx,
+        b[p.B_EAR_Y] - 0.010 * size - f * fy - q * qy - t * ty,
+        0.018 * size - f * fz - q * qz - t * tz,
         fx, fy, fz, qx, qy, qz,
     )  # fmt: skip
 

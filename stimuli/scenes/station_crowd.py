@@ -52,6 +52,11 @@ CHARACTERS: Final = (
 )
 """Models that play the people: six women and six men."""
 
+UNLIKE_WITHIN_M: Final = 3.0
+"""No two people who look alike stand nearer to each other."""
+SAME_FACE_WITHIN_M: Final = 1.8
+"""Nor do two of the same face, whatever they wear, as long as there is anybody else."""
+
 _LAYOUT_SEED = 20201
 _CANDIDATES = 60
 
@@ -62,8 +67,9 @@ class Crowd:
 
     `position_m` (n, 2) x and z on the floor; `yaw_rad` (n,) turn about +y, 0 faces −z;
     `stature_m` (n,) of the characters who play them; `behaviour` (n,) index into `BEHAVIOURS`;
-    `character` (n,) index into `CHARACTERS`; `seed` (n,) decides each one's idle motion.
-    `spacing_m` is the least distance between two of them.
+    `character` (n,) index into `CHARACTERS`; `outfit` (n,) which of their clothes they wear, so
+    that no two who look alike are within `UNLIKE_WITHIN_M`; `seed` (n,) decides each one's idle
+    motion. `spacing_m` is the least distance between two of them.
     """
 
     configuration: int
@@ -73,6 +79,7 @@ class Crowd:
     behaviour: npt.NDArray[np.int64]
     character: npt.NDArray[np.int64]
     seed: npt.NDArray[np.int64]
+    outfit: npt.NDArray[np.int64]
     spacing_m: float = SPACING_M
 
     def __len__(self) -> int:
@@ -157,7 +164,7 @@ def station_crowd(configuration: int, density: float = DENSITY_PER_M2) -> Crowd:
     to_board = np.array([BOARD_M[0], BOARD_M[2]]) - position
     facing = np.arctan2(-to_board[:, 0], -to_board[:, 1]) + np.radians(12) * rng.standard_normal(n)
     anywhere = 2 * np.pi * rng.random(n)
-    character = rng.integers(0, len(CHARACTERS), n)
+    character = _apart(position, rng.integers(0, len(CHARACTERS), n))
     stature = np.array([default_casting(CHARACTERS[c]).stature_m for c in character])
     return Crowd(
         configuration=configuration,
@@ -167,8 +174,36 @@ def station_crowd(configuration: int, density: float = DENSITY_PER_M2) -> Crowd:
         behaviour=behaviour,
         character=character,
         seed=rng.integers(0, 2**31, n),
+        outfit=_outfits(position, character),
         spacing_m=spacing_m,
     )
+
+
+def _apart(position_m: Vector, drawn: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return who plays whom: as drawn, or the next of `CHARACTERS` where that face is near."""
+    character = drawn.copy()
+    for i in range(len(drawn)):
+        away = np.linalg.norm(position_m[:i] - position_m[i], axis=1)
+        nearest = np.array(
+            [away[character[:i] == c].min(initial=np.inf) for c in range(len(CHARACTERS))]
+        )
+        turns = (drawn[i] + np.arange(len(CHARACTERS))) % len(CHARACTERS)
+        free = turns[nearest[turns] > SAME_FACE_WITHIN_M]
+        character[i] = free[0] if len(free) else turns[nearest[turns].argmax()]
+    return character
+
+
+def _outfits(
+    position_m: Vector, character: npt.NDArray[np.int64]
+) -> npt.NDArray[np.int64]:  # fmt: skip
+    """Return for each person the first outfit that nobody of the same body wears nearby."""
+    outfit = np.zeros(len(character), np.int64)
+    for i in range(len(character)):
+        away = np.linalg.norm(position_m[:i] - position_m[i], axis=1)
+        near = (away <= UNLIKE_WITHIN_M) & (character[:i] == character[i])
+        worn = set(outfit[:i][near].tolist())
+        outfit[i] = next(k for k in range(len(character)) if k not in worn)
+    return outfit
 
 
 def poisson_disk(side_m: float, spacing_m: float, rng: np.random.Generator) -> Vector:

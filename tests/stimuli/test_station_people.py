@@ -1,16 +1,26 @@
-"""What people of the crowd do is drawn and touched alike, and looks like people."""
+"""People of the scenes: drawn as they touch, none like a neighbour, telephones at ears."""
+
+from functools import cache
 
 import numpy as np
 import pytest
 
 from lab.geometry import Vector, rotate
 from stimuli.characters.body_parts import PART_INDEX
+from stimuli.characters.cast import load_character
 from stimuli.characters.character import Character
+from stimuli.characters.outfits import in_other_clothes
 from stimuli.contact.body import BODY_JOINTS
 from stimuli.contact.idle import crowd_poses, people_of
+from stimuli.dressing.audience import audience_picture
+from stimuli.dressing.casting import default_casting
+from stimuli.dressing.office import agents_of, office_picture
 from stimuli.dressing.station import station_picture
 from stimuli.motion.skeleton import forward
 from stimuli.picture import Picture
+from stimuli.scene import SceneFrame
+from stimuli.scenes.audience import audience_scene
+from stimuli.scenes.office import OfficeScene
 from stimuli.scenes.station_crowd import PHONING, CrowdFrame, CrowdScene, station_crowd
 
 FEET = [BODY_JOINTS.index(f"{s}_{part}") for s in ("left", "right") for part in ("foot", "toes")]
@@ -43,6 +53,7 @@ def test_feet_of_the_crowd_do_not_slide():
     assert 5.0 > np.percentile(speed_mm_s, 95)
 
 
+@cache
 def _ear_m(person: Character, side: str) -> Vector:
     """Return where an ear stands out most, at rest, from the head's joint."""
     mesh, skeleton = person.levels[0], person.skeleton
@@ -84,3 +95,61 @@ def test_telephones_are_at_the_ear():
 
     assert 0.05 > max(away)
     assert 0.03 > np.median(away)
+
+
+@pytest.mark.parametrize("configuration", range(9))
+def test_nobody_within_three_metres_looks_alike(configuration):
+    crowd = station_crowd(configuration)
+    away = np.linalg.norm(crowd.position_m[:, None] - crowd.position_m, axis=2)
+    near = np.triu(away < 3.0, k=1)
+    alike = (crowd.character[:, None] == crowd.character) & (crowd.outfit[:, None] == crowd.outfit)
+
+    assert not (near & alike).any()
+    # Nor do two of the same face stand side by side in different clothes.
+    same_face = crowd.character[:, None] == crowd.character
+    assert 1.8 <= away[np.triu(same_face, k=1)].min()
+    assert 24 <= len(set(zip(crowd.character.tolist(), crowd.outfit.tolist(), strict=True)))
+
+
+def test_other_clothes_are_of_other_colours_on_the_same_body():
+    person = load_character("anna")
+    dressed = [in_other_clothes(person, outfit) for outfit in range(4)]
+
+    assert dressed[0] is person
+    assert 4 == len({d.name for d in dressed})
+    top = next(i for i, m in enumerate(person.materials) if m.name == "top")
+    mesh = person.levels[0]
+    used = np.unique(mesh.triangles[mesh.triangle_material == top])
+    worn = [d.levels[0].colour_srgb[used].mean(axis=0) for d in dressed]
+    for i in range(4):
+        assert dressed[i].closed is person.closed
+        for j in range(i):
+            assert 30 < np.linalg.norm(worn[i] - worn[j])
+
+
+def test_six_men_of_the_crowd_are_six():
+    men = {default_casting(f"male_{number:02d}").name for number in range(1, 7)}
+
+    assert 6 == len(men)
+    assert "gabriel_2" == default_casting("male_07").name
+
+
+def test_the_speaker_does_not_sit_in_his_own_audience():
+    names = [f"{g}_{i:02d}" for g, n in (("female", 6), ("male", 5)) for i in range(1, n + 1)]
+    frame = SceneFrame(audience_scene(names), 0, np.tile([0.0, 0, 1], (11, 1)), np.ones(11))
+    cast = audience_picture(frame).cast
+
+    assert cast[-1].name not in [person.name for person in cast[:-1]]
+
+
+def test_who_telephones_or_types_in_the_office_holds_a_telephone():
+    scene = OfficeScene("office", agents_of("place_3", None, 0, 0.0))
+    n = len(scene.agents)
+    cast = office_picture(SceneFrame(scene, 0, np.tile([0.0, 0, 1], (n, 1)), np.ones(n))).cast
+    holding = {
+        agent.place
+        for agent, person in zip(scene.agents, cast, strict=True)
+        if (person.levels[0].triangle_part == PART_INDEX["held_object"]).any()
+    }
+
+    assert {"bystander_middle", "bystander_right"} == holding

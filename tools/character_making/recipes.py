@@ -220,4 +220,18 @@ CAST: tuple[Recipe, ...] = (
         (Garment("polo", (112, 40, 52), "plain"), Garment("chinos", (56, 62, 78), "twill")),
         "loafer", (58, 42, 34),
     ),
+    Recipe(
+        "luca",
+        _shape("m", 38, {"caucasian": 0.85, "african": 0.15},
+               {"head/head-oval": 0.4, "nose/nose-scale-vert-incr": 0.4,
+                "nose/nose-curve-convex": 0.2, "chin/chin-jaw-drop-incr": 0.2,
+                "ears/~-ear-scale-incr": 0.2, "cheek/~-cheek-bones-incr": 0.2},
+               muscle=0.05, weight=-0.2, proportions=0.2),
+        1.77,
+        Face((206, 158, 128), (168, 100, 90), (96, 78, 48), (58, 42, 32), (46, 34, 28),
+             brow_weight=0.85, flush=0.35, stubble=0.75, lines=0.15),
+        "fringe",
+        (Garment("jumper", (84, 92, 60), "knit"), Garment("jeans", (44, 48, 58), "denim")),
+        "boot", (70, 52, 40),
+    ),
 )  # fmt: skip
