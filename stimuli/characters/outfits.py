@@ -69,7 +69,9 @@ def _other(
     for i, material in enumerate(character.materials):
         if material.name == name:
             own = _mean_colour(character, i)
-    unlike = [colours[i] for i in order if np.linalg.norm(np.asarray(colours[i]) - own) > UNLIKE]
+    unlike: list[Colour] = [
+        colours[i] for i in order if np.linalg.norm(np.asarray(colours[i]) - own) > UNLIKE
+    ]
     return unlike[(outfit - 1) % len(unlike)]
 
 

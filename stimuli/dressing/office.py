@@ -113,8 +113,9 @@ def _set_of(participant_place: str, waving: Waving | None, seed: int, casting: C
 def _holding(role: str, character: Character) -> Character:
     """Return whoever telephones or types with a telephone in the hand."""
     kind = BUSY.get(role)
-    busy = isinstance(kind, Phone | Text) and kind.hand != "any"
-    return holding_telephone(character, kind.hand) if busy else character
+    if isinstance(kind, Phone | Text) and kind.hand != "any":
+        return holding_telephone(character, kind.hand)
+    return character
 
 
 def look_of(character: Character, root_m: Vector, turns: Vector) -> tuple[Vector, Vector, Vector]:

@@ -33,7 +33,7 @@ def _picture(configuration: int, t_ns: int) -> Picture:
     )
 
 
-def test_what_touches_is_what_is_drawn():
+def test_what_touches_is_what_is_drawn() -> None:
     picture = _picture(3, 5_000_000_000)
     touched, _ = crowd_poses(people_of(station_crowd(3)), 5.0)
 
@@ -45,7 +45,7 @@ def test_what_touches_is_what_is_drawn():
         assert touched[i] == pytest.approx(body.position_m[rows], abs=1e-9)
 
 
-def test_feet_of_the_crowd_do_not_slide():
+def test_feet_of_the_crowd_do_not_slide() -> None:
     people, step_s = people_of(station_crowd(3)), 0.1
     feet = np.array([crowd_poses(people, float(t))[0][:, FEET] for t in np.arange(0, 20, step_s)])
     speed_mm_s = 1e3 * np.linalg.norm(np.diff(feet, axis=0), axis=-1) / step_s
@@ -66,10 +66,11 @@ def _ear_m(person: Character, side: str) -> Vector:
     points = points[np.abs(points[:, 1] - eye[1] + 0.02) < 0.035]
     outward = points[:, 0] * (-1 if side == "left" else 1)
     ear: Vector = points[outward > np.quantile(outward, 0.985)].mean(axis=0)
-    return ear - skeleton.rest_m[skeleton.index("head")]
+    head: Vector = skeleton.rest_m[skeleton.index("head")]
+    return ear - head
 
 
-def test_telephones_are_at_the_ear():
+def test_telephones_are_at_the_ear() -> None:
     picture = _picture(2, 5_000_000_000)
     crowd = station_crowd(2)
     away = []
@@ -98,7 +99,7 @@ def test_telephones_are_at_the_ear():
 
 
 @pytest.mark.parametrize("configuration", range(9))
-def test_nobody_within_three_metres_looks_alike(configuration):
+def test_nobody_within_three_metres_looks_alike(configuration: int) -> None:
     crowd = station_crowd(configuration)
     away = np.linalg.norm(crowd.position_m[:, None] - crowd.position_m, axis=2)
     near = np.triu(away < 3.0, k=1)
@@ -111,7 +112,7 @@ def test_nobody_within_three_metres_looks_alike(configuration):
     assert 24 <= len(set(zip(crowd.character.tolist(), crowd.outfit.tolist(), strict=True)))
 
 
-def test_other_clothes_are_of_other_colours_on_the_same_body():
+def test_other_clothes_are_of_other_colours_on_the_same_body() -> None:
     person = load_character("anna")
     dressed = [in_other_clothes(person, outfit) for outfit in range(4)]
 
@@ -127,14 +128,14 @@ def test_other_clothes_are_of_other_colours_on_the_same_body():
             assert 30 < np.linalg.norm(worn[i] - worn[j])
 
 
-def test_six_men_of_the_crowd_are_six():
+def test_six_men_of_the_crowd_are_six() -> None:
     men = {default_casting(f"male_{number:02d}").name for number in range(1, 7)}
 
     assert 6 == len(men)
     assert "gabriel_2" == default_casting("male_07").name
 
 
-def test_the_speaker_does_not_sit_in_his_own_audience():
+def test_the_speaker_does_not_sit_in_his_own_audience() -> None:
     names = [f"{g}_{i:02d}" for g, n in (("female", 6), ("male", 5)) for i in range(1, n + 1)]
     frame = SceneFrame(audience_scene(names), 0, np.tile([0.0, 0, 1], (11, 1)), np.ones(11))
     cast = audience_picture(frame).cast
@@ -142,7 +143,7 @@ def test_the_speaker_does_not_sit_in_his_own_audience():
     assert cast[-1].name not in [person.name for person in cast[:-1]]
 
 
-def test_who_telephones_or_types_in_the_office_holds_a_telephone():
+def test_who_telephones_or_types_in_the_office_holds_a_telephone() -> None:
     scene = OfficeScene("office", agents_of("place_3", None, 0, 0.0))
     n = len(scene.agents)
     cast = office_picture(SceneFrame(scene, 0, np.tile([0.0, 0, 1], (n, 1)), np.ones(n))).cast
