@@ -75,7 +75,7 @@ def test_frame_is_logged_shown_and_handed_over() -> None:
     row = batch.values[0]
     assert (row["frame"], row["predicted_display_ns"], row["skipped"]) == (5, 900, 2)
     assert row["head_position_m"].tolist() == HEAD.position_m.tolist()
-    assert row["level"].tolist() == [1, 0, 1, -2]
+    assert row["level"].tolist() == [2, 2, 2, -2]  # faces of fewer than nine pixels
     assert row["drawn"]
 
 
