@@ -24,8 +24,8 @@ HELD_AT = (0.8, 0.026, 0.012)
 the palm and towards the thumb."""
 EARPIECE_M = 0.055
 """From the middle of a telephone to where it lies at the ear; half of it along the fingers."""
-EAR_FINGERS = (0.2425, 0.9701, 0.0)
-EAR_PALM = (1.0, -0.25, -0.25)
+EAR_FINGERS = (0.4154, 0.7477, 0.5180)
+EAR_PALM = (1.0, -0.20, -0.38)
 """In the head's axes, for the left hand: x inward, y up, z back."""
 
 
@@ -140,7 +140,7 @@ def listen(a: Vector, b: Vector) -> None:
     q, t = HELD_AT[1], HELD_AT[2] + up
     hold(
         a, p.HEAD, 1.0,
-        -1.10 * b[p.B_HEAD_HALF] - 0.016 - f * fx - q * qx - t * tx,
+        -1.02 * b[p.B_HEAD_HALF] - f * fx - q * qx - t * tx,
         b[p.B_EAR_Y] - 0.010 * size - f * fy - q * qy - t * ty,
         0.018 * size - f * fz - q * qz - t * tz,
         fx, fy, fz, qx, qy, qz,
