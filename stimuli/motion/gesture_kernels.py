@@ -124,7 +124,7 @@ def wave_rows(
 def listen(a: Vector, b: Vector) -> None:
     """Bring a hand to where the upper end of the telephone in it lies at the ear.
 
-    Fingers point up and forward, the palm faces the head; what is held lies askew in it, between
+    Fingers point up and back, the palm faces the head; what is held lies askew in it, between
     fingers and thumb, as `HELD_AT` says.
     """
     size = b[p.B_STATURE] / 1.75
