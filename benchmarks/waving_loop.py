@@ -30,7 +30,7 @@ from experiments.waving.clips import (
 )
 from lab.clock import NS_PER_S, StopWatch, SystemClock
 from lab.geometry import Vector
-from stimuli.dressing.office import agents_of, posed_office
+from stimuli.dressing.office import agents_of, office_picture
 from stimuli.dressing.office_view import eye_at
 from stimuli.motion.warping.control import Situation, is_within, see, tolerance_of, wanted_features
 from stimuli.motion.warping.track import TrackLoop
@@ -193,8 +193,9 @@ def _round(
         if loop is not None:
             sway = 0.02 * np.array([np.sin(1.3 * t_s), 0.2 * np.sin(2.1 * t_s), np.cos(t_s)])
             loop.step(t_s, eye_at("place_3") + np.round(sway, 2))
-        posed_office(
-            scene, t_s, still, np.ones(len(still)), warp=None if loop is None else loop.track
+        warp = None if loop is None else loop.track
+        office_picture(
+            OfficeFrame(scene, round(t_s * NS_PER_S), still, np.ones(len(still)), warp=warp)
         )
         work_ms.append(watch.elapsed_s() * 1e3)
     return work_ms

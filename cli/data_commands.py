@@ -13,7 +13,7 @@ from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, 
 from cli.studies import folder_of, session_of
 from lab.clock import SystemClock
 from lab.config import LabConfig
-from lab.config_files import CONFIG_NAME, EXAMPLE
+from lab.config_files import CONFIG_NAME, EXAMPLE, SCREEN_EXAMPLE
 from lab.errors import DataError, UsageError
 from protocol.exports_register import register_export
 from recording.durable import protect_files
@@ -194,6 +194,9 @@ def _exported(wanted: Path, config: Path | None, participant: str) -> list[Path]
 @app.command()
 def init(
     folder: Annotated[Path, typer.Argument(help="Folder of the lab.")] = Path(),
+    screen: Annotated[
+        bool, typer.Option("--screen", help="A lab with a monitor in the place of a headset.")
+    ] = False,
 ) -> None:
     """Write a lab_config.yaml to start from: everything simulated.
 
@@ -203,7 +206,7 @@ def init(
     if target.exists():
         raise UsageError(f"{target} exists already; it was left as it is")
     folder.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(EXAMPLE, target)
+    shutil.copyfile(SCREEN_EXAMPLE if screen else EXAMPLE, target)
     console.print(
         f"wrote [b]{verbatim(target)}[/]; edit it, then: visavis devices list", soft_wrap=True
     )

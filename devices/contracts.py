@@ -25,8 +25,9 @@ from devices.streams import POINTER as POINTER
 from devices.streams import RESPONSES as RESPONSES
 from devices.streams import body_schema as body_schema
 from lab.frame import FrameInfo
-from lab.geometry import Vector
+from lab.geometry import Pose, Vector
 from lab.schema import SampleBatch, StreamSchema
+from lab.screen import FlatScreen
 
 Sink = Callable[[SampleBatch], None]
 
@@ -257,6 +258,25 @@ class Headset(Device, Protocol):
         ...
 
 
+@runtime_checkable
+class OnScreen(Protocol):
+    """What a display offers through which the world is seen as through a window."""
+
+    @property
+    def screen(self) -> FlatScreen:
+        """The screen as seen from the viewing place."""
+        ...
+
+    @property
+    def place(self) -> Pose:
+        """The viewing place in the world, facing the screen."""
+        ...
+
+    def watch(self, batch: SampleBatch) -> None:
+        """Take gaze samples, which tell where the eyes are."""
+        ...
+
+
 # ---- responses ----------------------------------------------------------------------------
 
 
@@ -267,6 +287,15 @@ class ResponseInput(Device, Protocol):
     @property
     def controls(self) -> tuple[str, ...]:
         """Names of the controls, indexed by the `control` field."""
+        ...
+
+
+@runtime_checkable
+class KeyListener(Protocol):
+    """What a response device offers whose keys the participant's window hears."""
+
+    def hear(self, key: str, is_down: bool) -> None:
+        """Take a press or release of a key by its name, now."""
         ...
 
 

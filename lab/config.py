@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from lab.model_problems import model_problems
+from lab.screen import FlatScreen
 from lab.units import explain_magnitude, explain_text, unit_of
 from lab.yaml_lines import (
     Document,
@@ -50,20 +51,96 @@ class Room(_Part):
     depth_m: float | None = Field(default=None, gt=0, le=100)
 
 
-class Display(_Part):
-    """Where the scene is drawn: nowhere (geometry only), in a window, in the headset, or as
-    pictures that nobody sees (offscreen); where questionnaires are asked; as whom participants see
-    themselves where a body tracker follows them; and how long light takes to go when a scene ends
-    and to come when one begins. A scene that comes slowly has no onset to time from.
+class Screen(_Part):
+    """A monitor that participants look at: its lit area, its pixels, and where the eyes are.
+
+    `distance_m` leads from the eyes straight ahead to the screen's plane; `center_right_m` and
+    `center_up_m` say where the screen's middle stands as seen from there; `eye_height_m` is that
+    of the eyes above the floor of the scene. The head is fixed there (chin rest), or tracked: the
+    picture then follows the eyes that the eye tracker finds. Not `fullscreen` it is a window for
+    trying things out. `monitor` counts from 0.
     """
 
-    show: Literal["none", "window", "headset", "offscreen"] = "none"
-    questions: Literal["terminal", "headset"] = "terminal"
+    width_m: float = Field(gt=0.05, le=20)
+    height_m: float = Field(gt=0.05, le=20)
+    width_px: int = Field(ge=160, le=16384)
+    height_px: int = Field(ge=120, le=16384)
+    distance_m: float = Field(ge=0.1, le=50)
+    rate_hz: float = Field(default=60.0, ge=10, le=1000)
+    eye_height_m: float = Field(default=1.2, ge=0.2, le=2.5)
+    center_right_m: float = Field(default=0.0, ge=-5, le=5)
+    center_up_m: float = Field(default=0.0, ge=-5, le=5)
+    head: Literal["fixed", "tracked"] = "fixed"
+    fullscreen: bool = True
+    monitor: int = Field(default=0, ge=0, le=16)
+
+    @model_validator(mode="after")
+    def _is_ahead(self) -> "Screen":
+        if (
+            abs(self.center_right_m) >= self.width_m / 2
+            or abs(self.center_up_m) >= self.height_m / 2
+        ):
+            raise ValueError(
+                "straight ahead the eyes see past the screen: center_right_m and center_up_m must "
+                "be less than half its width and height"
+            )
+        return self
+
+    @property
+    def flat(self) -> FlatScreen:
+        """The screen as seen from the viewing place."""
+        return FlatScreen(
+            self.width_m,
+            self.height_m,
+            self.width_px,
+            self.height_px,
+            self.distance_m,
+            self.center_right_m,
+            self.center_up_m,
+        )
+
+    def as_options(self) -> dict[str, float]:
+        """Return what a screen-based eye tracker is told of the screen (mm, pixels)."""
+        return {
+            "screen_width_px": self.width_px,
+            "screen_height_px": self.height_px,
+            "screen_width_mm": round(self.width_m * 1e3, 6),
+            "screen_height_mm": round(self.height_m * 1e3, 6),
+            "screen_distance_mm": round(self.distance_m * 1e3, 6),
+            "screen_center_right_mm": round(self.center_right_m * 1e3, 6),
+            "screen_center_up_mm": round(self.center_up_m * 1e3, 6),
+        }
+
+
+class Display(_Part):
+    """Where the scene is drawn: nowhere (geometry only), in a window, in the headset, on a screen
+    participants sit before, or as pictures that nobody sees (offscreen); where questionnaires are
+    asked; as whom participants see themselves where a body tracker follows them; and how long
+    light takes to go when a scene ends and to come when one begins. A scene that comes slowly has
+    no onset to time from.
+    """
+
+    show: Literal["none", "window", "headset", "screen", "offscreen"] = "none"
+    screen: Screen | None = None
+    questions: Literal["terminal", "headset", "screen"] = "terminal"
     own_body: Literal["none", "female", "male"] = "none"
     fade_out_ms: float = Field(default=200.0, ge=0, le=3000)
     fade_in_ms: float = Field(default=0.0, ge=0, le=3000)
     window_width_px: int = Field(default=1280, ge=160, le=16384)
     window_height_px: int = Field(default=720, ge=120, le=16384)
+
+    @model_validator(mode="after")
+    def _has_a_screen(self) -> "Display":
+        if self.show == "screen" and self.screen is None:
+            raise ValueError(
+                "show: screen needs the screen's size, pixels and distance under display.screen"
+            )
+        return self
+
+    @property
+    def on_screen(self) -> Screen | None:
+        """The screen that stands in the place of a headset; None where there is a headset."""
+        return None if self.show in ("window", "headset") else self.screen
 
 
 class Sync(_Part):
@@ -203,10 +280,11 @@ def _validated(
         raise ProblemsError(document.path, problems)
     problems += model_problems(document, _File, raw, ())
     devices = raw.get("devices")
+    screen = _screen_of(raw)
     entries: dict[str, DeviceConfig] = {}
     if isinstance(devices, dict):
         for role, entry in devices.items():
-            checked = _device(document, role, entry, option_models, problems)
+            checked = _device(document, role, entry, option_models, problems, screen)
             if checked is not None:
                 entries[checked.role] = checked
     paths = {
@@ -242,6 +320,14 @@ def _absolute(folder: Path, text: str) -> Path:
     return (folder / Path(text).expanduser()).resolve()
 
 
+def _screen_of(raw: Mapping[str, Any]) -> Screen | None:
+    """Return the screen participants sit before; what is wrong with it is told elsewhere."""
+    try:
+        return Display.model_validate(raw.get("display", {})).on_screen
+    except ValidationError:
+        return None
+
+
 def is_own_role(role: str) -> bool:
     """Say whether the lab named the role itself: what fills it is recorded beside every study."""
     return role not in ROLES and not ARMBAND_ROLE.fullmatch(role)
@@ -253,6 +339,7 @@ def _device(
     entry: object,
     option_models: OptionModels | None,
     problems: list[Problem],
+    screen: Screen | None,
 ) -> DeviceConfig | None:
     """Check one role; adds what is wrong to `problems`."""
     at: KeyPath = ("devices", str(role))
@@ -290,11 +377,36 @@ def _device(
         ]
     else:
         model = option_models[driver]
+        if screen is not None:
+            problems += _taken_from_screen(document, at, model, options, screen)
         found = model_problems(document, model, options, at, also_known=("driver", "simulated"))
         problems += found
         if not found:
             options = {**options, **model.model_validate(options).model_dump()}
     return DeviceConfig(role=str(role), driver=driver, simulated=simulated is True, options=options)
+
+
+def _taken_from_screen(
+    document: Document,
+    at: KeyPath,
+    model: type[BaseModel],
+    options: dict[str, Any],
+    screen: Screen,
+) -> list[Problem]:
+    """Tell a screen-based eye tracker of the lab's screen; it is described once."""
+    problems = []
+    for name, value in screen.as_options().items():
+        if name not in model.model_fields:
+            continue
+        if options.get(name, value) != value:
+            problems.append(
+                document.problem(
+                    (*at, name),
+                    f"is {options[name]}, but display.screen says {value:g}; leave it out here",
+                )
+            )
+        options[name] = value
+    return problems
 
 
 def _unit_doubt(key: str, value: object) -> str | None:

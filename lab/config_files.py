@@ -9,6 +9,8 @@ from pathlib import Path
 CONFIG_NAME = "lab_config.yaml"
 EXAMPLE = Path(__file__).with_name("example_lab.yaml")
 """One lab in which every device is simulated."""
+SCREEN_EXAMPLE = Path(__file__).with_name("example_screen_lab.yaml")
+"""The same with a monitor in the place of a headset."""
 
 
 def find_config(folder: Path) -> Path | None:

@@ -70,6 +70,8 @@ def _fields_at(model: type[BaseModel], place: Sequence[str | int]) -> set[str]:
             inner = get_args(inner)[-1]  # a list's or mapping's values
         else:
             return set()
+        if type(None) in get_args(inner):  # a part that may be left out
+            inner = next(kind for kind in get_args(inner) if kind is not type(None))
     return set(inner.model_fields) if _is_model(inner) else set()
 
 

@@ -18,6 +18,9 @@ from stimuli.picture import Panel
 
 CONFIRM: Final = ("trigger", "select")
 """Controls that take the choice pointed at (or looked at, where nothing points)."""
+BACK: Final = ("left", "up")
+ON: Final = ("right", "down")
+"""Controls that go from choice to choice, for those who have keys and nothing to point with."""
 LEAVE_OUT_KEY: Final = "0"
 HAND: Final = "right_hand"
 ALONG_FINGERS: Final = np.array([1.0, 0.0, 0.0])
@@ -126,7 +129,8 @@ def ask_on_board(panel: Panel, ways: Ways, first: Show | None, show: Showing) ->
     """Show a board until something is chosen; yields steps of the engine.
 
     `first` shows the board; `show` returns the step that shows it in a later frame, None while
-    nothing changes: it is called in every frame, with the choice pointed at highlighted.
+    nothing changes: it is called in every frame, with the choice pointed at highlighted. Once keys
+    have gone to a choice, neither gaze nor rays take another.
     """
     yield from _shown(first)
     view = yield from _frame()
@@ -134,6 +138,7 @@ def ask_on_board(panel: Panel, ways: Ways, first: Show | None, show: Showing) ->
     until_ns = asked_ns + round(ways.limit_s * NS_PER_S)
     ray: Ray | None = None
     dwell = None if ways.dwell is None else GazeDwell(ways.dwell)
+    stepped: int | None = None
     # What was pressed up to this frame was pressed before the board was there.
     view = replace(view, pressed=())
     while view.t_ns < until_ns:
@@ -145,13 +150,18 @@ def ask_on_board(panel: Panel, ways: Ways, first: Show | None, show: Showing) ->
         at_gaze = dwell.choice if dwell is not None and gaze_counts else None
         lit = pointed if at_gaze is None else at_gaze
         for control in view.pressed:
+            stepped = _step(stepped, control, len(panel.choices))
+            if control in CONFIRM and stepped is not None:
+                return Chosen(stepped, "keys", asked_ns, view)
             if control in CONFIRM and lit is not None:
                 by = "ray" if at_gaze is None else "gaze and button"
                 return Chosen(lit, by, asked_ns, view, pose if at_gaze is None else None)
             digit = _of_digit(control, len(panel.choices), ways.can_leave_out)
             if digit is not None:
                 return Chosen(digit, "keys", asked_ns, view)
-        if looked is not None and gaze_counts:
+        if stepped is not None:
+            lit = stepped
+        elif looked is not None and gaze_counts:
             return Chosen(looked, "gaze", asked_ns, view)
         yield from _shown(show(view, replace(panel, highlighted=lit)))
         view = yield from _frame()
@@ -175,7 +185,7 @@ def newer_ray(before: Ray | None, view: FrameView, ways: Ways | None = None) -> 
             return Ray(Pose(body.position_m[-1, k], towards), is_hand=True)
     if before is not None and before.is_hand and ways.hand_points:
         return before
-    if not ways.head_points:
+    if not (ways.head_points and view.head_points):
         return None
     return Ray(view.head, is_hand=False) if view.head_valid else before
 
@@ -198,6 +208,15 @@ def _pointed(
         if met is not None:
             return met, pose
     return None, None
+
+
+def _step(at: int | None, control: str, n: int) -> int | None:
+    """Return the choice a key goes to: from one to the next, at first to the nearest end."""
+    if control in ON:
+        return 0 if at is None else min(at + 1, n - 1)
+    if control in BACK:
+        return n - 1 if at is None else max(at - 1, 0)
+    return at
 
 
 def _of_digit(key: str, n: int, can_leave_out: bool) -> int | None:

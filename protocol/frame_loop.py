@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from devices.contracts import GAZE, HEAD, POINTER, Fault
+from devices.contracts import GAZE, HEAD, POINTER, Fault, OnScreen
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceError
 from lab.frame import FrameInfo
@@ -18,6 +18,7 @@ from protocol.experiment import Experiment
 from protocol.observation import GazeObserver
 from protocol.rig import RunningRig
 from protocol.row_buffer import RowBuffer
+from protocol.screen_gaze import seen_on_screen
 from protocol.states import SessionState, StateMachine
 from protocol.steps import BodyView, FrameView, Play, Silence
 from protocol.streams import FRAMES, gaze_targets_schema, scene_states_schema
@@ -83,6 +84,8 @@ class FrameLoop:
         self.observer = GazeObserver(self._targets, delay_ns=round((delay_ms or 0.0) * NS_PER_MS))
         self._agent_count = m
         self._rig = rig
+        self.screen = rig.headset if isinstance(rig.headset, OnScreen) else None
+        """The display, where participants sit before a screen."""
         self._stage = stage
         self._recorder = recorder
         self._clock = clock
@@ -114,11 +117,14 @@ class FrameLoop:
         """Accept what a device delivers: record it, and keep what the loop needs."""
         self._recorder.append(batch)
         if role == "eye_tracker" and batch.schema.name == GAZE.name:
+            if self.screen is not None:
+                self.screen.watch(batch)
+                batch = seen_on_screen(batch, self.screen.screen, self.screen.place, self.head)
             self.observer.take(batch)
             self._stage.watch(role, batch)
             if self.gaze_tap is not None:
                 self.gaze_tap.append(batch)
-        elif role == "headset" and batch.schema.name == HEAD.name:
+        elif role == self._rig.display_role and batch.schema.name == HEAD.name:
             self._head_inbox.append(batch)
         elif role == "responses":
             if batch.schema.name == POINTER.name:
@@ -165,6 +171,7 @@ class FrameLoop:
             self._take_presses(),
             self._take_body() if self._body_inbox else None,
             tuple(self._rays[hand] for hand in sorted(self._rays, reverse=True)),
+            head_points=self.screen is None,
         )
 
     def _display(self, view: SceneFrame) -> None:

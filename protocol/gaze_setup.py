@@ -10,7 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from devices.contracts import CalibrationOutcome, CameraOnHead, EyeTracker, PatientCalibration
+from devices.contracts import (
+    CalibrationOutcome,
+    CameraOnHead,
+    EyeTracker,
+    OnScreen,
+    PatientCalibration,
+)
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import DeviceTimeout
 from lab.geometry import (
@@ -60,6 +66,32 @@ class TargetTiming:
     validation_sample_ms: int = 2000
 
 
+ON_SCREEN_01 = 0.9
+"""How far to the edge of a screen targets may lie."""
+
+
+def targets_on(display: OnScreen | None) -> tuple[tuple[str, float, float], ...]:
+    """Return the targets, drawn together as far as a screen needs to show all of them.
+
+    They keep their middle where the eyes look straight ahead; in a headset nothing is changed.
+    """
+    if display is None:
+        return TARGETS
+    view = display.screen.view_from(np.zeros(3))
+    shares = [1.0]
+    for _, yaw_deg, pitch_deg in TARGETS:
+        x, y, z = direction_from_yaw_pitch_deg(yaw_deg, pitch_deg).tolist()
+        for tangent, low, high in (
+            (x / -z, view.tangent_left, view.tangent_right),
+            (y / -z, view.tangent_bottom, view.tangent_top),
+        ):
+            edge = high if tangent > 0 else low
+            if tangent:
+                shares.append(max(0.0, ON_SCREEN_01 * edge / tangent))
+    share = min(shares)
+    return tuple((name, yaw * share, pitch * share) for name, yaw, pitch in TARGETS)
+
+
 MIN_POINTS_OF_FIT = 5
 MAX_RESIDUAL_DEG = 3.0
 
@@ -91,6 +123,7 @@ class GazeSetup:
         self._participant = participant
         self._next_frame = next_frame
         self._timing = timing
+        self._targets = targets_on(loop.screen)
         self.head_fit: HeadFit | None = None
         """How the camera was last found to sit on the head, of a tracker that has one there."""
 
@@ -105,7 +138,7 @@ class GazeSetup:
             return CalibrationOutcome(True, "this tracker is not calibrated from here")
         timing = self._timing
         self._eye_tracker.begin_calibration()
-        for _, yaw_deg, pitch_deg in TARGETS:
+        for _, yaw_deg, pitch_deg in self._targets:
             mark_m = self._place_target(yaw_deg, pitch_deg)
             self._frames_for(timing.calibration_arrive_ms)
             end_ns = self._loop.t_ns + timing.calibration_sample_ms * NS_PER_MS
@@ -161,7 +194,7 @@ class GazeSetup:
     def validate(self) -> tuple[ValidationPoint, ...]:
         """Show the nine targets and return the samples taken at each."""
         points = []
-        for name, yaw_deg, pitch_deg in TARGETS:
+        for name, yaw_deg, pitch_deg in self._targets:
             mark_m = self._place_target(yaw_deg, pitch_deg)
             base = self._loop.head.orientation_wxyz
             self._frames_for(self._timing.validation_arrive_ms)

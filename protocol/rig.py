@@ -14,6 +14,7 @@ from devices.contracts import (
     Fault,
     Headset,
     Health,
+    OnScreen,
     ResponseInput,
     TriggerOutput,
 )
@@ -30,7 +31,8 @@ OPEN_DEADLINE_S = 10.0
 
 @dataclass(frozen=True)
 class Rig:
-    """The devices by role; `headset` paces the session, `eye_tracker` delivers gaze where wanted.
+    """The devices by role; `headset` paces the session (a headset, or a screen in its place, which
+    has a role of its own), `eye_tracker` delivers gaze where wanted.
 
     `on_step` is called once per frame, for whoever watches that the session's loop goes round and
     tells the bands so; without it the rig tells them itself. `without` are roles the operator goes
@@ -46,7 +48,12 @@ class Rig:
     def by_role(self) -> dict[str, Device]:
         """Return every device in the fixed order in which it is stepped."""
         tracker = {} if self.eye_tracker is None else {"eye_tracker": self.eye_tracker}
-        return {"headset": self.headset, **tracker, **self.others}
+        return {self.display_role: self.headset, **tracker, **self.others}
+
+    @property
+    def display_role(self) -> str:
+        """Role of the device that paces the session."""
+        return "screen" if isinstance(self.headset, OnScreen) else "headset"
 
 
 class RunningRig:
@@ -79,6 +86,11 @@ class RunningRig:
         return self._rig.headset
 
     @property
+    def display_role(self) -> str:
+        """Role of the device that paces the session."""
+        return self._rig.display_role
+
+    @property
     def eye_tracker(self) -> EyeTracker | None:
         """The device that delivers gaze; None in a study that does without."""
         return self._rig.eye_tracker
@@ -102,7 +114,7 @@ class RunningRig:
         return {
             role: device.clock_pairs()
             for role, device in self._devices.items()
-            if role != "headset" and role not in self._bands
+            if role != self.display_role and role not in self._bands
         }
 
     def mark(self, text: str, t_ns: int) -> None:

@@ -130,7 +130,8 @@ class FrameView:
 
     `went_on` tells that the operator, asked by a `Prompt`, went on since the frame before.
     `pointers` are the rays of the tracked controllers, right hand first: from the position along
-    −z of the orientation, in world.
+    −z of the orientation, in world. `head_points` says whether turning the head points at things:
+    before a screen it does not.
     """
 
     index: int
@@ -142,6 +143,7 @@ class FrameView:
     body: BodyView | None = None
     pointers: tuple[Pose, ...] = ()
     went_on: bool = False
+    head_points: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,7 @@ from stage.mirror import Mirror, gaze_on_eye
 from stage.own_body import OwnBody
 from stage.renderer import Image, Renderer
 from stage.targets import EyeTarget
+from stage.window import Window
 from stimuli.characters.character import MORPHS
 from stimuli.panels import PanelFrame
 from stimuli.picture import Camera, Picture, PosedPeople, Room
@@ -74,7 +75,8 @@ def as_drawn(view: SceneFrame, t_ns: int) -> SceneFrame:
 class Display:
     """What is drawn for: how each eye looks and how many pixels it has (both asked at the first
     frame, when the headset is open), and at most how many people a picture holds. `hands_over`
-    says whether the images go on to the headset.
+    says whether the images go on to the headset. With `views_from` the eyes look another way from
+    every place of the head, as through a screen: it is asked in every frame.
     """
 
     views: Callable[[], Sequence[EyeView]]
@@ -82,6 +84,7 @@ class Display:
     people_count: int
     rate_hz: float = 90.0
     hands_over: bool = True
+    views_from: Callable[[Pose], Sequence[EyeView]] | None = None
 
 
 class DrawnStage:
@@ -89,7 +92,7 @@ class DrawnStage:
 
     `open_renderer` is called in the thread that draws, at the first frame, and again a second
     after the graphics driver has failed: nothing but pictures is lost then. `mirror` shows the
-    operator the left eye.
+    operator the left eye; `window` is the participant's own, which is closed with the stage.
     """
 
     def __init__(
@@ -101,6 +104,7 @@ class DrawnStage:
         *,
         viewers: Sequence[Viewer] = (),
         mirror: Mirror | None = None,
+        window: Window | None = None,
         asks: bool = False,
         own_body: OwnBody | None = None,
         fades: FadeTimes | None = None,
@@ -111,6 +115,7 @@ class DrawnStage:
         self._clock = clock
         self._viewers = tuple(viewers)
         self._mirror = mirror
+        self._window = window
         self.asks = asks
         self._own_body = own_body
         self._fades = Fades(FadeTimes() if fades is None else fades)
@@ -153,6 +158,7 @@ class DrawnStage:
             picture = self._own_body.worn(picture, head)
         try:
             renderer = self._ready()
+            self._look_from(head, renderer)
             cameras = [eye_camera(head, eye) for eye in self._views]
             drawn = renderer.draw(picture, cameras, self._targets)
             if self._mirror is not None:
@@ -207,8 +213,9 @@ class DrawnStage:
     def close(self) -> None:
         """Release textures, renderer and mirror; idempotent."""
         self._drop()
-        if self._mirror is not None:
-            self._mirror.close()
+        for shown in (self._mirror, self._window):
+            if shown is not None:
+                shown.close()
 
     # ---- private --------------------------------------------------------------------------
 
@@ -262,11 +269,23 @@ class DrawnStage:
                     f"the graphics driver cannot begin to draw: {problem}",
                     remedy="close other graphics programs and resume the session",
                 ) from problem
-            if self._sink is not None:
-                now_ns = self._clock.now_ns()
-                self._sink(views_row(self._views_seq, self._views, size_px, quality, now_ns))
-                self._views_seq += 1
+            self._tell_views(self._renderer)
         return self._renderer
+
+    def _look_from(self, head: Pose, renderer: Renderer) -> None:
+        """Let the eyes look as they do from where the head is, where that makes a difference."""
+        if self._display.views_from is None:
+            return
+        views = tuple(self._display.views_from(head))
+        if views != self._views:
+            self._views = views
+            self._tell_views(renderer)
+
+    def _tell_views(self, renderer: Renderer) -> None:
+        if self._sink is not None:
+            size_px, now_ns = self._targets[0].size_px, self._clock.now_ns()
+            self._sink(views_row(self._views_seq, self._views, size_px, renderer.quality, now_ns))
+            self._views_seq += 1
 
     def _fail(self, problem: StageError, now_ns: int) -> None:
         self._trouble = problem

@@ -34,7 +34,8 @@ DRAWN_VIEWS = StreamSchema(
         Field("fast", "?", "", description="light computed at vertices"),
     ),
 )
-"""How pictures are made from a frame on; a row whenever drawing begins."""
+"""How pictures are made from a frame on; a row whenever drawing begins, and whenever the eyes look
+another way: through a screen they do from every place of the head."""
 
 
 def drawn_schema(people_count: int, rate_hz: float) -> StreamSchema:

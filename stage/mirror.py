@@ -6,18 +6,9 @@ import numpy as np
 from lab.frame import EyeView
 from lab.geometry import Vector, quat_conjugate, rotate
 from stage.glsl_room import BOARD_FRAGMENT
-from stage.programs import compile_program
+from stage.square import Square
 from stage.window import Window
 
-_VERTEX = """
-uniform vec4 placing;   // centre and half size in clip space
-in vec2 in_corner;
-out vec2 uv;
-void main() {
-    uv = in_corner * 0.5 + 0.5;
-    gl_Position = vec4(placing.xy + in_corner * placing.zw, 0.0, 1.0);
-}
-"""
 _GAZE_FRAGMENT = """
 in vec2 uv;
 layout(location = 0) out vec4 pixel;
@@ -42,13 +33,13 @@ class Mirror:
     def __init__(self, window: Window) -> None:
         self.window = window
         self.gaze_01: tuple[float, float] | None = None
-        self._made: dict[str, tuple[moderngl.Program, moderngl.VertexArray]] = {}
+        self._square: Square | None = None
         self._context: moderngl.Context | None = None
 
     def show(self, context: moderngl.Context, texture: moderngl.Texture) -> None:
         """Fill the window with the texture, whole, and draw the gaze over it."""
-        if context is not self._context:
-            self._made, self._context = {}, context
+        if self._square is None or context is not self._context:
+            self._square, self._context = Square(context), context
         screen = context.screen
         width, height = self.window.size_px
         screen.use()
@@ -59,34 +50,19 @@ class Mirror:
         wide = min(1.0, aspect * height / max(width, 1))
         high = min(1.0, width / max(height, 1) / aspect)
         texture.use(2)
-        self._draw("picture", BOARD_FRAGMENT, (0.0, 0.0, wide, high))
+        self._square.draw("picture", BOARD_FRAGMENT, (0.0, 0.0, wide, high))
         if self.gaze_01 is not None:
             context.enable(moderngl.BLEND)
             context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
             x, y = self.gaze_01
             size = GAZE_RING_01
             ring = (x * wide, y * high, size * height / max(width, 1), size)
-            self._draw("gaze", _GAZE_FRAGMENT, ring)
+            self._square.draw("gaze", _GAZE_FRAGMENT, ring)
         self.window.present()
 
     def close(self) -> None:
         """Close the window."""
         self.window.close()
-
-    def _draw(self, name: str, fragment: str, placing: tuple[float, ...]) -> None:
-        context = self._context
-        assert context is not None  # noqa: S101 - set by show
-        if name not in self._made:
-            program = compile_program(context, _VERTEX, fragment)
-            square = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
-            corners = context.buffer(square.tobytes())
-            array = context.vertex_array(program, [(corners, "2f4", "in_corner")])
-            self._made[name] = (program, array)
-        program, array = self._made[name]
-        member = program["placing"]
-        if isinstance(member, moderngl.Uniform):
-            member.value = placing
-        array.render(moderngl.TRIANGLE_STRIP, vertices=4)
 
 
 def gaze_in_picture(

@@ -33,6 +33,17 @@ NEEDED = {
     "spp_armband": {"address": "00:11:22:33:44:55"},
 }
 LATER_NS = 3600 * NS_PER_S
+MS = 1_000_000
+
+
+def pressing(driver, now_ns):
+    """Somebody who presses twice a second, where the device is there to be pressed."""
+    if "keys" not in built_in()[driver].capabilities:
+        return WalkingBody()
+    downs = [now_ns + 50 * MS + n * 500 * MS for n in range(40)]
+    return WalkingBody(
+        presses=[(t + up * 80 * MS, "trigger", 1.0 - up) for t in downs for up in (0, 1)]
+    )
 
 
 def own_options(driver):
@@ -51,7 +62,9 @@ class Bench:
 
     def __init__(self, config, clock, stack, wires=BARE):
         self.clock = clock
-        self.make_on = lambda wires: build_device(config, clock, WalkingBody(), 1, stack, wires)
+        self.make_on = lambda wires: build_device(
+            config, clock, pressing(config.driver, clock.now_ns()), 1, stack, wires
+        )
         self.wires = wires
 
     def make(self):

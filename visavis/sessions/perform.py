@@ -121,6 +121,7 @@ def perform_new(request: Request) -> Path:
             "lab": config.lab,
             "sha256": config.sha256,
             "effect": request.effect,
+            **_screen(config),
             **_locked(request, config),
         },
         devices=(),
@@ -165,6 +166,12 @@ def _locked(request: Request, config: LabConfig) -> dict[str, Any]:
     simulated = is_simulated(config)
     folder = study_dir(config.data_root, request.study.name, is_simulated=simulated)
     return carried_by_session(folder, request.study, request.experiment, request.seed)
+
+
+def _screen(config: LabConfig) -> dict[str, Any]:
+    """Return what a session keeps of the screen participants sit before; nothing of a headset's."""
+    screen = config.display.on_screen
+    return {} if screen is None else {"screen": screen.model_dump()}
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,16 @@
 from collections.abc import Collection
 from contextlib import ExitStack
 
+import numpy as np
+
 from devices.building import build_device, checked_device
-from devices.contracts import Body, Device, EyeTracker, Headset
+from devices.contracts import Body, Device, EyeTracker, Headset, MovingBody
+from devices.screen.display import ScreenDisplay
+from devices.screen.resting_body import BodyBeforeScreen, MovingBodyBeforeScreen
 from lab.clock import Clock
 from lab.config import LabConfig, is_own_role
 from lab.errors import ConfigError, UsageError
+from lab.geometry import Pose
 from protocol.experiment import Experiment, demands_of, spare_roles_of
 from protocol.rig import Rig
 
@@ -30,24 +35,44 @@ def build_rig(
         DeviceNotFound: a driver's library is missing, or it exists in simulation only.
     """
     check_rig(config)
+    display = _display(config, clock)
+    if display is not None and body is not None:
+        body = (
+            MovingBodyBeforeScreen(body, display.place)
+            if isinstance(body, MovingBody)
+            else BodyBeforeScreen(body, display.place)
+        )
     made: dict[str, Device] = {}
     for role, device in config.devices.items():
         made[role] = build_device(device, clock, body, seed, stack)
-    headset, tracker = made.pop("headset"), made.pop("eye_tracker", None)
+    tracker = made.pop("eye_tracker", None)
     eyes = None if tracker is None else _as_eye_tracker(tracker)
-    return Rig(_as_headset(headset), eyes, made, without=frozenset(without))
+    headset = _as_headset(made.pop("headset")) if display is None else display
+    return Rig(headset, eyes, made, without=frozenset(without))
+
+
+def _display(config: LabConfig, clock: Clock) -> ScreenDisplay | None:
+    """Return the screen that stands in the place of a headset; None where there is a headset."""
+    screen = config.display.on_screen
+    if screen is None:
+        return None
+    place = Pose(np.array([0.0, screen.eye_height_m, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+    return ScreenDisplay(
+        screen.flat, place, clock, rate_hz=screen.rate_hz, is_tracked=screen.head == "tracked"
+    )
 
 
 def check_rig(config: LabConfig) -> None:
     """Find what is wrong with the devices as they are configured; nothing is built or opened.
 
     Raises:
-        ConfigError: there is no headset, or an option or a simulated fault is wrong.
+        ConfigError: there is neither headset nor screen, a screen-based eye tracker has no screen
+            that is described, or an option or a simulated fault is wrong.
     """
-    if "headset" not in config.devices:
+    if "headset" not in config.devices and config.display.on_screen is None:
         raise ConfigError(
-            f"{config.path}: devices has no headset; "
-            "add the role with its driver (see docs/configuration.md)"
+            f"{config.path}: devices has no headset; add the role with its driver, or describe the "
+            "screen under display (see docs/configuration.md)"
         )
     for device in config.devices.values():
         checked_device(device)
@@ -74,7 +99,11 @@ def devices_for(
             f"{config.path}: {experiment.name} needs {', '.join(missing)} under devices; add the "
             "role with its driver (see docs/configuration.md)"
         )
-    kept = {"headset", "responses", *needed, *useful}
+    kept = {"responses", *needed, *useful}
+    if config.display.on_screen is None:
+        kept.add("headset")
+    else:
+        kept.discard("headset")
     kept -= set(without)
     devices = {r: d for r, d in config.devices.items() if r in kept or is_own_role(r)}
     for role in without:
@@ -103,7 +132,7 @@ def is_simulated(config: LabConfig) -> bool:
     return any(d.simulated for d in config.devices.values())
 
 
-NO_PICTURE_REMEDY = "set it to headset or window, or rehearse with --devices sim"
+NO_PICTURE_REMEDY = "set it to headset, screen or window, or rehearse with --devices sim"
 
 
 def shows_nothing(config: LabConfig) -> bool:

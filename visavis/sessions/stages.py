@@ -3,11 +3,13 @@
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, cast
 
-from devices.contracts import BodyTracker
+from devices.contracts import BodyTracker, KeyListener, OnScreen
+from devices.screen.display import ScreenDisplay
 from lab.clock import Clock
 from lab.config import LabConfig
 from lab.errors import ConfigError
 from lab.frame import EyeView
+from lab.geometry import Pose, quat_conjugate, rotate
 from protocol.experiment import Experiment
 from protocol.rig import Rig
 from stage.contracts import GeometryStage, Stage, Viewer
@@ -39,7 +41,7 @@ def build_stage(
         ConfigError: the headset cannot show pictures.
         StageError: there is no screen, or nothing that draws on it.
     """
-    show, asks = config.display.show, config.display.questions == "headset"
+    show, asks = config.display.show, config.display.questions != "terminal"
     if show == "none" or (clock.is_virtual and show != "offscreen"):
         return GeometryStage(viewers, asks=asks)
     from stage.context import draws_on_processor, offscreen_context
@@ -57,7 +59,8 @@ def build_stage(
         return DrawnStage(
             picture_of,
             lambda: Renderer(context, quality=ON_PROCESSOR),
-            Display(
+            _through_screen(rig, n)
+            or Display(
                 getattr(rig.headset, "eye_views", default_views), lambda: OFFSCREEN_PX, n, rate_hz
             ),
             clock,
@@ -66,6 +69,8 @@ def build_stage(
             own_body=_own_body(config, rig),
             fades=fades,
         )
+    if show == "screen":
+        return _on_screen(config, experiment, rig, clock, viewers)
     window_px = (config.display.window_width_px, config.display.window_height_px)
     if show == "window":
         display = Display(_one_eye(window_px), lambda: window_px, n, rate_hz, hands_over=False)
@@ -84,6 +89,71 @@ def build_stage(
         asks=asks,
         own_body=_own_body(config, rig),
         fades=fades,
+    )
+
+
+def _on_screen(
+    config: LabConfig,
+    experiment: Experiment,
+    rig: Rig,
+    clock: Clock,
+    viewers: Sequence[Viewer],
+) -> Stage:
+    """Open the participant's window on their monitor, and let the session keep its pace."""
+    from stage.context import draws_on_processor
+    from stage.drawn_stage import DrawnStage
+    from stage.fades import FadeTimes
+    from stage.renderer import ON_PROCESSOR, Renderer
+    from stage.screen_surface import ScreenSurface
+    from stage.window import Window
+
+    screen, display = config.display.on_screen, rig.headset
+    picture = _through_screen(rig, experiment.people_count + EXTRA_PEOPLE)
+    if screen is None or picture is None or not isinstance(display, ScreenDisplay):
+        raise ConfigError(f"{config.path}: display.show is screen, but no screen is described")
+    window = Window(
+        window_title(config, experiment),
+        (screen.width_px, screen.height_px),
+        monitor=screen.monitor if screen.fullscreen else None,
+    )
+    surface = ScreenSurface(window, clock)
+    display.attach(surface)
+    for device in rig.by_role().values():
+        if isinstance(device, KeyListener):
+            window.hear_keys(device.hear)
+    quality = ON_PROCESSOR if draws_on_processor(window.context) else None
+    return DrawnStage(
+        picture_of,
+        lambda: Renderer(window.context, quality=quality),
+        picture,
+        clock,
+        viewers=viewers,
+        window=window,
+        asks=config.display.questions != "terminal",
+        own_body=_own_body(config, rig),
+        fades=FadeTimes(config.display.fade_out_ms, config.display.fade_in_ms),
+    )
+
+
+def _through_screen(rig: Rig, people_count: int) -> "Display | None":
+    """Return what is drawn for a screen: one picture, seen through it from where the eyes are."""
+    from stage.drawn_stage import Display
+
+    display = rig.headset
+    if not isinstance(display, OnScreen):
+        return None
+    screen, place = display.screen, display.place
+
+    def from_head(head: Pose) -> tuple[EyeView]:
+        turn = quat_conjugate(place.orientation_wxyz)
+        return (screen.view_from(rotate(turn, head.position_m - place.position_m)),)
+
+    return Display(
+        lambda: from_head(place),
+        lambda: (screen.width_px, screen.height_px),
+        people_count,
+        display.display_rate_hz,
+        views_from=from_head,
     )
 
 

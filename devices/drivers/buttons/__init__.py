@@ -1,0 +1,1 @@
+"""What participants press: keyboards, button boxes, gamepads."""

@@ -1,0 +1,226 @@
+"""The life that all devices with buttons share: a byte link, a codec, rows of `RESPONSES`."""
+
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from devices.byte_links import ByteLink, Chunk
+from devices.contracts import (
+    NO_DEVICE_TIME,
+    RESPONSES,
+    ClockPair,
+    DeviceState,
+    Fault,
+    Health,
+    Sink,
+)
+from devices.lifecycle import Lifecycle
+from devices.meter import StreamMeter
+from devices.spec import AnySpec
+from lab.clock import NS_PER_S, Clock
+from lab.errors import ConfigError, DeviceDisconnected, DeviceError
+from lab.schema import SampleBatch, StreamSchema
+
+AGAIN_S = 0.5
+RECONNECT_S = 0.2
+
+
+class Press(NamedTuple):
+    """One change of a button or axis: its name, 0 to 1, and the device's time if it told one."""
+
+    button: str
+    value_01: float
+    t_device_ns: int | None = None
+
+
+class ButtonDevice:
+    """Follow the `ResponseInput` contract over a byte link; a driver says what bytes mean.
+
+    `buttons` are the device's own names; `keys` calls some of them otherwise, as studies ask for
+    them ({"space": "trigger"}). A button whose name is in neither is counted and told.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        link: ByteLink,
+        clock: Clock,
+        spec: AnySpec,
+        *,
+        buttons: Sequence[str],
+        keys: Mapping[str, str],
+    ) -> None:
+        self._link = link
+        self._clock = clock
+        self._spec = spec
+        self._keys = dict(keys)
+        self._role = role
+        self._life = Lifecycle(role)
+        self._sink: Sink | None = None
+        self._unknown: set[str] = set()
+        self._reconnects = 0
+        self._retry_ns = self._from_ns = 0
+        self._name(buttons)
+        self._begin()
+        self.info = spec.info(role, link)
+
+    # ---- what a driver adds -----------------------------------------------------------------
+
+    @abstractmethod
+    def _read(self, data: bytes) -> Iterable[Press]:
+        """Return what these bytes complete; counts what cannot be read in `damaged`."""
+
+    @abstractmethod
+    def _fresh(self) -> None:
+        """Forget half a message: the wire begins anew."""
+
+    @property
+    @abstractmethod
+    def damaged(self) -> int:
+        """How much could not be read since the start."""
+
+    def _greet(self, deadline_ns: int) -> None:
+        """Find out who is there; raises DeviceError. Most devices with buttons say nothing."""
+
+    # ---- the contract -----------------------------------------------------------------------
+
+    @property
+    def state(self) -> DeviceState:
+        """Where it is in its life."""
+        return self._life.state
+
+    def open(self, deadline_s: float) -> None:
+        """Connect, and ask who is there where the device answers."""
+        self._life.require("open", DeviceState.CLOSED)
+        self._connect(deadline_s)
+        self.info = replace(self.info, transport=self._link.kind)
+        self._life.state = DeviceState.OPEN
+
+    def describe(self) -> tuple[StreamSchema, ...]:
+        """Return the response stream."""
+        return (RESPONSES,)
+
+    def start(self, sink: Sink) -> None:
+        """Begin delivering; what was pressed before counts for nothing."""
+        self._life.require("start", DeviceState.OPEN)
+        self._begin()
+        self._from_ns = self._clock.now_ns()
+        self._sink = sink
+        self._life.state = DeviceState.STREAMING
+
+    def poll(self, timeout_s: float) -> int:
+        """Deliver presses and releases; see the contract."""
+        self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
+        if self._life.state is DeviceState.FAULT:
+            return self._reconnect(timeout_s)
+        try:
+            chunks = self._link.read(timeout_s)
+        except DeviceDisconnected as gone:
+            self._link.close()
+            self._life.state = DeviceState.FAULT
+            self._retry_ns = self._clock.now_ns()
+            raise DeviceDisconnected(
+                str(gone), role=self.info.role, remedy=self._spec.remedy
+            ) from gone
+        return self._deliver(chunks)
+
+    def stop(self) -> None:
+        """Stop delivering; the link stays open."""
+        self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
+        self._sink = None
+        self._life.state = DeviceState.OPEN
+
+    def close(self) -> None:
+        """Release the link; idempotent."""
+        self._sink = None
+        self._link.close()
+        self._life.state = DeviceState.CLOSED
+
+    def health(self) -> Health:
+        """Report presses and releases so far."""
+        health = self._meter.health(self.state, self._clock.now_ns())
+        return replace(health, reconnects=self._reconnects)
+
+    def check(self) -> tuple[Fault, ...]:
+        """Tell bytes that could not be read, and buttons nobody has named."""
+        faults = []
+        if self.damaged:
+            text = f"{self.damaged} messages could not be read"
+            faults.append(Fault(self.info.role, "warning", text, self._spec.remedy))
+        if self._unknown:
+            text = f"pressed, but unknown here: {', '.join(sorted(self._unknown))}"
+            faults.append(Fault(self.info.role, "warning", text, "name them under keys"))
+        return tuple(faults)
+
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return nothing: the device tells no time when asked."""
+        return ()
+
+    # ---- for drivers ------------------------------------------------------------------------
+
+    def _name(self, buttons: Sequence[str]) -> None:
+        """Take the device's buttons; raises ConfigError for a name given to none of them."""
+        unknown = [button for button in self._keys if button not in buttons]
+        if unknown:
+            raise ConfigError(
+                f"{self._role}: keys names {', '.join(unknown)}, but the device has "
+                f"{', '.join(buttons)}"
+            )
+        called = [self._keys.get(button, button) for button in buttons]
+        self.controls = tuple(dict.fromkeys(called))
+        self._index = {b: self.controls.index(c) for b, c in zip(buttons, called, strict=True)}
+
+    # ---- inside -----------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        self._meter = StreamMeter(RESPONSES.nominal_rate_hz)
+        self._seq = 0
+        self._fresh()
+
+    def _connect(self, deadline_s: float) -> None:
+        deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
+        try:
+            self._link.open(deadline_s)
+            self._fresh()
+            self._greet(deadline_ns)
+        except DeviceError:
+            self._link.close()
+            raise
+
+    def _deliver(self, chunks: Sequence[Chunk]) -> int:
+        rows = [(c.t_host_ns, p) for c in chunks for p in self._read(c.data)]
+        rows = [(t_ns, p) for t_ns, p in rows if t_ns >= self._from_ns]
+        self._unknown |= {p.button for _, p in rows if p.button not in self._index}
+        rows = [(t_ns, p) for t_ns, p in rows if p.button in self._index]
+        if not rows or self._sink is None:
+            return 0
+        values = np.zeros(len(rows), RESPONSES.dtype)
+        values["control"] = [self._index[p.button] for _, p in rows]
+        values["value_01"] = [p.value_01 for _, p in rows]
+        host = np.array([t_ns for t_ns, _ in rows], np.int64)
+        told = [p.t_device_ns for _, p in rows]
+        device = np.array([NO_DEVICE_TIME if t is None else t for t in told], np.int64)
+        seq = np.arange(self._seq, self._seq + len(rows))
+        self._seq += len(rows)
+        self._meter.update((host if None in told else device).tolist(), int(host[-1]))
+        self._sink(SampleBatch(RESPONSES, seq, device, host, values))
+        return len(rows)
+
+    def _reconnect(self, timeout_s: float) -> int:
+        now_ns = self._clock.now_ns()
+        if now_ns >= self._retry_ns:
+            self._retry_ns = now_ns + round(AGAIN_S * NS_PER_S)
+            try:
+                self._connect(RECONNECT_S)
+            except DeviceError:
+                self._link.close()
+            else:
+                self._reconnects += 1
+                self._life.state = DeviceState.STREAMING
+                return 0
+        if timeout_s > 0:
+            self._clock.sleep_until_ns(now_ns + round(timeout_s * NS_PER_S))
+        return 0

@@ -1,0 +1,106 @@
+"""The keyboard of this computer, as the participant's window hears it.
+
+The window tells a press at the moment the system does; its stamp is the session clock then. The
+system adds the keyboard's own delay (USB polling, debouncing: 2 to 15 ms, different for every
+keyboard), which only a measurement with a sensor shows.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+
+from devices.byte_links import ByteLink, Chunk
+from devices.drivers.buttons.device import ButtonDevice, Press
+from devices.drivers.buttons.spec import KEYBOARD
+from lab.clock import NS_PER_S, Clock
+
+KEYS = (
+    *"0123456789abcdefghijklmnopqrstuvwxyz",
+    *(f"f{n}" for n in range(1, 13)),
+    "space", "enter", "left", "right", "up", "down", "tab", "backspace", "escape",
+    "left_shift", "right_shift", "left_control", "right_control", "left_alt", "right_alt",
+    *"-=[];'`,./\\",
+)  # fmt: skip
+"""Names of keys: what they type without shift in the layout that is set, or what they are."""
+LONGEST_LINE = 64
+DOWN, UP = b"+", b"-"
+
+
+class KeyLink:
+    """What the window hears, as bytes: one line a press ("+space") or release ("-space")."""
+
+    kind = "keyboard"
+    is_simulated = False
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._heard: deque[Chunk] = deque()
+        self._something = threading.Event()
+
+    def put(self, key: str, is_down: bool) -> None:
+        """Take a press or release, now."""
+        line = (DOWN if is_down else UP) + key.encode() + b"\n"
+        self._heard.append(Chunk(self._clock.now_ns(), line))
+        self._something.set()
+
+    def open(self, deadline_s: float) -> None:
+        """Forget what was heard before."""
+        self._heard.clear()
+
+    def write(self, data: bytes) -> int:
+        """Say nothing to it: a keyboard listens to nobody."""
+        return self._clock.now_ns()
+
+    def read(self, timeout_s: float) -> Sequence[Chunk]:
+        """Return what was heard; see `ByteLink`."""
+        if not self._heard and timeout_s > 0:
+            if self._clock.is_virtual:
+                self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
+            else:
+                self._something.wait(timeout_s)
+        self._something.clear()
+        found = []
+        while self._heard:
+            found.append(self._heard.popleft())
+        return found
+
+    def close(self) -> None:
+        """Do nothing: the window is not ours."""
+
+
+class Keyboard(ButtonDevice):
+    """Follow the `ResponseInput` contract over the keys of a window; `hear` takes them.
+
+    A key that repeats while it is held is pressed once. Keys of other names ("key 94", of layouts
+    with more) are told and left out.
+    """
+
+    def __init__(self, role: str, link: ByteLink, clock: Clock, *, keys: Mapping[str, str]) -> None:
+        self._rest = b""
+        self._damaged = 0
+        super().__init__(role, link, clock, KEYBOARD, buttons=KEYS, keys=keys)
+
+    def hear(self, key: str, is_down: bool) -> None:
+        """Take a press or release from the participant's window, now."""
+        if isinstance(self._link, KeyLink):
+            self._link.put(key, is_down)
+
+    @property
+    def damaged(self) -> int:
+        """How many lines could not be read."""
+        return self._damaged
+
+    def _fresh(self) -> None:
+        self._rest, self._damaged = b"", 0
+
+    def _read(self, data: bytes) -> Iterable[Press]:
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > LONGEST_LINE:
+            self._rest = b""
+            self._damaged += 1
+        for line in lines:
+            name = line[1:].decode("utf-8", "replace")
+            if line[:1] in (DOWN, UP) and 0 < len(name) <= LONGEST_LINE:
+                yield Press(name, float(line[:1] == DOWN))
+            elif line:
+                self._damaged += 1

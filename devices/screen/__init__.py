@@ -1,0 +1,1 @@
+"""A monitor in the place of a headset."""

@@ -1,0 +1,285 @@
+"""Pace a session by a monitor that participants look at, and say where their eyes are.
+
+It follows the `Headset` contract: a frame begins when the monitor has taken the picture of the one
+before. There is no wire: a window of this computer, its `Surface`, is attached once it is open;
+without one (nobody looks: rehearsals on a virtual clock, pictures for tests) the clock paces.
+"""
+
+import struct
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from devices.contracts import (
+    FRAME_TIMING,
+    HEAD,
+    ClockPair,
+    DeviceInfo,
+    DeviceState,
+    Fault,
+    Health,
+    Sink,
+)
+from devices.lifecycle import Lifecycle
+from devices.meter import StreamMeter
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+from lab.frame import FrameInfo
+from lab.geometry import Pose, Vector
+from lab.schema import SampleBatch, StreamSchema
+from lab.screen import FlatScreen
+
+ROLE = "screen"
+BEFORE_FLIP_NS = 2 * NS_PER_MS
+"""How long before a refresh the window stops taking events and the picture is handed over."""
+EARLY_NS = NS_PER_MS // 2
+"""A picture taken by so much before its refresh was not waited for: the driver does not."""
+MAX_EYES_AGE_NS = NS_PER_S // 2
+"""Eyes not found for so long are not where they were."""
+MAX_EYES_OFF_M = 1.0
+"""A tracked eye farther than this from the viewing place is a tracker's mistake."""
+REMEDY = "resume the session; it opens the window anew"
+
+_HEAD_ROW = struct.Struct("<3f4f?")
+
+
+class Surface(Protocol):
+    """What shows a picture to the participant: a window that fills the monitor."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether somebody closed it."""
+        ...
+
+    def attend(self, until_ns: int) -> None:
+        """Take what happens to the window (keys) until a session time; returns then."""
+        ...
+
+    def flip(self, image: Any) -> int:
+        """Show an image from the next refresh on; return when the monitor took it."""
+        ...
+
+
+class ScreenDisplay:
+    """Follow the `Headset` contract on a monitor.
+
+    `place` is the viewing place in the world, facing the screen. With `is_tracked` the head is
+    where the eye tracker last found both eyes (`watch`), upright and facing the screen; otherwise
+    it rests there. Picture `k` is shown from the start of frame `k + 1` on, which is what its row
+    of `FRAME_TIMING` is stamped with.
+    """
+
+    def __init__(
+        self,
+        screen: FlatScreen,
+        place: Pose,
+        clock: Clock,
+        *,
+        rate_hz: float,
+        is_tracked: bool = False,
+    ) -> None:
+        self.screen = screen
+        self.place = place
+        self.is_tracked = is_tracked
+        self.display_rate_hz = float(rate_hz)
+        self._period_ns = round(NS_PER_S / rate_hz)
+        self._clock = clock
+        self._surface: Surface | None = None
+        self._life = Lifecycle(ROLE)
+        self._head_schema = replace(HEAD, nominal_rate_hz=self.display_rate_hz)
+        self._timing_schema = replace(FRAME_TIMING, nominal_rate_hz=self.display_rate_hz)
+        self.info = DeviceInfo(
+            role=ROLE,
+            driver="screen",
+            driver_version="1",
+            vendor="",
+            model=f"monitor {screen.width_m:g} m × {screen.height_m:g} m, "
+            f"{screen.width_px} × {screen.height_px} px, {screen.distance_m:g} m away",
+            serial="",
+            transport="window",
+            # on a virtual clock nobody looks at it
+            is_simulated=clock.is_virtual,
+            capabilities=frozenset({"tracked head" if is_tracked else "fixed head"}),
+        )
+        self._eyes: tuple[int, Vector] | None = None
+        self._sink: Sink | None = None
+        self._frame: FrameInfo | None = None
+        self._image: object | None = None
+        self._pending: deque[SampleBatch] = deque()
+        self._begin()
+
+    @property
+    def state(self) -> DeviceState:
+        """Where it is in its life."""
+        return self._life.state
+
+    def attach(self, surface: Surface) -> None:
+        """Show pictures on this from now on, and keep its pace."""
+        self._surface = surface
+
+    def open(self, deadline_s: float) -> None:
+        """Become ready; the window comes later, with whoever draws."""
+        self._life.require("open", DeviceState.CLOSED)
+        self._life.state = DeviceState.OPEN
+
+    def describe(self) -> tuple[StreamSchema, ...]:
+        """Return the head stream and the frame timing, at the display's rate."""
+        return (self._head_schema, self._timing_schema)
+
+    def start(self, sink: Sink) -> None:
+        """Begin counting frames anew."""
+        self._life.require("start", DeviceState.OPEN)
+        self._begin()
+        self._sink = sink
+        self._life.state = DeviceState.STREAMING
+
+    def poll(self, timeout_s: float) -> int:
+        """Hand over poses and timing of the frames waited for since the last call."""
+        self._life.require("poll", DeviceState.STREAMING)
+        delivered = 0
+        while self._pending and self._sink is not None:
+            batch = self._pending.popleft()
+            if batch.schema is self._head_schema:
+                self._meter.update(batch.t_device_ns.tolist(), int(batch.t_host_ns[-1]))
+            else:
+                self._timing_rows += 1
+            self._sink(batch)
+            delivered += 1
+        return delivered
+
+    def wait_frame(self) -> FrameInfo:
+        """Show the picture handed over last and return the frame that begins with its light."""
+        self._life.require("wait_frame", DeviceState.STREAMING)
+        before, image = self._frame, self._image
+        self._image = None
+        if self._surface is None or image is None or self._surface.closed:
+            t_ns = self._by_clock()
+        else:
+            due_ns = self._due_ns(self._clock.now_ns())
+            self._surface.attend(due_ns - BEFORE_FLIP_NS)
+            t_ns = self._surface.flip(image)
+            if t_ns < due_ns - EARLY_NS:  # no refresh was waited for
+                self._surface.attend(due_ns)
+                t_ns = self._clock.now_ns()
+        if before is None:
+            number, dropped = 0, 0
+        else:
+            steps = max(1, round((t_ns - before.t_ns) / self._period_ns))
+            number, dropped = before.index + steps, steps - 1
+            self._tell_timing(before, t_ns, late_by=dropped)
+        self._frame = FrameInfo(number, t_ns, t_ns + self._period_ns, dropped)
+        self._tell_head(t_ns)
+        return self._frame
+
+    def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
+        """Take the picture of a frame; it is shown when the next one begins."""
+        self._life.require("submit", DeviceState.STREAMING)
+        if images:
+            self._image = images[0]
+            self._submitted_ns = self._clock.now_ns()
+
+    def watch(self, batch: SampleBatch) -> None:
+        """Take gaze samples in the frame of the viewing place: where the eyes are."""
+        if not self.is_tracked:
+            return
+        values = batch.values[batch.values["valid"]]
+        found = values["origin_m"].astype(np.float64)
+        found = found[np.isfinite(found).all(axis=1)]
+        found = found[np.linalg.norm(found, axis=1) <= MAX_EYES_OFF_M]
+        if len(found):
+            self._eyes = (int(batch.t_host_ns[-1]), found[-1])
+
+    def stop(self) -> None:
+        """Stop counting frames."""
+        self._life.require("stop", DeviceState.STREAMING)
+        self._sink = None
+        self._life.state = DeviceState.OPEN
+
+    def close(self) -> None:
+        """Let the window go; whoever draws closes it. Idempotent."""
+        self._sink = None
+        self._surface = None
+        self._pending.clear()
+        self._life.state = DeviceState.CLOSED
+
+    def health(self) -> Health:
+        """Report the rows of both streams; rate and gaps are the head's (dropped frames: holes)."""
+        health = self._meter.health(self.state, self._clock.now_ns())
+        return replace(health, received=health.received + self._timing_rows)
+
+    def check(self) -> tuple[Fault, ...]:
+        """Tell that the participant's window was closed."""
+        if self._surface is not None and self._surface.closed:
+            return (Fault(ROLE, "blocking", "the participant's window was closed", REMEDY),)
+        return ()
+
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return nothing: it runs on the session clock."""
+        return ()
+
+    # ---- inside -----------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        self._sink = self._frame = self._image = None
+        self._submitted_ns = -1
+        self._head_seq = self._timing_seq = self._timing_rows = 0
+        self._pending.clear()
+        self._meter = StreamMeter(self.display_rate_hz)
+
+    def _due_ns(self, now_ns: int) -> int:
+        """Return the refresh that is next, one period after the last that was kept."""
+        if self._frame is None:
+            return now_ns
+        late = max(0, now_ns - self._frame.t_ns - self._period_ns)
+        return self._frame.t_ns + self._period_ns * (1 + -(-late // self._period_ns))
+
+    def _by_clock(self) -> int:
+        """Wait for the next frame of the grid `k / rate`, which does not drift."""
+        now_ns, rate_mhz = self._clock.now_ns(), round(self.display_rate_hz * 1000)
+        scale = NS_PER_S * 1000
+        last_ns = now_ns if self._frame is None else max(now_ns, self._frame.t_ns + 1)
+        index = -(-last_ns * rate_mhz // scale)
+        t_ns = index * scale // rate_mhz
+        if t_ns < last_ns:
+            t_ns = (index + 1) * scale // rate_mhz
+        if self._surface is not None and not self._surface.closed:
+            self._surface.attend(t_ns)
+        else:
+            self._clock.sleep_until_ns(t_ns)
+        return t_ns
+
+    def _tell_head(self, t_ns: int) -> None:
+        offset, is_found = np.zeros(3), True
+        if self.is_tracked:
+            is_found = self._eyes is not None and t_ns - self._eyes[0] <= MAX_EYES_AGE_NS
+            offset = offset if self._eyes is None else self._eyes[1]
+        position = self.place.position_m + offset
+        row = _HEAD_ROW.pack(*position.tolist(), *self.place.orientation_wxyz.tolist(), is_found)
+        self._queue(self._head_schema, self._head_seq, t_ns, t_ns, row)
+        self._head_seq += 1
+
+    def _tell_timing(self, frame: FrameInfo, shown_ns: int, *, late_by: int) -> None:
+        values = np.zeros(1, self._timing_schema.dtype)
+        row = values[0]
+        row["frame"] = frame.index
+        row["pose_seq"] = self._head_seq - 1
+        row["predicted_display_ns"] = frame.predicted_display_ns
+        row["t_submitted_ns"] = self._submitted_ns
+        row["skipped"] = frame.dropped
+        row["timing_known"] = self._surface is not None
+        row["presents"], row["mispresented"] = 1, int(late_by > 0)
+        row["runtime_dropped"] = late_by
+        row["render_gpu_ms"] = np.nan
+        told_ns = max(shown_ns, self._clock.now_ns())
+        self._queue(self._timing_schema, self._timing_seq, shown_ns, told_ns, values.tobytes())
+        self._timing_seq += 1
+        self._submitted_ns = -1
+
+    def _queue(
+        self, schema: StreamSchema, seq: int, t_device_ns: int, t_host_ns: int, row: bytes
+    ) -> None:
+        stamps = np.array([seq, t_device_ns, t_host_ns], np.int64)
+        values = np.frombuffer(row, schema.dtype)
+        self._pending.append(SampleBatch(schema, stamps[0:1], stamps[1:2], stamps[2:3], values))

@@ -1,0 +1,96 @@
+"""A simulated body whose head rests before a screen.
+
+Its own head may turn and sway; in the chin rest it does not, and the eyes do what the head did:
+they converge on the same point of the world. Not modelled: that what lies beside the screen cannot
+be seen, and that eyes turned far look at things by turning the head.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.contracts import EYES_DTYPE, Body, MovingBody
+from lab.geometry import Pose, Vector, quat_conjugate, rotate, unit
+
+EYE_X_M = 0.032
+FAR_M = 50.0
+PARALLEL = 1e-7
+
+
+class BodyBeforeScreen:
+    """Follow `Body` with the head at `place`."""
+
+    def __init__(self, body: Body, place: Pose) -> None:
+        self._body = body
+        self._place = place
+
+    def eyes(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
+        """Return true eye states (n,) in the head that rests."""
+        own = self._body.eyes(t_ns)
+        eyes: npt.NDArray[np.void] = own.copy()
+        if not len(own):
+            return eyes
+        poses = [self._body.head(int(t)) for t in t_ns]
+        place_m = np.array([position for position, _ in poses])
+        turn = np.array([orientation for _, orientation in poses])
+        point_m = _met(place_m, turn, own)
+        back = quat_conjugate(self._place.orientation_wxyz)
+        in_head = rotate(back, point_m - self._place.position_m)
+        for name, side in (("left", -EYE_X_M), ("right", EYE_X_M)):
+            eyes[f"{name}_direction_head"] = unit(in_head - np.array([side, 0.0, 0.0]))
+        return eyes
+
+    def head(self, t_ns: int) -> tuple[Vector, Vector]:
+        """Return where the head rests."""
+        self._body.head(t_ns)
+        return self._place.position_m, self._place.orientation_wxyz
+
+    def stretch(self) -> int:
+        """Return the number of the present stretch of behaviour."""
+        return self._body.stretch()
+
+    def fit(self) -> int:
+        """Return how the person sits; it changes when they got up and sat down again."""
+        return self._body.fit()
+
+    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
+        """Yield what was pressed since the last call."""
+        return self._body.presses(until_ns)
+
+
+class MovingBodyBeforeScreen(BodyBeforeScreen):
+    """Follow `MovingBody`: the limbs stay the body's own."""
+
+    def __init__(self, body: MovingBody, place: Pose) -> None:
+        super().__init__(body, place)
+        self._limbs = body
+
+    def segments(
+        self, names: Sequence[str], t_ns: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return true positions (t, n, 3) and orientations (t, n, 4) of segments in world."""
+        return self._limbs.segments(names, t_ns)
+
+    def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
+        """Take in what the motors of a band do."""
+        self._limbs.feel(role, amplitudes_01, t_ns)
+
+
+def _met(place_m: Vector, turn: Vector, eyes: npt.NDArray[np.void]) -> Vector:
+    """Return the points of the world (n, 3) on which both eyes converge."""
+    assert eyes.dtype == EYES_DTYPE  # noqa: S101 - the contract of a body
+    side = rotate(turn, np.array([EYE_X_M, 0.0, 0.0]))
+    left, right = (
+        rotate(turn, np.ascontiguousarray(eyes[f"{name}_direction_head"]))
+        for name in ("left", "right")
+    )
+    between = 2 * side
+    cosine = np.einsum("ij,ij->i", left, right)
+    across = np.einsum("ij,ij->i", left, between) - cosine * np.einsum("ij,ij->i", right, between)
+    spread = 1 - cosine**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(spread > PARALLEL, across / spread, FAR_M)
+    reach = np.where(np.isfinite(reach) & (reach > 0), np.minimum(reach, FAR_M), FAR_M)
+    met: Vector = place_m - side + reach[:, None] * left
+    return met

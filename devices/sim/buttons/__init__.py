@@ -1,0 +1,1 @@
+"""Keyboards, button boxes and gamepads whose buttons a simulated body presses."""

@@ -1,0 +1,36 @@
+"""What somebody before a screen looks at: gaze that meets the screen, as seen behind its pixels."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from lab.geometry import Pose, quat_conjugate, rotate
+from lab.schema import SampleBatch
+from lab.screen import FlatScreen
+
+DIRECTIONS = ("direction_head", "left_direction_head", "right_direction_head")
+
+
+def seen_on_screen(
+    batch: SampleBatch, screen: FlatScreen, place: Pose, drawn_from: Pose
+) -> SampleBatch:
+    """Return gaze samples as rays of the eye that the picture is drawn for.
+
+    A tracker's rays lead from the eyes, wherever they are, to points of the screen (frame: the
+    viewing place). What is drawn at such a point is what the picture's eye, at `drawn_from`, sees
+    through it: that ray, in its head's frame, leads to what was looked at. A combined sample
+    beside the screen is not valid: nothing of the scene is there. What is recorded of the tracker
+    stays as it was.
+    """
+    values = batch.values.copy()
+    turn = quat_conjugate(place.orientation_wxyz)
+    eye_m = rotate(turn, drawn_from.position_m - place.position_m)
+    at_m = values["origin_m"].astype(np.float64)
+    at_m[~np.isfinite(at_m).all(axis=1)] = 0.0
+    for name in DIRECTIONS:
+        direction = values[name].astype(np.float64)
+        values[name] = screen.seen_through(eye_m, at_m, direction)
+        if name == "direction_head":
+            values["valid"] &= screen.is_on(screen.meets_m(at_m, direction))
+    values["origin_m"] = 0.0
+    return replace(batch, values=values)

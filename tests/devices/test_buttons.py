@@ -1,0 +1,128 @@
+"""What is pressed arrives once, under the name studies ask for, with the time it was pressed at."""
+
+import contextlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from devices import conformance
+from devices.building import build_device
+from devices.contracts import NO_DEVICE_TIME
+from devices.drivers.buttons.keyboard import KEYS, KeyLink
+from devices.drivers.buttons.spec import KEYBOARD
+from devices.registry import OPTION_MODELS
+from lab.clock import NS_PER_S, SimClock
+from lab.config import DeviceConfig
+from lab.errors import ConfigError
+from tests.devices.bodies import FixatingBody
+
+MS = 1_000_000
+
+
+def passer(clock):
+    return lambda seconds: clock.sleep_until_ns(clock.now_ns() + round(seconds * NS_PER_S))
+
+
+def simulated(driver, clock, presses, stack, **options):
+    checked = OPTION_MODELS[driver].model_validate(options).model_dump()
+    config = DeviceConfig(role="responses", driver=driver, simulated=True, options=checked)
+    return build_device(config, clock, FixatingBody(presses=presses), 1, stack)
+
+
+def told(device, clock, seconds=1.0):
+    """What arrived: (ms of arrival, control, value)."""
+    batches = conformance.collect(device, passer(clock), seconds=seconds)
+    return [
+        (int(t) // MS, device.controls[row["control"]], float(row["value_01"]))
+        for batch in batches
+        for t, row in zip(batch.t_host_ns, batch.values, strict=True)
+    ]
+
+
+def window_keyboard(clock, **options):
+    link = KeyLink(clock)
+    return KEYBOARD.on_wire("responses", clock, link, **options)
+
+
+def test_space_is_the_trigger_and_every_key_is_a_control_of_its_own():
+    keyboard = window_keyboard(SimClock())
+    assert "trigger" in keyboard.controls
+    assert "space" not in keyboard.controls
+    assert {"f", "j", "left", "1"} <= set(keyboard.controls)
+
+
+def test_a_key_bears_the_time_at_which_the_window_heard_it_not_that_of_the_frame():
+    clock = SimClock()
+    keyboard = window_keyboard(clock)
+    batches = []
+    keyboard.open(1.0)
+    keyboard.start(batches.append)
+    clock.sleep_until_ns(7 * MS)
+    keyboard.hear("f", True)
+    clock.sleep_until_ns(9 * MS)
+    keyboard.hear("f", False)
+    clock.sleep_until_ns(16 * MS)
+    assert keyboard.poll(0.0) == 2
+    assert [int(t) for b in batches for t in b.t_host_ns] == [7 * MS, 9 * MS]
+    assert {int(t) for b in batches for t in b.t_device_ns} == {NO_DEVICE_TIME}
+    assert [float(v) for b in batches for v in b.values["value_01"]] == [1.0, 0.0]
+
+
+def test_a_key_nobody_knows_is_told_and_left_out():
+    clock = SimClock()
+    keyboard = window_keyboard(clock)
+    keyboard.open(1.0)
+    keyboard.start(lambda batch: None)
+    keyboard.hear("key 94", True)
+    assert keyboard.poll(0.0) == 0
+    assert "key 94" in keyboard.check()[0].message
+
+
+def test_keys_are_called_as_the_lab_says():
+    keyboard = window_keyboard(SimClock(), keys={"f": "same", "j": "different"})
+    assert {"same", "different", "space"} <= set(keyboard.controls)
+    with pytest.raises(ConfigError, match="enterr"):
+        window_keyboard(SimClock(), keys={"enterr": "trigger"})
+
+
+def test_what_was_pressed_before_the_session_counts_for_nothing():
+    clock = SimClock()
+    keyboard = window_keyboard(clock)
+    keyboard.open(1.0)
+    keyboard.hear("f", True)
+    clock.sleep_until_ns(MS)
+    keyboard.start(lambda batch: None)
+    assert keyboard.poll(0.0) == 0
+
+
+@given(st.lists(st.tuples(st.sampled_from(KEYS), st.booleans()), max_size=12), st.data())
+def test_lines_may_be_cut_anywhere(pressed, data):
+    clock = SimClock()
+    whole = b"".join((b"+" if down else b"-") + key.encode() + b"\n" for key, down in pressed)
+    keyboard = window_keyboard(clock)
+    cut = data.draw(st.integers(0, len(whole)))
+    found = [*keyboard._read(whole[:cut]), *keyboard._read(whole[cut:])]
+    assert [(p.button, p.value_01) for p in found] == [(k, float(d)) for k, d in pressed]
+    assert keyboard.damaged == 0
+
+
+@given(st.binary(max_size=200))
+def test_noise_on_the_wire_is_counted_and_raises_nothing(noise):
+    keyboard = window_keyboard(SimClock())
+    tuple(keyboard._read(noise))
+    assert keyboard.damaged >= 0
+
+
+def test_simulated_presses_arrive_through_the_keyboards_own_wire():
+    clock = SimClock()
+    presses = [(100 * MS, "trigger", 1.0), (180 * MS, "trigger", 0.0), (300 * MS, "f", 1.0)]
+    with contextlib.ExitStack() as stack:
+        device = simulated("keyboard", clock, presses, stack)
+        assert told(device, clock) == [
+            (101, "trigger", 1.0),
+            (181, "trigger", 0.0),
+            (301, "f", 1.0),
+        ]
+        assert np.all(device.health().received == 3)
