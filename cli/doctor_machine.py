@@ -3,16 +3,18 @@
 import os
 import platform
 import warnings
+from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 from statistics import median
+from typing import NamedTuple
 
 from cli.doctor_findings import Finding
 from devices.libraries import LSL, Library
 from devices.registry import driver_spec, driver_specs
 from devices.states import is_installed
 from lab.clock import MAX_STEP_NS, NS_PER_MS, Clock, clock_step_ns
-from lab.config import LabConfig
+from lab.config import LabConfig, Screen
 from recording.provenance import provenance
 from visavis.sessions.data_root import data_disk
 from visavis.sessions.rig import NO_PICTURE_REMEDY, shows_nothing
@@ -25,6 +27,10 @@ NAPS = 20
 NAP_NS = NS_PER_MS
 LATE_NAP_MS = 2.0
 BUSY_01 = 0.7
+MAX_RATE_OFF_HZ = 1.5
+"""Systems round refresh rates to whole hertz."""
+MAX_PITCH_OFF_01 = 0.02
+"""Pixels of monitors are square; sides that say otherwise were measured wrongly."""
 
 
 def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
@@ -166,8 +172,10 @@ def _clock(clock: Clock) -> Finding:
 
 def _screens(lab: LabConfig) -> Finding:
     wanted = lab.display.show
+    shown: list[Monitor] = []
     try:
-        modes = _monitors()
+        shown = _monitors()
+        modes = [str(monitor) for monitor in shown]
     except Exception as problem:  # the graphics library's own errors are of any kind
         modes = []
         text = f"no screen can be asked ({type(problem).__name__})"
@@ -176,13 +184,64 @@ def _screens(lab: LabConfig) -> Finding:
     text += f"; display.show is {wanted}"
     if shows_nothing(lab):
         return Finding(COMPUTER, "display", "missing", text, NO_PICTURE_REMEDY)
-    if not modes and wanted == "window":
+    if wanted == "screen" and lab.display.screen is not None and shown:
+        text += f" on monitor {lab.display.screen.monitor}"
+        return _of_screen(lab.display.screen, shown, text)
+    if not modes and wanted in ("window", "screen"):
         remedy = "log in on a desktop, or set display.show to none or offscreen"
         return Finding(COMPUTER, "display", "missing", text, remedy)
     return Finding(COMPUTER, "display", "ok", text)
 
 
-def _monitors() -> list[str]:
+def _of_screen(screen: Screen, shown: Sequence["Monitor"], text: str) -> Finding:
+    """Compare the monitor participants sit before with what the configuration says of it."""
+    described = "correct display.screen, or the monitor's mode in the system's settings"
+    if screen.monitor >= len(shown):
+        text += f": there is none of this number, counted from 0 to {len(shown) - 1}"
+        return Finding(COMPUTER, "display", "missing", text, described)
+    monitor = shown[screen.monitor]
+    if screen.fullscreen and (monitor.width_px, monitor.height_px) != (
+        screen.width_px,
+        screen.height_px,
+    ):
+        text += f": it has other pixels than {screen.width_px}×{screen.height_px}"
+        return Finding(COMPUTER, "display", "missing", text, described)
+    if monitor.rate_hz and abs(monitor.rate_hz - screen.rate_hz) > MAX_RATE_OFF_HZ:
+        text += f": it refreshes otherwise than display.screen.rate_hz {screen.rate_hz:g}"
+        return Finding(COMPUTER, "display", "warning", text, described)
+    if not screen.fullscreen:
+        text += ", in a window: sizes are wrong"
+        return Finding(
+            COMPUTER,
+            "display",
+            "warning",
+            text,
+            "set fullscreen: true for people",
+        )
+    pitches_mm = (
+        screen.width_m / screen.width_px * 1e3,
+        screen.height_m / screen.height_px * 1e3,
+    )
+    if abs(pitches_mm[0] / pitches_mm[1] - 1) > MAX_PITCH_OFF_01:
+        text += f": pixels of {pitches_mm[0]:.3f} × {pitches_mm[1]:.3f} mm are not square"
+        return Finding(
+            COMPUTER, "display", "warning", text, "measure width_m and height_m of the lit area"
+        )
+    return Finding(COMPUTER, "display", "ok", text)
+
+
+class Monitor(NamedTuple):
+    """A monitor as the system shows it now."""
+
+    width_px: int
+    height_px: int
+    rate_hz: int
+
+    def __str__(self) -> str:
+        return f"{self.width_px}×{self.height_px} at {self.rate_hz} Hz"
+
+
+def _monitors() -> list[Monitor]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # glfw warns where there is no screen
         import glfw
@@ -193,7 +252,7 @@ def _monitors() -> list[str]:
             found = []
             for monitor in glfw.get_monitors():
                 mode = glfw.get_video_mode(monitor)
-                found.append(f"{mode.size.width}×{mode.size.height} at {mode.refresh_rate} Hz")
+                found.append(Monitor(mode.size.width, mode.size.height, mode.refresh_rate))
             return found
         finally:
             # A session that draws in a window is using it.

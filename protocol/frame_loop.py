@@ -161,6 +161,7 @@ class FrameLoop:
         self._rig.step()
         self._take_head()
         gaze = self.observer.observe(frame.index, frame.t_ns)
+        pressed, pressed_ns = self._take_presses()
         self._log_frame(frame, gaze.t_ns.shape[0])
         return FrameView(
             frame.index,
@@ -168,10 +169,11 @@ class FrameLoop:
             self.head,
             self.head_valid,
             gaze,
-            self._take_presses(),
+            pressed,
             self._take_body() if self._body_inbox else None,
             tuple(self._rays[hand] for hand in sorted(self._rays, reverse=True)),
             head_points=self.screen is None,
+            pressed_ns=pressed_ns,
         )
 
     def _display(self, view: SceneFrame) -> None:
@@ -253,21 +255,28 @@ class FrameLoop:
                     self.head_seen = True
                     self.observer.add_pose(int(batch.t_host_ns[i]), self.head)
 
-    def _take_presses(self) -> tuple[str, ...]:
+    def _take_presses(self) -> tuple[tuple[str, ...], tuple[int, ...]]:
+        """Return what was pressed since the frame before, and when it was heard."""
         if not self._press_inbox:
-            return ()
+            return (), ()
         pressed: list[str] = []
+        pressed_ns: list[int] = []
         while self._press_inbox:
-            values = self._press_inbox.popleft().values
-            for control, level in zip(
-                values["control"].tolist(), values["value_01"].tolist(), strict=True
+            batch = self._press_inbox.popleft()
+            values = batch.values
+            for control, level, t_ns in zip(
+                values["control"].tolist(),
+                values["value_01"].tolist(),
+                batch.t_host_ns.tolist(),
+                strict=True,
             ):
                 before = self._levels_01.get(control, 0.0)
                 self._levels_01[control] = level
                 # An axis presses once when it passes the middle; a button may tell presses alone.
                 if level > 0.5 and (before <= 0.5 or level == before):
                     pressed.append(self._controls[control])
-        return tuple(pressed)
+                    pressed_ns.append(t_ns)
+        return tuple(pressed), tuple(pressed_ns)
 
     def _take_rays(self, batch: SampleBatch) -> None:
         for row in batch.values:

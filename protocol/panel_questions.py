@@ -103,7 +103,8 @@ class PanelRespondent:
                     loop.show(step.view)
                 else:
                     view = self._next_frame()
-                    view = replace(view, pressed=(*self._take_keys(), *view.pressed))
+                    pressed = (*self._take_keys(), *view.pressed)
+                    view = replace(view, pressed=pressed, pressed_ns=())
                 step = asking.send(view)
         except StopIteration as end:
             chosen: Chosen = end.value

@@ -128,7 +128,9 @@ class BodyView:
 class FrameView:
     """What one frame brought: time, head, gaze, buttons pressed, the body (None: no sample).
 
-    `went_on` tells that the operator, asked by a `Prompt`, went on since the frame before.
+    `pressed_ns` are the session times at which `pressed` was heard, between frames too; empty where
+    nobody knows them. `went_on` tells that the operator, asked by a `Prompt`, went on since the
+    frame before.
     `pointers` are the rays of the tracked controllers, right hand first: from the position along
     −z of the orientation, in world. `head_points` says whether turning the head points at things:
     before a screen it does not.
@@ -144,6 +146,7 @@ class FrameView:
     pointers: tuple[Pose, ...] = ()
     went_on: bool = False
     head_points: bool = True
+    pressed_ns: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

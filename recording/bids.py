@@ -1,7 +1,8 @@
 """Write recordings as a data set after the Brain Imaging Data Structure, version 1.11.1.
 
 Gaze goes to `beh/…_recording-eye<1|2|3>_physio.tsv.gz` (left, right, combined), head poses to
-`motion/…_tracksys-HMD_motion.tsv`, the tracked body to `motion/…_tracksys-body_motion.tsv`, other
+`motion/…_tracksys-HMD_motion.tsv` (before a screen `tracksys-eyetracker`, or nothing where the head
+rests), the tracked body to `motion/…_tracksys-body_motion.tsv`, other
 streams of devices to `beh/…_recording-<name>_physio.tsv.gz` (those without a rate to the events),
 events and trials to `…_events.tsv` beside both, and who and what stood where to `stimuli/`, one
 file for every arrangement, named by `stim_file` of the events. Times count in seconds from the
@@ -204,6 +205,7 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
         run = f"run-{part.number}"
         events = _with_stimuli(_events(recording, part.number, zero_ns), files)
         body = _arrays_with(recording, part.number, _HEAD_NEEDS, bodies=True)
+        head = head if _head_system(recording) else None
         notes = {**_events_notes(recording, events), **shared}
         for kind in ("beh", *(["motion"] if head is not None or body is not None else [])):
             files.tsv(f"{base}/{kind}/{stem}_{run}_events.tsv", events)
@@ -227,7 +229,7 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
             files.json(f"{base}/{name}.json", _stream_notes(recording, schema, table) | shared)
             scans.append(f"{name}.tsv.gz")
         for system, poses, points in (
-            ("HMD", head, ("head",)),
+            (_head_system(recording), head, ("head",)),
             ("body", body, _segments(recording, body)),
         ):
             if poses is None:
@@ -300,6 +302,34 @@ def _task_fields(recording: Recording, about: DatasetAbout) -> dict[str, Any]:
         "Instructions": "\n\n".join(dict.fromkeys(told)) or "n/a",
     }
     return {key: value for key, value in found.items() if value}
+
+
+def _screen(recording: Recording) -> Mapping[str, Any]:
+    """Return the screen participants sat before; empty where there was none."""
+    configured = recording.manifest.configuration
+    screen = configured.get("screen") if isinstance(configured, Mapping) else None
+    return screen if isinstance(screen, Mapping) else {}
+
+
+def _screen_fields(recording: Recording) -> dict[str, Any]:
+    """Return what is said of the screen: distance and size in metres, pixels right and down."""
+    screen = _screen(recording)
+    if not screen:
+        return {}
+    return {
+        "ScreenDistance": screen["distance_m"],
+        "ScreenOrigin": ["top", "left"],
+        "ScreenRefreshRate": screen["rate_hz"],
+        "ScreenResolution": [screen["width_px"], screen["height_px"]],
+        "ScreenSize": [screen["width_m"], screen["height_m"]],
+        "HeadStabilization": "chin-rest" if screen["head"] == "fixed" else "none",
+    }
+
+
+def _head_system(recording: Recording) -> str:
+    """Return what followed the head; nothing does in a chin rest."""
+    head = _screen(recording).get("head")
+    return {None: "HMD", "tracked": "eyetracker"}.get(head, "")
 
 
 def _first_ns(recording: Recording, part: int, *streams: Columns | None) -> int:
@@ -473,7 +503,8 @@ def _motion_notes(
     recording: Recording, table: pd.DataFrame, points: Sequence[str], system: str
 ) -> dict[str, Any]:
     rate_hz = _rate_hz(table["latency"])
-    device = _device(recording, "head" if system == "HMD" else "body")
+    roles = {"HMD": "head", "eyetracker": "eye", "body": "body"}
+    device = _device(recording, roles[system])
     return {
         "TrackingSystemName": system,
         "SamplingFrequency": rate_hz,
@@ -574,6 +605,7 @@ def _events_notes(recording: Recording, events: pd.DataFrame) -> dict[str, Any]:
             "SoftwareName": "Visavis",
             "SoftwareVersion": recording.manifest.provenance.packages.get("visavis", "n/a"),
             "Code": recording.manifest.provenance.code_revision or "n/a",
+            **_screen_fields(recording),
         },
     }
     _, touched = neutralised(events)

@@ -93,12 +93,16 @@ def asked_elsewhere(
 
 def pressed(controls: tuple[str, ...], limit_s: float, view: FrameView, from_ns: int,
             each_frame: Callable[[FrameView], Show | None]) -> Asking:  # fmt: skip
-    """Wait for one of several controls, timed from `from_ns`; missing after `limit_s`."""
+    """Wait for one of several controls, timed from `from_ns`; missing after `limit_s`.
+
+    The answer bears the time at which the press was heard, not that of the frame after it.
+    """
     until_ns = from_ns + round(limit_s * NS_PER_S)
     while True:
-        for control in view.pressed:
-            if control in controls and view.t_ns > from_ns:
-                return Answer(control, "keys", from_ns, view.t_ns, view)
+        heard_ns = view.pressed_ns or (view.t_ns,) * len(view.pressed)
+        for control, t_ns in zip(view.pressed, heard_ns, strict=True):
+            if control in controls and from_ns < t_ns <= until_ns:
+                return Answer(control, "keys", from_ns, t_ns, view)
         if view.t_ns >= until_ns:
             return Answer(None, "nothing in time", from_ns, view.t_ns, view)
         yield from _shown(each_frame(view))

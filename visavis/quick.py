@@ -259,8 +259,11 @@ class _Frames:
         self._observer.add_pose(t_ns, head)
         self._sample(t_ns - self._tracker.delay_ns)
         gaze = self._observer.observe(self._index, t_ns)
-        pressed = tuple(c for _, c, value in self._person.presses(t_ns) if value > 0.5)
-        return FrameView(self._index, t_ns, head, True, gaze, pressed, self._hand(t_ns))
+        downs = [(at_ns, c) for at_ns, c, value in self._person.presses(t_ns) if value > 0.5]
+        return FrameView(
+            self._index, t_ns, head, True, gaze, tuple(c for _, c in downs), self._hand(t_ns),
+            pressed_ns=tuple(at_ns for at_ns, _ in downs),
+        )  # fmt: skip
 
     def _hand(self, t_ns: int) -> BodyView | None:
         """Return the hand that answers a board; None while no board is shown."""

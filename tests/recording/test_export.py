@@ -2,9 +2,10 @@ import gzip
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -53,13 +54,19 @@ KNOB = StreamSchema("knob", (Field("turn_deg", "f4", "deg"),), 0.0)
 
 
 def gaze_session(
-    root: Path, *, is_simulated: bool = True, own: Sequence[StreamSchema] = ()
+    root: Path,
+    *,
+    is_simulated: bool = True,
+    own: Sequence[StreamSchema] = (),
+    screen: Mapping[str, Any] | None = None,
 ) -> Recording:
     clock = SimClock()
     manifest = replace(
         probe_manifest(is_simulated=is_simulated),
         devices=[{"role": "gaze", "vendor": "Maker", "model": "Eye", "serial": "7"}],
     )
+    if screen is not None:
+        manifest = replace(manifest, configuration={"screen": screen})
     with create_session(root, manifest) as folder:
         recorder = Recorder(
             folder.begin_part(clock),
@@ -211,6 +218,32 @@ def test_bids_says_who_made_it_where_and_under_which_licence(tmp_path: Path) -> 
         notes["InstitutionName"],
         notes["TaskDescription"],
     )
+
+
+SCREEN = {
+    "width_m": 0.531, "height_m": 0.299, "width_px": 1920, "height_px": 1080,
+    "distance_m": 0.65, "rate_hz": 60.0, "head": "fixed",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("head", "held"), [("fixed", "chin-rest"), ("tracked", "none")])
+def test_bids_describes_the_screen_and_how_the_head_was_held(
+    head: str, held: str, tmp_path: Path
+) -> None:
+    recording = gaze_session(tmp_path / "d", screen={**SCREEN, "head": head})
+    export_bids([recording], tmp_path / "b", task="stare", dataset_name="Stare", about=ABOUT)
+    folder = tmp_path / "b" / "sub-P01" / "ses-001"
+    notes = json.loads(
+        (folder / "beh" / "sub-P01_ses-001_task-stare_run-1_events.json").read_text()
+    )
+    shown = notes["StimulusPresentation"]
+    assert (0.65, [0.531, 0.299]) == (shown["ScreenDistance"], shown["ScreenSize"])
+    assert ([1920, 1080], ["top", "left"]) == (shown["ScreenResolution"], shown["ScreenOrigin"])
+    assert (held, 60.0) == (shown["HeadStabilization"], shown["ScreenRefreshRate"])
+    motion = sorted(p.name for p in folder.glob("motion/*_motion.tsv"))
+    tracked = ["sub-P01_ses-001_task-stare_tracksys-eyetracker_run-1_motion.tsv"]
+    assert (tracked if head == "tracked" else []) == motion
+    assert [] == issues_of(tmp_path / "b")
 
 
 def test_bids_holds_a_labs_own_streams_with_their_units(tmp_path: Path) -> None:
