@@ -1,6 +1,10 @@
 """What is pressed arrives once, under the name studies ask for, with the time it was pressed at."""
 
 import contextlib
+import importlib
+import struct
+import sys
+import types
 
 import numpy as np
 import pytest
@@ -10,10 +14,12 @@ from hypothesis import strategies as st
 from devices import conformance
 from devices.building import build_device
 from devices.contracts import NO_DEVICE_TIME
+from devices.drivers.buttons.device import Press
 from devices.drivers.buttons.keyboard import KEYS, KeyLink
-from devices.drivers.buttons.spec import KEYBOARD
+from devices.drivers.buttons.spec import BYTES, KEYBOARD
+from devices.drivers.buttons.xid import XidReader
 from devices.registry import OPTION_MODELS
-from lab.clock import NS_PER_S, SimClock
+from lab.clock import NS_PER_S, SimClock, SystemClock
 from lab.config import DeviceConfig
 from lab.errors import ConfigError
 from tests.devices.bodies import FixatingBody
@@ -126,3 +132,99 @@ def test_simulated_presses_arrive_through_the_keyboards_own_wire():
             (301, "f", 1.0),
         ]
         assert np.all(device.health().received == 3)
+
+
+def vendor_reads(data):
+    """What Cedrus' own client makes of a pad's bytes: (key, pressed, ms)."""
+    sys.modules.setdefault("ftd2xx", types.ModuleType("ftd2xx"))  # its USB library, of no use here
+    client = pytest.importorskip("pyxid2.internal", reason="pip install pyxid2")
+    connection = client.XidConnection(0, 115_200)
+    connection._XidConnection__response_buffer = data
+    connection.xid_input_found()
+    found = []
+    while (one := connection.get_current_response())["key"]:
+        found.append((one["port"], one["key"], one["pressed"], one["time"]))
+    return found
+
+
+pad_presses = st.lists(
+    st.tuples(st.integers(0, 3), st.integers(1, 8), st.booleans(), st.integers(0, 2**32 - 1)),
+    max_size=20,
+)
+
+
+def packets(presses):
+    return b"".join(
+        struct.pack("<cBI", b"k", (key % 8) << 5 | down << 4 | port, ms)
+        for port, key, down, ms in presses
+    )
+
+
+@given(pad_presses)
+def test_presses_of_a_cedrus_pad_read_as_the_vendors_client_reads_them(presses):
+    data = packets(presses)
+    assert vendor_reads(data) == presses
+    found = XidReader().feed(data)
+    expected = [
+        (f"{key}" if port == 0 else f"port{port}_{key}", float(down), ms * MS)
+        for port, key, down, ms in presses
+    ]
+    assert [tuple(press) for press in found] == expected
+
+
+@given(pad_presses, st.data())
+def test_a_pads_bytes_may_be_cut_anywhere(presses, data):
+    whole = packets(presses)
+    cut = data.draw(st.integers(0, len(whole)))
+    reader = XidReader()
+    assert reader.feed(whole[:cut]) + reader.feed(whole[cut:]) == XidReader().feed(whole)
+    assert reader.damaged == 0
+
+
+@given(st.binary(max_size=60))
+def test_noise_of_a_pad_raises_nothing_and_later_presses_are_found_again(noise):
+    reader = XidReader()
+    reader.feed(noise)
+    resting = reader.feed(b"\x00" * 8 + packets([(0, 3, True, 7)]))
+    assert resting[-1] == Press("3", 1.0, 7 * MS)
+
+
+@pytest.mark.parametrize(
+    ("driver", "told_ms"), [("xid_buttons", [90_100, 90_180]), ("byte_buttons", None)]
+)
+def test_a_simulated_box_is_pressed_through_its_own_wire(driver, told_ms):
+    clock = SimClock()
+    presses = [(100 * MS, "trigger", 1.0), (180 * MS, "trigger", 0.0)]
+    with contextlib.ExitStack() as stack:
+        device = simulated(driver, clock, presses, stack)
+        batches = conformance.collect(device, passer(clock), seconds=0.5)
+    own = [int(t) for b in batches for t in b.t_device_ns]
+    if told_ms is None:
+        assert own == [NO_DEVICE_TIME]  # it tells presses alone
+    else:
+        assert [t // MS for t in own] == told_ms
+
+
+def test_a_box_on_a_serial_port_is_read_through_a_real_terminal():
+    os = pytest.importorskip("pty") and importlib.import_module("os")
+    tty = pytest.importorskip("tty")
+    pytest.importorskip("serial", reason="pip install 'visavis[serial]'")
+    clock = SystemClock()
+    ours, theirs = os.openpty()
+    tty.setraw(ours)
+    device = BYTES.on_wire("responses", clock, port=os.ttyname(theirs), keys={"2": "right"})
+    batches = []
+    device.open(1.0)
+    try:
+        device.start(batches.append)
+        os.write(ours, b"2\r\n9")
+        count = 0
+        while not count:
+            count = device.poll(0.1)
+        device.poll(0.05)
+    finally:
+        device.close()
+        os.close(ours)
+        os.close(theirs)
+    assert [device.controls[b.values["control"][0]] for b in batches] == ["right"]
+    assert device.damaged == 1

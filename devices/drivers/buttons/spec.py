@@ -1,11 +1,13 @@
 """What participants press, as Visavis knows it: options, wires, simulators."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
+from devices.libraries import SERIAL
 from devices.options import SimulatedOptions
-from devices.spec import DriverSpec, Site, driven_by
+from devices.spec import DriverSpec, Site, driven_by, imported
 
 if TYPE_CHECKING:
     from devices.byte_links import ByteLink
@@ -61,4 +63,93 @@ KEYBOARD = DriverSpec(
     checked="real key events of an X server, through GLFW",
     unproven="the keyboard's own delay",
 )
-SPECS = (KEYBOARD,)
+
+
+class SerialButtonOptions(ButtonOptions):
+    """Where the box is plugged in: a port, or what `visavis doctor` says of it."""
+
+    of_wire = frozenset({"port", "vid", "pid", "serial_number", "baud"})
+
+    port: str = ""
+    vid: int | None = Field(default=None, ge=0, le=0xFFFF)
+    pid: int | None = Field(default=None, ge=0, le=0xFFFF)
+    serial_number: str = ""
+    baud: int = Field(default=115_200, ge=300, le=4_000_000)
+
+
+class XidOptions(SerialButtonOptions):
+    """Options of `xid_buttons`; buttons are called by their numbers on the pad."""
+
+    keys: Called = Field(default_factory=lambda: {"1": "trigger"})
+
+
+class ByteOptions(SerialButtonOptions):
+    """Options of `byte_buttons`: the characters that are buttons, and those that mean nothing.
+
+    A scanner's pulse that comes on the same wire is best a button of its own ("5").
+    """
+
+    buttons: str = Field(default="1234", min_length=1, max_length=64)
+    ignored: str = "\r\n"
+    keys: Called = Field(default_factory=lambda: {"1": "trigger"})
+
+
+def _serial(site: Site[SerialButtonOptions]) -> "ByteLink":
+    from devices.drivers.links.serial_port import SerialLink
+
+    options = site.options
+    return SerialLink(
+        site.clock, port=options.port, vid=options.vid, pid=options.pid,
+        serial_number=options.serial_number, baud=options.baud,
+    )  # fmt: skip
+
+
+def _box(simulator: str) -> Callable[[Site[SerialButtonOptions]], "ByteLink"]:
+    def link(site: Site[SerialButtonOptions]) -> "ByteLink":
+        from devices.byte_links import MemoryLink
+
+        names = {control: key for key, control in site.options.keys.items()}
+        peer = imported(simulator)(site.watched, site.clock, site.faults, names, seed=site.own_seed)
+        return MemoryLink(peer, site.clock)
+
+    return link
+
+
+BOX_REMEDY = "plug the box in; `visavis doctor` lists serial ports with vid, pid and serial_number"
+XID = DriverSpec(
+    name="xid_buttons",
+    kind="responses",
+    options=XidOptions,
+    make=driven_by("devices.drivers.buttons.xid:XidButtons"),
+    real=_serial,
+    simulated=_box("devices.sim.buttons.boxes:XidPad"),
+    carries="bytes",
+    vendor="Cedrus",
+    model="XID response pad",
+    wire="serial port",
+    remedy=BOX_REMEDY,
+    capabilities=frozenset({"keys", "own_time"}),
+    library=SERIAL,
+    stands_for="Cedrus response pads in XID mode",
+    checked="presses read by the vendor's client pyxid2; a pseudo-terminal",
+    unproven="a pad, drift of its timer",
+)
+BYTES = DriverSpec(
+    name="byte_buttons",
+    kind="responses",
+    options=ByteOptions,
+    make=driven_by("devices.drivers.buttons.codes:ByteButtons"),
+    real=_serial,
+    simulated=_box("devices.sim.buttons.boxes:ByteBox"),
+    carries="bytes",
+    vendor="any",
+    model="serial button box",
+    wire="serial port",
+    remedy=BOX_REMEDY,
+    capabilities=frozenset({"keys"}),
+    library=SERIAL,
+    stands_for="button boxes that send a character a press",
+    checked="our reading of what such boxes do; a pseudo-terminal",
+    unproven="any box, its delay",
+)
+SPECS = (KEYBOARD, XID, BYTES)

@@ -65,6 +65,8 @@ class PressingPeer:
             if self._active("silence", t_ns):
                 continue
             data = self.message(self._names.get(control, control), value_01, t_ns)
+            if not data:
+                continue
             garbage = self._faults.active("garbage", t_ns - self._origin_ns)
             if garbage is not None and self._noise.random() < garbage.amount:
                 data = self._noise.bytes(len(data))
