@@ -15,13 +15,16 @@ from devices import conformance
 from devices.building import build_device
 from devices.contracts import NO_DEVICE_TIME
 from devices.drivers.buttons.device import Press
+from devices.drivers.buttons.hid import HidButtonLink
+from devices.drivers.buttons.hid_reports import HAT_SIDES, ReportReader, layout_of
 from devices.drivers.buttons.keyboard import KEYS, KeyLink
-from devices.drivers.buttons.spec import BYTES, KEYBOARD
+from devices.drivers.buttons.spec import BYTES, HID_BUTTONS, KEYBOARD
 from devices.drivers.buttons.xid import XidReader
 from devices.registry import OPTION_MODELS
+from devices.sim.buttons.gamepad import DESCRIPTOR
 from lab.clock import NS_PER_S, SimClock, SystemClock
 from lab.config import DeviceConfig
-from lab.errors import ConfigError
+from lab.errors import ConfigError, DeviceDisconnected
 from tests.devices.bodies import FixatingBody
 
 MS = 1_000_000
@@ -228,3 +231,120 @@ def test_a_box_on_a_serial_port_is_read_through_a_real_terminal():
         os.close(theirs)
     assert [device.controls[b.values["control"][0]] for b in batches] == ["right"]
     assert device.damaged == 1
+
+
+def gamepad(presses, clock, stack, **options):
+    return simulated("hid_buttons", clock, presses, stack, **options)
+
+
+def test_a_gamepad_names_its_buttons_itself():
+    layout = layout_of(DESCRIPTOR)
+    buttons = [f"button_{n}" for n in range(1, 11)]
+    assert list(layout.buttons()) == [*buttons, *HAT_SIDES, "x-", "x+", "y-", "y+"]
+    assert not layout.is_numbered
+
+
+def test_buttons_direction_pad_and_stick_arrive_under_their_names():
+    clock = SimClock()
+    presses = [
+        (100 * MS, "trigger", 1.0), (150 * MS, "trigger", 0.0), (200 * MS, "left", 1.0),
+        (250 * MS, "left", 0.0), (300 * MS, "x+", 1.0), (350 * MS, "x+", 0.0),
+        (400 * MS, "button_10", 1.0),
+    ]  # fmt: skip
+    with contextlib.ExitStack() as stack:
+        found = told(gamepad(presses, clock, stack), clock)
+    assert [(name, round(value)) for _, name, value in found] == [
+        ("trigger", 1), ("trigger", 0), ("left", 1), ("left", 0), ("x+", 1), ("x+", 0),
+        ("button_10", 1),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("hat", "down"),
+    [
+        (0, {"up"}),
+        (1, {"up", "right"}),
+        (4, {"down"}),
+        (7, {"left", "up"}),
+        (8, set()),
+        (15, set()),
+    ],
+)
+def test_a_hat_switch_between_two_sides_presses_both(hat, down):
+    reader = ReportReader(layout_of(DESCRIPTOR))
+    found = reader.feed(bytes((0, 0, hat, 0x80, 0x80)))
+    assert {p.button for p in found if p.value_01 == 1.0} == down
+
+
+NUMBERED = bytes.fromhex(
+    "05010904a1018501050919012903150025017501950381027505950181031581257f0501093175089501"
+    "8102850209301581257f750895018102c0"
+)
+"""Two reports: 1 holds three buttons and a signed y, 2 a signed x."""
+
+
+def test_numbered_reports_and_signed_axes_are_kept_apart():
+    layout = layout_of(NUMBERED)
+    assert layout.is_numbered
+    reader = ReportReader(layout)
+    first = reader.feed(bytes((1, 0b101, 0x81)))
+    assert [(p.button, p.value_01) for p in first] == [
+        ("button_1", 1.0), ("button_3", 1.0), ("y-", 1.0),
+    ]  # fmt: skip
+    assert [(p.button, p.value_01) for p in reader.feed(bytes((2, 0x7F)))] == [("x+", 1.0)]
+
+
+@given(st.binary(max_size=120), st.binary(max_size=16))
+def test_nonsense_of_a_hid_raises_nothing(descriptor, report):
+    ReportReader(layout_of(descriptor)).feed(report)
+    ReportReader(layout_of(DESCRIPTOR + descriptor)).feed(report)
+
+
+def test_a_short_report_is_counted():
+    reader = ReportReader(layout_of(DESCRIPTOR))
+    reader.feed(b"\x01")
+    assert reader.damaged == 1
+
+
+class Hidapi:
+    """A stand-in for hidapi with one gamepad and one mouse."""
+
+    def __init__(self, *reports):
+        self.reports = list(reports)
+
+    def enumerate(self):
+        mouse = {"path": b"m", "vendor_id": 1, "product_id": 2, "usage_page": 1, "usage": 2}
+        return [mouse, {**mouse, "path": b"g", "vendor_id": 0x045E, "usage": 5}]
+
+    def device(self):
+        return self
+
+    def open_path(self, path):
+        assert path == b"g"
+
+    def get_report_descriptor(self):
+        return list(DESCRIPTOR)
+
+    def read(self, size, wait_ms):
+        report = self.reports.pop(0) if self.reports else None
+        if report is OSError:
+            raise OSError("unplugged")
+        return report or []
+
+    def close(self):
+        pass
+
+
+def test_the_first_gamepad_is_taken_and_its_unplugging_told():
+    clock = SimClock()
+    hidapi = Hidapi(None, [1, 0, 8, 0x80, 0x80], OSError, OSError)
+    device = HID_BUTTONS.on_wire("responses", clock, HidButtonLink(clock, library=hidapi))
+    device.open(1.0)
+    batches = []
+    device.start(batches.append)
+    assert device.poll(0.0) == 1
+    assert device.controls[batches[0].values["control"][0]] == "trigger"
+    assert device.info.transport == "hid 045e:0002"
+    with pytest.raises(DeviceDisconnected) as gone:
+        device.poll(0.0)
+    assert str(gone.value).count("plug it in") == 1

@@ -122,9 +122,8 @@ class ButtonDevice:
             self._link.close()
             self._life.state = DeviceState.FAULT
             self._retry_ns = self._clock.now_ns()
-            raise DeviceDisconnected(
-                str(gone), role=self.info.role, remedy=self._spec.remedy
-            ) from gone
+            what = str(gone).removesuffix(f"; {gone.remedy}")
+            raise DeviceDisconnected(what, role=self.info.role, remedy=self._spec.remedy) from gone
         return self._deliver(chunks)
 
     def stop(self) -> None:

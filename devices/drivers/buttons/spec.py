@@ -1,11 +1,11 @@
 """What participants press, as Visavis knows it: options, wires, simulators."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from devices.libraries import SERIAL
+from devices.libraries import HID, SERIAL
 from devices.options import SimulatedOptions
 from devices.spec import DriverSpec, Site, driven_by, imported
 
@@ -94,7 +94,7 @@ class ByteOptions(SerialButtonOptions):
     keys: Called = Field(default_factory=lambda: {"1": "trigger"})
 
 
-def _serial(site: Site[SerialButtonOptions]) -> "ByteLink":
+def _serial(site: Site[Any]) -> "ByteLink":
     from devices.drivers.links.serial_port import SerialLink
 
     options = site.options
@@ -104,8 +104,8 @@ def _serial(site: Site[SerialButtonOptions]) -> "ByteLink":
     )  # fmt: skip
 
 
-def _box(simulator: str) -> Callable[[Site[SerialButtonOptions]], "ByteLink"]:
-    def link(site: Site[SerialButtonOptions]) -> "ByteLink":
+def _box(simulator: str) -> Callable[[Site[Any]], "ByteLink"]:
+    def link(site: Site[Any]) -> "ByteLink":
         from devices.byte_links import MemoryLink
 
         names = {control: key for key, control in site.options.keys.items()}
@@ -152,4 +152,44 @@ BYTES = DriverSpec(
     checked="our reading of what such boxes do; a pseudo-terminal",
     unproven="any box, its delay",
 )
-SPECS = (KEYBOARD, XID, BYTES)
+
+
+class HidButtonOptions(ButtonOptions):
+    """Options of `hid_buttons`; without vid and pid the first gamepad found is taken."""
+
+    of_wire = frozenset({"vid", "pid", "serial_number"})
+
+    vid: int | None = Field(default=None, ge=0, le=0xFFFF)
+    pid: int | None = Field(default=None, ge=0, le=0xFFFF)
+    serial_number: str = ""
+    keys: Called = Field(default_factory=lambda: {"button_1": "trigger"})
+
+
+def _hid(site: Site[HidButtonOptions]) -> "ByteLink":
+    from devices.drivers.buttons.hid import HidButtonLink
+
+    options = site.options
+    return HidButtonLink(
+        site.clock, vid=options.vid, pid=options.pid, serial_number=options.serial_number
+    )
+
+
+HID_BUTTONS = DriverSpec(
+    name="hid_buttons",
+    kind="responses",
+    options=HidButtonOptions,
+    make=driven_by("devices.drivers.buttons.hid:HidButtons"),
+    real=_hid,
+    simulated=_box("devices.sim.buttons.gamepad:Gamepad"),
+    carries="bytes",
+    vendor="any",
+    model="HID gamepad or button box",
+    wire="USB HID",
+    remedy="plug it in; on Linux `visavis devices rules` says who may use it",
+    capabilities=frozenset({"keys"}),
+    library=HID,
+    stands_for="gamepads and USB button boxes that are HIDs",
+    checked="our reading of the HID class definition; stand-in for hidapi",
+    unproven="real descriptors, polling interval",
+)
+SPECS = (KEYBOARD, XID, BYTES, HID_BUTTONS)
