@@ -16,6 +16,8 @@ from protocol.steps import GazeView
 from stimuli.scene import Scene
 from stimuli.visibility import HIT_LOST, HIT_NOTHING, SceneGeometry, observe_rays
 
+DELAYS_KEPT = 240
+"""Batches of gaze in which the least delay is looked for: some seconds."""
 POSES_KEPT = 32
 """Head poses remembered for looking up the pose at a sample's time: 0.3 s at 90 Hz."""
 
@@ -210,6 +212,7 @@ class GazeObserver:
         self._source = targets.columns
         self._columns = tuple(targets.columns[name] for name in RECORDED)
         self._inbox: deque[SampleBatch] = deque()
+        self._delays_ns: deque[int] = deque(maxlen=DELAYS_KEPT)
         self._pose_t_ns = np.zeros(POSES_KEPT, dtype=np.int64)
         self._pose_p = np.zeros((POSES_KEPT, 3))
         self._pose_q = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (POSES_KEPT, 1))
@@ -224,6 +227,16 @@ class GazeObserver:
     def take(self, batch: SampleBatch) -> None:
         """Accept a batch of the gaze stream; may be called from the device's thread."""
         self._inbox.append(batch)
+        self._delays_ns.append(int((batch.t_host_ns - batch.t_device_ns).min()))
+
+    @property
+    def least_delay_ns(self) -> int | None:
+        """Arrival minus device time of the quickest sample of late; None before the first.
+
+        Of a tracker that cannot be asked for its time this is its clock's offset, with the least
+        delay in it.
+        """
+        return min(tuple(self._delays_ns), default=None)
 
     def add_pose(self, t_ns: int, pose: Pose) -> None:
         """Remember where the head was."""

@@ -256,8 +256,11 @@ class TrialRunner:
     def _set_clock_offset(self) -> None:
         pairs = self._exchanges()[-RECENT_EXCHANGES:]
         self.record_exchanges()
+        observer = self._loop.observer
         if pairs:
-            self._loop.observer.clock_offset_ns = offset_ns(latest_quick(pairs))
+            observer.clock_offset_ns = offset_ns(latest_quick(pairs))
+        elif (least_ns := observer.least_delay_ns) is not None:
+            observer.clock_offset_ns = least_ns
 
     def _exchanges(self) -> Sequence[ClockPair]:
         tracker = self._rig.eye_tracker
