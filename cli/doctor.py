@@ -16,7 +16,7 @@ from devices.registry import driver_spec, driver_specs
 from lab.clock import Clock
 from lab.config import DeviceConfig, LabConfig
 from lab.config_files import CONFIG_NAME, EXAMPLE
-from visavis.sessions.rig import ESSENTIAL_ROLES
+from visavis.sessions.rig import roles_expected
 
 DEVICES = "devices"
 SELF_TEST_S = 10.0
@@ -149,7 +149,7 @@ def _devices(lab: LabConfig, trials: Sequence[Trial]) -> list[Finding]:
             DEVICES, role, "missing", "not configured; no study runs without it",
             f"add {role} with its driver under devices (docs/configuration.md)",
         )
-        for role in ESSENTIAL_ROLES if role not in lab.devices
+        for role in roles_expected(lab) if role not in lab.devices
     ]  # fmt: skip
     left = [r for r in lab.devices if r not in by_role]
     if left:

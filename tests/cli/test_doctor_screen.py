@@ -5,9 +5,11 @@ from pathlib import Path
 import pytest
 
 from cli import doctor_machine
+from cli.doctor import examine
 from cli.doctor_machine import Monitor
 from devices.registry import OPTION_MODELS
-from lab.config import parse_config
+from lab.clock import SimClock
+from lab.config import load_config, parse_config
 from lab.config_files import SCREEN_EXAMPLE
 
 TEXT = SCREEN_EXAMPLE.read_text("utf-8")
@@ -43,3 +45,13 @@ def test_what_differs_is_named(monkeypatch, monitors, text, level, said):
     assert found.level == level
     assert said in found.found
     assert found.remedy
+
+
+def test_no_headset_is_missed_where_people_sit_before_a_screen(tmp_path):
+    path = tmp_path / "lab_config.yaml"
+    path.write_text(TEXT, "utf-8")
+    told = examine(load_config(path, OPTION_MODELS), SimClock())
+    assert "headset" not in {f.subject for f in told.findings}
+    path.write_text(TEXT.replace("show: screen", "show: headset"), "utf-8")
+    told = examine(load_config(path, OPTION_MODELS), SimClock())
+    assert "headset" in {f.subject for f in told.findings if f.level == "missing"}

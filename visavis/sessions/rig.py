@@ -16,8 +16,14 @@ from lab.geometry import Pose
 from protocol.experiment import Experiment, demands_of, spare_roles_of
 from protocol.rig import Rig
 
-ESSENTIAL_ROLES = ("headset", "eye_tracker")
-"""What a lab is expected to have; a study may do without the eye tracker."""
+ESSENTIAL_ROLES = ("headset", "screen", "eye_tracker")
+"""What a lab is expected to have, one of the first two; a study may do without the eye tracker."""
+
+
+def roles_expected(config: LabConfig) -> tuple[str, ...]:
+    """Return the roles of devices a lab is expected to name: before a screen no headset."""
+    on_screen = config.display.on_screen is not None
+    return ("eye_tracker",) if on_screen else ("headset", "eye_tracker")
 
 
 def build_rig(
