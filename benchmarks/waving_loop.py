@@ -34,7 +34,7 @@ from stimuli.dressing.office import agents_of, office_picture
 from stimuli.dressing.office_view import eye_at
 from stimuli.motion.warping.control import Situation, is_within, see, tolerance_of, wanted_features
 from stimuli.motion.warping.track import TrackLoop
-from stimuli.scenes.office import CLERKS, CUSTOMERS, STANDING_EYE_M, OfficeScene
+from stimuli.scenes.office import CLERKS, CUSTOMERS, STANDING_EYE_M, OfficeFrame, OfficeScene
 from visavis.beside import AtOnce, Beside
 
 FRAME_S = 1 / 90
