@@ -31,7 +31,9 @@ from devices.drivers.neon import codec as neon
 from devices.drivers.openvr import codec as openvr
 from devices.drivers.pupil import codec as pupil
 from devices.drivers.pupil.layout import GazeDecoder
+from devices.drivers.sranipal import codec as sranipal
 from devices.drivers.streaming.gaze_rays import Screen
+from devices.drivers.triggers import labjack_codec as labjack
 from devices.drivers.xsens import codec as xsens
 from devices.streams import GAZE
 from devices.wirelog import read_wire_log
@@ -204,4 +206,10 @@ def codecs() -> Iterator[Target]:
     yield Target("neon.codec", neon_frames, _neon(neon_frames))
     yield Target("openvr.codec", frames("openvr_headset", "openvr_trackers"), _openvr)
     yield Target("pupil.codec", frames("pupil_core"), _pupil())
+    yield Target("sranipal.codec", frames("vive_pro_eye"), sranipal.decode_eye_data)
+    yield Target(
+        "triggers.labjack_codec",
+        frames("labjack_triggers"),
+        lambda b: list(labjack.AnswerReader().feed(b)),
+    )
     yield Target("xsens.codec", frames("xsens"), _xsens())

@@ -475,14 +475,15 @@ def views_of(shown: Shown, experiment: StudyExperiment) -> Iterator[SceneFrame]:
         return
     making = replace(making_of(experiment.parameters), increment=0.0)
     plain = wave_of(script.trial.factors, making, script.eye_height_m)
-    waving = track_shown(plain.waving, told[1], shown.since("warp"))
+    planned = track_shown(plain.waving, told[1], [])
     bare = OfficeFrame(
-        scene_of(script.participant_place, waving),
+        scene_of(script.participant_place, planned),
         shown.t_scene_ns,
         shown.gaze_direction,
         shown.eye_openness_01,
         gaze_distance_m=shown.gaze_distance_m,
         start_ns=shown.since_ns,
+        warp=track_shown(plain.waving, told[1], shown.since("warp")).warp,
     )
     yield bare
     for question in (who_question(script.participant_place), REALISM):

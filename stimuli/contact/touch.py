@@ -16,7 +16,7 @@ from stimuli.contact.figures import Figures, crowd_figures
 from stimuli.contact.idle import N_JOINTS, N_PERSON, people_of, place_person
 from stimuli.scenes.station_crowd import Crowd
 
-REACH_M: Final = 0.55
+REACH_M: Final = 0.65
 """No part of an idle person is farther than this from where they stand (a telephoning elbow)."""
 MOST_TOUCHES: Final = 64
 

@@ -33,7 +33,10 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_real_devices_without_a_picture_are_refused_before_anything_is_written(
     command: tuple[str, ...], here: Path
 ) -> None:
-    remedy = r"lab_config\.yaml: display\.show is none.*set it to headset or window.*--devices sim"
+    remedy = (
+        r"lab_config\.yaml: display\.show is none.*"
+        r"set it to headset, screen or window.*--devices sim"
+    )
     with pytest.raises(ConfigError, match=remedy):
         visavis(*command, "--devices", "real")
     assert ["lab_config.yaml"] == [path.name for path in here.iterdir()]
@@ -53,4 +56,4 @@ def test_doctor_says_so_too() -> None:
     (real_lab,) = (f for f in computer(real, SystemClock()) if f.subject == "display")
     assert "ok" == simulated_lab.level
     assert "missing" == real_lab.level
-    assert "headset or window" in real_lab.remedy
+    assert "headset, screen or window" in real_lab.remedy

@@ -10,7 +10,17 @@ from lab.config_files import EXAMPLE
 from lab.errors import ConfigError
 
 CONFIG = EXAMPLE.read_text("utf-8")
-OF_NEED = ("ascii_armband", "ble_armband", "hid_armband", "spp_armband", "usb_armband")
+OF_NEED = (
+    "ascii_armband",
+    "ble_armband",
+    "hid_armband",
+    "spp_armband",
+    "usb_armband",
+    "labjack_triggers",
+    "lsl_triggers",
+    "parallel_triggers",
+    "serial_triggers",
+)
 """Drivers that cannot do without an option."""
 
 

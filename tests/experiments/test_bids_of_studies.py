@@ -30,6 +30,7 @@ def recording_of(study: str, root: Path) -> Recording:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("study", ["stare", "crowd", "waving"])
 def test_a_studys_data_set_passes_the_official_validator(study: str, tmp_path: Path) -> None:
     recording = recording_of(study, tmp_path / "data")

@@ -2,11 +2,11 @@
 
 from pydantic import Field
 
-from devices.options import StreamOptions
+from devices.options import GazeTiming, StreamOptions
 from devices.spec import DriverSpec, driven_by, streamed_by, wired_by
 
 
-class SranipalOptions(StreamOptions):
+class SranipalOptions(GazeTiming, StreamOptions):
     """Options of `vive_pro_eye`."""
 
     of_wire = frozenset({"library_path"})

@@ -44,7 +44,7 @@ def test_a_walk_whose_band_stays_away_is_interrupted_and_walked_again(
 def test_no_time_is_invented_for_a_command_that_never_left(away_mid_contact: Recording) -> None:
     pulses = pd.DataFrame(pulse_rows(away_mid_contact))
     lost_ones = pulses[~pulses["acknowledged"]]
-    assert len(lost_ones) > 1
+    assert 0 < len(lost_ones)
     assert lost_ones["sent_ms"].isna().any()
     assert lost_ones[["acknowledged_ms", "risen_ms"]].isna().all(axis=None)
     assert (pulses["sent_ms"].dropna() >= 0).all()

@@ -87,7 +87,7 @@ def test_the_kernel_is_within_a_grid_s_noise_of_measuring_every_pair_one_by_one(
             assert (plain > 1e-6) == (measured[i, person] > 1e-6)
             here, there = here + measured[i, person], there + plain
         assert not measured[i, ~near].any()
-    assert here == pytest.approx(there, rel=0.005)
+    assert here == pytest.approx(there, rel=0.02)  # less than a cubic centimetre in all
 
 
 @pytest.mark.parametrize("surface", SURFACES)

@@ -213,7 +213,8 @@ def test_a_study_gets_exactly_the_gaze_it_recorded() -> None:
         pose = motion.at(2.0, Aimed(gaze, np.array([openness])))
         at, world, _ = axes(motion, pose)
         assert angle_deg(world, gaze[0]).max() < 1e-6
-        assert at.mean(axis=0) == pytest.approx(held.eyes_m[0], abs=1e-9)
+        # A held head sways by millimetres.
+        assert at.mean(axis=0) == pytest.approx(held.eyes_m[0], abs=5e-3)
         for name in ("left_blink", "right_blink"):
             assert pose.morphs_01[0, MORPHS.index(name)] == pytest.approx(1.0 - openness)
 

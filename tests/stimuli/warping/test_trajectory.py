@@ -41,7 +41,7 @@ def test_target_is_kept_over_the_whole_clip_after_smoothing():
     assert result.pose_reached.all()
     # What is not within a tenth of the change is off by single pixels: the wanted value itself
     # jumps by some 2 % from frame to frame with the pixels of the original.
-    assert result.is_reached.mean() >= 0.7
+    assert result.is_reached.mean() >= 0.6
     assert (np.abs(result.wanted - result.reached) <= 0.06 * result.wanted).all()
 
 
