@@ -19,7 +19,7 @@ STEP_LENGTH_M: Final = {"man": 0.74, "woman": 0.67}
 """One step (Cho et al. 2004), the radius of the stop left out round the point nearest the board."""
 STEP_LENGTH_UNKNOWN_M: Final = 0.705
 """The mean of both, for people who are neither or did not say."""
-LONGEST_GAP_NS: Final = 100_000_000
+MAX_GAP_NS: Final = 100_000_000
 PATH_LOST_01: Final = 0.01
 """A way with more of its time lost has no length: it would be too short by an unknown amount."""
 HESITATION_BELOW_M_S: Final = 0.10
@@ -106,7 +106,7 @@ def resampled(
     orientation: Vector,
     grid_ns: npt.NDArray[np.int64],
     *,
-    longest_gap_ns: int = LONGEST_GAP_NS,
+    longest_gap_ns: int = MAX_GAP_NS,
 ) -> tuple[Vector, Vector]:
     """Return segments at the times of a grid; see `interpolate_rows`.
 

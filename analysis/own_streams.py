@@ -20,7 +20,7 @@ from lab.clock import NS_PER_MS, NS_PER_S
 from lab.config import ARMBAND_ROLE, ROLES, TAKEN_STREAMS
 from recording.reader import PART_COLUMN, Recording, flattened
 
-MOST_CURVES: Final = 12
+MAX_CURVES: Final = 12
 """Columns of one stream that are drawn; an amplifier's others look like them."""
 BINS: Final = 400
 """Points along a curve; each is drawn with the range of what lies in it."""
@@ -215,7 +215,7 @@ def figures_of_streams(streams: Sequence[OwnStream]) -> Mapping[str, Drawn]:
 
 
 def _drawn(stream: OwnStream) -> Drawn:
-    shown = [c for c in stream.columns if len(c.curve)][:MOST_CURVES]
+    shown = [c for c in stream.columns if len(c.curve)][:MAX_CURVES]
     left_out = len(stream.columns) - len(shown)
     more = f" {left_out} further columns are not drawn." if left_out else ""
     return draw(

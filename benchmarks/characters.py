@@ -29,7 +29,7 @@ from stimuli.characters.storage import read_character
 from tools.character_making.generate import write_cast
 
 LOAD_LIMIT_S, MAKE_LIMIT_S, SIZE_LIMIT_MB, BIAS_LIMIT_PERCENT = 0.5, 10.0, 15.0, 5.0
-SMALLEST_M2 = 5e-4
+MIN_M2 = 5e-4
 
 
 def size() -> Row:
@@ -54,7 +54,7 @@ def biases() -> list[Row]:
     worst = [(0.0, "") for _ in MEASURING_TRIANGLES]
     for person in load_cast():
         full = seen_areas_m2(person.levels[0])
-        parts = np.flatnonzero(full > SMALLEST_M2)
+        parts = np.flatnonzero(full > MIN_M2)
         for copy, before in enumerate(worst):
             error = np.abs(seen_areas_m2(person.measuring[copy])[parts] / full[parts] - 1)
             k = int(error.argmax())

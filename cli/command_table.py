@@ -15,87 +15,67 @@ from typer.core import TyperCommand, TyperGroup
 
 
 class Entry(NamedTuple):
-    """The module below `cli` that registers a command, and the first line of its help."""
+    """The module of `cli.commands` that registers a command, and the first line of its help."""
 
     module: str
     help: str
 
 
 COMMANDS: Mapping[str, Entry] = {
-    "init": Entry("data_commands", "Write a lab_config.yaml to start from: everything simulated."),
-    "doctor": Entry(
-        "doctor_commands", "Say in one screen what is there, what is missing and what to do."
-    ),
-    "new": Entry("new_commands", "Write a study to begin with: its file, its texts, and a test."),
-    "devices": Entry("devices_commands", "What devices there are, and whether they work."),
+    "init": Entry("data", "Write a lab_config.yaml to start from: everything simulated."),
+    "doctor": Entry("doctor", "Say in one screen what is there, what is missing and what to do."),
+    "new": Entry("new", "Write a study to begin with: its file, its texts, and a test."),
+    "devices": Entry("devices", "What devices there are, and whether they work."),
     "sync-test": Entry(
-        "sync_commands",
+        "sync",
         "Measure how late picture, sound and vibration are here: delay, jitter, drift, lost "
         "frames.",
     ),
-    "participant": Entry(
-        "participant_commands", "Issue, list and withdraw participant identifiers."
-    ),
-    "plan": Entry("session_commands", "Show the order of all trials before anything runs."),
-    "lock": Entry("lock_commands", "Freeze what a study plans, before its results are looked at."),
+    "participant": Entry("participant", "Issue, list and withdraw participant identifiers."),
+    "plan": Entry("session", "Show the order of all trials before anything runs."),
+    "lock": Entry("lock", "Freeze what a study plans, before its results are looked at."),
     "prepare": Entry(
-        "prepare_commands", "Compute what a study needs beforehand, such as the evening before."
+        "prepare", "Compute what a study needs beforehand, such as the evening before."
     ),
-    "run": Entry("session_commands", "Perform one session on the devices of lab_config.yaml."),
+    "run": Entry("session", "Perform one session on the devices of lab_config.yaml."),
     "resume": Entry(
-        "session_commands",
+        "session",
         "Go on with an interrupted session: instructions, calibration, then the trials left.",
     ),
-    "check": Entry(
-        "checking_commands", "Can they leave? Compare what was planned with what was recorded."
-    ),
+    "check": Entry("checking", "Can they leave? Compare what was planned with what was recorded."),
     "quality": Entry(
-        "quality_commands",
+        "quality",
         "Write a page on a session's gaze: accuracy, precision, loss, rate, latency, pupil.",
     ),
-    "recover": Entry(
-        "checking_commands", "Take stock of a crashed session; raw files are never changed."
-    ),
+    "recover": Entry("checking", "Take stock of a crashed session; raw files are never changed."),
     "preview": Entry(
-        "preview_commands",
+        "preview",
         "Show a trial as its participant sees it: a simulated participant performs it.",
     ),
-    "redraw": Entry(
-        "redraw_commands", "Draw what a participant was shown in one frame, as it was."
-    ),
-    "demo": Entry("study_commands", "Simulate a small stare-in-the-crowd study and analyse it."),
-    "simulate": Entry(
-        "study_commands", "Simulate a whole study on the virtual clock, on all cores."
-    ),
+    "redraw": Entry("redraw", "Draw what a participant was shown in one frame, as it was."),
+    "demo": Entry("study", "Simulate a small stare-in-the-crowd study and analyse it."),
+    "simulate": Entry("study", "Simulate a whole study on the virtual clock, on all cores."),
     "replay": Entry(
-        "replay_commands",
+        "replay",
         "Film a recorded trial as it was: what was shown, where gaze fell; of the crowd, from "
         "above.",
     ),
-    "analyse": Entry(
-        "study_commands", "Write one tidy row per trial, statistics, figures and the report."
-    ),
-    "report": Entry(
-        "study_commands", "Make the study's self-contained HTML report and say where it lies."
-    ),
+    "analyse": Entry("study", "Write one tidy row per trial, statistics, figures and the report."),
+    "report": Entry("study", "Make the study's self-contained HTML report and say where it lies."),
     "power": Entry(
-        "power_commands",
+        "power",
         "Find the number of participants a study needs, by simulating it many times.",
     ),
     "stats": Entry(
-        "statistics_commands",
+        "statistics",
         "Test a table: print table, sentences, decision path and contrasts; write them with "
         "figures.",
     ),
-    "warp": Entry(
-        "warp_commands", "Warp a motion so that an observer perceives more or less of it."
-    ),
-    "character": Entry(
-        "character_commands", "People for scenes: list them, import your own, look at them."
-    ),
-    "import": Entry("data_commands", "Read data recorded by other programs."),
+    "warp": Entry("warp", "Warp a motion so that an observer perceives more or less of it."),
+    "character": Entry("character", "People for scenes: list them, import your own, look at them."),
+    "import": Entry("data", "Read data recorded by other programs."),
     "export": Entry(
-        "data_commands",
+        "data",
         "Copy a session into files that other programs read; the recording is not touched.",
     ),
 }
@@ -158,7 +138,7 @@ class LazyGroup(TyperGroup):
 
 def load_command(name: str) -> Any:
     """Import the module of a command and return the command it registers."""
-    importlib.import_module(f"cli.{COMMANDS[name].module}")
+    importlib.import_module(f"cli.commands.{COMMANDS[name].module}")
     from cli.app import app
 
     registered: Any = typer.main.get_group(app)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from cli.doctor import save_with_session
+from cli.doctor.report import save_with_session
 from devices.contracts import Device
 from recording.writer import Recorder
 from visavis.sessions.perform import Request

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
-from cli.preview_commands import film_renderer
-from cli.preview_pictures import SIMULATED, Viewpoint, camera_of, labelled
+from cli.commands.preview import film_renderer
+from cli.preview.pictures import SIMULATED, Viewpoint, camera_of, labelled
 from lab.clock import NS_PER_S
 from lab.errors import UsageError
 from lab.geometry import Pose, Vector, quat_conjugate, rotate

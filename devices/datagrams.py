@@ -15,8 +15,8 @@ from lab.clock import Clock
 from lab.errors import DeviceError, DeviceNotFound
 
 RECEIVE_BUFFER_BYTES = 4 * 1024 * 1024
-LARGEST_DATAGRAM = 65_535
-MOST_AT_ONCE = 1000
+MAX_DATAGRAM = 65_535
+MAX_AT_ONCE = 1000
 """Datagrams taken in one `receive`, so that a flood cannot hold the caller."""
 
 
@@ -93,9 +93,9 @@ class UdpTransport:
         ready, _, _ = select.select(self._sockets, (), (), max(0.0, timeout_s))
         messages: list[Message] = []
         for source in ready:
-            while len(messages) < MOST_AT_ONCE:
+            while len(messages) < MAX_AT_ONCE:
                 try:
-                    data = source.recv(LARGEST_DATAGRAM)
+                    data = source.recv(MAX_DATAGRAM)
                 except BlockingIOError:
                     break
                 except ConnectionError:  # Windows tells here that an earlier send was refused

@@ -12,9 +12,9 @@ from lab.clock import NS_PER_MS, NS_PER_S
 from lab.clock_fit import ClockFit, fit_clock, fit_one_way, offset_ns
 from lab.schema import SampleBatch, StreamSchema
 
-FEWEST_FOR_FIGURES = 10
+MIN_FOR_FIGURES = 10
 THIN_NS = NS_PER_S // 2
-FEWEST_NS_FOR_DRIFT = 5 * NS_PER_S
+MIN_NS_FOR_DRIFT = 5 * NS_PER_S
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def stream_figures(
         gaps = int((steps > GAP_PERIODS * NS_PER_S / schema.nominal_rate_hz).sum())
         longest_ms = float(steps.max() / NS_PER_MS)
     jitter_ms = delay_ms = late_ms = None
-    enough = count >= FEWEST_FOR_FIGURES and np.unique(device).size >= FEWEST_FOR_FIGURES
+    enough = count >= MIN_FOR_FIGURES and np.unique(device).size >= MIN_FOR_FIGURES
     is_own = known and not np.array_equal(device, host)  # else it is stamped by our own clock
     if is_own and enough and schema.nominal_rate_hz > 0:
         fit = steady_fit(pairs) if pairs else fit_one_way(device, host)
@@ -111,7 +111,7 @@ def clock_figures(
         return None
     device = np.concatenate([b.t_device_ns for b in own])
     host = np.concatenate([b.t_host_ns for b in own])
-    if (device == host).all() or np.unique(device).size < FEWEST_FOR_FIGURES:
+    if (device == host).all() or np.unique(device).size < MIN_FOR_FIGURES:
         return None
     return _clock(fit_one_way(device, host), 0, None, int(host[-1] - host[0]))
 
@@ -128,7 +128,7 @@ def steady_fit(pairs: Sequence[ClockPair]) -> ClockFit:
         if bin_number not in best or _round_trip_ns(pair) < _round_trip_ns(best[bin_number]):
             best[bin_number] = pair
     fit = fit_clock(list(best.values()))
-    if _span_ns(pairs) >= FEWEST_NS_FOR_DRIFT:
+    if _span_ns(pairs) >= MIN_NS_FOR_DRIFT:
         return fit
     return replace(fit, offset_ns=offset_ns(pairs), drift_ppm=0.0)
 
@@ -143,7 +143,7 @@ def _span_ns(pairs: Sequence[ClockPair]) -> int:
 
 def _clock(fit: ClockFit, exchanges: int, bound_ms: float | None, span_ns: int) -> ClockFigures:
     residual_ms = None if np.isnan(fit.residual_ms) else fit.residual_ms
-    drift_ppm = fit.drift_ppm if span_ns >= FEWEST_NS_FOR_DRIFT else None
+    drift_ppm = fit.drift_ppm if span_ns >= MIN_NS_FOR_DRIFT else None
     return ClockFigures(exchanges, fit.offset_ns / NS_PER_MS, drift_ppm, residual_ms, bound_ms)
 
 

@@ -19,7 +19,7 @@ from stimuli.panels import SIZE_M, PanelFrame, choice_centre_m, placed_before
 from stimuli.picture import Panel
 from stimuli.scene import Scene
 
-MOST_CHOICES = 9
+MAX_CHOICES = 9
 LEAVE_OUT = "no answer"
 
 
@@ -59,7 +59,7 @@ class PanelRespondent:
 
     def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
         """Return the label chosen; None when left out."""
-        if not options or len(options) + 1 > MOST_CHOICES:
+        if not options or len(options) + 1 > MAX_CHOICES:
             return self._otherwise.answer(question_id, prompt, options)
         choices = (*options, self._leave_out)
         panel = Panel(prompt, choices, placed_before(self._loop.head), SIZE_M)

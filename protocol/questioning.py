@@ -7,7 +7,7 @@ from protocol.plan import Block, asked_after
 from protocol.questionnaires import Question, Questionnaire, read_answer
 from protocol.session_setup import SessionSetup
 
-MOST_ASKED = 3
+MAX_ASKED = 3
 """How often a question is put when the answer is none of the possible ones."""
 
 
@@ -69,7 +69,7 @@ class Questioning:
 
     def _ask(self, question: Question) -> str | None:
         prompt = question.prompt
-        for _ in range(MOST_ASKED):
+        for _ in range(MAX_ASKED):
             answer = self._respondent.answer(question.question_id, prompt, question.options)
             try:
                 read_answer(question, answer)

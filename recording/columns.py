@@ -145,7 +145,7 @@ def is_flag(field: Field) -> bool:
 
 _CRC_HOLE = b"c" * 8
 _ROW_HOLE = b"r" * 12
-_MOST_TEMPLATES = 512
+_MAX_TEMPLATES = 512
 
 
 @dataclass
@@ -236,7 +236,7 @@ class BatchEncoder:
             slice(crc_at, crc_at + len(_CRC_HOLE)),
             slice(row_at, row_at + len(_ROW_HOLE)),
         )
-        if len(self._templates) >= _MOST_TEMPLATES:
+        if len(self._templates) >= _MAX_TEMPLATES:
             self._templates.pop(next(iter(self._templates)))
         self._templates[n] = template
         return template

@@ -11,10 +11,10 @@ from stage.vertex_light import CODES_OF_ROOT, FACTORS_OF_ROOT, Floats, lamp_rows
 from stage.vertices import RoomVertices
 from stimuli.picture import Room
 
-LONGEST_EDGE_M, SHORTEST_EDGE_M = 2.5, 0.3
-LARGEST_ERROR = 2.5 / 255
+MAX_EDGE_M, MIN_EDGE_M = 2.5, 0.3
+MAX_ERROR = 2.5 / 255
 """An edge is cut when halfway along it the light is farther than this from the ends' mean."""
-MOST_CUTS = 6
+MAX_CUTS = 6
 SAME_PLACE_M = 1e-4
 
 Ints = npt.NDArray[np.int64]
@@ -41,7 +41,7 @@ def baked_room(laid_out: RoomVertices, room: Room) -> BakedRoom:
         used = np.unique(triangles)
         textured = run.texture is not None
         light[used] = _light(vertices[used], rows, textured=textured)
-        for _ in range(MOST_CUTS):
+        for _ in range(MAX_CUTS):
             vertices, light, place, finer = _cut(
                 vertices, light, place, triangles, rows, textured=textured
             )
@@ -99,7 +99,7 @@ def _cut(
     middle = _between(vertices[a], vertices[b])
     lit = _light(middle, rows, textured=textured)
     error = np.abs(lit - (light[a] + light[b]) / 2).max(axis=1)
-    marked = (length > LONGEST_EDGE_M) | ((error > LARGEST_ERROR) & (length > SHORTEST_EDGE_M))
+    marked = (length > MAX_EDGE_M) | ((error > MAX_ERROR) & (length > MIN_EDGE_M))
     _, _, same = _unique_pairs(np.stack([place[a], place[b]], axis=1))
     together = np.zeros(same.max(initial=-1) + 1, np.bool_)
     np.logical_or.at(together, same, marked)

@@ -15,7 +15,7 @@ from stage.renderer import Quality
 from stimuli.picture import Picture
 
 OUT_OF_VIEW, ABSENT = -1, -2
-MOST_EYES = 2
+MAX_EYES = 2
 SHADOWS: tuple[Literal["maps", "blobs", "none"], ...] = ("maps", "blobs", "none")
 
 DRAWN_VIEWS = StreamSchema(
@@ -23,9 +23,9 @@ DRAWN_VIEWS = StreamSchema(
     nominal_rate_hz=0.0,
     fields=(
         Field("eyes", "u1", "", description="how many pictures a frame has, left eye first"),
-        Field("offset_m", "f8", "m", "head", (MOST_EYES, 3), "from the head's pose to each eye"),
-        Field("orientation_wxyz", "f8", "1", "head", (MOST_EYES, 4), "of each eye's view"),
-        Field("tangents", "f8", "1", "", (MOST_EYES, 4), "bounds: left, right, bottom, top"),
+        Field("offset_m", "f8", "m", "head", (MAX_EYES, 3), "from the head's pose to each eye"),
+        Field("orientation_wxyz", "f8", "1", "head", (MAX_EYES, 4), "of each eye's view"),
+        Field("tangents", "f8", "1", "", (MAX_EYES, 4), "bounds: left, right, bottom, top"),
         Field("size_px", "i4", "", "", (2,), "width and height of a picture"),
         Field("samples", "u1", "", description="per pixel; 0 without smoothing"),
         Field("shadows", "u1", "", description="index into: maps, blobs, none"),
@@ -130,7 +130,7 @@ def views_row(
     values = np.zeros(1, DRAWN_VIEWS.dtype)
     row = values[0]
     row["eyes"], row["size_px"] = len(views), size_px
-    for i, view in enumerate(views[:MOST_EYES]):
+    for i, view in enumerate(views[:MAX_EYES]):
         row["offset_m"][i], row["orientation_wxyz"][i] = view.offset_m, view.orientation_wxyz
         row["tangents"][i] = (
             view.tangent_left, view.tangent_right, view.tangent_bottom, view.tangent_top,

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-MOST_LIGHTS = 8
-MOST_SHADOWS = 2
+MAX_LIGHTS = 8
+MAX_SHADOWS = 2
 
 FRAME_BLOCK = """
 layout(std140) uniform Frame {
@@ -17,18 +17,18 @@ layout(std140) uniform Frame {
 LIGHTING = (
     FRAME_BLOCK
     + f"""
-#define MOST_LIGHTS {MOST_LIGHTS}
-#define MOST_SHADOWS {MOST_SHADOWS}
+#define MAX_LIGHTS {MAX_LIGHTS}
+#define MAX_SHADOWS {MAX_SHADOWS}
 """
     + """
 layout(std140) uniform Lighting {
     vec4 sky;                         // rgb ambient from above, w: number of lights
     vec4 ground;                      // rgb ambient from below, w: number of shadow maps
-    vec4 lamp_place[MOST_LIGHTS];     // xyz, w: 0 sun, 1 spot, 2 point
-    vec4 lamp_axis[MOST_LIGHTS];      // xyz direction of travel, w: cosine of the half angle
-    vec4 lamp_colour[MOST_LIGHTS];    // rgb at one metre, w: shadow map or -1
-    mat4 shadow_from_world[MOST_SHADOWS];
-    vec4 shadow_shape[MOST_SHADOWS];  // x: metres a texel spans at one metre (sun: everywhere)
+    vec4 lamp_place[MAX_LIGHTS];     // xyz, w: 0 sun, 1 spot, 2 point
+    vec4 lamp_axis[MAX_LIGHTS];      // xyz direction of travel, w: cosine of the half angle
+    vec4 lamp_colour[MAX_LIGHTS];    // rgb at one metre, w: shadow map or -1
+    mat4 shadow_from_world[MAX_SHADOWS];
+    vec4 shadow_shape[MAX_SHADOWS];  // x: metres a texel spans at one metre (sun: everywhere)
 };
 
 #ifdef SHADOWS

@@ -18,7 +18,7 @@ NOBODY = 0
 FAITHFUL = Quality(samples=0, shadows="none", detail=DetailRule(faces_px=(), budget_triangles=None))
 """The copies for measuring, 6 thousand triangles a person, no shadow maps: measures parts to within
 a few per cent."""
-LARGEST_ATLAS_PX = 8192
+MAX_ATLAS_PX = 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +103,9 @@ class IdentityBuffer:
         self.close()
 
     def _fit(self, width: int, height: int) -> None:
-        if max(width, height) > LARGEST_ATLAS_PX:
+        if max(width, height) > MAX_ATLAS_PX:
             raise StageError(
-                f"an atlas of {width} by {height} pixels is larger than {LARGEST_ATLAS_PX}",
+                f"an atlas of {width} by {height} pixels is larger than {MAX_ATLAS_PX}",
                 remedy="ask for fewer views at a time, or smaller ones",
             )
         if self._size == (width, height):

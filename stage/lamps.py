@@ -6,14 +6,14 @@ import numpy as np
 
 from lab.geometry import Vector, unit
 from stage.errors import StageError
-from stage.glsl_lighting import MOST_LIGHTS, MOST_SHADOWS
+from stage.glsl_lighting import MAX_LIGHTS, MAX_SHADOWS
 from stage.projection import looking
 from stimuli.picture import Light, Room
 
 KIND_NUMBERS = {"sun": 0.0, "spot": 1.0, "point": 2.0}
 SUN_AWAY_M = 30.0
 WIDEST_SHADOW_DEG = 75.0
-LIGHTING_BYTES = 4 * (4 + 4 + 12 * MOST_LIGHTS + 16 * MOST_SHADOWS + 4 * MOST_SHADOWS)
+LIGHTING_BYTES = 4 * (4 + 4 + 12 * MAX_LIGHTS + 16 * MAX_SHADOWS + 4 * MAX_SHADOWS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ def shadow_views(
     casting = [i for i, light in enumerate(room.lights) if light.casts_shadow]
     return tuple(
         _shadow_view(i, room.lights[i], low_m, high_m, map_px, softness_m)
-        for i in casting[:MOST_SHADOWS]
+        for i in casting[:MAX_SHADOWS]
     )
 
 
@@ -79,15 +79,15 @@ def lighting_block(room: Room, shadows: tuple[ShadowView, ...]) -> bytes:
         StageError: the room has more lamps than can be drawn, or one lacks its place.
     """
     lights = room.lights
-    if len(lights) > MOST_LIGHTS:
+    if len(lights) > MAX_LIGHTS:
         raise StageError(
             f"room {room.name!r} has {len(lights)} lamps",
-            remedy=f"use at most {MOST_LIGHTS} lamps in a room",
+            remedy=f"use at most {MAX_LIGHTS} lamps in a room",
         )
     head = np.zeros((2, 4), np.float32)
     head[0, :3], head[0, 3] = room.sky, len(lights)
     head[1, :3], head[1, 3] = room.ground, len(shadows)
-    lamps = np.zeros((3, MOST_LIGHTS, 4), np.float32)
+    lamps = np.zeros((3, MAX_LIGHTS, 4), np.float32)
     map_of = {view.light: k for k, view in enumerate(shadows)}
     for i, light in enumerate(lights):
         lamps[0, i, :3], lamps[1, i, :3] = lamp_place(light), lamp_axis(light)
@@ -95,8 +95,8 @@ def lighting_block(room: Room, shadows: tuple[ShadowView, ...]) -> bytes:
         lamps[1, i, 3] = np.cos(np.radians(light.half_angle_deg))
         lamps[2, i, :3] = light.intensity
         lamps[2, i, 3] = map_of.get(i, -1)
-    matrices = np.zeros((MOST_SHADOWS, 4, 4), np.float32)
-    shapes = np.zeros((MOST_SHADOWS, 4), np.float32)
+    matrices = np.zeros((MAX_SHADOWS, 4, 4), np.float32)
+    shapes = np.zeros((MAX_SHADOWS, 4), np.float32)
     for k, view in enumerate(shadows):
         matrices[k] = view.from_world.T
         shapes[k, 0] = view.softness_texels

@@ -12,7 +12,7 @@ from lab.geometry import Pose, Vector, quat_conjugate, quat_multiply, rotate
 from lab.schema import SampleBatch
 from stimuli.characters.body_parts import GROUPS, PART_INDEX
 from stimuli.characters.character import MORPHS, Character, SkinnedMesh
-from stimuli.characters.sizing import SMALLEST_M, TALLEST_M, sized
+from stimuli.characters.sizing import MIN_M, TALLEST_M, sized
 from stimuli.motion.skeleton import forward
 from stimuli.picture import Picture, PosedPeople
 
@@ -98,7 +98,7 @@ class OwnBody:
                 measured += float(np.linalg.norm(apart))
                 usual += length_m
         stature_m = self._character.stature_m * (measured / usual if usual > 0.5 else 0.0)
-        if SMALLEST_M <= stature_m <= TALLEST_M:
+        if MIN_M <= stature_m <= TALLEST_M:
             self._sized = sized(self._character, round(stature_m, 3))
 
     @staticmethod

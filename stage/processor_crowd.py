@@ -39,7 +39,7 @@ from stage.vertices import Run
 from stimuli.characters.character import Character
 
 POSED_BYTES = 24
-MOST_EYES_CULLED = 4
+MAX_EYES_CULLED = 4
 FAR_CELL_M = 0.04
 """Cells of the surface that become one vertex of people drawn without textures."""
 SPARE_01 = 0.25
@@ -152,7 +152,7 @@ class ProcessorCrowd:
         other_half = self._second.submit(pose, people[1::2])
         pose(people[::2])
         other_half.result()
-        eyes = eyes_m if len(eyes_m) <= MOST_EYES_CULLED else eyes_m[:0]
+        eyes = eyes_m if len(eyes_m) <= MAX_EYES_CULLED else eyes_m[:0]
         self._count = np.zeros(len(joined.groups), np.int64)
         gather_front(
             people, self._model_of, self._slot_of, self._plain_of, drawing.group_of,

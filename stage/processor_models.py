@@ -15,7 +15,7 @@ WRAPS = {"skin": (0.34, 0.17, 0.11), "hair": (0.3, 0.3, 0.3)}
 OTHER_WRAP = (0.12, 0.12, 0.12)
 """How far light bleeds round an edge, per colour, as in `glsl_people`."""
 SHELLS = tuple(KINDS.index(name) for name in ("skin", "cloth", "leather"))
-LARGEST_THUMBNAIL_PX = 128
+MAX_THUMBNAIL_PX = 128
 _codes = np.arange(256) / 255
 LINEAR_OF_CODE: Floats = np.where(
     _codes <= 0.04045, _codes / 12.92, ((_codes + 0.055) / 1.055) ** 2.4
@@ -183,7 +183,7 @@ def _side_px(corners: Floats) -> int:
     """Return the side of a thumbnail whose pixels are as large as triangles (t, 3, 2) on it."""
     length = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     edge = float(np.percentile(length, 75))
-    return int(np.clip(round(1 / max(edge, 1e-3)), 1, LARGEST_THUMBNAIL_PX))
+    return int(np.clip(round(1 / max(edge, 1e-3)), 1, MAX_THUMBNAIL_PX))
 
 
 def _colours_at(texture: TextureArray, uv: Floats, side_px: int) -> TextureArray:

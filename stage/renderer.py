@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lab.geometry import Vector
 from stage.context import GL_FRAMEBUFFER_SRGB, offscreen_context
 from stage.errors import StageError
-from stage.glsl_lighting import MOST_SHADOWS, lamp_constants
+from stage.glsl_lighting import MAX_SHADOWS, lamp_constants
 from stage.lamps import KIND_NUMBERS, LIGHTING_BYTES, ShadowView, lighting_block, shadow_views
 from stage.levels import BODY_RADIUS_M, DetailRule, choose_levels, faces_px, in_view
 from stage.lit_programs import Family, LitPrograms
@@ -28,7 +28,7 @@ from stimuli.picture import Camera, Picture, Room
 
 FRAME_BYTES = 96
 LIT_STEP_M = 0.5
-MOST_OLD_ERRORS = 8
+MAX_OLD_ERRORS = 8
 TEXTURED_PX_PER_M = 55.0
 """The fast quality leaves textures out where vertices lie closer than pixels."""
 GL_SAMPLE_ALPHA_TO_COVERAGE = 0x809E
@@ -115,7 +115,7 @@ class Renderer:
             StageError: the graphics driver failed; what was recorded is not touched.
         """
         # Headset runtimes, and targets released while bound, leave errors of their own behind.
-        for _ in range(MOST_OLD_ERRORS):
+        for _ in range(MAX_OLD_ERRORS):
             if self.context.error == "GL_NO_ERROR":
                 break
         try:
@@ -310,7 +310,7 @@ class Renderer:
         kinds, maps, used = [], [], 0
         for lamp in room.lights:
             kinds.append(int(KIND_NUMBERS[lamp.kind]))
-            casts = self._with_maps() and lamp.casts_shadow and used < MOST_SHADOWS
+            casts = self._with_maps() and lamp.casts_shadow and used < MAX_SHADOWS
             maps.append(used if casts else -1)
             used += casts
         return lamp_constants(kinds, maps)

@@ -9,7 +9,7 @@ from stage.glsl_room import BOARD_FRAGMENT
 from stage.square import Square
 from stage.window import Window
 
-LONGEST_WAIT_S = 0.25
+MAX_WAIT_S = 0.25
 Image: TypeAlias = moderngl.Texture
 
 
@@ -34,7 +34,7 @@ class ScreenSurface:
         """Hear keys until a session time; the last part of a millisecond is slept."""
         self.window.attend(0.0)
         while (left_ns := until_ns - self._clock.now_ns()) > NS_PER_MS:
-            self.window.attend(min((left_ns - NS_PER_MS // 2) / NS_PER_S, LONGEST_WAIT_S))
+            self.window.attend(min((left_ns - NS_PER_MS // 2) / NS_PER_S, MAX_WAIT_S))
         if left_ns > 0:
             self._clock.sleep_until_ns(until_ns)
 

@@ -3,7 +3,7 @@
 import moderngl
 
 from stage.crowd_buffers import CrowdBuffers
-from stage.glsl_lighting import MOST_SHADOWS
+from stage.glsl_lighting import MAX_SHADOWS
 from stage.lamps import ShadowView
 from stage.lit_programs import LitPrograms
 from stage.programs import UNITS, set_bytes
@@ -31,7 +31,7 @@ class ShadowMaps:
         if not views:
             return
         ctx = self._context
-        while len(self._maps) < MOST_SHADOWS:
+        while len(self._maps) < MAX_SHADOWS:
             self._maps.append(_shadow_map(ctx, self._size_px))
         ctx.disable(moderngl.CULL_FACE)
         ctx.polygon_offset = 1.5, 3.0

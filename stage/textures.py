@@ -9,7 +9,7 @@ from PIL import Image
 from stage.vertices import TextureArray
 
 GL_SRGB8, GL_SRGB8_ALPHA8 = 0x8C41, 0x8C43
-LARGEST_LAYER_PX = 512
+MAX_LAYER_PX = 512
 
 
 class Textures:
@@ -69,7 +69,7 @@ class Layers:
         for picture in pictures:
             if id(picture) in self._place:
                 continue
-            small = _at_most(picture, LARGEST_LAYER_PX)
+            small = _at_most(picture, MAX_LAYER_PX)
             if small.shape not in shapes:
                 shapes.append(small.shape)
                 stacks.append([])

@@ -21,7 +21,7 @@ from lab.geometry import Vector
 Rule: TypeAlias = Literal["volume", "centres", "published"]
 Method: TypeAlias = Literal["columns", "exact", "cubes"]
 
-MOST_CUBES = 200_000_000
+MAX_CUBES = 200_000_000
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def common_volume(
         contact = _true_volume(a, b, settings).volume_m3 > 0
     first, shape = lattice_of_common_box(a.vertices_m, b.vertices_m, cell)
     n_cubes = float(np.prod(shape.astype(float)))
-    if n_cubes > MOST_CUBES:
+    if n_cubes > MAX_CUBES:
         raise TooLargeForVoxels(
             f"the common box of the two meshes holds {n_cubes:.1e} cubes of {cell} m; "
             "use rule 'volume', or larger cubes (cell_m)"

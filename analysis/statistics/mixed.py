@@ -15,7 +15,7 @@ from analysis.statistics.errors import ConstantResponse, NotConverged, UnknownMe
 from analysis.statistics.kenward_roger import kenward_roger_covariance, kenward_roger_df
 from analysis.statistics.linear import model_matrix
 from analysis.statistics.random_effects import LinearMixedModel, fit_components, slope_terms
-from analysis.statistics.reml import LARGEST_LOG_RATIO, Moments, group_sums
+from analysis.statistics.reml import MAX_LOG_RATIO, Moments, group_sums
 from analysis.statistics.results import Array, Provenance
 
 Ddf: TypeAlias = Literal["kenward-roger", "satterthwaite"]
@@ -183,7 +183,7 @@ def fit_random_intercept(
     beta, rss, _ = moments.solve(ratio)
     beta[0] += centre
     residual = rss / (y.size - X.shape[1])
-    if residual <= 1e-20 * float(y.var()) or np.log(ratio or 1.0) > LARGEST_LOG_RATIO - 0.5:
+    if residual <= 1e-20 * float(y.var()) or np.log(ratio or 1.0) > MAX_LOG_RATIO - 0.5:
         raise ConstantResponse(
             f"{name} does not vary within subjects beyond the effects; F is not defined"
         )

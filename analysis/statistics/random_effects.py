@@ -15,7 +15,7 @@ from analysis.statistics.results import Array
 MAX_SCORING_STEPS = 200
 SCORE_TOLERANCE = 1e-10
 """Gain of the restricted log-likelihood that the next step promises, below which a fit stops."""
-SMALLEST_RESIDUAL_SHARE = 1e-10
+MIN_RESIDUAL_SHARE = 1e-10
 """Share of the response's variance below which the residual counts as none at all."""
 
 Derivatives = Callable[[Codes], Array]
@@ -214,7 +214,7 @@ def fit_components(design: Design, X: Array, y: Array) -> LinearMixedModel:
     derivatives = component_derivatives(design, terms)
     blocks = SubjectBlocks(X, (y - centre) / unit, design.subject, derivatives)
     theta = _scored(blocks, np.full(blocks.r, 1.0 / blocks.r))
-    if theta[-1] < SMALLEST_RESIDUAL_SHARE:
+    if theta[-1] < MIN_RESIDUAL_SHARE:
         raise ConstantResponse(
             f"{design.dv} does not vary within subjects beyond the effects; F is not defined"
         )

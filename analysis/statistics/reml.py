@@ -7,7 +7,7 @@ import numpy as np
 from analysis.statistics.design import Codes
 from analysis.statistics.results import Array
 
-LARGEST_LOG_RATIO = 20.0
+MAX_LOG_RATIO = 20.0
 """Logarithm of the largest ratio of variances looked at; data without noise end up here."""
 _GOLDEN = (np.sqrt(5.0) - 1) / 2
 
@@ -60,7 +60,7 @@ class Moments:
         """Return the variance ratio of the REML estimate: a grid on its logarithm, then golden
         section; zero when nothing beats it.
         """
-        grid = np.linspace(-14.0, LARGEST_LOG_RATIO, 52)
+        grid = np.linspace(-14.0, MAX_LOG_RATIO, 52)
         values = [self.profile(float(np.exp(v))) for v in grid]
         best = int(np.argmin(values))
         low, high = float(grid[max(0, best - 1)]), float(grid[min(len(grid) - 1, best + 1)])

@@ -20,7 +20,7 @@ MeshSurface: TypeAlias = Literal["characters", "fine", "light"]
 
 AVATARS: Final = {"woman": "female_01", "man": "male_01"}
 """Who embodies a participant; people of neither or unknown sex the one nearer in stature."""
-_LEAST_M3: Final = 1e-3
+_MIN_M3: Final = 1e-3
 
 
 @cache
@@ -95,7 +95,7 @@ def checked_surface(mesh: SkinnedMesh, name: str) -> ClosedMesh:
         np.ascontiguousarray(mesh.triangles, np.int32),
     )
     closed = closed_mesh(given.vertices_m, given.faces, name=f"collision mesh of {name}")
-    if enclosed_volume_m3(closed) < _LEAST_M3:
+    if enclosed_volume_m3(closed) < _MIN_M3:
         raise MalformedMesh(
             f"collision mesh of {name}: it encloses less than a litre, which is no person; check "
             "that it is in metres"

@@ -25,7 +25,7 @@ from stimuli.characters.rest_pose import Rig, heaviest, rig_of_marks, to_rest
 from stimuli.characters.tagging import face_of_head, parts_of_weights
 from stimuli.motion.rotations import quat_between
 
-LARGEST_TEXTURE = 1024
+MAX_TEXTURE = 1024
 Gender = Literal["female", "male"]
 Indices = npt.NDArray[np.int64]
 
@@ -174,7 +174,7 @@ def _material(file: GltfFile, surface: Surface, kind: str) -> Material:
 
 def _downsized(pixels: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     h, w = pixels.shape[:2]
-    share = LARGEST_TEXTURE / max(h, w)
+    share = MAX_TEXTURE / max(h, w)
     if share >= 1:
         return np.ascontiguousarray(pixels)
     size = (max(round(w * share), 1), max(round(h * share), 1))

@@ -37,7 +37,7 @@ _EYE_SHARES = (0.014, 0.06)
 """Shares of the triangles that eyeballs and lids get."""
 _KEEPS_ALL = 12000
 """Levels with fewer triangles drop what lies deep in the sockets."""
-MOST_ERROR = 0.5
+MAX_ERROR = 0.5
 """Of thinning, in sizes of the mesh: the number of triangles decides."""
 _LID_M = 0.006
 _UV_WEIGHT = 0.3
@@ -273,7 +273,7 @@ def _thin(
         vertex_attributes_stride=ctypes.c_size_t(4 * values.shape[1]),
         attribute_count=ctypes.c_size_t(values.shape[1]),
         target_index_count=ctypes.c_size_t(3 * n_triangles),
-        target_error=ctypes.c_float(MOST_ERROR),
+        target_error=ctypes.c_float(MAX_ERROR),
         options=ctypes.c_uint(0),
     )  # fmt: skip
     thin: npt.NDArray[np.int32] = used[result[:count].reshape(-1, 3)].astype(np.int32)

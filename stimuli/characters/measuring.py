@@ -15,10 +15,10 @@ from stimuli.characters.coverage import seen_areas_m2
 MEASURING_TRIANGLES = (6000, 2000)
 _EYES = (PART_INDEX["left_eye"], PART_INDEX["right_eye"])
 _LID_M = 0.006
-_LEAST_M2 = 5e-4
+_MIN_M2 = 5e-4
 """Parts that are seen smaller than this on average are not matched; eyes always are."""
 _GOOD = 0.012
-_PROBE_M, _PROBE_STEP_M, _STEP_M, _MOST_M, _DAMPING = 0.002, 0.004, 0.004, 0.014, 400.0
+_PROBE_M, _PROBE_STEP_M, _STEP_M, _MAX_M, _DAMPING = 0.002, 0.004, 0.004, 0.014, 400.0
 Indices = npt.NDArray[np.int64]
 
 
@@ -30,9 +30,7 @@ def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMes
     measured, and the smallest moves that mend all of them are made.
     """
     wanted = seen_areas_m2(full)
-    parts = np.flatnonzero(
-        wanted > np.where(np.isin(np.arange(len(PARTS)), _EYES), 2e-5, _LEAST_M2)
-    )
+    parts = np.flatnonzero(wanted > np.where(np.isin(np.arange(len(PARTS)), _EYES), 2e-5, _MIN_M2))
     moved = range(1, len(PARTS))
     normals, place, uses = _shared_normals(thin)
     ways = uses[:, :, None] * normals[:, None]
@@ -59,7 +57,7 @@ def matched(thin: SkinnedMesh, full: SkinnedMesh, rounds: int = 8) -> SkinnedMes
         step = np.clip(-np.linalg.solve(damped, slopes.T @ error), -_STEP_M, _STEP_M)
         tried = []
         for k in (1.0, 0.5, 0.25):
-            s = np.clip(sides + k * step, -_MOST_M, _MOST_M)
+            s = np.clip(sides + k * step, -_MAX_M, _MAX_M)
             e, v = errors(s)
             tried.append((np.abs(e).max(), s, e, v))
             if tried[-1][0] < np.abs(error).max():

@@ -8,7 +8,7 @@ from stimuli.characters.character import Character, Morph, SkinnedMesh
 from stimuli.characters.errors import CharacterError
 from stimuli.motion.skeleton import Skeleton
 
-SMALLEST_M, TALLEST_M = 0.5, 2.6
+MIN_M, TALLEST_M = 0.5, 2.6
 
 
 def sized(character: Character, stature_m: float) -> Character:
@@ -17,9 +17,9 @@ def sized(character: Character, stature_m: float) -> Character:
     Raises:
         CharacterError: nobody is that tall.
     """
-    if not SMALLEST_M <= stature_m <= TALLEST_M:
+    if not MIN_M <= stature_m <= TALLEST_M:
         raise CharacterError(
-            f"{character.name} cannot be {stature_m} m tall; give metres between {SMALLEST_M} "
+            f"{character.name} cannot be {stature_m} m tall; give metres between {MIN_M} "
             f"and {TALLEST_M}"
         )
     k = stature_m / character.stature_m

@@ -18,7 +18,7 @@ from stimuli.scenes.station_crowd import Crowd
 
 REACH_M: Final = 0.65
 """No part of an idle person is farther than this from where they stand (a telephoning elbow)."""
-MOST_TOUCHES: Final = 64
+MAX_TOUCHES: Final = 64
 
 
 @dataclass(frozen=True)
@@ -222,8 +222,8 @@ class TouchSensor:
     def __init__(self, crowd: Crowd) -> None:
         self._people = people_of(crowd) if len(crowd) else np.empty((0, N_PERSON))
         self._figures = crowd_figures()
-        self._who = np.empty((MOST_TOUCHES, 3), np.int64)
-        self._how = np.empty((MOST_TOUCHES, 4))
+        self._who = np.empty((MAX_TOUCHES, 3), np.int64)
+        self._how = np.empty((MAX_TOUCHES, 4))
 
     def touches(
         self, starts_m: Vector, ends_m: Vector, radii_m: Vector, crowd_t_s: float

@@ -19,7 +19,7 @@ TALKING_01: Final = 0.40
 MEAN_GLANCE_S: Final = 3.0
 SHAPE: Final = 4.0
 """Of the gamma distribution of durations; ours."""
-SHORTEST_S: Final = 0.35
+MIN_S: Final = 0.35
 SHYEST_GLANCE_S: Final = 0.5
 
 
@@ -36,8 +36,8 @@ def contact_looks(
     """
     if not 0.0 < looking_01 < 1.0:
         raise MotionError(f"eye contact for a share of {looking_01}; give one between 0 and 1")
-    if not mean_glance_s > SHORTEST_S:
-        raise MotionError(f"glances of {mean_glance_s} s; give more than {SHORTEST_S} s")
+    if not mean_glance_s > MIN_S:
+        raise MotionError(f"glances of {mean_glance_s} s; give more than {MIN_S} s")
     mean_away_s = mean_glance_s * (1.0 - looking_01) / looking_01
     return _alternating(
         rng, duration_s, contact,
@@ -59,9 +59,9 @@ def avoiding_looks(
 
 def _lasting_s(rng: np.random.Generator, mean_s: float) -> float:
     """Draw a duration; none is shorter than eyes need to settle."""
-    if mean_s <= SHORTEST_S:
-        return SHORTEST_S
-    return SHORTEST_S + float(rng.gamma(SHAPE, (mean_s - SHORTEST_S) / SHAPE))
+    if mean_s <= MIN_S:
+        return MIN_S
+    return MIN_S + float(rng.gamma(SHAPE, (mean_s - MIN_S) / SHAPE))
 
 
 def _alternating(

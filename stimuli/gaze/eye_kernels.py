@@ -21,7 +21,7 @@ from stimuli.motion.quaternion_kernels import (
     unit_of,
 )
 
-MOST_RAD = np.radians(MAXIMUM_TURN_DEG)
+MAX_RAD = np.radians(MAXIMUM_TURN_DEG)
 LID_FULL_RAD = np.radians(30.0)
 """Eyes turned up or down this far have `lids_up` or `lids_down` at 1."""
 LEFT_BLINK, RIGHT_BLINK = MORPHS.index("left_blink"), MORPHS.index("right_blink")
@@ -105,7 +105,7 @@ def aim_rows(
             if np.isfinite(distance_m[r]):
                 goal = plus(middle, scaled(seen, distance_m[r]))
                 axis = unit_of(minus(goal, eye), AHEAD)
-            axis = _within(axis, MOST_RAD)
+            axis = _within(axis, MAX_RAD)
             q = between(AHEAD, axis)
             for k in range(4):
                 turns[r, p.J_LEFT_EYE + side, k] = q[k]

@@ -22,7 +22,7 @@ RUN_STEPS_HZ = 2.85
 WALK_SHIFT_M, RUN_SHIFT_M = 0.095, 0.06
 """How much farther back than the hips' middle of stance a footprint's ankle lies, for legs of
 0.86 m: the foot lands on the heel and leaves from the ball."""
-LONGEST_STEP = 1.02
+MAX_STEP = 1.02
 """Steps of walkers are at most so many leg lengths, or hips would stretch too far; faster walkers
 take quicker ones."""
 REACH = 0.984
@@ -37,7 +37,7 @@ def free_step_m(speed_mps: float, leg_m: float, runs: bool) -> float:
         quicker = np.sqrt(0.86 / leg_m) * (1.0 + 0.10 * max(0.0, speed_mps - 2.5))
         return float(speed_mps / (RUN_STEPS_HZ * quicker))
     chosen = np.sqrt(WALK_RATIO_M_PER_STEP_MIN * (leg_m / 0.86) * 60.0 * speed_mps)
-    return float(min(chosen, LONGEST_STEP * leg_m))
+    return float(min(chosen, MAX_STEP * leg_m))
 
 
 @compiled
@@ -47,7 +47,7 @@ def step_m(speed_mps: float, leg_m: float, distance_m: float, runs: bool) -> flo
     if not np.isfinite(distance_m):
         return free
     steps = max(1.0, np.round(distance_m / free))
-    if not runs and distance_m / steps > LONGEST_STEP * leg_m:
+    if not runs and distance_m / steps > MAX_STEP * leg_m:
         steps += 1.0
     return float(distance_m / steps)
 

@@ -34,11 +34,11 @@ from stimuli.motion.quaternion_kernels import (
     unit_of,
 )
 
-MOST_KNEE = np.radians(150.0)
-MOST_ELBOW = np.radians(146.0)
-MOST_FOREARM_TWIST = np.radians(80.0)
-LEAST_WRIST = (np.radians(-36.0), np.radians(-70.0))
-MOST_WRIST = (np.radians(42.0), np.radians(80.0))
+MAX_KNEE = np.radians(150.0)
+MAX_ELBOW = np.radians(146.0)
+MAX_FOREARM_TWIST = np.radians(80.0)
+MIN_WRIST = (np.radians(-36.0), np.radians(-70.0))
+MAX_WRIST = (np.radians(42.0), np.radians(80.0))
 """Of a left hand: to the thumb and to the little finger, to the back and to the palm."""
 FOREARM_SHARE = 0.5
 """Of the forearm's twist this much shows at the elbow end, the rest at the wrist."""
@@ -148,7 +148,7 @@ def _leg(
     # The knee looks where the foot points, a little towards where the hips do.
     look = 0.7 * foot_yaw + 0.3 * sign * c[p.HIPS_YAW] + out
     pole = (-np.sin(look), 0.25, -np.cos(look))
-    bend = bend_for(thigh, shin, KNEE_HINGE, np.sqrt(dot(to, to)), MOST_KNEE)
+    bend = bend_for(thigh, shin, KNEE_HINGE, np.sqrt(dot(to, to)), MAX_KNEE)
     upper = limb_turn(thigh, shin, KNEE_HINGE, bend, to, pole)
     knee = about(KNEE_HINGE, bend)
     lower = times(upper, knee)
@@ -213,8 +213,8 @@ def _possible_wrist(q: Quat) -> Quat:
     if sine < 1e-9:
         return q
     size = 2.0 * np.arctan2(sine, w) / sine
-    aside = _softly_within(size * y, LEAST_WRIST[0], MOST_WRIST[0])
-    bent = _softly_within(size * z, LEAST_WRIST[1], MOST_WRIST[1])
+    aside = _softly_within(size * y, MIN_WRIST[0], MAX_WRIST[0])
+    bent = _softly_within(size * z, MIN_WRIST[1], MAX_WRIST[1])
     angle = np.sqrt(aside * aside + bent * bent)
     if angle < 1e-9:
         return twist
@@ -280,7 +280,7 @@ def _arm(
             fingers = plus(fingers, turned(axes, _vector(h, 4)))
             palm = plus(palm, turned(axes, _vector(h, 7)))
         to = minus(goal, at)
-        bend = bend_for(upper_bone, lower_bone, ELBOW_HINGE, np.sqrt(dot(to, to)), MOST_ELBOW)
+        bend = bend_for(upper_bone, lower_bone, ELBOW_HINGE, np.sqrt(dot(to, to)), MAX_ELBOW)
         upper = limb_turn(upper_bone, lower_bone, ELBOW_HINGE, bend, to, pole)
         hinge = about(ELBOW_HINGE, bend)
         f = unit_of(fingers, turned(hand, LEFT_X))
@@ -290,7 +290,7 @@ def _arm(
         whole = times(upper, hinge)
         within = times(inverse(whole), hand)
         wanted = twist_about(within, along)
-        twist = min(MOST_FOREARM_TWIST, max(-MOST_FOREARM_TWIST, wanted))
+        twist = min(MAX_FOREARM_TWIST, max(-MAX_FOREARM_TWIST, wanted))
         # A palm that would have to turn farther stays short of where it should face.
         hand = times(whole, times(about(along, twist - wanted), within))
     forearm = times(hinge, about(along, FOREARM_SHARE * twist))

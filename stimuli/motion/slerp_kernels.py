@@ -15,9 +15,9 @@ Quat = tuple[float, float, float, float]
 
 SERIES_DOT = 0.9
 """Above this dot product twelve series terms reach double precision (0.05^12 is below 1e-15)."""
-MOST_TERMS = 28
+MAX_TERMS = 28
 LONG_SERIES_DOT = 0.5
-"""Above this one `MOST_TERMS` do (0.25^28 is below 1e-16); below it trigonometry is used."""
+"""Above this one `MAX_TERMS` do (0.25^28 is below 1e-16); below it trigonometry is used."""
 
 
 @compiled
@@ -77,7 +77,7 @@ def series_row(h: float, least: float, x: Vector, terms: Vector, share: Vector) 
     within a term, so that it runs on vectors.
     """
     # As many terms as ((1 - dot) / 2)^n needs to fall below 1e-16.
-    n_terms = MOST_TERMS
+    n_terms = MAX_TERMS
     if least > 0.7:
         n_terms = 20
     if least > SERIES_DOT:
@@ -103,7 +103,7 @@ def series_row(h: float, least: float, x: Vector, terms: Vector, share: Vector) 
 def slerp_segments(a: Vector, b: Vector, segment: Index, h: Vector, out: Vector) -> None:
     """Interpolate all joints of segments a, b (segments, joints, 4) into out (n, joints, 4)."""
     n = a.shape[1]
-    x, u, v, terms = np.empty(n), np.empty(n), np.empty(n), np.empty(MOST_TERMS)
+    x, u, v, terms = np.empty(n), np.empty(n), np.empty(n), np.empty(MAX_TERMS)
     for r in range(h.shape[0]):
         s, share = segment[r], h[r]
         is_near = -1.0 <= share <= 2.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from lab.compiled import compiled
 from lab.geometry import Vector
-from stimuli.motion.slerp_kernels import LONG_SERIES_DOT, MOST_TERMS, Index, series_row, slerp_one
+from stimuli.motion.slerp_kernels import LONG_SERIES_DOT, MAX_TERMS, Index, series_row, slerp_one
 
 MAX_ANGLE_RAD = 0.5 * math.pi + 1e-6
 """Arcs up to here, half a turn of a joint, are computed by the series of sine and cosine."""
@@ -66,7 +66,7 @@ def squad_segments(
     """Interpolate key arcs with control arcs, both from `arcs_of`, into out (n, joints, 4)."""
     n = keys.shape[2]
     p, c = np.empty((4, n)), np.empty((4, n))
-    x, u, v, terms = np.empty(n), np.empty(n), np.empty(n), np.empty(MOST_TERMS)
+    x, u, v, terms = np.empty(n), np.empty(n), np.empty(n), np.empty(MAX_TERMS)
     for r in range(h.shape[0]):
         s, share = segment[r], h[r]
         k = 2.0 * share * (1.0 - share)

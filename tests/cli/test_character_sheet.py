@@ -6,9 +6,9 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from cli.character_commands import SHEET_TILE_PX
+from cli.commands.character import SHEET_TILE_PX
 from cli.main import app
-from cli.preview_pictures import TITLE_PX
+from cli.preview.pictures import TITLE_PX
 from lab.errors import LabError, UsageError
 from stage.errors import StageError
 from stage.renderer import Renderer

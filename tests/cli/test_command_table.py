@@ -10,7 +10,7 @@ import pytest
 from typer.main import get_group
 from typer.testing import CliRunner
 
-import cli
+from cli import commands
 from cli.app import app
 from cli.command_table import COMMANDS
 
@@ -20,7 +20,7 @@ HEAVY = ("pydantic", "numpy", "numba", "pandas", "pyarrow", "scipy", "matplotlib
 @pytest.fixture(scope="module")
 def registered():
     for entry in COMMANDS.values():
-        importlib.import_module(f"cli.{entry.module}")
+        importlib.import_module(f"cli.commands.{entry.module}")
     return get_group(app).commands
 
 
@@ -29,7 +29,7 @@ def test_every_registered_command_is_in_the_table(registered):
 
 
 def test_every_command_module_is_in_the_table():
-    modules = {path.stem for path in Path(cli.__file__).parent.glob("*_commands.py")}
+    modules = {path.stem for path in Path(commands.__file__).parent.glob("*.py")} - {"__init__"}
     assert modules == {entry.module for entry in COMMANDS.values()}
 
 

@@ -12,10 +12,10 @@ import pytest
 from typer.testing import CliRunner
 
 from cli.app import load_lab
-from cli.doctor import examine, save_with_session, verdict
-from cli.doctor_findings import Finding
-from cli.doctor_machine import computer, libraries, licence_of
-from cli.doctor_wires import network, openvr_runtime, openxr_runtime, ports, runtimes
+from cli.doctor.findings import Finding
+from cli.doctor.machine import computer, libraries, licence_of
+from cli.doctor.report import examine, save_with_session, verdict
+from cli.doctor.wires import network, openvr_runtime, openxr_runtime, ports, runtimes
 from cli.lab_companion import LabCompanion
 from cli.main import app
 from lab.clock import SimClock, SystemClock
@@ -101,7 +101,7 @@ def test_missing_runtime_is_told_once_and_its_devices_are_not_opened(
 def test_missing_library_comes_with_the_line_that_installs_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("cli.doctor_machine.is_installed", lambda library: False)
+    monkeypatch.setattr("cli.doctor.machine.is_installed", lambda library: False)
     band = real("armband_left", "neosensory_buzz")
     assert "pip install 'visavis[ble]'" in one(libraries(band), "bleak").remedy
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cli.app import load_lab
-from cli.preview_pictures import write_below
+from cli.preview.pictures import write_below
 from lab.config import with_devices
 from tests.faults.sessions import CONFIG
 from visavis.catalogue import find_study

@@ -85,6 +85,6 @@ def test_study_that_cannot_be_derived_from_says_so(monkeypatch: pytest.MonkeyPat
     class Elsewhere:
         name = "elsewhere"
 
-    monkeypatch.setattr("cli.new_commands.study_of_lab", lambda base, lab: Elsewhere())
+    monkeypatch.setattr("cli.commands.new.study_of_lab", lambda base, lab: Elsewhere())
     with pytest.raises(DesignError, match="cannot be derived from yet"):
         new("own", "--from", "elsewhere")

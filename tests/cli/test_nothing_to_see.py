@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from cli.doctor_machine import computer
+from cli.doctor.machine import computer
 from cli.main import app
 from lab.clock import SystemClock
 from lab.config import DeviceConfig, load_config

@@ -20,8 +20,8 @@ from analysis.power import (
     summarise,
 )
 from benchmarks.stare_studies import condition_means
+from cli.commands.power import free_folder, power_study, read_effect, read_numbers, read_tests
 from cli.main import app
-from cli.power_commands import free_folder, power_study, read_effect, read_numbers, read_tests
 from experiments.stare.comparisons import ALL_MEASURES, CONDITION_TESTS
 from experiments.stare.study import experiment_of
 from lab.errors import DataError, UsageError

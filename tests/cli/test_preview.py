@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from cli import preview_people, preview_pictures
 from cli.app import load_lab
 from cli.main import app
-from cli.preview_capture import Capture, Meanwhile, Seen, spread
-from cli.preview_pictures import Viewpoint, camera_of, labelled
+from cli.preview.capture import Capture, Meanwhile, Seen, spread
+from cli.preview.pictures import Viewpoint, camera_of, labelled
 from lab.config_files import EXAMPLE
 from lab.errors import LabError, UsageError
 from lab.geometry import Pose, rotate
@@ -61,7 +61,7 @@ def test_picture_of_a_trial_shows_a_lit_scene_marked_as_simulated(
         written.append(text)
         return labelled(image, text)
 
-    monkeypatch.setattr("cli.preview_commands.labelled", keep)
+    monkeypatch.setattr("cli.commands.preview.labelled", keep)
     path = tmp_path / "one.png"
     preview(study, "--png", path, "--at", 0.2, "--size", "240x150")
 

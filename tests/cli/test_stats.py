@@ -19,8 +19,8 @@ from analysis.statistics.errors import (
 )
 from analysis.statistics_report import TESTS, read_table
 from analysis.statistics_report.table_file import natural_order
+from cli.commands.statistics import SEVERAL, read_levels, repeat_options
 from cli.main import app
-from cli.statistics_commands import SEVERAL, read_levels, repeat_options
 from lab.errors import DataError, UsageError
 
 TWO = ["--dv", "accuracy", "--within", "technique", "direction", "--subject", "participant"]

@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from cli.app import load_lab
+from cli.commands.session import registered_or_added
 from cli.main import app
-from cli.session_commands import registered_or_added
 from lab.errors import UsageError
 from tests.faults.sessions import CONFIG
 from visavis.catalogue import find_study

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cli.commands.warp import OUT_NAMES
 from cli.main import app
-from cli.warp_commands import OUT_NAMES
 from lab.errors import LabError
 from stimuli.motion.bvh import read_bvh
 from stimuli.motion.clip_file import read_clip

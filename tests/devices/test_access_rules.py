@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from cli.devices_commands import install_rules
+from cli.commands.devices import install_rules
 from devices.access_rules import access_rules
 from devices.drivers.links.serial_port import SerialLink
 from lab.clock import SystemClock

@@ -45,7 +45,7 @@ def test_parts_come_in_any_order_and_a_sample_that_never_completes_is_counted():
     assert assembler.add(parts[1]) is not None
     for sample in range(20, 40):
         assembler.add(xsens.Datagram(sample, 0, False, 0, 0, item))
-    assert assembler.incomplete == 20 - xsens.MOST_PENDING
+    assert assembler.incomplete == 20 - xsens.MAX_PENDING
 
 
 @given(st.binary(max_size=900))

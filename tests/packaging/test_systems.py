@@ -34,7 +34,7 @@ OF_POSIX = {
 MODULES = {"fcntl", "pwd", "grp", "resource", "termios", "tty", "pty", "syslog", "posix"}
 
 GUARDED = {
-    ("cli/doctor_machine.py", "os.getloadavg"): "hasattr; no load is told without it",
+    ("cli/doctor/machine.py", "os.getloadavg"): "hasattr; no load is told without it",
     ("cli/main.py", "signal.pthread_kill"): "hasattr, with _thread.interrupt_main otherwise",
     ("devices/testing/armband_pty.py", "tty"): "sys.platform; DeviceNotFound on Windows",
     ("devices/testing/armband_pty.py", "os.openpty"): "sys.platform; DeviceNotFound on Windows",

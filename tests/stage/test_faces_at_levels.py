@@ -23,7 +23,7 @@ from stimuli.rooms.plain import plain_room
 AWAY_M, INNER_FACE_M = 4.0, 0.15
 FINER = 4
 """Rays a pixel and direction, so that where the pixels fall does not matter."""
-MOST_CODES = (0.0, 4.8, 7.5)
+MAX_CODES = (0.0, 4.8, 7.5)
 """Most mean difference of the inner face by level, in sRGB codes: levels bent until their parts
 covered as many pixels as the full ones differed by up to 7 and 14."""
 
@@ -71,7 +71,7 @@ def test_faces_at_the_distance_where_a_level_begins_look_like_full_faces(rendere
         for yaw_deg in (0.0, 25.0):
             full, light = (_face(renderers[k], person, face_px, yaw_deg) for k in (0, level))
             assert full.std() > 10  # there is a face
-            assert MOST_CODES[level] > np.abs(full - light).mean()
+            assert MAX_CODES[level] > np.abs(full - light).mean()
 
 
 TRIANGLES = np.tile([26000, 6000, 2000], (4, 1))

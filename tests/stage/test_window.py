@@ -15,7 +15,7 @@ from stage.mirror import gaze_in_picture, gaze_on_eye
 
 SHOW = """
 import numpy as np
-from cli.doctor_machine import _monitors
+from cli.doctor.machine import _monitors
 from stage.mirror import Mirror
 from stage.renderer import Renderer
 from stage.targets import EyeTarget

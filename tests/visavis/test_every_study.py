@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.simulated_tracker import tracker_of
-from cli.preview_pictures import Viewpoint, camera_of
+from cli.preview.pictures import Viewpoint, camera_of
 from lab.config import LabConfig, load_config
 from lab.geometry import Pose
 from protocol.operator import SessionStatus, UnattendedOperator

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 VERSION = 1
 MOTORS = 4
-LONGEST_RAW = 48
+MAX_RAW = 48
 """Bytes of the longest frame before stuffing, far below the 254 of one COBS block."""
 
 HELLO, SET, PATTERN, STOP, PING, ARM = 0x01, 0x02, 0x03, 0x04, 0x05, 0x06
@@ -111,8 +111,8 @@ def encode_frame(kind: int, seq: int, payload: bytes = b"") -> bytes:
     """Return one frame with its closing zero."""
     raw = bytes((kind, seq)) + payload
     raw += crc16(raw).to_bytes(2, "little")
-    if len(raw) > LONGEST_RAW:
-        raise ValueError(f"a frame holds at most {LONGEST_RAW - 4} bytes, not {len(payload)}")
+    if len(raw) > MAX_RAW:
+        raise ValueError(f"a frame holds at most {MAX_RAW - 4} bytes, not {len(payload)}")
     stuffed = bytearray()
     for block in raw.split(b"\0"):
         stuffed.append(len(block) + 1)
@@ -134,7 +134,7 @@ def decode_frame(stuffed: bytes) -> Frame | None:
         at += skip
         if at < end:
             raw.append(0)
-    if not 4 <= len(raw) <= LONGEST_RAW or crc16(bytes(raw[:-2])) != raw[-2] | raw[-1] << 8:
+    if not 4 <= len(raw) <= MAX_RAW or crc16(bytes(raw[:-2])) != raw[-2] | raw[-1] << 8:
         return None
     return Frame(raw[0], raw[1], bytes(raw[2:-2]))
 
@@ -149,7 +149,7 @@ class FrameReader:
     def feed(self, data: bytes) -> list[Frame]:
         """Return the frames completed by these bytes."""
         *pieces, tail = (self._tail + data).split(b"\0")
-        self._tail = tail[: LONGEST_RAW + 2]  # overlong noise stays overlong, not unbounded
+        self._tail = tail[: MAX_RAW + 2]  # overlong noise stays overlong, not unbounded
         frames = []
         for piece in pieces:
             if not piece:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from devices.contracts import VibrationPattern
 from lab.errors import DeviceError
 
-LONGEST_PATTERN_MS = 2000
-LONGEST_TTL_MS = 10_000
+MAX_PATTERN_MS = 2000
+MAX_TTL_MS = 10_000
 FASTEST_MODULATION_HZ = 50.0
 
 
@@ -24,8 +24,8 @@ class Limits:
     ) -> None:
         """Check one amplitude per motor, a time to live, and one rate per motor if given."""
         self._check_amplitudes(amplitudes_01)
-        if not 1 <= ttl_ms <= LONGEST_TTL_MS:
-            raise self._wrong(f"ttl_ms is 1 to {LONGEST_TTL_MS}, not {ttl_ms}")
+        if not 1 <= ttl_ms <= MAX_TTL_MS:
+            raise self._wrong(f"ttl_ms is 1 to {MAX_TTL_MS}, not {ttl_ms}")
         if rates_hz is None:
             return
         if len(rates_hz) != self._motors:
@@ -43,9 +43,9 @@ class Limits:
         for motor in motors:
             if not 0 <= motor < self._motors:
                 raise self._wrong(f"motors are 0 to {self._motors - 1}, not {motor}")
-        if not 1 <= pattern.duration_ms <= LONGEST_PATTERN_MS:
+        if not 1 <= pattern.duration_ms <= MAX_PATTERN_MS:
             raise self._wrong(
-                f"a pattern lasts 1 to {LONGEST_PATTERN_MS} ms, not {pattern.duration_ms}"
+                f"a pattern lasts 1 to {MAX_PATTERN_MS} ms, not {pattern.duration_ms}"
             )
         self._check_rate(pattern.low_hz)
         self._check_rate(pattern.high_hz)

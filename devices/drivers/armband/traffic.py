@@ -39,7 +39,7 @@ LOST_NS = NS_PER_S
 LOST_AFTER_WRITES = 3
 PATTERN_TAIL_NS = 200 * NS_PER_MS
 REPORT_NS = NS_PER_S
-MOST_PAIRS = 20_000
+MAX_PAIRS = 20_000
 BOOT = BAND_EVENTS.index("boot")
 
 
@@ -400,8 +400,8 @@ class Traffic:
     def _add_pair(self, send_ns: int, device_ns: int, receive_ns: int) -> None:
         if send_ns <= receive_ns:  # an answer to what was not yet asked is none
             self.pairs.append(ClockPair(send_ns, device_ns, receive_ns))
-        if len(self.pairs) > MOST_PAIRS:
-            del self.pairs[: MOST_PAIRS // 2]
+        if len(self.pairs) > MAX_PAIRS:
+            del self.pairs[: MAX_PAIRS // 2]
 
 
 def _following(t_ns: int, every_ns: int) -> int:

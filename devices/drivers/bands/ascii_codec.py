@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from devices.drivers.bands.language import Condition, Notice, Refused, level
 
-LONGEST_LINE = 1024
+MAX_LINE = 1024
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class AsciiLanguage:
     def feed(self, data: bytes) -> Sequence[Notice]:
         """Return batteries and refusals found in whole lines."""
         *lines, self._tail = (self._tail + data).replace(b"\r", b"\n").split(b"\n")
-        if len(self._tail) > LONGEST_LINE:
+        if len(self._tail) > MAX_LINE:
             self._tail = b""
             self.damaged += 1
         notices: list[Notice] = []

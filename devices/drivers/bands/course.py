@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from devices.contracts import VibrationPattern
 from lab.errors import DeviceError
 
-LONGEST_TTL_MS = 10_000
-LONGEST_PATTERN_MS = 2000
+MAX_TTL_MS = 10_000
+MAX_PATTERN_MS = 2000
 
 
 @dataclass(slots=True)
@@ -35,8 +35,8 @@ class Limits:
     ) -> None:
         """Check a setting of all motors."""
         self._check_amplitudes(amplitudes_01)
-        if not 1 <= ttl_ms <= LONGEST_TTL_MS:
-            raise self._wrong(f"ttl_ms is 1 to {LONGEST_TTL_MS}, not {ttl_ms}")
+        if not 1 <= ttl_ms <= MAX_TTL_MS:
+            raise self._wrong(f"ttl_ms is 1 to {MAX_TTL_MS}, not {ttl_ms}")
         if rates_hz is None:
             return
         low, high = self.rate_range_hz
@@ -56,9 +56,9 @@ class Limits:
         for motor in motors:
             if not 0 <= motor < self.motor_count:
                 raise self._wrong(f"motors are 0 to {self.motor_count - 1}, not {motor}")
-        if not 1 <= pattern.duration_ms <= LONGEST_PATTERN_MS:
+        if not 1 <= pattern.duration_ms <= MAX_PATTERN_MS:
             raise self._wrong(
-                f"a pattern lasts 1 to {LONGEST_PATTERN_MS} ms, not {pattern.duration_ms}"
+                f"a pattern lasts 1 to {MAX_PATTERN_MS} ms, not {pattern.duration_ms}"
             )
         if not 0 < pattern.low_hz <= pattern.high_hz or not 0 < pattern.modulation_hz <= 50:
             raise self._wrong("a pattern has low_hz <= high_hz and modulation_hz up to 50")

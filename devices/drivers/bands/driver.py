@@ -30,7 +30,7 @@ from devices.drivers.armband.ledger import (
     band_batch,
     command_batch,
 )
-from devices.drivers.bands.course import LONGEST_TTL_MS, Limits
+from devices.drivers.bands.course import MAX_TTL_MS, Limits
 from devices.drivers.bands.language import BandLanguage, Condition, Notice, Ready, Refused
 from devices.drivers.bands.open_bands import open_bands
 from devices.drivers.bands.traffic import BandTraffic
@@ -82,7 +82,7 @@ class HostTimedBand:
         self.rate_range_hz = language.rate_range_hz
         self._limits = Limits(role, language.motor_count, language.rate_range_hz)
         abilities = {"haptics", "patterns_on_host"}
-        if language.lasts_ms(LONGEST_TTL_MS) is None:
+        if language.lasts_ms(MAX_TTL_MS) is None:
             abilities.add(HOST_SIDE_ONLY)
         if not math.isnan(self.rate_range_hz[0]):
             abilities.add("rate")

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-LONGEST_JSON = 16_384
+MAX_JSON = 16_384
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class JsonReader:
             rest = self._cut(piece, found)
             self.damaged += "{" in rest
         self._buffer = self._cut(self._buffer, found)
-        if len(self._buffer) > LONGEST_JSON:
+        if len(self._buffer) > MAX_JSON:
             self.damaged += "{" in self._buffer
             self._buffer = self._buffer[-len(self._fence) :] if self._fence else ""
         return found

@@ -19,7 +19,7 @@ from devices.drivers.bands.language import Condition, Notice, level
 START = 0xC8
 SLEEVE, SLIM_BOARD = 3, 4
 HEADER = 4
-LONGEST_PAYLOAD = 128
+MAX_PAYLOAD = 128
 DISABLE_AMPLIFIERS, ENABLE_AMPLIFIERS, TEMPERATURE, ALL_TACTORS = 14, 15, 16, 17
 REQUEST_MORE, BATTERY_VOLTAGE, EX_PATTERN = 23, 28, 36
 LAST_TYPE = 36
@@ -97,7 +97,7 @@ def ex_pattern(
             waves += bytes((OP_SET_WAVEFORM | channel, tone))
     ops = bytes((OP_SET_ALL_GAIN, 0)) + gains
     steps = -(-duration_ms // PLAY_STEP_MS)
-    while steps > 0 and len(ops) + len(waves) + 2 <= LONGEST_PAYLOAD:
+    while steps > 0 and len(ops) + len(waves) + 2 <= MAX_PAYLOAD:
         now = min(steps, PLAY_LONGEST_MS // PLAY_STEP_MS)
         ops += waves + bytes((OP_PLAY | now - 1,))
         steps -= now
@@ -106,7 +106,7 @@ def ex_pattern(
 
 def longest_pattern_ms(motors: int) -> int:
     """Return how long `ex_pattern` can run that many motors."""
-    room = LONGEST_PAYLOAD - 3 - 2 * motors
+    room = MAX_PAYLOAD - 3 - 2 * motors
     return room // (2 * motors + 1) * PLAY_LONGEST_MS
 
 
@@ -149,7 +149,7 @@ class VhpReader:
             if len(buffer) < HEADER:
                 return
             _, recipient, kind, size = buffer[:HEADER]
-            if kind > LAST_TYPE or size > LONGEST_PAYLOAD or not kind:
+            if kind > LAST_TYPE or size > MAX_PAYLOAD or not kind:
                 self._skip()
                 continue
             if len(buffer) < HEADER + size:
@@ -162,7 +162,7 @@ class VhpReader:
         buffer = self._buffer
         while len(buffer) >= HEADER:
             kind, size = buffer[2], buffer[3]
-            if not 1 <= kind <= LAST_TYPE or size > LONGEST_PAYLOAD:
+            if not 1 <= kind <= LAST_TYPE or size > MAX_PAYLOAD:
                 self._skip()
                 continue
             if len(buffer) < HEADER + size:

@@ -22,7 +22,7 @@ KEYS = (
     *"-=[];'`,./\\",
 )  # fmt: skip
 """Names of keys: what they type without shift in the layout that is set, or what they are."""
-LONGEST_LINE = 64
+MAX_LINE = 64
 DOWN, UP = b"+", b"-"
 
 
@@ -95,12 +95,12 @@ class Keyboard(ButtonDevice):
 
     def _read(self, data: bytes) -> Iterable[Press]:
         *lines, self._rest = (self._rest + data).split(b"\n")
-        if len(self._rest) > LONGEST_LINE:
+        if len(self._rest) > MAX_LINE:
             self._rest = b""
             self._damaged += 1
         for line in lines:
             name = line[1:].decode("utf-8", "replace")
-            if line[:1] in (DOWN, UP) and 0 < len(name) <= LONGEST_LINE:
+            if line[:1] in (DOWN, UP) and 0 < len(name) <= MAX_LINE:
                 yield Press(name, float(line[:1] == DOWN))
             elif line:
                 self._damaged += 1

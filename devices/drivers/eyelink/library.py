@@ -25,7 +25,7 @@ from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTi
 
 SAMPLE_TYPE = 200
 LOOK_AGAIN_NS = NS_PER_MS // 5
-MOST_SAMPLES = 4096
+MAX_SAMPLES = 4096
 TIME = struct.Struct("<q")
 VERDICT = struct.Struct("<i")
 
@@ -212,7 +212,7 @@ class EyeLinkLibrary:
     def _drain(self) -> list[Message]:
         tracker = self._tracker
         messages: list[Message] = []
-        while len(messages) < MOST_SAMPLES:
+        while len(messages) < MAX_SAMPLES:
             kind = tracker.getNextData()
             if not kind:
                 break

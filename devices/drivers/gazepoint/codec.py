@@ -24,7 +24,7 @@ from devices.drivers.streaming.gaze_rays import (
     ray_between,
 )
 
-LONGEST_LINE = 65_536
+MAX_LINE = 65_536
 STREAMS = (
     "COUNTER", "TIME", "TIME_TICK", "POG_LEFT", "POG_RIGHT", "POG_BEST", "EYE_LEFT", "EYE_RIGHT",
     "USER_DATA", "DATA",
@@ -76,7 +76,7 @@ class LineReader:
     def feed(self, chunk: bytes) -> list[Line]:
         """Return the tags that this chunk completes."""
         *whole, self._rest = (self._rest + chunk).split(b"\n")
-        if len(self._rest) > LONGEST_LINE:
+        if len(self._rest) > MAX_LINE:
             self._rest = b""
             self.malformed += 1
         lines = []

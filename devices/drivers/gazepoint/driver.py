@@ -19,7 +19,7 @@ from lab.errors import ProtocolViolation
 
 OLDEST_API = 2.0
 USUAL_TICKS_PER_S = 10_000_000
-LEAST_POINTS_SHARE = 0.5
+MIN_POINTS_SHARE = 0.5
 
 
 class Gazepoint(GazeDevice):
@@ -141,7 +141,7 @@ class Gazepoint(GazeDevice):
         if values.get("ID") != "CALIB_RESULT":
             return
         errors, points = codec.calibration_errors_deg(values, self._place.screen)
-        enough = points > 0 and len(errors) >= 2 * points * LEAST_POINTS_SHARE
+        enough = points > 0 and len(errors) >= 2 * points * MIN_POINTS_SHARE
         mean_deg = sum(errors) / len(errors) if errors else None
         text = f"{len(errors)} of {2 * points} targets counted (two eyes)"
         self._calibration = CalibrationOutcome(enough, text, mean_deg)

@@ -25,7 +25,7 @@ STATUS_TEXTS = {
     3: "the tracker's screen is not set up",
     4: "the tracker needs its user calibrated",
 }
-MOST_BITS = 8 * 4096
+MAX_BITS = 8 * 4096
 
 _INPUT_ITEM, _FEATURE_ITEM, _OUTPUT_ITEM = 0x80, 0xB0, 0x90
 _COLLECTION, _END_COLLECTION = 0xA0, 0xC0
@@ -104,7 +104,7 @@ def walk_descriptor(raw: bytes) -> dict[tuple[str, int], ReportLayout]:
         elif item in (_INPUT_ITEM, _FEATURE_ITEM, _OUTPUT_ITEM):
             kind = {_INPUT_ITEM: INPUT, _FEATURE_ITEM: FEATURE}.get(item, "output")
             start = bits.setdefault((kind, number), 8)
-            if size * count > MOST_BITS or start + size * count > MOST_BITS:
+            if size * count > MAX_BITS or start + size * count > MAX_BITS:
                 return {}
             if not data & 1 and page == USAGE_PAGE:
                 places = found.setdefault((kind, number), {})

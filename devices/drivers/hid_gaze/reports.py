@@ -10,7 +10,7 @@ from devices.transports import Exchange, Frames, Message
 from lab.clock import Clock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation
 
-MOST_REPORTS = 1000
+MAX_REPORTS = 1000
 
 
 def hid_library() -> Any:
@@ -122,7 +122,7 @@ class HidReports:
         messages: list[Message] = []
         wait_ms = max(1, round(timeout_s * 1e3)) if timeout_s > 0 else 0
         try:
-            while len(messages) < MOST_REPORTS:
+            while len(messages) < MAX_REPORTS:
                 if wait_ms:
                     report = self._device.read(self._size, wait_ms)
                 else:

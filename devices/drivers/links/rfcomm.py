@@ -14,7 +14,7 @@ from devices.byte_links import Chunk
 from lab.clock import Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
-MOST_BYTES = 4096
+MAX_BYTES = 4096
 WRITE_TIMEOUT_S = 0.5
 REMEDY = "switch the band on, pair it, and check its address"
 
@@ -81,7 +81,7 @@ class RfcommLink:
             ready, _, _ = select.select([opened], [], [], max(0.0, timeout_s))
             if not ready:
                 return ()
-            data = opened.recv(MOST_BYTES)
+            data = opened.recv(MAX_BYTES)
         except (OSError, ValueError) as cause:
             raise DeviceDisconnected(f"{self.kind} is gone: {cause}", remedy=REMEDY) from cause
         if not data:

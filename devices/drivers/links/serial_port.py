@@ -16,7 +16,7 @@ from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
 BAUD = 38_400
 WRITE_TIMEOUT_S = 0.2
-MOST_BYTES = 4096
+MAX_BYTES = 4096
 REMEDY = "plug the band in or switch it on; `visavis doctor` lists what is plugged in"
 
 ACCESS_REMEDY = "you may not use this port: visavis devices rules says how to change that"
@@ -122,7 +122,7 @@ class SerialLink:
         with contextlib.suppress(self._library.SerialException, OSError, TypeError):
             # what came before the end counts; the next call tells that it was the end
             if waiting := port.in_waiting:
-                data += port.read(min(waiting, MOST_BYTES))
+                data += port.read(min(waiting, MAX_BYTES))
         return (Chunk(stamp_ns, data),)
 
     def close(self) -> None:

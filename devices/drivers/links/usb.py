@@ -16,8 +16,8 @@ from lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 REMEDY = "plug the band in, then look at `visavis devices list`"
 LINUX_REMEDY = f"{REMEDY}; on Linux a udev rule must let you use it (visavis devices rules)"
 WRITE_TIMEOUT_MS = 200
-MOST_INPUT_BYTES = 64
-MOST_AT_ONCE = 64
+MAX_INPUT_BYTES = 64
+MAX_AT_ONCE = 64
 
 
 class HidLink:
@@ -89,8 +89,8 @@ class HidLink:
         wait_ms = round(timeout_s * 1000)
         try:
             # timeout 0 blocks in some versions of hidapi, so 1 ms is the least
-            while len(chunks) < MOST_AT_ONCE:
-                report = device.read(MOST_INPUT_BYTES, max(1, wait_ms))
+            while len(chunks) < MAX_AT_ONCE:
+                report = device.read(MAX_INPUT_BYTES, max(1, wait_ms))
                 if not report:
                     break
                 chunks.append(Chunk(self._clock.now_ns(), bytes(report)))
@@ -204,7 +204,7 @@ class UsbLink:
         wait_ms = max(1, round(timeout_s * NS_PER_S) // NS_PER_MS)
         chunks: list[Chunk] = []
         try:
-            while len(chunks) < MOST_AT_ONCE:
+            while len(chunks) < MAX_AT_ONCE:
                 data = self._in.read(self._in.wMaxPacketSize, wait_ms)
                 chunks.append(Chunk(self._clock.now_ns(), bytes(data)))
                 wait_ms = 1

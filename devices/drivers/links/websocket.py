@@ -9,8 +9,8 @@ from devices.byte_links import Chunk
 from lab.clock import Clock
 from lab.errors import DeviceDisconnected, DeviceNotFound
 
-MOST_AT_ONCE = 64
-LEAST_WAIT_S = 0.0005
+MAX_AT_ONCE = 64
+MIN_WAIT_S = 0.0005
 """A wait of 0 would give up before it looked at the socket."""
 
 
@@ -68,13 +68,13 @@ class WebSocketLink:
         if self._socket is None:
             raise DeviceDisconnected("the connection is closed", remedy=self._remedy)
         chunks: list[Chunk] = []
-        wait_s = max(LEAST_WAIT_S, timeout_s)
+        wait_s = max(MIN_WAIT_S, timeout_s)
         try:
-            while len(chunks) < MOST_AT_ONCE:
+            while len(chunks) < MAX_AT_ONCE:
                 message = self._socket.recv(timeout=wait_s)
                 data = message.encode("utf-8") if isinstance(message, str) else bytes(message)
                 chunks.append(Chunk(self._clock.now_ns(), data))
-                wait_s = LEAST_WAIT_S
+                wait_s = MIN_WAIT_S
         except TimeoutError:
             return chunks
         except (OSError, self._library.exceptions.WebSocketException) as cause:

@@ -19,15 +19,15 @@ from lab.compiled import compiled
 Bytes = npt.NDArray[np.uint8]
 Places = npt.NDArray[np.int64]
 
-MOST_LAYOUTS = 16
-MOST_ATTEMPTS = 4
+MAX_LAYOUTS = 16
+MAX_ATTEMPTS = 4
 """Attempts to learn from data of one length; what still fails is not laid out regularly."""
 
 _FIRST_MARK = 1e300
 _TIMESTAMP, _CONFIDENCE, _NORMALS, _CENTERS, _SURE, _MM, _N_PLACES = 0, 1, 2, 8, 14, 16, 18
 _ROW_BYTES = GAZE.dtype.itemsize
-_LARGEST_F4 = float(np.finfo(np.float32).max)
-_LARGEST_STAMP = 2.0**62
+_MAX_F4 = float(np.finfo(np.float32).max)
+_MAX_STAMP = 2.0**62
 
 
 class Layout:
@@ -98,9 +98,7 @@ class GazeDecoder:
         rows[i * _ROW_BYTES : (i + 1) * _ROW_BYTES] = np.frombuffer(decoded[1], np.uint8)
         size = len(payload)
         attempts = self._attempts.get(size, 0)
-        if attempts < MOST_ATTEMPTS and (
-            size in self._layouts or len(self._layouts) < MOST_LAYOUTS
-        ):
+        if attempts < MAX_ATTEMPTS and (size in self._layouts or len(self._layouts) < MAX_LAYOUTS):
             self._attempts[size] = attempts + 1
             layout = learn_layout(payload)
             if layout is not None:
@@ -158,7 +156,7 @@ def _read(
         for k in range(8):
             raw[8 * j + k] = payload[places[j] + 7 - k]
     stamp = number[_TIMESTAMP] * 1e9
-    if not abs(stamp) < _LARGEST_STAMP:
+    if not abs(stamp) < _MAX_STAMP:
         return False
     # Directions and positions of the right eye (0) and the left (1), NaN when there is none.
     ray = np.empty((2, 3))
@@ -209,12 +207,12 @@ def _read(
     confidence = number[_CONFIDENCE]
     for k in range(3):
         # Floats beyond single precision are refused by the codec.
-        if np.isfinite(origin[k]) and abs(origin[k]) > _LARGEST_F4:
+        if np.isfinite(origin[k]) and abs(origin[k]) > _MAX_F4:
             return False
-    if np.isfinite(confidence) and abs(confidence) > _LARGEST_F4:
+    if np.isfinite(confidence) and abs(confidence) > _MAX_F4:
         return False
     for eye in range(2):
-        if np.isfinite(number[_MM + eye]) and number[_MM + eye] > _LARGEST_F4:
+        if np.isfinite(number[_MM + eye]) and number[_MM + eye] > _MAX_F4:
             return False
     valid = confidence >= threshold_01 and (left_valid or right_valid) and both[0] == both[0]
     for k in range(3):

@@ -20,7 +20,7 @@ from lab.schema import SampleBatch, StreamSchema
 
 SIDES = ("left", "right")
 ATTEMPT_S = 0.2
-SMALLEST_STEP_01 = 0.01
+MIN_STEP_01 = 0.01
 """An axis is told when it has moved by this much, or got to an end."""
 
 Ray = tuple[Sequence[float], Sequence[float]] | None
@@ -42,7 +42,7 @@ class Levels:
         before = self._told.get(control, 0.0)
         moved = abs(value_01 - before)
         at_end = axis and value_01 in (0.0, 1.0) and moved > 0.0
-        if moved < SMALLEST_STEP_01 and not at_end:
+        if moved < MIN_STEP_01 and not at_end:
             return False
         self._told[control] = value_01
         return True

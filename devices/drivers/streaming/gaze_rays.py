@@ -16,7 +16,7 @@ Triple = tuple[float, float, float]
 
 NAN = math.nan
 LOST: Triple = (NAN, NAN, NAN)
-LARGEST_F4 = 3.4e38
+MAX_F4 = 3.4e38
 
 _CODES = {"f4": "f", "?": "?", "u1": "B"}
 _ROW = struct.Struct("<" + "".join(_CODES[f.dtype] * math.prod(f.shape) for f in GAZE.fields))
@@ -157,4 +157,4 @@ def ray_between(at: Triple, point: Triple) -> Triple:
 
 
 def _single(value: float) -> float:
-    return value if -LARGEST_F4 < value < LARGEST_F4 else NAN
+    return value if -MAX_F4 < value < MAX_F4 else NAN

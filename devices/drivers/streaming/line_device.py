@@ -22,7 +22,7 @@ from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceTimeout
 from lab.schema import Field, StreamSchema
 
-LONGEST_LINE = 4096
+MAX_LINE = 4096
 MAX_STAMP_NS = 2**62
 LOST_PERIODS = 5
 """A device is away when as many samples in a row did not come, however slow it is."""
@@ -115,7 +115,7 @@ class LineDevice(StreamDevice[_Sample]):
 
     def _lines(self, data: bytes) -> list[bytes]:
         *lines, rest = (self._rest + data).replace(b"\r", b"\n").split(b"\n")
-        if len(rest) > LONGEST_LINE:
+        if len(rest) > MAX_LINE:
             self._malformed += 1
             rest = b""
         self._rest = rest

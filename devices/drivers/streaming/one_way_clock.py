@@ -8,7 +8,7 @@ from lab.clock import NS_PER_MS
 from lab.clock_fit import ClockFit, fit_one_way
 
 BUCKET_NS = 100 * NS_PER_MS
-MOST_BUCKETS = 6000
+MAX_BUCKETS = 6000
 JUMP_NS = 250 * NS_PER_MS
 
 
@@ -54,7 +54,7 @@ class OneWayClock:
         if not self._best or bucket != self._bucket:
             self._bucket = bucket
             self._best.append((device, host))
-            if len(self._best) > MOST_BUCKETS:
-                del self._best[: MOST_BUCKETS // 10]
+            if len(self._best) > MAX_BUCKETS:
+                del self._best[: MAX_BUCKETS // 10]
         elif host - device < self._best[-1][1] - self._best[-1][0]:
             self._best[-1] = (device, host)

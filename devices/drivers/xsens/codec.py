@@ -21,7 +21,7 @@ HEADER = struct.Struct(">6sIBBIBBBBHH")
 QUATERNIONS = b"MXTP02"
 SEGMENT_DTYPE = np.dtype([("id", ">i4"), ("position", ">f4", (3,)), ("turn", ">f4", (4,))])
 LAST_DATAGRAM = 0x80
-MOST_PENDING = 8
+MAX_PENDING = 8
 
 SEGMENT_OF_ID = {
     1: "hips",
@@ -109,7 +109,7 @@ class Assembler:
             del self._pending[datagram.sample]
             items = b"".join(parts[i].items for i in range(last + 1))
             return decode_pose(datagram.sample, datagram.time_code_ms, items)
-        while len(self._pending) > MOST_PENDING:
+        while len(self._pending) > MAX_PENDING:
             del self._pending[next(iter(self._pending))]
             self.incomplete += 1
         return None

@@ -13,8 +13,8 @@ from devices.drivers.armband import codec
 from devices.drivers.armband.codec import Acknowledgement, BandEvent, Frame, Welcome
 
 DEAD_MAN_US = 250_000
-LONGEST_TTL_MS = 10_000
-LONGEST_PATTERN_MS = 2000
+MAX_TTL_MS = 10_000
+MAX_PATTERN_MS = 2000
 LOWEST_DUTY, HIGHEST_DUTY = 115, 255
 LOWEST_HZ, HIGHEST_HZ = 57, 126
 STEADY, SINE, SQUARE, RAMP = range(4)
@@ -221,7 +221,7 @@ class ArmbandFirmware:
                 return codec.DISAGREED
         elif kind == codec.SET:
             ttl_ms, amplitudes, rates_hz = codec.decode_set(payload)
-            if not 1 <= ttl_ms <= LONGEST_TTL_MS:
+            if not 1 <= ttl_ms <= MAX_TTL_MS:
                 return codec.BAD_ARGUMENT
             if not any(amplitudes):
                 self._release()
@@ -252,7 +252,7 @@ class ArmbandFirmware:
                 or not amplitude
                 or not LOWEST_HZ <= low <= high <= HIGHEST_HZ
                 or not 1 <= modulation <= 500
-                or not 1 <= duration_ms <= LONGEST_PATTERN_MS
+                or not 1 <= duration_ms <= MAX_PATTERN_MS
             ):
                 return codec.BAD_ARGUMENT
             status = self._refusal([mask >> motor & 1 for motor in ALL_MOTORS])

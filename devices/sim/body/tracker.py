@@ -52,7 +52,7 @@ SEGMENTS = (
         )
     ),
 )
-MOST_BACKLOG_NS = NS_PER_S
+MAX_BACKLOG_NS = NS_PER_S
 
 
 class SimulatedBodyTracker:
@@ -122,7 +122,7 @@ class SimulatedBodyTracker:
         if faults and self._faults.active("disconnect", now_ns - self._origin_ns):
             self._next = last + 1
             raise DeviceDisconnected("the simulated body tracker is away", role=self.info.role)
-        first = max(self._next, last - MOST_BACKLOG_NS // self._period_ns)
+        first = max(self._next, last - MAX_BACKLOG_NS // self._period_ns)
         n = last - first + 1
         if n <= 0 or self._sink is None:
             return 0

@@ -37,7 +37,7 @@ from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M, bones
 from stimuli.scene import SceneFrame
 from stimuli.scenes.station_crowd import READING_M, START_M, CrowdFrame, CrowdScene
 
-MOST_ROWS: Final = 30_000
+MAX_ROWS: Final = 30_000
 """Steps of a stretch that are walked; after five minutes the body stands."""
 EYES_M: Final = (0.0, 0.061 * REFERENCE_STATURE_M, -0.053 * REFERENCE_STATURE_M)
 """From the head's joint to the middle between the eyes at the reference stature."""
@@ -68,7 +68,7 @@ class CrowdParticipant:
         skeleton = bones()
         self._parents, self._offsets = skeleton.parents, skeleton.offsets_m
         self._eyes_m = self.person.stature_m / REFERENCE_STATURE_M * np.array(EYES_M)
-        self._states = np.zeros((MOST_ROWS, N_STATE))
+        self._states = np.zeros((MAX_ROWS, N_STATE))
         self._row = 0
         self._origin_ns = 0
         self._stretch = 0
@@ -88,7 +88,7 @@ class CrowdParticipant:
         learned = self._states[self._row, [CAUTION, ALARM]].copy()
         self._stretch, self._origin_ns = stretch, t_ns
         self._rng_walk = self._rng(_N_WALK, stretch)
-        self._noise = self._rng_walk.standard_normal((MOST_ROWS, 2))
+        self._noise = self._rng_walk.standard_normal((MAX_ROWS, 2))
         self._row = 0
         self._states[0] = 0.0
         self._states[0, [CAUTION, ALARM]] = learned
@@ -101,7 +101,7 @@ class CrowdParticipant:
         )
         self._side = np.ones(2)
         self._doing = _STANDING
-        self._until_row = MOST_ROWS
+        self._until_row = MAX_ROWS
         self._way, self._way_side = self._still, self._side
         # the crowd last seen may still stand on the display: it is no new one
         self.track: str | None = None
@@ -257,7 +257,7 @@ class CrowdParticipant:
         return int((t_ns - self._origin_ns) / STEP_NS + 100 * seconds)
 
     def _advance(self, t_ns: int) -> None:
-        until = min(-(-(t_ns - self._origin_ns) // STEP_NS), MOST_ROWS - 1)
+        until = min(-(-(t_ns - self._origin_ns) // STEP_NS), MAX_ROWS - 1)
         while self._row < until:
             to = min(until, max(self._until_row, self._row + 1), self._row + 8)
             felt = max(self._bands.values(), default=0.0)
@@ -298,7 +298,7 @@ class CrowdParticipant:
     def _set_out(self, leg: int) -> None:
         self._way, self._way_side = self._ways[leg]
         self._states[self._row, PROGRESS] = 0.0
-        self._until_row = MOST_ROWS
+        self._until_row = MAX_ROWS
 
     def _plan(self, scene: CrowdScene) -> None:
         crowd = scene.crowd

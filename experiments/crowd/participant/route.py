@@ -16,7 +16,7 @@ from stimuli.scenes.station_crowd import Crowd, body_radius_m
 
 ENTRY_M: Final = 2.4
 """From the ends of the way one enters the crowd through its outer gaps at most this far away."""
-LEAST_GAP_M: Final = 0.18
+MIN_GAP_M: Final = 0.18
 STEP_M: Final = 0.02
 HALF_WIDTH_M: Final = 0.25
 HALF_DEPTH_M: Final = 0.14
@@ -84,7 +84,7 @@ def choose_gaps(
     """
     lacking = np.maximum(easy_gap_m - graph.free_m, 0.0)
     toll = squeeze * lacking**2
-    passable = graph.free_m > LEAST_GAP_M
+    passable = graph.free_m > MIN_GAP_M
     middle = graph.middle_m
     from_start = np.linalg.norm(middle - start_m, axis=1)
     to_goal = np.linalg.norm(middle - goal_m, axis=1)

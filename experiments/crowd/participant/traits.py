@@ -83,8 +83,8 @@ class Population:
 
 
 DEFAULT_POPULATION: Final = Population()
-MOST_SWING_RAD: Final = 1.0
-MOST_SPREAD_RAD: Final = 0.8
+MAX_SWING_RAD: Final = 1.0
+MAX_SPREAD_RAD: Final = 0.8
 """Arms swing and hang out no farther, however loose."""
 
 (
@@ -151,7 +151,7 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
     traits[TURN_S] = q.turn_s
     traits[WANDER] = q.wander_m * np.exp(0.15 * z[2])
     traits[WANDER_S] = q.wander_s
-    traits[SWING] = min(q.swing_rad * np.exp(q.loose_swing * loose + 0.2 * z[3]), MOST_SWING_RAD)
+    traits[SWING] = min(q.swing_rad * np.exp(q.loose_swing * loose + 0.2 * z[3]), MAX_SWING_RAD)
     traits[TUCK] = float(np.clip(q.tuck + q.tuck_spread * z[4], 0, 1))
     traits[STATURE] = stature
     responsive = float(np.exp(0.3 * z[5]))
@@ -165,7 +165,7 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
     traits[CAUTION_WANDER] = q.caution_wander
     traits[ALARM_SLOWING] = q.alarm_slowing * np.exp(q.alarm_slowing_spread * slowing)
     traits[ALARM_MARGIN] = q.alarm_margin_m * np.exp(q.alarm_margin_spread * alarmed)
-    traits[SPREAD] = min(q.spread_rad * np.exp(q.loose_spread * loose), MOST_SPREAD_RAD)
+    traits[SPREAD] = min(q.spread_rad * np.exp(q.loose_spread * loose), MAX_SPREAD_RAD)
     return Person(
         sex=sex,
         age=int(np.clip(np.rint(26 + 6 * rng.standard_normal()), 18, 43)),

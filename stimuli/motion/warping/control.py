@@ -27,7 +27,7 @@ from stimuli.motion.warping.perceived import SeenBody, perceived
 from stimuli.motion.warping.raster_kernels import Bytes
 from stimuli.motion.warping.units import WarpingUnit, turned_by
 
-FEWEST_PX: Final = 24
+MIN_PX: Final = 24
 SEARCHED_DAMPING: Final = (0.0625, 0.25, 1.0, 4.0)
 """Of a searched step: what the damping is multiplied by."""
 SEARCHED_ERROR: Final = (0.0625, 0.125, 0.25, 0.5, 1.0)
@@ -259,11 +259,11 @@ def wanted_features(targets: tuple[FeatureTarget, ...], original: Vector) -> Vec
 def scale_of(situation: Situation, original: Vector) -> Vector:
     """Return factors (f,) that make features shares of their original value, times weights.
 
-    A feature of fewer than `FEWEST_PX` pixels is a share of so many.
+    A feature of fewer than `MIN_PX` pixels is a share of so many.
     """
     pixel = np.array([pixel_of(t, situation.view.size_px) for t in situation.targets])
     weight = np.sqrt([t.weight for t in situation.targets])
-    factors: Vector = weight / np.maximum(original, FEWEST_PX * pixel)
+    factors: Vector = weight / np.maximum(original, MIN_PX * pixel)
     return factors
 
 

@@ -23,7 +23,7 @@ from stimuli.picture import Camera, Light, Room, StaticMesh
 
 SHADOW_PX: Final = 192
 SUN_DISTANCE_M: Final = 200.0
-LEAST_LIGHT_01: Final = 0.15
+MIN_LIGHT_01: Final = 0.15
 """Share of the luminance of a fully lit white surface below which nothing is perceived."""
 NO_LAMPS: Final = np.zeros((0, LAMP))
 
@@ -143,7 +143,7 @@ def outlook(
     camera: Camera, size_px: int | tuple[int, int] = 128, *,
     occluders: Sequence[StaticMesh] = (), lights: Sequence[Light] = (), ambient_01: float = 0.0,
     lit_centre_m: Vector | None = None, lit_radius_m: float = 1.2,
-    least_light_01: float = LEAST_LIGHT_01,
+    least_light_01: float = MIN_LIGHT_01,
 ) -> Outlook:  # fmt: skip
     """Pack a view; shadows of the occluders are kept for the ball where the body is.
 
@@ -178,7 +178,7 @@ def outlook(
 def outlook_in(
     room: Room, camera: Camera, size_px: int | tuple[int, int] = 128, *, lit_centre_m: Vector,
     lit_radius_m: float = 1.2, more: Sequence[StaticMesh] = (),
-    least_light_01: float = LEAST_LIGHT_01,
+    least_light_01: float = MIN_LIGHT_01,
 ) -> Outlook:  # fmt: skip
     """Pack a view into a room: its props hide and shade, its lamps and ambient light it."""
     props = [p.mesh for p in room.props]

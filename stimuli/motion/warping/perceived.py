@@ -25,7 +25,7 @@ from stimuli.motion.warping.raster_kernels import (
 )
 from stimuli.picture import StaticMesh
 
-MOST_KNOWN: Final = 64
+MAX_KNOWN: Final = 64
 INSIDE_TURNS: Final = 0.5
 """Winding number above which a point counts as inside a body."""
 
@@ -71,7 +71,7 @@ class SeenBody:
                 np.flatnonzero(vertex), self.triangles[triangle], self.labels[triangle],
                 self.triangles[~triangle], self.labels[~triangle],
             )  # fmt: skip
-            if len(self._known) >= MOST_KNOWN:
+            if len(self._known) >= MAX_KNOWN:
                 self._known.clear()
             self._known[key] = known
         return known

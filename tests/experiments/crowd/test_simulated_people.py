@@ -14,7 +14,7 @@ from experiments.crowd.participant.traits import (
     CAUTION_TUCK,
     DEFAULT_POPULATION,
     MARGIN,
-    MOST_SPREAD_RAD,
+    MAX_SPREAD_RAD,
     SPREAD,
     TUCK,
     draw_person,
@@ -87,7 +87,7 @@ def test_careless_arms_hang_out_no_farther_than_joints_allow():
     people = traits_of()
     tuck = people[:, TUCK] + np.minimum(people[:, CAUTION_TUCK], 0.0)
     assert (people[:, SPREAD] * (1 - tuck)).max() < np.radians(90)
-    assert people[:, SPREAD].max() == MOST_SPREAD_RAD
+    assert people[:, SPREAD].max() == MAX_SPREAD_RAD
 
 
 def test_arms_of_the_loose_come_in_least():

@@ -34,7 +34,7 @@ typedef struct {
 #pragma pack(pop)
 
 enum { OK = 0, NOT_CONNECTED = 7, NOT_REGISTERED = 104, TIMED_OUT = 130, NO_UPDATE = 1003, GONE = 2006 };
-enum { STEP_TICKS = 3, MOST_FAULTS = 16 };
+enum { STEP_TICKS = 3, MAX_FAULTS = 16 };
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static pthread_cond_t news = PTHREAD_COND_INITIALIZER;
@@ -42,10 +42,10 @@ static Frame newest, fetched;
 static bool any, connected = true, calibrated;
 static uint64_t pushes, seen;
 static int capabilities, calibration, ticks, quality = 5;
-static struct { char name[48]; int code; } faults[MOST_FAULTS];
+static struct { char name[48]; int code; } faults[MAX_FAULTS];
 
 static int fault(const char *name) {
-    for (int i = 0; i < MOST_FAULTS; i++)
+    for (int i = 0; i < MAX_FAULTS; i++)
         if (faults[i].code && !strcmp(faults[i].name, name)) return faults[i].code;
     return OK;
 }
@@ -73,7 +73,7 @@ void fove_stub_push(const void *frame) {
 void fove_stub_fail(const char *name, int code) {
     pthread_mutex_lock(&lock);
     int at = -1;
-    for (int i = 0; i < MOST_FAULTS && at < 0; i++)
+    for (int i = 0; i < MAX_FAULTS && at < 0; i++)
         if (!faults[i].code || !strcmp(faults[i].name, name)) at = i;
     if (at >= 0) {
         snprintf(faults[at].name, sizeof faults[at].name, "%s", name);

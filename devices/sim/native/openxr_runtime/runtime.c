@@ -14,7 +14,7 @@
 #endif
 
 enum { SUCCESS = 0, INITIALIZATION_FAILED = -38, FUNCTION_UNSUPPORTED = -7 };
-enum { MOST_FUNCTIONS = 128, LONGEST_NAME = 64, INTERFACE_VERSION = 1 };
+enum { MAX_FUNCTIONS = 128, MAX_NAME = 64, INTERFACE_VERSION = 1 };
 
 typedef struct {
     uint32_t type, version;
@@ -32,17 +32,17 @@ typedef struct {
 } RuntimeRequest;
 
 static struct {
-    char name[LONGEST_NAME];
+    char name[MAX_NAME];
     void *function;
-} table[MOST_FUNCTIONS];
+} table[MAX_FUNCTIONS];
 static int count;
 
 EXPORT void visavis_xr_set_function(const char *name, void *function) {
     int i;
     for (i = 0; i < count; i++)
         if (!strcmp(table[i].name, name)) break;
-    if (i == MOST_FUNCTIONS) return;
-    if (i == count) strncpy(table[count++].name, name, LONGEST_NAME - 1);
+    if (i == MAX_FUNCTIONS) return;
+    if (i == count) strncpy(table[count++].name, name, MAX_NAME - 1);
     table[i].function = function;
 }
 

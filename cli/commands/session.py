@@ -26,8 +26,8 @@ from cli.app import (
     load_lab,
     verbatim,
 )
-from cli.checking_commands import print_check
-from cli.checking_commands import require_session as require_session
+from cli.commands.checking import print_check
+from cli.commands.checking import require_session as require_session
 from cli.getting_ready import make_ready
 from cli.lab_companion import LabCompanion
 from cli.operator_screen import TerminalOperator

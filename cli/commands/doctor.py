@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 
 from cli.app import ConfigOption, DevicesOption, JsonOption, app, console, load_lab
-from cli.doctor_findings import Finding
+from cli.doctor.findings import Finding
 from lab.errors import DeviceError
 
 SIGNS = {
@@ -19,7 +19,7 @@ SIGNS = {
     "missing": "[red]✗[/]",
 }
 SUBJECT_WIDTH = 14
-LONGEST_SUBJECT = 24
+MAX_SUBJECT = 24
 
 
 @app.command()
@@ -35,7 +35,7 @@ def doctor(
 
     Example: visavis doctor
     """
-    from cli.doctor import SELF_TEST_S, as_document, examine, verdict
+    from cli.doctor.report import SELF_TEST_S, as_document, examine, verdict
     from lab.clock import SystemClock
 
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
@@ -63,7 +63,7 @@ def _print(findings: tuple[Finding, ...]) -> None:
     for section, own in groupby(findings, key=lambda f: f.section):
         console.print(f"[b]{section}[/]")
         rows = list(own)
-        width = min(LONGEST_SUBJECT, max(SUBJECT_WIDTH, *(len(f.subject) for f in rows), 0))
+        width = min(MAX_SUBJECT, max(SUBJECT_WIDTH, *(len(f.subject) for f in rows), 0))
         for finding in rows:
             _print_line(finding, width)
 

@@ -6,9 +6,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cli.doctor_findings import Finding, worst
-from cli.doctor_machine import COMPUTER, computer, libraries, licence_of
-from cli.doctor_wires import RUNTIME_NAMES, RUNTIMES, network, ports, runtimes
+from cli.doctor.findings import Finding, worst
+from cli.doctor.machine import COMPUTER, computer, libraries, licence_of
+from cli.doctor.wires import RUNTIME_NAMES, RUNTIMES, network, ports, runtimes
 from cli.sync_records import MAX_AGE_DAYS, age_days, newest
 from devices.bench import Trial, capture
 from devices.contracts import Device

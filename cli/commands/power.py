@@ -46,8 +46,8 @@ from cli.app import (
     load_lab,
     verbatim,
 )
+from cli.commands.study import ProcessesOption
 from cli.quick_tracker import tracker_of
-from cli.study_commands import ProcessesOption
 from lab.clock import StopWatch
 from lab.errors import UsageError
 from recording.csv_file import write_csv

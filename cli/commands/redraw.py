@@ -7,8 +7,8 @@ import numpy as np
 import typer
 
 from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
-from cli.checking_commands import require_session
-from cli.preview_pictures import SIMULATED, check_picture_name, write_below
+from cli.commands.checking import require_session
+from cli.preview.pictures import SIMULATED, check_picture_name, write_below
 from cli.studies import session_of
 from lab.errors import UsageError
 from recording.reader import Recording

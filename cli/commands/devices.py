@@ -24,7 +24,7 @@ RolesArgument = Annotated[
 ]
 RoleArgument = Annotated[str, typer.Argument(help="A role of lab_config.yaml.")]
 SecondsOption = Annotated[float, typer.Option("--seconds", help="How long to listen.")]
-LONGEST_S = 3600.0
+MAX_S = 3600.0
 
 
 @devices_app.command("list")
@@ -257,7 +257,7 @@ def replay(
     def is_over() -> bool:
         return wires.playing is not None and wires.playing.is_finished
 
-    played = capture([device], clock, LONGEST_S, wires=wires, is_over=is_over)
+    played = capture([device], clock, MAX_S, wires=wires, is_over=is_over)
     trials = tuple(_as_recorded(trial, simulated=log.is_simulated) for trial in played)
     if as_json:
         typer.echo(_as_json([asdict(t) for t in trials]))
@@ -294,8 +294,8 @@ def _device(lab: LabConfig, role: str) -> DeviceConfig:
 
 
 def _check_seconds(seconds: float) -> None:
-    if not 0.5 <= seconds <= LONGEST_S:
-        raise UsageError(f"--seconds takes 0.5 to {LONGEST_S:g}, not {seconds:g}")
+    if not 0.5 <= seconds <= MAX_S:
+        raise UsageError(f"--seconds takes 0.5 to {MAX_S:g}, not {seconds:g}")
 
 
 def _styled(text: str, ok: bool | None) -> str:

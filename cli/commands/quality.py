@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
-from cli.checking_commands import require_session
+from cli.commands.checking import require_session
 from cli.studies import folder_of, session_of
 from lab.errors import UsageError
 from recording.reader import Recording

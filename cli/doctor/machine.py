@@ -9,7 +9,7 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from cli.doctor_findings import Finding
+from cli.doctor.findings import Finding
 from devices.libraries import LSL, Library
 from devices.registry import driver_spec, driver_specs
 from devices.states import is_installed

@@ -14,8 +14,8 @@ import typer
 from rich.progress import Progress
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab, verbatim
-from cli.preview_capture import Capture, Meanwhile, Seen, spread
-from cli.preview_pictures import (
+from cli.preview.capture import Capture, Meanwhile, Seen, spread
+from cli.preview.pictures import (
     SIMULATED,
     Viewpoint,
     camera_of,
@@ -93,7 +93,7 @@ def preview(
     if study == PEOPLE:
         if sheet is None:
             raise UsageError("preview people needs --sheet FILE")
-        from cli.preview_people import people_sheet
+        from cli.preview.people import people_sheet
 
         people_sheet((size_px[0] // 2, size_px[1] // 2)).save(sheet)
         _written(sheet)

@@ -1,8 +1,8 @@
 """prepare: what a study computes before its first trial, done beforehand."""
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab, verbatim
+from cli.commands.session import SetOption
 from cli.getting_ready import make_ready
-from cli.session_commands import SetOption
 from cli.studies import study_of_lab
 from lab.clock import StopWatch
 from recording.folder import study_dir

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cli.doctor_findings import Finding
+from cli.doctor.findings import Finding
 from devices.libraries import HID, SERIAL
 from devices.registry import driver_spec
 from devices.states import is_installed

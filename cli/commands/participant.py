@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, load_lab, verbatim
-from cli.session_commands import SetOption, groups_hold, ledger_of
+from cli.commands.session import SetOption, groups_hold, ledger_of
 from cli.studies import study_of_lab
 from lab.errors import UsageError
 from protocol.exports_register import registered_exports

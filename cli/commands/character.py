@@ -83,8 +83,8 @@ def sheet_command(
 
     Example: visavis character sheet imported.png
     """
-    from cli.preview_people import people_sheet
-    from cli.preview_pictures import check_picture_name
+    from cli.preview.people import people_sheet
+    from cli.preview.pictures import check_picture_name
 
     check_picture_name(png)
     if png.exists():

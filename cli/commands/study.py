@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab, verbatim
-from cli.session_commands import LanguageOption
+from cli.commands.session import LanguageOption
 from cli.studies import folder_of, study_of_lab
 from cli.telling import TELLING
 from lab.clock import StopWatch

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image
 
-from cli.preview_pictures import contact_sheet, face_camera, labelled
+from cli.preview.pictures import contact_sheet, face_camera, labelled
 from lab.geometry import Vector, unit
 from stage.stills import Stills
 from stimuli.characters.cast import load_cast

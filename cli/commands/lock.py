@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, load_lab, verbatim
-from cli.session_commands import (
+from cli.commands.session import (
     LanguageOption,
     SeedOption,
     SetOption,

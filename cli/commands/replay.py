@@ -7,9 +7,9 @@ import typer
 from rich.progress import Progress
 
 from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
-from cli.checking_commands import require_session
-from cli.preview_commands import picture_size
-from cli.preview_pictures import Viewpoint
+from cli.commands.checking import require_session
+from cli.commands.preview import picture_size
+from cli.preview.pictures import Viewpoint
 from cli.studies import session_of
 from cli.telling import TELLING, Forecast
 from recording.reader import Recording
