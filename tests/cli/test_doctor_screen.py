@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from cli.doctor import machine as doctor_machine
 from cli.doctor.machine import Monitor
 from cli.doctor.report import examine
-from cli.doctor.report import machine as doctor_machine
 from devices.registry import OPTION_MODELS
 from lab.clock import SimClock
 from lab.config import load_config, parse_config

@@ -10,9 +10,10 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from cli import preview_people, preview_pictures
 from cli.app import load_lab
 from cli.main import app
+from cli.preview import people as preview_people
+from cli.preview import pictures as preview_pictures
 from cli.preview.capture import Capture, Meanwhile, Seen, spread
 from cli.preview.pictures import Viewpoint, camera_of, labelled
 from lab.config_files import EXAMPLE
