@@ -25,6 +25,7 @@ MAX_CALIBRATIONS = 3
 """Attempts before the session goes on with the best it got and says so (gaze.md section 5)."""
 
 STRETCH_CALIBRATION = 200_000
+STRETCH_QUESTIONS = 300_000
 STRETCH_VALIDATION = 50
 STRETCH_PRACTICE = 100_000
 
@@ -171,17 +172,23 @@ class Session:
                 begun = True
                 self._perform_block(block, trials)
             if self._questioning.is_due(block):
-                self._states.move(SessionState.QUESTIONNAIRE)
+                self._begin_questions(block.index)
                 self._questioning.ask_after(block)
         if begun:
             self._validate_at_end()
         elif not setup.progress.validated_at_end:
             # The tracker was started anew: what it shows now says nothing of the trials before.
             self._recorder.event("end_validation_missed", self._loop.t_ns)
-        self._states.move(SessionState.QUESTIONNAIRE)
+        self._begin_questions(len(setup.plan.blocks))
         self._questioning.ask_at_end()
         self._states.move(SessionState.FINISHED)
         self._recorder.event("session_end", self._loop.t_ns)
+
+    def _begin_questions(self, after: int) -> None:
+        """Answers do not hang on whether the session was resumed before they were given."""
+        self._states.move(SessionState.QUESTIONNAIRE)
+        if self._participant is not None:
+            self._participant.prepare(STRETCH_QUESTIONS + after, self._loop.t_ns)
 
     def _take_break(self, block: Block) -> None:
         self._desk.leave_trial()
