@@ -5,7 +5,9 @@ python -m benchmarks.fuzz [--inputs 1000000] [--seconds S] [--only TEXT] [--seed
 Every input is a whole one of its format with one to three things done to it: bits flipped, cut,
 numbers at their edges, deep or endless words put in, two samples spliced, a stretch twice. A reader
 may return something or refuse with an error of ours; a codec may not raise at all. Counted are
-tracebacks (any other error), and hangs: an input that takes more than `LIMIT_S` of processor time.
+tracebacks (any other error), results accepted wrong (a ray that is no unit vector, a button the
+device has not, a checked frame that nobody sent), and hangs: an input that takes more than
+`LIMIT_S` of processor time.
 `--seconds` ends a target early; how many inputs it had is printed.
 """
 
@@ -46,6 +48,7 @@ class Outcome:
     name: str
     inputs: int
     refused: int
+    wrong: int
     tracebacks: int
     hangs: int
     seconds: float
@@ -60,7 +63,7 @@ def fuzz(target: Target, inputs: int, seconds: float, seed: int) -> Outcome:
     """Feed one target; stop after so many inputs or seconds."""
     rng = np.random.default_rng([seed, *target.name.encode()])
     drawn, watch = draws(rng), StopWatch()
-    refused = hangs = done = 0
+    refused = wrong = hangs = done = 0
     where: Counter[str] = Counter()
     signal.signal(signal.SIGVTALRM, _hang)
     while done < inputs and (done % LOOK_EVERY or watch.elapsed_s() < seconds):
@@ -71,7 +74,10 @@ def fuzz(target: Target, inputs: int, seconds: float, seed: int) -> Outcome:
         done += 1
         signal.setitimer(signal.ITIMER_VIRTUAL, LIMIT_S)
         try:
-            target.read(data)
+            if not target.is_sound(target.read(data)):
+                if not wrong:
+                    keep(target, data)
+                wrong += 1
         except target.refusals:
             refused += 1
         except _Hang:
@@ -81,20 +87,25 @@ def fuzz(target: Target, inputs: int, seconds: float, seed: int) -> Outcome:
             last = traceback.extract_tb(error.__traceback__)[-1]
             place = f"{type(error).__name__} at {Path(last.filename).name}:{last.lineno}"
             if where[place] < 1:
-                kept = Path(tempfile.gettempdir()) / f"fuzz-{target.name.replace(' ', '-')}.bin"
-                kept.write_bytes(data)
+                keep(target, data)
                 traceback.print_exc(file=sys.stderr)
             where[place] += 1
         finally:
             signal.setitimer(signal.ITIMER_VIRTUAL, 0)
     return Outcome(
-        target.name, done, refused, sum(where.values()) - hangs, hangs,
+        target.name, done, refused, wrong, sum(where.values()) - hangs, hangs,
         round(watch.elapsed_s(), 1), dict(where),
     )  # fmt: skip
 
 
+def keep(target: Target, data: bytes) -> None:
+    """Keep an input that shows something wrong."""
+    name = f"fuzz-{target.name.replace(' ', '-')}.bin"
+    (Path(tempfile.gettempdir()) / name).write_bytes(data)
+
+
 def main() -> int:
-    """Print a row per target; exit status 1 where anything hung or raised what is not ours."""
+    """Print a row per target; exit status 1 where anything hung, raised or was wrong."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--inputs", type=int, default=1_000_000)
     parser.add_argument("--seconds", type=float, default=float("inf"))
@@ -114,7 +125,8 @@ def main() -> int:
             if not options.json:
                 print(
                     f"{outcome.name:34} {outcome.inputs:9} inputs {outcome.refused:9} refused "
-                    f"{outcome.tracebacks:6} tracebacks {outcome.hangs:4} hangs "
+                    f"{outcome.wrong:5} wrong {outcome.tracebacks:6} tracebacks "
+                    f"{outcome.hangs:4} hangs "
                     f"{outcome.seconds:7} s",
                     flush=True,
                 )
@@ -124,9 +136,10 @@ def main() -> int:
         print(json.dumps([asdict(outcome) for outcome in outcomes]))
     else:
         print(f"{len(outcomes)} targets, {sum(o.inputs for o in outcomes)} inputs, "
+              f"{sum(o.wrong for o in outcomes)} accepted wrong, "
               f"{sum(o.tracebacks for o in outcomes)} tracebacks, "
               f"{sum(o.hangs for o in outcomes)} hangs")  # fmt: skip
-    return int(any(o.tracebacks or o.hangs for o in outcomes))
+    return int(any(o.wrong or o.tracebacks or o.hangs for o in outcomes))
 
 
 if __name__ == "__main__":

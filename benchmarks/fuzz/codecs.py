@@ -1,6 +1,11 @@
-"""What decodes the bytes of devices: one target per codec, with samples of its stored wires."""
+"""What decodes the bytes of devices: one target per codec, with samples of its stored wires.
 
-from collections.abc import Callable, Iterator, Sequence
+A codec is also held to what its results may be: gaze has unit rays and pupils of an eye's size,
+presses have names and levels the device has, a checked frame of the board says what was sent.
+"""
+
+import struct
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +25,12 @@ from devices.drivers.bands.bhaptics_codec import BhapticsLanguage
 from devices.drivers.bands.buzz_codec import BuzzLanguage
 from devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
 from devices.drivers.bands.vhp_codec import VhpSleeveLanguage, VhpSlimLanguage
+from devices.drivers.buttons.codes import ByteButtons
+from devices.drivers.buttons.device import Press
+from devices.drivers.buttons.hid_reports import ReportReader, layout_of
+from devices.drivers.buttons.keyboard import Keyboard, KeyLink
+from devices.drivers.buttons.spec import BYTES, KEYBOARD
+from devices.drivers.buttons.xid import BUTTONS, XidReader
 from devices.drivers.eyelink import codec as eyelink
 from devices.drivers.fove import codec as fove
 from devices.drivers.gazepoint import codec as gazepoint
@@ -32,11 +43,14 @@ from devices.drivers.openvr import codec as openvr
 from devices.drivers.pupil import codec as pupil
 from devices.drivers.pupil.layout import GazeDecoder
 from devices.drivers.sranipal import codec as sranipal
-from devices.drivers.streaming.gaze_rays import Screen
+from devices.drivers.streaming.gaze_rays import Sample, Screen
 from devices.drivers.triggers import labjack_codec as labjack
 from devices.drivers.xsens import codec as xsens
+from devices.spec import AnySpec
 from devices.streams import GAZE
+from devices.sync import board_codec as board
 from devices.wirelog import read_wire_log
+from lab.clock import SimClock
 from lab.errors import DataError, ProtocolViolation
 
 WIRES = Path(__file__).resolve().parents[2] / "tests" / "wire"
@@ -53,12 +67,60 @@ def frames(*wires: str) -> tuple[bytes, ...]:
     return tuple(found) or (bytes(8),)
 
 
-def _armband(data: bytes) -> None:
+def _armband(data: bytes) -> list[object]:
+    said: list[object] = []
     for frame in FrameReader().feed(data):
-        decode_answer(frame)
+        said.append(decode_answer(frame))
         if frame.kind in (SET, PATTERN) and len(frame.payload) == COMMAND_BYTES:
             decode_set(frame.payload)
             decode_pattern(frame.payload)
+    return said
+
+
+def _whole(chunks: Sequence[bytes]) -> tuple[bytes, ...]:
+    """Return the frames in bytes as they came, each between two zeros."""
+    return tuple(b"\0" + piece + b"\0" for piece in b"".join(chunks).split(b"\0") if piece)
+
+
+def _board(data: bytes) -> list[tuple[object, ...]]:
+    return [_board_said(board.decode(frame)) for frame in FrameReader().feed(data)]
+
+
+def _board_said(found: board.Samples | board.Told | None) -> tuple[object, ...]:
+    match found:
+        case board.Samples():
+            return (found.seq, found.device_us, found.period_us, found.levels.tobytes())
+        case board.Told():
+            return (found.seq, found.device_us)
+        case _:
+            return ()
+
+
+def _labjack(data: bytes) -> list[int]:
+    return list(labjack.AnswerReader().feed(data))
+
+
+def _boards_frames() -> tuple[bytes, ...]:
+    """Return frames of the board, each between two zeros, as its firmware sends them."""
+    rng = np.random.default_rng(16)
+    found = [board.encode_told(board.Told(k, k * 9_999_991 % 2**32)) for k in range(32)]
+    for k in range(96):
+        levels = rng.integers(0, 256, (board.BLOCK, len(board.CHANNELS))).astype(np.uint8)
+        told = board.Samples(k, k * 44_444_443 % 2**32, 250, levels)
+        found.append(board.encode_samples(told))
+    return tuple(b"\0" + frame for frame in found)
+
+
+def only_said_by(
+    samples: Sequence[bytes], read: Callable[[bytes], Iterable[object]]
+) -> Callable[[object], bool]:
+    """Return whether everything that was read stands in a whole sample, or is nothing."""
+    whole = {said for sample in samples for said in read(sample)} | {None, ()}
+
+    def is_sound(found: object) -> bool:
+        return isinstance(found, Iterable) and all(said in whole for said in found)
+
+    return is_sound
 
 
 def _feeding(language: Callable[[], object]) -> Callable[[bytes], object]:
@@ -72,10 +134,12 @@ def _feeding(language: Callable[[], object]) -> Callable[[bytes], object]:
     return read
 
 
-def _gazepoint(data: bytes) -> None:
+def _gazepoint(data: bytes) -> list[object]:
+    found: list[object] = []
     for line in gazepoint.LineReader().feed(data):
-        gazepoint.decode_record(line.values, _PLACE, 1_000_000)
+        found.append(gazepoint.decode_record(line.values, _PLACE, 1_000_000))
         gazepoint.calibration_errors_deg(line.values, SCREEN)
+    return found
 
 
 _PLACE = gazepoint.Place(SCREEN)
@@ -85,11 +149,10 @@ def _hid_gaze(samples: Sequence[bytes]) -> Callable[[bytes], object]:
     descriptor = max(samples, key=lambda raw: len(hid_gaze.walk_descriptor(raw)))
     layout = hid_gaze.tracking_layout(hid_gaze.walk_descriptor(descriptor))
 
-    def read(data: bytes) -> None:
+    def read(data: bytes) -> list[object]:
         found = hid_gaze.tracking_layout(hid_gaze.walk_descriptor(data))
-        for each in (layout, found):
-            if each is not None:
-                hid_gaze.decode_report(data, each, SCREEN, 1e-6)
+        layouts = [each for each in (layout, found) if each is not None]
+        return [hid_gaze.decode_report(data, each, SCREEN, 1e-6) for each in layouts]
 
     return read
 
@@ -98,13 +161,16 @@ def _lsl_gaze(samples: Sequence[bytes]) -> Callable[[bytes], object]:
     known = [i for i in map(lsl_gaze.parse_info, samples) if i is not None]
     layouts = [found for found in map(lsl_gaze.layout_of, known) if found is not None]
 
-    def read(data: bytes) -> None:
+    def read(data: bytes) -> list[object]:
         info = lsl_gaze.parse_info(data)
         if info is not None:
             lsl_gaze.layout_of(info)
+        found: list[object] = []
         for layout in layouts:
             size = 8 * (layout.count + 1)
-            lsl_gaze.decode_sample(data[:size].ljust(size, b"\x01"), layout, SCREEN, HALF_M)
+            raw = data[:size].ljust(size, b"\x01")
+            found.append(lsl_gaze.decode_sample(raw, layout, SCREEN, HALF_M))
+        return found
 
     return read
 
@@ -132,9 +198,9 @@ def _neon(samples: Sequence[bytes]) -> Callable[[bytes], object]:
     cameras = (neon.decode_calibration(raw, 0.0) for raw in samples)
     camera = next(found for found in cameras if found is not None)[0]
 
-    def read(data: bytes) -> None:
+    def read(data: bytes) -> object:
         neon.decode_calibration(data, 12.0)
-        neon.decode_gaze(0, 1, data, camera)
+        return neon.decode_gaze(0, 1, data, camera)
 
     return read
 
@@ -150,12 +216,14 @@ def _pupil() -> Callable[[bytes], object]:
     decoder = GazeDecoder(0.6)
     rows, stamps_ns = np.zeros(GAZE.dtype.itemsize, np.uint8), np.zeros(1, np.int64)
 
-    def read(data: bytes) -> None:
-        pupil.decode_gaze(data, 0.6)
-        decoder.decode(data, rows, stamps_ns, 0)
+    def read(data: bytes) -> list[object]:
+        found = pupil.decode_gaze(data, 0.6)
+        is_read = decoder.decode(data, rows, stamps_ns, 0)
         pupil.decode_notification(data)
         pupil.decode_time((data,))
         pupil.decode_version(data.decode("latin-1"))
+        short = [Sample(int(stamps_ns[0]), None, rows.tobytes())] if is_read else []
+        return [*short, *([] if found is None else [Sample(found[0], None, found[1])])]
 
     return read
 
@@ -178,6 +246,78 @@ def _xml(data: bytes) -> object:
         return None
 
 
+def _presses_of(driver: str) -> Callable[[bytes], object]:
+    """Return a reader of a box's bytes by its driver, every time from the start."""
+    spec: AnySpec = BYTES if driver == "byte_buttons" else KEYBOARD
+    device = spec.on_wire("responses", SimClock(), KeyLink(SimClock()))
+    assert isinstance(device, ByteButtons | Keyboard)
+
+    def read(data: bytes) -> list[Press]:
+        device._fresh()  # noqa: SLF001 - what a driver does when its wire begins anew
+        half = len(data) // 2
+        return [*device._read(data[:half]), *device._read(data[half:])]  # noqa: SLF001
+
+    return read
+
+
+def _hid_buttons(samples: Sequence[bytes]) -> Callable[[bytes], object]:
+    descriptor = max(samples, key=lambda raw: len(layout_of(raw).controls))
+    known = layout_of(descriptor)
+
+    def read(data: bytes) -> list[Press]:
+        return [p for one in (known, layout_of(data)) for p in ReportReader(one).feed(data)]
+
+    return read
+
+
+def _of_buttons(names: Iterable[str] | None) -> Callable[[object], bool]:
+    """Return whether presses have a name the device has (None: any), a level and a time."""
+    known = None if names is None else frozenset(names)
+
+    def is_sound(found: object) -> bool:
+        return isinstance(found, list) and all(
+            (known is None or press.button in known)
+            and 0.0 <= press.value_01 <= 1.0
+            and (press.t_device_ns is None or press.t_device_ns >= 0)
+            for press in found
+        )
+
+    return is_sound
+
+
+def gaze_is_sound(found: object) -> bool:
+    """Tell whether every gaze sample in a result is one: unit rays or none, pupils of an eye."""
+    if isinstance(found, Sample):
+        return _row_is_sound(found.row)
+    if isinstance(found, tuple | list):
+        return all(map(gaze_is_sound, found))
+    return True
+
+
+def _row_is_sound(row: bytes) -> bool:
+    x, y, z, *place, valid, used, _, lx, ly, lz, left, left_mm, rx, ry, rz, right, right_mm = (
+        GAZE_ROW.unpack(row)
+    )
+    rays = ((x, y, z, valid), (lx, ly, lz, left), (rx, ry, rz, right))
+    return (
+        all(_is_ray(*ray) for ray in rays)
+        and all(mm != mm or 0 < mm < 20 for mm in (left_mm, right_mm))
+        and all(at != at or abs(at) <= 1001 for at in place)
+        and used <= 3
+    )
+
+
+def _is_ray(x: float, y: float, z: float, valid: bool) -> bool:
+    if x != x or y != y or z != z:
+        return not valid
+    return abs(x * x + y * y + z * z - 1) < 1e-5
+
+
+GAZE_ROW = struct.Struct("<6f?Bf3f?f3f?f")
+"""A row of `GAZE.dtype`."""
+assert GAZE_ROW.size == GAZE.dtype.itemsize
+
+
 def codecs() -> Iterator[Target]:
     """Yield a target per codec; a codec answers nonsense with None or less, and never raises."""
     hid, lsl, neon_frames = frames("hid_gaze"), frames("lsl_gaze", "tobii_lsl"), frames("neon")
@@ -195,21 +335,38 @@ def codecs() -> Iterator[Target]:
     }
     for name, (language, wire) in languages.items():
         yield Target(f"bands.{name}", frames(wire), _feeding(language))
-    yield Target("armband.codec", frames("serial_armband", "ble_armband"), _armband)
-    yield Target("eyelink.codec", frames("eyelink"), lambda b: eyelink.decode_sample(b, *screen))
-    yield Target("fove.codec", frames("fove"), lambda b: fove.decode_eye_frame(b, 0.064))
-    yield Target("gazepoint.codec", frames("gazepoint"), _gazepoint)
-    yield Target("hid_gaze.codec", hid, _hid_gaze(hid))
-    yield Target("lsl.gaze_codec", lsl, _lsl_gaze(lsl))
+    bands = _whole(frames("serial_armband", "ble_armband"))
+    yield Target("armband.codec", bands, _armband, is_sound=only_said_by(bands, _armband))
+    boards = _boards_frames()
+    yield Target("sync.board_codec", boards, _board, is_sound=only_said_by(boards, _board))
+    pads, boxes, pressed = (frames(w) for w in ("xid_buttons", "byte_buttons", "hid_buttons"))
+    yield Target("buttons.xid", pads, lambda b: XidReader().feed(b), is_sound=_of_buttons(BUTTONS))
+    yield Target("buttons.codes", boxes, _presses_of("byte_buttons"), is_sound=_of_buttons("1234"))
+    yield Target(
+        "buttons.hid_reports",
+        tuple(raw[1:] for raw in pressed if raw[:1] in b"DR"),
+        _hid_buttons([raw[1:] for raw in pressed]),
+        is_sound=_of_buttons(None),
+    )
+    yield Target(
+        "buttons.keyboard", frames("keyboard"), _presses_of("keyboard"), is_sound=_of_buttons(None)
+    )
+    for name, sample_frames, read in (
+        ("eyelink.codec", frames("eyelink"), lambda b: eyelink.decode_sample(b, *screen)),
+        ("fove.codec", frames("fove"), lambda b: fove.decode_eye_frame(b, 0.064)),
+        ("gazepoint.codec", frames("gazepoint"), _gazepoint),
+        ("hid_gaze.codec", hid, _hid_gaze(hid)),
+        ("lsl.gaze_codec", lsl, _lsl_gaze(lsl)),
+        ("neon.codec", neon_frames, _neon(neon_frames)),
+        ("pupil.codec", frames("pupil_core"), _pupil()),
+        ("sranipal.codec", frames("vive_pro_eye"), sranipal.decode_eye_data),
+    ):
+        yield Target(name, sample_frames, read, is_sound=gaze_is_sound)
     yield Target("lsl.body", frames("lsl_body"), _xml)
     yield Target("natnet.codec", frames("natnet"), _natnet)
-    yield Target("neon.codec", neon_frames, _neon(neon_frames))
     yield Target("openvr.codec", frames("openvr_headset", "openvr_trackers"), _openvr)
-    yield Target("pupil.codec", frames("pupil_core"), _pupil())
-    yield Target("sranipal.codec", frames("vive_pro_eye"), sranipal.decode_eye_data)
+    answers = frames("labjack_triggers")
     yield Target(
-        "triggers.labjack_codec",
-        frames("labjack_triggers"),
-        lambda b: list(labjack.AnswerReader().feed(b)),
+        "triggers.labjack_codec", answers, _labjack, is_sound=only_said_by(answers, _labjack)
     )
     yield Target("xsens.codec", frames("xsens"), _xsens())

@@ -3,28 +3,50 @@
 `python -m benchmarks.fuzz` does the same a million times.
 """
 
+import struct
 from pathlib import Path
 
 import pytest
 
 import devices.drivers
 from benchmarks.fuzz.__main__ import fuzz
-from benchmarks.fuzz.codecs import codecs
+from benchmarks.fuzz.codecs import codecs, gaze_is_sound, only_said_by
 from benchmarks.fuzz.files import files
+from benchmarks.fuzz.target import Target
+from devices.drivers.streaming.gaze_rays import Sample
 
 DRIVERS = Path(devices.drivers.__file__).parent
+DEVICES = DRIVERS.parent
+
+
+BUTTONS = {"buttons.xid", "buttons.codes", "buttons.hid_reports", "buttons.keyboard"}
+"""Boxes whose drivers read their few bytes themselves."""
 
 
 def test_every_codec_is_fuzzed() -> None:
-    modules = {path.relative_to(DRIVERS).with_suffix("") for path in DRIVERS.rglob("*codec.py")}
+    modules = [
+        path.relative_to(folder).with_suffix("")
+        for folder in (DRIVERS, DEVICES)
+        for path in folder.rglob("*codec.py")
+        if folder == DRIVERS or DRIVERS not in path.parents
+    ]
     fuzzed = {target.name.split()[0] for target in codecs()}
-    assert {".".join(module.parts) for module in modules} <= fuzzed
+    assert {".".join(module.parts) for module in modules} | BUTTONS <= fuzzed
+
+
+def test_a_result_that_contradicts_its_format_is_counted() -> None:
+    halved = struct.pack("<6f?Bf3f?f3f?f", *(0.5,) * 6, True, 3, 1.0, *(0.5,) * 3, True, 4.0,
+                         *(0.5,) * 3, True, 4.0)  # fmt: skip
+    target = Target("half a ray", (b"x",), lambda data: Sample(0, None, halved), (), gaze_is_sound)
+    assert fuzz(target, 50, float("inf"), 1).wrong == 50
+    sent = Target("nobody's frame", (b"x",), lambda data: [b"y"], (), only_said_by((b"x",), list))
+    assert fuzz(sent, 50, float("inf"), 1).wrong == 50
 
 
 @pytest.mark.parametrize("target", list(codecs()), ids=lambda target: target.name)
 def test_no_damaged_bytes_of_a_wire_raise(target) -> None:
     outcome = fuzz(target, 200, float("inf"), seed=7)
-    assert (200, {}) == (outcome.inputs, outcome.where)
+    assert (200, 0, {}) == (outcome.inputs, outcome.wrong, outcome.where)
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from devices.sim.natnet import NatNetSimulator
 from devices.sim.xsens import XsensSimulator
 from lab.clock import NS_PER_S, SimClock
 from tests.devices.body_rigs import BodyRig, WalkingBody
+from tests.devices.test_pupil_codec import binocular, decoded
 
 NOWHERE = [1000.5, -2e6, 3e38, np.inf, -np.inf, np.nan]
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
@@ -122,6 +123,14 @@ def test_gaze_that_starts_nowhere_is_not_valid(x):
     assert values.dtype == GAZE.dtype
     assert not values["valid"][0]
     assert np.isnan(values["origin_m"]).all()
+
+
+@pytest.mark.parametrize("x_m", NOWHERE[:-1])
+def test_gaze_of_capture_that_starts_nowhere_is_not_valid(x_m):
+    centers = {"0": [x_m * 1e3, 0.0, 0.0], "1": [x_m * 1e3, 0.0, 0.0]}
+    _, sample = decoded(binocular(eye_centers_3d=centers))
+    assert not sample["valid"]
+    assert np.isnan(sample["origin_m"]).all()
 
 
 def test_gaze_may_start_at_a_place_nobody_told():

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from devices.drivers.pupil import codec
+from devices.drivers.streaming.gaze_rays import diameter_mm
 from devices.sim.pupil.wire import (
     BINOCULAR_TOPIC,
     COLUMN,
@@ -208,3 +209,12 @@ def test_reference_is_written_in_camera_millimetres():
 
     assert reference["timestamp"] == 2.0
     np.testing.assert_allclose(reference["mm_pos"], [300.0, 0.0, 400.0])
+
+
+@pytest.mark.parametrize("diameter", [0.0, -1.0, 7.7e-304, 0.4, 20.0, 3e38, math.inf, math.nan])
+def test_a_diameter_that_no_pupil_has_is_missing(diameter):
+    told = [pupil(0, diameter_3d=diameter), pupil(1, diameter_3d=3.0)]
+    _, sample = decoded(binocular(base_data=told))
+    assert math.isnan(sample["right_pupil_mm"])
+    assert sample["left_pupil_mm"] == pytest.approx(3.0)
+    assert math.isnan(diameter_mm(diameter))

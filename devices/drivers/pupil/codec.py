@@ -15,6 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import GAZE
+from devices.drivers.streaming.gaze_rays import diameter_mm
+from devices.plausible import is_place
 from lab.geometry import Vector
 
 GAZE_TOPIC = b"gaze.3d."
@@ -54,10 +56,10 @@ def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None
             diameter = pupil.get(b"diameter_3d")
             if pupil[b"id"] == 0:
                 right_sure = pupil[b"confidence"]
-                right_mm = diameter if diameter is not None and diameter > 0 else _NAN
+                right_mm = _NAN if diameter is None else diameter_mm(diameter)
             else:
                 left_sure = pupil[b"confidence"]
-                left_mm = diameter if diameter is not None and diameter > 0 else _NAN
+                left_mm = _NAN if diameter is None else diameter_mm(diameter)
         normals = datum.get(b"gaze_normals_3d")
         if normals is not None:
             centers = datum[b"eye_centers_3d"]
@@ -90,6 +92,8 @@ def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None
         else:
             ray, at, used = _LOST, _LOST, 0
         valid = confidence >= threshold_01 and (left_valid or right_valid) and ray[0] == ray[0]
+        if at[0] == at[0] and not is_place(*at):
+            at, valid = _LOST, False
         row = _ROW.pack(
             *ray, *at, valid, used, confidence,
             *left, left_valid, left_mm, *right, right_valid, right_mm,

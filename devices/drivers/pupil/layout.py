@@ -14,6 +14,8 @@ import numpy.typing as npt
 
 from devices.contracts import GAZE
 from devices.drivers.pupil import codec
+from devices.drivers.streaming.gaze_rays import MAX_PUPIL_MM, MIN_PUPIL_MM
+from devices.plausible import MAX_FAR_M
 from lab.compiled import compiled
 
 Bytes = npt.NDArray[np.uint8]
@@ -205,15 +207,12 @@ def _read(
         both[:] = np.nan
         origin[:] = np.nan
     confidence = number[_CONFIDENCE]
-    for k in range(3):
-        # Floats beyond single precision are refused by the codec.
-        if np.isfinite(origin[k]) and abs(origin[k]) > _MAX_F4:
-            return False
+    if origin[0] == origin[0]:  # whatever is no place is the codec's to judge
+        for k in range(3):
+            if not abs(origin[k]) <= MAX_FAR_M:
+                return False
     if np.isfinite(confidence) and abs(confidence) > _MAX_F4:
         return False
-    for eye in range(2):
-        if np.isfinite(number[_MM + eye]) and number[_MM + eye] > _MAX_F4:
-            return False
     valid = confidence >= threshold_01 and (left_valid or right_valid) and both[0] == both[0]
     for k in range(3):
         single[k] = both[k]
@@ -221,8 +220,9 @@ def _read(
         single[7 + k] = ray[1, k]
         single[11 + k] = ray[0, k]
     single[6] = confidence
-    single[10] = number[_MM + 1] if number[_MM + 1] > 0 else np.nan
-    single[14] = number[_MM] if number[_MM] > 0 else np.nan
+    for eye in range(2):
+        mm = number[_MM + eye]
+        single[14 - 4 * eye] = mm if MIN_PUPIL_MM <= mm < MAX_PUPIL_MM else np.nan
     bits = single.view(np.uint8)
     row = i * _ROW_BYTES
     for k in range(24):

@@ -17,6 +17,8 @@ Triple = tuple[float, float, float]
 NAN = math.nan
 LOST: Triple = (NAN, NAN, NAN)
 MAX_F4 = 3.4e38
+MIN_PUPIL_MM, MAX_PUPIL_MM = 0.5, 20.0
+"""Far outside what pupils do (1.5 to 9 mm): beyond, a number is no diameter."""
 
 _CODES = {"f4": "f", "?": "?", "u1": "B"}
 _ROW = struct.Struct("<" + "".join(_CODES[f.dtype] * math.prod(f.shape) for f in GAZE.fields))
@@ -52,7 +54,7 @@ def unit_triple(x: float, y: float, z: float) -> Triple:
 
 def diameter_mm(value: float) -> float:
     """Return a diameter, or NaN when it is none (zero, negative, beyond an eye's size)."""
-    return value if 0.0 < value < 20.0 else NAN
+    return value if MIN_PUPIL_MM <= value < MAX_PUPIL_MM else NAN
 
 
 def gaze_row(
