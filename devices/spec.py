@@ -198,6 +198,8 @@ class DriverSpec(Generic[O]):
     library: Library | None = None
     runtime: Literal["", "openvr", "openxr", "fove"] = ""
     """A program or vendor library that runs beside ours."""
+    hears_window: bool = False
+    """Its wire is the participant's window: without one it hears nothing."""
     dials: bool = False
     """`address` and `port` of the options are dialled."""
     listens: tuple[str, ...] = ()

@@ -17,7 +17,12 @@ from lab.clock import MAX_STEP_NS, NS_PER_MS, Clock, clock_step_ns
 from lab.config import LabConfig, Screen
 from recording.provenance import provenance
 from visavis.sessions.data_root import data_disk
-from visavis.sessions.rig import NO_PICTURE_REMEDY, shows_nothing
+from visavis.sessions.rig import (
+    NO_PICTURE_REMEDY,
+    NO_WINDOW_REMEDY,
+    shows_nothing,
+    unheard_keyboards,
+)
 
 COMPUTER, LIBRARIES = "computer", "libraries"
 GB_PER_HOUR = 0.3
@@ -47,7 +52,17 @@ def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
         _disk(lab),
         _clock(clock),
         _screens(lab),
+        *_keyboards(lab),
         *_lsl_session(lab),
+    )
+
+
+def _keyboards(lab: LabConfig) -> tuple[Finding, ...]:
+    """Name keyboards whose keys no window would hear."""
+    text = f"no window hears its keys: display.show is {lab.display.show}"
+    return tuple(
+        Finding(COMPUTER, role, "missing", text, NO_WINDOW_REMEDY)
+        for role in unheard_keyboards(lab)
     )
 
 

@@ -11,8 +11,15 @@ from devices.registry import OPTION_MODELS
 from lab.clock import SimClock
 from lab.config import load_config, parse_config
 from lab.config_files import SCREEN_EXAMPLE
+from lab.errors import ConfigError
+from visavis.sessions.rig import check_rig
 
 TEXT = SCREEN_EXAMPLE.read_text("utf-8")
+REAL_KEYS = TEXT.replace(
+    "driver: keyboard\n    simulated: true",
+    "driver: keyboard\n  headset:\n    driver: simulated_headset\n    simulated: true",
+).replace("    keys: {space: trigger, enter: select}\n", "")
+"""The keyboard is a real one; a headset is there for when the screen is not."""
 
 
 def finding(monkeypatch, *monitors, text=TEXT):
@@ -55,3 +62,26 @@ def test_no_headset_is_missed_where_people_sit_before_a_screen(tmp_path):
     path.write_text(TEXT.replace("show: screen", "show: headset"), "utf-8")
     told = examine(load_config(path, OPTION_MODELS), SimClock())
     assert "headset" in {f.subject for f in told.findings if f.level == "missing"}
+
+
+def keyboard_lab(show):
+    text = REAL_KEYS.replace("show: screen", f"show: {show}")
+    return parse_config(text, Path("lab_config.yaml"), OPTION_MODELS)
+
+
+@pytest.mark.parametrize("show", ["none", "headset", "offscreen"])
+def test_a_keyboard_that_no_window_would_hear_is_named_before_anything_is_opened(show):
+    lab = keyboard_lab(show)
+    (found,) = doctor_machine._keyboards(lab)
+    assert (found.subject, found.level) == ("responses", "missing")
+    assert f"display.show is {show}" in found.found
+    assert "screen" in found.remedy
+    with pytest.raises(ConfigError, match=r"no window hears devices\.responses") as told:
+        check_rig(lab)
+    assert found.remedy in str(told.value)
+
+
+@pytest.mark.parametrize("show", ["screen", "window"])
+def test_a_keyboard_is_heard_in_the_window_people_sit_before(show):
+    lab = keyboard_lab(show)
+    assert doctor_machine._keyboards(lab) == ()

@@ -300,6 +300,13 @@ def test_nonsense_of_a_hid_raises_nothing(descriptor, report):
     ReportReader(layout_of(DESCRIPTOR + descriptor)).feed(report)
 
 
+def test_values_of_no_bits_are_none_however_many_are_described():
+    count = bytes.fromhex("97ffffffff")  # 4,294,967,295 of them
+    described = bytes.fromhex("05091901290a") + count + bytes.fromhex("7500150025018102")
+    assert layout_of(described).controls == ()
+    assert ReportReader(layout_of(DESCRIPTOR + described)).feed(bytes(5)) is not None
+
+
 def test_a_short_report_is_counted():
     reader = ReportReader(layout_of(DESCRIPTOR))
     reader.feed(b"\x01")

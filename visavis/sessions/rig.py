@@ -7,6 +7,7 @@ import numpy as np
 
 from devices.building import build_device, checked_device
 from devices.contracts import Body, Device, EyeTracker, Headset, MovingBody
+from devices.registry import driver_spec
 from devices.screen.display import ScreenDisplay
 from devices.screen.resting_body import BodyBeforeScreen, MovingBodyBeforeScreen
 from lab.clock import Clock
@@ -73,7 +74,8 @@ def check_rig(config: LabConfig) -> None:
 
     Raises:
         ConfigError: there is neither headset nor screen, a screen-based eye tracker has no screen
-            that is described, or an option or a simulated fault is wrong.
+            that is described, a keyboard has no window that hears it, or an option or a simulated
+            fault is wrong.
     """
     if "headset" not in config.devices and config.display.on_screen is None:
         raise ConfigError(
@@ -82,6 +84,22 @@ def check_rig(config: LabConfig) -> None:
         )
     for device in config.devices.values():
         checked_device(device)
+    if unheard := unheard_keyboards(config):
+        raise ConfigError(
+            f"{config.path}: no window hears devices.{', devices.'.join(unheard)}: display.show is "
+            f"{config.display.show}; {NO_WINDOW_REMEDY}"
+        )
+
+
+def unheard_keyboards(config: LabConfig) -> tuple[str, ...]:
+    """Return the roles of real keyboards that no participant's window would hear."""
+    if config.display.show in SHOWS_THAT_HEAR:
+        return ()
+    return tuple(
+        role
+        for role, device in config.devices.items()
+        if not device.simulated and driver_spec(device.driver).hears_window
+    )
 
 
 def devices_for(
@@ -138,6 +156,12 @@ def is_simulated(config: LabConfig) -> bool:
     return any(d.simulated for d in config.devices.values())
 
 
+SHOWS_THAT_HEAR = ("screen", "window")
+"""What `display.show` may be for the participant's keys to be heard."""
+NO_WINDOW_REMEDY = (
+    "set it to screen, where people sit before a monitor, or to window; a button box "
+    "(xid_buttons, byte_buttons, hid_buttons) needs none"
+)
 NO_PICTURE_REMEDY = "set it to headset, screen or window, or rehearse with --devices sim"
 
 

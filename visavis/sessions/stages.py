@@ -19,6 +19,7 @@ from visavis.sessions.rig import is_simulated
 if TYPE_CHECKING:
     from stage.drawn_stage import Display
     from stage.own_body import OwnBody
+    from stage.window import Window
 
 OFFSCREEN_PX = (480, 540)
 USUAL_EYE_PX = (1440, 1600)
@@ -78,6 +79,8 @@ def build_stage(
         display = _of_headset(config, rig, n)
         _show_images(rig)
     window = Window(window_title(config, experiment), window_px)
+    if show == "window":
+        _hear(window, rig)
     quality = ON_PROCESSOR if draws_on_processor(window.context) else None
     return DrawnStage(
         picture_of,
@@ -118,9 +121,7 @@ def _on_screen(
     )
     surface = ScreenSurface(window, clock)
     display.attach(surface)
-    for device in rig.by_role().values():
-        if isinstance(device, KeyListener):
-            window.hear_keys(device.hear)
+    _hear(window, rig)
     quality = ON_PROCESSOR if draws_on_processor(window.context) else None
     return DrawnStage(
         picture_of,
@@ -133,6 +134,13 @@ def _on_screen(
         own_body=_own_body(config, rig),
         fades=FadeTimes(config.display.fade_out_ms, config.display.fade_in_ms),
     )
+
+
+def _hear(window: "Window", rig: Rig) -> None:
+    """Let keyboards hear the keys of the window that people sit before."""
+    for device in rig.by_role().values():
+        if isinstance(device, KeyListener):
+            window.hear_keys(device.hear)
 
 
 def _through_screen(rig: Rig, people_count: int) -> "Display | None":

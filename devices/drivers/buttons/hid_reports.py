@@ -110,7 +110,7 @@ def layout_of(descriptor: bytes) -> Layout:
                 bit = offset.get(state.report, 0)
                 if state.size * state.count + bit > MAX_BITS:
                     return Layout((), is_numbered=False)
-                if data & _VARIABLE and not data & _CONSTANT:
+                if state.size and data & _VARIABLE and not data & _CONSTANT:
                     found += _controls(state, usages, bit)
                 offset[state.report] = bit + state.size * state.count
                 usages, first = [], 0

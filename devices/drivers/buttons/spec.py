@@ -58,6 +58,7 @@ KEYBOARD = DriverSpec(
     model="keyboard",
     wire="the window's events",
     remedy=KEYBOARD_REMEDY,
+    hears_window=True,
     capabilities=frozenset({"keys"}),
     stands_for="the keyboard of this computer",
     checked="real key events of an X server, through GLFW",
