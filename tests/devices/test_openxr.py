@@ -1,18 +1,25 @@
 """OpenXR gaze and headset on the genuine loader over the simulated runtime, and on captures."""
 
 import contextlib
+import ctypes
+import subprocess
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from benchmarks.fuzz.codecs import gaze_is_sound
 from devices.conformance import check_batches, check_eye_tracker, check_headset, check_lifecycle
 from devices.contracts import DeviceState
+from devices.drivers.openxr import eyes
 from devices.drivers.openxr.gaze import OpenXrGaze
 from devices.drivers.openxr.headset import OpenXrHeadset
 from devices.drivers.openxr.runtime_time import PERFORMANCE_COUNTER
 from devices.faults import FaultSchedule
 from devices.sim.native_build import find_compiler
 from devices.sim.openxr.runtime import EPOCH_NS, SimulatedXrRuntime
+from devices.transports import MemoryTransport, Message
 from devices.wirelog import ReplayTransport, TeeTransport
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound
@@ -256,3 +263,181 @@ def test_gaze_and_headset_share_one_session():
         assert runtime.calls.count("xrCreateSession") == 1
         eyes.close()
         headset.close()
+
+
+# ---- either eye -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("per_eye", ["htc", "meta"])
+def test_each_eye_keeps_the_contract_on_runtime_and_capture(tmp_path, per_eye):
+    path = tmp_path / "eyes.wire"
+    with simulated(per_eye=per_eye) as (runtime, clock):
+
+        def make():
+            return OpenXrGaze("eyes", runtime.library().transport(), clock)
+
+        for check in (check_lifecycle, check_batches, check_eye_tracker):
+            check(make, passer(clock))
+        teed = OpenXrGaze("eyes", TeeTransport(runtime.library().transport(), path, clock), clock)
+        check_batches(lambda: teed, passer(clock), seconds=1.5)
+    clock = SimClock()
+
+    def replay():
+        return OpenXrGaze("eyes", ReplayTransport(path, clock), clock)
+
+    for check in (check_lifecycle, check_batches, check_eye_tracker):
+        check(replay, passer(clock))
+
+
+@pytest.mark.parametrize("per_eye", ["htc", "meta"])
+@pytest.mark.parametrize(("yaw", "pitch"), [(0, 0), (25, -10), (-30, 20)])
+def test_each_eye_converges_on_what_the_body_looks_at(per_eye, yaw, pitch):
+    body = FixatingBody(yaw, pitch, distance_m=0.5)
+    with running(OpenXrGaze, body=body, per_eye=per_eye) as (device, _, clock, batches):
+        poll(device, clock, 0.2)
+        true = body.eyes(np.zeros(1, np.int64))[0]
+        for eye in ("left", "right"):
+            found = column(batches, f"{eye}_direction_head").astype(np.float64)
+            assert (
+                angle_deg(found, np.broadcast_to(true[f"{eye}_direction_head"], found.shape)).max()
+                < 0.05
+            )
+            assert column(batches, f"{eye}_valid").all()
+        assert (column(batches, "eyes_used") == 3).all()
+        assert np.allclose(column(batches, "origin_m"), 0.0, atol=1e-6)  # between both eyes
+        vergence = angle_deg(*(column(batches, f"{eye}_direction_head").astype(np.float64)
+                               for eye in ("left", "right")))  # fmt: skip
+        assert vergence.min() > 5.0
+        assert {"per_eye", "may_be_smoothed"} <= device.info.capabilities
+        assert {"htc": "XR_HTC", "meta": "XR_FB"}[per_eye] in device.info.model
+
+
+def test_pupils_and_openness_come_with_htcs_extension_alone():
+    with running(OpenXrGaze, per_eye="htc") as (device, _, clock, batches):
+        poll(device, clock, 0.2)
+        assert [s.name for s in device.describe()] == ["gaze", "openness"]
+        assert np.allclose(column(batches, "left_pupil_mm"), 3.5)
+        opened = column(batches, "right_openness_01", "openness")
+        assert len(opened) == len(column(batches, "valid"))
+        assert np.allclose(opened, 1.0)
+        assert {"pupil", "openness"} <= device.info.capabilities
+    with running(OpenXrGaze, per_eye="meta") as (device, _, clock, batches):
+        poll(device, clock, 0.2)
+        assert [s.name for s in device.describe()] == ["gaze"]
+        assert np.isnan(column(batches, "left_pupil_mm")).all()
+        assert np.allclose(column(batches, "confidence_01"), 0.875)
+        assert "pupil" not in device.info.capabilities
+
+
+def test_the_time_of_an_eyes_sample_is_kept_and_a_sample_comes_once():
+    with running(OpenXrGaze, per_eye="htc", gaze_rate_hz=60.0) as (device, _, clock, batches):
+        poll(device, clock, 1.0, step_s=1 / 240)
+        stamps = np.concatenate([b.t_device_ns for b in batches if b.schema.name == "gaze"])
+        assert ((stamps - EPOCH_NS) % round(NS_PER_S / 60) == 0).all()
+        assert (np.diff(stamps) > 0).all()
+
+
+@pytest.mark.parametrize("per_eye", ["htc", "meta"])
+def test_lost_eyes_are_nan_in_each(per_eye):
+    lost = {"kind": "eyes_lost", "start_s": 0.2, "duration_s": 10}
+    with running(OpenXrGaze, lost, per_eye=per_eye) as (device, _, clock, batches):
+        clock.sleep_until_ns(clock.now_ns() + NS_PER_S)
+        batches.clear()
+        poll(device, clock, 0.2)
+        assert np.isnan(column(batches, "left_direction_head")).all()
+        assert np.isnan(column(batches, "direction_head")).all()
+        assert not column(batches, "valid").any()
+
+
+def test_the_combined_ray_can_be_asked_for_all_the_same():
+    def combined(role, transport, clock):
+        return OpenXrGaze(role, transport, clock, eyes="combined")
+
+    with running(combined, per_eye="htc") as (device, _, clock, batches):
+        poll(device, clock, 0.2)
+        assert np.isnan(column(batches, "left_direction_head")).all()
+        assert column(batches, "valid").all()
+        assert "per_eye" not in device.info.capabilities
+
+
+def test_a_runtime_whose_tracker_has_not_started_is_left_alone_for_a_second():
+    with running(OpenXrGaze, per_eye="htc") as (device, runtime, clock, batches):
+        poll(device, clock, 0.1)
+        runtime.eyes.refusals = 1
+        runtime.calls.clear()
+        poll(device, clock, 0.5)
+        assert runtime.calls.count("xrGetEyeGazeDataHTC") == 1
+        poll(device, clock, 0.7)
+        assert runtime.calls.count("xrGetEyeGazeDataHTC") > 10
+        assert column(batches, "valid")[-1]
+
+
+def test_eyes_that_the_headset_does_not_track_are_not_asked_for():
+    with simulated(per_eye="meta") as (runtime, clock):
+        runtime.eyes.supported = False
+        device = OpenXrGaze("eyes", runtime.library().transport(), clock)
+        device.open(1.0)
+        assert "per_eye" not in device.info.capabilities
+        device.close()
+
+
+VENDORS_LAYOUT = """
+#include <stdint.h>
+#include <stddef.h>
+#include <stdio.h>
+typedef uint32_t XrBool32; typedef int64_t XrTime; typedef int32_t XrStructureType;
+typedef struct XrSpace_T *XrSpace;
+typedef struct { float x, y, z, w; } XrQuaternionf;
+typedef struct { float x, y, z; } XrVector3f;
+typedef struct { float x, y; } XrVector2f;
+typedef struct { XrQuaternionf orientation; XrVector3f position; } XrPosef;
+typedef struct { XrStructureType type; void *next; XrBool32 supportsEyeTracking; } Properties;
+typedef struct { XrStructureType type; const void *next; XrSpace baseSpace; XrTime time; } Info;
+typedef struct { XrBool32 isValid; XrPosef gazePose; } OneGaze;
+typedef struct { XrStructureType type; void *next; XrTime time; OneGaze gaze[2]; } Gaze;
+typedef struct { XrBool32 isDiameterValid, isPositionValid; float pupilDiameter;
+                 XrVector2f pupilPosition; } OnePupil;
+typedef struct { XrStructureType type; void *next; XrTime time; OnePupil pupilData[2]; } Pupils;
+typedef struct { XrBool32 isValid; float eyeOpenness, eyeWide, eyeSqueeze; } OneShape;
+typedef struct { XrStructureType type; void *next; XrTime time; OneShape data[2]; } Shapes;
+int main(void) {
+    printf("%zu %zu %zu ", offsetof(Properties, supportsEyeTracking), sizeof(Properties),
+           offsetof(Info, time));
+    printf("%zu %zu %zu %zu ", offsetof(Gaze, time), offsetof(Gaze, gaze[1].isValid),
+           offsetof(Gaze, gaze[1].gazePose.position), sizeof(Gaze));
+    printf("%zu %zu %zu ", offsetof(Pupils, pupilData[1].pupilDiameter),
+           offsetof(Pupils, pupilData[0].pupilPosition), sizeof(Pupils));
+    printf("%zu %zu", offsetof(Shapes, data[1].eyeOpenness), sizeof(Shapes));
+}
+"""
+"""Members in the order and with the types that HTC's plugins for two engines declare."""
+
+
+def test_structures_lie_as_a_compiler_lays_out_the_vendors(tmp_path):
+    compiler = find_compiler()
+    if compiler is None:
+        pytest.skip("needs a C compiler: apt-get install gcc")
+    (tmp_path / "layout.c").write_text(VENDORS_LAYOUT)
+    program = tmp_path / "layout"
+    subprocess.run([compiler, "-o", str(program), str(tmp_path / "layout.c")], check=True)
+    told = subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout
+    gaze, pupil, shape = eyes._EyeGaze, eyes._EyePupil, eyes._EyeShape
+    after = eyes._Gaze.eyes.offset
+    ours = [
+        eyes._Supports.supports_eye_tracking.offset, ctypes.sizeof(eyes._Supports),
+        eyes._GazeInfo.time.offset,
+        eyes._Gaze.time.offset, after + ctypes.sizeof(gaze) + gaze.is_valid.offset,
+        after + ctypes.sizeof(gaze) + gaze.place.offset, ctypes.sizeof(eyes._Gaze),
+        after + ctypes.sizeof(pupil) + pupil.diameter_mm.offset,
+        after + pupil.on_sensor.offset, ctypes.sizeof(eyes._Pupils),
+        after + ctypes.sizeof(shape) + shape.openness.offset, ctypes.sizeof(eyes._Shapes),
+    ]  # fmt: skip
+    assert list(map(int, told.split())) == ours
+
+
+@given(st.binary(max_size=160) | st.binary(min_size=106, max_size=106))
+def test_any_bytes_of_eyes_are_read_or_counted(raw):
+    device = OpenXrGaze("eyes", MemoryTransport(None, SimClock()), SimClock())
+    for asked in (b"eyes", b"gaze"):
+        for sample in device._decode(Message(1, (asked, b"", raw))):
+            assert gaze_is_sound(sample)

@@ -87,7 +87,7 @@ def test_axes_are_turned_to_ours_as_public_clients_turn_them(sent, expected):
     for name in ("direction_head", "left_direction_head", "right_direction_head"):
         np.testing.assert_allclose(row[name], expected, atol=1e-6)
     assert found.sample.t_device_ns == 1_234_000_000
-    assert (row["left_pupil_mm"], found.openness_01) == (3.5, pytest.approx((0.9, 0.9)))
+    assert (row["left_pupil_mm"], found.sample.openness_01) == (3.5, pytest.approx((0.9, 0.9)))
 
 
 def test_what_is_not_valid_is_missing_never_zero():
@@ -95,7 +95,7 @@ def test_what_is_not_valid_is_missing_never_zero():
     assert not row["valid"]
     assert np.isnan(row["left_direction_head"]).all()
     assert math.isnan(row["left_pupil_mm"])
-    assert all(map(math.isnan, codec.decode_eye_data(frame(valid=0)).openness_01))
+    assert all(map(math.isnan, codec.decode_eye_data(frame(valid=0)).sample.openness_01))
 
 
 @given(st.binary(min_size=240, max_size=240))

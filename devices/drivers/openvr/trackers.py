@@ -110,12 +110,12 @@ class OpenVrTrackers(BodyDevice):
 
 
 class PolledPoses:
-    """Make a stream of a runtime that only answers: one request (`ask`) per period."""
+    """Make a stream of a runtime that only answers: one request per period, of `ask`."""
 
     def __init__(
         self, inner: MessageTransport, clock: Clock, rate_hz: float, *, ask: bytes = b"poses"
     ) -> None:
-        self._ask = ask
+        self.ask = ask
         self._inner = inner
         self._clock = clock
         self._period_ns = round(NS_PER_S / rate_hz)
@@ -160,12 +160,12 @@ class PolledPoses:
         self._due_ns += (behind + 1) * self._period_ns
         self._inner.receive(0.0)
         try:
-            exchange = self._inner.request((self._ask,), 1.0)
+            exchange = self._inner.request((self.ask,), 1.0)
         except DeviceError:
             return []  # silence is told in time
         if exchange.frames[0]:
             return []
-        frames = (self._ask, *exchange.frames)
+        frames = (self.ask, *exchange.frames)
         return [Message(exchange.t_receive_ns, frames, exchange.t_send_ns)]
 
     def send(self, port: int, frames: Frames) -> None:

@@ -1,6 +1,8 @@
-"""Take eye gaze from an OpenXR runtime (XR_EXT_eye_gaze_interaction).
+"""Take eye gaze from an OpenXR runtime.
 
-The extension gives one combined ray, no eyes and no pupils, and runtimes may smooth or predict it
+XR_EXT_eye_gaze_interaction gives one combined ray, no eyes and no pupils. Where a runtime tells
+each eye (`devices.drivers.openxr.eyes`) these are taken: two rays, with HTC's extension also pupils
+and how open the eyes are. Runtimes may smooth or predict either
 without saying so ("may_be_smoothed" among the capabilities in the manifest): use it for looking-at
 measures, not for saccades. A location without its
 valid flags is "no data". The sample's own time comes with it where the runtime tells it.
@@ -8,24 +10,41 @@ valid flags is "no data". The sample's own time comes with it where the runtime 
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import msgpack
 
 from devices.contracts import ClockPair
 from devices.drivers.openvr.trackers import PolledPoses
+from devices.drivers.openxr.eyes import EYES, FB, HTC
 from devices.drivers.openxr.packing import LOCATED
 from devices.drivers.openxr.spec import OPENXR_GAZE
-from devices.drivers.streaming.gaze_device import GazeDevice
-from devices.drivers.streaming.gaze_rays import LOST, NAN, NO_EYE, Sample, gaze_row
+from devices.drivers.streaming.gaze_rays import (
+    LOST,
+    NAN,
+    NO_EYE,
+    Eye,
+    Sample,
+    Triple,
+    diameter_mm,
+    gaze_row,
+)
+from devices.drivers.streaming.openness import GazeAndOpenness
 from devices.transports import Message, MessageTransport
 from lab.clock import Clock
 from lab.errors import DeviceNotFound
 
 ORIENTATION_VALID, POSITION_VALID = 1, 2
 ORIENTATION_TRACKED = 4
+EYE_VALUES = 11
+CAPABILITIES = {
+    HTC: frozenset({"per_eye", "pupil", "openness"}),
+    FB: frozenset({"per_eye"}),
+}
+"""What a tracker can do beside the combined ray, by the extension that tells each eye."""
 
 
-class OpenXrGaze(GazeDevice):
+class OpenXrGaze(GazeAndOpenness):
     """Follow the `EyeTracker` contract; calibration is the vendor's affair."""
 
     def __init__(
@@ -36,55 +55,91 @@ class OpenXrGaze(GazeDevice):
         *,
         rate_hz: float = 120.0,
         lost_after_s: float = 2.0,
+        eyes: Literal["auto", "combined"] = "auto",
     ) -> None:
-        polled = PolledPoses(transport, clock, rate_hz, ask=b"gaze")
+        self._polled = PolledPoses(transport, clock, rate_hz, ask=b"gaze")
+        self._takes_each = eyes == "auto"
+        self.tells_openness = False
         super().__init__(
-            role, polled, clock, OPENXR_GAZE, rate_hz=rate_hz, lost_after_s=lost_after_s
+            role, self._polled, clock, OPENXR_GAZE, rate_hz=rate_hz, lost_after_s=lost_after_s
         )
         self._last_sample: int | None = None
 
     def _connect(self, deadline_ns: int) -> None:
         frames = self._transport.request((b"runtime",), 1.0).frames
-        name, offers_gaze = msgpack.unpackb(frames[1]) if len(frames) > 1 else ("", False)
-        if not offers_gaze:
+        name, offers_gaze, *more = msgpack.unpackb(frames[1]) if len(frames) > 1 else ("", False)
+        per_eye = str(more[0]) if more and self._takes_each else ""
+        if not offers_gaze and not per_eye:
             raise DeviceNotFound(
                 f"the OpenXR runtime {name!r} offers no eye gaze", remedy=OPENXR_GAZE.remedy
             )
         self._last_sample = None
+        self._polled.ask = b"eyes" if per_eye else b"gaze"
+        self.tells_openness = per_eye == HTC
         self.info = replace(
             self.info,
-            model=f"OpenXR eye gaze ({name})",
+            model=f"OpenXR eye gaze ({', '.join(filter(None, (name, per_eye)))})",
+            capabilities=OPENXR_GAZE.capabilities | CAPABILITIES.get(per_eye, frozenset()),
             is_simulated=self._transport.is_simulated,
         )
 
     def _decode(self, message: Message) -> Iterable[Sample]:
-        _, error, *rest = message.frames
-        if error or not rest or len(rest[0]) != LOCATED.size:
+        asked, error, *rest = message.frames
+        layout = EYES if asked == b"eyes" else LOCATED
+        if error or not rest or len(rest[0]) != layout.size:
             self._malformed += 1
             return ()
-        _host_ns, now, sampled, flags, *numbers = LOCATED.unpack(rest[0])
+        _host_ns, now, sampled, *told = layout.unpack(rest[0])
         if message.t_sent_ns is not None:
             self._add_pair(ClockPair(message.t_sent_ns, now, message.t_host_ns))
         stamp = sampled or now
         if stamp == self._last_sample:
             return ()
         self._last_sample = stamp
-        return (Sample(stamp, None, _row(int(flags), numbers)),)
+        if layout is LOCATED:
+            return (Sample(stamp, None, _row(int(told[0]), told[1:])),)
+        return (_sample(stamp, told[:EYE_VALUES], told[EYE_VALUES:]),)
+
+
+def _sample(stamp: int, left: Sequence[float], right: Sequence[float]) -> Sample:
+    """Return the sample of two eyes, each valid, pose, confidence, pupil and openness."""
+    sure = [eye[8] for eye in (left, right) if eye[0] and eye[8] == eye[8]]
+    row = gaze_row(_eye(left), _eye(right), confidence_01=min(sure, default=NAN))
+    return Sample(stamp, None, row, (_open_01(left), _open_01(right)))
+
+
+def _eye(told: Sequence[float]) -> Eye:
+    ray = _ray(told[4:8])
+    at: Triple = (told[1], told[2], told[3])
+    seen = bool(told[0]) and ray[0] == ray[0]
+    return Eye(ray, at, True, diameter_mm(told[9])) if seen else Eye(pupil_mm=diameter_mm(told[9]))
+
+
+def _open_01(told: Sequence[float]) -> float:
+    return told[10] if 0 <= told[10] <= 1 else NAN
+
+
+def _ray(turn: Sequence[float]) -> Triple:
+    """Return where −z points after a turn (x, y, z, w); NaN for what is no turn."""
+    i, j, k, w = turn
+    if not 0.9 < w * w + i * i + j * j + k * k < 1.1:
+        return LOST
+    ray = (-2 * (i * k + w * j), -2 * (j * k - w * i), -1 + 2 * (i * i + j * j))
+    norm = sum(v * v for v in ray) ** 0.5
+    return ray[0] / norm, ray[1] / norm, ray[2] / norm
 
 
 def _row(flags: int, numbers: Sequence[float]) -> bytes:
     """Return a row of `GAZE.dtype` from a location in the head's view space."""
-    x, y, z, i, j, k, w = numbers
-    length = w * w + i * i + j * j + k * k
-    if not flags & ORIENTATION_VALID or not 0.9 < length < 1.1:
+    x, y, z, *turn = numbers
+    ray = _ray(turn)
+    if not flags & ORIENTATION_VALID or ray[0] != ray[0]:
         return gaze_row(NO_EYE, NO_EYE, ray=LOST, valid=False, used=0)
-    ray = (-2 * (i * k + w * j), -2 * (j * k - w * i), -1 + 2 * (i * i + j * j))
-    norm = sum(v * v for v in ray) ** 0.5
     at = (x, y, z) if flags & POSITION_VALID else (NAN, NAN, NAN)
     return gaze_row(
         NO_EYE,
         NO_EYE,
-        ray=(ray[0] / norm, ray[1] / norm, ray[2] / norm),
+        ray=ray,
         origin=at,
         valid=bool(flags & ORIENTATION_TRACKED),
         used=3,

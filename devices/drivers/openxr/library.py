@@ -7,7 +7,7 @@ numbers), so that a `TeeTransport` around the transport writes a `.wire` log. On
 every device of the process. Times are XrTime (ns) as the runtime gives them, next to the same
 instant on the session's clock (`devices.drivers.openxr.runtime_time`).
 
-Requests: `images`, `runtime`, `gaze`, `hands`, `frame`, `show`, `views`, `size`, `buzz`.
+Requests: `images`, `runtime`, `gaze`, `eyes`, `hands`, `frame`, `show`, `views`, `size`, `buzz`.
 """
 
 import ctypes
@@ -23,6 +23,15 @@ from devices.drivers.openxr.actions import (
     HANDS,
     OpenXrActions,
     supports_gaze,
+)
+from devices.drivers.openxr.eyes import (
+    HTC,
+    SUPPORTED,
+    EyesOfRuntime,
+    FbEyes,
+    HtcEyes,
+    extension_for_eyes,
+    packed_eyes,
 )
 from devices.drivers.openxr.graphics import (
     EyeImages,
@@ -70,6 +79,8 @@ class OpenXrLibrary:
         self.is_simulated = False
         self.version = ""
         self.offers_gaze = False
+        self.eyes_by = ""
+        self._eyes: EyesOfRuntime | None = None
         self.states: list[int] = []
         self._users: list[OpenXrTransport] = []
         self._xr: Any = None
@@ -86,6 +97,7 @@ class OpenXrLibrary:
         self._calls: dict[str, Callable[[Frames], Frames]] = {
             "runtime": self._runtime,
             "gaze": self._gaze,
+            "eyes": self._both_eyes,
             "hands": self._hands,
             "frame": self._frame,
             "show": self._show,
@@ -164,7 +176,9 @@ class OpenXrLibrary:
         timing = time_extension(offered)
         self._binding = GraphicsBinding(offered) if self._shows_images else None
         way = (HEADLESS,) if self._binding is None else self._binding.extensions
+        per_eye = extension_for_eyes(offered)
         enabled = [*way, timing, *([EYE_GAZE] if EYE_GAZE in offered else [])]
+        enabled += [per_eye] if per_eye else []
         application = xr.ApplicationInfo(
             application_name="Visavis", api_version=xr.Version(1, 0, 0)
         )
@@ -183,6 +197,8 @@ class OpenXrLibrary:
         )
         self._system = system
         self.offers_gaze = EYE_GAZE in enabled and supports_gaze(xr, self._instance, system)
+        is_tracked = bool(per_eye) and SUPPORTED[per_eye](xr, self._instance, system)
+        self.eyes_by = per_eye if is_tracked else ""
         link = None
         if self._binding is not None:
             ask_graphics_requirements(xr, self._instance, system)
@@ -197,6 +213,10 @@ class OpenXrLibrary:
             self._spaces[space] = xr.create_reference_space(
                 self._session, xr.ReferenceSpaceCreateInfo(reference_space_type=kind)
             )
+        if self.eyes_by == HTC:
+            self._eyes = HtcEyes(xr, self._instance, self._session, self.clock)
+        elif self.eyes_by:
+            self._eyes = FbEyes(xr, self._session)
         self._actions = OpenXrActions(xr, self._instance, self._session, with_gaze=self.offers_gaze)
         self._spaces.update(self._actions.spaces)
         if self._binding is not None:
@@ -265,6 +285,7 @@ class OpenXrLibrary:
         if images is not None:
             images.close()
         self._session, self._actions, self._binding, self._time = None, None, None, None
+        self._eyes, self.eyes_by = None, ""
         self._spaces, self.states, self._running = {}, [], False
         if instance is not None:
             self._xr.destroy_instance(instance)
@@ -278,7 +299,7 @@ class OpenXrLibrary:
         return self._time.now()
 
     def _runtime(self, _: Frames) -> Frames:
-        packed: bytes = msgpack.packb([self.version, self.offers_gaze])
+        packed: bytes = msgpack.packb([self.version, self.offers_gaze, self.eyes_by])
         return (packed,)
 
     def _locate(self, space: str, base: str, at: int, chained: Any = None) -> tuple[int, Any]:
@@ -306,6 +327,13 @@ class OpenXrLibrary:
         flags, pose = self._locate("gaze", "view", now, sampled)
         packed = LOCATED.pack(host_ns, now, int(number(sampled.time)), flags, *numbers(pose))
         return (packed,)
+
+    def _both_eyes(self, _: Frames) -> Frames:
+        if self._eyes is None:
+            return ()
+        host_ns, now = self._now()
+        sampled, eyes = self._eyes.read(self._spaces["view"], now)
+        return (packed_eyes(host_ns, now, sampled, eyes),)
 
     def _hands(self, _: Frames) -> Frames:
         actions = self._actions

@@ -1,6 +1,6 @@
 """Devices of an OpenXR runtime: options, and the one session they share."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
@@ -27,8 +27,14 @@ class OpenXrControllersOptions(SimulatedOptions):
 
 
 class OpenXrGazeOptions(GazeTiming, SimulatedOptions):
-    """Options of `openxr_gaze`."""
+    """Options of `openxr_gaze`: `eyes` takes each where the runtime tells them (auto), or the one
+    ray of both (combined); `per_eye` is what the simulated runtime has.
+    """
 
+    of_wire = frozenset({"per_eye"})
+
+    eyes: Literal["auto", "combined"] = "auto"
+    per_eye: Literal["none", "htc", "meta"] = "none"
     rate_hz: float = Field(default=120.0, ge=1, le=2000)
     lost_after_s: float = Field(default=2.0, gt=0, le=60)
 
@@ -52,6 +58,8 @@ def _simulated_wire(site: Site[Any]) -> "MessageTransport":
             site.watched, site.clock, faults=site.faults, display_rate_hz=rate_hz
         )
         site.shared["openxr runtime"] = site.stack.enter_context(runtime)
+    if isinstance(site.options, OpenXrGazeOptions):
+        site.shared["openxr runtime"].eyes.tell_by(site.options.per_eye)
     return _wire(site)
 
 
@@ -104,7 +112,8 @@ OPENXR_GAZE = DriverSpec(
     library=OPENXR,
     runtime="openxr",
     stands_for="OpenXR eye gaze",
-    checked="genuine loader and pyopenxr, our reading of the specification; C runtime of our own",
-    unproven="any runtime: latency, smoothing",
+    checked="genuine loader and pyopenxr, our reading of the specification; of HTC's extension the "
+    "layout of its plugin's structures, by a C compiler; C runtime of our own",
+    unproven="any runtime: latency, smoothing, which of them tell each eye",
 )
 SPECS = (OPENXR_HEADSET, OPENXR_CONTROLLERS, OPENXR_GAZE)

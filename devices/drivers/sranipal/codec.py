@@ -31,10 +31,9 @@ ORIGIN, DIRECTION, PUPIL, OPENNESS = 1, 2, 4, 8
 
 
 class EyeFrame(NamedTuple):
-    """One frame: gaze, and how open the left and the right eye are (NaN where unknown)."""
+    """One frame: gaze with the openness of both eyes (NaN where unknown), and who is there."""
 
     sample: Sample
-    openness_01: tuple[float, float]
     is_worn: bool
 
 
@@ -54,7 +53,7 @@ def decode_eye_data(payload: bytes) -> EyeFrame | None:
         origin=middle.at if middle.valid else None,
     )
     openness = _openness(left), _openness(right)
-    return EyeFrame(Sample(stamp_ms * NS_PER_MS, frame, row), openness, not no_user)
+    return EyeFrame(Sample(stamp_ms * NS_PER_MS, frame, row, openness), not no_user)
 
 
 def _eye(v: list[float]) -> Eye:

@@ -34,11 +34,14 @@ class Eye(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """A decoded sample: device time, the device's own counter if any, a row of `GAZE.dtype`."""
+    """A decoded sample: device time, the device's own counter if any, a row of `GAZE.dtype`, and
+    how open the left and the right eye are where the device tells it.
+    """
 
     t_device_ns: int
     counter: int | None
     row: bytes
+    openness_01: tuple[float, float] | None = None
 
 
 NO_EYE = Eye()

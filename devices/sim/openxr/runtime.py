@@ -2,10 +2,11 @@
 
 A small C library (`native/openxr_runtime`) is compiled when it is first needed and hands out
 functions that are here, made with pyopenxr's own prototypes. It offers headless sessions and such
-with OpenGL (`images` reads back what is shown), controllers (`hands`), eye gaze and time
-conversion; it insists on the order of frame calls. A session with graphics gets the focus only
-after its first frames. Not modelled: boundaries, the runtime's smoothing of gaze, prediction
-error. Gaze is sampled at its own rate: locating twice between gives the same sample.
+with OpenGL (`images` reads back what is shown), controllers (`hands`), eye gaze, either eye where
+it is told to (`eyes`), and time conversion; it insists on the order of frame calls. A session with
+graphics gets the focus only after its first frames. Not modelled: boundaries, the runtime's
+smoothing of gaze, prediction error. Gaze is sampled at its own rate: locating twice between gives
+the same sample.
 """
 
 # ruff: noqa: N802 - the functions bear the names of OpenXR
@@ -28,6 +29,11 @@ from devices.drivers.openxr.library import EYE_GAZE, HEADLESS, OpenXrLibrary
 from devices.drivers.openxr.runtime_time import FROM_COUNTER, TIMESPEC
 from devices.faults import FaultSchedule
 from devices.sim.native_build import build_library
+from devices.sim.openxr.eyes import (
+    SUPPORTS_HTC,
+    SimulatedEyes,
+    turned_to,
+)
 from devices.sim.openxr.hands import SimulatedHands
 from devices.sim.openxr.images import CALL_ORDER_INVALID, SimulatedImages
 from lab.clock import NS_PER_S, Clock
@@ -70,6 +76,7 @@ class SimulatedXrRuntime:
         supports_gaze: bool = True,
         tells_sample_time: bool = True,
         time_extension: str = TIMESPEC,
+        per_eye: str = "none",
     ) -> None:
         self.failure: Exception | None = None
         self.calls: list[str] = []
@@ -91,6 +98,14 @@ class SimulatedXrRuntime:
         self.images = SimulatedImages(self._new_handle)
         self.hands = SimulatedHands(body, clock.now_ns, self._has_focus)
         self.hands.allocate_with(self._new_handle)
+        self.eyes = SimulatedEyes(
+            body,
+            per_eye,
+            lambda at_ns: at_ns // self._gaze_period_ns * self._gaze_period_ns,
+            self._eyes_are_lost,
+            EPOCH_NS,
+        )
+        self.eyes.allocate_with(self._new_handle)
         self._last_frame = -1
         self._keep: list[Any] = []
         self._before: str | None = None
@@ -114,7 +129,7 @@ class SimulatedXrRuntime:
         self._before = os.environ.get("XR_RUNTIME_JSON")
         os.environ["XR_RUNTIME_JSON"] = str(manifest)
         self._native = ctypes.CDLL(str(built))
-        for part in (self, self.images, self.hands):
+        for part in (self, self.images, self.hands, self.eyes):
             for name in dir(type(part)):
                 if name.startswith("_xr_"):
                     self._offer("xr" + name.removeprefix("_xr_"), getattr(part, name))
@@ -149,7 +164,8 @@ class SimulatedXrRuntime:
     def _xr_EnumerateInstanceExtensionProperties(
         self, layer: Any, capacity: int, count: Any, properties: Any
     ) -> int:
-        names = (HEADLESS, self._time_extension, EYE_GAZE, OPENGL, EGL)
+        names = [HEADLESS, self._time_extension, EYE_GAZE, OPENGL, EGL]
+        names += [self.eyes.extension] if self.eyes.extension else []
         count[0] = len(names)
         if capacity and properties:
             for i, name in enumerate(names):
@@ -188,6 +204,12 @@ class SimulatedXrRuntime:
         gaze = self._chained(properties, self._xr.SystemEyeGazeInteractionPropertiesEXT)
         if gaze is not None:
             gaze.supports_eye_gaze_interaction = self._supports_gaze
+        each = self._chained(properties, self._xr.SystemEyeTrackingPropertiesFB)
+        if each is not None:
+            each.supports_eye_tracking = self.eyes.supported
+        address = self._link_of(properties, SUPPORTS_HTC)
+        if address:
+            self.eyes.answer_properties(address)
         return SUCCESS
 
     def _xr_CreateSession(self, instance: Any, info: Any, session: Any) -> int:
@@ -327,7 +349,7 @@ class SimulatedXrRuntime:
         sampled_ns = at_ns // self._gaze_period_ns * self._gaze_period_ns
         chained = self._chained(location, self._xr.EyeGazeSampleTimeEXT)
         eyes = self._body.eyes(np.array((max(0, sampled_ns),), np.int64))[0]
-        lost = self._active("silence") or self._active("standby") or self._active("eyes_lost")
+        lost = self._eyes_are_lost()
         if chained is not None and self._tells_sample_time:
             at = self._xr.EyeGazeSampleTimeEXT.time.offset
             target = ctypes.cast(ctypes.byref(chained, at), ctypes.POINTER(ctypes.c_int64))
@@ -335,10 +357,10 @@ class SimulatedXrRuntime:
         if lost or eyes["openness_01"] < 0.5:
             return None
         mean = eyes["left_direction_head"] + eyes["right_direction_head"]
-        x, y, z = mean / np.linalg.norm(mean)
-        # The shortest turn from -z to the ray: w = 1 + cos, axis = (-z) x ray.
-        turn = np.array([1.0 - z, y, -x, 0.0])
-        return [0.0, 0.0, 0.0], (turn / np.linalg.norm(turn)).tolist()
+        return [0.0, 0.0, 0.0], turned_to(mean / np.linalg.norm(mean))
+
+    def _eyes_are_lost(self) -> bool:
+        return any(map(self._active, ("silence", "standby", "eyes_lost")))
 
     def _write(self, location: Any, found: tuple[list[float], list[float]] | None) -> None:
         flags = ctypes.cast(ctypes.byref(location.contents, 16), ctypes.POINTER(ctypes.c_uint64))
@@ -351,13 +373,15 @@ class SimulatedXrRuntime:
 
     def _chained(self, head: Any, kind: Any) -> Any:
         """Return the structure of this kind in a `next` chain, or None."""
-        wanted = int(kind().type.value)
+        link = self._link_of(head, int(kind().type.value))
+        return ctypes.cast(link, ctypes.POINTER(kind)).contents if link else None
+
+    def _link_of(self, head: Any, wanted: int) -> int:
+        """Return where the structure of this type lies in a `next` chain, or 0."""
         link = self._next_of(head)
-        while link:
-            if ctypes.cast(link, ctypes.POINTER(ctypes.c_int32))[0] == wanted:
-                return ctypes.cast(link, ctypes.POINTER(kind)).contents
+        while link and ctypes.cast(link, ctypes.POINTER(ctypes.c_int32))[0] != wanted:
             link = ctypes.cast(link + 8, ctypes.POINTER(ctypes.c_void_p))[0]
-        return None
+        return int(link or 0)
 
     def _next_of(self, head: Any) -> Any:
         return ctypes.cast(ctypes.byref(head.contents, 8), ctypes.POINTER(ctypes.c_void_p))[0]
@@ -387,7 +411,8 @@ class SimulatedXrRuntime:
         return int(ctypes.cast(handle, ctypes.c_void_p).value or 0)
 
     def _offer(self, name: str, function: Callable[..., int]) -> None:
-        prototype = getattr(self._xr, f"PFN_{name}", FROM_COUNTER)
+        known = {"xrConvertWin32PerformanceCounterToTimeKHR": FROM_COUNTER, **self.eyes.prototypes}
+        prototype = known.get(name) or getattr(self._xr, f"PFN_{name}")
 
         def call(*args: Any) -> int:
             self.calls.append(name)
