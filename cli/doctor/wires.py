@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cli.doctor.findings import Finding
-from devices.libraries import HID, SERIAL
+from devices.libraries import HID, OPENXR, SERIAL
 from devices.registry import driver_spec
 from devices.states import is_installed
 from lab.config import DeviceConfig, LabConfig
@@ -18,6 +18,16 @@ from lab.config import DeviceConfig, LabConfig
 RUNTIME_NAMES = {"openvr": "SteamVR", "openxr": "OpenXR", "fove": "FOVE"}
 RUNTIMES, PORTS, NETWORK = "runtimes", "ports", "network"
 DIAL_S = 0.5
+EYES = "OpenXR eyes"
+XR_FOLDERS = (
+    "/usr/share/openxr/1",
+    "/usr/local/share/openxr/1",
+    "/etc/xdg/openxr/1",
+    "~/.local/share/openxr/1",
+    "~/.steam/steam/steamapps/common/SteamVR",
+)
+"""Where packages and SteamVR put the manifests of their runtimes."""
+XR_MANIFESTS = "*xr*.json"
 XR_REMEDY = "make your headset's runtime the active one in its own program"
 FOVE_REMEDY = "install the FOVE runtime and give FoveClient's path as library_path"
 NOBODY = ("192.0.2.1", 9)
@@ -45,7 +55,71 @@ def runtimes(lab: LabConfig) -> tuple[Finding, ...]:
     absent = [name for name, kind, found, _ in looked_for if not found and kind not in wanted]
     if absent:
         rows.append(Finding(RUNTIMES, "not needed", "note", f"{', '.join(absent)}: not found"))
-    return tuple(rows)
+    return (*rows, *_eyes(lab))
+
+
+def _eyes(lab: LabConfig) -> tuple[Finding, ...]:
+    """Say whether the active OpenXR runtime hides an eye tracker that another would tell of.
+
+    Runtimes are asked only where gaze is to come from OpenXR, others than the active one only where
+    that tells none: asking may start a vendor's programs.
+    """
+    asked = [d for d in lab.devices.values() if d.driver == "openxr_gaze" and not d.simulated]
+    active = next((m for m in _openxr_manifests() if m.is_file()), None)
+    if not asked or active is None or not is_installed(OPENXR):
+        return ()
+    from devices.drivers.openxr.offer import ask
+
+    found = ask(active)
+    name = _runtime_name(active) if found is None else found.runtime
+    if found is not None and found.tells_gaze:
+        how = f"each eye by {found.eyes_by}" if found.eyes_by else "one ray of both eyes"
+        return (Finding(RUNTIMES, EYES, "ok", f"{name} tells {how}"),)
+    offers = [(m, o) for m in openxr_installed() if (o := ask(m)) is not None and o.tells_gaze]
+    others = [(manifest, one) for manifest, one in offers if one.runtime != name]
+    if others:
+        manifest, one = others[0]
+        fails = "hides the eye tracker, whose gaze" if found else "cannot be asked for gaze, which"
+        text = f"{name} {fails} {one.runtime} tells"
+        remedy = f"make {one.runtime} the active OpenXR runtime in its own program ({manifest})"
+        return (Finding(RUNTIMES, EYES, "missing", text, remedy),)
+    if found is not None and not found.has_headset:
+        text = f"{name} finds no headset, so it cannot say whether it tells gaze"
+        return (Finding(RUNTIMES, EYES, "warning", text, "connect and switch on the headset"),)
+    text = f"{name} tells no gaze" if found is not None else f"{name} cannot be asked for gaze"
+    return (Finding(RUNTIMES, EYES, "missing", text, driver_spec("openxr_gaze").remedy),)
+
+
+def openxr_installed() -> tuple[Path, ...]:
+    """Return the manifests of every OpenXR runtime of this computer, the active one's first."""
+    found = [*_openxr_manifests(), *_openxr_elsewhere()]
+    there = {path.resolve(): path for path in reversed(found) if path.is_file()}
+    return tuple(reversed(there.values()))
+
+
+def _openxr_elsewhere() -> list[Path]:
+    if sys.platform == "win32":
+        return [
+            Path(name) for name in _windows_names(r"SOFTWARE\Khronos\OpenXR\1\AvailableRuntimes")
+        ]
+    else:  # mypy takes what follows a return for dead on Windows
+        return [
+            path
+            for folder in XR_FOLDERS
+            for path in sorted(Path(folder).expanduser().glob(XR_MANIFESTS))
+        ]
+
+
+def _windows_names(key: str) -> list[str]:
+    """Return the names of a registry key's values; none where there is no such key."""
+    import importlib
+
+    winreg: Any = importlib.import_module("winreg")
+    try:
+        with winreg.OpenKey(winreg.HKEY_LOCAL_MACHINE, key) as opened:
+            return [winreg.EnumValue(opened, i)[0] for i in range(winreg.QueryInfoKey(opened)[1])]
+    except OSError:
+        return []
 
 
 def openvr_runtime() -> str:
@@ -65,11 +139,13 @@ def openvr_runtime() -> str:
 
 def openxr_runtime() -> str:
     """Return the active OpenXR runtime: its name, or its library; empty without one."""
-    for manifest in _openxr_manifests():
-        runtime = _json(manifest).get("runtime", {})
-        if runtime:
-            return str(runtime.get("name") or runtime.get("library_path", manifest))
-    return ""
+    return next((name for m in _openxr_manifests() if (name := _runtime_name(m))), "")
+
+
+def _runtime_name(manifest: Path) -> str:
+    """Return a runtime's name, or its library; empty where the manifest names none."""
+    runtime = _json(manifest).get("runtime", {})
+    return str(runtime.get("name") or runtime.get("library_path", manifest)) if runtime else ""
 
 
 def _openxr_manifests() -> list[Path]:

@@ -1,0 +1,87 @@
+"""Ask an OpenXR runtime, in a process of its own, whether it tells gaze.
+
+Run as `python -m devices.drivers.openxr.offer`, it asks the runtime that `XR_RUNTIME_JSON` names
+and prints JSON. A process can load one runtime only, and a vendor's may end it.
+"""
+
+import contextlib
+import io
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from devices.drivers.openxr.actions import supports_gaze
+from devices.drivers.openxr.eyes import SUPPORTED, extension_for_eyes
+from devices.drivers.openxr.library import EYE_GAZE
+
+PATIENCE_S = 20.0
+"""Some runtimes start their service when they are asked."""
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What a runtime says of eyes: `gaze` by the standard's extension, `eyes_by` the one for each.
+
+    `has_headset` is False where it finds none, so that it cannot say.
+    """
+
+    runtime: str
+    has_headset: bool
+    gaze: bool
+    eyes_by: str
+
+    @property
+    def tells_gaze(self) -> bool:
+        """Tell whether gaze would come from it."""
+        return self.gaze or bool(self.eyes_by)
+
+
+def ask(manifest: Path) -> Offer | None:
+    """Return what the runtime of a manifest offers; None when it cannot be asked."""
+    environment: Mapping[str, str] = {**os.environ, "XR_RUNTIME_JSON": str(manifest)}
+    command = [sys.executable, "-m", "devices.drivers.openxr.offer"]
+    try:
+        done = subprocess.run(  # noqa: S603 - ourselves
+            command, capture_output=True, text=True, timeout=PATIENCE_S, env=environment, check=True
+        )
+        return Offer(**json.loads(done.stdout.strip().splitlines()[-1]))
+    except (OSError, subprocess.SubprocessError, ValueError, TypeError, IndexError):
+        return None  # not installed whole, crashed, or silent: no answer is the answer
+
+
+def offer() -> Offer:
+    """Ask the runtime of this process; raises what pyopenxr raises."""
+    import xr
+
+    offered = {p.extension_name for p in xr.enumerate_instance_extension_properties()}
+    names = {n.decode() if isinstance(n, bytes) else str(n) for n in offered}
+    per_eye = extension_for_eyes(names)
+    wanted = [name for name in (EYE_GAZE, per_eye) if name and name in names]
+    application = xr.ApplicationInfo(application_name="Visavis", api_version=xr.Version(1, 0, 0))
+    instance = xr.create_instance(
+        xr.InstanceCreateInfo(application_info=application, enabled_extension_names=wanted)
+    )
+    try:
+        name: Any = xr.get_instance_properties(instance).runtime_name
+        told = name.decode() if isinstance(name, bytes) else str(name)
+        try:
+            kind = xr.FormFactor.HEAD_MOUNTED_DISPLAY
+            system = xr.get_system(instance, xr.SystemGetInfo(form_factor=kind))
+        except xr.exception.FormFactorUnavailableError:
+            return Offer(told, has_headset=False, gaze=False, eyes_by="")
+        gaze = EYE_GAZE in wanted and supports_gaze(xr, instance, system)
+        each = bool(per_eye) and SUPPORTED[per_eye](xr, instance, system)
+        return Offer(told, has_headset=True, gaze=gaze, eyes_by=per_eye if each else "")
+    finally:
+        xr.destroy_instance(instance)
+
+
+if __name__ == "__main__":
+    with contextlib.redirect_stdout(io.StringIO()):  # whatever the package has to say
+        found = offer()
+    print(json.dumps(asdict(found)))  # noqa: T201 - the parent reads it
