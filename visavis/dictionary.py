@@ -16,6 +16,7 @@ from visavis.exclusions import ANSWERED
 from visavis.experiment import StudyExperiment
 from visavis.looks import LOOK_COLUMNS
 from visavis.measures import Measure
+from visavis.picture_delay import LATE
 
 ANALYSED: Final = (
     Column("is_analysed", "", "the trial counts in means and tests"),
@@ -121,7 +122,7 @@ STATISTICS: Final = (
 
 def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> dict[str, Column]:
     """Return what describes the columns of a study's trial table, by name."""
-    found = {c.name: c for c in (*ENGINE_COLUMNS, *ANALYSED)}
+    found = {c.name: c for c in (*ENGINE_COLUMNS, *ANALYSED, LATE)}
     for factor in experiment.study.factors:
         levels = ", ".join(map(str, factor.levels))
         kind = "between" if factor.between else "within"
@@ -160,7 +161,7 @@ def fixed_columns(experiment: StudyExperiment) -> tuple[Column, ...]:
 def scene_column(name: str) -> Column | None:
     """Return what a column that showing a scene adds holds, by its ending."""
     for ending, unit, words in (
-        ("_on_ns", "ns", "session time at which the light of {} came"),
+        ("_on_ns", "ns", "session time at which the first frame that showed {} began"),
         ("_off_ns", "ns", "session time at which {} ended"),
         ("_frames", "1", "display frames that showed {}"),
     ):

@@ -1,7 +1,7 @@
 """Take in one session: every trial measured, every questionnaire read, and where they come from."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from recording.reader import Recording
 from visavis.exclusions import ANSWERED
 from visavis.looks import LOOK_COLUMNS, LooksOn
 from visavis.measures import Measure, SessionGaze, TrialRecord, value_of
+from visavis.picture_delay import LATE, LatePictures, answered_from_light
 
 
 @dataclass(frozen=True)
@@ -75,8 +76,13 @@ def take_in(
     after_block: Sequence[Questionnaire] = (),
     blocked_by: str | None = None,
     needs: Sequence[str] | None = (),
+    answers: Sequence[str] = (),
+    picture_delay_ms: float | None = None,
 ) -> SessionIntake:
     """Measure every finished and intact trial; the others keep their row unmeasured.
+
+    With `picture_delay_ms` gaze is held against pictures when their light was at the eye, and
+    times to the `answers` run from then (`visavis.picture_delay`).
 
     A measure that is a score of a questionnaire asked after blocks stands in every row of its
     block. `needs` are streams of which a trial must have lost nothing (None: any).
@@ -98,6 +104,9 @@ def take_in(
     looked: list[dict[str, Any]] = []
     varied: list[dict[str, Any]] = []
     rules = [(on, on.rules(recording.manifest.plan)) for on in looks]
+    late = None if picture_delay_ms is None else LatePictures(recording, picture_delay_ms)
+    if late is not None:
+        rows = _from_light(rows, late, answers)
     for row in rows.to_dict("records"):
         measured = row["status"] == "complete"
         record = TrialRecord(
@@ -105,6 +114,9 @@ def take_in(
             recording,
             gaze.of_part(int(row["recording_part"])) if measured else None,
         )
+        if record.gaze is not None and (late_ms := record.number(LATE.name)) is not None:
+            seen_ns = record.gaze.t_ns - round(late_ms * NS_PER_MS)
+            record = replace(record, gaze=replace(record.gaze, t_ns=seen_ns))
         for measure in wanted:
             values[measure.column].append(value_of(measure, record) if measured else None)
         looked.append({})
@@ -136,6 +148,19 @@ def take_in(
         own_streams(recording),
         blocks,
     )
+
+
+def _from_light(rows: pd.DataFrame, late: LatePictures, answers: Sequence[str]) -> pd.DataFrame:
+    """Return trials with how late their pictures were, and times to answer from their light."""
+    rows = rows.copy()
+    found = [late.late_ns(row) for row in rows.to_dict("records")]
+    rows[LATE.name] = [None if ns is None else ns / NS_PER_MS for ns in found]
+    for index, row, late_ns in zip(rows.index, rows.to_dict("records"), found, strict=True):
+        if late_ns is None:
+            continue
+        for column, ms in answered_from_light(row, answers, late_ns).items():
+            rows.loc[index, column] = ms
+    return rows
 
 
 def _answers(recording: Recording) -> dict[str, dict[str, Any]]:
@@ -262,6 +287,16 @@ def _timing_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
         facts["latency"] = (
             f"transport {float(np.median(trips_ms)) / 2:.1f} ms one way, half the median of "
             f"{len(trips_ms)} time exchanges; {own}"
+        )
+    if LATE.name in rows and rows[LATE.name].notna().any():
+        late_ms = float(rows[LATE.name].median())
+        facts["latency"] = "; ".join(
+            (
+                *filter(None, [facts.get("latency")]),
+                f"pictures reached the eye {late_ms:.1f} ms (median) after their frame began, by "
+                "the display's prediction and the delay measured in the room, and gaze is held "
+                "against them then",
+            )
         )
     if len(rows) and {"frames", "frames_dropped"} <= set(rows):
         frames, missed = int(rows["frames"].sum()), int(rows["frames_dropped"].sum())

@@ -26,6 +26,7 @@ from visavis.locked.review import PlanReview
 from visavis.measures import Measure, lost_gaze, lost_head
 from visavis.pairs import DEFAULT_TEST_RULES, TestRules
 from visavis.person import StudyPerson
+from visavis.picture_delay import SETTING, delay_of
 from visavis.pieces import MeasuredTrial, Pieces
 from visavis.scenes import Scene, Staging, stage
 from visavis.study import Study
@@ -151,6 +152,8 @@ class OpenedStudy:
             self.asked(study.after_block),
             study.blocked_by,
             () if pieces is None else None,
+            answers=tuple(experiment.responses),
+            picture_delay_ms=delay_of(settings or {}),
         )
         if pieces is None:
             return taken
@@ -169,7 +172,7 @@ class OpenedStudy:
             ConfigError: a value is none of the kind.
         """
         study, pieces = self.study, self.pieces
-        known = [r.name for r in study.exclusions]
+        known = [SETTING, *(r.name for r in study.exclusions)]
         if study.families:
             known += [f.name for f in fields(TestRules)]
         elif study.compare:
@@ -182,6 +185,7 @@ class OpenedStudy:
                 f"{self.name} has no rule {', '.join(sorted(unknown))}; its rules are "
                 f"{', '.join(known)}"
             )
+        delay_of(settings)
         limits_in_force(study.exclusions, settings)
         DEFAULT_TEST_RULES.with_settings(settings)
         study.thresholds_with(settings)

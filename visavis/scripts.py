@@ -24,6 +24,7 @@ from recording.reader import Recording
 from visavis.analysis import StudyAnalysis
 from visavis.catalogue import AnyStudy, find_study
 from visavis.opened import OpenedStudy
+from visavis.picture_delay import SETTING
 from visavis.sessions.plan_lock import read_lock, refuse_to_peek
 from visavis.sessions.studies import analyse_study, simulate_study
 from visavis.sessions.study_folder import (
@@ -176,7 +177,8 @@ class StudyData:
         )
         self.study.check_settings(limits)
         pieces = self.study.pieces
-        how = {k: v for k, v in limits.items() if pieces is not None and k in pieces.settable}
+        of_measuring = (SETTING, *(() if pieces is None else pieces.settable))
+        how = {k: v for k, v in limits.items() if k in of_measuring}
         return self.study.analysis_of(self._taken_in(how) if how else self._intakes, limits)
 
 

@@ -38,6 +38,13 @@ StudyFolder = Annotated[
     Path,
     typer.Argument(help="A study's folder (holds sub-…/ses-…), its file (./duel.py), or its name."),
 ]
+SyncOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--sync",
+        help="A test kept by sync-test: what pictures were late by is taken off gaze and answers.",
+    ),
+]
 AcceptDamageOption = Annotated[
     bool,
     typer.Option("--accept-damage", help="Go on with what is left of damaged recordings."),
@@ -109,6 +116,7 @@ def analyse(
     measure: MeasureOption = None,
     accept_damage: AcceptDamageOption = False,
     peek: PeekOption = None,
+    sync: SyncOption = None,
     config: ConfigOption = None,
 ) -> None:
     """Write one tidy row per trial, statistics, figures and the report.
@@ -124,6 +132,7 @@ def analyse(
         measure=measure or [],
         accept_damage=accept_damage,
         peek=peek,
+        sync=sync,
         telling=TELLING,
     )
     console.print(
@@ -140,6 +149,7 @@ def report(
     measure: MeasureOption = None,
     accept_damage: AcceptDamageOption = False,
     peek: PeekOption = None,
+    sync: SyncOption = None,
     config: ConfigOption = None,
 ) -> None:
     """Make the study's self-contained HTML report and say where it lies.
@@ -154,6 +164,7 @@ def report(
         measure=measure or [],
         accept_damage=accept_damage,
         peek=peek,
+        sync=sync,
         telling=TELLING,
     )
     console.print(f"report: [b]{verbatim(path)}[/]", soft_wrap=True)

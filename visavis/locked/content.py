@@ -11,6 +11,7 @@ from visavis.exclusions import limits_in_force
 from visavis.experiment import StudyExperiment
 from visavis.measures import Measure
 from visavis.pairs import DEFAULT_TEST_RULES
+from visavis.picture_delay import SETTING, delay_of
 
 LOCK_VERSION: Final = 1
 VERSIONS: Final = "versions"
@@ -76,6 +77,7 @@ def plan_content(
             **(asdict(rules) if study.families else {}),
             **({} if thresholds is None else asdict(thresholds)),
             **({} if pieces is None else asdict(pieces.how_with(settings or {}))),
+            **({} if (late := delay_of(settings or {})) is None else {SETTING: late}),
         },
         "exclusions": {
             r.name: {

@@ -4,7 +4,7 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +14,7 @@ from lab.config import LabConfig
 from recording.folder import session_dir
 from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.opened import OpenedStudy
 from visavis.sessions.perform import perform_new, perform_rest, simulated_request
 
 
@@ -60,10 +61,13 @@ def simulate_one(task: SimulationTask) -> Path:
     return perform_rest(request, path) if path.exists() else perform_new(request)
 
 
-def measure_one(job: tuple[str, Path]) -> Any:
+def measure_one(job: tuple[str, Path, Mapping[str, Any]]) -> Any:
     """Take in one session of a study; what comes back is for the study's `analyse`."""
-    study, session = job
-    return find_study(study).measure(Recording(session))
+    reference, session, settings = job
+    study = find_study(reference)
+    if isinstance(study, OpenedStudy):
+        return study.measure(Recording(session), settings)
+    return study.measure(Recording(session))
 
 
 def in_parallel(

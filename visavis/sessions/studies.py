@@ -25,6 +25,7 @@ from visavis.catalogue import AnyStudy, reference_of
 from visavis.locked.deviations import marked
 from visavis.locked.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.opened import OpenedStudy, overrides_of
+from visavis.picture_delay import SETTING, read_sync_test, required_for
 from visavis.pieces import Pieces
 from visavis.sessions.damage import counted_damage, describe, require_intact, write_damage
 from visavis.sessions.data_root import prepare_data_root
@@ -161,14 +162,17 @@ def analyse_study(
     measure: Sequence[str] = (),
     accept_damage: bool = False,
     peek: str | None = None,
+    sync: Path | None = None,
     telling: Telling = QUIET,
 ) -> Path:
     """Measure every session of a study and analyse them together; return the report's path.
 
-    `peek` is why results of a blinded study are looked at before it is complete.
+    `peek` is why results of a blinded study are looked at before it is complete; `sync` a test kept
+    by `visavis sync-test`, whose delay of pictures is taken off gaze and times to answer.
 
     Raises:
-        DataError: a recording is damaged and that was not accepted, or kinds or studies are mixed.
+        DataError: a recording is damaged and that was not accepted, kinds or studies are mixed, or
+            the synchronisation test is none for these sessions.
         UsageError: the study's locked plan keeps results hidden until it is complete.
     """
     folder = folder.resolve()
@@ -207,6 +211,10 @@ def analyse_study(
     if changed:
         telling.warn(changed)
     settings = read_parameters(list(measure))
+    if sync is not None:
+        test = read_sync_test(sync)
+        settings = {**settings, SETTING: required_for(test, kinds)}
+        telling.say(f"pictures {test.picture_delay_ms:g} ms late, by {test.name} of {test.made}")
     if isinstance(chosen, OpenedStudy):
         chosen.check_settings(settings)  # before anything is measured
     review = None
@@ -220,7 +228,7 @@ def analyse_study(
             chosen, pieces, sessions, folder, processes, scheduler, settings, telling
         )
     else:
-        ordered = _measured(reference_of(chosen), sessions, processes, scheduler, telling)
+        ordered = _measured(reference_of(chosen), sessions, processes, scheduler, settings, telling)
     if isinstance(chosen, OpenedStudy):
         chosen = replace(chosen, tell=telling.warn)
     report_path = chosen.analyse(
@@ -234,6 +242,7 @@ def analyse_study(
                     "visavis analyse",
                     _from_root(folder),
                     *(f"--set {m}" for m in measure),
+                    *([] if sync is None else [f"--sync {sync.name}"]),
                     *(["--accept-damage"] if damaged else []),
                 ]
             ),
@@ -275,10 +284,11 @@ def _measured(
     sessions: Sequence[Path],
     processes: int | None,
     scheduler: str | None,
+    settings: Mapping[str, Any],
     telling: Telling,
 ) -> list[Any]:
     """Measure session by session, here or on a scheduler."""
-    jobs = [(study, s) for s in sessions]
+    jobs = [(study, s, settings) for s in sessions]
     measured: dict[int, Any] = {}
     with telling.progress("measuring") as told:
         told(0, len(jobs))
