@@ -8,6 +8,7 @@ drawn from the seed; a stream cannot lose or reorder bytes, so those faults befa
 import selectors
 import socket
 import threading
+from collections.abc import Callable
 
 import numpy as np
 
@@ -30,7 +31,8 @@ _SPLIT_STREAM = 0x59
 class GazepointSimulator(GazePeer):
     """Answer commands and stream records of a body that looks at a screen.
 
-    The eyes are at the viewing place; `camera_m` is the camera's place in the head frame.
+    The eyes are at the viewing place, or by `moved_m` away from it at a session time;
+    `camera_m` is the camera's place in the frame of the viewing place.
     """
 
     def __init__(
@@ -46,6 +48,7 @@ class GazepointSimulator(GazePeer):
         screen: Screen | None = None,
         camera_m: Triple = (0.0, -0.18, -0.65),
         split_share: float = SPLIT_SHARE,
+        moved_m: Callable[[int], Triple] = lambda t_ns: (0.0, 0.0, 0.0),
     ) -> None:
         source = GazeSource(
             body, seed=seed, clock=clock, rate_hz=rate_hz, faults=faults, error=error,
@@ -56,6 +59,7 @@ class GazepointSimulator(GazePeer):
         self._screen = screen or Screen()
         self._camera = camera_m
         self._split_share = split_share
+        self._moved_m = moved_m
         self._splits = np.random.default_rng([seed, _SPLIT_STREAM])
         self._enabled: set[str] = set()
         self._user = ""
@@ -146,12 +150,13 @@ class GazepointSimulator(GazePeer):
         fields = [f'CNT="{shot.number}"', f'TIME="{shot.t_device_ns / NS_PER_S:.5f}"']
         fields.append(f'TIME_TICK="{ticks}"')
         points = []
+        dx, dy, dz = self._moved_m(shot.t_ns)
         eyes = (
             ("L", -EYE_X_M, shot.left, shot.left_seen),
             ("R", EYE_X_M, shot.right, shot.right_seen),
         )
         for eye, x_m, ray, seen in eyes:
-            x, y = self._screen.shares_of((x_m, 0.0, 0.0), ray)
+            x, y = self._screen.shares_of((dx + x_m, dy, dz), ray)
             seen = seen and x == x
             points.append((x, y) if seen else None)
             px, py = (x, y) if seen else (0.0, 0.0)
@@ -161,7 +166,8 @@ class GazepointSimulator(GazePeer):
         fields.append(f'BPOGX="{bx:.6f}" BPOGY="{by:.6f}" BPOGV="{int(bool(known))}"')
         cx, cy, cz = self._camera
         for eye, x_m, _, seen in eyes:
-            at = f'{eye}EYEX="{x_m - cx:.6f}" {eye}EYEY="{-cy:.6f}" {eye}EYEZ="{-cz:.6f}"'
+            px, py, pz = dx + x_m - cx, dy - cy, dz - cz
+            at = f'{eye}EYEX="{px:.6f}" {eye}EYEY="{py:.6f}" {eye}EYEZ="{pz:.6f}"'
             pupil_m = shot.pupil_mm * 1e-3 if seen else 0.0
             fields.append(f'{at} {eye}PUPILD="{pupil_m:.8f}" {eye}PUPILV="{int(seen)}"')
         fields.append(f'USER="{self._user}"')

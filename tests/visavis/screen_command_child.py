@@ -1,0 +1,84 @@
+"""`visavis run` on a screen, by the command itself: a head that moves, real drivers, real keys.
+
+The operator is whoever writes to standard input, which is a terminal. A Gazepoint's server is on a
+real socket; whom it watches sways before the monitor and looks at every mark that is shown. Run as
+`python -m tests.visavis.screen_command_child FOLDER`.
+"""
+
+import math
+import os
+import sys
+import threading
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from cli.commands import session
+from cli.main import app
+from devices.sim.gaze.tracker_error import TrackerErrorModel
+from devices.sim.gazepoint import GazepointHost, GazepointSimulator
+from lab.clock import NS_PER_S, SystemClock
+from lab.geometry import unit
+from tests.devices.bodies import EYE_X_M
+from tests.visavis.screen_session_child import LAB, QUICK, STUDY, Onlooker, press
+from visavis.experiment import StudyExperiment
+
+SWAY_M, SWAY_S = (0.05, 0.02, 0.06), 30.0
+
+
+def swayed_m(t_ns):
+    """Where the middle of both eyes is, as seen from the viewing place."""
+    share = math.sin(2 * math.pi * t_ns / NS_PER_S / SWAY_S)
+    return tuple(share * reach for reach in SWAY_M)
+
+
+class Swaying(Onlooker):
+    """Somebody without a chin rest, whose eyes meet the marks from wherever they are."""
+
+    def eyes(self, t_ns):
+        values = super().eyes(t_ns)
+        for i, at in enumerate(t_ns.tolist()):
+            for name, side in (("left", -EYE_X_M), ("right", EYE_X_M)):
+                place_m = np.array(swayed_m(at)) + side
+                values[f"{name}_direction_head"][i] = unit(self.point_m - place_m)
+        return values
+
+
+def main(folder: Path) -> None:
+    (folder / "pair.py").write_text(STUDY, "utf-8")
+    clock, onlooker = SystemClock(), Swaying()
+    exact = TrackerErrorModel(
+        offset_deg=0.0, eye_offset_deg=0.0, gain_sd_01=0.0, white_deg=0.0, slow_deg=0.0
+    )
+    peer = GazepointSimulator(
+        onlooker, seed=1, clock=clock, rate_hz=60.0, error=exact, moved_m=swayed_m
+    )
+    blank = StudyExperiment.blank
+
+    def told(experiment, mark_m):
+        onlooker.at(mark_m)
+        return blank(experiment, mark_m)
+
+    StudyExperiment.blank = told  # the onlooker sees the marks
+    session.Request = partial(session.Request, timing=QUICK)  # targets stand for less time
+    stop = threading.Event()
+    with GazepointHost(peer, clock) as host:
+        text = LAB.replace("PORT", str(host.port)).replace(
+            "    rate_hz: 30\n", "    rate_hz: 30\n    head: tracked\n"
+        )
+        (folder / "lab_config.yaml").write_text(text, "utf-8")
+        os.chdir(folder)
+        app(["participant", "add", "./pair.py", "7", "--consent", "1"], standalone_mode=False)
+        keys = ["j", "Right", "Return", "4"]
+        presser = threading.Thread(target=press, args=(keys, stop))
+        presser.start()
+        try:
+            app(["run", "./pair.py", "--participant", "07"], standalone_mode=False)
+        finally:
+            stop.set()
+            presser.join()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
