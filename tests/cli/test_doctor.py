@@ -19,7 +19,7 @@ from cli.doctor.wires import network, openvr_runtime, openxr_runtime, ports, run
 from cli.lab_companion import LabCompanion
 from cli.main import app
 from lab.clock import SimClock, SystemClock
-from lab.config import DeviceConfig, LabConfig
+from lab.config import DeviceConfig, LabConfig, Sync
 from lab.errors import RecordingError, SessionAborted
 from protocol.operator import Command, UnattendedOperator
 from tests.faults.sessions import CONFIG, lab, request
@@ -207,3 +207,21 @@ def test_simulated_study_keeps_nothing_that_differs_between_machines(tmp_path: P
 def test_device_without_pulse_is_saved_all_the_same(tmp_path: Path) -> None:
     save_with_session(tmp_path, load_lab(CONFIG), SimClock(), {})
     assert json.loads((tmp_path / "doctor.json").read_text())["trials"] == []
+
+
+@pytest.mark.parametrize(
+    ("sync", "level", "said"),
+    [
+        ({"lsl": True}, "ok", "where LabRecorder looks"),
+        ({"lsl": True, "session_id": "floor-2"}, "note", "LabRecorder does not see these streams"),
+    ],
+)
+def test_a_labs_own_lsl_session_is_told_with_what_to_set_elsewhere(
+    sync: dict[str, Any], level: str, said: str
+) -> None:
+    config = load_lab(CONFIG)
+    config = config.model_copy(update={"sync": Sync.model_validate(sync)})
+    found = one(computer(config, SimClock()), "LSL session")
+    assert found.level == level
+    assert said in found.found
+    assert ("SessionID = floor-2" in found.remedy) == (level == "note")

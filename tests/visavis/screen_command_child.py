@@ -1,7 +1,8 @@
 """`visavis run` on a screen, by the command itself: a head that moves, real drivers, real keys.
 
 The operator is whoever writes to standard input, which is a terminal. A Gazepoint's server is on a
-real socket; whom it watches sways before the monitor and looks at every mark that is shown. Run as
+real socket; whom it watches sways before the monitor and looks at every mark that is shown. An
+amplifier's program sends EEG by LSL's own library. Run as
 `python -m tests.visavis.screen_command_child FOLDER`.
 """
 
@@ -13,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pylsl
 
 from cli.commands import session
 from cli.main import app
@@ -45,6 +47,25 @@ class Swaying(Onlooker):
         return values
 
 
+EEG_HZ, CHANNELS = 128, ("Fz", "Cz", "Pz", "Oz")
+
+
+def amplify(name, clock, stop):
+    """Send EEG as an amplifier's program does: a sine of 10 Hz, 20 uV, in every channel."""
+    info = pylsl.StreamInfo(name, "EEG", len(CHANNELS), EEG_HZ, pylsl.cf_float32, name)
+    channels = info.desc().append_child("channels")
+    for label in CHANNELS:
+        one = channels.append_child("channel")
+        one.append_child_value("label", label).append_child_value("unit", "microvolts")
+    outlet, sent = pylsl.StreamOutlet(info), 0
+    begin_ns, begin_s = clock.now_ns(), pylsl.local_clock()
+    while not stop.is_set():
+        level_uv = 20 * math.sin(2 * math.pi * 10 * sent / EEG_HZ)
+        outlet.push_sample([level_uv] * len(CHANNELS), begin_s + sent / EEG_HZ)
+        sent += 1
+        clock.sleep_until_ns(begin_ns + round(sent / EEG_HZ * NS_PER_S))
+
+
 def main(folder: Path) -> None:
     (folder / "pair.py").write_text(STUDY, "utf-8")
     clock, onlooker = SystemClock(), Swaying()
@@ -67,17 +88,24 @@ def main(folder: Path) -> None:
         text = LAB.replace("PORT", str(host.port)).replace(
             "    rate_hz: 30\n", "    rate_hz: 30\n    head: tracked\n"
         )
+        amplifier = f"amplifier {os.getpid()}"
+        text += f'  eeg: {{driver: lsl_stream, stream_type: EEG, stream_name: "{amplifier}"}}\n'
         (folder / "lab_config.yaml").write_text(text, "utf-8")
         os.chdir(folder)
         app(["participant", "add", "./pair.py", "7", "--consent", "1"], standalone_mode=False)
         keys = ["j", "Right", "Return", "4"]
-        presser = threading.Thread(target=press, args=(keys, stop))
-        presser.start()
+        around = (
+            threading.Thread(target=press, args=(keys, stop)),
+            threading.Thread(target=amplify, args=(amplifier, clock, stop)),
+        )
+        for thread in around:
+            thread.start()
         try:
             app(["run", "./pair.py", "--participant", "07"], standalone_mode=False)
         finally:
             stop.set()
-            presser.join()
+            for thread in around:
+                thread.join()
 
 
 if __name__ == "__main__":

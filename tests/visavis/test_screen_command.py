@@ -1,6 +1,11 @@
-"""`visavis run` records a person before a monitor, whose head is tracked by the eye tracker."""
+"""`visavis run` records a person before a monitor, whose head is tracked by the eye tracker.
 
+What it recorded, an amplifier's LSL stream with it, goes on to check, report and BIDS.
+"""
+
+import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -11,7 +16,8 @@ import numpy as np
 import pytest
 
 from recording.reader import Recording
-from tests.visavis.screen_command_child import SWAY_M
+from tests.recording.test_export import issues_of
+from tests.visavis.screen_command_child import EEG_HZ, SWAY_M
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.slow
@@ -68,6 +74,7 @@ def test_the_command_records_a_real_session_of_a_screen_a_gazepoint_and_keys(ran
         "screen": ("screen", False),
         "eye_tracker": ("gazepoint", False),
         "responses": ("keyboard", False),
+        "eeg": ("lsl_stream", False),
     }
     assert ran.verify().problems == ()
     trials = ran.trials()
@@ -104,3 +111,50 @@ def test_pictures_are_drawn_for_where_the_eyes_are(ran):
     views = ran.stream_arrays("drawn_views")
     assert len(views["t_host_ns"]) > 20
     assert ran.manifest.configuration["screen"]["head"] == "tracked"
+
+
+# ---- the amplifier's stream -----------------------------------------------------------------
+
+
+def said(ran, *arguments, codes=(0,)):
+    """What a command says in the lab's folder."""
+    done = subprocess.run(
+        [sys.executable, "-m", "cli.main", *arguments],
+        cwd=ran.path.parents[4], env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True, text=True, timeout=280, check=False,
+    )  # fmt: skip
+    assert done.returncode in codes, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_eeg_that_lsls_own_library_sent_is_recorded_with_its_clock(ran):
+    eeg, schema = ran.stream_arrays("eeg"), ran.stream_schema("eeg")
+    assert [(f.name, f.unit) for f in schema.fields] == [
+        (label, "uV") for label in ("fz", "cz", "pz", "oz")
+    ]
+    assert len(eeg["fz"]) > 10 * EEG_HZ
+    steps_ns = np.diff(eeg["t_device_ns"])
+    np.testing.assert_allclose(steps_ns, 1e9 / EEG_HZ, rtol=0, atol=2)  # none lost, as stamped
+    turns = 2 * np.pi * 10 * (eeg["t_device_ns"] - eeg["t_device_ns"][0]) / 1e9
+    wave = np.column_stack((np.sin(turns), np.cos(turns)))
+    fit, *_ = np.linalg.lstsq(wave, eeg["fz"].astype(float), rcond=None)
+    assert np.hypot(*fit) == pytest.approx(20.0, abs=0.01)
+    exchanges = ran.events().loc[lambda e: e["name"] == "clock_exchanges", "payload"]
+    assert sum(p["role"] == "eeg" for p in exchanges) > 0
+
+
+def test_check_and_report_show_it(ran):
+    told = said(ran, "check", str(ran.path), codes=(0, 5))  # 5: a busy computer missed frames
+    assert re.search(r"eeg +\d+ +\d+ +12[78]\.\d Hz", told)
+    said(ran, "analyse", str(ran.path.parents[1]))
+    page = (ran.path.parents[1] / "derived" / "report.html").read_text("utf-8")
+    assert re.search(rf"eeg of {ran.manifest.participant}", page)
+
+
+def test_bids_has_it_and_is_valid(ran, tmp_path):
+    said(ran, "export", str(ran.path), "--format", "bids", "-o", str(tmp_path), "--keep-label")
+    (side,) = tmp_path.rglob("*_recording-eeg_physio.json")
+    notes = json.loads(side.read_text("utf-8"))
+    assert notes["SamplingFrequency"] == pytest.approx(EEG_HZ, rel=0.01)
+    assert notes["fz"]["Units"] == "uV"
+    assert [i for i in issues_of(tmp_path) if i["severity"] == "error"] == []
