@@ -40,6 +40,8 @@ from recording.reader import (
 from recording.stream_file import Columns
 
 BIDS_VERSION = "1.11.1"
+MAX_SPACING = 1.5
+"""Samples farther apart than so many usual spacings have a gap between them."""
 NO_TIME = -(2**63)
 """What stands in a stream for a time that nobody knows: `devices.streams.NO_DEVICE_TIME`."""
 NOTHING_SAID = DatasetAbout()
@@ -216,7 +218,10 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
                 name = f"beh/{stem}_{run}_recording-{eye[0]}_physio"
                 table = _eye_table(gaze, eye, zero_ns)
                 files.tsv_gz(f"{base}/{name}.tsv.gz", table)
-                files.json(f"{base}/{name}.json", _eye_notes(recording, table, eye[1]) | shared)
+                files.json(
+                    f"{base}/{name}.json",
+                    _eye_notes(recording, table, eye[1], rate_hz(gaze)) | shared,
+                )
                 scans.append(f"{name}.tsv.gz")
         for stream in _others(recording):
             schema = recording.stream_schema(stream)
@@ -226,7 +231,10 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
             name = f"beh/{stem}_{run}_recording-{_label(stream)}_physio"
             table = _stream_table(arrays, zero_ns)
             files.tsv_gz(f"{base}/{name}.tsv.gz", table)
-            files.json(f"{base}/{name}.json", _stream_notes(recording, schema, table) | shared)
+            files.json(
+                f"{base}/{name}.json",
+                _stream_notes(recording, schema, table, rate_hz(arrays)) | shared,
+            )
             scans.append(f"{name}.tsv.gz")
         for system, poses, points in (
             (_head_system(recording), head, ("head",)),
@@ -236,7 +244,7 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
                 continue
             name = f"motion/{stem}_tracksys-{system}_{run}"
             table = _motion_table(poses, points, zero_ns)
-            notes = _motion_notes(recording, table, points, system)
+            notes = _motion_notes(recording, table, points, system, rate_hz(poses))
             files.tsv(f"{base}/{name}_motion.tsv", table, header=False)
             files.json(f"{base}/{name}_motion.json", notes | shared)
             files.tsv(f"{base}/{name}_channels.tsv", _channels(points))
@@ -364,10 +372,18 @@ def _eye_table(
     return pd.DataFrame(columns)
 
 
-def _rate_hz(timestamps_s: pd.Series) -> float:
-    """Return the rate measured as the inverse of the median spacing; 0 below two samples."""
-    spacing = timestamps_s.diff().median()
-    return float(round(1.0 / spacing, 3)) if spacing > 0 else 0.0
+def rate_hz(samples: Columns) -> float:
+    """Return a stream's rate, gaps left out; 0 below two samples.
+
+    It is the mean spacing of the device's own stamps, which may be coarse (whole milliseconds) but
+    do not come in bunches as samples arrive; where it has no clock, the median of arrivals.
+    """
+    steps_ns = np.diff(samples["t_device_ns"])
+    if len(steps_ns) and (usual_ns := np.median(steps_ns)) > 0:
+        between = steps_ns[(steps_ns > 0) & (steps_ns < MAX_SPACING * usual_ns)]
+        return float(round(NS_PER_S / between.mean(), 3))
+    spacing_ns = np.median(np.diff(samples["t_host_ns"])) if len(steps_ns) else 0.0
+    return float(round(NS_PER_S / spacing_ns, 3)) if spacing_ns > 0 else 0.0
 
 
 def _device(recording: Recording, needle: str) -> Mapping[str, Any]:
@@ -377,11 +393,13 @@ def _device(recording: Recording, needle: str) -> Mapping[str, Any]:
     return {}
 
 
-def _eye_notes(recording: Recording, table: pd.DataFrame, eye: str) -> dict[str, Any]:
+def _eye_notes(
+    recording: Recording, table: pd.DataFrame, eye: str, measured_hz: float
+) -> dict[str, Any]:
     device = _device(recording, "gaze") or _device(recording, "eye")
     head = "head frame, right-handed, x right, y up, −z forward"
     notes: dict[str, Any] = {
-        "SamplingFrequency": _rate_hz(table["timestamp"]),
+        "SamplingFrequency": measured_hz,
         "StartTime": float(table["timestamp"].iloc[0]),
         "Columns": list(table.columns),
         "PhysioType": "eyetrack",
@@ -431,11 +449,10 @@ def _stream_table(arrays: Columns, zero_ns: int) -> pd.DataFrame:
 
 
 def _stream_notes(
-    recording: Recording, schema: StreamSchema, table: pd.DataFrame
+    recording: Recording, schema: StreamSchema, table: pd.DataFrame, measured_hz: float
 ) -> dict[str, Any]:
-    rate_hz = _rate_hz(table["timestamp"])
     notes: dict[str, Any] = {
-        "SamplingFrequency": rate_hz or float(schema.nominal_rate_hz),
+        "SamplingFrequency": measured_hz or float(schema.nominal_rate_hz),
         "StartTime": float(table["timestamp"].iloc[0]),
         "Columns": list(table.columns),
         "PhysioType": "generic",
@@ -500,15 +517,18 @@ _NO_CHANNELS = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "MAGN", "MISC", "VEL")
 
 
 def _motion_notes(
-    recording: Recording, table: pd.DataFrame, points: Sequence[str], system: str
+    recording: Recording,
+    table: pd.DataFrame,
+    points: Sequence[str],
+    system: str,
+    measured_hz: float,
 ) -> dict[str, Any]:
-    rate_hz = _rate_hz(table["latency"])
     roles = {"HMD": "head", "eyetracker": "eye", "body": "body"}
     device = _device(recording, roles[system])
     return {
         "TrackingSystemName": system,
-        "SamplingFrequency": rate_hz,
-        "SamplingFrequencyEffective": rate_hz,
+        "SamplingFrequency": measured_hz,
+        "SamplingFrequencyEffective": measured_hz,
         "MotionChannelCount": len(table.columns),
         "POSChannelCount": 3 * len(points),
         "ORNTChannelCount": 4 * len(points),

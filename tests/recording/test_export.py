@@ -15,7 +15,7 @@ import pytest
 from lab.clock import NS_PER_S, SimClock
 from lab.errors import RecordingError, UsageError
 from lab.schema import Field, SampleBatch, StreamSchema, empty_values
-from recording.bids import export_bids
+from recording.bids import NO_TIME, export_bids, rate_hz
 from recording.bids_about import DatasetAbout
 from recording.export import export_session, export_tables
 from recording.folder import create_session
@@ -323,3 +323,25 @@ def test_official_validator_finds_nothing_that_could_be_mended(tmp_path: Path) -
     recording = gaze_session(tmp_path / "d", own=(BELT, KNOB))
     export_bids([recording], tmp_path / "b", task="stare", dataset_name="Stare", about=ABOUT)
     assert [] == issues_of(tmp_path / "b")
+
+
+@pytest.mark.parametrize(
+    ("device_ms", "host_ms", "expected_hz"),
+    [
+        ([0, 8, 16, 24, 32, 40], [5, 5, 5, 30, 30, 45], 125.0),  # arrived in bunches
+        ([0, 8, 17, 25, 33, 42, 50], [0] * 7, 120.0),  # coarse stamps
+        ([0, 10, 20, 520, 530, 540], [0, 10, 20, 520, 530, 540], 100.0),  # a gap
+        ([0, 10, 5, 20, 30], [0, 10, 20, 30, 40], 100.0),  # one stamp that went back
+        ([NO_TIME] * 4, [0, 20, 40, 60], 50.0),  # no clock of its own
+        ([7], [7], 0.0),
+    ],
+)
+def test_a_streams_rate_is_that_of_its_samples_not_of_their_arrival(
+    device_ms: list[int], host_ms: list[int], expected_hz: float
+) -> None:
+    device = [t if t == NO_TIME else t * 1_000_000 for t in device_ms]
+    arrays = {
+        "t_device_ns": np.array(device, np.int64),
+        "t_host_ns": np.array(host_ms, np.int64) * 1_000_000,
+    }
+    assert rate_hz(arrays) == pytest.approx(expected_hz, rel=0.01)
