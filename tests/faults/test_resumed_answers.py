@@ -1,0 +1,53 @@
+"""Questions that a broken-off session left open are answered as they would have been."""
+
+from pathlib import Path
+from typing import cast
+
+import pytest
+
+from benchmarks.kill_resume import _fast_config, _ShortSessions
+from experiments.crowd.participant.participant import CrowdParticipant
+from recording.reader import Recording
+from visavis.catalogue import find_study
+from visavis.opened import OpenedStudy
+from visavis.sessions.perform import perform_new, perform_rest
+
+ASKED_BEFORE = 3
+
+
+class _Ended(BaseException):
+    """The process is gone."""
+
+
+def answers(recording: Recording) -> dict[tuple[str, str], object]:
+    events = recording.events()
+    return {
+        (p["questionnaire"], p["question"]): p["answer"]
+        for p in events.loc[events["name"] == "answer", "payload"]
+    }
+
+
+@pytest.mark.slow
+def test_answers_after_a_block_do_not_depend_on_a_resume(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    short = _ShortSessions(cast(OpenedStudy, find_study("crowd")), _fast_config())
+    whole = answers(Recording(perform_new(short.request(tmp_path / "whole"))))
+    of_blocks = {question for name, question in whole if "@" in name}
+    answer, asked = CrowdParticipant.answer, []
+
+    def until_the_end(self, question_id, prompt, options):
+        asked.extend([question_id] if question_id in of_blocks else [])
+        if len(asked) > ASKED_BEFORE:
+            raise _Ended
+        return answer(self, question_id, prompt, options)
+
+    request = short.request(tmp_path / "broken")
+    with monkeypatch.context() as patched, pytest.raises(_Ended):
+        patched.setattr(CrowdParticipant, "answer", until_the_end)
+        perform_new(request)
+    (path,) = (tmp_path / "broken").rglob("ses-001")
+    assert len(answers(Recording(path))) == ASKED_BEFORE
+    perform_rest(short.request(tmp_path / "broken"), path)
+    assert answers(Recording(path)) == whole
+    assert len(whole) > 10
