@@ -88,32 +88,6 @@ def test_a_killed_session_ends_with_every_walk_once_and_with_what_was_learned(
     assert learned[-1] == pytest.approx(cautions(recording)[3], rel=0.15)
 
 
-@pytest.mark.parametrize("after", [2, 4])
-def test_answers_after_a_block_do_not_hang_on_a_kill_before_them(
-    tmp_path: Path, after: int
-) -> None:
-    """`after` the last walk of a block, and of the session; the first is the training."""
-    (tmp_path / "whole").mkdir()
-    (tmp_path / "killed").mkdir()
-    small = ("--set", "configurations=1")
-    one = ("simulate", "crowd", "--participants", "1", "--processes", "1", *small)
-    (tmp_path / "whole/lab_config.yaml").write_text(CONFIG.read_text("utf-8"), "utf-8")
-    done = visavis(tmp_path / "whole", *one, "--output", str(tmp_path / "whole/data"))
-    assert 0 == done.returncode, done.stderr
-    study = study_dir(tmp_path / "whole/data", "crowd", is_simulated=True)
-    (whole,) = study.glob("sub-*/ses-001")
-
-    path = killed_session(tmp_path / "killed", *small, after=after)
-
-    assert answers(Recording(whole)) == answers(resumed(tmp_path / "killed", path))
-
-
-def answers(recording: Recording) -> list[tuple[str, str]]:
-    events = recording.events()
-    given = events.loc[events["name"] == "answer", "payload"]
-    return [(row["question"], row["answer"]) for row in given]
-
-
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_all_24_walks_of_a_session_killed_in_its_haptic_block_are_there_once(

@@ -43,9 +43,10 @@ def test_answers_after_a_block_do_not_depend_on_a_resume(
         return answer(self, question_id, prompt, options)
 
     request = short.request(tmp_path / "broken")
-    with monkeypatch.context() as patched, pytest.raises(_Ended):
-        patched.setattr(CrowdParticipant, "answer", until_the_end)
+    monkeypatch.setattr(CrowdParticipant, "answer", until_the_end)
+    with pytest.raises(_Ended):
         perform_new(request)
+    monkeypatch.setattr(CrowdParticipant, "answer", answer)
     (path,) = (tmp_path / "broken").rglob("ses-001")
     assert len(answers(Recording(path))) == ASKED_BEFORE
     perform_rest(short.request(tmp_path / "broken"), path)
