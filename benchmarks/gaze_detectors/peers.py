@@ -1,6 +1,7 @@
 """Other packages' detectors, as their authors set them, on the same recordings."""
 
 import importlib.util
+import logging
 import warnings
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -63,18 +64,27 @@ REMODNAV_KINDS = {
 }  # fmt: skip
 
 
+REMODNAV_SMOOTHED_S = 0.019
+"""The package's own; it refuses rates of which this is an even number of samples."""
+
+
 def _remodnav(r: Recording) -> Labels:
     from remodnav.clf import EyegazeClassifier
 
     rate = _rate_hz(r)
     place = _degrees(r)
-    data = np.rec.fromarrays([place[:, 0], place[:, 1]], names="x,y")
     out = np.zeros(len(place), np.int8)
+    seen = np.flatnonzero(np.isfinite(place).all(axis=1))
+    if not seen.size:
+        return out
+    first, end = int(seen[0]), int(seen[-1]) + 1  # it fails on losses at either end
+    data = np.rec.fromarrays(list(place[first:end].T), names="x,y")
+    smoothed = max(3, 2 * int(REMODNAV_SMOOTHED_S * rate / 2) + 1)
     classifier = EyegazeClassifier(px2deg=1.0, sampling_rate=rate)
     try:
-        for event in classifier(classifier.preproc(data)):
-            kind = REMODNAV_KINDS[event["label"]]
-            out[round(event["start_time"] * rate) : round(event["end_time"] * rate)] = kind
+        for event in classifier(classifier.preproc(data, savgol_length=(smoothed + 0.5) / rate)):
+            a, b = (first + round(event[name] * rate) for name in ("start_time", "end_time"))
+            out[a:b] = REMODNAV_KINDS[event["label"]]
     except Exception as why:  # a peer's failure is a result, not ours to mend
         _tell("remodnav", why)
         out[:] = Movement.UNKNOWN
@@ -109,9 +119,13 @@ def _i2mc(r: Recording) -> Labels:
 
 def _quiet(detect: Detect) -> Detect:
     def run(r: Recording) -> Labels:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return detect(r)
+        logging.disable(logging.CRITICAL)  # thousands of lines, which would hide the table
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                return detect(r)
+        finally:
+            logging.disable(logging.NOTSET)
 
     return run
 
