@@ -28,7 +28,7 @@ from analysis.statistics_report.prepare import uneven_changes, uneven_groups
 ALPHA = 0.05
 HELD = (0.03, 0.07)
 N = 16
-COMPARED_ONLY = frozenset({"intercept"})
+COMPARED_ONLY = frozenset({"intercept", "clmm ratio"})
 """Tests that no command and no study takes by itself; they stand beside the one that is taken."""
 MIXED_SHARE = 10
 """A linear mixed model of trials takes a hundred times as long as a t test; it runs once in ten."""
@@ -189,6 +189,11 @@ def equations(family: Family) -> Test:
 def cumulative(frame: Frame, null: str) -> Tested:
     """Cumulative link mixed model of single ratings."""
     return clmm(frame, "y", subject="s", within=("A", "B")).effect(null).p, ()
+
+
+def likelihood_ratio(frame: Frame, null: str) -> Tested:
+    """The same model's likelihood ratio, which takes people for alike in their effects."""
+    return clmm(frame, "y", subject="s", within=("A", "B")).effect(null).chi2_p, ()
 
 
 def averaged(frame: Frame, factor: str) -> Array:
@@ -373,7 +378,8 @@ def situations() -> list[Situation]:
                   {"mixed": mixed, "rm": listwise, "art": mixed_art, "intercept": intercept_alone}),
         Situation("single trials, people differ", "A", trial, TRIALS),
         Situation("single choices, people differ", "A", choice, {"gee": equations("binomial")}),
-        Situation("single ratings, people differ", "A", ratings, {"clmm": cumulative}),
+        Situation("single ratings, people differ", "A", ratings,
+                  {"clmm": cumulative, "clmm ratio": likelihood_ratio}),
         Situation("groups of 6 and 18, SD 3 and 1", "g",
                   lambda rng: groups(rng, (6, 18), (3, 1), same), TWO_GROUPS),
         Situation("groups of 8 and 24, ratings", "g",
