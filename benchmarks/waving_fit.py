@@ -1,6 +1,6 @@
 """Fit the constants of the simulated judge of the waving study to the published values.
 
-    python -m benchmarks.waving_fit [--starts 3] [--rounds 60] [--check 40] [--json]
+    python -m benchmarks.waving_fit [--starts 3] [--rounds 60] [--check 40] [--seen FILE] [--json]
     python -m benchmarks.waving_fit --try reach_power=0 [--try acuity_sd=0.55 ...] [--check 40]
 
 Searches `FREE` of `experiments.waving.judgement.Population` by differential evolution, each start
@@ -26,8 +26,9 @@ again it says whether better ones are near.
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import Bounds, differential_evolution
@@ -80,21 +81,27 @@ class Waves:
     readings: Vector
 
 
-def waves_of(seed: int = FIT_SEED) -> Waves:
-    """Render every wave, or read what was rendered, and draw the random numbers."""
+def seen_of_waves() -> dict[str, Vector]:
+    """Return what can be seen of every wave (54, ...): rendered, or read where that was done."""
     seen = [evidence_for(s) for s in STIMULI]
+    names = ("pixels", "pointing_deg", "bearing_deg", "reach_01")
+    return {name: np.array([getattr(e, name) for e in seen]) for name in names}
+
+
+def waves_of(seen: Mapping[str, Vector], seed: int = FIT_SEED) -> Waves:
+    """Return what `seen_of_waves` returned with random numbers."""
     rng = np.random.default_rng(seed)
     half = rng.standard_normal((PEOPLE // 2, 2))
     return Waves(
-        pixels=np.array([e.pixels for e in seen]),
-        pointing_deg=np.array([e.pointing_deg for e in seen]),
-        bearing_deg=np.array([e.bearing_deg for e in seen]),
-        reach_01=np.array([e.reach_01 for e in seen]),
+        pixels=seen["pixels"],
+        pointing_deg=seen["pointing_deg"],
+        bearing_deg=seen["bearing_deg"],
+        reach_01=seen["reach_01"],
         own=np.array([PLACES.index(s[3]) for s in STIMULI]),
         target=np.array([PLACES.index(neighbour(s[3], s[1]).name) for s in STIMULI]),
         cell=np.array([TECHNIQUES.index(s[0]) * 3 + DIRECTIONS.index(s[1]) for s in STIMULI]),
         people=np.concatenate([half, -half]),
-        readings=rng.standard_normal((PEOPLE, len(seen), READINGS, 4)),
+        readings=rng.standard_normal((PEOPLE, len(STIMULI), READINGS, 4)),
     )
 
 
@@ -272,12 +279,16 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--starts", type=int, default=3)
     parser.add_argument("--rounds", type=int, default=60)
     parser.add_argument("--check", type=int, default=40)
+    parser.add_argument("--seen", type=Path, metavar="FILE", help="keep what is seen of the waves")
     parser.add_argument("--try", dest="tried", action="append", default=[], metavar="NAME=VALUE")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args(arguments)
     if given.tried:
         return _print_variants(given.tried, given.check, as_json=given.json)
-    waves, start = waves_of(), point_of(DEFAULT_POPULATION)
+    seen, start = seen_of_waves(), point_of(DEFAULT_POPULATION)
+    if given.seen:
+        np.savez_compressed(given.seen, allow_pickle=False, **seen)
+    waves = waves_of(seen)
     points = [fitted(waves, start, FIT_SEED + 1 + k, given.rounds) for k in range(given.starts)]
     points.sort(key=lambda x: loss_of(x, waves, start))
     logs = np.array(points)

@@ -51,10 +51,15 @@ SETTINGS: Final = ControlSettings(
     smoothness=0.005, rest_pull=0.005, search=True,
 )  # fmt: skip
 """Of the plan of a wave, a key every 1 / `rate_hz` seconds."""
-REFINING: Final = replace(SETTINGS, most_steps=3, step_cap_deg=2.0)
+REFINING: Final = replace(SETTINGS, most_steps=3, step_cap_deg=2.0, search=False)
 """Of what a plan's keys get when all of them together have been solved."""
-LOOP: Final = replace(SETTINGS, most_steps=1, step_cap_deg=2.0)
+LOOP: Final = replace(REFINING, most_steps=1)
 """Of the loop in the session: one step a key, at most 2° for a unit."""
+FINE_PX: Final = 512
+"""Height and width of the view by which keys are refined, corrected and told. At the 256 that are
+searched a hand has 260 pixels: its edges alone move its share by half of what may be left, and keys
+fitted to them miss between each other.
+"""
 WARPED_PARTS: Final = (("face", "eyes"), ("right_hand",))
 """Coverage is wanted of each: the head by its face (a profile has more pixels), the waving hand."""
 UNITS: Final = ("spine", "neck_head", "right_arm")
@@ -126,7 +131,7 @@ def situation_of(
     """Return the unwarped pose at a time of the scene as somebody's eyes (3,) see it, and what is
     wanted of it.
     """
-    view = view_of(waving.clerk, eye_m, viewer_place)
+    view = view_of(waving.clerk, eye_m, viewer_place, FINE_PX)
     pose = pose_of_waver(replace(waving, warp=None), t_s)
     return Situation(
         seen_body_of(waving.clerk), view, targets_of(increment), units_named(UNITS), *pose
@@ -173,8 +178,8 @@ def _planned(
     body, view = seen_body_of(clerk), view_of(clerk, eye_m, target_place)
     targets, units = targets_of(increment), units_named(UNITS)
     said = json.dumps(
-        [[asdict(t) for t in targets], UNITS, asdict(SETTINGS), waving.heading_deg,
-         waving.start_s, FADE_S, clerk],
+        [[asdict(t) for t in targets], UNITS, asdict(SETTINGS), asdict(REFINING), FINE_PX,
+         waving.heading_deg, waving.start_s, FADE_S, clerk],
         sort_keys=True,
     )  # fmt: skip
     key = digest_of(

@@ -15,7 +15,9 @@ from typing import Any, Final
 import numpy as np
 
 from experiments.waving.clips import (
+    FINE_PX,
     LOOP,
+    REFINING,
     SETTINGS,
     TECHNIQUES,
     UNITS,
@@ -34,6 +36,7 @@ from protocol.design import Factor
 from protocol.participants import SimulatedParticipant
 from protocol.shown import Shown
 from protocol.steps import FrameView, NextFrame, Scalar, Show
+from stimuli.dressing.office_view import VIEW_PX
 from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.motion.warping.track import (
     Reached,
@@ -201,7 +204,8 @@ allowed to move. Offsets were planned at {SETTINGS.rate_hz:g} Hz for eyes at the
 (probe {SETTINGS.probe_deg:g}°, damping {SETTINGS.damping:g}, at most {SETTINGS.most_steps} steps a
 pose, smoothness {SETTINGS.smoothness:g}), for the participant's own from {{eye_height_m}} m above
 the floor on; while the participant was waved at, a control loop corrected them for the tracked head
-(one step a key, at most {LOOP.step_cap_deg:g}° for a unit).
+(one step a key, at most {LOOP.step_cap_deg:g}° for a unit). Plans were searched by a view of
+{VIEW_PX} pixels a side, refined, corrected and judged by one of {FINE_PX}.
 
 The eyes were led to the addressee by the same controller with both techniques.
 
@@ -401,7 +405,10 @@ def wave_record(wave: StudyWave, increment: float) -> dict[str, Scalar | None]:
             "largest_offset_deg": float(np.degrees(np.abs(wave.waving.warp.omega_rad).max())),
             **track_record(wave.waving.warp),
             **{f"plan_{name}": value for name, value in asdict(SETTINGS).items()},
+            **{f"refine_{name}": value for name, value in asdict(REFINING).items()},
             **{f"loop_{name}": value for name, value in asdict(LOOP).items()},
+            "plan_view_px": VIEW_PX,
+            "fine_view_px": FINE_PX,
         }
     return found
 

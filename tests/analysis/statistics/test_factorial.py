@@ -45,6 +45,16 @@ def test_sphericity_option_decides_what_is_reported() -> None:
     assert gg.df2 * gg.sphericity.gg == pytest.approx(gg.df2_used)
 
 
+def test_aligned_ranks_are_corrected_for_sphericity_unless_told_not_to() -> None:
+    frame = within_frame(4, 10)
+    usual = statistics.art_anova(frame, "y", **WITHIN).effect("B")
+    plain = statistics.art_anova(frame, "y", correction="none", **WITHIN).effect("B")
+    assert usual.sphericity is not None
+    assert usual.sphericity.gg < 1
+    assert usual.sphericity.p_gg == usual.p_used
+    assert (plain.p, plain.p) == (plain.p_used, usual.p)
+
+
 def test_sphericity_without_enough_subjects_has_epsilon_but_no_mauchly() -> None:
     frame = within_frame(4, 4, (1, 6))
     del frame["A"]
