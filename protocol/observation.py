@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
+from operator import sub
 from typing import Any
 
 import numpy as np
@@ -227,7 +228,8 @@ class GazeObserver:
     def take(self, batch: SampleBatch) -> None:
         """Accept a batch of the gaze stream; may be called from the device's thread."""
         self._inbox.append(batch)
-        self._delays_ns.append(int((batch.t_host_ns - batch.t_device_ns).min()))
+        # a frame brings one or two samples, fewer than an array's own minimum is worth
+        self._delays_ns.append(min(map(sub, batch.t_host_ns.tolist(), batch.t_device_ns.tolist())))
 
     @property
     def least_delay_ns(self) -> int | None:

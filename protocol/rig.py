@@ -64,6 +64,8 @@ class RunningRig:
 
     def __init__(self, rig: Rig, clock: Clock, sink: Callable[[str, SampleBatch], None]) -> None:
         self._rig = rig
+        self.display_role = rig.display_role
+        """Role of the device that paces the session."""
         self._clock = clock
         self._devices = rig.by_role()
         self._bands = {r: d for r, d in self._devices.items() if isinstance(d, Armband)}
@@ -84,11 +86,6 @@ class RunningRig:
     def headset(self) -> Headset:
         """The device that paces the session."""
         return self._rig.headset
-
-    @property
-    def display_role(self) -> str:
-        """Role of the device that paces the session."""
-        return self._rig.display_role
 
     @property
     def eye_tracker(self) -> EyeTracker | None:

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from devices.contracts import ClockPair
 from lab.clock import NS_PER_S
 from lab.clock_fit import latest_quick, offset_ns
@@ -291,10 +293,9 @@ class TrialRunner:
 
 def _eyes_seen_01(batches: Sequence[SampleBatch]) -> dict[str, float]:
     """Return the share of samples that saw each eye; nothing when there was no sample."""
-    received = sum(len(b) for b in batches)
-    if not received:
+    if not batches:
         return {}
-    return {
-        eye: sum(int(b.values[f"{eye}_valid"].sum()) for b in batches) / received
-        for eye in ("left", "right")
-    }
+    rows = np.frombuffer(b"".join([b.values.tobytes() for b in batches]), batches[0].schema.dtype)
+    if not len(rows):
+        return {}
+    return {eye: int(rows[f"{eye}_valid"].sum()) / len(rows) for eye in ("left", "right")}

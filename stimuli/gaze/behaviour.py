@@ -123,6 +123,25 @@ def _eyes_at(
     return gaze, openness, moving
 
 
+@compiled
+def _distances(
+    t_ns: int,
+    observer: npt.NDArray[np.float64],
+    eyes: npt.NDArray[np.float64],
+    targets: npt.NDArray[np.float64],
+    follows: npt.NDArray[np.bool_],
+    turn_ns: npt.NDArray[np.int64],
+) -> npt.NDArray[np.float64]:
+    m = eyes.shape[0]
+    distance_m = np.empty(m)
+    for j in range(m):
+        now = 1 if t_ns >= turn_ns[j] else 0
+        point = observer if follows[now, j] else targets[now, j]
+        x, y, z = point[0] - eyes[j, 0], point[1] - eyes[j, 1], point[2] - eyes[j, 2]
+        distance_m[j] = np.sqrt(x * x + y * y + z * z)
+    return distance_m
+
+
 @dataclass(frozen=True)
 class EyeBehaviour:
     """What the eyes of m agents do; every answer is a function of time alone.
@@ -172,12 +191,14 @@ class EyeBehaviour:
 
     def distance_m(self, t_ns: int, observer_eye_m: Vector) -> npt.NDArray[np.float64]:
         """Return how far (m,) from between their eyes what agents look at is."""
-        turned = t_ns >= self.turn_ns
-        follows = np.where(turned, self.follows_observer[1], self.follows_observer[0])
-        point = np.where(turned[:, None], self.targets_m[1], self.targets_m[0])
-        away = np.where(follows[:, None], observer_eye_m, point) - self.eye_centre_m
-        distance_m: npt.NDArray[np.float64] = np.sqrt((away * away).sum(axis=1))
-        return distance_m
+        return _distances(
+            t_ns,
+            observer_eye_m,
+            self.eye_centre_m,
+            self.targets_m,
+            self.follows_observer,
+            self.turn_ns,
+        )
 
     def at(self, t_ns: int, observer_eye_m: Vector) -> EyeState:
         """Return gaze directions (m, 3), unit, world; openness (m,) 0..1; whether anything moves.

@@ -276,6 +276,22 @@ def advance(
 
 
 @compiled
+def advance_and_pose(
+    mind: Records,
+    person: Records,
+    segments: Records,
+    targets: Records,
+    scratch: npt.NDArray[np.float64],
+    t_ns: int,
+    position: npt.NDArray[np.float64],
+    orientation: npt.NDArray[np.float64],
+) -> None:
+    """Live up to a time; fill the head's position (3,) and orientation (4,) there."""
+    advance(mind, person, segments, targets, scratch, t_ns)
+    head_pose(mind, person, segments, t_ns, position, orientation)
+
+
+@compiled
 def sense(
     mind: Records,
     person: Records,
@@ -291,6 +307,7 @@ def sense(
     """Live up to each time in turn; fill eye states (n, 8), head poses (n, 3) and (n, 4)."""
     for i in range(t_ns.shape[0]):
         t = t_ns[i] - origin_ns
-        advance(mind, person, segments, targets, scratch, t)
-        head_pose(mind, person, segments, t, positions[i], orientations[i])
+        advance_and_pose(
+            mind, person, segments, targets, scratch, t, positions[i], orientations[i]
+        )
         eyes_at(mind, person, segments, t, positions[i], orientations[i], eyes[i])

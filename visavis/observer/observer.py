@@ -15,7 +15,7 @@ from devices.contracts import EYES_DTYPE
 from lab.geometry import Vector, direction_from_yaw_pitch_deg
 from stimuli.scene import Scene, SceneFrame
 from stimuli.scenes.audience import PARTICIPANT_EYE_M
-from visavis.observer import attention, attention_causes, eye_movements, state
+from visavis.observer import attention, attention_causes, state
 from visavis.observer.self_report import answer_question
 from visavis.observer.temperament import (
     DEFAULT_POPULATION,
@@ -186,9 +186,15 @@ class Observer:
     def head(self, t_ns: int) -> tuple[Vector, Vector]:
         """Return position (3,) in metres and orientation (4,) (w, x, y, z) in world."""
         position, orientation = np.empty(3), np.empty(4)
-        self._advance(t_ns)
-        eye_movements.head_pose(
-            self._mind, self._person, self._segments, t_ns - self._origin_ns, position, orientation
+        attention.advance_and_pose(
+            self._mind,
+            self._person,
+            self._segments,
+            self._targets,
+            self._scratch,
+            t_ns - self._origin_ns,
+            position,
+            orientation,
         )
         return position, orientation
 
@@ -210,16 +216,6 @@ class Observer:
         return iter(())
 
     # ---- within ----
-
-    def _advance(self, t_ns: int) -> None:
-        attention.advance(
-            self._mind,
-            self._person,
-            self._segments,
-            self._targets,
-            self._scratch,
-            t_ns - self._origin_ns,
-        )
 
     def _sequence(self, *spawn_key: int) -> np.random.SeedSequence:
         return np.random.SeedSequence(self._entropy, spawn_key=spawn_key)

@@ -169,7 +169,8 @@ class StreamDevice(MessageDevice, Generic[S]):
     def _deliver(self, seqs: Any, stamps: Any, arrivals: Any, values: npt.NDArray[np.void]) -> int:
         if self._sink is None:
             return 0
-        seq, device, host = (np.asarray(column, np.int64) for column in (seqs, stamps, arrivals))
+        seq, device = np.asarray(seqs, np.int64), np.asarray(stamps, np.int64)
+        host = np.asarray(arrivals, np.int64)
         self._meter.update(device.tolist(), int(host[-1]))
         self._sink(SampleBatch(self._schema, seq, device, host, values))
         return len(values)

@@ -116,6 +116,7 @@ class PupilCoreSimulator:
         self._calibrated_fit: int | None = None
         self._judge: CalibrationJudge | None = None
         self._turn: Vector | None = None
+        self._room: dict[int, tuple[Floats, npt.NDArray[np.uint8], Times]] = {}
 
     def advance(self, t_ns: int) -> None:
         """Take every sample due up to this session time."""
@@ -226,14 +227,17 @@ class PupilCoreSimulator:
             eyes = eyes.copy()
             for side in ("left_direction_head", "right_direction_head"):
                 eyes[side] = eyes[side] @ self._turn.T
+        t_device, ahead_ns = t, self._epoch_ns - self._origin_ns
         if self._drift or self._faults.faults:
-            t_device = np.array([self.device_ns(t_ns) for t_ns in t_list], np.int64)
-        else:
-            t_device = t + (self._epoch_ns - self._origin_ns)
+            t_device, ahead_ns = np.array([self.device_ns(t_ns) for t_ns in t_list], np.int64), 0
         template = self._both
-        values = np.empty((n, len(GAZE_VALUES)))
-        packed = np.empty((n, template.bytes.size), np.uint8)
-        delay_ns = np.empty(n, np.int64)
+        if n not in self._room:  # written anew by every call, which copies what it publishes
+            self._room[n] = (
+                np.empty((n, len(GAZE_VALUES))),
+                np.empty((n, template.bytes.size), np.uint8),
+                np.empty(n, np.int64),
+            )
+        values, packed, delay_ns = self._room[n]
         _measure(
             np.ndarray((n, 8), np.float64, np.ascontiguousarray(eyes)),
             noise,
@@ -241,6 +245,7 @@ class PupilCoreSimulator:
             self._systematic.gain,
             self._half_mm,
             t_device,
+            ahead_ns,
             self._error.latency_ms,
             self._error.latency_jitter_ms,
             template.bytes,
@@ -350,7 +355,8 @@ def _measure(
     offset_rad: Floats,
     gain: Floats,
     half_mm: float,
-    t_device_ns: Times,
+    t_ns: Times,
+    ahead_ns: int,
     latency_ms: float,
     latency_jitter_ms: float,
     template: npt.NDArray[np.uint8],
@@ -362,6 +368,7 @@ def _measure(
 ) -> None:
     """Measure `eyes` (n, 8), rows of `EYES_DTYPE`: values, datums as bytes, and travel times.
 
+    The device's clock shows `ahead_ns` more than `t_ns`.
     One call for all of it, because a frame brings one or two samples.
     """
     n = eyes.shape[0]
@@ -369,7 +376,7 @@ def _measure(
     measured_directions(eyes[:, 0:3], eyes[:, 3:6], noise, offset_rad, gain, seen)
     fill_values(seen, eyes[:, 6], eyes[:, 7], half_mm, values)
     for i in range(n):
-        values[i, 0] = t_device_ns[i] / 1e9
+        values[i, 0] = (t_ns[i] + ahead_ns) / 1e9
         jitter_ms = (2.0 * noise[i, _LATENCY] - 1.0) * latency_jitter_ms
         delay_ns[i] = np.int64((jitter_ms + latency_ms) * 1e6)
     write_datums(values, template, columns, places, packed)

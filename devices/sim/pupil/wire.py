@@ -68,6 +68,8 @@ class GazeTemplate:
         """Return [topic, datum] messages for the bytes that `write_datums` wrote."""
         size = self.bytes.size
         data = packed.tobytes()
+        if len(data) == size:
+            return [(self.topic, data)]
         return [(self.topic, data[at : at + size]) for at in range(0, len(data), size)]
 
 
