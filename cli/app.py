@@ -1,5 +1,6 @@
 """The application object, options shared by commands, and how errors reach the user."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
@@ -24,6 +25,44 @@ errors = Console(stderr=True, emoji=False)
 def verbatim(value: object) -> str:
     """Return text of the user's (a path, a label, a column) so that markup prints it as it is."""
     return escape(str(value))
+
+
+def say(text: str, *, style: str = "") -> None:
+    """Print text with markup; only the terminal wraps it, and nothing in it is coloured by kind."""
+    console.print(text, style=style, soft_wrap=True, highlight=False)
+
+
+def say_plainly(text: str, *, style: str = "") -> None:
+    """Print text as it is, brackets too."""
+    console.print(text, style=style, soft_wrap=True, highlight=False, markup=False)
+
+
+def say_json(found: object) -> None:
+    """Print values for other programs; sets sorted, what JSON does not know as text."""
+    typer.echo(json.dumps(found, ensure_ascii=False, indent=1, default=as_json_value))
+
+
+def as_json_value(value: object) -> object:
+    """Return what stands in JSON for a value it does not know."""
+    return sorted(value) if isinstance(value, frozenset) else str(value)
+
+
+def new_file(path: Path) -> Path:
+    """Return a path to be written.
+
+    Raises:
+        UsageError: it exists already, or its folder does not.
+    """
+    if path.exists():
+        raise UsageError(f"{path} exists already; choose another name")
+    if not path.parent.is_dir():
+        raise UsageError(f"there is no folder {path.parent}; make it first")
+    return path
+
+
+def say_written(path: Path, more: str = "") -> None:
+    """Say where something lies now."""
+    say(f"written [b]{verbatim(path)}[/]{more}")
 
 
 app = typer.Typer(

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from rich.markup import escape
 
-from cli.app import console, verbatim
+from cli.app import say, verbatim
 from devices.bench import Trial
 from devices.contracts import Fault
 from devices.stream_figures import ClockFigures, StreamFigures
@@ -19,11 +19,11 @@ def print_trials(trials: Sequence[Trial]) -> None:
         if not trial.error:
             _print_streaming(trial)
     if any(s.delay_ms is not None and not s.delay_is_absolute for t in trials for s in t.streams):
-        _say("[dim]≥: above the quickest sample, as the device answers no time requests[/]")
+        say("[dim]≥: above the quickest sample, as the device answers no time requests[/]")
     for trial in trials:
         if trial.error:
             who = f"[b]{verbatim(trial.role)}[/] ({verbatim(trial.driver)})"
-            _say(f"[red]✗[/] {who}: {escape(trial.error)}")
+            say(f"[red]✗[/] {who}: {escape(trial.error)}")
             _advise(trial.remedy)
 
 
@@ -34,29 +34,29 @@ def _print_streaming(trial: Trial) -> None:
         made = " ".join(name for name in names if name and name != "simulated")
         who = f"{trial.driver}: {made}"
     mark = "  [magenta]simulated[/]" if trial.simulated else ""
-    _say(f"[b]{verbatim(trial.role)}[/]  {escape(who)}{mark}")
+    say(f"[b]{verbatim(trial.role)}[/]  {escape(who)}{mark}")
     for stream in trial.streams:
         for number, line in enumerate(_lines(stream)):
-            _say(f"  {stream.stream if not number else '':<{NAME_WIDTH}}{line}")
+            say(f"  {stream.stream if not number else '':<{NAME_WIDTH}}{line}")
     if trial.clock is not None:
-        _say(f"  {'clock':<{NAME_WIDTH}}{_clock(trial.clock)}")
+        say(f"  {'clock':<{NAME_WIDTH}}{_clock(trial.clock)}")
     if trial.health is not None and trial.health.battery_01 is not None:
-        _say(f"  {'battery':<{NAME_WIDTH}}{trial.health.battery_01:.0%}")
+        say(f"  {'battery':<{NAME_WIDTH}}{trial.health.battery_01:.0%}")
     for event in trial.events:
-        _say(f"  [yellow]![/] {escape(event)}")
+        say(f"  [yellow]![/] {escape(event)}")
     for fault in trial.faults:
         _print_fault(fault)
 
 
 def _print_fault(fault: Fault) -> None:
     colour = "red" if fault.severity == "blocking" else "yellow"
-    _say(f"  [{colour}]![/] {escape(fault.message)}")
+    say(f"  [{colour}]![/] {escape(fault.message)}")
     _advise(fault.remedy, indent=4)
 
 
 def _advise(remedy: str, indent: int = 2) -> None:
     if remedy:
-        _say(f"{' ' * indent}→ {escape(remedy)}")
+        say(f"{' ' * indent}→ {escape(remedy)}")
 
 
 def _lines(s: StreamFigures) -> list[str]:
@@ -90,7 +90,3 @@ def _clock(clock: ClockFigures) -> str:
     if clock.bound_ms is None:
         return f"one-way, {drift}"
     return f"offset ±{clock.bound_ms:.2f} ms ({clock.exchanges} exchanges), {drift}"
-
-
-def _say(text: str) -> None:
-    console.print(text, soft_wrap=True, highlight=False)

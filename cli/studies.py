@@ -1,16 +1,24 @@
 """The studies the command line works with, and whose data a folder holds."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
+from lab.clock import SystemClock
 from lab.config import LabConfig
 from lab.errors import ConfigError, UsageError
 from lab.yaml_lines import did_you_mean
+from protocol.key_file import KeyFile
+from protocol.ledger import Ledger, Participant, UnknownParticipant
 from protocol.questionnaires import available
 from recording.folder import study_dir
 from recording.manifest import read_manifest
+from recording.sealed import copy_path
 from visavis.catalogue import SHIPPED, AnyStudy, find_study
-from visavis.sessions.study_check import is_study
-from visavis.sessions.study_folder import sessions_of
+from visavis.sessions.data_root import prepare_data_root
+from visavis.sessions.rig import is_simulated
+from visavis.sessions.study_check import SIMULATED_PREFIX, is_study
+from visavis.sessions.study_folder import StudySettings, sessions_of, settle, wanted_settings
 
 
 def study_of_lab(wanted: str, lab: LabConfig) -> AnyStudy:
@@ -22,6 +30,84 @@ def study_of_lab(wanted: str, lab: LabConfig) -> AnyStudy:
     """
     check_wording(lab)
     return find_study(wanted, lab.studies)
+
+
+@dataclass(frozen=True)
+class StudyHere:
+    """A study in a lab: where its data lie, with which settings, and who takes part."""
+
+    lab: LabConfig
+    study: AnyStudy
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether this lab's devices make its sessions simulated ones."""
+        return is_simulated(self.lab)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of its sessions."""
+        return study_dir(self.lab.data_root, self.study.name, is_simulated=self.is_simulated)
+
+    @property
+    def ledger(self) -> Ledger:
+        """Who takes part; simulated people have a ledger of their own."""
+        prefix = SIMULATED_PREFIX if self.is_simulated else ""
+        return Ledger(self.folder, SystemClock(), prefix=prefix)
+
+    @property
+    def key_file(self) -> KeyFile:
+        """Who is who, apart from the data."""
+        return KeyFile(self.lab.key_root, self.study.name, [self.lab.data_root])
+
+    def wanted(
+        self,
+        *,
+        seed: int | None = None,
+        assignments: list[str] | None = None,
+        language: str | None = None,
+    ) -> StudySettings:
+        """Return the settings that a command asks for; see `wanted_settings`."""
+        return wanted_settings(
+            self.folder, self.study, is_simulated=self.is_simulated, seed=seed,
+            assignments=assignments, language=language or self.lab.language,
+        )  # fmt: skip
+
+    def settled(self, wanted: StudySettings, *, seed_given: bool) -> StudySettings:
+        """Return the settings in force, written where the study is new; see `settle`."""
+        prepare_data_root(self.lab)
+        return settle(self.folder, wanted, seed_given=seed_given, fits=self._groups_hold)
+
+    def group_of(self, settings: StudySettings) -> Callable[[int], str]:
+        """Return which group each place has."""
+        experiment = self.study.experiment(settings.parameters)
+        return lambda index: experiment.plan(index, settings.seed).group
+
+    def participant(self, settings: StudySettings, wanted: str) -> Participant:
+        """Return somebody of the ledger; simulated people are added to it when they first come.
+
+        Raises:
+            LedgerError: nobody is meant, or somebody real who is not registered.
+        """
+        try:
+            return self.ledger.resolve(wanted)
+        except UnknownParticipant as unknown:
+            if not self.is_simulated:
+                raise
+            return self.ledger.add(
+                unknown.number,
+                group=self.group_of(settings),
+                consent_version=self.lab.privacy.consent_version,
+            )
+
+    def _groups_hold(self, settings: StudySettings) -> bool:
+        group_of = self.group_of(settings)
+        return all(entry.group == group_of(entry.index) for entry in self.ledger.list())
+
+
+def study_here(wanted: str, lab: LabConfig) -> StudyHere:
+    """Return a study in a lab; raises as `study_of_lab`."""
+    return StudyHere(lab, study_of_lab(wanted, lab))
 
 
 def check_wording(lab: LabConfig) -> None:
@@ -86,9 +172,11 @@ def session_of(wanted: Path, config: Path | None, participant: str = "") -> Path
     Without a participant it is the session begun last.
 
     Raises:
-        UsageError: there is no such study, or nobody of that label or number has a session.
+        UsageError: there is no such study, nobody of that label or number has a session, or the
+            folder is no session's.
     """
     if wanted.is_dir() and not is_study(wanted):
+        require_session(wanted)
         return wanted
     sessions = sessions_of(folder_of(wanted, config))
     if participant:
@@ -98,6 +186,23 @@ def session_of(wanted: Path, config: Path | None, participant: str = "") -> Path
             raise UsageError(f"{participant} has no session there; there are {known}")
         return mine[-1]
     return max(sessions, key=lambda s: read_manifest(s).created_wall_iso)
+
+
+def require_session(path: Path) -> None:
+    """Refuse a path that is no session's folder, naming the sessions nearby.
+
+    Raises:
+        UsageError: it has no manifest.
+    """
+    manifest = path / "manifest.json"
+    if manifest.exists() or copy_path(manifest).exists():
+        return
+    near = sorted(p.parent for p in path.parent.glob("*/manifest.json"))
+    near += sorted(p.parent for p in path.glob("*/manifest.json"))
+    hint = "\n  ".join(str(p) for p in near[:6])
+    raise UsageError(
+        f"{path} is no session" + (f"; there are\n  {hint}" if near else "; give a folder ses-…")
+    )
 
 
 def _names(session: Path) -> tuple[str, ...]:

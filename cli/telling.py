@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -12,7 +13,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from cli.app import console
+from cli.app import console, say_plainly
 from lab.clock import StopWatch
 
 MEASURED_PICTURES = 8
@@ -21,23 +22,28 @@ SOON_S = 10.0
 """What is done within this time is not announced."""
 
 
+def counting(shown_on: Console, *, quiet: bool = False) -> Progress:
+    """Return a bar that says how many of how many are done, since when and how much longer."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
+               TimeElapsedColumn(), TimeRemainingColumn())  # fmt: skip
+    return Progress(*columns, console=shown_on, disable=quiet)
+
+
 class TerminalTelling:
     """Follow `visavis.sessions.studies.Telling` on the terminal."""
 
     def say(self, text: str) -> None:
         """Print it."""
-        console.print(text, markup=False, highlight=False, soft_wrap=True)
+        say_plainly(text)
 
     def warn(self, text: str) -> None:
         """Print it in yellow."""
-        console.print(text, style="yellow", markup=False, highlight=False, soft_wrap=True)
+        say_plainly(text, style="yellow")
 
     @contextmanager
     def progress(self, what: str) -> Iterator[Callable[[int, int], None]]:
         """Show a bar."""
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-                   TimeElapsedColumn(), TimeRemainingColumn())  # fmt: skip
-        with Progress(*columns, console=console) as bar:
+        with counting(console) as bar:
             line = bar.add_task(what, total=None)
             yield lambda done, of: bar.update(line, completed=done, total=of)
 

@@ -140,7 +140,7 @@ def ask_on_board(panel: Panel, ways: Ways, first: Show | None, show: Showing) ->
     dwell = None if ways.dwell is None else GazeDwell(ways.dwell)
     stepped: int | None = None
     # What was pressed up to this frame was pressed before the board was there.
-    view = replace(view, pressed=(), pressed_ns=())
+    view = view._replace(pressed=(), pressed_ns=())
     while view.t_ns < until_ns:
         ray = newer_ray(ray, view, ways)
         pointed, pose = _pointed(ray, view, panel, ways)

@@ -1,7 +1,6 @@
 """Between the operator and the frame loop: requests, prompts, faults, the status shown."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from devices.contracts import Armband, Fault
 from lab.clock import NS_PER_MS, NS_PER_S
@@ -97,7 +96,7 @@ class OperatorDesk:
             self._next_status_ns = view.t_ns + period_ns
             self._operator.show(self._status())
         if self._advance and self._in_trial and self._prompt:
-            return replace(view, went_on=self.take_advance())
+            return view._replace(went_on=self.take_advance())
         return view
 
     def prompt(self, text: str) -> bool:

@@ -104,7 +104,7 @@ class PanelRespondent:
                 else:
                     view = self._next_frame()
                     pressed = (*self._take_keys(), *view.pressed)
-                    view = replace(view, pressed=pressed, pressed_ns=())
+                    view = view._replace(pressed=pressed, pressed_ns=())
                 step = asking.send(view)
         except StopIteration as end:
             chosen: Chosen = end.value

@@ -8,7 +8,7 @@ aborts a plan by throwing `TrialInterrupted` into it, so `finally` blocks still 
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -87,8 +87,7 @@ class NextFrame:
     """Wait for the next frame; the plan receives a `FrameView`."""
 
 
-@dataclass(frozen=True, slots=True)
-class GazeView:
+class GazeView(NamedTuple):
     """The gaze samples that arrived since the frame before, seen in the scene shown.
 
     n samples, m agents of the scene shown. `t_ns` (n,) session time of each sample;
@@ -109,8 +108,7 @@ class GazeView:
     hit: npt.NDArray[np.int16]
 
 
-@dataclass(frozen=True, slots=True)
-class BodyView:
+class BodyView(NamedTuple):
     """The samples of the body tracker that arrived since the frame before.
 
     n samples of s segments in the order of `segments`: `t_ns` (n,) arrival in session time,
@@ -124,9 +122,10 @@ class BodyView:
     valid: npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True)
-class FrameView:
+class FrameView(NamedTuple):
     """What one frame brought: time, head, gaze, buttons pressed, the body (None: no sample).
+
+    A tuple, as one is made for every frame and a frozen dataclass takes six times as long.
 
     `pressed_ns` are the session times at which `pressed` was heard, between frames too; empty where
     nobody knows them. `went_on` tells that the operator, asked by a `Prompt`, went on since the
@@ -136,7 +135,7 @@ class FrameView:
     before a screen it does not.
     """
 
-    index: int
+    index: int  # type: ignore[assignment]  # of the frame, not that of a tuple
     t_ns: int
     head: Pose
     head_valid: bool

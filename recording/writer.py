@@ -41,8 +41,9 @@ class Recorder:
     Thread-safe. `threaded`: a writer thread owns the files, `append` only copies rows into a
     bounded queue, and data are synced every second. Otherwise (virtual clock) the same code
     writes inline whenever a stream has gathered `max_batch_ns` of session time, so that files
-    depend on the data alone. The first failure to write is raised by every later call; what was
-    acknowledged before it stays readable.
+    depend on the data alone; without `awaits_disk` it waits for the disk at the end only, for a
+    session that can be made again. The first failure to write is raised by every later call; what
+    was acknowledged before it stays readable.
     """
 
     def __init__(
@@ -53,6 +54,7 @@ class Recorder:
         threaded: bool,
         max_batch_ns: int,
         is_simulated: bool,
+        awaits_disk: bool = True,
     ) -> None:
         if threaded and clock.is_virtual:
             raise RecordingError(
@@ -61,6 +63,7 @@ class Recorder:
         self._dir = part_dir
         self._clock = clock
         self._max_batch_ns = max_batch_ns
+        self._awaits_disk = awaits_disk
         self._is_simulated = is_simulated
         self._streams: dict[str, OpenStream] = {}
         self._failure: RecordingError | None = None
@@ -177,10 +180,13 @@ class Recorder:
         self.checkpoint()
 
     def checkpoint(self, timeout_s: float = 30.0) -> None:
-        """Return once everything appended so far is on the disk; RecordingError after timeout."""
+        """Return once everything appended so far is on the disk; RecordingError after timeout.
+
+        Without `awaits_disk` it is handed to the system, which a killed process does not undo.
+        """
         self._raise_failure()
         if self._thread is None:
-            self._guarded(self._write_all_pending, True)
+            self._guarded(self._write_all_pending, self._awaits_disk)
             return
         with self._wake:
             self._sync_wanted += 1

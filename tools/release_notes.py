@@ -1,8 +1,8 @@
 """Gather the fragments of changelog.d into CHANGELOG.md: `python -m tools.release_notes VERSION`.
 
 The version becomes the topmost heading, with the day given by --date; gathered fragments are
-deleted. A file of changelog.d that is no fragment, or an empty one, ends it before anything is
-written.
+deleted. pyproject.toml and CITATION.cff get the version too, the latter the day as well. A file of
+changelog.d that is no fragment, or an empty one, ends it before anything is written.
 """
 
 import argparse
@@ -22,6 +22,11 @@ What changed for people who use Visavis, newest version first. Changes since the
 in `changelog.d/`, one file each.
 """
 WIDTH = 100
+VERSION_LINES = {
+    "pyproject.toml": r'(?m)^(version = ").*(")$',
+    "CITATION.cff": r"(?m)^(version: ).*()$",
+}
+"""Files that name the version, and the line in which they do."""
 DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 
@@ -108,17 +113,37 @@ def release(root: Path, version: str, day: str) -> int:
     return len(changes)
 
 
+def stamped(root: Path, version: str, day: str) -> dict[Path, str]:
+    """Return what the files that name the version say from now on.
+
+    Raises:
+        ReleaseError: one of them names none.
+    """
+    new: dict[Path, str] = {}
+    for name, line in VERSION_LINES.items():
+        path = root / name
+        text, count = re.subn(line, rf"\g<1>{version}\g<2>", path.read_text("utf-8"), count=1)
+        if not count:
+            raise ReleaseError(f"{path} has no line with the version; put it back")
+        new[path] = re.sub(r"(?m)^(date-released: ).*$", rf"\g<1>{day}", text)
+    return new
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Make the notes of a version; say how many changes they hold."""
     parser = argparse.ArgumentParser(prog="tools.release_notes", description=__doc__)
     parser.add_argument("version")
     parser.add_argument("--date", required=True, help="day of the release, such as 2026-01-31")
     options = parser.parse_args(arguments)
+    root = Path(__file__).resolve().parents[1]
     try:
-        count = release(Path(__file__).resolve().parents[1], options.version, options.date)
+        texts = stamped(root, options.version, options.date)
+        count = release(root, options.version, options.date)
     except ReleaseError as problem:
         sys.stderr.write(f"{problem}\n")
         return 2
+    for path, text in texts.items():
+        path.write_text(text, "utf-8")
     sys.stdout.write(f"CHANGELOG.md: {options.version} with {count} changes\n")
     return 0
 

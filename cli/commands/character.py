@@ -1,13 +1,23 @@
 """character import, list and sheet: the people at hand, and those of the lab's own."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Literal, cast
 
 import typer
 from rich.table import Table
 
-from cli.app import ConfigOption, JsonOption, app, console, load_lab, verbatim
+from cli.app import (
+    ConfigOption,
+    JsonOption,
+    app,
+    console,
+    load_lab,
+    new_file,
+    say,
+    say_json,
+    say_written,
+    verbatim,
+)
 from lab.config import LabConfig
 from lab.errors import UsageError
 from stimuli.characters.cast import cast_names, load_character
@@ -57,7 +67,7 @@ def list_characters(
     rows = [_row(load_character(name), "Visavis") for name in cast_names()]
     rows += [_row(load_character(folder / f"{n}.npz"), "imported") for n in library_names(folder)]
     if as_json:
-        print(json.dumps(rows, indent=1))
+        say_json(rows)
         return
     table = Table("name", "gender", "height", "age", "triangles", "origin")
     for row in rows:
@@ -87,8 +97,7 @@ def sheet_command(
     from cli.preview.pictures import check_picture_name
 
     check_picture_name(png)
-    if png.exists():
-        raise UsageError(f"{png} exists already; choose another name")
+    new_file(png)
     folder = library or library_of(load_lab(config, only_simulates=True))
     imported = library_names(folder)
     wanted = tuple(names or imported)
@@ -100,7 +109,7 @@ def sheet_command(
         raise UsageError(f"there is no {', '.join(strangers)} in {folder}; known: {known}")
     people = [load_character(folder / f"{n}.npz" if n in imported else n) for n in wanted]
     people_sheet(SHEET_TILE_PX, people).save(png)
-    console.print(f"written [b]{verbatim(png)}[/]", soft_wrap=True)
+    say_written(png)
 
 
 @characters.command("import")
@@ -135,13 +144,11 @@ def import_command(
                 f"{result.character.stature_m:.2f} m"
             )
         if not as_json:
-            console.print(line, highlight=False, soft_wrap=True)
+            say(line)
     if as_json:
-        print(json.dumps(rows, indent=1))
+        say_json(rows)
     elif failed < len(rows):
-        console.print(
-            f"They are in {verbatim(folder)}; name them in a scene as above.", soft_wrap=True
-        )
+        say(f"They are in {verbatim(folder)}; name them in a scene as above.")
     if failed:
         raise CharacterError(
             f"{failed} of {len(rows)} files could not be imported; mend them as said above and "

@@ -1,6 +1,5 @@
 """check, recover: what a session left behind."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -12,12 +11,21 @@ from analysis.foreign_check import check_foreign
 from analysis.report.notation import counted
 from analysis.session_check import check_session
 from analysis.session_verdict import Level, SessionCheck
-from cli.app import ConfigOption, JsonOption, OfParticipant, SessionArgument, app, console, verbatim
-from cli.studies import folder_of, session_of
-from lab.errors import UsageError
+from cli.app import (
+    ConfigOption,
+    JsonOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    console,
+    say,
+    say_json,
+    say_plainly,
+    verbatim,
+)
+from cli.studies import folder_of, require_session, session_of
 from recording.reader import Recording
 from recording.recovery import recover as recover_session
-from recording.sealed import copy_path
 from visavis.sessions.study_check import is_study, repair_study, study_problems
 from visavis.sessions.study_folder import session_folders
 
@@ -29,23 +37,6 @@ ANSWER = {
     Level.AMBER: "They can leave once you have looked at this.",
     Level.RED: "Keep them here.",
 }
-
-
-def require_session(path: Path) -> None:
-    """Refuse a path that is no session's folder, naming the sessions nearby.
-
-    Raises:
-        UsageError: it has no manifest.
-    """
-    manifest = path / "manifest.json"
-    if manifest.exists() or copy_path(manifest).exists():
-        return
-    near = sorted(p.parent for p in path.parent.glob("*/manifest.json"))
-    near += sorted(p.parent for p in path.glob("*/manifest.json"))
-    hint = "\n  ".join(str(p) for p in near[:6])
-    raise UsageError(
-        f"{path} is no session" + (f"; there are\n  {hint}" if near else "; give a folder ses-…")
-    )
 
 
 @app.command()
@@ -79,7 +70,7 @@ def check(
     verdict = check_session(Recording(session_path))
     if as_json:
         content = {**asdict(verdict), "redo": verdict.redo, "verdict": verdict.level.name.lower()}
-        typer.echo(json.dumps(content, ensure_ascii=False, indent=1))
+        say_json(content)
     else:
         print_check(verdict, session_path, list_trials=trials)
     if verdict.level is Level.RED:
@@ -90,18 +81,17 @@ def _check_foreign(path: Path, *, as_json: bool) -> None:
     verdicts = check_foreign(path)
     if as_json:
         content = [{**asdict(v), "level": v.level.name.lower()} for v in verdicts]
-        typer.echo(json.dumps(content, ensure_ascii=False, indent=1))
+        say_json(content)
     else:
         for verdict in verdicts:
             rate = "" if verdict.rate_hz is None else f", {verdict.rate_hz:.1f} Hz"
-            console.print(
+            say(
                 f"[{STYLE[verdict.level]}]●[/] [b]{verbatim(verdict.name)}[/]  "
                 f"{verdict.samples} samples{rate}"
-                + ("" if verdict.findings else "  nothing wrong with its times"),
-                soft_wrap=True,
+                + ("" if verdict.findings else "  nothing wrong with its times")
             )
             for what, to_do in verdict.findings:
-                console.print(f"    {verbatim(what)}\n      → {verbatim(to_do)}", soft_wrap=True)
+                say(f"    {verbatim(what)}\n      → {verbatim(to_do)}")
     if any(v.level is Level.RED for v in verdicts):
         raise typer.Exit(EXIT_RED)
 
@@ -111,14 +101,13 @@ def _check_study(folder: Path, *, as_json: bool) -> None:
     count = len(session_folders(folder))
     if as_json:
         content = {"sessions": count, "problems": problems}
-        typer.echo(json.dumps(content, ensure_ascii=False, indent=1))
+        say_json(content)
     elif problems:
         for problem in problems:
             console.print(f"● {problem}", style="red", markup=False, highlight=False)
-        console.print(
+        say(
             f"[bold]→ run `visavis recover {verbatim(folder)}`; "
-            "it puts back what has an intact copy[/]",
-            soft_wrap=True,
+            "it puts back what has an intact copy[/]"
         )
     else:
         console.print(f"[green]{counted(count, 'session')}, every file verified[/]")
@@ -170,7 +159,7 @@ def print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False)
         console.print(rows)
     for step in verdict.redo:
         console.print(f"[bold]→ {verbatim(step)}[/]")
-    console.print(f"[dim]{verbatim(path)}[/]", soft_wrap=True)
+    say(f"[dim]{verbatim(path)}[/]")
 
 
 @app.command()
@@ -189,17 +178,17 @@ def recover(
     if is_study(session_path):
         done = repair_study(session_path)
         for line in done:
-            console.print(line, markup=False, highlight=False, soft_wrap=True)
+            say_plainly(line)
         if not done:
             console.print("nothing needed to be put back")
         return
     require_session(session_path)
     report = recover_session(session_path)
     if as_json:
-        typer.echo(json.dumps(asdict(report), default=str, ensure_ascii=False, indent=1))
+        say_json(asdict(report))
         return
     for line in report.repaired:
-        console.print(line, markup=False, highlight=False, soft_wrap=True)
+        say_plainly(line)
     console.print(f"[b]{report.trials}[/b] finished trials are safe in {verbatim(session_path)}")
     for part in report.parts:
         console.print(f"part {part.number}: {verbatim(part.status)}")
@@ -213,4 +202,4 @@ def recover(
         if status == "complete"
         else ("Continue with: visavis resume")
     )
-    console.print(f"{verb} {verbatim(session_path)}", soft_wrap=True)
+    say(f"{verb} {verbatim(session_path)}")

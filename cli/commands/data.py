@@ -9,7 +9,16 @@ import typer
 from rich.table import Table
 
 from analysis.report.notation import counted
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, load_lab, verbatim
+from cli.app import (
+    ConfigOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    console,
+    load_lab,
+    say,
+    verbatim,
+)
 from cli.studies import folder_of, session_of
 from lab.clock import SystemClock
 from lab.config import LabConfig
@@ -61,8 +70,8 @@ def import_gaze_files(
         _print_columns(f"{result.name}: quality", _columns(result.quality), across="eye")
         _print_columns(f"{result.name}: fixations", _columns(result.detectors))
     for failure in failures:
-        console.print(f"[yellow]left out: {verbatim(failure)}[/]", soft_wrap=True)
-    console.print(f"tables and figures in [b]{verbatim(output)}[/]", soft_wrap=True)
+        say(f"[yellow]left out: {verbatim(failure)}[/]")
+    say(f"tables and figures in [b]{verbatim(output)}[/]")
     if failures:
         raise typer.Exit(DataError.exit_code)
 
@@ -147,18 +156,15 @@ def export(
         note.write_text(before + loss_page(lost), "utf-8")
         written = (*dict.fromkeys((*written, note)),)
         _print_columns("what measures lose by the blur", _columns(lost))
-        console.print(f"[yellow]{BLURRED_RISK}[/]", soft_wrap=True)
+        say(f"[yellow]{BLURRED_RISK}[/]")
     protect_files(written)
     study = sessions[0].resolve().parent.parent
     if is_study(study):
         labels = sorted({Recording(session).manifest.participant for session in sessions})
         register_export(study, SystemClock(), format_name, output, labels, written)
-    console.print(
-        f"{len(written)} files of {counted(len(sessions), 'session')} in [b]{verbatim(output)}[/]",
-        soft_wrap=True,
-    )
+    say(f"{len(written)} files of {counted(len(sessions), 'session')} in [b]{verbatim(output)}[/]")
     if not is_simulated and tier != "public":
-        console.print(f"[yellow]{RISK}[/]", soft_wrap=True)
+        say(f"[yellow]{RISK}[/]")
 
 
 def _written(
@@ -207,6 +213,4 @@ def init(
         raise UsageError(f"{target} exists already; it was left as it is")
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(SCREEN_EXAMPLE if screen else EXAMPLE, target)
-    console.print(
-        f"wrote [b]{verbatim(target)}[/]; edit it, then: visavis devices list", soft_wrap=True
-    )
+    say(f"wrote [b]{verbatim(target)}[/]; edit it, then: visavis devices list")

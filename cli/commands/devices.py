@@ -1,15 +1,14 @@
 """devices: list, test, identify, setup, rules, capture, replay."""
 
-import json
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from cli.app import ConfigOption, JsonOption, app, console, load_lab, verbatim
+from cli.app import ConfigOption, JsonOption, app, console, load_lab, say, say_json, verbatim
 from lab.config import DeviceConfig, LabConfig
 from lab.errors import DataError, DeviceError, UsageError
 
@@ -39,7 +38,7 @@ def list_devices(config: ConfigOption = None, as_json: JsonOption = False) -> No
     roles, drivers = role_states(lab), driver_states()
     if as_json:
         found = {"roles": [asdict(r) for r in roles], "drivers": [asdict(d) for d in drivers]}
-        typer.echo(json.dumps(found, ensure_ascii=False, indent=1))
+        say_json(found)
         return
     table = Table("role", "driver", "state", box=None, pad_edge=False, title=str(lab.path))
     table.title_justify = "left"
@@ -79,7 +78,7 @@ def listen(
     chosen = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
     if as_json:
         trials = capture(chosen, SystemClock(), seconds)
-        typer.echo(_as_json([asdict(t) for t in trials]))
+        say_json([asdict(t) for t in trials])
     else:
         with console.status(f"listening for {seconds:g} s") as status:
             trials = capture(
@@ -111,7 +110,7 @@ def identify(role: RoleArgument, config: ConfigOption = None) -> None:
         known = ", ".join(bands) or "none: add one under devices in the configuration"
         raise UsageError(f"{role!r} is no armband of {lab.path}{hint or '.'} Its armbands: {known}")
     told = buzz(_device(lab, role), SystemClock())
-    console.print(told, soft_wrap=True)
+    say(told)
 
 
 @devices_app.command("setup")
@@ -131,7 +130,7 @@ def set_up_device(role: RoleArgument, config: ConfigOption = None) -> None:
     if device.simulated:
         raise UsageError(f"{role} is simulated, and simulated devices need no set-up")
     options = spec.checked_options(role, device.options)
-    console.print(spec.set_up(Site(spec, role, SystemClock(), options)), soft_wrap=True)
+    say(spec.set_up(Site(spec, role, SystemClock(), options)))
 
 
 @devices_app.command("rules")
@@ -217,10 +216,9 @@ def capture_wire(
     if trials[0].error:
         raise typer.Exit(DeviceError.exit_code)
     size_kb = path.stat().st_size / 1000
-    console.print(
+    say(
         f"wrote [b]{verbatim(path)}[/] ({size_kb:.0f} kB); play it back: "
-        f"visavis devices replay {verbatim(path)}",
-        soft_wrap=True,
+        f"visavis devices replay {verbatim(path)}"
     )
 
 
@@ -260,13 +258,10 @@ def replay(
     played = capture([device], clock, MAX_S, wires=wires, is_over=is_over)
     trials = tuple(_as_recorded(trial, simulated=log.is_simulated) for trial in played)
     if as_json:
-        typer.echo(_as_json([asdict(t) for t in trials]))
+        say_json([asdict(t) for t in trials])
     else:
         print_trials(trials)
-        console.print(
-            "the whole wire, from opening to closing; `capture` counts only what it listened to",
-            style="dim", soft_wrap=True,
-        )  # fmt: skip
+        say("[dim]the whole wire, from opening to closing; `capture` counts only what it hears[/]")
     if trials[0].error:
         raise typer.Exit(DeviceError.exit_code)
 
@@ -302,11 +297,3 @@ def _styled(text: str, ok: bool | None) -> str:
     if ok is None:
         return f"[dim]{escape(text)}[/]"
     return f"[green]{escape(text)}[/]" if ok else f"[yellow]{escape(text)}[/]"
-
-
-def _as_json(found: Any) -> str:
-    return json.dumps(found, ensure_ascii=False, indent=1, default=_plain)
-
-
-def _plain(value: object) -> object:
-    return sorted(value) if isinstance(value, frozenset) else str(value)

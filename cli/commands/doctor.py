@@ -1,6 +1,5 @@
 """doctor: what is there, what is missing, what to do."""
 
-import json
 import textwrap
 from itertools import groupby
 from typing import Annotated
@@ -8,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from cli.app import ConfigOption, DevicesOption, JsonOption, app, console, load_lab
+from cli.app import ConfigOption, DevicesOption, JsonOption, app, console, load_lab, say, say_json
 from cli.doctor.findings import Finding
 from lab.errors import DeviceError
 
@@ -42,7 +41,7 @@ def doctor(
     seconds = SELF_TEST_S if self_test else 0.0
     if as_json:
         report = examine(lab, SystemClock(), self_test_s=seconds)
-        typer.echo(json.dumps(as_document(report), ensure_ascii=False, indent=1))
+        say_json(as_document(report))
     else:
         doing = f"listening to every device for {seconds:g} s" if self_test else "looking"
         with console.status(doing):
@@ -54,7 +53,7 @@ def doctor(
             console.print()
             print_trials(report.trials)
         console.print()
-        console.print(verdict(report), soft_wrap=True, highlight=False)
+        say(verdict(report))
     if report.is_stopped:
         raise typer.Exit(DeviceError.exit_code)
 
@@ -75,13 +74,11 @@ def _print_line(finding: Finding, width: int) -> None:
         start = f"{SIGNS[finding.level]} {lead[2:]}" if not number else " " * len(lead)
         faint = finding.level == "note"
         shown = f"[dim]{escape(text)}[/]" if faint else escape(text)
-        console.print(f"{start}{shown}", soft_wrap=True, highlight=False)
+        say(f"{start}{shown}")
     if finding.remedy:
         for number, text in enumerate(_wrapped(finding.remedy, console.width - len(lead) - 4)):
             arrow = "→ " if not number else "  "
-            console.print(
-                f"{' ' * len(lead)}{arrow}{escape(text)}", highlight=False, soft_wrap=True
-            )
+            say(f"{' ' * len(lead)}{arrow}{escape(text)}")
 
 
 def _wrapped(text: str, width: int) -> list[str]:

@@ -1,26 +1,25 @@
 """lock: freeze what a study plans."""
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, load_lab, verbatim
-from cli.commands.session import (
-    LanguageOption,
-    SeedOption,
-    SetOption,
-    groups_hold,
-    ledger_of,
+from cli.app import (
+    ConfigOption,
+    DevicesOption,
+    StudyArgument,
+    app,
+    console,
+    load_lab,
+    say,
+    verbatim,
 )
-from cli.studies import study_of_lab
+from cli.commands.session import LanguageOption, SeedOption, SetOption
+from cli.studies import study_here
 from lab.clock import SystemClock
-from recording.folder import study_dir
-from visavis.sessions.data_root import prepare_data_root
 from visavis.sessions.plan_lock import LOCK_NAME, PAGE_NAME, lock_plan
-from visavis.sessions.rig import is_simulated
-from visavis.sessions.study_folder import session_folders, settle, wanted_settings
+from visavis.sessions.study_folder import session_folders
 
 
 @app.command()
@@ -56,32 +55,18 @@ def lock(
     lab = load_lab(config, devices)
     if output is not None:
         lab = lab.model_copy(update={"data_root": output.resolve()})
-    chosen = study_of_lab(study, lab)
-    simulated = is_simulated(lab)
-    folder = study_dir(lab.data_root, chosen.name, is_simulated=simulated)
-    wanted = wanted_settings(
-        folder,
-        chosen,
-        is_simulated=simulated,
-        seed=seed,
-        assignments=assignments,
-        language=language or lab.language,
-    )
-    experiment = chosen.experiment(wanted.parameters)
-    prepare_data_root(lab)
-    ledger = ledger_of(lab, chosen.name, simulated=simulated)
-    settings = settle(
-        folder, wanted, seed_given=seed is not None, fits=partial(groups_hold, chosen, ledger)
-    )
+    here = study_here(study, lab)
+    wanted = here.wanted(seed=seed, assignments=assignments, language=language)
+    experiment = here.study.experiment(wanted.parameters)
+    settings = here.settled(wanted, seed_given=seed is not None)
+    folder = here.folder
     before = len(session_folders(folder))
     made = lock_plan(
-        folder, chosen, experiment, settings.seed, SystemClock(),
+        folder, here.study, experiment, settings.seed, SystemClock(),
         participants=participants, rule=rule, is_blinded=blinded, sessions_before=before,
     )  # fmt: skip
     for name in (LOCK_NAME, PAGE_NAME):
-        console.print(f"wrote [b]{verbatim(folder / name)}[/]", soft_wrap=True)
+        say(f"wrote [b]{verbatim(folder / name)}[/]")
     console.print(f"SHA-256 {made.sha256}", highlight=False)
     if before:
-        console.print(
-            f"[yellow]{before} sessions were recorded before; the plan says so[/]", soft_wrap=True
-        )
+        say(f"[yellow]{before} sessions were recorded before; the plan says so[/]")

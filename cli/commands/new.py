@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from cli.app import ConfigOption, app, console, load_lab
+from cli.app import ConfigOption, app, console, load_lab, say
 from cli.studies import study_of_lab
 from visavis.deriving import study_to_derive_from
 from visavis.new_study import new_study
@@ -31,7 +31,7 @@ def new(
         lab = load_lab(config, only_simulates=True, quiet=True)
         source = study_to_derive_from(study_of_lab(base, lab))
     for path in new_study(name, folder, source):
-        console.print(f"wrote [b]{path}[/]", soft_wrap=True)
+        say(f"wrote [b]{path}[/]")
     file = shlex.quote(f"./{(folder / name).as_posix()}.py")
     console.print("next, as it stands or with your changes:")
     for command in (
@@ -40,4 +40,4 @@ def new(
         f"visavis analyse out/simulated/{name}",
         f"python -m pytest {shlex.quote(str(folder / f'test_{name}.py'))}",
     ):
-        console.print(f"  {command}", soft_wrap=True, highlight=False)
+        say(f"  {command}")

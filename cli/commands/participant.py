@@ -1,23 +1,26 @@
 """participant add, list, withdraw: the ledger of a study."""
 
-from functools import partial
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
-from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, load_lab, verbatim
-from cli.commands.session import SetOption, groups_hold, ledger_of
-from cli.studies import study_of_lab
+from cli.app import (
+    ConfigOption,
+    DevicesOption,
+    StudyArgument,
+    app,
+    console,
+    load_lab,
+    say,
+    verbatim,
+)
+from cli.commands.session import SetOption
+from cli.studies import study_here
 from lab.errors import UsageError
 from protocol.exports_register import registered_exports
-from protocol.key_file import KeyFile
 from protocol.ledger import Ledger
-from recording.folder import study_dir
 from recording.lock import is_held
-from visavis.sessions.data_root import prepare_data_root
-from visavis.sessions.rig import is_simulated
-from visavis.sessions.study_folder import settle, wanted_settings
 
 participant_app = typer.Typer(help="Issue, list and withdraw participant identifiers.")
 app.add_typer(participant_app, name="participant")
@@ -49,29 +52,19 @@ def add(
     Example: visavis participant add stare 7 --consent 2
     """
     lab = load_lab(config, devices)
-    chosen = study_of_lab(study, lab)
-    simulated = is_simulated(lab)
-    folder = study_dir(lab.data_root, chosen.name, is_simulated=simulated)
-    wanted = wanted_settings(
-        folder, chosen, is_simulated=simulated, seed=seed, assignments=assignments,
-        language=lab.language,
-    )  # fmt: skip
-    experiment = chosen.experiment(wanted.parameters)
-    prepare_data_root(lab)
-    ledger = ledger_of(lab, chosen.name, simulated=simulated)
-    settings = settle(
-        folder, wanted, seed_given=seed is not None, fits=partial(groups_hold, chosen, ledger)
-    )
-    entry = ledger.add(
+    here = study_here(study, lab)
+    wanted = here.wanted(seed=seed, assignments=assignments)
+    settings = here.settled(wanted, seed_given=seed is not None)
+    entry = here.ledger.add(
         number,
-        group=lambda index: experiment.plan(index, settings.seed).group,
+        group=here.group_of(settings),
         consent_version=consent or lab.privacy.consent_version,
         replaces=replaces,
     )
-    if name and simulated:
+    if name and here.is_simulated:
         raise UsageError("simulated participants have no names")
     if name:
-        KeyFile(lab.key_root, chosen.name, [lab.data_root]).identify(entry.label, {"name": name})
+        here.key_file.identify(entry.label, {"name": name})
     console.print(
         f"[b]{verbatim(entry.label)}[/b] is participant {entry.number} of {verbatim(study)}, "
         f"place {entry.index + 1}" + (f", group {entry.group}" if entry.group else "")
@@ -88,13 +81,11 @@ def list_them(
     Example: visavis participant list stare
     """
     lab = load_lab(config, devices)
-    study = study_of_lab(study, lab).name
-    simulated = is_simulated(lab)
-    folder = study_dir(lab.data_root, study, is_simulated=simulated)
+    here = study_here(study, lab)
     table = Table("label", "place", "group", "consent", "status", "sessions", "added")
-    entries = ledger_of(lab, study, simulated=simulated).list()
+    entries = here.ledger.list()
     for e in entries:
-        sessions = len(list(folder.glob(f"sub-{e.label}/ses-*/manifest.json")))
+        sessions = len(list(here.folder.glob(f"sub-{e.label}/ses-*/manifest.json")))
         table.add_row(
             e.label,
             str(e.index + 1),
@@ -106,7 +97,8 @@ def list_them(
         )
     console.print(table)
     console.print(
-        f"{len(entries)} in the ledger of {verbatim(study)}{' (simulated)' if simulated else ''}"
+        f"{len(entries)} in the ledger of {verbatim(here.study.name)}"
+        + (" (simulated)" if here.is_simulated else "")
     )
 
 
@@ -124,10 +116,8 @@ def withdraw(
     Example: visavis participant withdraw stare 07H --reason "asked by e-mail"
     """
     lab = load_lab(config, devices)
-    study = study_of_lab(study, lab).name
-    simulated = is_simulated(lab)
-    folder = study_dir(lab.data_root, study, is_simulated=simulated)
-    ledger = ledger_of(lab, study, simulated=simulated)
+    here = study_here(study, lab)
+    folder, ledger = here.folder, here.ledger
     label = _label_of(ledger, participant)
     sessions = sorted(folder.glob(f"sub-{label}/ses-*/manifest.json"))
     running = [p.parent for p in sessions if is_held(p.parent)]
@@ -137,7 +127,7 @@ def withdraw(
         f"Remove {label}: {len(sessions)} sessions in {folder}? This cannot be undone."
     ):
         raise UsageError("nothing was removed")
-    key_file = None if simulated else KeyFile(lab.key_root, study, [lab.data_root])
+    key_file = None if here.is_simulated else here.key_file
     removal = ledger.withdraw(participant, [folder], reason=reason, key_file=key_file)
     console.print(
         f"{label} is withdrawn: {len(sessions)} sessions removed, "
@@ -148,7 +138,7 @@ def withdraw(
     for path in removal.unreadable:
         console.print(f"[yellow]could not be read, look yourself: {verbatim(path)}[/]")
     for line in removal.unreached:
-        console.print(f"[yellow]not reached: {verbatim(line)}[/]", soft_wrap=True, highlight=False)
+        say(f"[yellow]not reached: {verbatim(line)}[/]")
     given = [e for e in registered_exports(folder) if label in e.labels]
     for export in given:
         console.print(f"exported as {export.what} on {export.at[:10]} to {verbatim(export.where)}")

@@ -1,7 +1,6 @@
 """power: how many participants a study needs, by simulation."""
 
 import difflib
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,14 +9,6 @@ from typing import Annotated, Any
 import numpy as np
 import pandas as pd
 import typer
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 
 from analysis.plots import write_figure
@@ -44,10 +35,13 @@ from cli.app import (
     console,
     errors,
     load_lab,
+    say,
+    say_json,
     verbatim,
 )
 from cli.commands.study import ProcessesOption
 from cli.quick_tracker import tracker_of
+from cli.telling import counting
 from lab.clock import StopWatch
 from lab.errors import UsageError
 from recording.csv_file import write_csv
@@ -164,11 +158,11 @@ def power(
     folder = free_folder(f"power_{chosen.name}") if output is None else output
     written = write_power(summary, folder)
     if as_json:
-        typer.echo(json.dumps(as_data(summary, written), ensure_ascii=False, indent=1))
+        say_json(as_data(summary, written))
         return
     print_power(summary)
     console.print(f"{replicates} replicates in {watch.elapsed_s():.0f} s")
-    console.print(f"curve and figure in [b]{verbatim(folder)}[/]", soft_wrap=True)
+    say(f"curve and figure in [b]{verbatim(folder)}[/]")
 
 
 class _Run:
@@ -191,14 +185,7 @@ class _Run:
 
     def jobs(self, work: Any, jobs: list[Any], what: str) -> Iterator[tuple[int, Any]]:
         """Yield (job number, result) as they finish, with progress."""
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-        )
-        with Progress(*columns, console=errors, disable=self._quiet) as bar:
+        with counting(errors, quiet=self._quiet) as bar:
             sizes = [len(j.replicates) if hasattr(j, "replicates") else 1 for j in jobs]
             line = bar.add_task(what, total=sum(sizes))
             results = (
@@ -380,19 +367,15 @@ def print_power(summary: PowerSummary) -> None:
     for first in range(0, len(summary.tests), TESTS_PER_TABLE):
         console.print(_table(summary, summary.tests[first : first + TESTS_PER_TABLE]))
     curve = summary.tests[0].curve
-    console.print(
+    say(
         f"In brackets the 95 % Monte-Carlo interval. Enough: "
         f"{target_text(curve.target, curve.rule)}. Difference and dz: as found at "
-        f"n = {numbers[-1]}, mean of replicates.",
-        soft_wrap=True,
-        highlight=False,
+        f"n = {numbers[-1]}, mean of replicates."
     )
-    console.print(f"{summary.effect_meaning}.", soft_wrap=True, highlight=False)
-    console.print(
-        f"[b]{summary.sentence()}[/]".replace("CI [", "CI \\["), soft_wrap=True, highlight=False
-    )
+    say(f"{summary.effect_meaning}.")
+    say(f"[b]{summary.sentence()}[/]".replace("CI [", "CI \\["))
     for note in summary.notes:
-        console.print(f"note: {verbatim(note)}", soft_wrap=True, highlight=False)
+        say(f"note: {verbatim(note)}")
 
 
 def _table(summary: PowerSummary, tests: tuple[TestPower, ...]) -> Table:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import typer
 from rich.progress import Progress
 
-from cli.app import ConfigOption, StudyArgument, app, console, load_lab, verbatim
+from cli.app import ConfigOption, StudyArgument, app, console, load_lab, new_file, say_written
 from cli.preview.capture import Capture, Meanwhile, Seen, spread
 from cli.preview.pictures import (
     SIMULATED,
@@ -74,10 +74,8 @@ def preview(
     if asked > 1:
         raise UsageError("choose one of --png FILE, --sheet FILE, --video FILE and --window")
     for path in (png, sheet, video):
-        if path is not None and path.exists():
-            raise UsageError(f"{path} exists already; choose another name")
-        if path is not None and not path.parent.is_dir():
-            raise UsageError(f"there is no folder {path.parent}; make it first")
+        if path is not None:
+            new_file(path)
     for path in (png, sheet):
         if path is not None:
             check_picture_name(path)
@@ -96,7 +94,7 @@ def preview(
         from cli.preview.people import people_sheet
 
         people_sheet((size_px[0] // 2, size_px[1] // 2)).save(sheet)
-        _written(sheet)
+        say_written(sheet)
         return
     from stimuli.dressing.picture_of import picture_of
 
@@ -161,7 +159,7 @@ def _write_picture(showing: _Showing, path: Path, at_s: float) -> None:
     with Stills() as stills:
         image = stills.image(*showing.at(frames[-1]), showing.size_px)
     labelled(image, f"{SIMULATED}  ·  {showing.label}, {at_s:.1f} s").save(path)
-    _written(path)
+    say_written(path)
 
 
 def _write_sheet(showing: _Showing, path: Path) -> None:
@@ -176,7 +174,7 @@ def _write_sheet(showing: _Showing, path: Path) -> None:
             image = stills.image(*showing.at(frames[k]), (width, height))
             tiles.append(labelled(image, f"{SIMULATED}  {showing.passed_s(frames[k]):.1f} s"))
     contact_sheet(tiles, f"{showing.label}  ·  {SIMULATED}", SHEET_COLUMNS).save(path)
-    _written(path)
+    say_written(path)
 
 
 def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> None:
@@ -195,7 +193,7 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
             film.add(np.asarray(labelled(image, label)))
             if said := forecast.told(done, len(frames)):
                 TELLING.say(said)
-    _written(path, f", {len(frames) / rate_hz:.1f} s")
+    say_written(path, f", {len(frames) / rate_hz:.1f} s")
 
 
 @contextmanager
@@ -262,7 +260,3 @@ def picture_size(text: str) -> tuple[int, int]:
     if not 64 <= int(height) <= 4320:
         raise UsageError(f"--size {text!r}; heights go from 64 to 4320 pixels")
     return int(width) - int(width) % 2, int(height) - int(height) % 2
-
-
-def _written(path: Path, more: str = "") -> None:
-    console.print(f"written [b]{verbatim(path)}[/]{more}", soft_wrap=True)

@@ -6,9 +6,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
-from cli.commands.checking import require_session
-from cli.studies import folder_of, session_of
+from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, say, verbatim
+from cli.studies import session_of
 from lab.errors import UsageError
 from recording.reader import Recording
 
@@ -38,11 +37,7 @@ def quality(
     from analysis.gaze.session_quality import GAZE, session_quality
     from analysis.own_streams import own_streams
 
-    if participant:
-        session_path = session_of(session_path, config, participant)
-    elif not session_path.is_dir():
-        session_path = folder_of(session_path, config)
-    require_session(session_path)
+    session_path = session_of(session_path, config, participant)
     page = output / PAGE_NAME
     if page.exists():
         raise UsageError(f"{page} is already there; give another folder (-o)")
@@ -61,4 +56,4 @@ def quality(
     for name, value in facts:
         table.add_row(name, value)
     console.print(table)
-    console.print(f"the page is [b]{verbatim(page)}[/]", soft_wrap=True)
+    say(f"the page is [b]{verbatim(page)}[/]")

@@ -6,11 +6,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
-from cli.commands.checking import require_session
+from cli.app import ConfigOption, OfParticipant, SessionArgument, app, new_file, say_written
 from cli.preview.pictures import SIMULATED, check_picture_name, write_below
 from cli.studies import session_of
-from lab.errors import UsageError
 from recording.reader import Recording
 
 
@@ -34,10 +32,8 @@ def redraw(
     from cli.redraw import redraw as draw_again
 
     session_path = session_of(session_path, config, participant)
-    require_session(session_path)
     check_picture_name(png)
-    if png.exists():
-        raise UsageError(f"{png} exists already; choose another name")
+    new_file(png)
     recording = Recording(session_path)
     images = draw_again(recording, frame, part=part)
     both = np.concatenate(images, axis=1)
@@ -45,4 +41,4 @@ def redraw(
         write_below(both, f"{SIMULATED}  ·  frame {frame}").save(png)
     else:
         Image.fromarray(both).save(png)
-    console.print(f"written [b]{verbatim(png)}[/]", soft_wrap=True)
+    say_written(png)

@@ -6,8 +6,7 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
-from cli.commands.checking import require_session
+from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, say, verbatim
 from cli.commands.preview import picture_size
 from cli.preview.pictures import Viewpoint
 from cli.studies import session_of
@@ -36,11 +35,10 @@ def replay(
     Example: visavis replay data/simulated/stare/sub-S01B/ses-001 --trial T07 --video trial.avi
     """
     session_path = session_of(session_path, config, participant)
-    require_session(session_path)
     recording = Recording(session_path)
     study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
     if changed:
-        console.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
+        say(f"[yellow]{verbatim(changed)}[/]")
     size_px = picture_size(size)
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("drawing", total=None)
@@ -65,4 +63,4 @@ def replay(
                 study, recording, trial, video, view=view, size_px=size_px, rate_hz=rate,
                 seconds=seconds, on_frame=told,
             )  # fmt: skip
-    console.print(f"written [b]{verbatim(video)}[/], {n / rate:.1f} s", soft_wrap=True)
+    say(f"written [b]{verbatim(video)}[/], {n / rate:.1f} s")

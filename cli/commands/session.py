@@ -1,12 +1,10 @@
 """plan, run, resume: one session."""
 
-import json
 import shlex
 import signal
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -24,15 +22,15 @@ from cli.app import (
     console,
     errors,
     load_lab,
+    say_json,
     verbatim,
 )
 from cli.commands.checking import print_check
-from cli.commands.checking import require_session as require_session
 from cli.getting_ready import make_ready
 from cli.lab_companion import LabCompanion
 from cli.operator_screen import TerminalOperator
 from cli.questions import TerminalRespondent
-from cli.studies import study_of_lab
+from cli.studies import StudyHere, require_session, study_here, study_of_lab
 from lab.clock import SimClock, SystemClock
 from lab.config import LabConfig
 from lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
@@ -41,24 +39,21 @@ from protocol.identifiers import make_label
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from protocol.operator import Operator, UnattendedOperator
 from protocol.plan import SessionPlan
-from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir, study_dir
+from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from recording.reader import Recording
-from visavis.catalogue import AnyStudy
-from visavis.sessions.data_root import prepare_data_root, require_space
+from visavis.sessions.data_root import require_space
 from visavis.sessions.perform import Request, perform_new, perform_rest
 from visavis.sessions.rig import check_rig, devices_for, is_simulated, require_picture
+from visavis.sessions.study_check import SIMULATED_PREFIX
 from visavis.sessions.study_folder import (
     DEFAULT_SEED,
     StudySettings,
     may_become,
     read_settings,
     refuse_other,
-    settle,
     study_of_folder,
-    wanted_settings,
 )
 
-SIMULATED_PREFIX = "S"
 ENDING_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 """Ctrl-C, the system, a terminal that was closed (Windows: SIGBREAK)."""
 
@@ -93,13 +88,6 @@ WithoutOption = Annotated[
 BlindOption = Annotated[bool, typer.Option("--blind", help="Hide conditions from the operator.")]
 
 
-def ledger_of(config: LabConfig, study: str, *, simulated: bool) -> Ledger:
-    """Return a study's ledger; simulated people have one of their own."""
-    folder = study_dir(config.data_root, study, is_simulated=simulated)
-    prefix = SIMULATED_PREFIX if simulated else ""
-    return Ledger(folder, SystemClock(), prefix=prefix)
-
-
 @app.command()
 def plan(
     study: StudyArgument,
@@ -119,24 +107,18 @@ def plan(
     Without a participant, what the next new one would get. Example: visavis plan ./duel.py
     """
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
-    chosen = study_of_lab(study, lab)
-    simulated = is_simulated(lab)
-    folder = study_dir(lab.data_root, chosen.name, is_simulated=simulated)
-    settings = read_settings(folder)
-    wanted = wanted_settings(
-        folder, chosen, is_simulated=simulated, assignments=assignments,
-        language=language or lab.language,
-    )  # fmt: skip
-    if settings is not None and not may_become(folder, settings, wanted):
-        refuse_other(folder, settings, wanted)
-    in_force = _seed_in_force(settings, seed)
-    ledger = ledger_of(lab, chosen.name, simulated=simulated)
-    experiment = chosen.experiment(wanted.parameters)
+    here = study_here(study, lab)
+    settings = read_settings(here.folder)
+    wanted = here.wanted(assignments=assignments, language=language)
+    if settings is not None and not may_become(here.folder, settings, wanted):
+        refuse_other(here.folder, settings, wanted)
+    in_force = seed if seed is not None else settings.seed if settings else DEFAULT_SEED
+    experiment = here.study.experiment(wanted.parameters)
     check_rig(devices_for(lab, experiment))
-    label, index, group, note = _place_shown(ledger, participant, experiment, in_force)
+    label, index, group, note = _place_shown(here.ledger, participant, experiment, in_force)
     made = experiment.plan(index, in_force, group)
     if as_json:
-        typer.echo(json.dumps(asdict(made), default=str, ensure_ascii=False, indent=1))
+        say_json(asdict(made))
         return
     _print_plan(made, label, note)
 
@@ -161,12 +143,6 @@ def _place_shown(
         "",
         f"{unknown_one}Shown is place {index + 1}, which {person} would get now.",
     )
-
-
-def _seed_in_force(settings: StudySettings | None, seed: int | None) -> int:
-    if seed is not None:
-        return seed
-    return settings.seed if settings is not None else DEFAULT_SEED
 
 
 def _print_plan(made: SessionPlan, label: str, note: str) -> None:
@@ -218,24 +194,15 @@ def run(
     """
     lab = load_lab(config, devices)
     require_picture(lab)
-    chosen = study_of_lab(study, lab)
-    simulated = is_simulated(lab)
-    if fast and not simulated:
+    here = study_here(study, lab)
+    if fast and not here.is_simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot; add --devices sim")
-    folder = study_dir(lab.data_root, chosen.name, is_simulated=simulated)
-    wanted = wanted_settings(
-        folder, chosen, is_simulated=simulated, seed=seed, assignments=assignments,
-        language=language or lab.language,
-    )  # fmt: skip
-    check_rig(devices_for(lab, chosen.experiment(wanted.parameters), without or ()))
+    wanted = here.wanted(seed=seed, assignments=assignments, language=language)
+    check_rig(devices_for(lab, here.study.experiment(wanted.parameters), without or ()))
     require_space(lab)
-    prepare_data_root(lab)
-    ledger = ledger_of(lab, chosen.name, simulated=simulated)
-    settings = settle(
-        folder, wanted, seed_given=seed is not None, fits=partial(groups_hold, chosen, ledger)
-    )
-    entry = registered_or_added(lab, chosen, settings, participant, simulated=simulated)
-    path = session_dir(lab.data_root, chosen.name, entry.label, session, is_simulated=simulated)
+    settings = here.settled(wanted, seed_given=seed is not None)
+    entry = here.participant(settings, participant)
+    path = _session_dir(here, entry, session)
     if path.exists():
         others = len(list(path.parent.glob("ses-*")))
         done = Recording(path).status == "complete"
@@ -246,39 +213,14 @@ def run(
             f"  {first}\n  or run a further one: add --session {others + 1}"
         )
     _perform(
-        lab, chosen, settings, entry, session, fast=fast, blind=blind, resume_from=None,
-        without=without,
-    )  # fmt: skip
-
-
-def groups_hold(study: AnyStudy, ledger: Ledger, settings: StudySettings) -> bool:
-    """Tell whether everybody in the ledger has the group that a study with these settings gives."""
-    experiment = study.experiment(settings.parameters)
-    return all(
-        entry.group == experiment.plan(entry.index, settings.seed).group for entry in ledger.list()
+        here, settings, entry, session, fast=fast, blind=blind, resume_from=None, without=without
     )
 
 
-def registered_or_added(
-    lab: LabConfig, study: AnyStudy, settings: StudySettings, participant: str, *, simulated: bool
-) -> Participant:
-    """Return somebody of the ledger; simulated people are added to it when they first come.
-
-    Raises:
-        LedgerError: nobody is meant, or somebody real who is not registered.
-    """
-    ledger = ledger_of(lab, study.name, simulated=simulated)
-    try:
-        return ledger.resolve(participant)
-    except UnknownParticipant as unknown:
-        if not simulated:
-            raise
-        experiment = study.experiment(settings.parameters)
-        return ledger.add(
-            unknown.number,
-            group=lambda index: experiment.plan(index, settings.seed).group,
-            consent_version=lab.privacy.consent_version,
-        )
+def _session_dir(here: StudyHere, entry: Participant, session: int) -> Path:
+    return session_dir(
+        here.lab.data_root, here.study.name, entry.label, session, is_simulated=here.is_simulated
+    )
 
 
 @app.command()
@@ -326,21 +268,12 @@ def resume(
     settings = read_settings(folder)
     if settings is None:
         raise UsageError(f"{folder} has no study.json; restore it from a copy")
-    ledger = Ledger(
-        folder, SystemClock(), prefix=SIMULATED_PREFIX if recording.is_simulated else ""
-    )
-    entry = ledger.resolve(manifest.participant)
+    prefix = SIMULATED_PREFIX if recording.is_simulated else ""
+    entry = Ledger(folder, SystemClock(), prefix=prefix).resolve(manifest.participant)
     _perform(
-        lab,
-        chosen,
-        settings,
-        entry,
-        manifest.session,
-        fast=fast,
-        blind=blind,
-        resume_from=session_path,
-        without=without,
-    )
+        StudyHere(lab, chosen), settings, entry, manifest.session, fast=fast, blind=blind,
+        resume_from=session_path, without=without,
+    )  # fmt: skip
 
 
 def _the_unfinished(lab: LabConfig, study: str = "*") -> Path:
@@ -358,8 +291,7 @@ def _the_unfinished(lab: LabConfig, study: str = "*") -> Path:
 
 
 def _perform(
-    lab: LabConfig,
-    study: AnyStudy,
+    here: StudyHere,
     settings: StudySettings,
     entry: Participant,
     session: int,
@@ -369,8 +301,8 @@ def _perform(
     resume_from: Path | None,
     without: list[str] | None,
 ) -> None:
-    simulated = is_simulated(lab)
-    experiment = study.experiment(settings.parameters)
+    simulated = here.is_simulated
+    experiment = here.study.experiment(settings.parameters)
     if not fast:
         make_ready(experiment)  # before the operator's screen, which would stand empty meanwhile
     with ExitStack() as stack:
@@ -383,9 +315,9 @@ def _perform(
             if not simulated:
                 respondent = TerminalRespondent(console, screen.suspend)
         request = Request(
-            study=study,
+            study=here.study,
             experiment=experiment,
-            config=lab,
+            config=here.lab,
             participant_label=entry.label,
             participant_index=entry.index,
             group=entry.group,
@@ -400,9 +332,7 @@ def _perform(
             companion=LabCompanion(),
             without=tuple(dict.fromkeys(without or ())),
         )
-        path = resume_from or session_dir(
-            lab.data_root, study.name, entry.label, session, is_simulated=simulated
-        )
+        path = resume_from or _session_dir(here, entry, session)
         try:
             if resume_from is None:
                 perform_new(request)

@@ -1,6 +1,5 @@
 """stats: one test of a table in a file, with table, sentences, decision path and figures."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, cast
@@ -24,7 +23,7 @@ from analysis.statistics_report import (
     with_error_rates,
     write_outcome,
 )
-from cli.app import JsonOption, app, console, verbatim
+from cli.app import JsonOption, app, console, say, say_json, say_plainly, verbatim
 from lab.errors import UsageError
 
 SEVERAL = ("--within", "--between", "--items", "--reverse", "--levels", "--where")
@@ -231,12 +230,12 @@ def stats(
     folder = Path(f"{file.stem}_{test}") if output is None else output
     files, problems = write_outcome(outcome, folder)
     if as_json:
-        typer.echo(json.dumps(outcome_data(outcome, files), ensure_ascii=False, indent=1))
+        say_json(outcome_data(outcome, files))
         return
     print_outcome(outcome, table.notes)
     for problem in problems:
-        console.print(f"[yellow]{verbatim(problem)}[/]", soft_wrap=True, highlight=False)
-    console.print(f"tables, text and figures in [b]{verbatim(folder)}[/]", soft_wrap=True)
+        say(f"[yellow]{verbatim(problem)}[/]")
+    say(f"tables, text and figures in [b]{verbatim(folder)}[/]")
 
 
 def read_levels(texts: Sequence[str]) -> dict[str, list[str]]:
@@ -284,7 +283,7 @@ def _print_lines(heading: str, lines: Sequence[str]) -> None:
     if lines and heading:
         console.print(f"\n[b]{heading}[/]")
     for line in lines:
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
+        say_plainly(line)
 
 
 def _print_rows(title: str, rows: Sequence[Row], columns: Sequence[str]) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from cli.app import ConfigOption, StudyArgument, app, console, load_lab, verbatim
+from cli.app import ConfigOption, StudyArgument, app, console, load_lab, say, verbatim
 from cli.commands.session import LanguageOption
 from cli.studies import folder_of, study_of_lab
 from cli.telling import TELLING
@@ -89,8 +89,8 @@ def simulate(
         lab, chosen, wanted, participants, output, processes=processes, scheduler=scheduler,
         telling=TELLING,
     )  # fmt: skip
-    console.print(f"[magenta]SIMULATED[/] study in [b]{verbatim(folder)}[/]", soft_wrap=True)
-    console.print(f"next: visavis analyse {verbatim(folder)}", soft_wrap=True)
+    say(f"[magenta]SIMULATED[/] study in [b]{verbatim(folder)}[/]")
+    say(f"next: visavis analyse {verbatim(folder)}")
 
 
 PeekOption = Annotated[
@@ -135,10 +135,8 @@ def analyse(
         sync=sync,
         telling=TELLING,
     )
-    console.print(
-        f"tables, figures and report in [b]{verbatim(report_path.parent)}[/]", soft_wrap=True
-    )
-    console.print(f"report: [b]{verbatim(report_path)}[/]", soft_wrap=True)
+    say(f"tables, figures and report in [b]{verbatim(report_path.parent)}[/]")
+    say(f"report: [b]{verbatim(report_path)}[/]")
 
 
 @app.command()
@@ -167,7 +165,7 @@ def report(
         sync=sync,
         telling=TELLING,
     )
-    console.print(f"report: [b]{verbatim(path)}[/]", soft_wrap=True)
+    say(f"report: [b]{verbatim(path)}[/]")
     if open_it:
         webbrowser.open(path.as_uri())
 
@@ -199,4 +197,4 @@ def demo(
     )
     path = analyse_study(folder, processes=processes, telling=TELLING)
     console.print(f"done in {watch.elapsed_s():.0f} s; everything is marked [magenta]SIMULATED[/]")
-    console.print(f"[b]report: {verbatim(path)}[/]", soft_wrap=True)
+    say(f"[b]report: {verbatim(path)}[/]")

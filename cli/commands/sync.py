@@ -9,7 +9,7 @@ import typer
 from rich.progress import Progress
 from rich.table import Table
 
-from cli.app import ConfigOption, JsonOption, app, console, load_lab, verbatim
+from cli.app import ConfigOption, JsonOption, app, console, load_lab, say_json, verbatim
 from cli.sync_records import FOLDER
 from lab.config import LabConfig
 from lab.errors import UsageError
@@ -103,7 +103,7 @@ def sync_test(
     }
     path = _keep(lab, record, found)
     if as_json:
-        typer.echo(json.dumps(record | {"path": str(path)}))
+        say_json(record | {"path": str(path)})
         return
     _tell(record, found, path)
 

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from rich.progress import Progress
 
-from cli.app import JsonOption, app, console, verbatim
+from cli.app import JsonOption, app, console, say, verbatim
 from lab.errors import UsageError
 from lab.geometry import Vector
 from stimuli.characters.character import Character
@@ -117,10 +117,10 @@ def warp(
     if as_json:
         console.print_json(data=summary)
         return
-    console.print(warped.summary, highlight=False, soft_wrap=True)
+    say(warped.summary)
     if not drawn:
         console.print("[yellow]no OpenGL here: the sheet shows body parts instead of people[/]")
-    console.print(f"written to [b]{verbatim(output)}[/]: {', '.join(OUT_NAMES)}", soft_wrap=True)
+    say(f"written to [b]{verbatim(output)}[/]: {', '.join(OUT_NAMES)}")
 
 
 def _posed(

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cli.app import as_json_value
 from cli.doctor.findings import Finding, worst
 from cli.doctor.machine import COMPUTER, computer, libraries, licence_of
 from cli.doctor.wires import RUNTIME_NAMES, RUNTIMES, network, ports, runtimes
@@ -83,7 +84,7 @@ def save_with_session(
 
 def as_document(report: Report) -> dict[str, Any]:
     """Return a report as plain values."""
-    plain: dict[str, Any] = json.loads(json.dumps(asdict(report), default=_plain))
+    plain: dict[str, Any] = json.loads(json.dumps(asdict(report), default=as_json_value))
     plain["verdict"] = worst(report.findings)
     return plain
 
@@ -199,7 +200,3 @@ def _device(device: DeviceConfig, trial: Trial) -> Finding:
 def _licences() -> dict[str, str]:
     names = sorted({f.library.distribution for f in driver_specs() if f.library is not None})
     return {name: licence_of(name) for name in names}
-
-
-def _plain(value: object) -> object:
-    return sorted(value) if isinstance(value, frozenset) else str(value)

@@ -9,11 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 from cli.app import load_lab
-from cli.commands.session import registered_or_added
 from cli.main import app
+from cli.studies import study_here
 from lab.errors import UsageError
 from tests.faults.sessions import CONFIG
-from visavis.catalogue import find_study
 from visavis.sessions.study_folder import StudySettings, read_settings
 
 
@@ -84,7 +83,7 @@ def test_plan_shows_the_place_that_adding_gives(devices: str, lab_config: Path) 
 def test_a_session_of_somebody_not_registered_takes_the_first_free_place(lab_config: Path) -> None:
     lab = load_lab(lab_config, "sim", quiet=True)
     settings = StudySettings("stare", 1, is_simulated=True)
-    entry = registered_or_added(lab, find_study("stare"), settings, "07", simulated=True)
+    entry = study_here("stare", lab).participant(settings, "07")
     assert ("S07H", 0) == (entry.label, entry.index)
 
 

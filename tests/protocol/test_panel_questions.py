@@ -58,7 +58,7 @@ class _Loop:
         shown = self.views[-1]
         done = self._act(shown, self.t_ns) if isinstance(shown, PanelFrame) else {}
         self.keys += done.pop("keys", [])
-        return replace(view, **done)
+        return view._replace(**done)
 
 
 def looking(view: PanelFrame, choice: int, t_ns: int) -> GazeView:

@@ -260,6 +260,22 @@ def test_file_deleted_while_recording_is_noticed_at_the_next_trial(tmp_path: Pat
     recorder.close("aborted")
 
 
+@pytest.mark.parametrize(("awaits_disk", "of_a_trial"), [(True, 2), (False, 0)])
+def test_a_session_that_can_be_made_again_waits_for_the_disk_at_its_end_only(
+    awaits_disk: bool, of_a_trial: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[int] = []
+    recorder = recorder_in(tmp_path / "part-01", awaits_disk=awaits_disk)
+    monkeypatch.setattr(durable, "_sync_data", synced.append)
+    recorder.append(probe_batch(0, 5))
+    recorder.trial({"trial_id": "T01"})
+    assert of_a_trial == len(synced)
+    lines = (tmp_path / "part-01" / "events.jsonl").read_bytes().splitlines()
+    assert ["T01"] == [e["row"]["trial_id"] for e in map(decode_line, lines) if e and "row" in e]
+    recorder.close("complete")
+    assert 2 <= len(synced) - of_a_trial
+
+
 def test_missing_and_nan_become_null_and_other_objects_are_refused(tmp_path: Path) -> None:
     recorder = recorder_in(tmp_path / "part-01")
     recorder.trial({"a": float("nan"), "b": np.float32("nan"), "c": None, "d": np.int16(3)})

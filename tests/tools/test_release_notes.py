@@ -1,10 +1,14 @@
 """Fragments become a changelog, each exactly once."""
 
+import re
+import tomllib
+from datetime import date
 from pathlib import Path
 
 import pytest
+import yaml
 
-from tools.release_notes import HEAD, ReleaseError, fragments, release
+from tools.release_notes import HEAD, ReleaseError, fragments, release, stamped
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -88,3 +92,30 @@ def test_every_fragment_of_the_repository_can_be_gathered() -> None:
 
 def test_the_changelog_of_the_repository_begins_as_the_tool_writes_it() -> None:
     assert (ROOT / "CHANGELOG.md").read_text("utf-8").startswith(HEAD)
+
+
+def test_project_and_citation_name_the_version_released() -> None:
+    now = {p.name: p.read_text("utf-8") for p in (ROOT / "pyproject.toml", ROOT / "CITATION.cff")}
+    new = {p.name: text for p, text in stamped(ROOT, "9.8.7", "2031-02-03").items()}
+    assert (
+        tomllib.loads(now["pyproject.toml"])["project"] | {"version": "9.8.7"}
+        == (tomllib.loads(new["pyproject.toml"])["project"])
+    )
+    cited = yaml.safe_load(now["CITATION.cff"]) | {
+        "version": "9.8.7",
+        "date-released": date(2031, 2, 3),
+    }
+    assert cited == yaml.safe_load(new["CITATION.cff"])
+
+
+def test_the_version_cited_is_the_newest_in_the_changelog() -> None:
+    newest = re.search(r"(?m)^## (\S+), (\S+)$", (ROOT / "CHANGELOG.md").read_text("utf-8"))
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    assert newest is not None
+    assert newest.groups() == (cited["version"], cited["date-released"].isoformat())
+
+
+def test_a_file_without_its_version_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "pyproject.toml").write_text("[project]\n", "utf-8")
+    with pytest.raises(ReleaseError, match="no line with the version"):
+        stamped(tmp_path, "0.2.0", "2026-11-30")

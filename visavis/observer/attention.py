@@ -307,7 +307,5 @@ def sense(
     """Live up to each time in turn; fill eye states (n, 8), head poses (n, 3) and (n, 4)."""
     for i in range(t_ns.shape[0]):
         t = t_ns[i] - origin_ns
-        advance_and_pose(
-            mind, person, segments, targets, scratch, t, positions[i], orientations[i]
-        )
+        advance_and_pose(mind, person, segments, targets, scratch, t, positions[i], orientations[i])
         eyes_at(mind, person, segments, t, positions[i], orientations[i], eyes[i])

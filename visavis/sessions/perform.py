@@ -240,6 +240,7 @@ def _recorder(request: Request, folder: SessionFolder, part_dir: Path) -> Record
         threaded=not clock.is_virtual,
         max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
         is_simulated=simulated,
+        awaits_disk=not clock.is_virtual,
     )
 
 
