@@ -19,7 +19,8 @@ from visavis.sessions.study_folder import (
     wanted_settings,
 )
 
-DEMO_PARTICIPANTS = 8
+DEMO_PARTICIPANTS = 16
+"""As many find what the study's source found; eight mostly do not."""
 
 ProcessesOption = Annotated[
     int | None, typer.Option("--processes", help="Processes to use; one per core when left out.")

@@ -1,7 +1,6 @@
 """Questions on a board: by gaze, by ray, by key, and the same answers as at the terminal."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -143,8 +142,8 @@ def test_what_was_done_before_the_board_was_there_answers_nothing() -> None:
             return {}
         many = np.arange(t_ns - 2000 * NS_PER_MS, t_ns, 8 * NS_PER_MS)
         one, n = looking(view, 1, t_ns), len(many)
-        gaze = replace(
-            one, t_ns=many, valid=np.ones(n, bool), origin_world_m=np.tile(HEAD.position_m, (n, 1)),
+        gaze = one._replace(
+            t_ns=many, valid=np.ones(n, bool), origin_world_m=np.tile(HEAD.position_m, (n, 1)),
             direction_world=np.tile(one.direction_world, (n, 1)),
         )  # fmt: skip
         return {"gaze": gaze, "pressed": ("2", "trigger"), "pointers": pointing(view, 0)}

@@ -234,7 +234,8 @@ class SimulatedHeadset:
         else:
             row = _LOST_ROW
         values = np.frombuffer(row, HEAD.dtype)
-        stamp = np.array((t_ns,), np.int64)
-        self._pending.append(SampleBatch(self._schema, np.array((seq,)), stamp, stamp, values))
+        numbers = np.array((seq, t_ns), np.int64)
+        stamp = numbers[1:]
+        self._pending.append(SampleBatch(self._schema, numbers[:1], stamp, stamp, values))
         if not self._clock.is_virtual:
             self._ready.set()

@@ -118,7 +118,7 @@ class Impatient(Answering):
     """Press a digit with every frame, also while the board is not there yet."""
 
     def _frame(self):
-        return replace(super()._frame(), pressed=("4",))
+        return super()._frame()._replace(pressed=("4",))
 
 
 def test_what_was_pressed_before_a_board_was_there_is_no_answer_to_it():
