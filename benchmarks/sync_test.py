@@ -14,7 +14,7 @@ import sys
 import numpy as np
 
 from analysis.sync_test import Delays
-from cli.sync_chain import simulated_chain
+from cli.sync_chain import perform_simulated
 from devices.drivers.armband.codec import FrameReader
 from devices.sim.sync_room import Planted
 from devices.sync.board_codec import BLOCK, Samples, Told, decode, encode_samples, encode_told
@@ -77,7 +77,7 @@ def main() -> None:
     rows: list[tuple[str, float, str, float | None]] = []
     try:
         for number, (picture, sound) in enumerate(PLANTED, start=1):
-            found, true_ms = simulated_chain(
+            found, _, _, true_ms = perform_simulated(
                 seed=number, repeats=arguments.repeats, picture=picture, sound=sound, rise_ms=0.0
             )
             for one in found:

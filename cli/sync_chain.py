@@ -187,13 +187,3 @@ def perform_simulated(
         for name, asked_ns in commanded.items()
     }
     return found, asked, sensor, true_ms
-
-
-def simulated_chain(
-    *, seed: int, repeats: int, picture: Planted, sound: Planted, rise_ms: float
-) -> tuple[list[Delays], dict[str, Float]]:
-    """Return what a simulated test found, and the room's true delays."""
-    found, _, _, true_ms = perform_simulated(
-        seed=seed, repeats=repeats, picture=picture, sound=sound, rise_ms=rise_ms
-    )
-    return found, true_ms

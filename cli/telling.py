@@ -15,6 +15,7 @@ from rich.progress import (
 
 from cli.app import console, say_plainly
 from lab.clock import StopWatch
+from protocol.experiment import Experiment, Preparing
 
 MEASURED_PICTURES = 8
 """A film says how long it takes once so many are drawn after the first, which loads everything."""
@@ -49,6 +50,13 @@ class TerminalTelling:
 
 
 TELLING = TerminalTelling()
+
+
+def make_ready(experiment: Experiment) -> None:
+    """Do what would hold up a frame before anything is shown; done already, it takes no time."""
+    if isinstance(experiment, Preparing):
+        with TELLING.progress(f"getting {experiment.name} ready") as told:
+            experiment.prepare(told)
 
 
 class Forecast:

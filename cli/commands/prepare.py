@@ -2,8 +2,8 @@
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab, verbatim
 from cli.commands.session import SetOption
-from cli.getting_ready import make_ready
 from cli.studies import study_here
+from cli.telling import make_ready
 from lab.clock import StopWatch
 
 

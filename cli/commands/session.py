@@ -26,11 +26,11 @@ from cli.app import (
     verbatim,
 )
 from cli.commands.checking import print_check
-from cli.getting_ready import make_ready
 from cli.lab_companion import LabCompanion
 from cli.operator_screen import TerminalOperator
 from cli.questions import TerminalRespondent
 from cli.studies import StudyHere, require_session, study_here, study_of_lab
+from cli.telling import make_ready
 from lab.clock import SimClock, SystemClock
 from lab.config import LabConfig
 from lab.errors import DeviceError, RecordingError, SessionAborted, UsageError

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from cli import sync_records
 from cli.main import app
-from cli.sync_chain import perform_simulated, simulated_chain
+from cli.sync_chain import perform_simulated
 from devices.sim.sync_room import Planted
 from lab.config_files import EXAMPLE
 from stage.context import offscreen_context
@@ -32,7 +32,7 @@ def lab_file(tmp_path, monkeypatch):
 
 
 def test_planted_delays_and_jitter_are_recovered_through_the_whole_chain():
-    found, true_ms = simulated_chain(
+    found, _, _, true_ms = perform_simulated(
         seed=3, repeats=20, picture=Planted(12.0, 3.0), sound=Planted(40.0, 8.0), rise_ms=0.0
     )
 
