@@ -85,6 +85,11 @@ def test_quality_page_shows_them(here, session):
     assert "{beats}/min" in page
 
 
+def test_quality_of_a_study_is_that_of_its_session_begun_last(here, session):
+    said(here, "quality", "./duel.py", "-o", "of_study")
+    assert "heart_belt of S01" in (here / "of_study" / "gaze_quality.html").read_text("utf-8")
+
+
 def test_report_shows_them(here, session):
     said(here, "analyse", str(session.parents[1]))
     report = next((here / "data").rglob("report.html")).read_text("utf-8")
