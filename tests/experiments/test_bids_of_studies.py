@@ -1,21 +1,13 @@
 """Every study's export passes the official validator: nothing wrong, nothing we could add."""
 
 from pathlib import Path
-<<<<<<< HEAD
-=======
-from typing import cast
->>>>>>> ca89596 (The BIDS test of waving performs a short session)
 
 import pandas as pd
 import pytest
 
-<<<<<<< HEAD
 from devices.registry import OPTION_MODELS
 from lab.config import load_config
 from lab.config_files import EXAMPLE
-=======
-from benchmarks.kill_resume import _fast_config, _ShortSessions
->>>>>>> ca89596 (The BIDS test of waving performs a short session)
 from recording.bids import export_bids
 from recording.reader import Recording
 from tests.experiments.crowd.sessions import session as crowd_session
@@ -23,12 +15,7 @@ from tests.experiments.small_studies import SESSIONS
 from tests.faults.sessions import lab, perform
 from tests.recording.test_export import ABOUT, issues_of
 from visavis.catalogue import find_study
-<<<<<<< HEAD
 from visavis.sessions.perform import perform_new, simulated_request
-=======
-from visavis.opened import OpenedStudy
-from visavis.sessions.perform import perform_new
->>>>>>> ca89596 (The BIDS test of waving performs a short session)
 
 
 def recording_of(study: str, root: Path) -> Recording:
@@ -36,18 +23,12 @@ def recording_of(study: str, root: Path) -> Recording:
         return perform(lab(root), trial_s=1.0)
     if study == "crowd":
         return crowd_session(root)
-<<<<<<< HEAD
     found = find_study(study)
     whole = load_config(EXAMPLE, OPTION_MODELS).model_copy(update={"data_root": root})
     request = simulated_request(
         found, found.experiment(SESSIONS["waving"].parameters), whole, label="S01", index=0, seed=1
     )
     return Recording(perform_new(request))
-=======
-    # planning the waves of a whole session takes minutes and changes nothing here
-    short = _ShortSessions(cast(OpenedStudy, find_study(study)), _fast_config())
-    return Recording(perform_new(short.request(root)))
->>>>>>> ca89596 (The BIDS test of waving performs a short session)
 
 
 @pytest.mark.slow
