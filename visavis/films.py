@@ -59,10 +59,10 @@ class Film:
     lens: Lens = Lens()
 
     def __post_init__(self) -> None:
-        if not 1 / self.rate_hz <= self.seconds <= MAX_FILM_S:
-            raise DesignError(f"a film of {self.seconds} s; give up to {MAX_FILM_S:g} s")
         if not 1 <= self.rate_hz <= 120:
             raise DesignError(f"a film of {self.rate_hz} pictures a second; give 1 to 120")
+        if not 1 / self.rate_hz <= self.seconds <= MAX_FILM_S:
+            raise DesignError(f"a film of {self.seconds} s; give up to {MAX_FILM_S:g} s")
         if any(not 64 <= side <= MAX_SIDE_PX or side % 2 for side in self.size_px):
             raise DesignError(
                 f"a film of {self.size_px[0]} x {self.size_px[1]} pixels; give even numbers from "
