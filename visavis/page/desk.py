@@ -131,6 +131,7 @@ class PageDesk:
             number(event.get("at_ms"), "at_ms")
             payload = {**event, "tab": tab}
             self._checked(payload)
+            self._told_trial()
             self.recorder.event(PAGE_EVENT, now_ns, **payload)
             self._apply(payload, now_ns)
 
@@ -158,6 +159,10 @@ class PageDesk:
         return self._heard_ns
 
     # ---- within ------------------------------------------------------------------------------
+
+    def _told_trial(self) -> None:
+        if self.on_trial is not None and self.trial_id:
+            self.on_trial()
 
     def _checked(self, payload: Mapping[str, Any]) -> None:
         if payload["kind"] == "reply":
@@ -191,8 +196,7 @@ class PageDesk:
                 if isinstance(out, PageStep):
                     self.step, self.step_number = out, self.step_number + 1
                     self.trial_steps.append(out)
-                    if self.on_trial is not None and self.trial_id:
-                        self.on_trial()
+                    self._told_trial()
                     return
                 self._write(out)
         except StopIteration as end:
