@@ -276,7 +276,7 @@ def _beside(staging: Staging, sides: Mapping[str, Staged]) -> Staged:
     """Return two gatherings of one person each as one, the first on the participant's left."""
     people = []
     for sign, (side, staged) in zip((-1.0, 1.0), sides.items(), strict=True):
-        alone = getattr(staged.scene, "people", ())
+        alone: tuple[Standing, ...] = getattr(staged.scene, "people", ())
         if len(alone) != 1:
             raise DesignError(f"a pair shows one person on each side; {side} has {len(alone)}")
         people.append(replace(alone[0], place=side, x_m=alone[0].x_m + sign * BESIDE_M))

@@ -16,7 +16,7 @@ from stimuli.dressing.casting import build_of, default_casting
 from stimuli.motion.baking import baked
 from stimuli.motion.clip import Clip, KeyPoses, Motion, placed_joints, sampled
 from stimuli.motion.gait_kernels import step_m
-from stimuli.motion.kinds import Crouch, Idle, Run, Walk
+from stimuli.motion.kinds import Crouch, Idle, Kind, Run, Walk
 from stimuli.motion.people import Doing, Person
 from stimuli.motion.synthesis.hybrid import Controls, Sprung, authored_poses, hybrid
 
@@ -50,7 +50,8 @@ def _source(name: str) -> Clip:
         plan = (Doing(Idle("hanging", 0.0)), Doing(Crouch(0.8, 0.0), 0.2, 0.7),
                 Doing(Idle("hanging", 0.0), 1.3, 0.7))  # fmt: skip
         return baked(Person(build, plan, 1), CROUCH_S, rate_hz=SOURCE_HZ)
-    kind = {"walk": Walk(1.3), "run": Run(3.0), "idle": Idle("hanging")}[name]
+    kinds: dict[str, Kind] = {"walk": Walk(1.3), "run": Run(3.0), "idle": Idle("hanging")}
+    kind = kinds[name]
     return baked(Person(build, kind, 1), BEGIN_S + 5.0, rate_hz=SOURCE_HZ)
 
 

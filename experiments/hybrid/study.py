@@ -149,7 +149,7 @@ def answer(seen: Seen, response: Response, rng: np.random.Generator) -> str:
     better = 0.0
     if seen.effect and isinstance(scene, GatheringScene) and len(scene.people) == 2:
         left, right = (
-            faults(p.does.motion, round(seen.seconds, 3))
+            faults(cast(Any, p.does.motion), round(seen.seconds, 3))
             for p in scene.people
             if isinstance(p.does, Recorded)
         )

@@ -144,7 +144,8 @@ def answer(seen: Seen, response: Response, rng: np.random.Generator) -> int:
     if seen.effect and isinstance(scene, GatheringScene) and isinstance(
         scene.people[0].does, Recorded
     ):  # fmt: skip
-        uneven = unevenness_per_s(scene.people[0].does.motion, round(seen.seconds, 3))
+        motion: Any = scene.people[0].does.motion
+        uneven = unevenness_per_s(motion, round(seen.seconds, 3))
         latent = LEVEL - UNEASE * float(np.log10(uneven))
     felt = latent + PERSON_SD * seen.leaning + ERROR_SD * rng.standard_normal()
     return int(np.clip(round(felt), 1, 5))
