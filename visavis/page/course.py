@@ -19,6 +19,8 @@ from visavis.trial import TrialScript
 
 QUESTIONS_A_PAGE: Final = 8
 STOPPED: Final = "stopped"
+WITHDRAWN: Final = "withdrawn"
+"""Stopped, and what was recorded is to be deleted."""
 DECLINED: Final = "declined"
 DONE: Final = "done"
 
@@ -92,7 +94,7 @@ def consent_of(experiment: StudyExperiment, plan: SessionPlan) -> tuple[str, str
 
 
 def course(visit: Visit) -> Course:
-    """Perform a session on a page; returns how it ended: done, stopped or declined."""
+    """Perform a session on a page; returns how it ended: done, stopped, withdrawn, declined."""
     experiment, texts = visit.experiment, visit.experiment.texts
     values = experiment.values_of(visit.plan)
     try:
@@ -120,7 +122,7 @@ def course(visit: Visit) -> Course:
                 yield from _questionnaire(visit, questionnaire, questionnaire.name)
     except Stopped as stop:
         yield Event("stopped", {"keep": stop.keep})
-        return STOPPED
+        return STOPPED if stop.keep else WITHDRAWN
     return DONE
 
 

@@ -21,7 +21,16 @@ from visavis.experiment import StudyExperiment
 from visavis.films import MIME
 from visavis.opened import OpenedStudy
 from visavis.page.client import visit
-from visavis.page.course import DECLINED, STOPPED, Notes, Visit, consent_of, course, texts_of_page
+from visavis.page.course import (
+    DECLINED,
+    STOPPED,
+    WITHDRAWN,
+    Notes,
+    Visit,
+    consent_of,
+    course,
+    texts_of_page,
+)
 from visavis.page.desk import PageDesk, Past
 from visavis.page.film_store import FilmStore, film_store
 from visavis.page.server import Held, PageServer
@@ -192,6 +201,11 @@ def _perform_part(
             raise SessionAborted("consent was declined; nothing was asked")
         if outcome == STOPPED:
             raise SessionAborted("the participant stopped; what is finished is kept")
+        if outcome == WITHDRAWN:
+            raise SessionAborted(
+                "the participant stopped and wants everything deleted; do it now: visavis "
+                f"participant withdraw {request.study.name} {request.participant_label}"
+            )
     except KeyboardInterrupt as error:
         reason = "interrupted from the keyboard or by the system"
         end_part(clock, folder, recorder, "aborted", reason, error)

@@ -65,8 +65,10 @@ class PageServer:
         self.port = 0
 
     def add(self, held: Held) -> None:
-        """Serve a session."""
+        """Serve a session; one that is over already is not waited for."""
         self._held[held.desk.key] = held
+        if held.desk.is_over:
+            held.over.set()
 
     async def start(self, host: str = LOCAL, port: int = 0) -> None:
         """Begin to listen; port 0 takes a free one.

@@ -132,8 +132,14 @@ def test_a_reply_that_no_page_of_ours_sends_is_refused_and_the_session_goes_on(
     assert ["complete"] * 3 == list(Recording(path).trials()["status"])
 
 
-@pytest.mark.parametrize(("reply", "outcome"), [({"agreed": False}, "declined"),
-                                                ({"stop": "delete"}, "stopped")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("reply", "outcome"),
+    [
+        ({"agreed": False}, "declined"),
+        ({"stop": "delete"}, "withdrawn"),
+        ({"stop": "keep"}, "stopped"),
+    ],
+)
 def test_whoever_declines_or_stops_is_asked_nothing_more(
     reply: dict[str, Any], outcome: str, tmp_path: Path
 ) -> None:

@@ -106,6 +106,16 @@ def test_a_recording_that_fails_is_told_and_nothing_is_acknowledged(tmp_path: Pa
     assert -1 == served(tmp_path, ask)["ack"]
 
 
+def test_a_session_that_is_over_already_is_not_waited_for(tmp_path: Path) -> None:
+    async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> bool:
+        page.desk.take("one", [{**page.event(), "reply": {"agreed": False}}])
+        held = Held(page.desk, {})
+        server.add(held)
+        return held.over.is_set()
+
+    assert served(tmp_path, ask)
+
+
 def test_a_port_that_is_taken_is_told_with_the_way_out(tmp_path: Path) -> None:
     async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> None:
         other = PageServer()

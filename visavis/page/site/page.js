@@ -388,7 +388,7 @@ const steps = {
 
   end(step) {
     isOver = true;
-    put("narrow", element("h1", {}, say({ done: "thanks", stopped: "stopped", declined: "declined" }[step.outcome] || "thanks")));
+    put("narrow", element("h1", {}, say({ done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks")));
   },
 };
 
