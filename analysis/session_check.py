@@ -37,7 +37,7 @@ def check_session(recording: Recording, limits: CheckLimits | None = None) -> Se
     findings = [
         *_recording_findings(recording),
         *_trial_findings(trials),
-        *_stream_findings(streams),
+        *(() if _is_on_page(recording) else _stream_findings(streams)),
         *_calibration_findings(plan, events, limits),
         *_questionnaire_findings(plan, events),
         *_deviation_findings(events, recording),
@@ -233,6 +233,12 @@ def _stream_findings(streams: list[StreamCheck]) -> list[Finding]:
     if not streams:
         found.append(Finding(Level.RED, "streams", "nothing was recorded", "redo the session"))
     return found
+
+
+def _is_on_page(recording: Recording) -> bool:
+    """Tell whether a session was performed on a page: what it sends are events, no samples."""
+    configuration = recording.manifest.configuration
+    return isinstance(configuration, Mapping) and configuration.get("on") == "browser"
 
 
 # ---- calibration -----------------------------------------------------------------------------

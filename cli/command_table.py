@@ -37,7 +37,10 @@ COMMANDS: Mapping[str, Entry] = {
     "prepare": Entry(
         "prepare", "Compute what a study needs beforehand, such as the evening before."
     ),
-    "run": Entry("session", "Perform one session on the devices of lab_config.yaml."),
+    "run": Entry(
+        "session",
+        "Perform one session on the devices of lab_config.yaml, or on a page in a browser.",
+    ),
     "resume": Entry(
         "session",
         "Go on with an interrupted session: instructions, calibration, then the trials left.",

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from visavis.exclusions import COMPLETENESS_RULES as COMPLETENESS_RULES
     from visavis.exclusions import STANDARD_RULES as STANDARD_RULES
     from visavis.exclusions import Exclusion as Exclusion
+    from visavis.films import Film as Film
+    from visavis.films import Lens as Lens
+    from visavis.films import Pair as Pair
     from visavis.looks import LooksOn as LooksOn
     from visavis.measures import Measure as Measure
     from visavis.measures import TrialRecord as TrialRecord
@@ -66,6 +69,7 @@ _NAMES = {
     "visavis.compare": ("Compare", "Published"),
     "visavis.deriving": ("derive",),
     "visavis.exclusions": ("COMPLETENESS_RULES", "STANDARD_RULES", "Exclusion"),
+    "visavis.films": ("Film", "Lens", "Pair"),
     "visavis.looks": ("LooksOn",),
     "visavis.measures": (
         "Measure", "TrialRecord", "column", "dwell_on", "first_fixation_on", "fixations_on",

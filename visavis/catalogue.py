@@ -26,6 +26,8 @@ SHIPPED: Final[Mapping[str, str]] = {
     "stare": "experiments.stare.study:study",
     "crowd": "experiments.crowd.study:study",
     "waving": "experiments.waving.study:study",
+    "interpolation": "experiments.interpolation.study:study",
+    "hybrid": "experiments.hybrid.study:study",
 }
 """The studies Visavis comes with, as an entry point would name them."""
 GROUP: Final = "visavis.studies"

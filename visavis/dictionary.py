@@ -16,6 +16,7 @@ from visavis.exclusions import ANSWERED
 from visavis.experiment import StudyExperiment
 from visavis.looks import LOOK_COLUMNS
 from visavis.measures import Measure
+from visavis.page.steps import film_columns
 from visavis.picture_delay import LATE
 
 ANALYSED: Final = (
@@ -135,6 +136,7 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
         Column("walk_reached", "", "the place was reached in time"),
     ):
         found[walked.name] = walked
+    found |= film_columns(max((len(t.films) for t in experiment.read.values()), default=0))
     found |= {m.column: m.description() for m in measures}
     found |= {c.name: c for c in experiment.study.columns}
     for name in experiment.study.derived:

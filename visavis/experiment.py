@@ -19,6 +19,7 @@ from protocol.steps import Plan
 from stimuli.scene import Scene as StageScene
 from visavis.asking import frame
 from visavis.compare import Compare, possible
+from visavis.films import Film, films_of
 from visavis.parameters import parameters_in_force
 from visavis.reading import TrialRead, read_trials
 from visavis.responses import Keys, Pointing, Rating, Response
@@ -100,6 +101,14 @@ class StudyExperiment:
         """Everything that is asked, by name."""
         asked = [r for t in self.read.values() for r in t.responses]
         return {r.name: r for r in (*asked, *self.study.responses)}
+
+    @cached_property
+    def films(self) -> tuple[Film, ...]:
+        """Every film that a condition shows, each once."""
+        shown = (
+            film for t in self.read.values() for of in t.films for film in films_of(of).values()
+        )
+        return tuple(dict.fromkeys(shown))
 
     @property
     def words(self) -> dict[str, Response]:
@@ -190,7 +199,7 @@ class StudyExperiment:
         made = make_plan(
             design, seed=seed, participant_index=participant_index, group=group or None
         )
-        values = self._values(made)
+        values = self.values_of(made)
         own = 1 if made.blocks[0].trials and made.blocks[0].trials[0].is_practice else 0
         parts = len(made.blocks) - own
         blocks = []
@@ -222,7 +231,7 @@ class StudyExperiment:
         kept["language"] = self.language
         return replace(made, blocks=tuple(blocks), parameters=kept)
 
-    def _values(self, made: SessionPlan) -> dict[str, Any]:
+    def values_of(self, made: SessionPlan) -> dict[str, Any]:
         """Return what texts can name: parameters, and what follows from the plan."""
         counted = [t for t in made.trials if not t.is_practice]
         return {

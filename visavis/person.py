@@ -211,7 +211,8 @@ class StudyPerson(Observer):
             )
         return str(said)
 
-    def _takes_s(self, response: Response | None) -> float:
+    def takes_s(self, response: Response | None) -> float:
+        """Return how long this person takes to answer."""
         name = "" if response is None else response.name
         rng = self._rng(_PACE_STREAM, self.stretch(), zlib.crc32(name.encode()))
         return float(THINKING_S * np.exp(THINKING_LOG_SD * rng.standard_normal()))
@@ -223,7 +224,7 @@ class StudyPerson(Observer):
         said = self._said(response)
         if said is None:
             return
-        takes_s = max(self._takes_s(response), POINT_S + 0.15)
+        takes_s = max(self.takes_s(response), POINT_S + 0.15)
         middle = choice_centre_m(panel, list(map(str, response.options)).index(said))
         since_s = (t_ns - self._origin_ns) / NS_PER_S
         self._hand.point(since_s + takes_s - POINT_S, middle - self._seat)
@@ -236,10 +237,10 @@ class StudyPerson(Observer):
             if isinstance(response, Keys):
                 said = self._said(response)
                 if said is not None:
-                    takes = NOTICE_S * self._takes_s(response) / THINKING_S
+                    takes = NOTICE_S * self.takes_s(response) / THINKING_S
                     self._hand.press(t_ns + round(takes * NS_PER_S), said)
             elif isinstance(response, Pointing) and self._last is not None:
-                self._hand.press(t_ns + round(self._takes_s(response) * NS_PER_S), "trigger")
+                self._hand.press(t_ns + round(self.takes_s(response) * NS_PER_S), "trigger")
 
 
 def unopinionated(seen: Seen, response: Response, rng: np.random.Generator) -> Any:

@@ -164,6 +164,16 @@ def quick_rows(
         UsageError: a measure needs more than gaze and the trial's own row.
     """
     rows: list[dict[str, Any]] = []
+    if experiment.study.on == "browser":
+        from visavis.page.quick import page_rows
+
+        done = page_rows(experiment, person, index=index, seed=seed)
+        rows = [_row_of(trial, own, index) for trial, own in done]
+        return pd.DataFrame([
+            row | {m.column: value_of(m, TrialRecord(row, None, None)) for m in measures
+                   if m.of is not None}
+            for row in rows
+        ])  # fmt: skip
     plan = experiment.plan(index, seed)
     for block in plan.blocks:
         person.wear(block.index + 1)

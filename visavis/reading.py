@@ -17,6 +17,7 @@ from protocol.plan import Trial
 from protocol.steps import Answered, Ask, FrameView, GazeView, NextFrame, Prompt, Show
 from stimuli.scene import SceneFrame
 from visavis.asking import Answer
+from visavis.films import Shown
 from visavis.responses import Response
 from visavis.scenes import Scene, Staging, stage
 from visavis.trial import Action, Settings, ShownScene, TrialPlan, TrialScript
@@ -39,6 +40,7 @@ class TrialRead:
     vibrates: bool
     lit: SceneFrame | None = None
     """The first lit frame of a trial that shows scenes frame by frame itself."""
+    films: tuple[Shown, ...] = ()
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -63,6 +65,7 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
     lit: SceneFrame | None = None
     responses: list[Response] = []
     scenes: list[Scene] = []
+    films: list[Shown] = []
     reply: Any = None
     steps: Any = plan(script)
     try:
@@ -79,13 +82,17 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
                     staged = stage(step.scene, staging, settings.makers)
                     agents = max(agents, len(staged.scene.agents))
                     reply = ShownScene(0, round(step.seconds * NS_PER_S), staged.roles, script.view)
-                if step.response is not None:
-                    responses.append(step.response)
-                    script.words_of(step.response)
+                answers = {}
+                for response in step.responses:
+                    responses.append(response)
+                    script.words_of(response)
                     seconds += ANSWER_S
-                    reply = _made_up(step.response, script.view)
+                    reply = answers[response.name] = _made_up(response, script.view)
                     if reply.option is not None:
-                        script.row[step.response.name] = step.response.value(reply.option)
+                        script.row[response.name] = response.value(reply.option)
+                if step.watched is not None:
+                    films.append(step.watched.shown)
+                    reply = answers
             elif isinstance(step, NextFrame):
                 seconds += FRAME_S
                 reply = script.view = still_view(round(seconds * NS_PER_S))
@@ -99,7 +106,8 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
                 reply = Answered(None, 0)
         raise DesignError(f"after {MAX_STEPS} steps it has not ended")
     except StopIteration:
-        return TrialRead(seconds, tuple(responses), tuple(scenes), agents, vibrates, lit)
+        return TrialRead(seconds, tuple(responses), tuple(scenes), agents, vibrates, lit,
+                         tuple(films))  # fmt: skip
     except DesignError as error:
         raise DesignError(f"trial {dict(trial.factors)}: {error}") from error
 

@@ -155,17 +155,24 @@ class Text:
 
 @dataclass(frozen=True)
 class Number:
-    """A number, typed; missing when it is none or lies outside the bounds."""
+    """A number, typed; missing when it is none or lies outside the bounds.
+
+    With a `step` a page shows a slider from `low` to `high`, which has no place until it is moved.
+    """
 
     name: str
     unit: str = "1"
     low: float = float("-inf")
     high: float = float("inf")
+    step: float = 0.0
     options: ClassVar[tuple[str, ...]] = ()
     aggregate: ClassVar[str] = "mean"
 
     def __post_init__(self) -> None:
         _check_name(self.name)
+        bounded = float("-inf") < self.low < self.high < float("inf")
+        if self.step < 0 or (self.step > 0 and not bounded):
+            raise DesignError(f"number {self.name}: a slider needs low, high and a step above 0")
 
     def value(self, option: str) -> Scalar | None:
         """Return the number; None where the text is none, or out of bounds."""
@@ -266,6 +273,14 @@ def labels_of(response: Response) -> tuple[str, ...]:
 
 def _how(name: str) -> tuple[Column, Column]:
     return (
-        Column(f"{name}_by", "", "how it was answered: ray, gaze, keys, keyboard or operator"),
-        Column(f"{name}_ms", "ms", "from the frame that showed the question to the answer"),
+        Column(
+            f"{name}_by",
+            "",
+            "how it was answered: ray, gaze, keys, keyboard, mouse, touch, pen or operator",
+        ),
+        Column(
+            f"{name}_ms",
+            "ms",
+            "from the frame that showed the question, or the first one of its film, to the answer",
+        ),
     )

@@ -6,7 +6,7 @@ A study writes `Scene("two_people", active="left", eyes="directed")`; a maker tu
 
 import importlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -48,6 +48,10 @@ FOLLOW_STEP_M: Final = 0.005
 """Eyes on the participant follow their head in steps of this size: 0.2° at 1.4 m."""
 BEYOND_S: Final = 120.0
 """Blinks are drawn for so long beyond the planned duration: who asks may take time to answer."""
+PAIR: Final = "pair"
+"""The scene of two others beside each other: `Scene("pair", left=Scene(…), right=Scene(…))`."""
+BESIDE_M: Final = 0.75
+"""From the middle of a pair to where each of its scenes has its own middle."""
 AVERTED_DEG: Final = 25.0
 EYES: Final = ("directed", "averted")
 AUDIENCE: Final = (
@@ -170,7 +174,7 @@ def two_people(
         x, z = distance_m * float(np.sin(bearing)), -distance_m * float(np.cos(bearing))
         turn = 180.0 - sign * apart_deg / 2
         people.append(Standing(character, side, x, z - 0.16, turn, Sit(hands="lap"), 11))
-    return _gathering(staging, "two_people", tuple(people), active, eyes)
+    return gathered(staging, "two_people", tuple(people), active, eyes)
 
 
 def person(
@@ -197,7 +201,7 @@ def person(
     x, z = distance_m * float(np.sin(bearing)), -distance_m * float(np.cos(bearing))
     does = _does(motion, how, staging.folder, character)
     one = Standing(character, "person", x, z, 180.0 - bearing_deg + turn_deg, does, 7)
-    return _gathering(staging, f"person_{motion}", (one,), "person", eyes)
+    return gathered(staging, f"person_{motion}", (one,), "person", eyes)
 
 
 def audience(staging: Staging, *, active: str = "centre_middle", eyes: str = "directed") -> Staged:
@@ -233,6 +237,9 @@ def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
     """
     makers = {**SCENES, **own}
     name = wanted.name
+    if name == PAIR:
+        sides = {side: stage(scene, staging, own) for side, scene in wanted.options.items()}
+        return _beside(staging, sides)
     maker = makers.get(name)
     if maker is None:
         raise DesignError(f"there is no scene {name!r}{did_you_mean(name, makers)}; there are "
@@ -250,9 +257,10 @@ def loaded(maker: str) -> Maker:
     return found
 
 
-def _gathering(
+def gathered(
     staging: Staging, name: str, people: tuple[Standing, ...], active: str, eyes: str
 ) -> Staged:
+    """Return people in a plain room; the gaze of whoever is at the place `active` is `eyes`."""
     agents = agents_of(people)
     scene = GatheringScene(name=name, agents=agents, people=people, start_ns=staging.start_ns)
     past = np.array([_past(a.eye_centre_m, a.facing) for a in agents])
@@ -262,6 +270,17 @@ def _gathering(
     who = [p.place for p in people].index(active)
     behaviour = behaviour.staring(who) if eyes == "directed" else behaviour
     return WithEyes(scene, {"active": who, **_places(scene)}, behaviour)
+
+
+def _beside(staging: Staging, sides: Mapping[str, Staged]) -> Staged:
+    """Return two gatherings of one person each as one, the first on the participant's left."""
+    people = []
+    for sign, (side, staged) in zip((-1.0, 1.0), sides.items(), strict=True):
+        alone: tuple[Standing, ...] = getattr(staged.scene, "people", ())
+        if len(alone) != 1:
+            raise DesignError(f"a pair shows one person on each side; {side} has {len(alone)}")
+        people.append(replace(alone[0], place=side, x_m=alone[0].x_m + sign * BESIDE_M))
+    return gathered(staging, PAIR, tuple(people), people[0].place, "averted")
 
 
 def _places(scene: StageScene) -> dict[str, int]:

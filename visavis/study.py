@@ -61,6 +61,7 @@ SETTABLE: Final = ("repetitions", "practice", "blocks", "order", "intertrial_s",
                    "answer_limit_s")  # fmt: skip
 """Parameters that every study has."""
 
+On: TypeAlias = Literal["lab", "browser"]
 IntertrialPlan = Callable[[TrialScript], Iterator[Step]]
 """What happens before a trial: a generator over its script."""
 PersonOf: TypeAlias = Callable[[int, int, bool, "StudyExperiment"], SimulatedParticipant]
@@ -176,6 +177,7 @@ class Study:
     needs: Sequence[str] = ()
     uses: Sequence[str] | RolesOf = ("eye_tracker", "body_tracker")
     spares: Sequence[str] | None = None
+    on: On = "lab"
     people: int | PeopleOf = 0
     calibrate: bool = True
     calibrate_blocks: bool = False

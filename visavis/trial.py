@@ -46,6 +46,7 @@ from visavis.asking import (
     pressed,
 )
 from visavis.beside import Beside
+from visavis.films import Shown, Watched, scene_of, seconds_of
 from visavis.responses import Keys, Number, Pointing, Rating, Response, Text, labels_of
 from visavis.scenes import Maker, Scene, Staged, Staging, stage
 from visavis.texts import Texts
@@ -87,6 +88,14 @@ class Action:
     seconds: float = 0.0
     response: Response | None = None
     scene: Scene | None = None
+    watched: Watched | None = None
+
+    @property
+    def responses(self) -> tuple[Response, ...]:
+        """Everything that is asked, in order."""
+        if self.watched is not None:
+            return self.watched.responses
+        return () if self.response is None else (self.response,)
 
 
 @dataclass(frozen=True)
@@ -211,6 +220,22 @@ class TrialScript:
         place = _Board(over_scene, at, size_m)
         return Action("ask", lambda: self._ask(response, place), response=response)
 
+    def watch(
+        self, shown: Shown, *responses: Response, caption: str = "", min_rounds: int = 1
+    ) -> Action:
+        """Show a `Film` or a `Pair` round after round, with questions below it.
+
+        Answers count after `min_rounds` whole rounds; times of answers run from the first picture
+        that was presented. Columns: those of the responses, and `film_on_ns`, `film_off_ns`,
+        `film_frames`. The step returns the `Answer` to each response by name. Before a headset or
+        a monitor the scene itself is shown for so many rounds (one at least), then questions
+        follow on boards; a `caption` is read on pages alone.
+        """
+        watched = Watched(shown, responses, caption, min_rounds)
+        seconds = max(1, min_rounds) * seconds_of(shown)
+        return Action("watch", lambda: self._watch(watched), seconds, scene=scene_of(shown),
+                      watched=watched)  # fmt: skip
+
     def key(self, response: Keys) -> Action:
         """Wait for a press, timed from the last scene's onset; what is shown stays."""
         return Action("key", lambda: self._key(response), 0.0, response=response)
@@ -286,7 +311,7 @@ class TrialScript:
         self, wanted: Scene, seconds: float, name: str, until: Callable[[FrameView], bool] | None
     ) -> Performing:
         before = yield from self._now()
-        name = self._numbered(name)
+        name = self.numbered(name)
         staged = self._stage(wanted, seconds, len(self._names), before.t_ns)
         self._staged, self._onset_ns = staged, before.t_ns
         yield from _shown(staged.frame(before, 0))
@@ -314,6 +339,14 @@ class TrialScript:
             "t_end_ns": off_ns,
         }  # fmt: skip
         return ShownScene(on_ns, off_ns, staged.roles, view)
+
+    def _watch(self, watched: Watched) -> Performing:
+        seconds = max(1, watched.min_rounds) * seconds_of(watched.shown)
+        yield from self._show(scene_of(watched.shown), seconds, "film", None)
+        answers = {}
+        for response in watched.responses:
+            answers[response.name] = yield from self._ask(response, _Board(False, None, SIZE_M))
+        return answers
 
     def _stage(self, wanted: Scene, seconds: float, number: int, start_ns: int) -> Staged:
         key = (SCENE_STREAM + number,)
@@ -356,13 +389,10 @@ class TrialScript:
 
     def _answered(self, response: Response, answer: Answer) -> Performing:
         self.view = answer.view
+        self.take(response, answer)
         name, option = response.name, answer.option
-        told = None if option is None else response.value(option)
-        self.row |= {name: told, f"{name}_by": answer.by, f"{name}_ms": answer.ms}
-        self.row |= response.more(option)
         if isinstance(response, Pointing):
             self.row |= self._pointed_at(name, answer.pose)
-        self.row["t_end_ns"] = answer.answered_ns
         yield Mark(
             "answered",
             {
@@ -374,6 +404,14 @@ class TrialScript:
                 "answered_ns": answer.answered_ns,
             },
         )
+
+    def take(self, response: Response, answer: Answer) -> None:
+        """Put an answer's columns into the row."""
+        name, option = response.name, answer.option
+        told = None if option is None else response.value(option)
+        self.row |= {name: told, f"{name}_by": answer.by, f"{name}_ms": answer.ms}
+        self.row |= response.more(option)
+        self.row["t_end_ns"] = answer.answered_ns
 
     def _pointed_at(self, name: str, pose: Pose | None) -> dict[str, Scalar | None]:
         agents = () if self._staged is None else self._staged.scene.agents
@@ -459,7 +497,8 @@ class TrialScript:
         self.row |= {"walk_ms": took if is_there else None, "walk_reached": is_there}
         return is_there
 
-    def _numbered(self, name: str) -> str:
+    def numbered(self, name: str) -> str:
+        """Return the name of the columns of what is shown next: "scene", then "scene2"."""
         count = self._names[name] = self._names.get(name, 0) + 1
         return name if count == 1 else f"{name}{count}"
 

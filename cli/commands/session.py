@@ -30,7 +30,7 @@ from cli.lab_companion import LabCompanion
 from cli.operator_screen import TerminalOperator
 from cli.questions import TerminalRespondent
 from cli.studies import StudyHere, require_session, study_here, study_of_lab
-from cli.telling import make_ready
+from cli.telling import TELLING, make_ready
 from lab.clock import SimClock, SystemClock
 from lab.config import LabConfig
 from lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
@@ -41,8 +41,11 @@ from protocol.operator import Operator, UnattendedOperator
 from protocol.plan import SessionPlan
 from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from recording.reader import Recording
+from visavis.catalogue import AnyStudy
+from visavis.experiment import StudyExperiment
+from visavis.opened import OpenedStudy
 from visavis.sessions.data_root import require_space
-from visavis.sessions.perform import Request, perform_new, perform_rest
+from visavis.sessions.perform import PageAddress, Request, perform_new, perform_rest
 from visavis.sessions.rig import check_rig, devices_for, is_simulated, require_picture
 from visavis.sessions.study_check import SIMULATED_PREFIX
 from visavis.sessions.study_folder import (
@@ -84,6 +87,15 @@ WithoutOption = Annotated[
         "--without",
         help="Go on without a device that the study can do without; every trial is flagged.",
     ),
+]
+OnOption = Annotated[
+    str | None,
+    typer.Option(
+        "--on", help="Where to perform it: lab or browser; left out: where the study says."
+    ),
+]
+PortOption = Annotated[
+    int, typer.Option("--port", min=0, max=65535, help="Port of a page; a free one left out.")
 ]
 BlindOption = Annotated[bool, typer.Option("--blind", help="Hide conditions from the operator.")]
 
@@ -187,18 +199,28 @@ def run(
     assignments: SetOption = None,
     language: LanguageOption = None,
     without: WithoutOption = None,
+    on: OnOption = None,
+    port: PortOption = 0,
 ) -> None:
-    """Perform one session on the devices of lab_config.yaml.
+    """Perform one session on the devices of lab_config.yaml, or on a page in a browser.
+
+    A page needs no device; with --devices sim it is a rehearsal, with --fast somebody simulated.
 
     Example: visavis run stare --participant 07
     """
     lab = load_lab(config, devices)
-    require_picture(lab)
-    here = study_here(study, lab)
+    chosen = study_of_lab(study, lab)
+    where = where_performed(chosen, on)
+    if where == "lab":
+        require_picture(lab)
+    elif devices != "sim":
+        lab = lab.model_copy(update={"devices": {}})
+    here = StudyHere(lab, chosen)
     if fast and not here.is_simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot; add --devices sim")
     wanted = here.wanted(seed=seed, assignments=assignments, language=language)
-    check_rig(devices_for(lab, here.study.experiment(wanted.parameters), without or ()))
+    if where == "lab":
+        check_rig(devices_for(lab, chosen.experiment(wanted.parameters), without or ()))
     require_space(lab)
     settings = here.settled(wanted, seed_given=seed is not None)
     entry = here.participant(settings, participant)
@@ -213,8 +235,21 @@ def run(
             f"  {first}\n  or run a further one: add --session {others + 1}"
         )
     _perform(
-        here, settings, entry, session, fast=fast, blind=blind, resume_from=None, without=without
-    )
+        here, settings, entry, session, fast=fast, blind=blind, resume_from=None,
+        without=without, on=where, port=port,
+    )  # fmt: skip
+
+
+def where_performed(study: AnyStudy, on: str | None) -> str:
+    """Return where a session is performed: as asked, or as the study says.
+
+    Raises:
+        UsageError: it is neither lab nor browser.
+    """
+    if on not in (None, "lab", "browser"):
+        raise UsageError(f"--on takes lab or browser, not {on!r}")
+    declared = study.study.on if isinstance(study, OpenedStudy) else "lab"
+    return on or declared
 
 
 def _session_dir(here: StudyHere, entry: Participant, session: int) -> Path:
@@ -242,7 +277,6 @@ def resume(
     Example: visavis resume data/simulated/stare/sub-S07H/ses-001
     """
     lab = load_lab(config, devices)
-    require_picture(lab)
     if session_path is None:
         session_path = _the_unfinished(lab)
     elif not session_path.is_dir():
@@ -251,6 +285,11 @@ def resume(
     require_space(lab.model_copy(update={"data_root": session_path}))
     recording = Recording(session_path)
     manifest = recording.manifest
+    where = "browser" if manifest.configuration.get("on") == "browser" else "lab"
+    if where == "lab":
+        require_picture(lab)
+    elif not recording.is_simulated:
+        lab = lab.model_copy(update={"devices": {}})
     if recording.is_simulated != is_simulated(lab):
         kind = "simulated" if recording.is_simulated else "real"
         raise UsageError(
@@ -272,7 +311,7 @@ def resume(
     entry = Ledger(folder, SystemClock(), prefix=prefix).resolve(manifest.participant)
     _perform(
         StudyHere(lab, chosen), settings, entry, manifest.session, fast=fast, blind=blind,
-        resume_from=session_path, without=without,
+        resume_from=session_path, without=without, on=where,
     )  # fmt: skip
 
 
@@ -300,15 +339,24 @@ def _perform(
     blind: bool,
     resume_from: Path | None,
     without: list[str] | None,
+    on: str = "lab",
+    port: int = 0,
 ) -> None:
     simulated = here.is_simulated
     experiment = here.study.experiment(settings.parameters)
-    if not fast:
+    if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
+        from visavis.page.film_store import film_store
+
+        with TELLING.progress("building films") as told:
+            film_store(experiment).build(experiment.films, told)
+    if not fast and on == "lab":
         make_ready(experiment)  # before the operator's screen, which would stand empty meanwhile
     with ExitStack() as stack:
         operator: Operator = UnattendedOperator()
         respondent = None
-        if not fast:
+        if on == "browser":
+            _let_signals_interrupt()
+        elif not fast:
             screen = TerminalOperator(console, is_simulated=simulated, confirm_waits=not simulated)
             operator = stack.enter_context(screen)
             _let_signals_end(screen)
@@ -331,6 +379,8 @@ def _perform(
             consent_version=entry.consent_version,
             companion=LabCompanion(),
             without=tuple(dict.fromkeys(without or ())),
+            on=on,
+            page=PageAddress(port, _tell_address),
         )
         path = resume_from or _session_dir(here, entry, session)
         try:
@@ -368,6 +418,23 @@ def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> Non
         soft_wrap=True,
         highlight=False,
     )
+
+
+def _tell_address(address: str) -> None:
+    console.print("The participant's page, on this computer:", soft_wrap=True)
+    console.print(f"  [b]{verbatim(address)}[/]", soft_wrap=True, highlight=False)
+    console.print("It ends by itself; Ctrl-C ends it now, and every answer is kept.")
+
+
+def _let_signals_interrupt() -> None:
+    """End a page's session in order at the first signal, as Ctrl-C does."""
+
+    def end(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    for name in ENDING_SIGNALS:
+        if hasattr(signal, name) and name != "SIGINT":
+            signal.signal(getattr(signal, name), end)
 
 
 def _let_signals_end(screen: TerminalOperator) -> None:

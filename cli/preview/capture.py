@@ -144,7 +144,7 @@ class Capture:
                 return _Watching(viewers, self.frames, enough)
 
             try:
-                perform_new(replace(request, stage_for=stage_for))
+                perform_new(replace(request, stage_for=stage_for, on="lab"))
             except _EnoughError:
                 return self.frames
         self.is_whole = True

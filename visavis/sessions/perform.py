@@ -1,5 +1,6 @@
 """Perform a session, new or resumed, and leave a closed recording behind."""
 
+import importlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
@@ -30,6 +31,7 @@ from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseSta
 from stage.contracts import Stage, Viewer
 from visavis.catalogue import AnyStudy
 from visavis.experiment import StudyExperiment
+from visavis.opened import OpenedStudy
 from visavis.sessions.plan_lock import carried_by_session
 from visavis.sessions.rig import build_rig, check_room, devices_for, is_simulated
 from visavis.sessions.stages import build_stage
@@ -40,7 +42,8 @@ from visavis.texts import read_texts
 class Request:
     """What to perform: whom, which study, on what, with which clock and operator.
 
-    `without` are roles of devices that the operator goes on without.
+    `without` are roles of devices that the operator goes on without. `on` is "lab" or "browser",
+    left out where the study says it; a `page` is served at its address.
     """
 
     study: AnyStudy
@@ -63,6 +66,22 @@ class Request:
     stage_for: Callable[[Sequence[Viewer]], Stage] | None = None
     companion: "Companion | None" = None
     without: tuple[str, ...] = ()
+    on: str = ""
+    page: "PageAddress | None" = None
+
+    @property
+    def is_on_page(self) -> bool:
+        """Whether it is performed on a page in a browser; the study says so, or whoever asks."""
+        study = self.study.study if isinstance(self.study, OpenedStudy) else None
+        return (self.on or getattr(study, "on", "lab")) == "browser"
+
+
+@dataclass(frozen=True)
+class PageAddress:
+    """Where a page is served (port 0: a free one); `told` hears the address to be opened."""
+
+    port: int = 0
+    told: Callable[[str], None] | None = None
 
 
 class Companion(Protocol):
@@ -105,6 +124,9 @@ def perform_new(request: Request) -> Path:
         UsageError: the session exists already.
         SessionAborted, DeviceError: it ended early; what is finished is kept.
     """
+    if request.is_on_page:
+        made: Path = _pages().perform_new(request)
+        return made
     plan = request.experiment.plan(request.participant_index, request.seed, request.group)
     config = devices_for(request.config, request.experiment, request.without)
     request = replace(request, config=config)
@@ -142,6 +164,9 @@ def perform_rest(request: Request, session_path: Path) -> Path:
     Raises:
         ConfigError: the plan in the manifest is not the one this version would make.
     """
+    if request.is_on_page:
+        rest: Path = _pages().perform_rest(request, session_path)
+        return rest
     config = devices_for(request.config, request.experiment, request.without)
     request = replace(request, config=config)
     check_room(config, request.experiment)
@@ -159,6 +184,21 @@ def perform_rest(request: Request, session_path: Path) -> Path:
             )
         _perform_part(request, devices, folder, plan, progress_of_recording(recording))
         return folder.path
+
+
+def _pages() -> Any:
+    """Return what performs sessions on pages, which not every lab needs.
+
+    Raises:
+        ConfigError: its libraries are not installed.
+    """
+    try:
+        return importlib.import_module("visavis.page.perform")
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"a page in a browser needs {error.name}, which is not installed; run: pip install "
+            "'visavis[browser]'"
+        ) from error
 
 
 def _locked(request: Request, config: LabConfig) -> dict[str, Any]:
@@ -215,16 +255,16 @@ def _perform_part(
             Session(setup).run()
     except KeyboardInterrupt as error:
         reason = "interrupted from the keyboard or by the system"
-        _end_part(clock, folder, recorder, "aborted", reason, error)
+        end_part(clock, folder, recorder, "aborted", reason, error)
         raise SessionAborted(f"{reason}; every finished trial is kept") from error
     except SessionAborted as error:
         reason = str(error).partition(";")[0]
-        _end_part(clock, folder, recorder, "aborted", reason, error)
+        end_part(clock, folder, recorder, "aborted", reason, error)
         raise
     except BaseException as error:
-        _end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
+        end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
         raise
-    _end_part(clock, folder, recorder, "complete", "", None)
+    end_part(clock, folder, recorder, "complete", "", None)
 
 
 def _recorder(request: Request, folder: SessionFolder, part_dir: Path) -> Recorder:
@@ -328,7 +368,7 @@ def _stage(request: Request, devices: _Devices) -> Stage:
     return build_stage(request.config, request.experiment, devices.rig, request.clock, viewers)
 
 
-def _end_part(
+def end_part(
     clock: Clock,
     folder: SessionFolder,
     recorder: Recorder | None,

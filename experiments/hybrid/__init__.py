@@ -1,0 +1,1 @@
+"""Hybrid animation beside the clips it was taken from: which looks better?"""

@@ -1,0 +1,71 @@
+"""What the report has beside the standard sections: votes cell by cell, and the sides."""
+
+from typing import Final
+
+import pandas as pd
+from scipy import stats
+
+from analysis.report import Block, Paragraph, Section
+from analysis.report.blocks import Column, Table
+from analysis.report.notation import fraction
+from experiments.hybrid.clips import CLIPS
+from visavis.analysis import StudyAnalysis
+from visavis.experiment import StudyExperiment
+from visavis.sections import Extra
+
+SCALE: Final = (
+    (-2, "clip significantly"), (-1, "clip slightly"), (0, "equal"), (1, "hybrid slightly"),
+    (2, "hybrid significantly"),
+)  # fmt: skip
+
+
+def votes(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
+    """Return every cell's votes with a sign test of each person's mean, corrected over cells."""
+    rows = analysis.selection.counted
+    rows = rows[rows["preference"].notna()]
+    cells = [(c, i) for c in CLIPS for i in experiment.levels["increment"]
+             if ((rows["clip"] == c) & (rows["increment"] == i)).any()]  # fmt: skip
+    told = []
+    for clip, increment in cells:
+        own = rows[(rows["clip"] == clip) & (rows["increment"] == increment)]
+        counts = [int((own["preference"] == value).sum()) for value, _ in SCALE]
+        p = min(1.0, sign_test_p(own) * len(cells))
+        told.append((f"{clip}, increment {increment}", *map(str, counts),
+                     fraction(p, 3) if p >= 0.001 else "< .001"))  # fmt: skip
+    blocks: list[Block] = [
+        Table(
+            (Column("pair"), *(Column(words, "right") for _, words in SCALE), Column("p", "right")),
+            tuple(told),
+            "Votes by motion and number of poses",
+            "p: sign test over people of their mean vote against no preference, "
+            f"Bonferroni-corrected over {len(cells)} cells.",
+        ),
+        Paragraph(consistency(rows)),
+    ]
+    return Extra(Section("votes", "Votes", tuple(blocks)))
+
+
+def sign_test_p(own: pd.DataFrame) -> float:
+    """Return the two-sided p of a sign test of people's mean votes; ties are left out."""
+    means = own.groupby("participant")["preference"].mean()
+    above, below = int((means > 0).sum()), int((means < 0).sum())
+    if above + below == 0:
+        return 1.0
+    return float(stats.binomtest(above, above + below).pvalue)
+
+
+def consistency(rows: pd.DataFrame) -> str:
+    """Return how alike votes are when the sides are swapped, in words."""
+    both = rows.pivot_table(
+        index=["participant", "clip", "increment"], columns="hybrid_side", values="preference"
+    )
+    if not {"left", "right"} <= set(both):
+        return "Pairs were not shown on both sides."
+    both = both.dropna()
+    opposed = int((both["left"] * both["right"] < 0).sum())
+    mean_right = float((rows["preference"].where(rows["hybrid_side"] == "right",
+                                                 -rows["preference"])).mean())  # fmt: skip
+    return (
+        f"With sides swapped, {opposed} of {len(both)} pairs of votes contradict each other. The "
+        f"mean vote for the right side is {mean_right:+.2f} steps."
+    )

@@ -1,0 +1,1 @@
+"""Naturalness of gestures interpolated between key poses by three methods, judged from films."""

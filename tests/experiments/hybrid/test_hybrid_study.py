@@ -1,0 +1,75 @@
+"""The study of hybrid animation: its clips, its raters, and its tables."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmarks.simulated_tracker import tracker_of
+from experiments.hybrid.clips import CLIPS, Flaws, hybrid_clip, key_frame_clip, period_s
+from experiments.hybrid.sections import consistency, sign_test_p
+from experiments.hybrid.study import faults, study
+from stimuli.motion.clip import placed_joints
+from visavis.opened import OpenedStudy
+from visavis.quick import quick_study
+
+PEOPLE = 31
+MANY = 150
+SAME_M = 1e-6
+
+
+def judged(people: int = PEOPLE, **parameters: Any) -> pd.DataFrame:
+    """Return simulated votes."""
+    opened = OpenedStudy(study)
+    experiment = opened.experiment(parameters)
+    return quick_study(opened, experiment, tracker_of, range(people), seed=2).trials
+
+
+@pytest.mark.parametrize("name", CLIPS)
+def test_a_clip_and_its_hybrid_come_round_at_the_same_time(name: str) -> None:
+    for motion in (key_frame_clip(name, Flaws()), hybrid_clip(name, 0, "shoemake", Flaws())):
+        first, again = placed_joints(motion, np.array([0.0, period_s(name)])).position_m
+        near_m = float(np.abs(first - again).max())
+        assert near_m < (0.02 if name == "crouch" else SAME_M)  # whom a spring still draws up
+
+
+def test_a_limp_is_in_the_clip_alone_as_a_hybrid_mirrors_the_other_half() -> None:
+    seconds = 3 * period_s("run")
+    clip = faults(key_frame_clip("run", Flaws()), seconds)[1]
+    sound = faults(key_frame_clip("run", Flaws(limp=0.0)), seconds)[1]
+    made = faults(hybrid_clip("run", 0, "neighbours", Flaws()), seconds)[1]
+    assert clip > 2.0
+    assert sound < 0.2
+    assert made < 0.2
+
+
+def test_the_hybrid_run_is_preferred_only_because_the_clip_limps() -> None:
+    as_source, sound = judged(), judged(limp=0.0)
+    assert as_source.loc[as_source["clip"] == "run", "preference"].mean() > 0.2
+    assert sound.loc[sound["clip"] == "run", "preference"].mean() < 0.0
+
+
+def test_votes_do_not_depend_on_the_side_of_the_hybrid() -> None:
+    means = judged(MANY).groupby("hybrid_side")["preference"].mean()
+    assert pytest.approx(means["left"], abs=0.2) == means["right"]
+
+
+def votes(values: list[tuple[str, str, float]]) -> pd.DataFrame:
+    rows = [{"participant": p, "clip": "walk", "increment": 0, "hybrid_side": s, "preference": v}
+            for p, s, v in values]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def test_a_sign_test_counts_people_not_votes() -> None:
+    everybody = votes([(str(i), side, 1.0) for i in range(6) for side in ("left", "right")])
+    assert pytest.approx(2 / 2**6) == sign_test_p(everybody)
+    assert pytest.approx(1.0) == sign_test_p(votes([("a", "left", 0.0)]))
+
+
+def test_contradictions_are_votes_that_go_with_the_side() -> None:
+    said = consistency(votes([("a", "left", 1.0), ("a", "right", -1.0),
+                              ("b", "left", 2.0), ("b", "right", 1.0)]))  # fmt: skip
+    assert "1 of 2 pairs of votes contradict" in said
+    # For the right side: −1, −1 (hybrid right, voted against), −2, +1.
+    assert "the right side is -0.75 steps" in said

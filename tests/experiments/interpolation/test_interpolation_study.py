@@ -1,0 +1,88 @@
+"""The study of interpolated gestures: its motions, its raters, and what the source prints."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.statistics import oneway_anova, tukey_hsd
+from benchmarks.simulated_tracker import tracker_of
+from experiments.interpolation import published
+from experiments.interpolation.gestures import (
+    GESTURES,
+    KEYS,
+    METHODS,
+    keys_of,
+    motion_of,
+    seconds_of,
+    source_of,
+)
+from experiments.interpolation.study import patterned_01, study
+from stimuli.motion.clip import placed_joints
+from visavis.opened import OpenedStudy
+from visavis.quick import quick_study
+
+MAX_KEY_ERROR_M = 1e-9
+MAX_OFF_M = 0.15
+
+
+def test_two_printed_means_cannot_come_from_whole_numbers() -> None:
+    assert (
+        ("female", "slerp", "2.8414"),
+        ("metaphoric", "squad", "3.2989"),
+    ) == published.impossible_means()
+
+
+def test_one_spread_explains_the_printed_p_values() -> None:
+    floor_of_r = "2e-16"
+    spread = [published.pooled_sd(s) for s in published.SUBSETS if s.p != floor_of_r]
+    assert pytest.approx(1.05, abs=0.15) == np.array(spread)
+
+
+@pytest.mark.parametrize("gesture", GESTURES)
+def test_every_method_passes_through_the_same_key_poses(gesture: str) -> None:
+    source, keys = source_of(gesture), keys_of(gesture)
+    assert KEYS == len(keys)
+    t_s = source.frame_times_s[list(keys)]
+    expected = placed_joints(source, t_s).position_m
+    for method in METHODS:
+        found = placed_joints(motion_of(gesture, method), t_s).position_m
+        assert float(np.abs(found - expected).max()) < MAX_KEY_ERROR_M, method
+
+
+@pytest.mark.parametrize("gesture", GESTURES)
+def test_no_method_strays_from_slerp_as_angles_taken_pose_by_pose_would(gesture: str) -> None:
+    t_s = np.arange(0.0, seconds_of(gesture), 1 / 60)
+    slerp = placed_joints(motion_of(gesture, "slerp"), t_s).position_m
+    other = placed_joints(motion_of(gesture, "lineuler"), t_s).position_m
+    assert float(np.linalg.norm(other - slerp, axis=-1).max()) < MAX_OFF_M
+
+
+@pytest.fixture(scope="module")
+def judged() -> pd.DataFrame:
+    opened = OpenedStudy(study)
+    return quick_study(opened, opened.experiment({}), tracker_of, range(97), seed=3).trials
+
+
+def test_simulated_raters_give_means_near_the_printed_ones(judged: pd.DataFrame) -> None:
+    means = judged.groupby("method")["naturalness"].mean()
+    printed = dict(zip(METHODS, map(float, published.SUBSETS[1].means), strict=True))
+    assert {m: pytest.approx(v, abs=0.2) for m, v in printed.items()} == dict(means)
+    assert pytest.approx(1.03, abs=0.1) == judged.groupby("method")["naturalness"].std().mean()
+
+
+def test_the_source_s_analysis_finds_squad_above_both_and_no_more(judged: pd.DataFrame) -> None:
+    assert oneway_anova(judged, "naturalness", factor="method", levels=METHODS).p < 1e-9
+    pairs = tukey_hsd(judged, "naturalness", factor="method", levels=METHODS)
+    found = {frozenset(c.label.split(" − ")): c.p_adjusted for c in pairs.contrasts}
+    assert found[frozenset(("squad", "slerp"))] < 0.05
+    assert found[frozenset(("squad", "lineuler"))] < 0.05
+    assert found[frozenset(("slerp", "lineuler"))] > 0.05
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [([1, 2, 1, 2, 1, 2], 1.0), ([1, 2, 3, 1, 2, 3], 1.0), ([1, 2, 3, 4, 5, 1], 0.0),
+     ([1, 2], float("nan"))],
+)  # fmt: skip
+def test_patterns_of_two_and_three_are_noticed(given: list[float], expected: float) -> None:
+    assert pytest.approx(expected, nan_ok=True) == patterned_01(np.array(given, np.float64))

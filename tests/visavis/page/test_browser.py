@@ -1,0 +1,189 @@
+"""The page itself in a real browser: from consent to thanks, through reloads and kills."""
+
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lab.clock import StopWatch
+from lab.config_files import EXAMPLE
+from recording.folder import session_dir
+from recording.reader import Recording
+from tests.visavis.page.pages import STUDY
+from visavis.page.desk import RELOADED, RESTARTED
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
+PATIENCE_S = 120.0
+POLL_S = 0.05
+
+pytestmark = [
+    pytest.mark.slow,  # a browser, and films that are drawn
+    pytest.mark.timeout(600),
+    pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed here"),
+]
+
+
+@dataclass
+class Server:
+    """`visavis run --on browser` in a process of its own."""
+
+    root: Path
+    process: "subprocess.Popen[str] | None" = None
+    lines: list[str] = field(default_factory=list)
+
+    def start(self, *arguments: str) -> str:
+        """Start it and return the page's address."""
+        environment = os.environ | {"XDG_CACHE_HOME": str(self.root / "cache"),
+                                    "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"}  # fmt: skip
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "cli.main", *arguments, "--devices", "sim"],
+            cwd=self.root, env=environment, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.lines.append(line)
+            found = re.search(r"http://\S+", line)
+            if found:
+                return found.group()
+        raise AssertionError("".join(self.lines))
+
+    def kill(self) -> None:
+        """Kill it as a power cut would."""
+        assert self.process is not None
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+
+    def end(self) -> str:
+        """Wait until it has ended by itself; return what it said."""
+        assert self.process is not None
+        said, _ = self.process.communicate(timeout=PATIENCE_S)
+        return "".join(self.lines) + said
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Server]:
+    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    made = Server(tmp_path)
+    yield made
+    if made.process is not None:
+        made.kill()
+
+
+@pytest.fixture
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as started:
+        opened = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+def state_of(page: Any) -> dict[str, Any]:
+    """Return what a page shows."""
+    found: dict[str, Any] = page.evaluate(
+        """() => ({kind: document.getElementById("main").className,
+                   text: document.getElementById("main").innerText})"""
+    )
+    return found
+
+
+def step_on(page: Any) -> None:
+    """Do what the page asks for, as far as it can be done now."""
+    if page.query_selector("#agree") and not page.is_checked("#agree"):
+        page.check("#agree")
+    for field_set in page.query_selector_all("fieldset"):
+        if field_set.query_selector("input:checked"):
+            continue
+        radios = field_set.query_selector_all("input[type=radio]:not([disabled])")
+        if radios:
+            radios[len(radios) // 2].click()
+        slider = field_set.query_selector(".untouched input:not([disabled])")
+        if slider:
+            slider.focus()
+            page.keyboard.press("ArrowRight")
+    for number in page.query_selector_all("input.number"):
+        number.fill("33")
+    button = page.query_selector("#main button:not([disabled]):not(.quiet)")
+    if button:
+        button.click(timeout=2000)
+
+
+def until(page: Any, words: str, *, steps: bool = True) -> None:
+    """Go on until the page says something."""
+    watch = StopWatch()
+    while words not in state_of(page)["text"]:
+        assert watch.elapsed_s() < PATIENCE_S, state_of(page)
+        if steps:
+            with contextlib.suppress(playwright_error()):  # the page went on meanwhile
+                step_on(page)
+        page.wait_for_timeout(POLL_S * 1000)
+
+
+def playwright_error() -> type[Exception]:
+    from playwright.sync_api import Error
+
+    return Error
+
+
+def recorded(server: Server) -> Recording:
+    return Recording(session_dir(server.root / "data", "films", "S01B", 1, is_simulated=True))
+
+
+def test_from_consent_to_thanks_with_a_reload_a_second_tab_and_a_server_killed(
+    server: Server, browser: Any
+) -> None:
+    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
+    context = browser.new_context(viewport={"width": 1000, "height": 800})
+    page = context.new_page()
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    others: list[str] = []
+    page.on("request", lambda r: None if r.url.startswith((address.split("#")[0], "blob:", "data:"))
+            else others.append(r.url))  # fmt: skip
+    page.goto(address)
+    until(page, "How lively")
+    page.reload()
+    until(page, "How lively", steps=False)
+
+    second = context.new_page()
+    second.goto(address)
+    until(second, "another tab", steps=False)
+    second.close()
+
+    until(page, "Which person is livelier?")
+    server.kill()
+    step_on(page)
+    page.wait_for_timeout(300)
+    session = server.root / "data/simulated/films/sub-S01B/ses-001"
+    again = server.start("resume", str(session))
+    assert address == again
+    until(page, "Thank you")
+    said = server.end()
+
+    recording = recorded(server)
+    assert "complete" == recording.status, said
+    rows = recording.trials()
+    assert ["complete"] * 3 == list(rows["status"])
+    assert RELOADED in rows["flags"].iloc[0]
+    assert RESTARTED in ";".join(rows["flags"])
+    counted = rows[~rows["is_practice"]]
+    assert (counted["film_frames"] > 0).all()
+    assert (counted["film_rounds"] >= 1).all()
+    assert (counted["lively_ms"] > 400).all()  # a round of half a second, or a frame less
+    assert (rows["film_sha256"].str.len() == 64).all()
+    assert set(counted["lively_by"]) <= {"mouse", "keys"}
+    assert [] == problems
+    assert [] == others

@@ -1,0 +1,180 @@
+"""What is acknowledged is on the disk, and a session that broke off goes on at the same step."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lab.clock import NS_PER_S
+from recording.reader import Recording
+from tests.visavis.page.pages import TAB, begun, gone_on
+from visavis.page.desk import LEASE_NS, RELOADED, RESTARTED
+from visavis.page.errors import OpenElsewhereError, PageError
+
+
+def answers_in(path: Path) -> list[tuple[str, Any]]:
+    """Return everything answered in the trials of a session, as its journal tells it."""
+    events = Recording(path).events()
+    told = events.loc[events["name"] == "answered", "payload"]
+    return [(p["trial_id"] + " " + p["question"], p["answer"]) for p in told]
+
+
+def test_every_acknowledged_answer_is_on_the_disk_before_the_next_step_is_told(
+    tmp_path: Path,
+) -> None:
+    with begun(tmp_path) as (page, path):
+        while not page.desk.is_over:
+            sent = page.event()
+            page.desk.take(TAB, [sent])
+            page.desk.recorder.checkpoint()
+            events = Recording(path).events()
+            numbers = [
+                p["n"] for p in events.loc[events["name"] == "page_event", "payload"] if "n" in p
+            ]
+            assert list(range(1, page.desk.told()["ack"] + 1)) == numbers
+            assert sent["n"] == page.desk.told()["ack"]
+
+
+def test_whoever_is_cut_off_at_any_step_goes_on_there_and_loses_nothing(tmp_path: Path) -> None:
+    with begun(tmp_path, "S99") as (page, whole):
+        steps = []
+        while not page.desk.is_over:
+            steps.append(page.desk.told())
+            page.answer()
+        page.desk.recorder.close("complete")
+    rows = Recording(whole).trials().set_index("trial_id")
+    for cut in range(1, len(steps)):
+        with begun(tmp_path, f"S{cut:02d}") as (page, path):
+            for _ in range(cut):
+                page.answer()
+        with gone_on(path) as page:
+            assert steps[cut] == page.desk.told()
+            page.answer_all()
+            page.desk.recorder.close("complete")
+        again = Recording(path).trials()
+        assert list(rows.index) == list(again["trial_id"])
+        again = again.set_index("trial_id")
+        for name in ("motion", "lively", "livelier", "effort", "status", "attempt"):
+            assert rows[name].equals(again[name]), (cut, name)
+        assert answers_in(whole) == answers_in(path)
+        flagged = list(again.index[again["flags"].str.contains(RESTARTED)])
+        in_trial = steps[cut]["step"].get("trial")
+        assert (1 if in_trial else 0) == len(flagged)
+
+
+def test_a_page_that_is_reloaded_gets_the_same_step_and_its_trial_is_flagged(
+    tmp_path: Path,
+) -> None:
+    with begun(tmp_path) as (page, path):
+        while page.desk.told()["step"]["kind"] != "watch":
+            page.answer()
+        before = page.desk.told()
+        page.desk.leave(TAB)
+        page.desk.hello("two")
+        page.desk.hello(TAB, before="two")
+        assert before == page.desk.told()
+        page.answer_all()
+        page.desk.recorder.close("complete")
+    flags = Recording(path).trials()["flags"]
+    assert [RELOADED, "", ""] == list(flags)
+
+
+def test_a_second_tab_is_refused_until_the_first_has_gone(tmp_path: Path) -> None:
+    with begun(tmp_path) as (page, _):
+        with pytest.raises(OpenElsewhereError):
+            page.desk.hello("two")
+        page.clock.sleep_until_ns(page.clock.now_ns() + LEASE_NS + NS_PER_S)
+        page.desk.hello("two")
+        with pytest.raises(OpenElsewhereError):
+            page.desk.take(TAB, [])
+
+
+def test_what_is_sent_again_is_taken_once_and_a_gap_is_refused(tmp_path: Path) -> None:
+    with begun(tmp_path) as (page, _):
+        sent = page.event()
+        page.desk.take(TAB, [sent])
+        told = page.desk.told()
+        page.desk.take(TAB, [sent])
+        assert told == page.desk.told()
+        with pytest.raises(PageError, match="one is missing"):
+            page.desk.take(TAB, [{**page.event(), "n": sent["n"] + 2}])
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [
+        ("consent", {"agreed": "yes"}),
+        ("watch", {"answers": {}}),
+        ("watch", {"shown_ms": "now"}),
+        ("watch", {"films": {"film": {"first_ms": float("inf")}}}),
+        ("watch", {"answers": {"lively": {"option": "9", "at_ms": 1.0, "by": "keys"}}}),
+        ("watch", {"answers": {"lively": {"option": "3", "at_ms": 1.0, "by": "magic"}}}),
+        ("watch", {"hidden_ms": True}),
+        ("questions", {"answers": {"age": "7e9"}}),
+        ("questions", {"answers": {"gender": "12"}}),
+        ("text", {"stop": "now"}),
+    ],
+)
+def test_a_reply_that_no_page_of_ours_sends_is_refused_and_the_session_goes_on(
+    kind: str, wrong: dict[str, Any], tmp_path: Path
+) -> None:
+    with begun(tmp_path) as (page, path):
+        while page.desk.told()["step"]["kind"] != kind:
+            page.answer()
+        sent = page.event()
+        before = page.desk.told()
+        with pytest.raises(PageError):
+            page.desk.take(TAB, [{**sent, "reply": {**sent["reply"], **wrong}}])
+        assert before == page.desk.told()
+        page.desk.take(TAB, [sent])
+        page.answer_all()
+        page.desk.recorder.close("complete")
+    assert ["complete"] * 3 == list(Recording(path).trials()["status"])
+
+
+@pytest.mark.parametrize(
+    ("reply", "outcome"),
+    [
+        ({"agreed": False}, "declined"),
+        ({"stop": "delete"}, "withdrawn"),
+        ({"stop": "keep"}, "stopped"),
+    ],
+)
+def test_whoever_declines_or_stops_is_asked_nothing_more(
+    reply: dict[str, Any], outcome: str, tmp_path: Path
+) -> None:
+    with begun(tmp_path) as (page, path):
+        page.desk.take(TAB, [{**page.event(), "reply": reply}])
+        assert {"kind": "end", "outcome": outcome} == page.desk.told()["step"]
+        page.desk.recorder.close("aborted")
+    assert Recording(path).trials().empty
+
+
+def test_a_film_that_fails_is_named_and_its_trial_counts_as_skipped(tmp_path: Path) -> None:
+    with begun(tmp_path) as (page, path):
+        while page.desk.told()["step"]["kind"] != "watch":
+            page.answer()
+        failed = {"film": "abc", "place": "film", "why": "error 4: no decoder"}
+        sent = page.event()
+        page.desk.take(TAB, [{**sent, "reply": {"shown_ms": 1.0, "failed": failed}}])
+        page.answer_all()
+        page.desk.recorder.close("complete")
+    first = Recording(path).trials().iloc[0]
+    assert ("skipped", "film abc: error 4: no decoder") == (first["status"], first["reason"])
+
+
+def test_response_time_runs_from_the_first_picture_that_was_presented(tmp_path: Path) -> None:
+    with begun(tmp_path) as (page, path):
+        while page.desk.told()["step"]["kind"] != "watch":
+            page.answer()
+        sent = page.event()
+        sent["reply"]["films"]["film"]["first_ms"] = 5000.0
+        sent["reply"]["answers"]["lively"]["at_ms"] = 6234.5
+        sent["reply"]["shown_ms"], sent["reply"]["off_ms"] = 4900.0, 6500.0
+        page.desk.take(TAB, [sent])
+        page.answer_all()
+        page.desk.recorder.close("complete")
+    row = Recording(path).trials().iloc[0]
+    assert pytest.approx(1234.5, abs=1e-6) == row["lively_ms"]
+    assert pytest.approx(100.0, abs=1e-6) == row["film_wait_ms"]
+    assert 1_500_000_000 == row["film_off_ns"] - row["film_on_ns"]

@@ -1,0 +1,118 @@
+"""Films as stimuli: a scene, for so long, seen by a camera; one alone, or two beside each other.
+
+A film is data. In a browser it is a file, drawn once and the same for everybody; before a headset
+or a monitor its scene itself is shown.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from lab.errors import DesignError
+from lab.geometry import Vector, quat_from_yaw_pitch_deg, unit, yaw_pitch_deg_of
+from visavis.responses import Response
+from visavis.scenes import PAIR, Scene
+
+MAX_FILM_S: Final = 600.0
+MAX_SIDE_PX: Final = 1920
+CODEC: Final = "vp09.00.31.08"
+"""How browsers are asked whether they can play our films: VP9, profile 0, level 3.1, 8 bit."""
+MIME: Final = f'video/webm; codecs="{CODEC}"'
+
+
+@dataclass(frozen=True)
+class Lens:
+    """From where a film is taken, in metres of the scene: the eye, what it aims at, and half the
+    height of the picture one metre away.
+    """
+
+    eye_m: tuple[float, float, float] = (0.75, 1.25, 0.0)
+    aim_m: tuple[float, float, float] = (0.0, 1.08, -2.6)
+    half_height_01: float = 0.36
+
+    def __post_init__(self) -> None:
+        if self.eye_m == self.aim_m or not 0.01 <= self.half_height_01 <= 3.0:
+            raise DesignError(f"{self} sees nothing; let it aim elsewhere, with 0.01 to 3")
+
+    @property
+    def turn_wxyz(self) -> Vector:
+        """The camera's orientation: it looks along −z, its top up."""
+        towards = np.subtract(self.aim_m, self.eye_m)
+        yaw_deg, pitch_deg = yaw_pitch_deg_of(unit(towards))
+        return quat_from_yaw_pitch_deg(float(yaw_deg), float(pitch_deg))
+
+
+@dataclass(frozen=True)
+class Film:
+    """A scene from its onset on, `seconds` long, at `rate_hz` pictures a second.
+
+    `seed` is its chance (blinks): a film is the same for everybody and in every trial.
+    """
+
+    scene: Scene
+    seconds: float
+    size_px: tuple[int, int] = (720, 720)
+    rate_hz: int = 60
+    seed: int = 0
+    lens: Lens = Lens()
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.rate_hz <= 120:
+            raise DesignError(f"a film of {self.rate_hz} pictures a second; give 1 to 120")
+        if not 1 / self.rate_hz <= self.seconds <= MAX_FILM_S:
+            raise DesignError(f"a film of {self.seconds} s; give up to {MAX_FILM_S:g} s")
+        if any(not 64 <= side <= MAX_SIDE_PX or side % 2 for side in self.size_px):
+            raise DesignError(
+                f"a film of {self.size_px[0]} x {self.size_px[1]} pixels; give even numbers from "
+                f"64 to {MAX_SIDE_PX}"
+            )
+
+    @property
+    def frame_count(self) -> int:
+        """How many pictures it has."""
+        return max(1, round(self.seconds * self.rate_hz))
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two films beside each other, begun together."""
+
+    left: Film
+    right: Film
+
+
+Shown: TypeAlias = Film | Pair
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A film, or two, with what is asked below: answers count after `min_rounds` whole rounds."""
+
+    shown: Shown
+    responses: tuple[Response, ...]
+    caption: str = ""
+    min_rounds: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.min_rounds <= 100:
+            raise DesignError(f"min_rounds is {self.min_rounds}; give 0 to 100")
+
+
+def films_of(shown: Shown) -> Mapping[str, Film]:
+    """Return the films by where they stand: "film", or "left" and "right"."""
+    return {"film": shown} if isinstance(shown, Film) else {"left": shown.left,
+                                                           "right": shown.right}  # fmt: skip
+
+
+def scene_of(shown: Shown) -> Scene:
+    """Return the scene that shows the same in a headset or on a monitor."""
+    if isinstance(shown, Film):
+        return shown.scene
+    return Scene(PAIR, left=shown.left.scene, right=shown.right.scene)
+
+
+def seconds_of(shown: Shown) -> float:
+    """Return how long one round takes."""
+    return max(film.seconds for film in films_of(shown).values())

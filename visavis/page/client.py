@@ -1,0 +1,42 @@
+"""The browser of a simulated participant: speaks the page's protocol over HTTP."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import aiohttp
+
+from lab.clock import NS_PER_MS, Clock
+from lab.errors import DataError
+from visavis.page.server import KEY
+from visavis.page.steps import PageStep
+from visavis.page.visitor import Visitor
+
+TAB: Final = "simulated"
+
+
+async def visit(address: str, visitor: Visitor, clock: Clock) -> None:
+    """Answer every step of the page at an address (http://…/#KEY) to its end.
+
+    Raises:
+        DataError: the server refused what was sent.
+    """
+    base, _, key = address.partition("/#")
+    begun_ns = clock.now_ns() - round(visitor.now_ms * NS_PER_MS)
+    async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+
+        async def post(path: str, body: Mapping[str, Any]) -> dict[str, Any]:
+            async with http.post(path, json=body) as response:
+                told: dict[str, Any] = await response.json()
+                if response.status != 200 or "failed" in told:
+                    raise DataError(f"the server refused a simulated page: {told}")
+                return told
+
+        told = await post("/api/hello", {"tab": TAB, "takes_over": True, "at_ms": visitor.now_ms,
+                                         "about": {"browser": "simulated"}})  # fmt: skip
+        while told["step"]["kind"] != "end":
+            step = dict(told["step"])
+            reply = visitor.reply(PageStep(step.pop("kind"), step))
+            clock.sleep_until_ns(begun_ns + round(visitor.now_ms * NS_PER_MS))
+            event = {"n": told["ack"] + 1, "kind": "reply", "at_ms": visitor.now_ms,
+                     "step": told["number"], "reply": reply}  # fmt: skip
+            told = await post("/api/events", {"tab": TAB, "events": [event]})

@@ -1,0 +1,208 @@
+"""Films as files: drawn once from people, camera and seed, and kept under what they show.
+
+A film's name is the SHA-256 of everything its pictures are made of: the pose of everybody in
+every frame, the camera, size and rate, and how it is drawn and encoded. So a film that was built
+before is found again, and anything that changes what it shows makes another one.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import platformdirs
+
+from lab.clock import NS_PER_S
+from lab.errors import ConfigError
+from lab.geometry import Pose
+from lab.version import version
+from stimuli.dressing.picture_of import picture_of
+from stimuli.picture import Camera, Picture
+from stimuli.scene import SceneFrame
+from visavis.experiment import StudyExperiment
+from visavis.films import MIME, Film
+from visavis.reading import still_view
+from visavis.scenes import Maker, Staged, Staging, stage
+
+if TYPE_CHECKING:
+    from stage.renderer import Renderer
+
+MADE: Final = "vp9 1"
+"""How films are drawn and encoded: another one here makes every film anew."""
+QUALITY: Final[Mapping[str, str]] = {
+    "crf": "18", "b": "0", "deadline": "realtime", "cpu-used": "6", "threads": "1", "row-mt": "0",
+    "g": "30",
+}  # fmt: skip
+"""One thread, so that the same pictures give the same bytes."""
+TOLD_EVERY: Final = 10
+POSE_DECIMALS: Final = 6
+
+
+@dataclass(frozen=True)
+class FilmFile:
+    """A film that was built: its file, the SHA-256 of it, and its size."""
+
+    path: Path
+    sha256: str
+    size_bytes: int
+
+
+@dataclass(frozen=True, eq=False)
+class FilmStore:
+    """The films of one study; built ones lie in the user's cache, or in `folder`."""
+
+    makers: Mapping[str, Maker]
+    study_folder: Path
+    folder: Path = field(default_factory=lambda: cache_folder())
+
+    def staged(self, film: Film) -> Staged:
+        """Return the scene of a film."""
+        rng = np.random.default_rng(film.seed)
+        staging = Staging(rng, film.seconds, 0, self.study_folder)
+        return stage(film.scene, staging, self.makers)
+
+    def name_of(self, film: Film) -> str:
+        """Return what names a film: the hash of what it shows."""
+        return _name_of(self, film)
+
+    def file_of(self, film: Film) -> FilmFile | None:
+        """Return a film's file; None where it was not built, or is not what was built."""
+        path = self.folder / f"{self.name_of(film)}.webm"
+        try:
+            about = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+            content = path.read_bytes()
+        except (OSError, ValueError):
+            return None
+        digest = hashlib.sha256(content).hexdigest()
+        return FilmFile(path, digest, len(content)) if about.get("sha256") == digest else None
+
+    def build(self, films: Sequence[Film], told: Callable[[int, int], None]) -> None:
+        """Draw and encode the films that are not there yet; `told` hears frames of how many."""
+        missing = [film for film in films if self.file_of(film) is None]
+        total, done = sum(film.frame_count for film in missing), 0
+        told(0, total)
+        if not missing:
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with _renderer() as renderer:
+            for film in missing:
+                for frames in self._write(film, renderer):
+                    if frames % TOLD_EVERY == 0:
+                        told(done + frames, total)
+                done += film.frame_count
+        told(total, total)
+
+    def told(self, film: Film, *, is_simulated: bool = False) -> dict[str, Any]:
+        """Return what a page is told of a film; simulated people need no file.
+
+        Raises:
+            ConfigError: it was not built.
+        """
+        # A name from what makes it, not from what it shows, which takes seconds to compute.
+        name = hashlib.sha256(repr(film).encode()).hexdigest() if is_simulated \
+            else self.name_of(film)  # fmt: skip
+        told = {
+            "film": name,
+            "seconds": film.frame_count / film.rate_hz,
+            "frames": film.frame_count,
+            "rate_hz": film.rate_hz,
+            "width_px": film.size_px[0],
+            "height_px": film.size_px[1],
+            "mime": MIME,
+        }
+        if is_simulated:
+            return told | {"sha256": "", "bytes": 0}
+        found = self.file_of(film)
+        if found is None:
+            raise ConfigError(f"film {name[:12]} of {film.scene.name} is not built; build it first")
+        return told | {"sha256": found.sha256, "bytes": found.size_bytes}
+
+    def frames(self, film: Film) -> Iterator[SceneFrame]:
+        """Yield what every picture of a film shows."""
+        staged, last = self.staged(film), None
+        for k in range(film.frame_count):
+            t_ns = k * NS_PER_S // film.rate_hz
+            last = staged.frame(still_view(t_ns), t_ns) or last
+            if last is None:
+                raise ConfigError(f"scene {film.scene.name} shows nothing at its onset")
+            yield replace(last, t_ns=t_ns)
+
+    def pictures(self, film: Film) -> Iterator[Picture]:
+        """Yield every picture of a film, to be drawn."""
+        return (picture_of(frame) for frame in self.frames(film))
+
+    def _write(self, film: Film, renderer: "Renderer") -> Iterator[int]:
+        import av
+
+        path = self.folder / f"{self.name_of(film)}.webm"
+        draft = path.with_name(f".{path.stem}.{os.getpid()}.webm")
+        camera = camera_of(film)
+        with av.open(str(draft), "w", options={"fflags": "+bitexact"}) as container:
+            stream = container.add_stream("libvpx-vp9", rate=film.rate_hz, options=dict(QUALITY))
+            stream.width, stream.height = film.size_px
+            stream.pix_fmt = "yuv420p"
+            stream.codec_context.thread_count = 1
+            for number, picture in enumerate(self.pictures(film), start=1):
+                image = renderer.image(picture, camera, film.size_px)
+                frame = av.VideoFrame.from_ndarray(image, format="rgb24")
+                container.mux(stream.encode(frame))
+                yield number
+            container.mux(stream.encode())
+        digest = hashlib.sha256(draft.read_bytes()).hexdigest()
+        about = {"sha256": digest, "scene": film.scene.name, "seconds": film.seconds,
+                 "visavis": version(), "made": MADE}  # fmt: skip
+        path.with_suffix(".json").write_text(json.dumps(about), encoding="utf-8")
+        draft.replace(path)
+
+
+def film_store(experiment: StudyExperiment) -> FilmStore:
+    """Return the films of a study."""
+    return FilmStore(experiment.settings.makers, experiment.settings.folder)
+
+
+@lru_cache(maxsize=512)
+def _name_of(store: FilmStore, film: Film) -> str:
+    digest = hashlib.sha256()
+    known = (MADE, film.size_px, film.rate_hz, film.frame_count, film.lens)
+    digest.update(repr(known).encode())
+    for picture in store.pictures(film):
+        digest.update(",".join(c.name for c in picture.cast).encode())
+        digest.update(picture.room.name.encode())
+        people = picture.people
+        for values in (people.root_m, people.orientation_wxyz, people.morphs_01):
+            digest.update((np.round(values, POSE_DECIMALS) + 0.0).tobytes())
+    return digest.hexdigest()
+
+
+def cache_folder() -> Path:
+    """Return where films lie that were built before, for every study of this user."""
+    return platformdirs.user_cache_path("visavis") / "films"
+
+
+def camera_of(film: Film) -> Camera:
+    """Return the camera of a film."""
+    height = film.lens.half_height_01
+    width = height * film.size_px[0] / film.size_px[1]
+    pose = Pose(np.array(film.lens.eye_m), film.lens.turn_wxyz)
+    return Camera(pose, -width, width, -height, height)
+
+
+@contextmanager
+def _renderer() -> "Iterator[Renderer]":
+    """Open a renderer; a processor draws without the smoothing that takes it so long."""
+    from stage.context import draws_on_processor, offscreen_context
+    from stage.renderer import Quality, Renderer
+
+    context = offscreen_context()
+    try:
+        quality = Quality(samples=4) if draws_on_processor(context) else Quality()
+        with Renderer(context, quality=quality) as renderer:
+            yield renderer
+    finally:
+        context.release()

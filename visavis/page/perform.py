@@ -1,0 +1,296 @@
+"""Perform a session on a page in a browser, new or resumed, and leave a closed recording behind."""
+
+import asyncio
+import secrets
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+from lab.errors import ConfigError, SessionAborted
+from protocol.experiment import untold
+from protocol.operator import SessionStatus
+from protocol.states import SessionState
+from recording.folder import SessionFolder, create_session, open_session, study_dir
+from recording.journal import as_json
+from recording.manifest import Manifest
+from recording.provenance import provenance
+from recording.reader import Recording
+from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, Recorder
+from visavis.experiment import StudyExperiment
+from visavis.films import MIME
+from visavis.opened import OpenedStudy
+from visavis.page.client import visit
+from visavis.page.course import (
+    DECLINED,
+    STOPPED,
+    WITHDRAWN,
+    Notes,
+    Visit,
+    consent_of,
+    course,
+    texts_of_page,
+)
+from visavis.page.desk import PageDesk, Past
+from visavis.page.film_store import FilmStore, film_store
+from visavis.page.server import Held, PageServer
+from visavis.page.visitor import Visitor, visitor_of
+from visavis.sessions.perform import PageAddress, Request, behaviour_seed, end_part
+from visavis.sessions.plan_lock import carried_by_session
+from visavis.sessions.rig import is_simulated
+
+SERVED: Final = "page_served"
+LAST_STEP_S: Final = 1.5
+"""How long a page that is over is still answered, so that it can say its thanks."""
+
+
+def perform_new(request: Request) -> Path:
+    """Perform a session from its beginning; return its folder.
+
+    Raises:
+        UsageError: the session exists already.
+        SessionAborted: it ended early; what is finished is kept.
+    """
+    experiment = _experiment(request)
+    plan = experiment.plan(request.participant_index, request.seed, request.group)
+    simulated = is_simulated(request.config)
+    consent = consent_of(experiment, plan)
+    manifest = Manifest(
+        study=request.study.name,
+        participant=request.participant_label,
+        session=request.session,
+        is_simulated=simulated,
+        plan=plan,
+        seed=request.seed,
+        configuration={
+            "on": "browser",
+            "devices": {},
+            "lab": request.config.lab,
+            "sha256": request.config.sha256,
+            "effect": request.effect,
+            **carried_by_session(
+                study_dir(request.config.data_root, request.study.name, is_simulated=simulated),
+                request.study, experiment, request.seed,
+            ),
+        },
+        devices=(),
+        consent_version=consent[1] if consent else request.consent_version
+        or request.config.privacy.consent_version,
+        created_wall_iso=request.clock.wall_iso(),
+        provenance=provenance(),
+    )  # fmt: skip
+    store = prepared_films(request)
+    with create_session(request.config.data_root, manifest) as folder:
+        _perform_part(request, experiment, store, folder, None, _new_key(request), 0)
+        return folder.path
+
+
+def perform_rest(request: Request, session_path: Path) -> Path:
+    """Go on with a session where it was left; return its folder.
+
+    Raises:
+        ConfigError: the plan in the manifest is not the one this version would make.
+    """
+    experiment = _experiment(request)
+    store = prepared_films(request)
+    folder, _ = open_session(session_path)
+    with folder:
+        recording = Recording(session_path)
+        plan = experiment.plan(request.participant_index, request.seed, request.group)
+        if as_json(plan) != recording.manifest.plan:
+            raise ConfigError(
+                f"{session_path}: the plan recorded with this session differs from the plan this "
+                "version of Visavis makes; check out the version named in manifest.json "
+                "(provenance) and resume with that"
+            )
+        key, port = _served_before(recording)
+        _perform_part(request, experiment, store, folder, past_of(recording),
+                      key or _new_key(request), port)  # fmt: skip
+        return folder.path
+
+
+def prepared_films(request: Request, told: Callable[[int, int], None] = untold) -> FilmStore:
+    """Return a session's films, built where people will look at them."""
+    experiment = _experiment(request)
+    store = film_store(experiment)
+    if not request.clock.is_virtual:
+        store.build(experiment.films, told)
+    return store
+
+
+def past_of(recording: Recording) -> Past:
+    """Return what earlier parts of a session hold."""
+    events = recording.events()
+    pages: list[tuple[int, int, Mapping[str, Any]]] = []
+    started, answers, answered, complete = set(), set(), set(), set()
+    for event in events.to_dict("records"):
+        told = event["payload"]
+        match event["name"]:
+            case "page_event":
+                pages.append((int(event["recording_part"]), int(event["t_ns"]), told))
+            case "trial_start":
+                started.add(str(told["trial_id"]))
+            case "answer":
+                answers.add((str(told["questionnaire"]), str(told["question"])))
+            case "answered":
+                answered.add((str(told["trial_id"]), str(told["question"])))
+            case "questionnaire_complete":
+                complete.add(str(told["questionnaire"]))
+    trials = recording.trials()
+    rows = frozenset(map(str, trials["trial_id"])) if "trial_id" in trials else frozenset()
+    return Past(pages, rows, frozenset(started), frozenset(answers), frozenset(answered),
+                frozenset(complete))  # fmt: skip
+
+
+def simulated_visitor(request: Request, experiment: StudyExperiment, store: FilmStore) -> Visitor:
+    """Return the simulated participant of a session, before a page.
+
+    Raises:
+        ConfigError: the study's own simulated person looks at no page.
+    """
+    person = request.study.participant(
+        request.participant_index, behaviour_seed(request), effect=request.effect,
+        experiment=experiment,
+    )  # fmt: skip
+    return visitor_of(person, experiment, store)
+
+
+def _experiment(request: Request) -> StudyExperiment:
+    experiment = request.experiment
+    if not isinstance(experiment, StudyExperiment):
+        raise ConfigError(f"{request.study.name} is not declared on the kit; it shows no page")
+    return experiment
+
+
+def _new_key(request: Request) -> str:
+    """Return the secret of a page's address; a simulated session is the same whenever made."""
+    return "simulated" if request.clock.is_virtual else secrets.token_urlsafe(24)
+
+
+def _served_before(recording: Recording) -> tuple[str, int]:
+    """Return key and port of the address under which a session was served last."""
+    events = recording.events()
+    found = list(events.loc[events["name"] == SERVED, "payload"])
+    return (str(found[-1]["key"]), int(found[-1]["port"])) if found else ("", 0)
+
+
+def _perform_part(
+    request: Request,
+    experiment: StudyExperiment,
+    store: FilmStore,
+    folder: SessionFolder,
+    past: Past | None,
+    key: str,
+    port: int,
+) -> None:
+    clock, simulated = request.clock, folder.manifest.is_simulated
+    part_dir = folder.begin_part(clock)
+    recorder: Recorder | None = None
+    try:
+        recorder = Recorder(
+            part_dir,
+            clock,
+            threaded=not clock.is_virtual,
+            max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
+            is_simulated=simulated,
+        )
+        outcome = asyncio.run(
+            _served(request, experiment, store, folder, recorder, past, key, port)
+        )
+        if outcome == DECLINED:
+            raise SessionAborted("consent was declined; nothing was asked")
+        if outcome == STOPPED:
+            raise SessionAborted("the participant stopped; what is finished is kept")
+        if outcome == WITHDRAWN:
+            raise SessionAborted(
+                "the participant stopped and wants everything deleted; do it now: visavis "
+                f"participant withdraw {request.study.name} {request.participant_label}"
+            )
+    except KeyboardInterrupt as error:
+        reason = "interrupted from the keyboard or by the system"
+        end_part(clock, folder, recorder, "aborted", reason, error)
+        raise SessionAborted(f"{reason}; every answer is kept") from error
+    except SessionAborted as error:
+        end_part(clock, folder, recorder, "aborted", str(error).partition(";")[0], error)
+        raise
+    except BaseException as error:
+        end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
+        raise
+    end_part(clock, folder, recorder, "complete", "", None)
+
+
+async def _served(
+    request: Request,
+    experiment: StudyExperiment,
+    store: FilmStore,
+    folder: SessionFolder,
+    recorder: Recorder,
+    past: Past | None,
+    key: str,
+    port: int,
+) -> str:
+    study, virtual = request.study, request.clock.is_virtual
+    if not isinstance(study, OpenedStudy):
+        raise ConfigError(f"{study.name} is not declared on the kit; it shows no page")
+    config = request.config.model_copy(update={"language": experiment.language})
+    notes = Notes()
+    told = lru_cache(maxsize=None)(lambda film: store.told(film, is_simulated=virtual))
+    plan = experiment.plan(request.participant_index, request.seed, request.group)
+    visit_of = Visit(
+        experiment, plan, request.participant_label, request.session,
+        folder.manifest.parts[-1].number, study.questionnaires(config), told,
+        request.clock.now_ns, notes,
+    )  # fmt: skip
+    server = PageServer()
+    address = request.page or PageAddress()
+    await server.start(port=address.port or port)
+    try:
+        recorder.event(SERVED, request.clock.now_ns(), key=key,
+                       port=0 if virtual else server.port)  # fmt: skip
+        desk = PageDesk(course(visit_of), recorder, request.clock, notes, past, key=key)
+        desk.on_trial = lambda: _tell(request, desk, len(plan.trials))
+        files = {} if virtual else {
+            told(film)["film"]: found.path
+            for film in experiment.films if (found := store.file_of(film)) is not None
+        }  # fmt: skip
+        held = Held(desk, _about(experiment, folder.manifest.is_simulated), files)
+        server.add(held)
+        if virtual:
+            visitor = simulated_visitor(request, experiment, store)
+            for step in desk.trial_steps[:-1]:  # which somebody whom a crash held up remembers
+                if step.kind == "watch":
+                    visitor.look(step.content)
+            await visit(server.address_of(held), visitor, request.clock)
+        else:
+            if address.told is not None:
+                address.told(server.address_of(held))
+            await held.over.wait()
+            await asyncio.sleep(LAST_STEP_S)
+        if held.failures:
+            raise held.failures[0]
+        return desk.outcome
+    finally:
+        await server.stop()
+
+
+def _tell(request: Request, desk: PageDesk, planned: int) -> None:
+    """Tell the operator, as a session on devices does, that a trial goes on."""
+    if request.on_trial is not None and desk.trials_done:
+        request.on_trial(desk.trial_id, desk.trials_done, planned)
+    if request.operator.status_period_ns:
+        request.operator.show(
+            SessionStatus(SessionState.TRIAL, request.participant_label, desk.trial_id,
+                          desk.trials_done, planned, "", "", None, 0.0, {}, None, None, None,
+                          ())
+        )  # fmt: skip
+
+
+def _about(experiment: StudyExperiment, simulated: bool) -> dict[str, Any]:
+    """Return what a page is told once: its words, and whether it is a rehearsal."""
+    return {
+        "title": experiment.study.title,
+        "language": experiment.language,
+        "words": dict(texts_of_page(experiment)),
+        "is_simulated": simulated,
+        "mime": MIME if experiment.films else "",
+    }

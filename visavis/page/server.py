@@ -1,0 +1,210 @@
+"""Serve pages of sessions over HTTP: static files, films, and the wire of numbered events."""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from aiohttp import web
+
+from lab.errors import DeviceError, RecordingError
+from visavis.page.desk import PageDesk
+from visavis.page.errors import OpenElsewhereError, PageError
+
+SITE: Final = Path(__file__).parent / "site"
+FILES: Final = {"/": "index.html", "/page.js": "page.js", "/store.js": "store.js",
+                "/film.js": "film.js", "/page.css": "page.css"}  # fmt: skip
+KEY: Final = "X-Visavis-Key"
+MAX_REQUEST_BYTES: Final = 1 << 20
+LOCAL: Final = "127.0.0.1"
+HEADERS: Final = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "connect-src 'self'; media-src blob:; img-src data:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+"""Nothing of anybody else is loaded, and nothing is told to anybody else."""
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A session that is being served: its desk, what its page is told once, and its turn."""
+
+    desk: PageDesk
+    about: Mapping[str, Any]
+    films: Mapping[str, Path] = field(default_factory=dict)
+    lock: asyncio.Lock = field(default_factory=asyncio.Lock)
+    over: asyncio.Event = field(default_factory=asyncio.Event)
+    failures: list[Exception] = field(default_factory=list)
+
+
+class PageServer:
+    """Own the server; sessions are added by their keys.
+
+    `hosts` are the names under which it may be asked for, so that no other site's page can be
+    pointed at it. No address of a visitor is kept or logged.
+    """
+
+    def __init__(self, hosts: tuple[str, ...] = (LOCAL, "localhost")) -> None:
+        self._hosts = hosts
+        self._held: dict[str, Held] = {}
+        app = web.Application(client_max_size=MAX_REQUEST_BYTES, middlewares=[self._guard])
+        for path in FILES:
+            app.router.add_get(path, self._file)
+        app.router.add_get("/films/{name}", self._film)
+        app.router.add_post("/api/hello", self._hello)
+        app.router.add_post("/api/events", self._events)
+        app.router.add_post("/api/leave", self._leave)
+        self._runner = web.AppRunner(app, access_log=None)
+        self.port = 0
+
+    def add(self, held: Held) -> None:
+        """Serve a session; one that is over already is not waited for."""
+        self._held[held.desk.key] = held
+        if held.desk.is_over:
+            held.over.set()
+
+    async def start(self, host: str = LOCAL, port: int = 0) -> None:
+        """Begin to listen; port 0 takes a free one.
+
+        Raises:
+            DeviceError: the port is taken.
+        """
+        await self._runner.setup()
+        try:
+            await web.TCPSite(self._runner, host, port).start()
+        except OSError as error:
+            await self._runner.cleanup()
+            raise DeviceError(
+                f"cannot listen at {host}:{port} ({error.strerror or error})",
+                role="page",
+                remedy="end what uses it, or give another one with --port",
+            ) from error
+        self.port = int(self._runner.addresses[0][1])
+
+    async def stop(self) -> None:
+        """Stop listening."""
+        await self._runner.cleanup()
+
+    def address_of(self, held: Held) -> str:
+        """Return the address of a session's page; its key is in no log, as it is a fragment."""
+        return f"http://{LOCAL}:{self.port}/#{held.desk.key}"
+
+    # ---- within ------------------------------------------------------------------------------
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        if request.host.partition(":")[0] not in self._hosts:
+            return _refused(403, "this address is not served")
+        try:
+            response = await handler(request)
+        except OpenElsewhereError as error:
+            response = _refused(409, str(error))
+        except PageError as error:
+            response = _refused(400, str(error))
+        except (ValueError, UnicodeDecodeError):
+            response = _refused(400, "that is no JSON")
+        if not response.prepared:
+            response.headers.update(HEADERS)
+        return response
+
+    async def _file(self, request: web.Request) -> web.StreamResponse:
+        return web.FileResponse(SITE / FILES[request.path])
+
+    async def _film(self, request: web.Request) -> web.StreamResponse:
+        held = self._of(request.headers.get(KEY, ""))
+        path = held.films.get(request.match_info["name"])
+        if path is None:
+            raise PageError("there is no such film")
+        return web.FileResponse(path, headers={"Content-Type": "video/webm"})
+
+    async def _hello(self, request: web.Request) -> web.StreamResponse:
+        body = await _body(request)
+        held, tab = self._of(request.headers.get(KEY, "")), _text(body, "tab")
+        about = body.get("about")
+        at_ms = body.get("at_ms")
+
+        def hello() -> None:
+            held.desk.hello(
+                tab,
+                before=_text(body, "before", is_needed=False),
+                takes_over=body.get("takes_over") is True,
+                about=about if isinstance(about, dict) else {},
+                at_ms=float(at_ms) if isinstance(at_ms, int | float) else 0.0,
+            )
+
+        return web.json_response({**held.about, **await self._done(held, hello)})
+
+    async def _events(self, request: web.Request) -> web.StreamResponse:
+        body = await _body(request)
+        held, tab = self._of(request.headers.get(KEY, "")), _text(body, "tab")
+        events = body.get("events", [])
+        if not isinstance(events, list):
+            raise PageError("events are a list")
+        told = await self._done(held, lambda: held.desk.take(tab, events), is_empty=not events)
+        return web.json_response(told)
+
+    async def _leave(self, request: web.Request) -> web.StreamResponse:
+        body = await _body(request)
+        self._of(_text(body, "key")).desk.leave(_text(body, "tab"))
+        return web.json_response({})
+
+    async def _done(
+        self, held: Held, act: Callable[[], None], *, is_empty: bool = False
+    ) -> dict[str, Any]:
+        """Act, wait until everything is on the disk, and return what the page is told."""
+
+        def whole() -> dict[str, Any]:
+            act()
+            if not is_empty:
+                held.desk.recorder.checkpoint()
+            return held.desk.told()
+
+        async with held.lock:
+            try:
+                if held.desk.clock.is_virtual:
+                    told = whole()
+                else:
+                    told = await asyncio.to_thread(whole)
+            except (PageError, OpenElsewhereError):
+                raise
+            except Exception as error:
+                held.failures.append(error)
+                held.over.set()
+                reason = (
+                    "the recording failed" if isinstance(error, RecordingError) else "it failed"
+                )
+                return {"failed": reason, "ack": -1}
+            if held.desk.is_over:
+                held.over.set()
+            return told
+
+    def _of(self, key: str) -> Held:
+        held = self._held.get(key)
+        if held is None:
+            raise PageError("this address leads to no session; ask for a new one")
+        return held
+
+
+def _refused(status: int, why: str) -> web.Response:
+    return web.json_response({"refused": why}, status=status)
+
+
+async def _body(request: web.Request) -> Mapping[str, Any]:
+    body = await request.json()
+    if not isinstance(body, Mapping):
+        raise PageError("a request is an object")
+    return body
+
+
+def _text(body: Mapping[str, Any], name: str, *, is_needed: bool = True) -> str:
+    found = body.get(name, "")
+    if not isinstance(found, str) or len(found) > 200 or (is_needed and not found):
+        raise PageError(f"{name} is a short text")
+    return found

@@ -1,0 +1,170 @@
+// Films: loaded whole before they are needed, checked, played together, and told as presented.
+
+const AT_ONCE = 2;
+const TRIES = 4;
+const FIRST_FRAME_LIMIT_MS = 10000;
+const loaded = new Map();
+
+const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+
+async function hashOf(buffer) {
+  if (!globalThis.crypto?.subtle) return null; // not on a plain address of another machine
+  const digest = await crypto.subtle.digest("SHA-256", buffer);
+  return [...new Uint8Array(digest)].map((b) => b.toString(16).padStart(2, "0")).join("");
+}
+
+export function isLoaded(film) {
+  return loaded.has(film.film);
+}
+
+export async function load(film, headers) {
+  if (loaded.has(film.film)) return loaded.get(film.film).told;
+  let why = "";
+  for (let attempt = 1; attempt <= TRIES; attempt += 1) {
+    const begun = performance.now();
+    try {
+      const response = await fetch(`/films/${film.film}`, { headers, cache: "no-store" });
+      if (!response.ok) throw new Error(`the server answered ${response.status}`);
+      const buffer = await response.arrayBuffer();
+      if (buffer.byteLength !== film.bytes) throw new Error("it came in part");
+      const hash = await hashOf(buffer);
+      if (hash !== null && hash !== film.sha256) throw new Error("it came damaged");
+      const told = { attempts: attempt, ms: performance.now() - begun, is_checked: hash !== null };
+      loaded.set(film.film, { url: URL.createObjectURL(new Blob([buffer], { type: "video/webm" })), told });
+      return told;
+    } catch (error) {
+      why = String(error.message || error);
+      await pause(300 * 2 ** (attempt - 1));
+    }
+  }
+  throw new Error(why);
+}
+
+export async function loadAll(films, headers, onProgress) {
+  const told = {};
+  const failed = [];
+  const waiting = [...films];
+  let count = 0;
+  async function worker() {
+    while (waiting.length) {
+      const film = waiting.shift();
+      try {
+        told[film.film] = await load(film, headers);
+      } catch (error) {
+        failed.push({ film, why: error.message });
+      }
+      onProgress(++count);
+    }
+  }
+  await Promise.all(Array.from({ length: AT_ONCE }, worker));
+  return { told, failed };
+}
+
+class Player {
+  constructor(film, video) {
+    this.film = film;
+    this.video = video;
+    this.firstMs = null;
+    this.frames = 0;
+    this.rounds = 0;
+    this.stalls = 0;
+    this.mediaS = 0;
+    this.isOver = false;
+    this.hasFrameTimes = "requestVideoFrameCallback" in video;
+    video.addEventListener("waiting", () => { if (this.firstMs !== null && !video.ended) this.stalls += 1; });
+  }
+
+  watch(onFrame) {
+    const seen = (now, data) => {
+      if (this.isOver) return;
+      if (this.firstMs === null) this.firstMs = data.expectedDisplayTime || now;
+      this.frames = Math.max(this.frames + (data.presentedFrames ? 0 : 1), data.presentedFrames || 0);
+      this.mediaS = data.mediaTime;
+      onFrame(this);
+      this.video.requestVideoFrameCallback(seen);
+    };
+    if (this.hasFrameTimes) {
+      this.video.requestVideoFrameCallback(seen);
+      return;
+    }
+    let last = -1;
+    const look = (now) => {
+      if (this.isOver) return;
+      const at = this.video.currentTime;
+      if (at !== last && this.video.readyState >= 2 && !this.video.paused) {
+        if (this.firstMs === null) this.firstMs = now;
+        this.frames += 1;
+        this.mediaS = at;
+        onFrame(this);
+      }
+      last = at;
+      requestAnimationFrame(look);
+    };
+    requestAnimationFrame(look);
+  }
+
+  told() {
+    const quality = this.video.getVideoPlaybackQuality?.();
+    return {
+      first_ms: this.firstMs,
+      frames: this.frames,
+      dropped: quality ? quality.droppedVideoFrames : 0,
+      rounds: this.rounds,
+      stalls: this.stalls,
+    };
+  }
+}
+
+// Plays films round after round, begun together; resolves `first` with when all were presented.
+export function play(films, videos, onRound) {
+  const players = films.map((film, i) => new Player(film, videos[i]));
+  let apartMs = 0;
+  let fail = () => {};
+  const first = new Promise((resolve, reject) => {
+    fail = (film, why) => reject(Object.assign(new Error(why), { film }));
+    const limit = setTimeout(() => {
+      const late = players.find((p) => p.firstMs === null);
+      if (late) fail(late.film, "no picture was presented in ten seconds");
+    }, FIRST_FRAME_LIMIT_MS);
+    const onFrame = () => {
+      if (players.length > 1 && players.every((p) => p.firstMs !== null && p.rounds === players[0].rounds)) {
+        const places = players.map((p) => p.mediaS);
+        apartMs = Math.max(apartMs, 1000 * (Math.max(...places) - Math.min(...places)));
+      }
+      if (players.every((p) => p.firstMs !== null)) {
+        clearTimeout(limit);
+        resolve(Math.max(...players.map((p) => p.firstMs)));
+      }
+    };
+    for (const player of players) {
+      const { video, film } = player;
+      video.addEventListener("error", () => fail(film, `error ${video.error?.code}: ${video.error?.message || "it cannot be played"}`));
+      player.watch(onFrame);
+    }
+  });
+  const again = () => {
+    if (players.some((p) => p.isOver || !p.video.ended)) return;
+    for (const player of players) player.rounds += 1;
+    onRound(players[0].rounds);
+    for (const { video } of players) { video.currentTime = 0; video.play().catch(() => {}); }
+  };
+  for (const { video, film } of players) {
+    video.addEventListener("ended", again);
+    video.src = loaded.get(film.film)?.url || "";
+  }
+  const ready = players.map(({ video }) => new Promise((resolve) => {
+    if (video.readyState >= 3) resolve(); else video.addEventListener("canplay", resolve, { once: true });
+  }));
+  Promise.all(ready).then(() => {
+    for (const { video, film } of players) {
+      video.play().catch((error) => { if (!video.error) fail(film, `${error.name}: ${error.message}`); });
+    }
+  });
+  return {
+    first,
+    told: () => Object.fromEntries(players.map((p) => [p.film.place, p.told()])),
+    apartMs: () => (players.length > 1 ? apartMs : null),
+    resume: () => { for (const p of players) if (p.video.paused && !p.video.ended) p.video.play().catch(() => {}); },
+    end: () => { for (const p of players) { p.isOver = true; p.video.pause(); } },
+  };
+}

@@ -1,0 +1,464 @@
+// The participant's page: shows the step the server tells, and sends numbered events until each is
+// acknowledged, which means that it is on the server's disk.
+
+import { openStore } from "/store.js";
+import * as film from "/film.js";
+
+const BEAT_MS = 4000;
+const RETRY_MS = [200, 400, 800, 1500, 2000];
+const REPEAT_ASKING_MS = 2500;
+
+const key = location.hash.slice(1);
+const headers = { "X-Visavis-Key": key };
+const tab = globalThis.crypto?.randomUUID?.() || `${Date.now()}-${Math.random().toString(36).slice(2)}`;
+const main = document.getElementById("main");
+const notice = document.getElementById("notice");
+const stop = document.getElementById("stop");
+
+let store = null;
+let words = {};
+let queue = [];
+let next = 1;
+let shown = -1;
+let isSending = false;
+let isOver = false;
+let cleanUp = () => {};
+let hiddenSince = null;
+let hiddenMs = 0;
+
+// ---- small things ---------------------------------------------------------------------------
+
+function element(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (value === true) made.setAttribute(name, "");
+    else if (value !== false && value !== undefined && value !== null) made.setAttribute(name, value);
+  }
+  made.append(...children.filter((c) => c !== null && c !== undefined));
+  return made;
+}
+
+const say = (name, values = {}) => (words[name] || "").replace(/\{(\w+)\}/g, (_, n) => values[n] ?? "");
+const button = (text, act, quiet = false) => element("button", { type: "button", class: quiet ? "quiet" : false, onclick: act }, text);
+const paragraph = (text, kind) => element("p", { class: kind || false }, text);
+
+function tell(text, ...more) {
+  notice.replaceChildren(...(text ? [paragraph(text), ...more] : []));
+}
+
+function put(kind, ...children) {
+  main.className = kind;
+  main.replaceChildren(...children.filter((c) => c !== null && c !== undefined));
+  main.focus({ preventScroll: true });
+  scrollTo(0, 0);
+}
+
+// ---- the wire -------------------------------------------------------------------------------
+
+async function post(path, body) {
+  const response = await fetch(path, {
+    method: "POST",
+    headers: { ...headers, "Content-Type": "application/json" },
+    body: JSON.stringify(body),
+  });
+  return { status: response.status, told: await response.json() };
+}
+
+async function send(kind, more = {}) {
+  if (isOver && kind !== "reply") return;
+  const event = { n: next++, kind, at_ms: performance.now(), ...more };
+  queue.push(event);
+  await store.put(event);
+  flush();
+}
+
+async function flush() {
+  if (isSending || isOver) return;
+  isSending = true;
+  let failures = 0;
+  try {
+    do {
+      const sent = queue.slice(0, 200);
+      let answer;
+      try {
+        answer = await post("/api/events", { tab, events: sent });
+      } catch {
+        failures += 1;
+        if (failures > 1) tell(say("lost"));
+        await new Promise((r) => setTimeout(r, RETRY_MS[Math.min(failures, RETRY_MS.length) - 1]));
+        continue;
+      }
+      if (answer.status === 409) { elsewhere(); return; }
+      if (answer.status === 400 && failures < 3) { // a server that began anew and knows us not yet
+        failures += 1;
+        await new Promise((r) => setTimeout(r, RETRY_MS[failures]));
+        await hello(false);
+        continue;
+      }
+      if (answer.status !== 200 || answer.told.failed) { broken(answer.told.refused || answer.told.failed); return; }
+      if (failures) tell("");
+      failures = 0;
+      await take(answer.told);
+    } while (queue.length);
+  } finally {
+    isSending = false;
+  }
+}
+
+async function take(told) {
+  queue = queue.filter((e) => e.n > told.ack);
+  await store.drop(told.ack);
+  if (told.number !== shown) {
+    shown = told.number;
+    show(told.step);
+  }
+}
+
+async function hello(takesOver) {
+  const before = await store.get("tab");
+  const answer = await post("/api/hello", { tab, before: before && before !== tab ? before : "", takes_over: takesOver,
+    at_ms: performance.now(), about: await about() });
+  if (answer.status === 409) return answer;
+  if (answer.status !== 200 || answer.told.failed) return answer;
+  await store.set("tab", tab);
+  const told = answer.told;
+  // A reply to a step that has passed was given elsewhere; what is left is numbered anew.
+  const kept = queue.filter((e) => e.n > told.ack && (e.kind !== "reply" || e.step === told.number));
+  kept.forEach((e, i) => { e.n = told.ack + 1 + i; });
+  queue = kept;
+  next = told.ack + 1 + kept.length;
+  await store.replace(kept);
+  return answer;
+}
+
+async function about() {
+  return {
+    user_agent: navigator.userAgent,
+    languages: [...(navigator.languages || [])],
+    screen_px: [screen.width, screen.height],
+    view_px: [innerWidth, innerHeight],
+    pixel_ratio: devicePixelRatio,
+    refresh_hz: await refreshHz(),
+    touch_points: navigator.maxTouchPoints || 0,
+    is_automated: navigator.webdriver === true,
+    keeps_events: store.isDurable,
+    tells_frames: "requestVideoFrameCallback" in HTMLVideoElement.prototype,
+  };
+}
+
+let refresh = null;
+async function refreshHz() {
+  if (refresh !== null || document.hidden) return refresh;
+  const times = [];
+  await new Promise((resolve) => {
+    const look = (t) => { times.push(t); if (times.length > 20) resolve(); else requestAnimationFrame(look); };
+    requestAnimationFrame(look);
+    setTimeout(resolve, 1000);
+  });
+  const gaps = times.slice(1).map((t, i) => t - times[i]).sort((a, b) => a - b);
+  refresh = gaps.length ? Math.round(10000 / gaps[gaps.length >> 1]) / 10 : null;
+  return refresh;
+}
+
+const reply = (content) => {
+  const whole = { hidden_ms: hiddenNow(), ...content };
+  stop.hidden = true;
+  return send("reply", { step: shown, reply: whole });
+};
+
+// ---- what happens around a step -------------------------------------------------------------
+
+function hiddenNow() {
+  return hiddenMs + (hiddenSince === null ? 0 : performance.now() - hiddenSince);
+}
+
+document.addEventListener("visibilitychange", () => {
+  if (document.hidden) hiddenSince = performance.now();
+  else if (hiddenSince !== null) { hiddenMs += performance.now() - hiddenSince; hiddenSince = null; }
+  if (store && shown >= 0) send("visibility", { is_visible: !document.hidden });
+});
+document.addEventListener("fullscreenchange", () => { if (shown >= 0) send("fullscreen", { is_full: !!document.fullscreenElement }); });
+let resizing = 0;
+addEventListener("resize", () => {
+  clearTimeout(resizing);
+  resizing = setTimeout(() => { if (shown >= 0) send("resize", { view_px: [innerWidth, innerHeight], pixel_ratio: devicePixelRatio }); }, 400);
+});
+addEventListener("error", (e) => { if (shown >= 0) send("problem", { what: String(e.message).slice(0, 200) }); });
+addEventListener("pagehide", () => navigator.sendBeacon("/api/leave", new Blob([JSON.stringify({ key, tab })], { type: "application/json" })));
+
+function elsewhere() {
+  cleanUp();
+  isOver = true;
+  stop.hidden = true;
+  put("narrow", element("h1", {}, say("elsewhere") || "This study is open in another tab."),
+    element("div", { class: "buttons" }, button(say("here") || "Go on here", () => { isOver = false; shown = -1; begin(true); })));
+}
+
+function broken(why) {
+  cleanUp();
+  isOver = true;
+  stop.hidden = true;
+  put("narrow", paragraph(say("failed") || "Something failed."), paragraph(why || "", "hint"),
+    element("div", { class: "buttons" }, button(say("again") || "Try again", () => location.reload())));
+}
+
+stop.addEventListener("click", () => {
+  cleanUp();
+  put("narrow", element("h1", {}, say("stop_title")), paragraph(say("stop_text")),
+    element("div", { class: "buttons" },
+      button(say("stop_back"), () => { const step = current; show(step); }),
+      button(say("stop_keep"), () => reply({ stop: "keep" }), true),
+      button(say("stop_delete"), () => reply({ stop: "delete" }), true)));
+});
+
+// ---- questions ------------------------------------------------------------------------------
+
+function asked(question, index, changed) {
+  let answer = null;
+  const given = (option, by) => { answer = { option, at_ms: performance.now(), by }; changed(); };
+  const byOf = (e) => (e.pointerType ? e.pointerType : "keys");
+  const legend = [question.prompt, question.is_optional ? element("span", { class: "optional" }, ` (${say("optional")})`) : null];
+  let by = "mouse";
+  let field;
+  let controls = [];
+  if (question.options?.length) {
+    controls = question.options.map((option) => element("input", { type: "radio", name: `q${index}`, value: option.value,
+      onchange: () => given(option.value, by) }));
+    const isShort = question.options.every((o) => o.label.length <= 2);
+    const kind = question.kind === "list" ? "list" : isShort ? "short" : "";
+    field = element("fieldset", {}, element("legend", {}, ...legend),
+      element("div", { class: `options ${kind}` }, ...question.options.map((o, i) => element("label", {}, controls[i], element("span", {}, o.label)))));
+    field.addEventListener("pointerdown", (e) => { by = e.pointerType || "mouse"; });
+    field.addEventListener("keydown", () => { by = "keys"; });
+  } else if (question.kind === "slider") {
+    const out = element("output", {}, "–");
+    const control = element("input", { type: "range", min: question.low, max: question.high, step: question.step, value: (question.low + question.high) / 2,
+      "aria-label": question.prompt });
+    const holder = element("div", { class: "slider untouched" }, element("span", {}, `${question.low}`), control, element("span", {}, `${question.high}`), out);
+    const moved = (e) => { holder.classList.remove("untouched"); out.value = `${control.value} ${question.unit === "1" ? "" : question.unit}`; given(control.value, byOf(e)); };
+    control.addEventListener("pointerdown", (e) => { by = e.pointerType || "mouse"; });
+    control.addEventListener("keydown", () => { by = "keys"; });
+    control.addEventListener("input", () => moved({ pointerType: by === "keys" ? "" : by }));
+    control.addEventListener("pointerup", moved);
+    controls = [control];
+    field = element("fieldset", {}, element("legend", {}, ...legend), holder);
+  } else {
+    const isText = question.kind === "text";
+    const control = element(isText ? "textarea" : "input", { type: isText ? false : "text", class: isText ? false : "number",
+      rows: isText ? 3 : false, maxlength: isText ? 10000 : 20, inputmode: isText ? false : "decimal", autocomplete: "off", id: `q${index}` });
+    control.addEventListener("input", () => given(control.value.trim() === "" ? null : control.value.trim(), "keys"));
+    controls = [control];
+    field = element("div", {}, element("label", { class: "prompt", for: `q${index}` }, ...legend), control);
+  }
+  const isNumber = question.kind === "number";
+  return {
+    field,
+    controls,
+    name: question.name,
+    answer: () => answer,
+    isFine: () => {
+      const option = answer?.option ?? null;
+      if (option === null) return Boolean(question.is_optional) || question.kind === "text";
+      if (!isNumber) return true;
+      const value = Number(option.replace(",", "."));
+      return /^-?\d{1,12}([.,]\d{1,12})?$/.test(option) && !(value < question.low) && !(value > question.high);
+    },
+    enable: (on) => { for (const c of controls) c.disabled = !on; },
+    pick: (i) => { if (controls[i] && !controls[i].disabled && controls[i].type === "radio") { by = "keys"; controls[i].click(); controls[i].focus(); } },
+  };
+}
+
+// ---- steps ----------------------------------------------------------------------------------
+
+let current = { kind: "" };
+
+const steps = {
+  consent(step) {
+    const box = element("input", { type: "checkbox", id: "agree", onchange: () => { go.disabled = !box.checked; } });
+    const go = button(say("begin"), () => reply({ agreed: true, version: step.version }));
+    go.disabled = true;
+    put("narrow", element("h1", {}, step.title), step.information ? paragraph(step.information) : null, paragraph(step.text),
+      element("p", {}, box, " ", element("label", { for: "agree" }, say("agree"))),
+      element("div", { class: "buttons" }, go, button(say("decline"), () => reply({ agreed: false, version: step.version }), true)));
+  },
+
+  async preload(step) {
+    const bar = element("progress", { max: step.films.length, value: 0, "aria-label": say("loading", { n: 0, m: step.films.length }) });
+    const line = paragraph(say("loading", { n: 0, m: step.films.length }));
+    put("narrow", line, bar);
+    const { told, failed } = await film.loadAll(step.films, headers, (n) => {
+      bar.value = n;
+      line.textContent = say("loading", { n, m: step.films.length });
+    });
+    if (!failed.length) { reply({ films: told }); return; }
+    put("narrow", paragraph(say("load_failed", { why: failed[0].why })), element("div", { class: "buttons" },
+      button(say("again"), () => steps.preload(step)),
+      button(say("skip"), () => reply({ films: { ...told, ...Object.fromEntries(failed.map((f) => [f.film.film, { failed: f.why }])) } }), true)));
+  },
+
+  text(step) {
+    put("narrow", element("h1", {}, step.title || ""), paragraph(step.text),
+      element("div", { class: "buttons" }, button(say("next"), () => reply({}))));
+  },
+
+  blank(step) {
+    put("narrow");
+    const timer = setTimeout(() => reply({}), step.seconds * 1000);
+    cleanUp = () => clearTimeout(timer);
+  },
+
+  async watch(step) {
+    const shownMs = performance.now();
+    hiddenMs = 0;
+    if (hiddenSince !== null) hiddenSince = shownMs;
+    const hint = paragraph(step.min_rounds ? say("watch_first") : "", "hint");
+    const go = button(say("next"), () => finish());
+    const update = () => { go.disabled = !(isOpen && questions.every((q) => q.isFine())); };
+    const questions = step.questions.map((q, i) => asked(q, i, update));
+    let isOpen = false;
+    let player = null;
+    const open = () => { isOpen = true; hint.textContent = ""; for (const q of questions) q.enable(true); update(); };
+    for (const q of questions) q.enable(false);
+    update();
+    const videos = step.films.map((f) => element("video", { playsinline: true, muted: true, preload: "auto", width: f.width_px, height: f.height_px,
+      "aria-label": say(f.place) || step.caption || "film", disablepictureinpicture: true }));
+    for (const v of videos) v.muted = true;
+    const films = step.films.length ? element("div", { class: `films ${step.films.length > 1 ? "pair" : ""}` },
+      ...step.films.map((f, i) => element("figure", {}, videos[i], step.films.length > 1 ? element("figcaption", {}, say(f.place)) : null))) : null;
+    put("watch", step.caption ? paragraph(step.caption, "caption") : null, films, hint, ...questions.map((q) => q.field),
+      element("div", { class: "buttons" }, go));
+    const keys = (e) => {
+      if (e.ctrlKey || e.altKey || e.metaKey || /^(textarea|text)$/.test(e.target.type || "")) return;
+      const digit = Number(e.key);
+      const target = questions.find((q) => q.answer() === null) || questions[0];
+      if (digit >= 1 && target && isOpen) target.pick(digit - 1);
+      else if (e.key === "Enter" && !go.disabled && e.target !== go && e.target.type !== "button") { e.preventDefault(); go.click(); }
+    };
+    const back = () => { if (!document.hidden && player) player.resume(); };
+    document.addEventListener("keydown", keys);
+    document.addEventListener("visibilitychange", back);
+    cleanUp = () => {
+      document.removeEventListener("keydown", keys);
+      document.removeEventListener("visibilitychange", back);
+      if (player) player.end();
+      cleanUp = () => {};
+    };
+    const failed = (which, why) => {
+      cleanUp();
+      put("narrow", paragraph(say("play_failed", { why })), element("div", { class: "buttons" },
+        button(say("again"), () => show(step)),
+        button(say("skip"), () => reply({ shown_ms: shownMs, failed: { film: which?.film || "", place: which?.place || "", why } }), true)));
+    };
+    const finish = () => {
+      const content = { shown_ms: shownMs, off_ms: performance.now(), hidden_ms: hiddenNow(),
+        answers: Object.fromEntries(questions.map((q) => [q.name, q.answer() || { option: null, at_ms: performance.now(), by: "keys" }])) };
+      if (player) { content.films = player.told(); content.apart_ms = player.apartMs(); }
+      cleanUp();
+      go.disabled = true;
+      reply(content);
+    };
+    if (!videos.length) { open(); return; }
+    try {
+      for (const f of step.films) await film.load(f, headers);
+    } catch (error) {
+      failed(step.films.find((f) => !film.isLoaded(f)), error.message);
+      return;
+    }
+    if (current !== step) return;
+    player = film.play(step.films, videos, (rounds) => { if (rounds >= step.min_rounds && !isOpen) open(); });
+    try {
+      await player.first;
+      if (!step.min_rounds) open();
+    } catch (error) {
+      if (current === step) failed(error.film, error.message);
+    }
+  },
+
+  questions(step) {
+    const go = button(say("next"), () => {
+      const wrong = questions.find((q) => !q.isFine());
+      if (wrong) { wrong.field.classList.add("wrong"); wrong.controls[0].focus(); return; }
+      reply({ answers: Object.fromEntries(questions.map((q) => [q.name, q.answer()?.option ?? null])) });
+    });
+    const questions = step.questions.map((q, i) => asked(q, i, () => { for (const one of questions) if (one.isFine()) one.field.classList.remove("wrong"); }));
+    put("narrow", element("h1", {}, step.title), step.text ? paragraph(step.text) : null, ...questions.map((q) => q.field),
+      element("div", { class: "buttons" }, go));
+  },
+
+  end(step) {
+    isOver = true;
+    put("narrow", element("h1", {}, say({ done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks")));
+  },
+};
+
+function show(step) {
+  cleanUp();
+  current = step;
+  stop.hidden = !["preload", "text", "watch", "questions"].includes(step.kind);
+  const progress = document.getElementById("progress");
+  progress.textContent = step.trial ? (step.is_practice ? `${say("practice")} ` : "") + say("progress", { n: step.trial, m: step.trials }) : "";
+  steps[step.kind](step);
+}
+
+// ---- begin ----------------------------------------------------------------------------------
+
+// A lock of the browser tells at once, and ends with its tab: two tabs of one browser are refused.
+function alone() {
+  if (!navigator.locks) return Promise.resolve(true);
+  return new Promise((resolve) => {
+    navigator.locks.request(`visavis-${key}`, { ifAvailable: true }, (lock) => {
+      resolve(lock !== null);
+      return lock ? new Promise(() => {}) : undefined;
+    });
+  });
+}
+
+let isLocked = false;
+
+async function begin(takesOver) {
+  if (!key) { put("narrow", paragraph("This address is not complete. Please open it again as you were given it.")); return; }
+  isLocked = isLocked || await alone();
+  if (!isLocked) {
+    put("narrow", element("h1", {}, say("elsewhere") || "This study is open in another tab."));
+    setTimeout(() => begin(false), REPEAT_ASKING_MS);
+    return;
+  }
+  if (!store) {
+    store = await openStore(key);
+    queue = await store.all();
+  }
+  let answer;
+  try {
+    answer = await hello(takesOver);
+  } catch {
+    tell(say("lost") || "The connection is lost.");
+    setTimeout(() => begin(takesOver), RETRY_MS[2]);
+    return;
+  }
+  if (answer.status === 409) {
+    put("narrow", element("h1", {}, "This study is open in another tab or browser."),
+      element("div", { class: "buttons" }, button("Go on here", () => begin(true))));
+    return;
+  }
+  if (answer.status !== 200 || answer.told.failed) { broken(answer.told.refused || answer.told.failed); return; }
+  tell("");
+  const told = answer.told;
+  words = told.words;
+  document.documentElement.lang = told.language;
+  document.title = told.title;
+  document.getElementById("title").textContent = told.title;
+  stop.textContent = say("stop");
+  const rehearsal = document.getElementById("rehearsal");
+  rehearsal.hidden = !told.is_simulated;
+  rehearsal.textContent = say("rehearsal");
+  if (told.mime && !document.createElement("video").canPlayType(told.mime)) {
+    put("narrow", paragraph(say("no_play")));
+    return;
+  }
+  if (queue.length) { shown = told.number; await flush(); if (shown === told.number && current.kind === "") show(told.step); }
+  else { shown = -1; await take(told); }
+}
+
+setInterval(() => { if (shown >= 0 && !isOver) flush(); }, BEAT_MS);
+begin(false);
