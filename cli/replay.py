@@ -5,11 +5,9 @@ drawn in the session. From the participant's eyes a ring marks where gaze was me
 views show the head as a point.
 """
 
-import bisect
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,10 +15,10 @@ from PIL import Image, ImageDraw
 
 from cli.commands.preview import film_renderer
 from cli.preview.pictures import SIMULATED, Viewpoint, camera_of, labelled
+from cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
 from lab.clock import NS_PER_S
 from lab.errors import UsageError
-from lab.geometry import Pose, Vector, quat_conjugate, rotate
-from protocol.shown import Shown, of_part, shown_in
+from lab.geometry import Vector, quat_conjugate, rotate
 from recording.reader import Recording
 from stimuli.dressing.picture_of import picture_of
 from stimuli.picture import Camera
@@ -29,49 +27,6 @@ from visavis.catalogue import AnyStudy
 RING_PX: Final = 16
 RING: Final = (255, 190, 40)
 DARK_PX: Final = (16, 16, 18)
-
-
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """The streams of one trial's part, and when it was."""
-
-    recording: Recording
-    part: int
-    row: dict[str, Any]
-    frames: dict[str, Any]
-    head: dict[str, Any]
-    gaze: dict[str, Any] | None
-
-    @property
-    def span_ns(self) -> tuple[int, int]:
-        return int(self.row["t_start_ns"]), int(self.row["t_end_ns"])
-
-    def head_at(self, t_ns: int) -> Pose:
-        """Return the last valid head pose up to a time."""
-        known = np.flatnonzero(self.head["valid"] & (self.head["t_host_ns"] <= t_ns))
-        i = int(known[-1]) if len(known) else 0
-        return Pose(
-            self.head["position_m"][i].astype(np.float64),
-            self.head["orientation_wxyz"][i].astype(np.float64),
-        )
-
-    def gaze_at(self, t_ns: int) -> Vector | None:
-        """Return the direction of gaze in world then; None where it was lost."""
-        if self.gaze is None or not len(self.gaze["t_sample_ns"]):
-            return None
-        i = max(0, bisect.bisect_right(self.gaze["t_sample_ns"], t_ns) - 1)
-        if not self.gaze["valid"][i]:
-            return None
-        found: Vector = self.gaze["direction_world"][i].astype(np.float64)
-        return found
-
-    def shown_at(self, t_ns: int) -> Shown:
-        """Return what was shown at a time."""
-        at = max(0, bisect.bisect_right(self.frames["t_host_ns"], t_ns) - 1)
-        head = self.head_at(t_ns)
-        return shown_in(
-            self.recording, self.part, int(self.frames["frame_index"][at]), t_ns, head.position_m
-        )
 
 
 def write_film(
@@ -96,12 +51,12 @@ def write_film(
 
     if not 1 <= rate_hz <= 240:
         raise UsageError(f"--rate {rate_hz}; give 1 to 240 pictures a second")
-    trial = _trial_of(recording, trial_id)
+    trial = recorded_trial(recording, trial_id)
     start_ns, end_ns = trial.span_ns
     if seconds is not None:
         end_ns = min(end_ns, start_ns + round(seconds * NS_PER_S))
     times = list(range(start_ns, end_ns + 1, NS_PER_S // rate_hz))
-    factors = ", ".join(str(trial.row[name]) for name in _factors(recording, trial_id))
+    factors = ", ".join(str(trial.row[name]) for name in factors_of(recording, trial_id))
     label = f"{recording.manifest.study} {recording.manifest.participant} {trial_id}  {factors}"
     label = f"{SIMULATED}  ·  {label}" if recording.is_simulated else label
     with film_renderer() as renderer, open_movie(video, size_px, rate_hz) as film:
@@ -115,7 +70,7 @@ def write_film(
 
 def _pictures(
     study: AnyStudy,
-    trial: _Trial,
+    trial: RecordedTrial,
     times: list[int],
     view: Viewpoint,
     size_px: tuple[int, int],
@@ -153,30 +108,3 @@ def _ringed(
     for r, colour in ((RING_PX + 2, (30, 30, 30)), (RING_PX, RING)):
         pen.ellipse((x - r, y - r, x + r, y + r), outline=colour, width=3)
     return np.asarray(marked)
-
-
-def _trial_of(recording: Recording, trial_id: str) -> _Trial:
-    rows = recording.trials()
-    mine = rows[rows["trial_id"] == trial_id] if "trial_id" in rows else rows[:0]
-    if not len(mine):
-        known = ", ".join(dict.fromkeys(map(str, rows.get("trial_id", ()))))
-        raise UsageError(f"{recording.path} has no trial {trial_id}; it has {known or 'none'}")
-    row = {str(k): v for k, v in mine.iloc[-1].to_dict().items()}
-    part = int(row["recording_part"])
-    names = recording.stream_names
-    return _Trial(
-        recording,
-        part,
-        row,
-        of_part(recording, "frames", part),
-        of_part(recording, "head", part),
-        of_part(recording, "gaze_targets", part) if "gaze_targets" in names else None,
-    )
-
-
-def _factors(recording: Recording, trial_id: str) -> tuple[str, ...]:
-    for block in recording.manifest.plan.get("blocks", ()):
-        for trial in block["trials"]:
-            if trial["trial_id"] == trial_id:
-                return tuple(trial["factors"])
-    return ()

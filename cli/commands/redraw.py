@@ -11,7 +11,7 @@ from cli.commands.checking import require_session
 from cli.preview.pictures import SIMULATED, check_picture_name, write_below
 from cli.studies import session_of
 from lab.errors import UsageError
-from recording.reader import Recording
+from recording.kept import KeptRecording
 
 
 @app.command()
@@ -38,7 +38,7 @@ def redraw(
     check_picture_name(png)
     if png.exists():
         raise UsageError(f"{png} exists already; choose another name")
-    recording = Recording(session_path)
+    recording = KeptRecording(session_path)
     images = draw_again(recording, frame, part=part)
     both = np.concatenate(images, axis=1)
     if recording.is_simulated:

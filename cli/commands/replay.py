@@ -12,7 +12,7 @@ from cli.commands.preview import picture_size
 from cli.preview.pictures import Viewpoint
 from cli.studies import session_of
 from cli.telling import TELLING, Forecast
-from recording.reader import Recording
+from recording.kept import KeptRecording
 from visavis.opened import OpenedStudy
 from visavis.sessions.study_folder import study_of_folder
 
@@ -37,7 +37,7 @@ def replay(
     """
     session_path = session_of(session_path, config, participant)
     require_session(session_path)
-    recording = Recording(session_path)
+    recording = KeptRecording(session_path)
     study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
     if changed:
         console.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
