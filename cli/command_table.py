@@ -59,6 +59,10 @@ COMMANDS: Mapping[str, Entry] = {
         "view",
         "Write a page that shows a session again: the scene, gaze, body, contacts, every stream.",
     ),
+    "film": Entry(
+        "film",
+        "Film a recorded trial of any study by a camera of your choice, whatever was drawn in it.",
+    ),
     "replay": Entry(
         "replay",
         "Film a recorded trial as it was: what was shown, where gaze fell; of the crowd, from "

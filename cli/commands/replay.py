@@ -59,10 +59,11 @@ def replay(
                 on_frame=told,
             )  # fmt: skip
         else:
-            from cli.replay import write_film
+            from cli.film.cameras import CameraKind
+            from cli.film.film import write_film
 
             n = write_film(
-                study, recording, trial, video, view=view, size_px=size_px, rate_hz=rate,
-                seconds=seconds, on_frame=told,
-            )  # fmt: skip
+                study, recording, trial, video, camera=CameraKind(view.value), size_px=size_px,
+                rate_hz=rate, seconds=seconds, on_frame=told,
+            ).pictures  # fmt: skip
     console.print(f"written [b]{verbatim(video)}[/], {n / rate:.1f} s", soft_wrap=True)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from analysis.session_check import check_session
 from cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
+from cli.session_lanes import lanes_of
 from cli.viewer.bundle import Bundle
 from cli.viewer.models import LEVEL_OF_FEW, LEVEL_OF_MANY, MAX_FEW, Models
 from cli.viewer.motion import key_samples, one_way_round
@@ -90,7 +91,7 @@ def page_content(
         "trials": list(_trials(recording, times, set(wanted))),
         "events": list(_events(recording, times)),
         "findings": _findings(recording),
-        "lanes": [*_paired(recording, times), *_vibrations(recording, times)],
+        "lanes": _lanes(recording, times),
         "streams": [
             _stream(recording, name, bundle, times, trials) for name in recording.stream_names
         ],
@@ -170,61 +171,17 @@ def _findings(recording: KeptRecording) -> list[dict[str, Any]]:
     ]
 
 
-def _paired(recording: KeptRecording, times: _Times) -> Iterator[dict[str, Any]]:
-    """Yield what began and ended, as events `…_begin` and `…_end` of one role tell."""
-    lanes: dict[str, list[list[Any]]] = {}
-    open_at: dict[str, list[Any]] = {}
-    for event in recording.events().to_dict("records"):
-        part, t_ns, name, payload = (
-            event[k] for k in ("recording_part", "t_ns", "name", "payload")
-        )
-        what, _, kind = str(name).rpartition("_")
-        if kind not in ("begin", "end") or "role" not in payload:
-            continue
-        lane = f"{what} {payload['role']}"
-        at = times.s(part, int(payload.get(f"t_{what}_ns", t_ns)))
-        if kind == "begin":
-            told = {k: v for k, v in payload.items() if not k.endswith("_ns")}
-            open_at[lane] = [at, at, json.dumps(told, ensure_ascii=False, default=str)]
-            lanes.setdefault(lane, []).append(open_at[lane])
-        elif lane in open_at:
-            open_at.pop(lane)[1] = at
-    for lane in sorted(lanes):
-        yield {"name": _lane_name(lane), "kind": "contact", "role": lane.rpartition(" ")[2],
-               "spans": lanes[lane]}  # fmt: skip
-
-
-SET, PATTERN, SILENCE = 0, 1, 2
-
-
-def _vibrations(recording: KeptRecording, times: _Times) -> Iterator[dict[str, Any]]:
-    """Yield when each band vibrated: from a command to what ended it."""
-    for name in recording.stream_names:
-        if not name.startswith("haptics_"):
-            continue
-        spans: list[list[Any]] = []
-        for part in recording.manifest.parts:
-            rows = recording.stream_arrays(name, part=part.number)
-            if "kind" not in rows:
-                continue
-            order = np.argsort(rows["t_commanded_ns"], kind="stable")
-            order = order[np.isin(rows["kind"][order], (SET, PATTERN, SILENCE))]
-            ends = [*rows["t_commanded_ns"][order][1:].tolist(), None]
-            for i, end_ns in zip(order.tolist(), ends, strict=True):
-                strength = float(np.nanmax([0.0, *rows["amplitudes_01"][i]]))
-                if rows["kind"][i] == SILENCE or strength <= 0:
-                    continue
-                begin_ns = int(rows["t_commanded_ns"][i])
-                last_ns = begin_ns + int(rows["duration_ms"][i]) * NS_PER_MS
-                last_ns = last_ns if end_ns is None else min(last_ns, end_ns)
-                told = f"{100 * strength:.0f} %" + ("" if rows["acknowledged"][i] else ", lost")
-                spans.append([times.s(part.number, begin_ns), times.s(part.number, last_ns), told])
-        yield {"name": _lane_name(name.replace("haptics_", "vibration ")), "kind": "vibration",
-               "role": name.removeprefix("haptics_"), "spans": spans}  # fmt: skip
-
-
-def _lane_name(lane: str) -> str:
-    return lane.replace("armband_", "").replace("_", " ")
+def _lanes(recording: KeptRecording, times: _Times) -> list[dict[str, Any]]:
+    """Return what touched and what vibrated, all parts in one lane."""
+    found: dict[str, dict[str, Any]] = {}
+    for part in recording.manifest.parts:
+        for lane in lanes_of(recording, part.number):
+            told = {"name": lane.name, "kind": lane.kind, "role": lane.role, "spans": []}
+            found.setdefault(lane.name, told)["spans"] += [
+                [times.s(part.number, a), times.s(part.number, b), text]
+                for a, b, text in lane.spans
+            ]
+    return list(found.values())
 
 
 def _plain(value: Any) -> Any:
