@@ -1,18 +1,29 @@
-"""replay: what happened in one recorded trial, as a film."""
+"""replay: what happened in one recorded trial, as a film; or the whole session performed again."""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
 from rich.progress import Progress
 
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
+from cli.app import (
+    ConfigOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    console,
+    load_lab,
+    verbatim,
+)
 from cli.commands.checking import require_session
 from cli.commands.preview import picture_size
 from cli.preview.pictures import Viewpoint
 from cli.studies import session_of
 from cli.telling import TELLING, Forecast
+from lab.errors import UsageError
 from recording.kept import KeptRecording
+from visavis.catalogue import AnyStudy
 from visavis.opened import OpenedStudy
 from visavis.sessions.study_folder import study_of_folder
 
@@ -20,8 +31,17 @@ from visavis.sessions.study_folder import study_of_folder
 @app.command()
 def replay(
     session_path: SessionArgument,
-    trial: Annotated[str, typer.Option("--trial", help="Which trial: T07.")],
-    video: Annotated[Path, typer.Option("--video", help="Film to write: .avi, .mp4 or .webm.")],
+    trial: Annotated[str, typer.Option("--trial", help="Which trial: T07.")] = "",
+    video: Annotated[
+        Path | None, typer.Option("--video", help="Film to write: .avi, .mp4 or .webm.")
+    ] = None,
+    verify: Annotated[
+        bool,
+        typer.Option(
+            "--verify",
+            help="Perform a simulated session again and say where the two first differ.",
+        ),
+    ] = False,
     participant: OfParticipant = "",
     view: Annotated[Viewpoint, typer.Option(help="eyes, above, or orbit.")] = Viewpoint.EYES,
     seconds: Annotated[
@@ -33,6 +53,9 @@ def replay(
 ) -> None:
     """Film a recorded trial as it was: what was shown, where gaze fell; of the crowd, from above.
 
+    With --verify a simulated session is performed again on the virtual clock, by the same plan and
+    drivers, and compared with what was recorded, bit for bit: exit code 5 when anything differs.
+
     Example: visavis replay data/simulated/stare/sub-S01B/ses-001 --trial T07 --video trial.avi
     """
     session_path = session_of(session_path, config, participant)
@@ -41,6 +64,11 @@ def replay(
     study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
     if changed:
         console.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
+    if verify:
+        _verify(recording, study, config)
+        return
+    if not trial or video is None:
+        raise UsageError("replay needs --trial and --video FILE for a film, or --verify")
     size_px = picture_size(size)
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("drawing", total=None)
@@ -67,3 +95,28 @@ def replay(
                 rate_hz=rate, seconds=seconds, on_frame=told,
             ).pictures  # fmt: skip
     console.print(f"written [b]{verbatim(video)}[/], {n / rate:.1f} s", soft_wrap=True)
+
+
+def _verify(recording: KeptRecording, study: AnyStudy, config: Path | None) -> None:
+    from cli.commands.checking import EXIT_RED
+    from visavis.sessions.verifying import verify
+
+    lab = load_lab(config, "sim", only_simulates=True)
+    with (
+        console.status("performing the session again"),
+        TemporaryDirectory(prefix="visavis") as scratch,
+    ):
+        verdict = verify(recording, study, lab, Path(scratch))
+    rows = sum(verdict.compared.values())
+    drawn = f"; not compared: {', '.join(verdict.left_out)}" if verdict.left_out else ""
+    if verdict.first is None:
+        console.print(
+            f"[green]the same, bit for bit[/]: {rows} rows of {len(verdict.compared)} streams, "
+            f"events and trial rows{drawn}",
+            soft_wrap=True,
+        )
+        return
+    console.print(f"[red]differs[/] first in {verbatim(verdict.first.told())}", soft_wrap=True)
+    for name, count in verdict.differing.items():
+        console.print(f"  {verbatim(name)}: {count} of {verdict.compared[name]} rows differ")
+    raise typer.Exit(EXIT_RED)

@@ -20,15 +20,17 @@ from stimuli.motion.people import PeopleMotion, Person
 from stimuli.motion.skeleton import forward
 from stimuli.picture import Picture, PosedPeople
 
-PARTS_TRIED = tuple(f"{kind}_{number:02d}" for number in range(12, 0, -1) for kind in ("male",))
+PARTS_TRIED = tuple(f"male_{number:02d}" for number in range(12, 0, -1))
 EYES_OF_STATURE = 0.936
 """Height of the eyes as a share of stature (Winter 2009)."""
+MAX_APART_M = 0.5
+"""A body whose head is farther from the headset is not where the participant was."""
 FRESH_NS = NS_PER_S // 5
 
 
 class StandIn:
     """Put a person into pictures where the participant was: as the body tracker saw them, or where
-    nothing did, standing at ease under the head that was measured.
+    nothing did, or saw them elsewhere, standing at ease under the head that was measured.
     """
 
     def __init__(self, trial: RecordedTrial) -> None:
@@ -47,7 +49,7 @@ class StandIn:
     def in_picture(self, picture: Picture, t_ns: int, head: Pose) -> Picture:
         """Return a picture with the participant in it."""
         row = self._row_at(t_ns)
-        if row is not None:
+        if row is not None and self._is_under(head, row):
             if self._own is None:
                 self._own = OwnBody(_not_in(picture), self._segments, from_outside=True)
             self._own.take_row(row)
@@ -67,6 +69,13 @@ class StandIn:
         for name in self._dtype.names or ():
             row[name][0] = body[name][i]
         return row[0]  # type: ignore[no-any-return]  # an element of a structured array
+
+    def _is_under(self, head: Pose, row: np.void) -> bool:
+        """Tell whether the tracker has its head near the one that the headset measured."""
+        at = self._segments.index("head") if "head" in self._segments else -1
+        if at < 0 or not row["valid"][at]:
+            return True
+        return float(np.linalg.norm(row["position_m"][at] - head.position_m)) <= MAX_APART_M
 
     def _standing(self, picture: Picture, t_ns: int, head: Pose) -> Picture:
         facing = turned(head.orientation_wxyz, np.array([0.0, 0.0, -1.0]))
