@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from analysis.session_check import check_session
+from cli.film.cameras import ByTopology, Cuts, style_of
 from cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
 from cli.session_lanes import lanes_of
 from cli.viewer.bundle import Bundle
@@ -17,10 +18,12 @@ from cli.viewer.models import LEVEL_OF_FEW, LEVEL_OF_MANY, MAX_FEW, Models
 from cli.viewer.motion import key_samples, one_way_round
 from devices.streams import NO_DEVICE_TIME
 from lab.clock import NS_PER_MS, NS_PER_S
+from lab.errors import DesignError
 from lab.geometry import Vector
 from lab.schema import Field
 from recording.kept import KeptRecording
 from recording.reader import flattened
+from stimuli.camera.shots import ShotSize
 from stimuli.dressing.picture_of import picture_of
 from stimuli.picture import Picture
 from stimuli.scene import Agent
@@ -320,6 +323,7 @@ def _scene(
             1 / 32767, turns=True,
         ),
         "morphs": _keys(bundle, morphs.transpose(1, 0, 2), OFF_BY_SHARE, 1 / 1000),
+        "topology": _topology(trial, samples, bundle),
         "light": bundle.quantised(np.array([[s.picture.brightness_01] for s in samples])),
         "mark": None if first.mark_m is None else [float(x) for x in first.mark_m],
         "moving": [
@@ -338,6 +342,34 @@ def _scene(
             for a in samples[0].agents
         ],
     }  # fmt: skip
+
+
+def _topology(
+    trial: RecordedTrial, samples: list[_Sample], bundle: Bundle
+) -> dict[str, Any] | None:
+    """Return where a camera that knows the room would film from, and at what; None in a room that
+    has no such place.
+    """
+    if not samples[0].picture.room.props:
+        return None
+    start_ns = samples[0].t_ns
+
+    def shown_at(t_ns: int) -> Picture:
+        k = (t_ns - start_ns) * SAMPLES_PER_S // NS_PER_S
+        return samples[min(max(k, 0), len(samples) - 1)].picture
+
+    camera = ByTopology(style_of(ShotSize.LONG, Cuts.AUTO), 16 / 9, shown_at, trial.head_at)
+    try:
+        for sample in samples:
+            camera.at(sample.t_ns, sample.picture, trial.head_at(sample.t_ns))
+    except DesignError:
+        return None
+    decided = camera.decisions()
+    return {
+        "views": bundle.quantised(np.array(decided.views)[:, 1:]),
+        "fov": decided.fov_v_deg,
+        "cuts": [round((cut["t_ns"] - start_ns) / NS_PER_S, 3) for cut in decided.cuts],
+    }
 
 
 def _keys(

@@ -57,6 +57,14 @@ class Scene {
 
   sample(t) { return Math.max(0, Math.min(this.told.n - 1, (t - this.told.t0) * this.told.rate)); }
 
+  // Place and point looked at (6) of the camera that knows the room; it jumps where it cuts.
+  filmedFrom(t) {
+    this.views ||= this.content.columns(this.told.topology.views);
+    const x = this.sample(t), i = Math.floor(x), j = Math.min(i + 1, this.told.n - 1);
+    const cuts = this.told.topology.cuts.some(c => c * this.told.rate > i && c * this.told.rate <= j);
+    return this.views.map(v => cuts ? v[i] : v[i] + (x - i) * (v[j] - v[i]));
+  }
+
   brightness(t) { return this.light[Math.round(this.sample(t))]; }
 
   pose(t) {

@@ -5,7 +5,7 @@ const LAYERS = [['gaze', 'gaze (G)', true], ['areas', 'areas of interest (O)', t
   ['path', 'path of gaze, 2 s (P)', false], ['body', 'head, hands, body (B)', true], ['labels', 'labels (L)', true],
   ['room', 'room', true], ['people', 'people', true], ['light', 'keep the light on', false]];
 const KEY_OF = {g: 'gaze', o: 'areas', h: 'heat', p: 'path', b: 'body', l: 'labels'};
-const CAMERAS = ['free', 'eyes', 'follow', 'above'];
+const CAMERAS = ['free', 'eyes', 'follow', 'above', 'topology'];
 const CEILING_M = 2.7;
 
 class Viewer {
@@ -110,6 +110,12 @@ class Viewer {
       turn = turnOf(0, -Math.PI / 2 + 1e-4);
       top = 0.45;
       near = Math.max(0.05, at[1] - CEILING_M);
+    }
+    if (this.camera === 'topology' && scene?.told.topology) {
+      const row = scene.filmedFrom(this.t), towards = unit(sub(row.slice(3), row));
+      at = row.slice(0, 3);
+      turn = turnOf(Math.atan2(-towards[0], -towards[2]), Math.asin(Math.max(-1, Math.min(1, towards[1]))));
+      top = Math.tan(scene.told.topology.fov * Math.PI / 360);
     }
     const far = 120, back = [turn[0], -turn[1], -turn[2], -turn[3]];
     const moved = turned(back, at).map(v => -v);

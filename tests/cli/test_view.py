@@ -126,6 +126,9 @@ def test_a_browser_opens_the_page_shows_people_plays_and_obeys_the_keyboard(page
         assert pytest.approx(before + 0.05) == tab.evaluate("viewer.t")
         tab.keyboard.press("2")
         assert "eyes" == tab.evaluate("viewer.camera")
+        tab.keyboard.press("5")
+        assert "topology" == tab.evaluate("viewer.camera")
+        assert tab.evaluate(colours) > 200
         tab.keyboard.press(" ")
         tab.wait_for_function(f"viewer.t > {before} + 0.2", timeout=60_000)
         tab.keyboard.press(" ")
