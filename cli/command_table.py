@@ -58,6 +58,14 @@ COMMANDS: Mapping[str, Entry] = {
     "redraw": Entry("redraw", "Draw what a participant was shown in one frame, as it was."),
     "demo": Entry("study", "Simulate a small stare-in-the-crowd study and analyse it."),
     "simulate": Entry("study", "Simulate a whole study on the virtual clock, on all cores."),
+    "view": Entry(
+        "view",
+        "Write a page that shows a session again: the scene, gaze, body, contacts, every stream.",
+    ),
+    "film": Entry(
+        "film",
+        "Film a recorded trial of any study by a camera of your choice, whatever was drawn in it.",
+    ),
     "replay": Entry(
         "replay",
         "Film a recorded trial as it was: what was shown, where gaze fell; of the crowd, from "

@@ -1,7 +1,8 @@
 """What a recording says of the scene shown in one frame, for drawing it again."""
 
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -9,8 +10,11 @@ import pandas as pd
 from lab.errors import DataError
 from lab.geometry import Vector
 from protocol.plan import Trial
+from recording.kept import KeptRecording
 from recording.reader import Recording
 from stimuli.scene import Agent, Scene, SceneFrame
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +55,14 @@ class Shown:
             self.scene, self.t_scene_ns, self.gaze_direction, self.eye_openness_01,
             gaze_distance_m=self.gaze_distance_m,
         )  # fmt: skip
+
+    def once(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return what `make` returns, made once where the recording is kept: for what is the same
+        in many frames, and dear.
+        """
+        if isinstance(self.recording, KeptRecording):
+            return self.recording.once((self.part, key), make)
+        return make()
 
     def latest(self, event: str) -> tuple[int, dict[str, Any]] | None:
         """Return time and payload of the last event of a name up to this frame, None before."""
@@ -124,14 +136,11 @@ def shown_in(recording: Recording, part: int, frame: int, t_scene_ns: int, head_
 
 def of_part(recording: Recording, stream: str, part: int) -> dict[str, Any]:
     """Return the columns of a stream as one part of the session recorded them."""
-    arrays = recording.stream_arrays(stream)
-    mine = arrays["recording_part"] == part
-    return {column: values[mine] for column, values in arrays.items()}
+    return recording.stream_arrays(stream, part=part)
 
 
 def _events(recording: Recording, name: str, part: int) -> pd.DataFrame:
-    events = recording.events()
-    return events[(events["name"] == name) & (events["recording_part"] == part)]
+    return recording.events_named(name, part)
 
 
 def _agent(raw: dict[str, Any]) -> Agent:

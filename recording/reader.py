@@ -169,7 +169,7 @@ class Recording:
             if content.schema is not None:
                 number = np.full(content.n_rows, p.number, dtype=np.int16)
                 columns = {**content.columns, PART_COLUMN: number}
-                pieces.append(_between(columns, t_start_ns, t_end_ns))
+                pieces.append(rows_between(columns, t_start_ns, t_end_ns))
         if not pieces:
             schema = self.stream_schema(name)
             columns = {} if schema is None else empty_columns(schema)
@@ -186,6 +186,11 @@ class Recording:
             for e in self._journal(p.number).events
         ]
         return pd.DataFrame(rows, columns=[PART_COLUMN, "t_ns", "name", "payload"])
+
+    def events_named(self, name: str, part: int) -> pd.DataFrame:
+        """Return a part's events of one name, columns as in `events`."""
+        events = self.events()
+        return events[(events["name"] == name) & (events[PART_COLUMN] == part)]
 
     def trials(self) -> pd.DataFrame:
         """Return one row per performed trial attempt, in order; None and NaN are missing."""
@@ -307,7 +312,8 @@ def require_one_kind(recordings: Iterable[Recording], *, allow_mixture: bool = F
         )
 
 
-def _between(columns: Columns, t_start_ns: int | None, t_end_ns: int | None) -> Columns:
+def rows_between(columns: Columns, t_start_ns: int | None, t_end_ns: int | None) -> Columns:
+    """Return the rows of a stream's columns that arrived within times, all where none is given."""
     if t_start_ns is None and t_end_ns is None:
         return columns
     t = columns["t_host_ns"]

@@ -25,12 +25,15 @@ FARTHEST_SHIFT_M = 0.4
 class OwnBody:
     """Follow a body tracker's samples; stand in pictures as one person more.
 
-    `segments` are the tracker's, in its order. The size is taken from the first sample in which
-    enough of the body is tracked: its bones against the character's.
+    `segments` are the tracker's, in its order; seen `from_outside`, the body has its head. The
+    size is taken from the first sample in which enough of the body is tracked: its bones against
+    the character's.
     """
 
-    def __init__(self, character: Character, segments: tuple[str, ...]) -> None:
-        self._character = headless(character)
+    def __init__(
+        self, character: Character, segments: tuple[str, ...], *, from_outside: bool = False
+    ) -> None:
+        self._character = character if from_outside else headless(character)
         joints = character.skeleton.index_of
         self._tracked = [(i, joints[name]) for i, name in enumerate(segments) if name in joints]
         parents = character.skeleton.parents
@@ -51,7 +54,10 @@ class OwnBody:
 
     def take(self, batch: SampleBatch) -> None:
         """Take the tracker's newest sample; one whose hips are lost changes nothing."""
-        row = batch.values[-1]
+        self.take_row(batch.values[-1])
+
+    def take_row(self, row: np.void) -> None:
+        """Take one sample, as recorded."""
         if self._root is None or not row["valid"][self._root]:
             return
         self._row = row

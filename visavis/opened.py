@@ -96,7 +96,8 @@ class OpenedStudy:
         """Yield the views that a recorded frame may have shown, the likeliest first."""
         if self.study.views_of is not None:
             plan = shown.recording.manifest.plan
-            yield from self.study.views_of(shown, self.experiment(overrides_of(plan)))
+            experiment = shown.once("experiment", lambda: self.experiment(overrides_of(plan)))
+            yield from self.study.views_of(shown, experiment)
             return
         bare = shown.view
         latest = shown.latest("shown")

@@ -9,7 +9,7 @@ import typer
 from cli.app import ConfigOption, OfParticipant, SessionArgument, app, new_file, say_written
 from cli.preview.pictures import SIMULATED, check_picture_name, write_below
 from cli.studies import session_of
-from recording.reader import Recording
+from recording.kept import KeptRecording
 
 
 @app.command()
@@ -34,7 +34,7 @@ def redraw(
     session_path = session_of(session_path, config, participant)
     check_picture_name(png)
     new_file(png)
-    recording = Recording(session_path)
+    recording = KeptRecording(session_path)
     images = draw_again(recording, frame, part=part)
     both = np.concatenate(images, axis=1)
     if recording.is_simulated:

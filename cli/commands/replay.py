@@ -1,17 +1,29 @@
-"""replay: what happened in one recorded trial, as a film."""
+"""replay: what happened in one recorded trial, as a film; or the whole session performed again."""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
 from rich.progress import Progress
 
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, say, verbatim
+from cli.app import (
+    ConfigOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    console,
+    load_lab,
+    say,
+    verbatim,
+)
 from cli.commands.preview import picture_size
 from cli.preview.pictures import Viewpoint
 from cli.studies import session_of
 from cli.telling import TELLING, Forecast
-from recording.reader import Recording
+from lab.errors import UsageError
+from recording.kept import KeptRecording
+from visavis.catalogue import AnyStudy
 from visavis.opened import OpenedStudy
 from visavis.sessions.study_folder import study_of_folder
 
@@ -19,8 +31,17 @@ from visavis.sessions.study_folder import study_of_folder
 @app.command()
 def replay(
     session_path: SessionArgument,
-    trial: Annotated[str, typer.Option("--trial", help="Which trial: T07.")],
-    video: Annotated[Path, typer.Option("--video", help="Film to write: .avi, .mp4 or .webm.")],
+    trial: Annotated[str, typer.Option("--trial", help="Which trial: T07.")] = "",
+    video: Annotated[
+        Path | None, typer.Option("--video", help="Film to write: .avi, .mp4 or .webm.")
+    ] = None,
+    verify: Annotated[
+        bool,
+        typer.Option(
+            "--verify",
+            help="Perform a simulated session again and say where the two first differ.",
+        ),
+    ] = False,
     participant: OfParticipant = "",
     view: Annotated[Viewpoint, typer.Option(help="eyes, above, or orbit.")] = Viewpoint.EYES,
     seconds: Annotated[
@@ -32,13 +53,21 @@ def replay(
 ) -> None:
     """Film a recorded trial as it was: what was shown, where gaze fell; of the crowd, from above.
 
+    With --verify a simulated session is performed again on the virtual clock, by the same plan and
+    drivers, and compared with what was recorded, bit for bit: exit code 5 when anything differs.
+
     Example: visavis replay data/simulated/stare/sub-S01B/ses-001 --trial T07 --video trial.avi
     """
     session_path = session_of(session_path, config, participant)
-    recording = Recording(session_path)
+    recording = KeptRecording(session_path)
     study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
     if changed:
         say(f"[yellow]{verbatim(changed)}[/]")
+    if verify:
+        _verify(recording, study, config)
+        return
+    if not trial or video is None:
+        raise UsageError("replay needs --trial and --video FILE for a film, or --verify")
     size_px = picture_size(size)
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("drawing", total=None)
@@ -57,10 +86,35 @@ def replay(
                 on_frame=told,
             )  # fmt: skip
         else:
-            from cli.replay import write_film
+            from cli.film.cameras import CameraKind
+            from cli.film.film import write_film
 
             n = write_film(
-                study, recording, trial, video, view=view, size_px=size_px, rate_hz=rate,
-                seconds=seconds, on_frame=told,
-            )  # fmt: skip
+                study, recording, trial, video, camera=CameraKind(view.value), size_px=size_px,
+                rate_hz=rate, seconds=seconds, on_frame=told,
+            ).pictures  # fmt: skip
     say(f"written [b]{verbatim(video)}[/], {n / rate:.1f} s")
+
+
+def _verify(recording: KeptRecording, study: AnyStudy, config: Path | None) -> None:
+    from cli.commands.checking import EXIT_RED
+    from visavis.sessions.verifying import verify
+
+    lab = load_lab(config, "sim", only_simulates=True)
+    with (
+        console.status("performing the session again"),
+        TemporaryDirectory(prefix="visavis") as scratch,
+    ):
+        verdict = verify(recording, study, lab, Path(scratch))
+    rows = sum(verdict.compared.values())
+    drawn = f"; not compared: {', '.join(verdict.left_out)}" if verdict.left_out else ""
+    if verdict.first is None:
+        say(
+            f"[green]the same, bit for bit[/]: {rows} rows of {len(verdict.compared)} streams, "
+            f"events and trial rows{drawn}"
+        )
+        return
+    say(f"[red]differs[/] first in {verbatim(verdict.first.told())}")
+    for name, count in verdict.differing.items():
+        say(f"  {verbatim(name)}: {count} of {verdict.compared[name]} rows differ")
+    raise typer.Exit(EXIT_RED)

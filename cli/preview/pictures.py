@@ -43,7 +43,7 @@ def camera_of(
     away the ceiling or the walls that stand before them.
     """
     if view is Viewpoint.EYES:
-        return _framed(head, EYES_TANGENT, aspect)
+        return framed(head, EYES_TANGENT, aspect)
     points = np.concatenate([picture.people.root_m, head.position_m[None]])
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     middle[1] = 1.0
@@ -51,12 +51,12 @@ def camera_of(
     if view is Viewpoint.ABOVE:
         height = radius / AROUND_TANGENT
         towards = np.array([0.0, -height, -0.02])
-        camera = _framed(_looking(middle - towards, towards), AROUND_TANGENT, aspect)
+        camera = framed(looking(middle - towards, towards), AROUND_TANGENT, aspect)
         return replace(camera, near_m=max(camera.near_m, height + middle[1] - CUT_AT_M))
     back = min(radius / AROUND_TANGENT, 3.4 + radius)
     angle = np.radians(ORBIT_START_DEG + ORBIT_DEG_PER_S * passed_s)
     place = middle + np.array([np.sin(angle) * back, 1.4 + 0.12 * back, np.cos(angle) * back])
-    camera = _framed(_looking(place, middle - place), AROUND_TANGENT, aspect)
+    camera = framed(looking(place, middle - place), AROUND_TANGENT, aspect)
     return replace(camera, near_m=max(camera.near_m, back - radius - 0.7))
 
 
@@ -65,7 +65,7 @@ def face_camera(eyes_m: Vector, yaw_deg: float, aspect: float) -> Camera:
     angle = np.radians(yaw_deg)
     place = eyes_m + FACE_AWAY_M * np.array([np.sin(angle), 0.04, np.cos(angle)])
     aim = eyes_m - np.array([0.0, 0.03, 0.0])
-    return _framed(_looking(place, aim - place), FACE_TANGENT, aspect)
+    return framed(looking(place, aim - place), FACE_TANGENT, aspect)
 
 
 def simulated_panel(camera: Camera) -> Panel:
@@ -114,12 +114,14 @@ def contact_sheet(tiles: Sequence[Image.Image], title: str, columns: int) -> Ima
     return sheet
 
 
-def _looking(place: Vector, towards: Vector) -> Pose:
+def looking(place: Vector, towards: Vector) -> Pose:
+    """Return a level pose at a place that looks along a direction."""
     yaw_deg, pitch_deg = yaw_pitch_deg_of(unit(towards))
     return Pose(place, quat_from_yaw_pitch_deg(float(yaw_deg), float(pitch_deg)))
 
 
-def _framed(pose: Pose, top: float, aspect: float) -> Camera:
+def framed(pose: Pose, top: float, aspect: float) -> Camera:
+    """Return a camera whose picture reaches from `−top` to `top`, as tangents."""
     return Camera(pose, -top * aspect, top * aspect, -top, top)
 
 

@@ -1,6 +1,7 @@
 """Rebuild what a frame of a walk showed from its recording, so that it can be drawn again."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -29,9 +30,7 @@ def views_of(shown: Shown) -> Iterator[SceneFrame]:
     recorded = shown.latest("crowd")
     if recorded is None:
         raise DataError(f"{shown.recording.path}: a crowd was shown, but no event 'crowd' tells it")
-    configuration = int(name.removeprefix("station_"))
-    crowd = crowd_from_record(configuration, str(recorded[1]["people"]))
-    scene = CrowdScene(name, agents=(), crowd=crowd)
+    scene = shown.once(("crowd", name, recorded[0]), lambda: _scene(name, recorded[1]))
     on = shown.latest("scene_on")
     if on is None or on[0] < shown.since_ns:
         yield CrowdFrame(scene, shown.t_scene_ns, _NO_GAZE, _NO_EYES)
@@ -46,6 +45,12 @@ def views_of(shown: Shown) -> Iterator[SceneFrame]:
         yield CrowdFrame(
             scene, shown.t_scene_ns, _NO_GAZE, _NO_EYES, crowd_t_ns=t_ns - on[0], track=track
         )
+
+
+def _scene(name: str, recorded: Mapping[str, Any]) -> CrowdScene:
+    configuration = int(name.removeprefix("station_"))
+    crowd = crowd_from_record(configuration, str(recorded["people"]))
+    return CrowdScene(name, agents=(), crowd=crowd)
 
 
 def _ends(shown: Shown, on_ns: int) -> Iterator[int]:

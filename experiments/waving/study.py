@@ -34,6 +34,7 @@ from lab.geometry import Pose, Vector
 from protocol.columns import Column
 from protocol.design import Factor
 from protocol.participants import SimulatedParticipant
+from protocol.plan import Trial
 from protocol.shown import Shown
 from protocol.steps import FrameView, NextFrame, Scalar, Show
 from stimuli.dressing.office_view import VIEW_PX
@@ -465,6 +466,17 @@ def person(
     return WavingParticipant(index, seed, effect, asked=asked)
 
 
+def _office_shown(
+    trial: Trial, wave: Mapping[str, Any], experiment: StudyExperiment
+) -> tuple[TrialScript, StudyWave, OfficeScene]:
+    """Return a trial's script, its wave without a warp, and the office with the recorded one."""
+    script = TrialScript(trial, experiment.settings)
+    making = replace(making_of(experiment.parameters), increment=0.0)
+    plain = wave_of(script.trial.factors, making, script.eye_height_m)
+    planned = track_shown(plain.waving, wave, [])
+    return script, plain, scene_of(script.participant_place, planned)
+
+
 @study.views
 def views_of(shown: Shown, experiment: StudyExperiment) -> Iterator[SceneFrame]:
     """Yield the office without a board, then with each question and each choice pointed at.
@@ -475,16 +487,15 @@ def views_of(shown: Shown, experiment: StudyExperiment) -> Iterator[SceneFrame]:
     if not name.startswith("office_"):
         yield shown.view
         return
-    script = TrialScript(shown.trial(), experiment.settings)
     told = shown.latest("wave")
     if told is None:
         yield shown.view
         return
-    making = replace(making_of(experiment.parameters), increment=0.0)
-    plain = wave_of(script.trial.factors, making, script.eye_height_m)
-    planned = track_shown(plain.waving, told[1], [])
+    script, plain, office = shown.once(
+        ("office", told[0]), lambda: _office_shown(shown.trial(), told[1], experiment)
+    )
     bare = OfficeFrame(
-        scene_of(script.participant_place, planned),
+        office,
         shown.t_scene_ns,
         shown.gaze_direction,
         shown.eye_openness_01,

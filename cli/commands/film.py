@@ -1,0 +1,117 @@
+"""film: a recorded trial as a film, by a camera that knows the place."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.progress import Progress
+
+from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
+from cli.commands.preview import picture_size
+from cli.studies import session_of
+from cli.telling import TELLING, Forecast
+from lab.errors import UsageError
+from recording.kept import KeptRecording
+from visavis.sessions.study_folder import study_of_folder
+
+if TYPE_CHECKING:
+    from cli.film.cameras import CameraKind
+    from cli.film.film import Overlay
+
+CAMERAS = "topology, follow, eyes, above, orbit, or the .json of an earlier film's decisions"
+
+
+@app.command()
+def film(
+    session_path: SessionArgument,
+    trial: Annotated[str, typer.Option("--trial", help="Which trial: T07.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Film: .mp4, .webm or .avi.")],
+    camera: Annotated[str, typer.Option(help=f"{CAMERAS}.")] = "topology",
+    shot: Annotated[str, typer.Option(help="extreme-long, long, full, medium or close.")] = "long",
+    cuts: Annotated[str, typer.Option(help="auto, none or static.")] = "auto",
+    overlay: Annotated[
+        str, typer.Option(help="Of gaze, contacts and clock, with commas; none for none.")
+    ] = "gaze,contacts,clock",
+    seed: Annotated[int, typer.Option(help="Draws the lengths of shots.")] = 0,
+    participant: OfParticipant = "",
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", help="At most so long; the whole when left out.")
+    ] = None,
+    rate: Annotated[int, typer.Option("--rate", help="Pictures a second.")] = 25,
+    size: Annotated[str, typer.Option("--size", help="Width x height in pixels.")] = "960x540",
+    config: ConfigOption = None,
+) -> None:
+    """Film a recorded trial of any study by a camera of your choice, whatever was drawn in it.
+
+    The topology camera looks for places in the room that see the participant, and cuts by the
+    rules of film; what it decides is written beside the film (.json), to film it so again.
+
+    Example: visavis film data/simulated/crowd/sub-S01B/ses-001 --trial T02 -o T02.mp4
+    """
+    from cli.film.cameras import Cuts
+    from cli.film.film import sheet_of, write_film
+    from stimuli.camera.shots import ShotSize
+
+    looks = _camera_named(camera)
+    overlays = _overlays_named(overlay)
+    size_px = picture_size(size)
+    shot_size, rule = (
+        ShotSize(_one_of("--shot", shot, [*ShotSize])),
+        Cuts(_one_of("--cuts", cuts, [*Cuts])),
+    )
+    decided = output.with_suffix(".json")
+    if decided.exists() and camera == "topology":
+        raise UsageError(f"{decided} exists already; choose another name for the film")
+    session_path = session_of(session_path, config, participant)
+    recording = KeptRecording(session_path)
+    study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
+    if changed:
+        console.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
+    forecast = Forecast()
+    with Progress(console=console, transient=True) as bar:
+        line = bar.add_task("drawing", total=None)
+
+        def told(done: int, of: int) -> None:
+            bar.update(line, completed=done, total=of)
+            if said := forecast.told(done, of):
+                TELLING.say(said.removesuffix(", --png draws one"))
+
+        made = write_film(
+            study, recording, trial, output, camera=looks, shot=shot_size, cuts=rule,
+            overlays=overlays, seed=seed, size_px=size_px, rate_hz=rate, seconds=seconds,
+            on_frame=told,
+        )  # fmt: skip
+    console.print(f"written [b]{verbatim(output)}[/], {made.pictures / rate:.1f} s", soft_wrap=True)
+    if made.decisions is not None:
+        made.decisions.write(decided)
+        sheet = sheet_of(made.decisions, rate)
+        console.print(
+            f"written [b]{verbatim(decided)}[/]: {sheet['shots']} shots of "
+            f"{sheet['median_shot_s']:.1f} s (median), participant seen "
+            f"{100 * (sheet['subject_seen_01'] or 0):.0f} % of the time, "
+            f"{sheet['cuts_below_30_deg']} cuts below 30°",
+            soft_wrap=True,
+        )
+
+
+def _one_of(option: str, wanted: str, known: list[str]) -> str:
+    if wanted not in known:
+        raise UsageError(f"{option} {wanted!r}; choose one of {', '.join(known)}")
+    return wanted
+
+
+def _camera_named(wanted: str) -> "CameraKind | Path":
+    from cli.film.cameras import CameraKind
+
+    if wanted.endswith(".json"):
+        return Path(wanted)
+    if wanted not in [*CameraKind]:
+        raise UsageError(f"--camera {wanted!r}; choose one of {CAMERAS}")
+    return CameraKind(wanted)
+
+
+def _overlays_named(wanted: str) -> "list[Overlay]":
+    from cli.film.film import Overlay
+
+    names = [name for name in wanted.replace(" ", "").split(",") if name not in ("", "none")]
+    return [Overlay(_one_of("--overlay", name, [*Overlay])) for name in names]

@@ -1,0 +1,237 @@
+"""A film of one recorded trial of any study, drawn again from the recording alone.
+
+What was shown is rebuilt frame by frame from the recorded scenes, so it does not matter what was
+drawn in the session. From outside the participant is there, too: as the body tracker saw them, or
+standing under their head.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from cli.commands.preview import film_renderer
+from cli.film.cameras import (
+    AsDecided,
+    Behind,
+    ByTopology,
+    CameraKind,
+    Cuts,
+    Decisions,
+    FilmCamera,
+    FromViewpoint,
+    style_of,
+)
+from cli.film.stand_in import StandIn
+from cli.preview.pictures import SIMULATED, Viewpoint, labelled
+from cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
+from cli.session_lanes import lanes_of
+from lab.clock import NS_PER_S
+from lab.errors import UsageError
+from lab.geometry import Vector, quat_conjugate, rotate
+from recording.reader import Recording
+from stimuli.camera.shots import ShotSize
+from stimuli.dressing.picture_of import picture_of
+from stimuli.picture import Camera, Picture
+from visavis.catalogue import AnyStudy
+
+RING_PX: Final = 16
+RING: Final = (255, 190, 40)
+DARK_PX: Final = (16, 16, 18)
+GAZE_AT_M: Final = 2.5
+"""How far along gaze a ring stands where nobody's head was hit."""
+COLOURS: Final = {"contact": (255, 107, 94), "vibration": (94, 200, 255)}
+
+
+class Overlay(StrEnum):
+    """What a film shows besides the scene."""
+
+    GAZE = "gaze"
+    CONTACTS = "contacts"
+    CLOCK = "clock"
+
+
+ALL_OVERLAYS: Final = tuple(Overlay)
+
+
+@dataclass(frozen=True, eq=False)
+class Filmed:
+    """What was made: the number of pictures, and the decisions of a camera that takes any."""
+
+    pictures: int
+    decisions: Decisions | None
+
+
+def write_film(
+    study: AnyStudy,
+    recording: Recording,
+    trial_id: str,
+    video: Path,
+    *,
+    camera: CameraKind | Path = CameraKind.EYES,
+    shot: ShotSize = ShotSize.LONG,
+    cuts: Cuts = Cuts.AUTO,
+    overlays: Sequence[Overlay] = ALL_OVERLAYS,
+    seed: int = 0,
+    size_px: tuple[int, int] = (1280, 720),
+    rate_hz: int = 25,
+    seconds: float | None = None,
+    on_frame: Callable[[int, int], None] | None = None,
+) -> Filmed:
+    """Write the film of a trial.
+
+    Raises:
+        UsageError: the session has no such trial, no rate of a film, or no file of decisions.
+        DesignError: the camera finds no place in this room from where to film.
+        StageError: the film cannot be written, or nothing draws here.
+    """
+    from stage.movie import open_movie
+
+    if not 1 <= rate_hz <= 240:
+        raise UsageError(f"--rate {rate_hz}; give 1 to 240 pictures a second")
+    trial = recorded_trial(recording, trial_id)
+    start_ns, end_ns = trial.span_ns
+    if seconds is not None:
+        end_ns = min(end_ns, start_ns + round(seconds * NS_PER_S))
+    times = list(range(start_ns, end_ns + 1, NS_PER_S // rate_hz))
+    factors = ", ".join(str(trial.row[name]) for name in factors_of(recording, trial_id))
+    label = f"{recording.manifest.study} {recording.manifest.participant} {trial_id}  {factors}"
+    label = f"{SIMULATED}  ·  {label}" if recording.is_simulated else label
+    aspect = size_px[0] / size_px[1]
+
+    def shown_at(t_ns: int) -> Picture:
+        return picture_of(next(iter(study.views_of(trial.shown_at(t_ns)))))
+
+    looks = _camera(camera, shot, cuts, aspect, start_ns, seed, trial, shown_at)
+    scene = _FilmedTrial(trial, shown_at, looks, overlays, size_px)
+    with film_renderer() as renderer, open_movie(video, size_px, rate_hz) as film:
+        for k, image in enumerate(scene.pictures(times, renderer.image)):
+            told = f"{label}  {(times[k] - start_ns) / NS_PER_S:.1f} s"
+            film.add(np.asarray(labelled(image, told if Overlay.CLOCK in overlays else label)))
+            if on_frame is not None:
+                on_frame(k + 1, len(times))
+    decided = looks.decisions() if isinstance(looks, ByTopology) else None
+    return Filmed(len(times), decided)
+
+
+def _camera(
+    camera: CameraKind | Path,
+    shot: ShotSize,
+    cuts: Cuts,
+    aspect: float,
+    start_ns: int,
+    seed: int,
+    trial: RecordedTrial,
+    shown_at: Callable[[int], Picture],
+) -> FilmCamera:
+    if isinstance(camera, Path):
+        return AsDecided(camera, aspect)
+    if camera is CameraKind.TOPOLOGY:
+        return ByTopology(style_of(shot, cuts), aspect, shown_at, trial.head_at, seed)
+    if camera is CameraKind.FOLLOW:
+        return Behind(aspect)
+    return FromViewpoint(Viewpoint(camera.value), aspect, start_ns)
+
+
+class _FilmedTrial:
+    """One trial as pictures: what was shown, who stood there, and what is written over it."""
+
+    def __init__(
+        self,
+        trial: RecordedTrial,
+        shown_at: Callable[[int], Picture],
+        looks: FilmCamera,
+        overlays: Sequence[Overlay],
+        size_px: tuple[int, int],
+    ) -> None:
+        self._trial, self._shown_at, self._looks = trial, shown_at, looks
+        self._overlays, self._size_px = overlays, size_px
+        self._from_eyes = isinstance(looks, FromViewpoint) and looks.view is Viewpoint.EYES
+        self._stand_in = None if self._from_eyes else StandIn(trial)
+        wants = Overlay.CONTACTS in overlays
+        self._lanes = lanes_of(trial.recording, trial.part) if wants else []
+
+    def pictures(
+        self, times: list[int], image: Callable[..., npt.NDArray[np.uint8]]
+    ) -> Iterator[npt.NDArray[np.uint8]]:
+        """Yield the film's pictures."""
+        for t_ns in times:
+            head = self._trial.head_at(t_ns)
+            picture = self._shown_at(t_ns)
+            camera = self._looks.at(t_ns, picture, head)
+            if picture.brightness_01 <= 0:
+                width, height = self._size_px
+                yield np.full((height, width, 3), DARK_PX, np.uint8)
+                continue
+            if self._stand_in is not None:
+                picture = self._stand_in.in_picture(picture, t_ns, head)
+            drawn = image(picture, camera, self._size_px)
+            if Overlay.GAZE in self._overlays:
+                drawn = self._with_gaze(drawn, camera, t_ns, head.position_m)
+            yield _listed(drawn, [lane for lane in self._lanes if lane.is_on(t_ns)])
+
+    def _with_gaze(
+        self, drawn: npt.NDArray[np.uint8], camera: Camera, t_ns: int, eyes_m: Vector
+    ) -> npt.NDArray[np.uint8]:
+        """Mark where gaze fell, from outside with its ray; nothing where it was lost."""
+        gaze = self._trial.gaze_at(t_ns)
+        if gaze is None:
+            return drawn
+        aim = self._seen(camera, eyes_m + GAZE_AT_M * gaze)
+        if aim is None:
+            return drawn
+        marked = Image.fromarray(drawn)
+        pen = ImageDraw.Draw(marked)
+        begin = None if self._from_eyes else self._seen(camera, eyes_m + 0.12 * gaze)
+        if begin is not None:
+            pen.line((*begin, *aim), fill=RING, width=max(2, self._size_px[1] // 300))
+        radius = RING_PX * self._size_px[1] // 720 if self._from_eyes else 6
+        for r, colour in ((radius + 2, (30, 30, 30)), (radius, RING)):
+            pen.ellipse((aim[0] - r, aim[1] - r, aim[0] + r, aim[1] + r), outline=colour, width=3)
+        return np.asarray(marked)
+
+    def _seen(self, camera: Camera, place_m: Vector) -> tuple[float, float] | None:
+        """Return the pixel that shows a place; None behind the camera."""
+        own = rotate(quat_conjugate(camera.pose.orientation_wxyz), place_m - camera.pose.position_m)
+        if own[2] >= -camera.near_m:
+            return None
+        width, height = self._size_px
+        x = (own[0] / -own[2] - camera.left) / (camera.right - camera.left) * width
+        y = (camera.top - own[1] / -own[2]) / (camera.top - camera.bottom) * height
+        return float(x), float(y)
+
+
+def _listed(drawn: npt.NDArray[np.uint8], lanes: Sequence[Any]) -> npt.NDArray[np.uint8]:
+    """Write what touches or vibrates into the upper left corner."""
+    if not lanes:
+        return drawn
+    marked = Image.fromarray(drawn)
+    pen = ImageDraw.Draw(marked, "RGBA")
+    size_px = max(11, marked.height // 40)
+    font = ImageFont.load_default(size_px)
+    for k, lane in enumerate(lanes):
+        y = 8 + k * (size_px + 8)
+        _, _, right, bottom = pen.textbbox((12, y), lane.name, font=font)
+        pen.rectangle((6, y - 2, right + 6, bottom + 3), fill=(0, 0, 0, 140))
+        pen.text((12, y), lane.name, fill=COLOURS[lane.kind], font=font)
+    return np.asarray(marked)
+
+
+def sheet_of(decisions: Decisions, rate_hz: int) -> Mapping[str, float | int | None]:
+    """Return a film's objective measures: how long the subject was seen, how long shots last."""
+    times = np.array([view[0] for view in decisions.views]) / NS_PER_S
+    begins = [cut["t_ns"] / NS_PER_S for cut in decisions.cuts]
+    lengths = np.diff([*begins, times[-1] + 1 / rate_hz])
+    angles = [cut["angle_deg"] for cut in decisions.cuts if cut["angle_deg"] is not None]
+    return {
+        "subject_seen_01": float(np.mean(decisions.seen)),
+        "shots": len(lengths),
+        "median_shot_s": float(np.median(lengths)),
+        "shortest_shot_s": float(lengths.min()),
+        "cuts_below_30_deg": sum(angle < 30.0 for angle in angles),
+    }

@@ -1,0 +1,1 @@
+"""The page that shows a recorded session again: what goes into it, and its own code."""

@@ -1,0 +1,382 @@
+// Drawing with WebGL 2: rooms whose light is ready, people whose joints move them, plain things.
+
+const LIGHT = `
+const int MOST = 8;
+uniform int lamps; uniform vec4 lamp_place[MOST]; uniform vec4 lamp_axis[MOST]; uniform vec3 lamp_colour[MOST];
+uniform vec3 sky, ground;
+vec3 light_at(vec3 place, vec3 n, float wrap) {
+  vec3 sum = mix(ground, sky, 0.5 + 0.5 * n.y);
+  for (int i = 0; i < MOST; i++) {
+    if (i >= lamps) break;
+    vec3 to = -lamp_axis[i].xyz; float share = 1.0;
+    if (lamp_place[i].w > 0.5) {
+      to = lamp_place[i].xyz - place;
+      float squared = max(dot(to, to), 0.04);
+      share = 1.0 / squared; to *= inversesqrt(squared);
+      if (lamp_place[i].w < 1.5) {
+        float c = lamp_axis[i].w, inside = clamp((-dot(to, lamp_axis[i].xyz) - c) / (0.3 * max(1.0 - c, 1e-6)), 0.0, 1.0);
+        share *= inside * inside * (3.0 - 2.0 * inside);
+      }
+    }
+    sum += lamp_colour[i] * share * max((dot(n, to) + wrap) / ((1.0 + wrap) * (1.0 + wrap)), 0.0);
+  }
+  return sum;
+}
+vec3 codes(vec3 light) {
+  vec3 soft = mix(light, 1.0 - 0.5 * exp(1.0 - 2.0 * light), step(0.5, light));
+  return pow(soft, vec3(1.0 / 2.2));
+}`;
+
+const PERSON = [`#version 300 es
+layout(location=0) in vec3 place; layout(location=1) in vec3 normal; layout(location=2) in vec3 detail;
+layout(location=3) in vec3 colour; layout(location=4) in uvec4 surface; layout(location=5) in uvec4 joints;
+layout(location=6) in vec4 weights; layout(location=7) in int morph;
+uniform mat4 seen; uniform sampler2D bones; uniform sampler2D deltas; uniform int person; uniform int most; uniform float shape[6];
+uniform vec3 tint;
+out vec3 v_light; out vec3 v_detail; flat out uvec4 v_surface;
+${LIGHT}
+void main() {
+  vec3 at = place;
+  if (morph >= 0) for (int k = 0; k < 6; k++) if (shape[k] > 0.003)
+    at += shape[k] * texelFetch(deltas, ivec2(k + 6 * (morph % 64), morph / 64), 0).xyz;
+  vec4 r0 = vec4(0.0), r1 = vec4(0.0), r2 = vec4(0.0);
+  for (int i = 0; i < 4; i++) if (weights[i] > 0.0) {
+    int c = 3 * int(joints[i]);
+    r0 += weights[i] * texelFetch(bones, ivec2(c, person), 0);
+    r1 += weights[i] * texelFetch(bones, ivec2(c + 1, person), 0);
+    r2 += weights[i] * texelFetch(bones, ivec2(c + 2, person), 0);
+  }
+  float total = max(weights.x + weights.y + weights.z + weights.w, 1e-3);
+  vec4 h = vec4(at, 1.0);
+  vec3 world = vec3(dot(r0, h), dot(r1, h), dot(r2, h)) / total;
+  vec3 n = normalize(vec3(dot(r0.xyz, normal), dot(r1.xyz, normal), dot(r2.xyz, normal)));
+  gl_Position = seen * vec4(world, 1.0);
+  v_light = codes(pow(colour, vec3(2.2)) * light_at(world, n, 0.2)) * tint;
+  v_detail = detail; v_surface = surface;
+}`, `#version 300 es
+precision highp float;
+in vec3 v_light; in vec3 v_detail; flat in uvec4 v_surface;
+uniform sampler2D picture; uniform int look; uniform float brightness; uniform vec3 eye_light;
+out vec4 o;
+void main() {
+  vec3 c = v_light;
+  if (look == 1) { vec4 t = texture(picture, v_detail.xy); if (t.a < 0.45) discard; c *= t.rgb; }
+  if (look == 2) {
+    float iris = float(v_surface.y) / 255.0, pupil = float(v_surface.w) / 255.0;
+    vec3 at = normalize(v_detail); float r = at.z < 0.0 ? length(at.xy) : 2.0;
+    float white = smoothstep(iris - 0.03, iris + 0.03, r);
+    float ring = 1.0 - 0.6 * smoothstep(0.8 * iris, iris, r);
+    c = mix(v_light * ring, eye_light, white) * smoothstep(pupil - 0.03, pupil + 0.03, r);
+  }
+  o = vec4(c * brightness, 1.0);
+}`];
+
+const ROOM = [`#version 300 es
+layout(location=0) in vec3 place; layout(location=1) in vec2 uv; layout(location=2) in vec3 light;
+uniform mat4 seen; out vec2 v_uv; out vec3 v_light;
+void main() { gl_Position = seen * vec4(place, 1.0); v_uv = uv; v_light = light * (255.0 / 127.0); }`,
+`#version 300 es
+precision highp float;
+in vec2 v_uv; in vec3 v_light; uniform sampler2D picture; uniform int look; uniform float brightness; out vec4 o;
+void main() {
+  vec3 c = v_light;
+  if (look == 1) { vec4 t = texture(picture, v_uv); if (t.a < 0.45) discard; c *= t.rgb; }
+  o = vec4(c * brightness, 1.0);
+}`];
+
+const THING = [`#version 300 es
+layout(location=0) in vec3 place; layout(location=1) in vec3 normal; layout(location=2) in vec3 colour;
+uniform mat4 seen; uniform mat4 model; uniform vec4 paint; uniform float glow; out vec3 v_light;
+${LIGHT}
+void main() {
+  vec4 world = model * vec4(place, 1.0);
+  vec3 n = normalize(mat3(model) * normal);
+  gl_Position = seen * world;
+  vec3 own = pow(mix(colour, paint.rgb, paint.a), vec3(2.2));
+  v_light = codes(own * mix(light_at(world.xyz, n, 0.1), vec3(1.0), glow));
+}`, `#version 300 es
+precision highp float;
+in vec3 v_light; uniform float brightness; out vec4 o;
+void main() { o = vec4(v_light * brightness, 1.0); }`];
+
+class Program {
+  constructor(gl, [vertex, fragment]) {
+    this.gl = gl;
+    const p = this.p = gl.createProgram();
+    for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, text);
+      gl.compileShader(shader);
+      gl.attachShader(p, shader);
+    }
+    gl.linkProgram(p);
+    if (!gl.getProgramParameter(p, gl.LINK_STATUS))
+      throw new Error(gl.getProgramInfoLog(p) + gl.getAttachedShaders(p).map(s => gl.getShaderInfoLog(s)).join());
+    this.at = {};
+    const n = gl.getProgramParameter(p, gl.ACTIVE_UNIFORMS);
+    for (let i = 0; i < n; i++) {
+      const name = gl.getActiveUniform(p, i).name;
+      this.at[name.replace('[0]', '')] = gl.getUniformLocation(p, name);
+    }
+  }
+}
+
+function drawsOnProcessor() {
+  const gl = document.createElement('canvas').getContext('webgl2');
+  if (!gl) return false;
+  const told = gl.getExtension('WEBGL_debug_renderer_info');
+  const name = told ? gl.getParameter(told.UNMASKED_RENDERER_WEBGL) : '';
+  gl.getExtension('WEBGL_lose_context')?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|basic render/i.test(name);
+}
+
+class Drawing {
+  constructor(canvas, content) {
+    // Where the processor draws, smooth edges would cost it most of its time.
+    const gl = this.gl = canvas.getContext('webgl2', {antialias: !drawsOnProcessor(), alpha: false, powerPreference: 'high-performance'});
+    if (!gl) throw new Error('this browser draws no WebGL 2; open the page in Firefox, Chrome, Edge or Safari of 2022 or newer');
+    this.canvas = canvas;
+    this.content = content;
+    this.programs = {person: new Program(gl, PERSON), room: new Program(gl, ROOM), thing: new Program(gl, THING)};
+    this.white = this.texture(new Uint8Array([255, 255, 255, 255]), 1, 1);
+    this.pictures = content.header.textures.map(() => this.white);
+    this.people = content.header.people.map(() => null);
+    this.rooms = content.header.rooms.map(() => null);
+    this.bones = gl.createTexture();
+    this.bonesSize = 0;
+    this.solids = {ball: this.solid(ball(10, 14)), rod: this.solid(rod(12)), box: this.solid(box())};
+    this.ready = Promise.all(content.header.textures.map((t, k) => this.load(t, k)));
+    gl.enable(gl.DEPTH_TEST);
+  }
+
+  async load(texture, k) {
+    const gl = this.gl;
+    const image = await createImageBitmap(new Blob([this.content.flat(texture.file)], {type: 'image/webp'}), {premultiplyAlpha: 'none'});
+    const t = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, t);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, image);
+    gl.generateMipmap(gl.TEXTURE_2D);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+    this.pictures[k] = t;
+  }
+
+  texture(bytes, width, height) {
+    const gl = this.gl, t = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, t);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    return t;
+  }
+
+  buffer(location, data, k, {whole = false, normal = false} = {}) {
+    const gl = this.gl, b = gl.createBuffer();
+    const kind = {Float32Array: gl.FLOAT, Uint8Array: gl.UNSIGNED_BYTE, Int8Array: gl.BYTE, Int16Array: gl.SHORT}[data.constructor.name];
+    gl.bindBuffer(gl.ARRAY_BUFFER, b);
+    gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
+    gl.enableVertexAttribArray(location);
+    const stride = data.BYTES_PER_ELEMENT * (data.stride || k);
+    if (whole) gl.vertexAttribIPointer(location, k, kind, stride, 0);
+    else gl.vertexAttribPointer(location, k, kind, normal, stride, 0);
+  }
+
+  indices(data) {
+    const gl = this.gl;
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, data, gl.STATIC_DRAW);
+    return data.BYTES_PER_ELEMENT === 2 ? gl.UNSIGNED_SHORT : gl.UNSIGNED_INT;
+  }
+
+  padded(ref) { const rows = this.content.plainRows(ref, 1); rows.stride = 4; return rows; }
+
+  person(k) {
+    if (this.people[k]) return this.people[k];
+    const gl = this.gl, told = this.content.header.people[k], c = this.content;
+    const vao = gl.createVertexArray();
+    gl.bindVertexArray(vao);
+    this.buffer(0, c.rows(told.place), 3);
+    this.buffer(1, this.padded(told.normal), 3, {normal: true});
+    this.buffer(2, c.rows(told.detail), 3);
+    this.buffer(3, this.padded(told.colour), 3, {normal: true});
+    this.buffer(4, c.plainRows(told.surface), 4, {whole: true});
+    this.buffer(5, c.plainRows(told.joints), 4, {whole: true});
+    this.buffer(6, c.plainRows(told.weights), 4, {normal: true});
+    this.buffer(7, c.flat(told.morph), 1, {whole: true});
+    const index = c.flat(told.index), kind = this.indices(index), bytes = index.BYTES_PER_ELEMENT;
+    const rows = c.rows(told.deltas), n = told.deltas.s[0], height = Math.max(1, Math.ceil(n / 64));
+    const texels = new Float32Array(384 * height * 4);
+    for (let i = 0; i < n; i++) for (let m = 0; m < 6; m++) for (let x = 0; x < 3; x++)
+      texels[4 * ((i >> 6) * 384 + (i & 63) * 6 + m) + x] = rows[i * 18 + m * 3 + x];
+    const deltas = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, deltas);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, 384, height, 0, gl.RGBA, gl.FLOAT, texels);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+    // Runs that look alike are drawn at once.
+    const runs = [];
+    for (const [first, count, picture, twoSided, look] of told.runs) {
+      const mode = look === 'eye' ? 2 : picture >= 0 ? 1 : 0, before = runs[runs.length - 1];
+      if (before && mode === 0 && before.mode === 0 && before.first + before.count === first) before.count += count;
+      else runs.push({first, count, picture, mode});
+    }
+    return this.people[k] = {vao, kind, bytes, deltas, runs};
+  }
+
+  room(k) {
+    if (this.rooms[k]) return this.rooms[k];
+    const gl = this.gl, told = this.content.header.rooms[k], c = this.content;
+    const vao = gl.createVertexArray();
+    gl.bindVertexArray(vao);
+    this.buffer(0, c.rows(told.place), 3);
+    this.buffer(1, c.rows(told.uv), 2);
+    this.buffer(2, this.padded(told.light), 3, {normal: true});
+    const kind = this.indices(c.flat(told.index));
+    return this.rooms[k] = {vao, kind, runs: told.runs};
+  }
+
+  solid({place, normal, index}) {
+    const gl = this.gl, vao = gl.createVertexArray();
+    gl.bindVertexArray(vao);
+    this.buffer(0, new Float32Array(place), 3);
+    this.buffer(1, new Float32Array(normal), 3);
+    gl.vertexAttrib3f(2, 1, 1, 1);
+    return {vao, kind: this.indices(new Uint16Array(index)), count: index.length};
+  }
+
+  thing(told) {
+    if (told.made) return told.made;
+    const gl = this.gl, vao = gl.createVertexArray(), c = this.content;
+    gl.bindVertexArray(vao);
+    this.buffer(0, c.rows(told.place), 3);
+    this.buffer(1, this.padded(told.normal), 3, {normal: true});
+    this.buffer(2, this.padded(told.colour), 3, {normal: true});
+    const index = c.flat(told.index);
+    return told.made = {vao, kind: this.indices(index), count: index.length};
+  }
+
+  begin(width, height, background, brightness) {
+    const gl = this.gl;
+    if (this.canvas.width !== width || this.canvas.height !== height) {
+      this.canvas.width = width;
+      this.canvas.height = height;
+    }
+    gl.viewport(0, 0, width, height);
+    gl.clearColor(...background.map(v => v / 255 * brightness), 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+  }
+
+  use(name, seen, room, brightness) {
+    const gl = this.gl, {p, at} = this.programs[name];
+    gl.useProgram(p);
+    gl.uniformMatrix4fv(at.seen, false, seen);
+    gl.uniform1f(at.brightness, brightness);
+    if (at.picture) gl.uniform1i(at.picture, 0);
+    if (!at.lamps) return at;
+    const lamps = room ? room.lamps.slice(0, 8) : [];
+    gl.uniform1i(at.lamps, lamps.length);
+    if (lamps.length) {
+      gl.uniform4fv(at.lamp_place, lamps.flatMap(l => [...l.place, l.kind]));
+      gl.uniform4fv(at.lamp_axis, lamps.flatMap(l => [...l.axis, l.cos]));
+      gl.uniform3fv(at.lamp_colour, lamps.flatMap(l => l.colour));
+    }
+    gl.uniform3fv(at.sky, room && lamps.length ? room.sky : [0.8, 0.8, 0.82]);
+    gl.uniform3fv(at.ground, room && lamps.length ? room.ground : [0.5, 0.48, 0.46]);
+    return at;
+  }
+
+  drawRoom(k, seen, brightness) {
+    const gl = this.gl, at = this.use('room', seen, null, brightness), room = this.room(k);
+    gl.bindVertexArray(room.vao);
+    gl.activeTexture(gl.TEXTURE0);
+    for (const [first, count, picture] of room.runs) {
+      gl.bindTexture(gl.TEXTURE_2D, picture < 0 ? this.white : this.pictures[picture]);
+      gl.uniform1i(at.look, picture < 0 ? 0 : 1);
+      gl.drawElements(gl.TRIANGLES, count, room.kind, 4 * first);
+    }
+  }
+
+  // `bones` holds 3 rows of 4 numbers for every joint of everyone; `shapes` 6 numbers a person.
+  drawPeople(cast, chosen, bones, joints, shapes, seen, room, brightness, tints) {
+    const gl = this.gl, n = cast.length;
+    if (!chosen.length) return;
+    const at = this.use('person', seen, room, brightness);
+    gl.activeTexture(gl.TEXTURE1);
+    gl.bindTexture(gl.TEXTURE_2D, this.bones);
+    if (this.bonesSize !== n * joints) {
+      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, 3 * joints, n, 0, gl.RGBA, gl.FLOAT, bones);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+      this.bonesSize = n * joints;
+    } else gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 3 * joints, n, gl.RGBA, gl.FLOAT, bones);
+    gl.uniform1i(at.bones, 1);
+    gl.uniform1i(at.deltas, 2);
+    const lit = room && room.lamps.length ? [0.86, 0.85, 0.83] : [0.85, 0.85, 0.85];
+    gl.uniform3fv(at.eye_light, lit);
+    for (const i of chosen) {
+      const model = this.person(cast[i]);
+      gl.bindVertexArray(model.vao);
+      gl.activeTexture(gl.TEXTURE2);
+      gl.bindTexture(gl.TEXTURE_2D, model.deltas);
+      gl.activeTexture(gl.TEXTURE0);
+      gl.uniform1i(at.person, i);
+      gl.uniform1fv(at.shape, shapes.subarray(6 * i, 6 * i + 6));
+      gl.uniform3fv(at.tint, tints && tints[i] ? tints[i] : [1, 1, 1]);
+      for (const run of model.runs) {
+        gl.uniform1i(at.look, run.mode);
+        gl.bindTexture(gl.TEXTURE_2D, run.picture < 0 ? this.white : this.pictures[run.picture]);
+        gl.drawElements(gl.TRIANGLES, run.count, model.kind, model.bytes * run.first);
+      }
+    }
+  }
+
+  // Things: {solid or mesh, model, paint [r, g, b] 0 to 1, glow}.
+  drawThings(things, seen, room, brightness) {
+    if (!things.length) return;
+    const gl = this.gl, at = this.use('thing', seen, room, brightness);
+    for (const thing of things) {
+      const made = thing.solid ? this.solids[thing.solid] : this.thing(thing.mesh);
+      gl.bindVertexArray(made.vao);
+      gl.uniformMatrix4fv(at.model, false, thing.model);
+      gl.uniform4fv(at.paint, thing.paint ? [...thing.paint, 1] : [0, 0, 0, 0]);
+      gl.uniform1f(at.glow, thing.glow || 0);
+      gl.drawElements(gl.TRIANGLES, made.count, made.kind, 0);
+    }
+  }
+}
+
+function ball(rings, sides) {
+  const place = [], index = [];
+  for (let i = 0; i <= rings; i++) for (let j = 0; j <= sides; j++) {
+    const a = Math.PI * i / rings, b = 2 * Math.PI * j / sides;
+    place.push(Math.sin(a) * Math.cos(b), Math.cos(a), Math.sin(a) * Math.sin(b));
+    if (i < rings && j < sides) {
+      const k = i * (sides + 1) + j;
+      index.push(k, k + 1, k + sides + 1, k + 1, k + sides + 2, k + sides + 1);
+    }
+  }
+  return {place, normal: place, index};
+}
+function rod(sides) {
+  const place = [], normal = [], index = [];
+  for (let j = 0; j <= sides; j++) {
+    const b = 2 * Math.PI * j / sides, x = Math.cos(b), z = Math.sin(b);
+    place.push(x, 0, z, x, 1, z);
+    normal.push(x, 0, z, x, 0, z);
+    if (j < sides) { const k = 2 * j; index.push(k, k + 1, k + 2, k + 1, k + 3, k + 2); }
+  }
+  return {place, normal, index};
+}
+function box() {
+  const place = [], normal = [], index = [];
+  for (let axis = 0; axis < 3; axis++) for (const sign of [-1, 1]) {
+    const n = [0, 0, 0], k = place.length / 3;
+    n[axis] = sign;
+    for (const [u, v] of [[-1, -1], [1, -1], [1, 1], [-1, 1]]) {
+      const p = [0, 0, 0];
+      p[axis] = sign; p[(axis + 1) % 3] = u; p[(axis + 2) % 3] = v;
+      place.push(...p.map(x => x / 2));
+      normal.push(...n);
+    }
+    index.push(k, k + 1, k + 2, k, k + 2, k + 3);
+  }
+  return {place, normal, index};
+}

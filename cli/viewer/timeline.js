@@ -1,0 +1,294 @@
+// The time line: trials, what was looked at, touched and felt, events, and columns of streams.
+
+const LABEL_PX = 168, ROW_PX = 17, PLOT_PX = 62;
+const LOOKS = ['#f2b134', '#4fb3bf', '#e8756a', '#8fb339', '#b388eb', '#5a9bd8', '#e39ac0', '#c7a17a', '#7fd1ae', '#d9d264', '#9aa7b1', '#f08c3a'];
+const STATUS = {complete: '#3f6b4b', damaged: '#8a3a34', interrupted: '#7a5a2a', aborted: '#7a5a2a'};
+
+class Timeline {
+  constructor(canvas, header, streams, seek) {
+    this.canvas = canvas; this.header = header; this.streams = streams; this.seek = seek;
+    this.end = Math.max(1, ...header.trials.map(t => t.t1 || 0), ...header.events.map(e => e.t));
+    this.from = 0; this.to = this.end; this.t = 0;
+    this.plots = [];
+    this.looks = null;
+    this.marks = header.events.filter(e => e.name !== 'scene');
+    this.listen();
+  }
+
+  plot(stream, column) {
+    const key = stream + '.' + column;
+    const k = this.plots.findIndex(p => p.key === key);
+    if (k >= 0) this.plots.splice(k, 1); else this.plots.push({key, stream, column});
+    this.dirty = true;
+  }
+
+  show(from, to) {
+    const width = Math.min(this.end, Math.max(0.05, to - from));
+    this.from = Math.max(0, Math.min(this.end - width, from));
+    this.to = this.from + width;
+    this.dirty = true;
+  }
+
+  zoom(factor, about = this.t) {
+    this.show(about - (about - this.from) * factor, about + (this.to - about) * factor);
+  }
+
+  follow(t, playing) {
+    this.t = t;
+    if (playing && (t > this.to || t < this.from)) this.show(t - 0.05 * (this.to - this.from), t + 0.95 * (this.to - this.from));
+    this.dirty = true;
+  }
+
+  x(t) { return LABEL_PX + (t - this.from) / (this.to - this.from) * (this.width - LABEL_PX - 8); }
+  time(x) { return this.from + (x - LABEL_PX) / (this.width - LABEL_PX - 8) * (this.to - this.from); }
+
+  listen() {
+    const c = this.canvas;
+    let drag = null;
+    const at = e => e.clientX - c.getBoundingClientRect().left;
+    c.addEventListener('pointerdown', e => {
+      c.setPointerCapture(e.pointerId);
+      const y = e.clientY - c.getBoundingClientRect().top;
+      const close = this.closers?.find(b => Math.abs(at(e) - b.x) < 9 && Math.abs(y - b.y) < 9);
+      if (close) { this.plots.splice(close.k, 1); this.dirty = true; return; }
+      drag = {x: at(e), from: this.from, to: this.to, moves: e.shiftKey || e.button === 1};
+      if (!drag.moves && at(e) > LABEL_PX) this.seek(this.time(at(e)));
+    });
+    c.addEventListener('pointermove', e => {
+      if (!drag) return;
+      if (drag.moves) {
+        const by = (at(e) - drag.x) / (this.width - LABEL_PX - 8) * (drag.to - drag.from);
+        this.show(drag.from - by, drag.to - by);
+      } else this.seek(this.time(at(e)));
+    });
+    c.addEventListener('pointerup', () => { drag = null; });
+    c.addEventListener('wheel', e => {
+      if (Math.abs(e.deltaX) > Math.abs(e.deltaY)) {
+        const by = e.deltaX / this.width * (this.to - this.from);
+        this.show(this.from + by, this.to + by);
+      } else this.zoom(Math.exp(0.0015 * e.deltaY), this.time(at(e)));
+      e.preventDefault();
+    }, {passive: false});
+  }
+
+  // Whom gaze was on: [name, spans] for everybody who was ever looked at.
+  whom() {
+    if (this.looks) return this.looks;
+    const found = new Map();
+    if (this.streams.has('gaze_targets')) {
+      const t = this.streams.t('gaze_targets'), hit = this.streams.field('gaze_targets', 'hit')[0];
+      const scenes = this.header.scenes.filter(s => s.agents.length);
+      let scene = 0, open = null;
+      for (let i = 0; i < t.length; i++) {
+        while (scene < scenes.length - 1 && t[i] >= scenes[scene + 1].t0) scene++;
+        const here = scenes[scene];
+        const inside = here && t[i] >= here.t0 && t[i] < here.t1;
+        const name = inside && hit[i] >= 0 && here.agents[hit[i]] ? here.agents[hit[i]].place || here.agents[hit[i]].id : null;
+        if (open && open.name === name && t[i] - open.span[1] < 0.1) { open.span[1] = t[i]; continue; }
+        open = null;
+        if (name) {
+          open = {name, span: [t[i], t[i]]};
+          if (!found.has(name)) found.set(name, []);
+          found.get(name).push(open.span);
+        }
+      }
+    }
+    return this.looks = [...found].sort((a, b) => a[0] < b[0] ? -1 : 1);
+  }
+
+  rows() {
+    const rows = [{name: 'trials', draw: (c, y) => this.drawTrials(c, y)}];
+    if (this.whom().length) rows.push({name: 'looks at', draw: (c, y) => {
+      this.whom().forEach(([name, spans], k) => this.spans(c, y, spans, LOOKS[k % LOOKS.length], name));
+    }});
+    for (const lane of this.header.lanes)
+      rows.push({name: lane.name, draw: (c, y) => this.spans(c, y, lane.spans, lane.kind === 'contact' ? '#ff6b5e' : '#5ec8ff')});
+    rows.push({name: 'events', draw: (c, y) => this.drawEvents(c, y)});
+    return rows;
+  }
+
+  draw() {
+    const c = this.canvas, ratio = window.devicePixelRatio || 1;
+    const rows = this.rows(), width = c.clientWidth || 800;
+    const height = 20 + rows.length * (ROW_PX + 2) + this.plots.length * (PLOT_PX + 4) + 6;
+    if (c.width !== Math.round(width * ratio) || c.height !== Math.round(height * ratio)) {
+      c.width = Math.round(width * ratio);
+      c.height = Math.round(height * ratio);
+      c.style.height = height + 'px';
+    }
+    this.width = width;
+    this.height = height;
+    const g = c.getContext('2d');
+    g.setTransform(ratio, 0, 0, ratio, 0, 0);
+    g.clearRect(0, 0, width, height);
+    g.font = '11px system-ui, sans-serif';
+    g.textBaseline = 'middle';
+    this.axis(g);
+    let y = 20;
+    for (const row of rows) {
+      g.fillStyle = '#1f2124';
+      g.fillRect(LABEL_PX, y, width - LABEL_PX - 8, ROW_PX);
+      this.name(g, row.name, y + ROW_PX / 2);
+      g.save();
+      g.beginPath();
+      g.rect(LABEL_PX, y, width - LABEL_PX - 8, ROW_PX);
+      g.clip();
+      row.draw(g, y);
+      g.restore();
+      y += ROW_PX + 2;
+    }
+    this.closers = [];
+    this.plots.forEach((plot, k) => { this.drawPlot(g, plot, y, k); y += PLOT_PX + 4; });
+    const x = this.x(this.t);
+    if (x >= LABEL_PX && x <= width - 8) {
+      g.strokeStyle = '#fff';
+      g.lineWidth = 1;
+      g.beginPath(); g.moveTo(x, 4); g.lineTo(x, height); g.stroke();
+      g.fillStyle = '#fff';
+      g.beginPath(); g.moveTo(x - 5, 2); g.lineTo(x + 5, 2); g.lineTo(x, 9); g.fill();
+    }
+  }
+
+  name(g, text, y, colour = '#a2a6ad') {
+    g.fillStyle = colour;
+    g.textAlign = 'right';
+    let shown = text;
+    while (shown.length > 4 && g.measureText(shown).width > LABEL_PX - 14) shown = shown.slice(0, -2) + '…';
+    g.fillText(shown, LABEL_PX - 8, y);
+    g.textAlign = 'left';
+  }
+
+  axis(g) {
+    const span = this.to - this.from, raw = span / Math.max(2, (this.width - LABEL_PX) / 90);
+    const steps = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600];
+    const step = steps.find(s => s >= raw) || 3600;
+    g.fillStyle = '#a2a6ad';
+    g.strokeStyle = '#34373c';
+    for (let t = Math.ceil(this.from / step) * step; t <= this.to; t += step) {
+      const x = this.x(t);
+      g.beginPath(); g.moveTo(x, 14); g.lineTo(x, this.height); g.stroke();
+      g.fillText(clockText(t, step < 1 ? (step < 0.1 ? 2 : 1) : 0), x + 3, 9);
+    }
+    this.name(g, 'min : s', 9);
+  }
+
+  drawTrials(g, y) {
+    for (const trial of this.header.trials) {
+      const a = this.x(trial.t0), b = this.x(trial.t1);
+      if (b < LABEL_PX || a > this.width) continue;
+      g.fillStyle = trial.practice ? '#3b4654' : STATUS[trial.status] || '#4a4d52';
+      g.globalAlpha = trial.shown ? 1 : 0.45;
+      g.fillRect(a, y, Math.max(1, b - a - 1), ROW_PX);
+      g.globalAlpha = 1;
+      const told = trial.id + (trial.status === 'complete' ? '' : ' ' + trial.status) + '  ' + Object.values(trial.factors).join(' ');
+      const left = Math.max(a, LABEL_PX) + 4, room = Math.min(b, this.width) - left - 2;
+      if (room > 18) this.fitted(g, told, left, y + ROW_PX / 2, room, '#e6e7e9');
+    }
+  }
+
+  fitted(g, text, x, y, room, colour) {
+    let shown = text;
+    if (g.measureText(shown).width > room) {
+      while (shown.length > 1 && g.measureText(shown + '…').width > room) shown = shown.slice(0, -1);
+      if (shown.length < 2) return;
+      shown += '…';
+    }
+    g.fillStyle = colour;
+    g.fillText(shown, x, y);
+  }
+
+  spans(g, y, spans, colour, name = '') {
+    g.fillStyle = colour;
+    for (const [t0, t1, told] of spans) {
+      const a = this.x(t0), b = this.x(t1);
+      if (b < LABEL_PX || a > this.width) continue;
+      g.fillStyle = colour;
+      g.fillRect(a, y + 1, Math.max(1.5, b - a), ROW_PX - 2);
+      if (name && b - a > 44) this.fitted(g, name, Math.max(a, LABEL_PX) + 3, y + ROW_PX / 2, b - Math.max(a, LABEL_PX) - 5, '#111');
+    }
+  }
+
+  drawEvents(g, y) {
+    let free = -1;
+    for (const e of this.marks) {
+      if (/_(begin|end)$/.test(e.name) && this.header.lanes.length) continue; // they have lanes
+      const x = this.x(e.t);
+      if (x < LABEL_PX - 100 || x > this.width) continue;
+      g.fillStyle = eventColour(e.name);
+      g.fillRect(x, y, 1.5, ROW_PX);
+      const width = g.measureText(e.name).width;
+      if (x + 4 > free) { g.fillText(e.name, x + 4, y + ROW_PX / 2); free = x + width + 12; }
+    }
+  }
+
+  drawPlot(g, plot, y, k) {
+    const told = this.streams.told.get(plot.stream);
+    const field = told.columns.find(c => c.of.includes(plot.column));
+    const values = this.streams.field(plot.stream, field.name)[field.of.indexOf(plot.column)];
+    const times = this.streams.t(plot.stream);
+    const width = this.width - LABEL_PX - 8;
+    g.fillStyle = '#1f2124';
+    g.fillRect(LABEL_PX, y, width, PLOT_PX);
+    const first = Math.max(0, lastAt(times, this.from)), last = Math.min(times.length - 1, lastAt(times, this.to) + 1);
+    let low = Infinity, high = -Infinity;
+    for (let i = first; i <= last; i++) if (values[i] < low) low = values[i];
+    for (let i = first; i <= last; i++) if (values[i] > high) high = values[i];
+    const colour = LOOKS[(k + 5) % LOOKS.length];
+    this.name(g, plot.stream, y + 9);
+    this.name(g, plot.column, y + 23, colour);
+    const now = lastAt(times, this.t);
+    const value = now >= 0 ? values[now] : NaN;
+    this.name(g, (Number.isNaN(value) ? '–' : shortNumber(value)) + (field.unit && field.unit !== '1' ? ' ' + field.unit : ''), y + 37, '#e6e7e9');
+    const outside = !this.header.trials.some(s => s.shown && this.t >= s.t0 && this.t < s.t1);
+    if (told.every > 1) this.name(g, outside ? `1 row of ${told.every} here` : '', y + 51);
+    g.fillStyle = '#a2a6ad';
+    g.fillText('×', LABEL_PX - 160, y + 9);
+    this.closers.push({x: LABEL_PX - 157, y: y + 9, k});
+    if (!(high >= low)) { g.fillText('no value here', LABEL_PX + 8, y + PLOT_PX / 2); return; }
+    const room = high > low ? 0.06 * (high - low) : 1;
+    const top = high + room, bottom = low - room;
+    const py = v => y + PLOT_PX * (top - v) / (top - bottom);
+    g.save();
+    g.beginPath(); g.rect(LABEL_PX, y, width, PLOT_PX); g.clip();
+    g.strokeStyle = colour;
+    g.lineWidth = 1;
+    g.beginPath();
+    // Of many rows in one pixel the lowest and the highest are drawn.
+    let px = -1, least = 0, most = 0, open = false;
+    const gap = 5 * (times[last] - times[first]) / Math.max(1, last - first);
+    for (let i = first; i <= last; i++) {
+      if (Number.isNaN(values[i])) { open = false; px = -1; continue; }
+      const x = this.x(times[i]), column = Math.round(x);
+      if (open && i > first && times[i] - times[i - 1] > Math.max(0.5, gap)) open = false;
+      if (column === px && open) {
+        if (values[i] < least) { least = values[i]; g.lineTo(x, py(least)); }
+        else if (values[i] > most) { most = values[i]; g.lineTo(x, py(most)); }
+        continue;
+      }
+      px = column; least = most = values[i];
+      if (open) g.lineTo(x, py(values[i])); else { g.moveTo(x, py(values[i])); g.lineTo(x + 0.5, py(values[i])); }
+      open = true;
+    }
+    g.stroke();
+    g.fillStyle = '#a2a6ad';
+    g.fillText(shortNumber(high), LABEL_PX + 3, y + 8);
+    g.fillText(shortNumber(low), LABEL_PX + 3, y + PLOT_PX - 8);
+    g.restore();
+  }
+}
+
+function eventColour(name) {
+  if (/flag|note|lost|fault|stall|problem|interrupt|missed/.test(name)) return '#ff6b5e';
+  if (/calibration|validation/.test(name)) return '#8fb339';
+  if (/trial|block|session|break/.test(name)) return '#8b9099';
+  return '#d6d8db';
+}
+function clockText(t, digits = 2) {
+  const rounded = Math.max(0, t), minutes = Math.floor((rounded + 0.5 * 10 ** -digits) / 60);
+  const seconds = Math.max(0, rounded - 60 * minutes).toFixed(digits);
+  return `${minutes}:${seconds.padStart(digits ? 3 + digits : 2, '0')}`;
+}
+function shortNumber(v) {
+  const size = Math.abs(v);
+  return size >= 1000 ? v.toFixed(0) : size >= 10 ? v.toFixed(1) : size >= 0.01 || v === 0 ? v.toFixed(3) : v.toExponential(1);
+}

@@ -1,0 +1,577 @@
+// The page: cameras, what is drawn over the scene, controls, and keys.
+
+const $ = id => document.getElementById(id);
+const LAYERS = [['gaze', 'gaze (G)', true], ['areas', 'areas of interest (O)', true], ['heat', 'heat map of gaze (H)', false],
+  ['path', 'path of gaze, 2 s (P)', false], ['body', 'head, hands, body (B)', true], ['labels', 'labels (L)', true],
+  ['room', 'room', true], ['people', 'people', true], ['light', 'keep the light on', false]];
+const KEY_OF = {g: 'gaze', o: 'areas', h: 'heat', p: 'path', b: 'body', l: 'labels'};
+const CAMERAS = ['free', 'eyes', 'follow', 'above', 'topology'];
+const CEILING_M = 2.7;
+
+class Viewer {
+  constructor(content) {
+    this.content = content;
+    const header = this.header = content.header;
+    this.streams = new Streams(content);
+    this.drawing = new Drawing($('picture'), content);
+    this.scenes = new Map();
+    this.shown = header.scenes;
+    this.show = Object.fromEntries(LAYERS.map(([name, , on]) => [name, on]));
+    this.t = header.scenes.length ? header.scenes[0].t0 : header.trials[0]?.t0 || 0;
+    this.playing = false; this.speed = 1;
+    this.free = {at: [0, 1.6, 3], yaw: 0, pitch: -0.1};
+    this.above = {zoom: 1, by: [0, 0]};
+    this.held = new Set();
+    this.drawn = 0; this.spent = 0;
+    this.line = new Timeline($('line'), header, this.streams, t => this.seek(t));
+    this.segments = this.segmentsOf();
+    this.page();
+    this.listen();
+    this.startView();
+    const wanted = new URLSearchParams(location.hash.slice(1));
+    if (wanted.get('t')) this.seek(Number(wanted.get('t')));
+    if (CAMERAS.includes(wanted.get('camera'))) this.setCamera(wanted.get('camera'));
+    const trial = this.trialAt(this.t);
+    if (trial) this.line.show(trial.t0 - 1, trial.t1 + 1);
+    this.defaultPlots();
+    this.line.follow(this.t, false);
+    this.dirty = true;
+    this.drawing.ready.then(() => { this.dirty = true; document.body.dataset.ready = 'yes'; });
+    const tick = now => { this.tick(now); requestAnimationFrame(tick); };
+    requestAnimationFrame(tick);
+  }
+
+  // ---- where we are ----
+
+  sceneAt(t) {
+    const told = this.shown.find(s => t >= s.t0 && t < s.t1);
+    if (!told) return null;
+    if (!this.scenes.has(told)) this.scenes.set(told, new Scene(this.content, told));
+    return this.scenes.get(told);
+  }
+  trialAt(t) { return this.header.trials.find(s => t >= s.t0 && t < s.t1); }
+
+  seek(t) {
+    this.t = Math.max(0, Math.min(this.line.end, t));
+    this.line.follow(this.t, false);
+    this.dirty = true;
+  }
+
+  step(which) {
+    const trials = this.header.trials.filter(t => t.t0 !== null);
+    const to = which > 0 ? trials.find(t => t.t0 > this.t + 1e-6) : [...trials].reverse().find(t => t.t0 < this.t - 0.3);
+    if (!to) return;
+    this.seek(to.t0);
+    this.line.show(to.t0 - 1, to.t1 + 1);
+    this.startView();
+  }
+
+  // ---- cameras ----
+
+  setCamera(name) { $('camera').value = name; this.above = {zoom: 1, by: [0, 0]}; this.dirty = true; }
+  get camera() { return $('camera').value; }
+
+  middle(scene) {
+    const points = [];
+    const head = this.streams.headAt(this.t);
+    if (head) points.push(head.at);
+    if (scene) {
+      scene.pose(this.t);
+      for (let i = 0; i < scene.told.cast.length; i++) points.push([...scene.place.subarray(3 * i, 3 * i + 3)]);
+    }
+    if (!points.length) points.push([0, 1, 0]);
+    const low = [0, 1, 2].map(k => Math.min(...points.map(p => p[k]))), high = [0, 1, 2].map(k => Math.max(...points.map(p => p[k])));
+    const centre = low.map((v, k) => (v + high[k]) / 2);
+    centre[1] = 1;
+    return {centre, radius: Math.max(1.6, ...points.map(p => Math.hypot(p[0] - centre[0], p[2] - centre[2]) + 0.5))};
+  }
+
+  startView() { // behind and beside the participant, who looks at what there is
+    const head = this.streams.headAt(this.t) || {at: [0, 1.6, 0], turn: [1, 0, 0, 0]};
+    const front = unit([...[turned(head.turn, [0, 0, -1])].map(v => [v[0], 0, v[2]])][0]);
+    const right = [-front[2], 0, front[0]];
+    const at = add(add(add(head.at, front, -1.5), right, 0.9), [0, 0.45, 0]);
+    const towards = unit(sub(add(add(head.at, front, 2.5), [0, -0.35, 0]), at));
+    this.free = {at, yaw: Math.atan2(-towards[0], -towards[2]), pitch: Math.asin(towards[1])};
+  }
+
+  view(scene, width, height) {
+    const aspect = width / height, head = this.streams.headAt(this.t);
+    let at = this.free.at, turn = turnOf(this.free.yaw, this.free.pitch), top = 0.577, near = 0.08;
+    if (this.camera === 'eyes' && head) ({at, turn} = head), top = 0.84;
+    if (this.camera === 'follow' && head) {
+      const f = turned(head.turn, [0, 0, -1]), yaw = Math.atan2(-f[0], -f[2]);
+      turn = turnOf(yaw, -0.12);
+      at = add(add(head.at, turned(turnOf(yaw, 0), [0, 0, 1]), 1.35), [0.0, 0.35, 0]);
+    }
+    if (this.camera === 'above') {
+      const {centre, radius} = this.middle(scene), back = radius / 0.45 / this.above.zoom;
+      at = [centre[0] + this.above.by[0], centre[1] + back, centre[2] + this.above.by[1]];
+      turn = turnOf(0, -Math.PI / 2 + 1e-4);
+      top = 0.45;
+      near = Math.max(0.05, at[1] - CEILING_M);
+    }
+    if (this.camera === 'topology' && scene?.told.topology) {
+      const row = scene.filmedFrom(this.t), towards = unit(sub(row.slice(3), row));
+      at = row.slice(0, 3);
+      turn = turnOf(Math.atan2(-towards[0], -towards[2]), Math.asin(Math.max(-1, Math.min(1, towards[1]))));
+      top = Math.tan(scene.told.topology.fov * Math.PI / 360);
+    }
+    const far = 120, back = [turn[0], -turn[1], -turn[2], -turn[3]];
+    const moved = turned(back, at).map(v => -v);
+    const x = turned(back, [1, 0, 0]), y = turned(back, [0, 1, 0]), z = turned(back, [0, 0, 1]);
+    const world = new Float32Array([...x, 0, ...y, 0, ...z, 0, ...moved, 1]);
+    const flat = new Float32Array([1 / (top * aspect), 0, 0, 0, 0, 1 / top, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0]);
+    return {seen: times(flat, world), world, at, turn, top, aspect, near};
+  }
+
+  project(view, p, width, height) {
+    const m = view.seen, w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
+    if (w < 0.03) return null;
+    const x = m[0] * p[0] + m[4] * p[1] + m[8] * p[2] + m[12], y = m[1] * p[0] + m[5] * p[1] + m[9] * p[2] + m[13];
+    return [(x / w * 0.5 + 0.5) * width, (0.5 - y / w * 0.5) * height, w];
+  }
+
+  inView(scene, view) {
+    const out = [], m = view.world, wide = view.top * view.aspect, cast = scene.told.cast;
+    const sx = Math.hypot(1, wide), sy = Math.hypot(1, view.top);
+    for (let i = 0; i < cast.length; i++) {
+      const [x, y, z] = scene.place.subarray(3 * i, 3 * i + 3), r = 1.25;
+      const cx = m[0] * x + m[4] * y + m[8] * z + m[12], cy = m[1] * x + m[5] * y + m[9] * z + m[13];
+      const depth = -(m[2] * x + m[6] * y + m[10] * z + m[14]);
+      if (depth < -r || Math.abs(cx) > depth * wide + r * sx || Math.abs(cy) > depth * view.top + r * sy) continue;
+      out.push(i);
+    }
+    return out;
+  }
+
+  // ---- one picture ----
+
+  tick(now) {
+    const passed = Math.min(0.25, (now - (this.last || now)) / 1000);
+    this.last = now;
+    if (this.playing) {
+      this.t = Math.min(this.line.end, this.t + passed * this.speed);
+      if (this.t >= this.line.end) this.play(false);
+      this.line.follow(this.t, true);
+      this.dirty = true;
+    }
+    if (this.held.size) this.fly(passed);
+    if (this.dirty || this.resized()) { this.dirty = false; this.draw(); }
+    if (this.line.dirty) { this.line.dirty = false; this.line.draw(); }
+  }
+
+  resized() {
+    const c = $('stage'), size = [c.clientWidth, c.clientHeight, window.devicePixelRatio].join();
+    if (size === this.size) return false;
+    this.size = size;
+    this.line.dirty = true;
+    return true;
+  }
+
+  draw() {
+    const begun = performance.now();
+    const stage = $('stage'), ratio = Math.min(2, window.devicePixelRatio || 1);
+    const width = Math.max(2, Math.round(stage.clientWidth * ratio)), height = Math.max(2, Math.round(stage.clientHeight * ratio));
+    const scene = this.sceneAt(this.t), t = this.t;
+    if (scene) scene.pose(t);
+    const view = this.view(scene, width, height);
+    const light = scene ? this.show.light ? 1 : scene.brightness(t) : 1;
+    const room = scene ? this.header.rooms[scene.told.room] : null;
+    const d = this.drawing;
+    d.begin(width, height, room && room.lamps.length ? room.background : [34, 36, 40], scene && !room.lamps.length ? 1 : light);
+    if (scene) {
+      if (this.show.room && room.lamps.length) d.drawRoom(scene.told.room, view.seen, light);
+      if (this.show.people && scene.told.cast.length)
+        d.drawPeople(scene.told.cast, this.inView(scene, view), scene.bones, scene.told.joints, scene.shapes, view.seen, room, light);
+      d.drawThings(scene.told.moving.map(m => ({mesh: m.mesh, model: placed(m.at, m.turn), glow: m.glow})), view.seen, room, light);
+    }
+    if (this.show.body) d.drawThings(this.bodyThings(), view.seen, null, 1);
+    this.drawOver(scene, view, width, height, light);
+    this.tell(scene, light);
+    this.drawn++;
+    this.spent += performance.now() - begun;
+  }
+
+  segmentsOf() {
+    const told = this.streams.told.get('body')?.columns.find(c => c.name === 'position_m');
+    if (!told) return [];
+    return (told.about.split(': ')[1] || '').split(' ');
+  }
+
+  bodyThings() {
+    const out = [], t = this.t, head = this.streams.headAt(t);
+    const body = this.streams.has('body') ? this.streams.at('body', 'position_m', t, 0.3) : null;
+    const felt = new Map();
+    for (const lane of this.header.lanes) for (const [a, b] of lane.spans)
+      if (t >= a && t < Math.max(b, a + 0.08)) felt.set(lane.role, lane.kind === 'vibration' ? 'buzz' : felt.get(lane.role) || 'touch');
+    const colour = name => {
+      for (const [role, how] of felt) if (role.includes(name)) return how === 'buzz' ? [0.25, 0.75, 1] : [1, 0.35, 0.3];
+      return [0.78, 0.8, 0.84];
+    };
+    const outside = this.camera !== 'eyes';
+    if (body && this.segments.length * 3 === body.length) {
+      const at = Object.fromEntries(this.segments.map((name, k) => [name, body.slice(3 * k, 3 * k + 3)]));
+      const good = p => p && !p.some(Number.isNaN);
+      const bones = [];
+      const chains = [['hips', 'spine', 'chest', 'upper_chest', 'neck', 'head'],
+        ...['left', 'right'].flatMap(s => [['upper_chest', s + '_shoulder', s + '_upper_arm', s + '_lower_arm', s + '_hand'].map((n, i) => i ? n : at.upper_chest ? n : 'chest'),
+          ['hips', s + '_upper_leg', s + '_lower_leg', s + '_foot', s + '_toes']])];
+      const names = {upper_arm: 'forearm'};
+      for (const chain of chains) {
+        const there = chain.filter(n => good(at[n]));
+        for (let k = 1; k < there.length; k++) bones.push([there[k - 1], there[k]]);
+      }
+      for (const [a, b] of bones) {
+        // The bone from elbow to hand is the forearm, that from shoulder to elbow the upper arm.
+        const part = b.endsWith('_hand') ? b.replace('hand', 'forearm') : b.endsWith('_lower_arm') ? b.replace('lower_arm', 'upper_arm')
+          : b.endsWith('_foot') ? b.replace('foot', 'shin') : b.endsWith('_lower_leg') ? b.replace('lower_leg', 'thigh') : b;
+        const thick = /leg|thigh|shin|spine|chest|hips/.test(a + b) ? 0.05 : 0.032;
+        out.push({solid: 'rod', model: spanning(at[a], at[b], thick), paint: colour(part)});
+      }
+      for (const [name, p] of Object.entries(at)) if (good(p) && name !== 'head')
+        out.push({solid: 'ball', model: placed(p, [1, 0, 0, 0], Array(3).fill(/hand/.test(name) ? 0.05 : 0.045)), paint: colour(name)});
+    }
+    if (head && outside) {
+      const middle = add(head.at, turned(head.turn, [0, 0.02, 0.09]));
+      out.push({solid: 'ball', model: placed(middle, head.turn, [0.078, 0.115, 0.095]), paint: [0.8, 0.72, 0.62]});
+      out.push({solid: 'box', model: placed(add(head.at, turned(head.turn, [0, 0, -0.02])), head.turn, [0.17, 0.09, 0.07]), paint: [0.12, 0.13, 0.15]});
+    }
+    return out;
+  }
+
+  drawOver(scene, view, width, height, light) {
+    const c = $('overlay');
+    if (c.width !== width || c.height !== height) { c.width = width; c.height = height; }
+    const g = c.getContext('2d'), ratio = width / Math.max(1, $('stage').clientWidth), t = this.t;
+    g.clearRect(0, 0, width, height);
+    const agents = scene ? scene.told.agents : [], gaze = this.streams.gazeAt(t);
+    const at = p => this.project(view, p, width, height);
+    const scale = height / (2 * view.top);
+    g.font = `${12 * ratio}px system-ui, sans-serif`;
+    g.textAlign = 'center';
+    if (scene && scene.told.mark && light <= 0.5) this.dot(g, at(scene.told.mark), 3 * ratio, '#ddd');
+    if (this.show.heat && scene) this.drawHeat(g, scene, at, scale, ratio);
+    if (this.show.areas && light > 0) agents.forEach((agent, k) => {
+      const p = at(agent.at);
+      if (!p) return;
+      const r = agent.radius / p[2] * scale, isHit = gaze && gaze.valid && gaze.hit === k;
+      g.beginPath(); g.arc(p[0], p[1], r, 0, 7);
+      g.lineWidth = (isHit ? 2.5 : 1) * ratio;
+      g.strokeStyle = isHit ? '#ffbe28' : 'rgba(255,255,255,.45)';
+      g.stroke();
+      if (this.show.labels && (isHit || r > 14 * ratio)) this.label(g, agent.place || agent.id, p[0], p[1] - r - 8 * ratio, isHit ? '#ffbe28' : '#ddd', ratio);
+    });
+    if (this.show.path) this.drawPath(g, scene, at, ratio);
+    if (this.show.gaze && gaze && gaze.valid) {
+      const end = gazeEnd(gaze, agents), a = at(add(gaze.from, gaze.along, 0.1)), b = at(end);
+      if (this.camera !== 'eyes' && a && b) {
+        g.strokeStyle = 'rgba(255,190,40,.9)';
+        g.lineWidth = 2 * ratio;
+        g.beginPath(); g.moveTo(a[0], a[1]); g.lineTo(b[0], b[1]); g.stroke();
+      }
+      if (b) this.ring(g, b, 9 * ratio, ratio);
+    }
+    if (this.show.gaze && gaze && !gaze.valid) this.label(g, 'gaze lost', width / 2, height - 16 * ratio, '#ff6b5e', ratio);
+    if (this.show.body && this.streams.has('pointer')) {
+      const p = this.streams.at('pointer', 'position_m', t, 0.2), q = this.streams.at('pointer', 'orientation_wxyz', t, 0.2), ok = this.streams.at('pointer', 'valid', t, 0.2);
+      if (p && q && ok && ok[0] > 0.5) {
+        const a = at(p), b = at(add(p, turned(q, [0, 0, -1]), 3));
+        if (a && b) { g.strokeStyle = 'rgba(94,200,255,.9)'; g.lineWidth = 1.5 * ratio; g.beginPath(); g.moveTo(a[0], a[1]); g.lineTo(b[0], b[1]); g.stroke(); }
+      }
+    }
+    if (scene) for (const panel of scene.told.panels) this.drawPanel(g, panel, at, ratio);
+  }
+
+  drawPanel(g, panel, at, ratio) {
+    const [w, h] = panel.size, corner = (x, y) => at(add(panel.at, turned(panel.turn, [x * w / 2, y * h / 2, 0])));
+    const corners = [corner(-1, 1), corner(1, 1), corner(1, -1), corner(-1, -1)];
+    if (corners.some(p => !p)) return;
+    g.beginPath();
+    corners.forEach((p, k) => k ? g.lineTo(p[0], p[1]) : g.moveTo(p[0], p[1]));
+    g.closePath();
+    g.fillStyle = 'rgba(20,22,26,.85)'; g.fill();
+    const x = corners.reduce((s, p) => s + p[0], 0) / 4, y = corners.reduce((s, p) => s + p[1], 0) / 4;
+    this.label(g, panel.text, x, y - 8 * ratio, '#fff', ratio);
+    this.label(g, panel.choices.map((c, k) => k === panel.lit ? `[${c}]` : c).join('   '), x, y + 12 * ratio, '#ccc', ratio);
+  }
+
+  dot(g, p, r, colour) { if (p) { g.fillStyle = colour; g.beginPath(); g.arc(p[0], p[1], r, 0, 7); g.fill(); } }
+  ring(g, p, r, ratio) {
+    for (const [by, colour] of [[1.5 * ratio, 'rgba(20,20,20,.8)'], [0, '#ffbe28']]) {
+      g.strokeStyle = colour; g.lineWidth = 2.5 * ratio;
+      g.beginPath(); g.arc(p[0], p[1], r + by, 0, 7); g.stroke();
+    }
+  }
+  label(g, text, x, y, colour, ratio) {
+    g.lineWidth = 3 * ratio; g.strokeStyle = 'rgba(0,0,0,.75)'; g.strokeText(text, x, y);
+    g.fillStyle = colour; g.fillText(text, x, y);
+  }
+
+  // Rows of gaze between two times, and where each fell.
+  fell(from, to, scene, every = 1) {
+    if (!this.streams.has('gaze_targets')) return [];
+    const times = this.streams.t('gaze_targets'), origin = this.streams.field('gaze_targets', 'origin_world_m');
+    const along = this.streams.field('gaze_targets', 'direction_world'), valid = this.streams.field('gaze_targets', 'valid')[0];
+    const hit = this.streams.field('gaze_targets', 'hit')[0], out = [];
+    for (let i = Math.max(0, lastAt(times, from)); i < times.length && times[i] <= to; i += every) {
+      if (!(valid[i] > 0.5) || Number.isNaN(along[0][i])) { out.push(null); continue; }
+      out.push({t: times[i], hit: hit[i], at: gazeEnd({from: origin.map(c => c[i]), along: along.map(c => c[i]), hit: hit[i]}, scene ? scene.told.agents : [])});
+    }
+    return out;
+  }
+
+  drawHeat(g, scene, at, scale, ratio) {
+    const key = scene.told.t0;
+    if (this.heatOf !== key) {
+      this.heatOf = key;
+      const cells = new Map();
+      for (const f of this.fell(scene.told.t0, scene.told.t1, scene)) {
+        if (!f) continue;
+        const id = f.at.map(v => Math.round(v / 0.04)).join();
+        const cell = cells.get(id) || {at: f.at, n: 0};
+        cell.n++;
+        cells.set(id, cell);
+      }
+      this.heat = [...cells.values()].sort((a, b) => a.n - b.n);
+      this.most = Math.max(1, ...this.heat.map(c => c.n));
+    }
+    g.globalCompositeOperation = 'lighter';
+    for (const cell of this.heat) {
+      const p = at(cell.at);
+      if (!p) continue;
+      const r = Math.max(4 * ratio, 0.07 / p[2] * scale), share = Math.sqrt(cell.n / this.most);
+      const paint = g.createRadialGradient(p[0], p[1], 0, p[0], p[1], r);
+      paint.addColorStop(0, `rgba(255,${Math.round(60 + 150 * share)},30,${0.08 + 0.5 * share})`);
+      paint.addColorStop(1, 'rgba(255,60,0,0)');
+      g.fillStyle = paint;
+      g.fillRect(p[0] - r, p[1] - r, 2 * r, 2 * r);
+    }
+    g.globalCompositeOperation = 'source-over';
+  }
+
+  drawPath(g, scene, at, ratio) {
+    const points = this.fell(this.t - 2, this.t, scene);
+    g.lineWidth = 1.5 * ratio;
+    let before = null;
+    points.forEach((f, k) => {
+      const p = f && at(f.at);
+      if (p && before) {
+        g.strokeStyle = `rgba(120,220,255,${0.15 + 0.8 * k / points.length})`;
+        g.beginPath(); g.moveTo(before[0], before[1]); g.lineTo(p[0], p[1]); g.stroke();
+      }
+      before = p;
+    });
+  }
+
+  // ---- words ----
+
+  tell(scene, light) {
+    const trial = this.trialAt(this.t);
+    $('clock').textContent = `${clockText(this.t)} of ${clockText(this.line.end, 0)}` + (trial ? `   ${trial.id} ${(this.t - trial.t0).toFixed(2)} s` : '   between trials');
+    const recent = this.line.marks.filter(e => e.t <= this.t && e.t > this.t - 1.5).slice(-4);
+    const felt = this.header.lanes.filter(l => l.spans.some(([a, b]) => this.t >= a && this.t < Math.max(b, a + 0.08))).map(l => l.name);
+    $('said').textContent = [...recent.map(e => e.name), ...felt].join('\n');
+    const dark = scene && light <= 0;
+    $('nothing').style.display = scene && !dark ? 'none' : 'grid';
+    $('nothing').textContent = dark ? 'dark' : trial ? trial.shown ? '' : `${trial.id} is not in this page in space\nvisavis view … --trial ${trial.id}` : 'between trials';
+    const key = trial ? trial.id + trial.t0 : '';
+    if (key !== this.toldTrial) { this.toldTrial = key; this.tellTrial(trial); }
+    this.tellEvents();
+  }
+
+  tellTrial(trial) {
+    const box = $('trial');
+    box.replaceChildren();
+    if (!trial) { box.textContent = 'between trials'; return; }
+    const rows = [['trial', trial.id + (trial.practice ? ' (practice)' : '')], ['status', trial.status], ['attempt', trial.attempt],
+      ...Object.entries(trial.factors), ...Object.entries(trial.row).filter(([k, v]) => v !== null && !(k in trial.factors) && !/^(recording_part|participant|participant_index|session|group|part|trial_id|status|attempt|is_practice)$/.test(k))];
+    const table = document.createElement('table');
+    for (const [name, value] of rows) {
+      const row = table.insertRow();
+      row.insertCell().textContent = name;
+      row.insertCell().textContent = typeof value === 'number' && !Number.isInteger(value) ? shortNumber(value) : /_ns$/.test(name) ? clockText(value / 1e9, 3) : String(value);
+    }
+    box.append(table);
+  }
+
+  tellEvents() {
+    const k = lastAt(this.eventTimes, this.t);
+    if (k === this.toldEvent) return;
+    this.eventButtons[this.toldEvent]?.classList.remove('now');
+    this.toldEvent = k;
+    const button = this.eventButtons[k];
+    if (!button) return;
+    button.classList.add('now');
+    const box = $('events');
+    if (box.offsetParent) box.scrollTop = button.offsetTop - box.offsetTop - box.clientHeight / 2;
+  }
+
+  page() {
+    const h = this.header;
+    $('badge').textContent = h.simulated ? 'SIMULATED' : '';
+    const worst = h.findings.some(f => f.level === 'red') ? 'red' : h.findings.some(f => f.level === 'amber') ? 'amber' : 'green';
+    const off = h.findings.filter(f => f.level !== 'green');
+    $('verdict').className = worst;
+    $('verdict').textContent = `${h.status}${off.length ? `, ${off.length} ${off.length === 1 ? 'deviation' : 'deviations'}` : ', nothing found by check'}`;
+    $('n-findings').textContent = off.length ? `(${off.length})` : '';
+    $('findings-box').open = off.length > 0;
+    for (const f of [...off, ...h.findings.filter(f => f.level === 'green')]) {
+      const div = document.createElement('div'), p = document.createElement('p'), dot = document.createElement('span');
+      div.className = 'finding';
+      dot.className = f.level;
+      dot.textContent = '● ';
+      p.append(dot, `${f.subject}: ${f.message}`);
+      div.append(p);
+      if (f.redo) { const redo = document.createElement('p'); redo.className = 'redo'; redo.textContent = '→ ' + f.redo; div.append(redo); }
+      const trial = h.trials.find(t => f.subject === t.id || f.message.includes(t.id + ' ') || f.message.endsWith(t.id));
+      if (trial) { p.style.cursor = 'pointer'; p.onclick = () => { this.seek(trial.t0); this.line.show(trial.t0 - 1, trial.t1 + 1); }; }
+      $('findings').append(div);
+    }
+    for (const [name, text] of LAYERS) {
+      const label = document.createElement('label'), box = document.createElement('input');
+      box.type = 'checkbox';
+      box.checked = this.show[name];
+      box.id = 'layer-' + name;
+      box.onchange = () => { this.show[name] = box.checked; this.dirty = true; };
+      label.append(box, ' ' + text);
+      $('layers').append(label);
+    }
+    for (const stream of h.streams) {
+      if (!stream.t.s[0]) continue;
+      const group = document.createElement('optgroup');
+      group.label = `${stream.name} (${stream.rows} rows)`;
+      for (const field of stream.columns) for (const column of field.of) {
+        const option = document.createElement('option');
+        option.value = JSON.stringify([stream.name, column]);
+        option.textContent = column + (field.unit && field.unit !== '1' ? ` (${field.unit})` : '');
+        option.title = field.about;
+        group.append(option);
+      }
+      $('column').append(group);
+    }
+    this.eventTimes = this.line.marks.map(e => e.t);
+    this.eventButtons = this.line.marks.map(e => {
+      const button = document.createElement('button'), time = document.createElement('time');
+      time.textContent = clockText(e.t);
+      button.append(time, ` ${e.name} `);
+      const told = document.createElement('span');
+      told.textContent = e.text;
+      told.style.color = 'var(--quiet)';
+      button.append(told);
+      button.title = e.text;
+      button.onclick = () => this.seek(e.t);
+      return button;
+    });
+    $('events').append(...this.eventButtons);
+  }
+
+  defaultPlots() {
+    const has = (s, c) => this.streams.has(s) && this.streams.told.get(s).columns.some(f => f.of.includes(c));
+    for (const [s, c] of [['gaze', 'left_pupil_mm'], ['head', 'position_z_m']]) if (has(s, c)) this.line.plot(s, c);
+  }
+
+  // ---- hands on it ----
+
+  play(on = !this.playing) {
+    if (on && this.t >= this.line.end) this.t = 0;
+    this.playing = on;
+    $('play').textContent = on ? '❙❙' : '▶';
+    $('play').setAttribute('aria-label', on ? 'Pause' : 'Play');
+  }
+
+  toggle(name) { $('layer-' + name).click(); }
+
+  fly(passed) {
+    const by = 2.5 * passed, turn = turnOf(this.free.yaw, this.free.pitch);
+    const moves = {w: [0, 0, -1], s: [0, 0, 1], a: [-1, 0, 0], d: [1, 0, 0], q: [0, -1, 0], e: [0, 1, 0]};
+    for (const key of this.held) this.free.at = add(this.free.at, turned(turn, moves[key]), by);
+    this.dirty = true;
+  }
+
+  toFree() {
+    if (this.camera === 'free') return;
+    const stage = $('stage'), view = this.view(this.sceneAt(this.t), stage.clientWidth, stage.clientHeight);
+    const f = turned(view.turn, [0, 0, -1]);
+    this.free = {at: view.at, yaw: Math.atan2(-f[0], -f[2]), pitch: Math.asin(Math.max(-1, Math.min(1, f[1])))};
+    this.setCamera('free');
+  }
+
+  listen() {
+    $('play').onclick = () => this.play();
+    $('previous').onclick = () => this.step(-1);
+    $('next').onclick = () => this.step(1);
+    $('speed').onchange = () => { this.speed = Number($('speed').value); };
+    $('camera').onchange = () => { this.above = {zoom: 1, by: [0, 0]}; this.dirty = true; $('camera').blur(); };
+    $('column').onchange = () => {
+      if ($('column').value) this.line.plot(...JSON.parse($('column').value));
+      $('column').value = '';
+      $('column').blur();
+    };
+    $('fit-all').onclick = () => this.line.show(0, this.line.end);
+    $('fit-trial').onclick = () => { const t = this.trialAt(this.t); if (t) this.line.show(t.t0 - 0.5, t.t1 + 0.5); };
+    $('help-button').onclick = () => $('help').showModal();
+    addEventListener('keydown', e => this.key(e));
+    addEventListener('keyup', e => this.held.delete(e.key.toLowerCase()));
+    addEventListener('blur', () => this.held.clear());
+    const over = $('overlay');
+    let drag = null;
+    over.addEventListener('contextmenu', e => e.preventDefault());
+    over.addEventListener('pointerdown', e => { over.setPointerCapture(e.pointerId); drag = [e.clientX, e.clientY, e.button === 2 || e.shiftKey]; });
+    over.addEventListener('pointerup', () => { drag = null; });
+    over.addEventListener('pointermove', e => {
+      if (!drag) return;
+      const dx = e.clientX - drag[0], dy = e.clientY - drag[1];
+      drag = [e.clientX, e.clientY, drag[2]];
+      if (this.camera === 'above') {
+        const {radius} = this.middle(this.sceneAt(this.t)), scale = 2 * radius / this.above.zoom / over.clientHeight;
+        this.above.by = [this.above.by[0] - dx * scale, this.above.by[1] - dy * scale];
+      } else {
+        this.toFree();
+        if (drag[2]) this.free.at = add(this.free.at, turned(turnOf(this.free.yaw, this.free.pitch), [-dx, dy, 0]), 0.006);
+        else {
+          this.free.yaw += 0.004 * dx;
+          this.free.pitch = Math.max(-1.55, Math.min(1.55, this.free.pitch + 0.004 * dy));
+        }
+      }
+      this.dirty = true;
+    });
+    over.addEventListener('wheel', e => {
+      e.preventDefault();
+      if (this.camera === 'above') this.above.zoom = Math.max(0.3, Math.min(12, this.above.zoom * Math.exp(-0.001 * e.deltaY)));
+      else { this.toFree(); this.free.at = add(this.free.at, turned(turnOf(this.free.yaw, this.free.pitch), [0, 0, 1]), 0.003 * e.deltaY); }
+      this.dirty = true;
+    }, {passive: false});
+  }
+
+  key(e) {
+    if (e.ctrlKey || e.metaKey || e.altKey || $('help').open || /SELECT|INPUT/.test(e.target.tagName) && e.key !== ' ') return;
+    const key = e.key.toLowerCase();
+    if (key === ' ') this.play();
+    else if (key === 'arrowleft') this.seek(this.t - (e.shiftKey ? 1 : 0.05));
+    else if (key === 'arrowright') this.seek(this.t + (e.shiftKey ? 1 : 0.05));
+    else if (key === ',') this.step(-1);
+    else if (key === '.') this.step(1);
+    else if (CAMERAS[Number(key) - 1]) this.setCamera(CAMERAS[Number(key) - 1]);
+    else if (KEY_OF[key]) this.toggle(KEY_OF[key]);
+    else if (key === '+' || key === '=') this.line.zoom(0.7);
+    else if (key === '-') this.line.zoom(1 / 0.7);
+    else if (key === '0') this.line.show(0, this.line.end);
+    else if (key === '?') $('help').showModal();
+    else if ('wasdqe'.includes(key) && key.length === 1) { this.toFree(); this.held.add(key); }
+    else return;
+    e.preventDefault();
+  }
+}
+
+const begun = performance.now();
+unpacked($('data').textContent).then(content => {
+  $('data').remove();
+  window.viewer = new Viewer(content);
+  document.body.dataset.opened = (performance.now() - begun).toFixed(0);
+}).catch(problem => {
+  $('nothing').style.display = 'grid';
+  $('nothing').textContent = `This page cannot be shown: ${problem.message}`;
+  document.body.dataset.problem = problem.message;
+  throw problem;
+});

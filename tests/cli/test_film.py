@@ -1,0 +1,136 @@
+"""Films of recorded trials: every camera, the participant in it, decisions to film by again."""
+
+import json
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from cli.app import app
+from cli.film.stand_in import StandIn
+from cli.recorded_trial import recorded_trial
+from cli.session_lanes import lanes_of
+from lab.geometry import Pose
+from recording.folder import study_dir
+from recording.kept import KeptRecording
+from recording.reader import Recording
+from stage.errors import StageError
+from stage.renderer import LIGHTEST, Renderer
+from stimuli.dressing.picture_of import picture_of
+from stimuli.motion.skeleton import forward
+from tests.visavis.sessions import opened, perform
+from visavis.sessions.study_folder import settle, wanted_settings
+
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("film")
+    study = opened("duel")
+    settings_at = study_dir(folder, study.name, is_simulated=True)
+    settle(settings_at, wanted_settings(settings_at, study, is_simulated=True), seed_given=False)
+    return perform("duel", folder, repetitions=1, practice=0).path
+
+
+def filmed(session: Path, video: Path, *options: str) -> Any:
+    try:
+        Renderer(quality=LIGHTEST).close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    few = ("--seconds", "0.5", "--rate", "4", "--size", "160x90", "--trial", "T01")
+    return CliRunner().invoke(app, ["film", str(session), "-o", str(video), *few, *options])
+
+
+def test_a_film_by_the_topology_camera_is_cut_again_from_its_decisions(
+    session: Path, tmp_path: Path
+) -> None:
+    first, again = tmp_path / "a.avi", tmp_path / "b.avi"
+    done = filmed(session, first, "--shot", "full")
+    assert done.exit_code == 0, done.output
+    decided = json.loads((tmp_path / "a.json").read_text())
+    assert ["start"] == [cut["reason"] for cut in decided["cuts"]]
+    assert (3, 7) == np.array(decided["views"]).shape
+    done = filmed(session, again, "--camera", str(tmp_path / "a.json"))
+    assert done.exit_code == 0, done.output
+    assert first.read_bytes() == again.read_bytes()
+
+
+@pytest.mark.parametrize("camera", ["follow", "eyes", "above", "orbit"])
+def test_every_camera_films_a_session_in_which_nothing_was_drawn(
+    camera: str, session: Path, tmp_path: Path
+) -> None:
+    done = filmed(session, tmp_path / "a.avi", "--camera", camera, "--overlay", "none")
+    assert done.exit_code == 0, done.output
+    assert b"AVI " == (tmp_path / "a.avi").read_bytes()[8:12]
+    assert not (tmp_path / "a.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "known"),
+    [("--camera", "topology"), ("--shot", "medium"), ("--cuts", "static"), ("--overlay", "gaze")],
+)
+def test_what_there_is_not_is_refused_with_what_there_is(
+    option: str, known: str, session: Path, tmp_path: Path
+) -> None:
+    video = str(tmp_path / "a.avi")
+    asked = ["film", str(session), "--trial", "T01", "-o", video, option, "sideways"]
+    done = CliRunner().invoke(app, asked)
+    assert "sideways" in str(done.exception)
+    assert known in str(done.exception)
+
+
+def test_who_stands_in_has_the_eyes_where_the_headset_was(session: Path) -> None:
+    recording = KeptRecording(session)
+    trial = recorded_trial(recording, "T01")
+    t_ns = trial.span_ns[0]
+    picture = picture_of(next(iter(opened("duel").views_of(trial.shown_at(t_ns)))))
+    head = Pose(np.array([0.3, 1.62, 1.1]), LEVEL)
+    found = StandIn(trial).in_picture(picture, t_ns, head)
+    assert len(picture.cast) + 1 == len(found.cast)
+    assert found.cast[-1].name not in {c.name for c in picture.cast}
+    skeleton, people = found.cast[-1].skeleton, found.people
+    placed = forward(skeleton, people.root_m[-1], people.orientation_wxyz[-1])
+    eyes = placed.position_m[[skeleton.index("left_eye"), skeleton.index("right_eye")]].mean(axis=0)
+    assert np.abs(eyes - head.position_m)[[0, 2]].max() < 1e-6
+    assert abs(eyes[1] - head.position_m[1]) < 0.06
+
+
+class Told:
+    """A recording of nothing but events and the commands of a band."""
+
+    stream_names = ("haptics_armband_left_forearm",)
+
+    def events(self) -> pd.DataFrame:
+        rows = [
+            (1, 12, "contact_begin", {"role": "armband_left_forearm", "t_contact_ns": 10}),
+            (1, 32, "contact_end", {"role": "armband_left_forearm", "t_contact_ns": 30}),
+            (1, 40, "contact_begin", {"role": "armband_left_forearm", "t_contact_ns": 40}),
+            (2, 5, "contact_begin", {"role": "armband_left_forearm", "t_contact_ns": 5}),
+        ]
+        return pd.DataFrame(rows, columns=["recording_part", "t_ns", "name", "payload"])
+
+    def stream_arrays(self, name: str, *, part: int) -> dict[str, Any]:
+        del name, part
+        strengths = np.full((4, 4), np.nan, np.float32)
+        strengths[:3, 0] = 0.5
+        return {
+            "t_commanded_ns": np.array([10, 50_000_000, 90_000_000, 95_000_000]),
+            "kind": np.array([1, 3, 1, 2], np.uint8),
+            "amplitudes_01": strengths,
+            "duration_ms": np.array([20.0, 0.0, 100.0, 0.0], np.float32),
+            "acknowledged": np.array([True, True, False, True]),
+        }
+
+
+def test_contacts_last_until_their_end_and_vibrations_until_the_next_command() -> None:
+    contact, vibration = lanes_of(cast(Recording, Told()), 1)
+    assert ("contact left forearm", "contact") == (contact.name, contact.kind)
+    assert [(10, 30), (40, 40)] == [span[:2] for span in contact.spans]
+    wanted = [(10, 20_000_010, "50 %"), (90_000_000, 95_000_000, "50 %, not acknowledged")]
+    assert wanted == vibration.spans
+    assert vibration.is_on(91_000_000)
+    assert not vibration.is_on(200_000_000)

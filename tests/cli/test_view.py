@@ -1,0 +1,140 @@
+"""The page that shows a session again: what is in it, and a real browser that opens it."""
+
+import base64
+import json
+import shutil
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cli.app import app
+from cli.viewer.bundle import MISSING, Bundle
+from cli.viewer.motion import key_samples, one_way_round
+from recording.folder import study_dir
+from tests.visavis.sessions import opened, perform
+from visavis.sessions.study_folder import settle, wanted_settings
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("view")
+    study = opened("duel")
+    settings_at = study_dir(folder, study.name, is_simulated=True)
+    wanted = wanted_settings(settings_at, study, is_simulated=True)
+    settle(settings_at, wanted, seed_given=False)
+    recording = perform("duel", folder, repetitions=1, practice=0)
+    path = folder / "duel.html"
+    done = CliRunner().invoke(app, ["view", str(recording.path), "-o", str(path)])
+    assert done.exit_code == 0, done.output
+    return path
+
+
+def header_of(page: Path) -> dict[str, Any]:
+    text = page.read_text(encoding="utf-8")
+    packed = text.partition('id="data">')[2].partition("<")[0]
+    content = zlib.decompress(base64.b64decode(packed))
+    length = int.from_bytes(content[:8], "little")
+    found: dict[str, Any] = json.loads(content[8 : 8 + length])
+    return found
+
+
+def test_a_page_holds_every_trial_stream_and_person(page: Path) -> None:
+    header = header_of(page)
+    assert ["T01", "T02", "T03", "T04"] == [t["id"] for t in header["trials"]]
+    assert all(t["shown"] for t in header["trials"])
+    assert {"gaze", "head", "gaze_targets"} <= {s["name"] for s in header["streams"]}
+    assert 2 == len(header["people"])
+    assert header["simulated"]
+
+
+def test_a_page_asks_nothing_of_a_network(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert "http://" not in text
+    assert "https://" not in text
+    assert "src=" not in text
+
+
+def test_a_page_that_is_there_is_not_replaced(page: Path) -> None:
+    sessions = page.parent.glob("simulated/duel/sub-*/ses-001")
+    done = CliRunner().invoke(app, ["view", str(next(sessions)), "-o", str(page)])
+    assert "exists already" in str(done.exception)
+
+
+def test_numbers_come_back_within_a_part_of_their_range_and_missing_ones_stay_missing() -> None:
+    values = np.array([[1.0, -5.0], [np.nan, 7.0], [3.0, np.inf], [2.0, 7.0]])
+    bundle = Bundle()
+    told = bundle.quantised(values)
+    content = zlib.decompress(base64.b64decode(bundle.text({})))
+    body = np.frombuffer(content, "<u2", 8, 16 + told["o"]).reshape(2, 4)
+    codes = np.cumsum(body, axis=1, dtype=np.uint16)
+    back = np.where(codes == MISSING, np.nan, codes * np.c_[told["step"]] + np.c_[told["low"]])
+    wanted = np.where(np.isfinite(values), values, np.nan).T
+    assert np.array_equal(np.isnan(wanted), np.isnan(back))
+    assert np.nanmax(np.abs(wanted - back)) < 12 / 65_000
+
+
+def test_between_keys_no_pose_is_off_by_more_than_was_asked() -> None:
+    rng = np.random.default_rng(4)
+    walk = np.cumsum(rng.normal(0, 0.004, (3, 200, 4)), axis=1) + np.array([1.0, 0, 0, 0])
+    turns = walk / np.linalg.norm(walk, axis=2, keepdims=True)
+    counts, samples = key_samples(turns, 0.01, turns=True)
+    assert counts.sum() == len(samples) < 400
+    start = 0
+    for track, n in zip(turns, counts, strict=True):
+        at = samples[start : start + n]
+        start += n
+        between = np.stack([np.interp(np.arange(200), at, track[at, c]) for c in range(4)], 1)
+        between /= np.linalg.norm(between, axis=1, keepdims=True)
+        assert np.abs(between - track).max() <= 0.01
+
+
+def test_quaternions_do_not_jump_to_their_other_sign() -> None:
+    turns = np.array([[1.0, 0, 0, 0], [-0.99, -0.1, 0, 0], [0.98, 0.2, 0, 0]])
+    assert ((one_way_round(turns)[1:] * one_way_round(turns)[:-1]).sum(axis=1) > 0).all()
+
+
+def test_a_browser_opens_the_page_shows_people_plays_and_obeys_the_keyboard(page: Path) -> None:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("there is no chromium; apt install chromium")
+    with playwright.sync_playwright() as driver:
+        flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=flags)
+        tab = browser.new_page(viewport={"width": 900, "height": 640})
+        problems: list[str] = []
+        tab.on("pageerror", lambda error: problems.append(str(error)))
+        asked: list[str] = []
+        tab.on("request", lambda request: asked.append(request.url))
+        tab.goto(page.as_uri())
+        tab.wait_for_selector("body[data-ready]", timeout=60_000)
+        assert [] == problems
+        assert [page.as_uri()] == [url for url in asked if not url.startswith(("blob:", "data:"))]
+        assert "SIMULATED" == tab.inner_text("#badge")
+        colours = """() => { viewer.draw(); const gl = viewer.drawing.gl, p = new Uint8Array(4),
+            seen = new Set(); for (let x = 0; x < 40; x++) for (let y = 0; y < 40; y++) {
+            gl.readPixels(gl.drawingBufferWidth * x / 40, gl.drawingBufferHeight * y / 40, 1, 1,
+            gl.RGBA, gl.UNSIGNED_BYTE, p); seen.add(p.join()); } return seen.size; }"""
+        assert tab.evaluate(colours) > 200
+        before = tab.evaluate("viewer.t")
+        tab.keyboard.press("ArrowRight")
+        assert pytest.approx(before + 0.05) == tab.evaluate("viewer.t")
+        tab.keyboard.press("2")
+        assert "eyes" == tab.evaluate("viewer.camera")
+        tab.keyboard.press("5")
+        assert "topology" == tab.evaluate("viewer.camera")
+        assert tab.evaluate(colours) > 200
+        tab.keyboard.press(" ")
+        tab.wait_for_function(f"viewer.t > {before} + 0.2", timeout=60_000)
+        tab.keyboard.press(" ")
+        tab.keyboard.press(".")
+        assert "T02" == tab.evaluate("viewer.trialAt(viewer.t).id")
+        tab.select_option("#column", index=1)
+        assert 3 == tab.evaluate("viewer.line.plots.length")
+        browser.close()
+    assert [] == problems
