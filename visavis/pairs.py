@@ -71,19 +71,29 @@ class Printed:
     """What a source prints of one test.
 
     `direction` is the sign of second minus first (of the coefficient in a correlation), 0 where
-    none is printed; `is_wilcoxon` where a test without a statistic was named. `where` says in
-    which table.
+    none is printed; `statistic` is the t of two levels, the F, t or z of a comparison, with its
+    `df`; `is_wilcoxon` where a test without a statistic was named. `where` says in which table.
+    `text` is the whole of it ("F(1, 15) = 7.09, p = .017"); `misfits` say what of the printed does
+    not follow from it.
     """
 
     is_significant: bool
     p: float | None = None
     stars: int = 0
     direction: int = 0
-    t: float | None = None
+    statistic: float | None = None
     eta_p2: float | None = None
     r: float | None = None
     is_wilcoxon: bool = False
     where: str = ""
+    text: str = ""
+    df: tuple[int, int] | None = None
+    misfits: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """Return its whole text, else its p with the verdict."""
+        said = "different" if self.is_significant else "not different"
+        return self.text or (said if self.p is None else f"{said}, {p_text(self.p)}")
 
 
 @dataclass(frozen=True)

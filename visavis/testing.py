@@ -213,6 +213,7 @@ def renamed(study: Study) -> Study:
         plan_of=told(study.trial_plan),
         intertrial_of=None if study.intertrial_of is None else told(study.intertrial_of),
         check_of=check_of,
+        ranges={k: v for k, v in study.ranges.items() if k not in new},
         prepare_of=None,  # which is only sooner
         compare=(),
         makers=dict(study.makers),

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from experiments.crowd.design import AFTER, BEFORE, HAPTIC, HAPTICS_GROUP
-from visavis.compare import Published, published_f
+from visavis.compare import published_f
+from visavis.pairs import Printed
 from visavis.study import Source
 
 CITATION: Final = (
@@ -55,17 +56,17 @@ MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
 }
 """By column and block; the volume of the last block is drawn but not printed."""
 
-TESTS: Final[Mapping[str, Published]] = {
+TESTS: Final[Mapping[str, Printed]] = {
     "collisions": published_f("7.13", 2, 44, p="0.002", eta2p="0.25", is_significant=True),
     "max_volume_dm3": published_f("4.35", 2, 44, p="0.019", eta2p="0.16", is_significant=True),
     "shoulders_to_gap_deg": published_f(
         "13.0", 2, 44, p="<0.001", eta2p="0.37", is_significant=True
     ),
-    "speed_m_s": Published("F(1.56, 34.2) = 7.14, p = .005, η²p = .245", True, 7.14),
-    "agency": Published("p = .438", False),
-    "change": Published("p = .085", False),
-    "ownership": Published("p = .753", False),
-    "presence": Published("p = .222", False),
+    "speed_m_s": Printed(True, statistic=7.14, text="F(1.56, 34.2) = 7.14, p = .005, η²p = .245"),
+    "agency": Printed(False, text="p = .438"),
+    "change": Printed(False, text="p = .085"),
+    "ownership": Printed(False, text="p = .753"),
+    "presence": Printed(False, text="p = .222"),
 }
 """The tests over the three blocks."""
 DIFFERENT: Final[Mapping[str, Mapping[tuple[str, str], float | None]]] = {

@@ -63,7 +63,7 @@ def _of_conditions(test: PairTest) -> Printed:
         row.p,
         row.stars,
         int(np.sign(second - first)),
-        t=row.t,
+        statistic=row.t,
         eta_p2=row.eta_p2,
         is_wilcoxon=row.t is None,
         where=row.table,
