@@ -91,16 +91,7 @@ def quality_of_trials(
         )
     table = pd.DataFrame(
         rows,
-        columns=[
-            "participant",
-            "accuracy_deg",
-            "precision_deg",
-            "worst_point_deg",
-            "lost_01",
-            "calibrations",
-            "trials",
-            "trials_out",
-        ],
+        columns=["participant", *(c.name for c in QUALITY_TABLE)],
     )
     known = _people(people)
     optional = [c for c in SESSION_COLUMNS if c in known]

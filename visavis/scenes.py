@@ -4,7 +4,6 @@ A study writes `Scene("two_people", active="left", eyes="directed")`; a maker tu
 `Staged` scene: geometry, who is who in it (`roles`), and what changes from frame to frame.
 """
 
-import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -247,13 +246,6 @@ def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
         return maker(staging, **wanted.options)
     except TypeError as error:
         raise DesignError(f"scene {name}: {str(error).partition('() ')[2] or error}") from error
-
-
-def loaded(maker: str) -> Maker:
-    """Import a maker named "module:function"."""
-    module, _, name = maker.partition(":")
-    found: Maker = getattr(importlib.import_module(module), name)
-    return found
 
 
 def _gathering(

@@ -68,7 +68,7 @@ FactsOf: TypeAlias = Callable[["pd.DataFrame"], "pd.DataFrame"]
 ViewsOf: TypeAlias = Callable[[Shown, "StudyExperiment"], Iterator[SceneFrame]]
 ScaledOf: TypeAlias = Callable[[int, int, float, "StudyExperiment"], SimulatedParticipant]
 QuickOf: TypeAlias = Callable[
-    ["StudyExperiment", SimulatedParticipant, "TrackerModel"],
+    ["StudyExperiment", Any, "TrackerModel"],
     Callable[[SessionPlan], Iterator[tuple[Trial, Mapping[str, Any]]]],
 ]
 FurtherOf: TypeAlias = Callable[["StudyAnalysis"], Any]

@@ -133,7 +133,6 @@ class TrialScript:
         self.is_read = False
         self._staged: Staged | None = None
         self._onset_ns = 0
-        self._dark_since: int | None = None
         self._names: dict[str, int] = {}
 
     def __getattr__(self, name: str) -> Any:

@@ -21,6 +21,7 @@ from protocol.plan import SessionPlan, Trial
 from stage.contracts import GeometryStage, Stage, Viewer
 from stimuli.scene import SceneFrame
 from visavis.catalogue import AnyStudy
+from visavis.experiment import StudyExperiment
 from visavis.sessions.perform import perform_new, simulated_request
 
 
@@ -133,7 +134,7 @@ class Capture:
         with tempfile.TemporaryDirectory(prefix="preview") as folder:
             request = simulated_request(
                 self._study,
-                cast(Experiment, _FewTrials(self._experiment, self._wanted)),
+                cast(StudyExperiment, _FewTrials(self._experiment, self._wanted)),
                 self._config.model_copy(update={"data_root": Path(folder)}),
                 label=f"{self._index:02d}",
                 index=self._index,

@@ -21,7 +21,6 @@ CITATION: Final = (
     "in Jovane, A. (2023), thesis, Université de Rennes, section 4.3 and appendix B."
 )
 PARTICIPANTS: Final = 23
-TRIALS_PER_BLOCK: Final = 8
 
 
 @dataclass(frozen=True)

@@ -33,11 +33,9 @@ from experiments.crowd.paths import GroupPaths, paths_by_group
 from experiments.crowd.redrawing import views_of
 from experiments.crowd.reflex import load_contact
 from experiments.crowd.trial import crowd_scene, laid_out, run_trial
-from lab.errors import UsageError
 from protocol.design import Factor
 from protocol.experiment import Demands
 from protocol.parameters import known_of
-from protocol.participants import SimulatedParticipant
 from protocol.plan import SessionPlan
 from protocol.questionnaires import load_questionnaire
 from protocol.shown import Shown
@@ -180,14 +178,10 @@ def person(index: int, seed: int, effect: bool, experiment: StudyExperiment) -> 
 
 
 @study.quick
-def quick(
-    experiment: StudyExperiment, person: SimulatedParticipant, tracker: "TrackerModel"
-) -> Any:
+def quick(experiment: StudyExperiment, person: CrowdParticipant, tracker: "TrackerModel") -> Any:
     """Return what walks a plan in memory, without display, wires or files."""
     from experiments.crowd.quick_study import quick_trials  # late: compiles when imported
 
-    if not isinstance(person, CrowdParticipant):
-        raise UsageError("the short path of crowd is that of its own simulated people")
     asked = [load_questionnaire(name) for name in AFTER_BLOCK]
     return partial(quick_trials, person, asked, known_of(CrowdParameters, experiment.parameters))
 

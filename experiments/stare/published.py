@@ -32,11 +32,6 @@ TestName: TypeAlias = Literal["paired_t", "wilcoxon"]
 Comparison: TypeAlias = tuple[str, str]
 
 PARTICIPANTS: Final = 30
-FEMALE: Final = 8
-MALE: Final = 22
-AGE_MEAN: Final = 30.0
-AGE_SD: Final = 9.5
-TRIALS_PER_CONDITION: Final = 18
 
 COMPARISONS: Final[tuple[Comparison, ...]] = (
     ("A", "D"),

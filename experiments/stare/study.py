@@ -24,11 +24,10 @@ from experiments.stare.design import (
 )
 from experiments.stare.scene import dark_scene_of, distances
 from experiments.stare.trial import run_trial
-from lab.errors import DesignError, UsageError
+from lab.errors import DesignError
 from protocol.columns import Column
 from protocol.design import Factor
 from protocol.parameters import known_of
-from protocol.participants import SimulatedParticipant
 from protocol.plan import SessionPlan
 from protocol.steps import Plan, Show
 from stimuli.scene import SceneFrame
@@ -167,14 +166,10 @@ def scaled(index: int, seed: int, effect: float, experiment: StudyExperiment) ->
 
 
 @study.quick
-def quick(
-    experiment: StudyExperiment, person: SimulatedParticipant, tracker: "TrackerModel"
-) -> Any:
+def quick(experiment: StudyExperiment, person: Observer, tracker: "TrackerModel") -> Any:
     """Return what performs a plan in a hundredth of a session's time."""
     from experiments.stare.quick_study import quick_trials  # late: compiles when imported
 
-    if not isinstance(person, Observer):
-        raise UsageError("the short path of stare is that of its own simulated people")
     params = known_of(StareParameters, experiment.parameters)
     return partial(quick_trials, person, tracker, params=params)
 
