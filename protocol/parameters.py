@@ -4,7 +4,7 @@ import difflib
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from lab.errors import ConfigError
 
@@ -55,13 +55,18 @@ def out_of_range(name: str, value: Any, allowed: Range) -> str:
     return f"no {name} {wrong[0]!r}; choose among {', '.join(map(str, allowed))}"
 
 
-def read_as(kind: type, value: Any) -> Any:
-    """Return a number, text or yes or no as the kind that is wanted.
+def read_as(kind: Any, value: Any) -> Any:
+    """Return a number, text, yes or no, or one of several names as the kind that is wanted.
 
     Raises:
         ValueError: it is none, with what to give.
     """
-    return _READERS[kind](value)
+    choices = get_args(kind) if get_origin(kind) is Literal else ()
+    if not choices:
+        return _READERS[kind](value)
+    if value not in choices:
+        raise ValueError(f"choose {', '.join(choices)}")
+    return value
 
 
 def no_such(name: str, known: Collection[str]) -> str:

@@ -72,9 +72,9 @@ class Printed:
 
     `direction` is the sign of second minus first (of the coefficient in a correlation), 0 where
     none is printed; `statistic` is the t of two levels, the F, t or z of a comparison, with its
-    `df`; `is_wilcoxon` where a test without a statistic was named. `where` says in which table.
-    `text` is the whole of it ("F(1, 15) = 7.09, p = .017"); `misfits` say what of the printed does
-    not follow from it.
+    `df`; `p_is_bound` where p is printed as "<"; `is_wilcoxon` where a test without a statistic
+    was named. `where` says in which table, `text` is the whole of it ("F(1, 15) = 7.09, p = .017"),
+    `misfits` say what of the printed does not follow from it.
     """
 
     is_significant: bool
@@ -89,6 +89,7 @@ class Printed:
     text: str = ""
     df: tuple[int, int] | None = None
     misfits: tuple[str, ...] = ()
+    p_is_bound: bool = False
 
     def __str__(self) -> str:
         """Return its whole text, else its p with the verdict."""

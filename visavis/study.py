@@ -15,7 +15,7 @@ tables with their dictionaries, statistics, figures, report, power.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
@@ -81,6 +81,13 @@ PrepareOf: TypeAlias = Callable[["StudyExperiment"], Sequence[Callable[[], objec
 
 AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
 """What a simulated person answers: the option (or text) for what was seen; None leaves it out."""
+
+
+class MeanSd(NamedTuple):
+    """A printed mean with its standard deviation over participants."""
+
+    mean: float
+    sd: float
 
 
 @dataclass(frozen=True)

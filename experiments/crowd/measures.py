@@ -1,8 +1,7 @@
 """From the recording of one walk to its measures: one row, its collisions, its gap crossings."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, get_args
+from typing import Any, Final
 
 import numpy as np
 
@@ -42,35 +41,11 @@ class MeasureParameters:
             raise UsageError(
                 f"narrow_gap_m is {self.narrow_gap_m}; give a number of metres above 0"
             )
+        if self.surface == "capsules" and self.rule != "volume":
+            raise ConfigError("capsules are measured by rule volume alone; choose another surface")
 
 
 DEFAULT_MEASURES: Final = MeasureParameters()
-
-
-def measure_parameters(settings: Mapping[str, Any]) -> MeasureParameters:
-    """Return how to measure, from settings by name; what is left out stays as usual.
-
-    Raises:
-        ConfigError: a name or a value does not exist.
-        UsageError: a value is out of range.
-    """
-    choices: dict[str, tuple[str, ...]] = {"rule": get_args(Rule), "surface": get_args(Surface)}
-    for name, value in settings.items():
-        if name not in (*choices, "narrow_gap_m"):
-            raise ConfigError(
-                f"a crowd study is not measured by {name!r}; it takes {', '.join(choices)} and "
-                "narrow_gap_m"
-            )
-        if name in choices and value not in choices[name]:
-            raise ConfigError(f"{name}={value} does not exist; choose {', '.join(choices[name])}")
-        if name == "narrow_gap_m" and (
-            isinstance(value, bool) or not isinstance(value, int | float)
-        ):
-            raise ConfigError(f"narrow_gap_m is {value!r}; give a number of metres")
-    found = MeasureParameters(**settings)
-    if found.surface == "capsules" and found.rule != "volume":
-        raise ConfigError("capsules are measured by rule volume alone; choose another surface")
-    return found
 
 
 @dataclass(frozen=True, eq=False)

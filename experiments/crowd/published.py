@@ -7,13 +7,12 @@ IEEE TVCG 2020 (10.1109/TVCG.2020.3041341), as told in A. Jovane's thesis (Unive
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
 from experiments.crowd.design import AFTER, BEFORE, HAPTIC, HAPTICS_GROUP
 from visavis.compare import published_f
 from visavis.pairs import Printed
-from visavis.study import Source
+from visavis.study import MeanSd, Source
 
 CITATION: Final = (
     "Berton, F., et al. (2020). Crowd navigation in VR: exploring haptic rendering of collisions. "
@@ -21,14 +20,6 @@ CITATION: Final = (
     "in Jovane, A. (2023), thesis, Université de Rennes, section 4.3 and appendix B."
 )
 PARTICIPANTS: Final = 23
-
-
-@dataclass(frozen=True)
-class MeanSd:
-    """Mean and standard deviation over participants."""
-
-    mean: float
-    sd: float
 
 
 MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
@@ -99,12 +90,4 @@ INCONSISTENCIES: Final = (
     "by the true common volume cannot be compared with the printed ones without a look at the rule",
 )
 
-SOURCE: Final = Source(
-    CITATION,
-    PARTICIPANTS,
-    {
-        column: {condition: (printed.mean, printed.sd) for condition, printed in means.items()}
-        for column, means in MEANS.items()
-    },
-    only={"group": HAPTICS_GROUP},
-)
+SOURCE: Final = Source(CITATION, PARTICIPANTS, MEANS, only={"group": HAPTICS_GROUP})

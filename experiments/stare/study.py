@@ -97,7 +97,7 @@ study = Study(
         "experiments.stare.sections:places_figure",
         "experiments.stare.sections:changes_section",
     ],
-    source=Source(published.CITATION, published.PARTICIPANTS, published.cells()),
+    source=Source(published.CITATION, published.PARTICIPANTS, published.CELLS),
     methods=METHODS,
     references=REFERENCES,
     setup={"distances": distances(), "viewing": "seated, head free"},
