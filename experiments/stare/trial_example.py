@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from analysis.gaze.aoi import aoi_of_samples
 from analysis.gaze.looks import looks_on
 from analysis.gaze.targets import GazeTargets
 from analysis.plots import BLUE, VERMILION, Drawn, draw, new_figure
@@ -97,13 +96,7 @@ def trial_example(
         _whole(row, name) for name in ("active_index", "t_start_ns", "t_end_ns")
     )
     samples = targets.between(start_ns, end_ns)
-    aoi = aoi_of_samples(
-        samples.angle_deg,
-        samples.radius_deg,
-        samples.pad_limit_deg,
-        samples.hit,
-        pad_deg=params.pad_deg,
-    )
+    aoi = samples.areas(params.pad_deg)
     looks = looks_on(samples.t_ns, aoi, active, start_ns, end_ns, params=params.looks)
     reach = samples.radius_deg[:, active] + np.clip(
         samples.pad_limit_deg[:, active], 0.0, params.pad_deg
