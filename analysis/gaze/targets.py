@@ -62,8 +62,9 @@ class GazeTargets:
 
     def rows(self, chosen: slice | npt.NDArray[Any]) -> Self:
         """Return some of the samples."""
-        columns: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
-        return replace(self, **{k: v if v is None else v[chosen] for k, v in columns.items()})
+        columns = [(f.name, getattr(self, f.name)) for f in fields(self)]
+        cut: dict[str, Any] = {k: v if v is None else v[chosen] for k, v in columns}
+        return replace(self, **cut)
 
     def areas(self, pad_deg: float) -> npt.NDArray[np.int16]:
         """Return whose head (n,) each sample is on by the padded rule; see `aoi_of_samples`."""

@@ -124,12 +124,10 @@ def write_pedpy_files(walk: Walk, folder: Path, name: str) -> list[Path]:
     table = trajectory_table(walk)
     wkt = _room(_flat(walk.place_m[np.isfinite(walk.place_m).all(axis=1)]))
     text = folder / f"{name}.txt"
-    with text.open("w", encoding="utf-8", newline="\n") as lines:
-        lines.write(f"# framerate: {EXPORT_HZ:g} fps\n# id frame x/m y/m z/m\n")
-        places = table[["id", "frame", "x", "y", "z"]]
-        places.to_csv(
-            lines, sep=" ", float_format="%.6f", index=False, header=False, lineterminator="\n"
-        )
+    np.savetxt(
+        text, table[["id", "frame", "x", "y", "z"]], ("%d", "%d", "%.6f", "%.6f", "%.6f"),
+        header=f"framerate: {EXPORT_HZ:g} fps\nid frame x/m y/m z/m", encoding="utf-8",
+    )  # fmt: skip
     sqlite = folder / f"{name}.sqlite"
     _write_sqlite(sqlite, table, wkt)
     written = [text, sqlite]

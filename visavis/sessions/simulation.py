@@ -1,11 +1,7 @@
-"""Simulate and measure many sessions on all cores."""
+"""Simulate and measure one of many sessions, in any process."""
 
-import multiprocessing
 import os
-import signal
 import sys
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,34 +60,3 @@ def measure_one(job: tuple[str, Path]) -> Any:
     """Take in one session of a study; what comes back is for the study's `analyse`."""
     study, session = job
     return find_study(study).measure(Recording(session))
-
-
-def in_parallel(
-    work: Callable[..., Any], jobs: list[tuple[Any, ...]], processes: int
-) -> Iterator[tuple[int, Any]]:
-    """Yield (job number, result) as they finish; with one process, here and in order.
-
-    Whatever ends this ends the other processes, too: they hear of no signal themselves.
-    """
-    if processes == 1 or len(jobs) <= 1:
-        for number, job in enumerate(jobs):
-            yield number, work(*job)
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(
-        min(processes, len(jobs)), mp_context=context, initializer=_leave_signals_to_parent
-    ) as pool:
-        numbers: dict[Future[Any], int] = {pool.submit(work, *j): i for i, j in enumerate(jobs)}
-        try:
-            for future in as_completed(numbers):
-                yield numbers[future], future.result()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for worker in multiprocessing.active_children():
-                worker.terminate()
-            raise
-
-
-def _leave_signals_to_parent() -> None:
-    """Let Ctrl-C, which reaches a terminal's whole group, end work by way of the parent alone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -305,10 +305,7 @@ def _measured_piecewise(
     telling: Telling,
 ) -> list[Any]:
     """Measure trial by trial, here or on a scheduler; those measured before are kept."""
-    if scheduler is not None:
-        run = partial(on_scheduler, address=scheduler)
-    else:
-        run = partial(on_this_machine, processes=worker_count(processes))
+    run = partial(_run, processes=processes, scheduler=scheduler)
     store = folder / DERIVED / MEASURED
     with telling.progress("measuring") as told:
         return measure_sessions(study, pieces, sessions, store, run, settings, told)
