@@ -36,6 +36,7 @@ from experiments.crowd.quick_study import walked
 from experiments.crowd.study import study
 from lab.clock import StopWatch
 from lab.geometry import Vector
+from protocol.parameters import known_of
 from visavis.experiment import StudyExperiment
 
 PUBLISHED = {
@@ -97,7 +98,7 @@ def quick_study(
 ) -> QuickStudy:
     """Simulate and measure a study; `effect=False` disconnects the vibration."""
     experiment = StudyExperiment(study, parameters)
-    params = CrowdParameters.of(experiment.parameters)
+    params = known_of(CrowdParameters, experiment.parameters)
     rows: list[dict[str, Any]] = []
     cells: list[frozenset[Cell]] = []
     for index in range(participants):

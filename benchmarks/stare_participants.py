@@ -86,9 +86,9 @@ def anxiety_rows(outcomes: Sequence[StudyOutcome]) -> list[dict[str, object]]:
     """Compare the printed correlations with the mean of ours."""
     return [
         {
-            "condition": row.condition,
-            "measure": row.measure,
-            "published_r_s": row.r_s,
+            "condition": condition,
+            "measure": measure,
+            "published_r_s": printed.r,
             "r_s": float(
                 np.mean(
                     [
@@ -96,12 +96,12 @@ def anxiety_rows(outcomes: Sequence[StudyOutcome]) -> list[dict[str, object]]:
                         for o in outcomes
                         for c in o.anxiety
                         if c.outcome is not None
-                        and (c.level, c.measure.column) == (row.condition, row.measure)
+                        and (c.level, c.measure.column) == (condition, measure)
                     ]
                 )
             ),
         }
-        for row in published.CORRELATIONS
+        for (condition, measure), printed in published.CORRELATIONS.items()
     ]
 
 

@@ -25,7 +25,8 @@ from lab.config_files import EXAMPLE
 from recording.manifest import read_manifest
 from recording.reader import Recording
 from visavis.catalogue import find_study
-from visavis.sessions.simulation import SimulationTask, in_parallel, measure_one, simulate_one
+from visavis.sessions.runners import on_this_machine
+from visavis.sessions.simulation import SimulationTask, measure_one, simulate_one
 
 STUDY = "stare"
 SEED = 1
@@ -75,9 +76,9 @@ def peak_mb() -> float:
     return peak / 1e6 if sys.platform == "darwin" else peak / 1e3
 
 
-def in_order(work: Any, jobs: list[tuple[Any, ...]], processes: int) -> list[Job]:
+def in_order(work: Any, jobs: list[Any], processes: int) -> list[Job]:
     """Do jobs in parallel; return what they gave in the order of the jobs."""
-    done = dict(in_parallel(work, jobs, processes))
+    done = dict(on_this_machine(work, jobs, processes))
     return [done[i] for i in range(len(jobs))]
 
 
@@ -89,11 +90,11 @@ def rows_of(participants: int, processes: int, root: Path) -> list[Row]:
         for i in range(participants)
     ]
     watch = StopWatch()
-    sessions = in_order(timed_session, [(task,) for task in tasks], processes)
+    sessions = in_order(timed_session, tasks, processes)
     simulated_s = watch.elapsed_s()
     paths = [job.result for job in sessions]
     watch = StopWatch()
-    measured = in_order(timed_measure, [(path,) for path in paths], processes)
+    measured = in_order(timed_measure, paths, processes)
     measured_s = watch.elapsed_s()
     out_dir = root / "derived"
     out_dir.mkdir()

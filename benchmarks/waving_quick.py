@@ -21,18 +21,61 @@ from experiments.waving.clips import (
 )
 from experiments.waving.judgement import DEFAULT_POPULATION, Population, judge
 from experiments.waving.participant import TRIAL_STREAM, WavingParticipant
-from experiments.waving.perception import Evidence, evidence_of, surroundings_sha256
-from experiments.waving.scene import gaze_of
+from experiments.waving.perception import (
+    CUE_PARTS,
+    LOOKS,
+    PIXELS_PER_DEG,
+    REACH_PARTS,
+    REACH_PX,
+    Evidence,
+    evidence_of,
+)
+from experiments.waving.scene import office_eyes, scene_of
 from experiments.waving.study import CLERK_NAMES, DIRECTIONS, PLACES, making_of, study
+from lab.clock import NS_PER_S
+from lab.geometry import Vector
 from lab.kept import digest_of, keep, read_kept
-from stimuli.dressing.office_view import eye_at
-from stimuli.scenes.office import PARTICIPANT_PLACES, neighbour
+from stimuli.dressing.office import PARTS as ROLES
+from stimuli.dressing.office import roles_of
+from stimuli.dressing.office_view import body_mesh, eye_at, seen_body_of
+from stimuli.rooms.office import office
+from stimuli.scenes.office import (
+    CLERKS,
+    CUSTOMERS,
+    PARTICIPANT_PLACES,
+    Waving,
+    neighbour,
+    shift_m,
+)
 from visavis.analysis import StudyAnalysis
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
 
 STIMULI: Final = tuple(product(TECHNIQUES, DIRECTIONS, CLERK_NAMES, PARTICIPANT_PLACES))
 """The 54 situations of the study: technique, direction, clerk, participant's place."""
+
+
+def gaze_of(waving: Waving, participant_place: str, target_place: str) -> Vector:
+    """Return where the waving clerk's eyes point (3,), at a participant who stands still."""
+    scene = scene_of(participant_place, waving)
+    eyes = office_eyes(scene, target_place, 0, 1.0, 0.0)
+    standing = eye_at(participant_place) + shift_m(participant_place)
+    gaze, _, _ = eyes.at(10 * NS_PER_S, standing)
+    pointing: Vector = gaze[roles_of(participant_place).index(waving.clerk)]
+    return pointing
+
+
+@cache
+def surroundings_sha256() -> str:
+    """Return the hash of everything that decides what can be seen of a given wave."""
+    meshes = [p.mesh for p in office().props] + [body_mesh(role) for role in ROLES]
+    bodies = [seen_body_of(c.name) for c in CLERKS]
+    return digest_of(
+        *(m.vertices_m for m in meshes),
+        *(b.rest for b in bodies),
+        *(eye_at(c.name) for c in CUSTOMERS),
+        said="|".join(map(str, (PIXELS_PER_DEG, LOOKS, REACH_PX, CUE_PARTS, REACH_PARTS))),
+    )
 
 
 @cache

@@ -16,7 +16,7 @@ from recording.reader import Recording
 from recording.sharing import TIERS, SharedRecording, Sharing, TextRule, Tier
 from visavis.catalogue import find_study
 from visavis.methods import own_methods
-from visavis.opened import OpenedStudy, overrides_of
+from visavis.opened import overrides_of
 from visavis.responses import Text
 
 RISK = (
@@ -95,8 +95,6 @@ def dataset_about(recording: Recording, lab: LabConfig) -> DatasetAbout:
         found = find_study(recording.manifest.study, lab.studies)
     except LabError:
         return DatasetAbout(**said)
-    if not isinstance(found, OpenedStudy):
-        return DatasetAbout(description=found.title, **said)
     study = found.study
     experiment = found.experiment(overrides_of(recording.manifest.plan))
     source = () if study.source is None else (study.source.citation,)
@@ -115,9 +113,7 @@ def _texts_of(study: str, lab: LabConfig) -> tuple[TextRule, frozenset[str]]:
         }
     except LabError:
         return (lambda questionnaire, question: True), frozenset()
-    columns: frozenset[str] = frozenset()
-    if isinstance(found, OpenedStudy):
-        columns = frozenset(r.name for r in found.study.responses if isinstance(r, Text))
+    columns = frozenset(r.name for r in found.study.responses if isinstance(r, Text))
 
     def is_text(questionnaire: str, question: str) -> bool:
         return questionnaire not in typed or question in typed[questionnaire]

@@ -14,14 +14,15 @@ from protocol.questionnaires import available
 from recording.folder import study_dir
 from recording.manifest import read_manifest
 from recording.sealed import copy_path
-from visavis.catalogue import SHIPPED, AnyStudy, find_study
+from visavis.catalogue import SHIPPED, find_study
+from visavis.opened import OpenedStudy
 from visavis.sessions.data_root import prepare_data_root
 from visavis.sessions.rig import is_simulated
 from visavis.sessions.study_check import SIMULATED_PREFIX, is_study
 from visavis.sessions.study_folder import StudySettings, sessions_of, settle, wanted_settings
 
 
-def study_of_lab(wanted: str, lab: LabConfig) -> AnyStudy:
+def study_of_lab(wanted: str, lab: LabConfig) -> OpenedStudy:
     """Return a study by its file, or by a name that this lab knows.
 
     Raises:
@@ -37,7 +38,7 @@ class StudyHere:
     """A study in a lab: where its data lie, with which settings, and who takes part."""
 
     lab: LabConfig
-    study: AnyStudy
+    study: OpenedStudy
 
     @property
     def is_simulated(self) -> bool:

@@ -8,7 +8,9 @@ that is emptied, or cannot be written to, but time. Of each name the files used 
 import hashlib
 import os
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,16 @@ def digest_of(*arrays: npt.NDArray[Any], said: str = "") -> str:
     found = hashlib.sha256(said.encode())
     for array in arrays:
         found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()
+
+
+@cache
+def digest_of_code(package: ModuleType) -> str:
+    """Return the SHA-256 of a package's code, for what another version would find otherwise."""
+    found = hashlib.sha256()
+    for folder in package.__path__:
+        for path in sorted(Path(folder).glob("*.py")):
+            found.update(path.read_bytes())
     return found.hexdigest()
 
 

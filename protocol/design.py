@@ -123,16 +123,6 @@ def trial_seed(
     return int(_sequence(study_seed, key).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
 
-def participant_rng(
-    study_seed: int, participant_index: int, stream: int = 0
-) -> np.random.Generator:
-    """Return a participant's generator for anything but orders and trials.
-
-    Different `stream` numbers are independent of each other, of the order and of all trials.
-    """
-    return np.random.default_rng(_sequence(study_seed, (participant_index, _STREAM, stream)))
-
-
 def group_of(design: Design, *, seed: int, participant_index: int) -> str:
     """Return the participant's group.
 

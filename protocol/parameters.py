@@ -2,13 +2,83 @@
 
 import difflib
 import math
-from collections.abc import Mapping
-from dataclasses import fields
-from typing import Any, TypeVar, get_type_hints
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from lab.errors import ConfigError
 
 P = TypeVar("P")
+
+
+@dataclass(frozen=True)
+class Within:
+    """What a number may be: from `low` to `high`; the ends are no part of it where it is `open`.
+
+    `why` says in words where the bounds come from.
+    """
+
+    low: float = -math.inf
+    high: float = math.inf
+    open: bool = False
+    why: str = ""
+
+    def __contains__(self, value: float) -> bool:
+        if self.open:
+            return self.low < value < self.high
+        return self.low <= value <= self.high
+
+    def __str__(self) -> str:
+        at_least = f"above {self.low:g}" if self.open else f"from {self.low:g} on"
+        at_most = f"below {self.high:g}" if self.open else f"up to {self.high:g}"
+        if math.isinf(self.high):
+            words = at_least
+        elif math.isinf(self.low):
+            words = at_most
+        else:
+            words = f"between {self.low:g} and {self.high:g}" if self.open else \
+                f"{self.low:g} to {self.high:g}"  # fmt: skip
+        return f"{words} ({self.why})" if self.why else words
+
+
+Range = Within | Collection[Any]
+"""What a parameter may be: a number within bounds, or one of several."""
+
+
+def out_of_range(name: str, value: Any, allowed: Range) -> str:
+    """Return what is wrong with a value, or with one of several in a list; else nothing."""
+    wrong = [v for v in (value if isinstance(value, list) else [value]) if v not in allowed]
+    if not wrong:
+        return ""
+    if isinstance(allowed, Within):
+        return f"{name} is {wrong[0]:g}; give a number {allowed}"
+    return f"no {name} {wrong[0]!r}; choose among {', '.join(map(str, allowed))}"
+
+
+def read_as(kind: Any, value: Any) -> Any:
+    """Return a number, text, yes or no, or one of several names as the kind that is wanted.
+
+    Raises:
+        ValueError: it is none, with what to give.
+    """
+    choices = get_args(kind) if get_origin(kind) is Literal else ()
+    if not choices:
+        return _READERS[kind](value)
+    if value not in choices:
+        raise ValueError(f"choose {', '.join(choices)}")
+    return value
+
+
+def no_such(name: str, known: Collection[str]) -> str:
+    """Return that there is no such name, with the nearest that there is."""
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return f"no {name}" + (f" (did you mean {near[0]}?)" if near else "")
+
+
+def known_of(kind: type[P], parameters: Mapping[str, Any]) -> P:
+    """Return a dataclass from parameters by name; it ignores names that are not its own."""
+    known = {f.name for f in fields(kind)}  # type: ignore[arg-type]  # a dataclass, as said
+    return kind(**{k: v for k, v in parameters.items() if k in known})
 
 
 def parameters_from(kind: type[P], overrides: Mapping[str, Any], study: str) -> P:
@@ -23,11 +93,10 @@ def parameters_from(kind: type[P], overrides: Mapping[str, Any], study: str) -> 
     read: dict[str, Any] = {}
     for name, value in overrides.items():
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
-            problems.append(f"no {name}" + (f" (did you mean {near[0]}?)" if near else ""))
+            problems.append(no_such(name, known))
             continue
         try:
-            read[name] = _READERS[hints[name]](value)
+            read[name] = read_as(hints[name], value)
         except ValueError as problem:
             problems.append(f"{name} is {_shown(value)}: {problem}")
     if any(name not in known for name in overrides):

@@ -3,6 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from lab.chance import generator
 from protocol.steps import Scalar
 
 
@@ -22,6 +25,10 @@ class Trial:
     is_practice: bool
     factors: Mapping[str, Scalar]
     seed: int
+
+    def rng(self, stream: int) -> np.random.Generator:
+        """Return chance for one purpose in this trial."""
+        return generator(self.seed, stream)
 
 
 @dataclass(frozen=True)

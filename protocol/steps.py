@@ -6,6 +6,7 @@ aborts a plan by throwing `TrialInterrupted` into it, so `finally` blocks still 
 `Mark`, `Vibrate`, `Silence` and `Reflex`, never `NextFrame`.
 """
 
+import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
@@ -19,6 +20,11 @@ from stimuli.scene import SceneFrame
 
 Scalar: TypeAlias = str | int | float | bool
 Row: TypeAlias = Mapping[str, Scalar | None]
+
+
+def known(value: float) -> float | None:
+    """Return a number for a row; None for what is none, as journals have no NaN."""
+    return float(value) if math.isfinite(value) else None
 
 
 @dataclass(frozen=True, slots=True)

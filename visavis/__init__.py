@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from protocol.design import Factor as Factor
     from protocol.orders import never_next_to as never_next_to
     from protocol.orders import no_more_than as no_more_than
+    from protocol.parameters import Within as Within
     from visavis.analysis import Conclusion as Conclusion
     from visavis.compare import Compare as Compare
-    from visavis.compare import Published as Published
     from visavis.deriving import derive as derive
     from visavis.exclusions import COMPLETENESS_RULES as COMPLETENESS_RULES
     from visavis.exclusions import STANDARD_RULES as STANDARD_RULES
@@ -65,8 +65,9 @@ _NAMES = {
     "analysis.statistics_report": ("Question", "answer"),
     "protocol.design": ("Factor",),
     "protocol.orders": ("never_next_to", "no_more_than"),
+    "protocol.parameters": ("Within",),
     "visavis.analysis": ("Conclusion",),
-    "visavis.compare": ("Compare", "Published"),
+    "visavis.compare": ("Compare",),
     "visavis.deriving": ("derive",),
     "visavis.exclusions": ("COMPLETENESS_RULES", "STANDARD_RULES", "Exclusion"),
     "visavis.films": ("Film", "Lens", "Pair"),

@@ -4,22 +4,16 @@ import hashlib
 import importlib
 import importlib.util
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final, Protocol, cast
+from typing import Final
 
-from lab.config import LabConfig
 from lab.errors import DesignError, UsageError
 from lab.yaml_lines import did_you_mean
-from protocol.experiment import Experiment, ValidationPoint, ValidationVerdict
-from protocol.participants import SimulatedParticipant
-from protocol.questionnaires import Questionnaire
-from protocol.shown import Shown
-from recording.reader import Recording
-from stimuli.scene import SceneFrame
 from visavis.opened import OpenedStudy
+from visavis.sections import named
 from visavis.study import Study
 
 SHIPPED: Final[Mapping[str, str]] = {
@@ -34,62 +28,7 @@ GROUP: Final = "visavis.studies"
 """Entry points of installed packages: a name, and a `Study` (or what makes one)."""
 
 
-class AnyStudy(Protocol):
-    """What every study offers to commands and scripts."""
-
-    @property
-    def name(self) -> str:
-        """The study's name on the command line."""
-        ...
-
-    @property
-    def title(self) -> str:
-        """The study's name in a heading."""
-        ...
-
-    def experiment(self, overrides: Mapping[str, Any]) -> Experiment:
-        """Return the experiment; `overrides` replace parameters by name."""
-        ...
-
-    def participant(
-        self, index: int, seed: int, *, effect: bool, experiment: Any = None
-    ) -> SimulatedParticipant:
-        """Return a simulated participant of an experiment."""
-        ...
-
-    def judge_validation(
-        self, points: Sequence[ValidationPoint], rate_hz: float
-    ) -> ValidationVerdict:
-        """Measure a validation and decide."""
-        ...
-
-    def questionnaires(self, config: LabConfig) -> tuple[Questionnaire, ...]:
-        """Return the questionnaires asked at the end, in the lab's wording."""
-        ...
-
-    def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
-        """Yield the views that a recorded frame may have shown, the likeliest first."""
-        ...
-
-    def measure(self, recording: Recording) -> Any:
-        """Take in one session; the result can travel between processes."""
-        ...
-
-    def analyse(
-        self,
-        sessions: Sequence[Any],
-        out_dir: Path,
-        *,
-        is_simulated: bool,
-        commands: tuple[str, ...],
-        example: Recording | None,
-        settings: Mapping[str, Any] | None = None,
-    ) -> Path:
-        """Write tables, figures and the report of a study; return the report's path."""
-        ...
-
-
-def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> AnyStudy:
+def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> OpenedStudy:
     """Return a study by its file's path, or by name; `of_lab` are the lab's own by name.
 
     Raises:
@@ -124,15 +63,15 @@ def is_file(wanted: str) -> bool:
     return wanted.endswith(".py") or "/" in wanted or "\\" in wanted
 
 
-def reference_of(study: AnyStudy) -> str:
+def reference_of(study: OpenedStudy) -> str:
     """Return what finds a study again from any folder and any process: its file, or its name."""
-    path = study.study.path if isinstance(study, OpenedStudy) else None
+    path = study.study.path
     return study.name if path is None else str(path)
 
 
-def file_of(study: AnyStudy) -> Path | None:
+def file_of(study: OpenedStudy) -> Path | None:
     """Return the file a study was read from; None for one of a package."""
-    return study.study.path if isinstance(study, OpenedStudy) else None
+    return study.study.path
 
 
 def digest_of(path: Path) -> str:
@@ -209,11 +148,12 @@ def _line_in(path: Path, error: BaseException) -> str:
     return line
 
 
-def _of_object(reference: str) -> AnyStudy:
-    module, _, name = reference.partition(":")
-    found: Any = getattr(importlib.import_module(module), name)
+def _of_object(reference: str) -> OpenedStudy:
+    found = named(reference)
     made = found if isinstance(found, Study) else found()
-    return OpenedStudy(made) if isinstance(made, Study) else cast(AnyStudy, made)
+    if not isinstance(made, Study):
+        raise DesignError(f"{reference} is a {type(made).__name__}; an entry point names a Study")
+    return OpenedStudy(made)
 
 
 def known_studies(of_lab: Iterable[str] = ()) -> tuple[str, ...]:

@@ -18,24 +18,7 @@ MODELS: Final = ("", "lmm", "gee", "clmm")
 _SYMBOLS: Final = {"p": "p", "eta2p": "partial η²"}
 
 
-@dataclass(frozen=True)
-class Published:
-    """What a source prints of a comparison ("F(1, 15) = 7.09, p = .017"), and its verdict.
-
-    `statistic` is the printed F, t or z, `df` an F's degrees of freedom; `misfits` say what of the
-    printed does not follow from it.
-    """
-
-    text: str
-    is_significant: bool
-    statistic: float | None = None
-    misfits: tuple[str, ...] = ()
-    df: tuple[int, int] | None = None
-
-
-def published_f(
-    F: str, df1: int, df2: int, *, p: str, eta2p: str, is_significant: bool
-) -> Published:
+def published_f(F: str, df1: int, df2: int, *, p: str, eta2p: str, is_significant: bool) -> Printed:
     """Return a printed F test; its numbers are texts, so that their rounding is known."""
     test = f"F({df1}, {df2}) = {F}"
     sign = "" if p.startswith("<") else "= "
@@ -47,7 +30,7 @@ def published_f(
         for name, verdict in check.verdicts.items()
         if not verdict.is_consistent
     )
-    return Published(text, is_significant, float(F), misfits, (df1, df2))
+    return Printed(is_significant, statistic=float(F), df=(df1, df2), text=text, misfits=misfits)
 
 
 @dataclass(frozen=True)
@@ -74,7 +57,7 @@ class Compare:
     family: str = "planned"
     correction: Correction = "holm"
     alpha: float = 0.05
-    published: Published | Mapping[str, Published] | None = None
+    published: Printed | Mapping[str, Printed] | None = None
     exploratory: bool = False
     options: Sequence[tuple[str, Any]] = ()
     only: Mapping[str, Scalar] = field(default_factory=dict)
@@ -93,14 +76,14 @@ class Compare:
             raise DesignError(f"the comparison of {self.dv} names a test and a model; choose one")
         object.__setattr__(self, "options", tuple(self.options))
 
-    def published_of(self, term: str) -> Published | None:
+    def published_of(self, term: str) -> Printed | None:
         """Return what a source prints of one effect; of the only one where it names none."""
         if isinstance(self.published, Mapping):
             return self.published.get(term)
         return self.published
 
     @property
-    def published_terms(self) -> tuple[Published, ...]:
+    def published_terms(self) -> tuple[Printed, ...]:
         """Everything a source prints of it."""
         if isinstance(self.published, Mapping):
             return tuple(self.published.values())

@@ -7,16 +7,13 @@ import dataclasses
 import inspect
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from lab.errors import DesignError
 from lab.yaml_lines import did_you_mean
 from visavis.exclusions import Exclusion
 from visavis.parameters import parameters_in_force
 from visavis.study import Study
-
-if TYPE_CHECKING:
-    from visavis.catalogue import AnyStudy
 
 OWN: Final = frozenset({"name", "base", "folder", "path", "plan_folder"})
 """What a derived study does not take over, and what is not given by name."""
@@ -68,23 +65,7 @@ def _found(base: str | Path, here: Path) -> Study:
     wanted = str(base)
     if is_file(wanted):
         wanted = str(here / wanted)
-    return study_to_derive_from(find_study(wanted))
-
-
-def study_to_derive_from(found: "AnyStudy") -> Study:
-    """Return the declaration of a study that was found.
-
-    Raises:
-        DesignError: it has none.
-    """
-    from visavis.opened import OpenedStudy  # with all that a session needs
-
-    if not isinstance(found, OpenedStudy):
-        raise DesignError(
-            f"{found.name} cannot be derived from yet: it is not declared as a Study; derive from "
-            "another, or begin with one of your own: visavis new NAME"
-        )
-    return found.study
+    return find_study(wanted).study
 
 
 def _parameters(source: Study, changed: Mapping[str, Any]) -> dict[str, Any]:

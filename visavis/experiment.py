@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from lab.clock import NS_PER_MS, NS_PER_S
+from lab.clock import NS_PER_MS
 from lab.errors import ConfigError, DesignError
 from lab.geometry import Vector
 from protocol.boards import DwellRule, Ways
@@ -25,7 +25,7 @@ from visavis.reading import TrialRead, read_trials
 from visavis.responses import Keys, Pointing, Rating, Response
 from visavis.study import Study
 from visavis.texts import DEFAULT_LANGUAGE, Texts, read_texts
-from visavis.trial import Settings, TrialScript, dark_view, perform
+from visavis.trial import Action, Settings, TrialScript, perform
 
 WAYS: Final = ("board", "ray", "keyboard")
 """How questions are answered: on boards by hand, gaze or head; by hand or head; at the terminal."""
@@ -62,8 +62,7 @@ class StudyExperiment:
     def parameters(self) -> dict[str, Any]:
         """Every parameter in force."""
         given = {k: v for k, v in self.overrides.items() if k != "language"}
-        older_of = self.study.older_of
-        return parameters_in_force(self.study, given if older_of is None else older_of(given))
+        return parameters_in_force(self.study, given)
 
     @cached_property
     def texts(self) -> Texts:
@@ -167,7 +166,7 @@ class StudyExperiment:
     def prepare(self, told: Callable[[int, int], None] = untold) -> None:
         """Load and compute what would hold up a frame; `told` hears how many of how many."""
         of = self.study.prepare_of
-        steps = () if of is None else tuple(of(self.parameters))
+        steps = () if of is None else tuple(of(self))
         for done, step in enumerate(steps):
             told(done, len(steps))
             step()
@@ -254,16 +253,11 @@ class StudyExperiment:
 
     def intertrial(self, trial: Trial) -> Plan:
         """Stay dark before a trial, or do what the study does instead."""
-        own = self.study.intertrial_of
-        if own is not None:
-            return (yield from perform(TrialScript(trial, self.settings), own))
-        view = yield from frame()
-        start_ns = view.t_ns
-        yield dark_view(start_ns)
-        until_ns = start_ns + round(self.intertrial_s * NS_PER_S)
-        while view.t_ns < until_ns:
-            view = yield from frame()
-        return {"intertrial_ms": (view.t_ns - start_ns) / NS_PER_MS}
+        script = TrialScript(trial, self.settings)
+        script.view = yield from frame()
+        start_ns = script.now_ns
+        row = yield from perform(script, self.study.intertrial_of or _darkness)
+        return {"intertrial_ms": (script.now_ns - start_ns) / NS_PER_MS, **row}
 
     def blank(self, mark_m: Vector | None) -> StageScene:
         """Return a dark scene without people, for calibrations and breaks."""
@@ -291,6 +285,10 @@ class StudyExperiment:
     def _derived(self, factors: Mapping[str, Any]) -> dict[str, Any]:
         """Return a trial's factors with what follows from them."""
         return {**factors, **{name: of(factors) for name, of in self.study.derived.items()}}
+
+
+def _darkness(t: TrialScript) -> Iterator[Action]:
+    yield t.dark(t.intertrial_s)
 
 
 def _instructions(part: int, parts: int) -> tuple[str, ...]:

@@ -209,7 +209,7 @@ def _printed_cells(test: PairTest) -> tuple[Cell, ...]:
     printed = test.printed or Printed(False)
     wilcoxon = printed.is_wilcoxon
     return (
-        Cell("wilc." if wilcoxon else decimal(printed.t), "weak"),
+        Cell("wilc." if wilcoxon else decimal(printed.statistic), "weak"),
         Cell(probability(printed.p), "weak"),
         Cell("*" * printed.stars, "weak"),
         Cell("wilc." if wilcoxon else fraction(printed.eta_p2), "weak"),

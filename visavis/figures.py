@@ -1,7 +1,7 @@
 """The standard figures of a study: every comparison with everybody in it, and who was left out."""
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -32,7 +32,7 @@ from analysis.report.notation import counted
 from visavis.analysis import Finding, StudyAnalysis
 from visavis.exclusions import Exclusion, Selection, rule_words
 from visavis.measures import aggregated
-from visavis.quality import LOSS_COLUMNS, QUALITY_COLUMNS, Quality
+from visavis.quality import QUALITY_COLUMNS, Quality
 from visavis.texts import Texts
 
 COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
@@ -160,15 +160,11 @@ def exclusions_figure(
     )
 
 
-def quality_figure(
-    quality: Quality,
-    *,
-    max_error_deg: float | None,
-    max_trial_lost_01: float | None,
-    out: Collection[str],
-    is_simulated: bool,
-) -> Drawn:
-    """Return accuracy, precision and loss of everybody, with the limits; `out` were left out."""
+def figure_of_quality(analysis: StudyAnalysis, quality: Quality) -> Drawn:
+    """Return accuracy, precision and loss of everybody, with the limits of the study's rules."""
+    people = analysis.selection.people
+    out = set(people.loc[~people["is_analysed"].astype(bool), "participant"].astype(str))
+    max_error_deg, max_trial_lost_01 = quality.max_error_deg, quality.max_trial_lost_01
 
     def panels() -> Figure:
         table = quality.participants
@@ -198,18 +194,5 @@ def quality_figure(
         "over all finished trials. Dashed: the limits of a participant's mean error and of "
         "one trial's loss. Crosses: participants excluded.",
         alternative="Accuracy, precision and data loss of every participant.",
-        is_simulated=is_simulated,
-    )
-
-
-def figure_of_quality(analysis: StudyAnalysis, quality: Quality) -> Drawn:
-    """Return the quality of a study's gaze, with the limits of its rules."""
-    limits = {r.column: analysis.selection.limits[r.name] for r in analysis.study.exclusions}
-    people = analysis.selection.people
-    return quality_figure(
-        quality,
-        max_error_deg=limits.get("calibration_error_deg"),
-        max_trial_lost_01=next((limits[c] for c in LOSS_COLUMNS if c in limits), None),
-        out=set(people.loc[~people["is_analysed"].astype(bool), "participant"].astype(str)),
         is_simulated=analysis.is_simulated,
     )

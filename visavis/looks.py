@@ -7,7 +7,6 @@ Missing is None.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
 from typing import Any, Final
 
 import numpy as np
@@ -16,8 +15,6 @@ import numpy.typing as npt
 from analysis.gaze.aoi import (
     DEFAULT_PAD_DEG,
     SENSITIVITY_PADS_DEG,
-    aoi_by_pad,
-    aoi_of_samples,
 )
 from analysis.gaze.events import (
     IDT_HEADSET,
@@ -35,6 +32,7 @@ from analysis.gaze.looks import (
 )
 from analysis.gaze.movements.detect import AUTO, MovementParameters, detect_movements
 from analysis.gaze.movements.kinds import Movement, Movements, fixations_of
+from analysis.gaze.sensitivity import SENSITIVITY_MINIMA_MS, sensitivity_of_trial
 from analysis.gaze.stamps import order_of
 from analysis.gaze.targets import GazeTargets
 from lab.clock import NS_PER_MS
@@ -66,8 +64,6 @@ RAW: Final = "raw_"
 IVT: Final = "ivt_"
 IDT: Final = "idt_"
 ADAPTIVE: Final = "adaptive_"
-
-SENSITIVITY_MINIMA_MS: Final = (100.0, 150.0, 200.0)
 
 
 _OF_LOOKS: Final = (
@@ -181,13 +177,7 @@ def trial_measures(
     """
     span = _span(row)
     samples = targets.between(span.start_ns, span.end_ns)
-    aoi = aoi_of_samples(
-        samples.angle_deg,
-        samples.radius_deg,
-        samples.pad_limit_deg,
-        samples.hit,
-        pad_deg=params.pad_deg,
-    )
+    aoi = samples.areas(params.pad_deg)
     whole = _measured(samples, aoi, span, params.looks, span.switch_ns)
     raw = _measured(samples, samples.hit, span, params.looks, None)
     stamps = order_of(
@@ -243,21 +233,14 @@ def second_view(
         backward=params.looks.backward,
         conflicts=params.looks.conflicts,
     )
-    rows = slice(None) if order.rows is None else order.rows
-    t_ns = samples.t_ns[rows]
-    aoi = aoi_of_samples(
-        samples.angle_deg[rows],
-        samples.radius_deg[rows],
-        samples.pad_limit_deg[rows],
-        samples.hit[rows],
-        pad_deg=params.pad_deg,
-    )
-    direction = np.where(samples.valid[rows, None], samples.direction_world[rows], np.nan)
+    if order.rows is not None:
+        samples = samples.rows(order.rows)
+    t_ns, aoi = samples.t_ns, samples.areas(params.pad_deg)
+    direction = np.where(samples.valid[:, None], samples.direction_world, np.nan)
     on_active = aoi == span.active
     columns = _event_columns(IVT, detect_ivt(t_ns, direction, params.ivt), on_active)
     columns |= _event_columns(IDT, detect_idt(t_ns, direction, params.idt), on_active)
-    in_head = None if samples.direction_head is None else samples.direction_head[rows]
-    movements = detect_movements(t_ns, direction, params.adaptive, in_head=in_head)
+    movements = detect_movements(t_ns, direction, params.adaptive, in_head=samples.direction_head)
     columns |= _event_columns(ADAPTIVE, fixations_of(movements), on_active)
     return columns | _movement_columns(movements)
 
@@ -300,19 +283,16 @@ def sensitivity_rows(
     """Yield the six measures for every padding and minimum fixation duration."""
     span = _span(row)
     samples = targets.between(span.start_ns, span.end_ns)
-    by_pad = aoi_by_pad(
-        samples.angle_deg,
-        samples.radius_deg,
-        samples.pad_limit_deg,
-        samples.hit,
-        pads_deg=pads_deg,
-    )
-    for pad_deg, minimum_ms in product(pads_deg, minima_ms):
-        looks = replace(params.looks, minimum_fixation_ms=minimum_ms)
-        measures = _measured(samples, by_pad[pad_deg], span, looks, None).as_row()
+    found = sensitivity_of_trial(
+        samples.t_ns, samples.angle_deg, samples.radius_deg, samples.pad_limit_deg, samples.hit,
+        span.active, span.start_ns, span.end_ns,
+        pads_deg=pads_deg, minima_ms=minima_ms, params=params.looks,
+    )  # fmt: skip
+    for one in found:
+        measures = one.measures.as_row()
         yield {
-            "pad_deg": pad_deg,
-            "minimum_fixation_ms": minimum_ms,
+            "pad_deg": one.pad_deg,
+            "minimum_fixation_ms": one.minimum_fixation_ms,
             **{name: measures[name] for name in MAIN_MEASURES},
         }
 

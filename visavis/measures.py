@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from analysis.gaze.aoi import DEFAULT_PAD_DEG, aoi_of_samples
+from analysis.gaze.aoi import DEFAULT_PAD_DEG
 from analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS, LookMeasures, measure_trial
 from analysis.gaze.targets import GazeTargets, targets_of_part
 from lab.errors import DataError, UsageError
@@ -82,10 +82,7 @@ class TrialRecord:
         if self.gaze is None or window is None or agent is None:
             return None
         samples = self.gaze.between(*window)
-        aoi = aoi_of_samples(
-            samples.angle_deg, samples.radius_deg, samples.pad_limit_deg, samples.hit,
-            pad_deg=pad_deg,
-        )  # fmt: skip
+        aoi = samples.areas(pad_deg)
         return measure_trial(samples.t_ns, aoi, agent, *window, switch_ns=None, params=LOOKS)
 
 

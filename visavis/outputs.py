@@ -181,7 +181,7 @@ def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
             printed = compare.published_of(term.name)
             if printed is not None:
                 decided |= {
-                    "published": printed.text,
+                    "published": str(printed),
                     "published_statistic": printed.statistic,
                     "published_significant": printed.is_significant,
                     "agrees_with_published": term.is_significant == printed.is_significant,

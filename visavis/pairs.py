@@ -71,19 +71,30 @@ class Printed:
     """What a source prints of one test.
 
     `direction` is the sign of second minus first (of the coefficient in a correlation), 0 where
-    none is printed; `is_wilcoxon` where a test without a statistic was named. `where` says in
-    which table.
+    none is printed; `statistic` is the t of two levels, the F, t or z of a comparison, with its
+    `df`; `p_is_bound` where p is printed as "<"; `is_wilcoxon` where a test without a statistic
+    was named. `where` says in which table, `text` is the whole of it ("F(1, 15) = 7.09, p = .017"),
+    `misfits` say what of the printed does not follow from it.
     """
 
     is_significant: bool
     p: float | None = None
     stars: int = 0
     direction: int = 0
-    t: float | None = None
+    statistic: float | None = None
     eta_p2: float | None = None
     r: float | None = None
     is_wilcoxon: bool = False
     where: str = ""
+    text: str = ""
+    df: tuple[int, int] | None = None
+    misfits: tuple[str, ...] = ()
+    p_is_bound: bool = False
+
+    def __str__(self) -> str:
+        """Return its whole text, else its p with the verdict."""
+        said = "different" if self.is_significant else "not different"
+        return self.text or (said if self.p is None else f"{said}, {p_text(self.p)}")
 
 
 @dataclass(frozen=True)
@@ -620,7 +631,7 @@ def find_test(
 
 
 def columns_of_tests(families: Iterable[Family]) -> dict[str, Column]:
-    """Return what describes the columns of a table of tests, by name."""
+    """Return what tables of these tests have beside, or otherwise than, every table of tests."""
     made = list(families)
     kinds = {of.family: of.words for of in made}
     names = {level: name for of in made for level, name in of.names.items()}
@@ -629,7 +640,6 @@ def columns_of_tests(families: Iterable[Family]) -> dict[str, Column]:
     described = (
         Column("family", "", "tests made together", kinds),
         Column("where", "", "place at which the tests were made; empty: everywhere"),
-        Column("measure", "", "column tested"),
         Column("first", "", "first level compared; the level in correlations", names),
         Column("second", "", "second level compared, or the score in correlations", seconds),
         Column("n_pairs", "1", "participants with both values"),
@@ -639,40 +649,16 @@ def columns_of_tests(families: Iterable[Family]) -> dict[str, Column]:
         Column("second_mean", of_measure, "mean of the second level over the pairs"),
         Column("second_sd", of_measure, "standard deviation of the second level"),
         Column("n_tests", "1", "tests that share alpha (Bonferroni)"),
-        Column("threshold", "1", "what p must stay below"),
         Column("problem", "", "why there was no test; empty: there was"),
-        Column("sentence", "", "the conclusion in words"),
-        Column("shapiro_W", "1", "Shapiro-Wilk statistic of the differences"),
-        Column("shapiro_p", "1", "its p; decides between t test and Wilcoxon test"),
-        Column("t", "1", "paired t of first minus second"),
-        Column("df", "1", "degrees of freedom of t"),
-        Column("p", "1", "two-sided p, uncorrected"),
         Column("estimate", of_measure, "mean (t) or median (Wilcoxon) of first minus second"),
-        Column("ci_low", "", "lower bound of the interval of the estimate, or of r"),
-        Column("ci_high", "", "upper bound of the interval of the estimate, or of r"),
         Column("effect", "", "name of the effect size, first minus second",
                {"dz": "standardised mean difference", "r_rb": "rank-biserial correlation"}),
-        Column("effect_size", "1", "its value"),
-        Column("effect_ci_low", "1", "lower bound of its interval"),
-        Column("effect_ci_high", "1", "upper bound of its interval"),
-        Column("eta_p2", "1", "partial eta squared (t test)"),
-        Column("eta_p2_ci_low", "1", "lower bound of its interval"),
-        Column("eta_p2_ci_high", "1", "upper bound of its interval"),
+        Column("eta_p2_ci_low", "1", "lower end of the confidence interval of eta_p2"),
+        Column("eta_p2_ci_high", "1", "upper end of it"),
         Column("p_adjusted", "1", "p after correction: Bonferroni; correlations: Holm"),
         Column("significant", "", "below the threshold; correlations: uncorrected"),
         Column("stars", "", "level reached after correction",
                {"*": "alpha", "**": "a fifth of it", "***": "a fiftieth of it"}),
-        Column("test", "", "the test that ran"),
-        Column("error_term", "", "what the statistic was divided by, or the kind of p"),
-        Column("correction", "", "correction for the number of tests"),
-        Column("dropped", "", "values left out before the test"),
-        Column("notes", "", "conventions and warnings; how the test was chosen"),
-        Column("V", "1", "Wilcoxon: rank sum of the positive differences, first minus second"),
-        Column("T", "1", "Wilcoxon: the smaller of the two rank sums"),
-        Column("z", "1", "Wilcoxon: standardised V"),
-        Column("n_nonzero", "1", "Wilcoxon: differences that are not zero"),
         Column("r", "1", "Spearman's coefficient"),
-        Column("published_significant", "", "significant in the source"),
-        Column("agrees_with_published", "", "same verdict as the source; empty: undecided here"),
     )  # fmt: skip
     return {c.name: c for c in described}

@@ -1,11 +1,10 @@
 """A study's parameters in force: its own, those every study has, and levels of its factors."""
 
-import difflib
-import math
 from collections.abc import Mapping
 from typing import Any
 
-from lab.errors import ConfigError
+from lab.errors import ConfigError, DesignError
+from protocol.parameters import no_such, out_of_range, read_as
 from visavis.study import SETTABLE, Study
 
 
@@ -31,9 +30,7 @@ def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str,
                 problems.append(f"{given} is {value!r}: give levels, such as {name}=[a,b]")
             usual[name] = list(levels)
         elif name not in usual:
-            known = (*usual, *factors)
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
-            problems.append(f"no {name}" + (f" (did you mean {near[0]}?)" if near else ""))
+            problems.append(no_such(name, (*usual, *factors)))
         else:
             try:
                 usual[name] = _like(usual[name], value)
@@ -43,6 +40,12 @@ def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str,
         problems.append(f"parameters: {', '.join((*usual, *factors))}")
     if problems:
         raise ConfigError(f"{study.name} cannot be set so: {'; '.join(problems)}")
+    refused = list(filter(None, (
+        out_of_range(name, usual[name], allowed)
+        for name, allowed in study.ranges.items() if name in usual
+    )))  # fmt: skip
+    if refused:
+        raise DesignError(f"{study.name}: {'; '.join(refused)}")
     if study.check_of is not None:
         study.check_of(usual)
     return usual
@@ -50,22 +53,6 @@ def parameters_in_force(study: Study, overrides: Mapping[str, Any]) -> dict[str,
 
 def _like(usual: Any, value: Any) -> Any:
     """Return a value as the kind that the usual one has."""
-    if isinstance(usual, bool):
-        if not isinstance(value, bool):
-            raise ValueError("give yes or no")
-        return value
-    if isinstance(usual, int):
-        if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value):
-            raise ValueError("give a whole number")
-        return int(value)
-    if isinstance(usual, float):
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError("give a number")
-        if not math.isfinite(value):
-            raise ValueError("give a finite number")
-        return float(value)
-    if isinstance(usual, str) and not isinstance(value, str):
-        raise ValueError("give a name")
     if isinstance(usual, list | tuple) and not isinstance(value, list):
         raise ValueError("give a list, such as [a,b]")
-    return value
+    return read_as(type(usual), value) if isinstance(usual, bool | int | float | str) else value

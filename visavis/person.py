@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from lab.chance import generator
 from lab.clock import NS_PER_S
 from lab.errors import DataError
 from lab.geometry import unit
@@ -83,11 +84,7 @@ class StudyPerson(Observer):
     ) -> None:
         self._responses = responses
         self._answer_of = answer_of or unopinionated
-        self._leaning = float(
-            np.random.default_rng(
-                np.random.SeedSequence((seed, index), spawn_key=(_LEANING_STREAM,))
-            ).standard_normal()
-        )
+        self._leaning = float(generator((seed, index), _LEANING_STREAM).standard_normal())
         self._forget()
         super().__init__(index, seed, effect, population=population)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from protocol.columns import Column
+from protocol.parameters import parameters_from
 from recording.reader import Recording
 
 Rows: TypeAlias = list[dict[str, Any]]
@@ -38,7 +39,7 @@ class MeasuredTrial:
 class Pieces:
     """How the trials of a study are measured one by one, by a worker that sees the recording.
 
-    `how` is a dataclass of what can be set (`analyse --set`), `read_how` makes one from settings.
+    `how` is a dataclass of what can be set (`analyse --set`).
     `trials` names the trials of a session that can be measured, `measure` measures one. What is
     kept holds for the same `version` and the same values of the fields `kept_by`, which every
     table names as `measure_FIELD`. `of_session` adds what only the whole session tells, given its
@@ -46,7 +47,6 @@ class Pieces:
     """
 
     how: Any
-    read_how: Callable[[Mapping[str, Any]], Any]
     trials: Callable[[Recording], Sequence[str]]
     measure: Callable[[Recording, str, Any], MeasuredTrial]
     version: int
@@ -67,7 +67,8 @@ class Pieces:
         Raises:
             ConfigError: a value does not exist.
         """
-        return self.read_how({k: v for k, v in settings.items() if k in self.settable})
+        own = {k: v for k, v in settings.items() if k in self.settable}
+        return parameters_from(type(self.how), own, "measuring")
 
     def marks(self, how: Any) -> dict[str, Any]:
         """Return what every table says of how it was measured."""

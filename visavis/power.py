@@ -56,10 +56,7 @@ class KitPower:
 
     @property
     def _opened(self) -> OpenedStudy:
-        found = find_study(self.reference)
-        if not isinstance(found, OpenedStudy):
-            raise UsageError(f"{self.reference} is not on the kit; its power is its own")
-        return found
+        return find_study(self.reference)
 
     @property
     def name(self) -> str:
@@ -361,11 +358,16 @@ def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:
                 of, "", known[column], *pair, 0, 0, nan, nan, nan, nan, nan, n_tests, None
             )
             printed = of.printed(unmade)
-            if printed is not None and printed.t is not None:
+            if printed is not None and printed.statistic is not None:
                 yield (
                     pair_name(pair, column),
                     PrintedTest(
-                        f"t({n - 1}) = {number(printed.t)}", printed.t**2, 1, n - 1, n, n_tests
+                        f"t({n - 1}) = {number(printed.statistic)}",
+                        printed.statistic**2,
+                        1,
+                        n - 1,
+                        n,
+                        n_tests,
                     ),
                 )
 

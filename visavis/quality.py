@@ -44,12 +44,14 @@ class Quality:
     lost_01, calibrations, trials, trials_out; NaN where unknown; and those of `SESSION_COLUMNS`
     that the answers have. `facts` adds lines of the
     reporting list that recordings answer (tracker, rates, filters). `incidents` lists
-    interruptions and deviations as participant, what, reason.
+    interruptions and deviations as participant, what, reason. The limits are those of the rules.
     """
 
     participants: pd.DataFrame
     facts: Mapping[str, str] = field(default_factory=dict)
     incidents: tuple[tuple[str, str, str], ...] = ()
+    max_error_deg: float | None = None
+    max_trial_lost_01: float | None = None
 
 
 def quality_of_trials(
@@ -91,16 +93,7 @@ def quality_of_trials(
         )
     table = pd.DataFrame(
         rows,
-        columns=[
-            "participant",
-            "accuracy_deg",
-            "precision_deg",
-            "worst_point_deg",
-            "lost_01",
-            "calibrations",
-            "trials",
-            "trials_out",
-        ],
+        columns=["participant", *(c.name for c in QUALITY_TABLE)],
     )
     known = _people(people)
     optional = [c for c in SESSION_COLUMNS if c in known]
@@ -111,6 +104,8 @@ def quality_of_trials(
         table,
         ({"vision": vision} if vision else {}) | dict(facts or {}),
         (*_incidents(trials), *_calibration_incidents(table, max_error_deg)),
+        max_error_deg,
+        max_trial_lost_01,
     )
 
 

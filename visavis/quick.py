@@ -6,7 +6,6 @@ sessions use, and a tracker model handed in makes the errors of the simulated de
 studies of the null hypothesis need hundreds of studies; this is twenty times as fast as sessions.
 """
 
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -223,7 +222,6 @@ class _Frames:
         self._index = 0
         self._samples = 0
         self._view: SceneFrame | None = None
-        self._pressed: deque[tuple[int, str, float]] = deque()
         person.prepare(stretch, 0)
 
     def run(self, plan: Plan) -> dict[str, Any]:

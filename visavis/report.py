@@ -44,7 +44,6 @@ from visavis.figures import figure_name, label_of
 from visavis.looks import LooksOn
 from visavis.measures import aggregated
 from visavis.methods import method_paragraphs
-from visavis.pairs import Printed
 from visavis.quality import LOSS_COLUMNS, Quality, quality_table
 from visavis.reporting_list import Kept, reporting_table
 
@@ -168,7 +167,7 @@ def _verdict(
     published, printed = "", compare.published_of(term.name)
     if printed is not None:
         same = printed.is_significant == significant
-        published = f" Published: {printed.text} ({'the same' if same else 'another'} verdict)."
+        published = f" Published: {printed} ({'the same' if same else 'another'} verdict)."
     return Verdict(
         "found" if significant else "not_found",
         headline,
@@ -247,18 +246,18 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
             same = term.is_significant == printed.is_significant
             agree = Cell("agree" if same else "differ", "agree" if same else "differ")
             what = f"{finding.measure.words} by {term.name.replace(':', ' × ')}"
-            rows.append((what, f"p {_p(term.p_corrected)}", printed.text, agree))
+            rows.append((what, f"p {_p(term.p_corrected)}", str(printed), agree))
             misfits += printed.misfits
         for contrast in finding.contrasts:
             beside = contrast.agreement
             if beside is not None and contrast.printed is not None:
                 rows.append(
                     (f"{finding.measure.words}, {contrast.name}", f"p {_p(contrast.p)}",
-                     _printed(contrast.printed), verdict_cell(beside))
+                     str(contrast.printed), verdict_cell(beside))
                 )  # fmt: skip
         if not finding.terms:
             rows += [
-                (finding.compare.name, "–", printed.text, Cell("not tested", "weak"))
+                (finding.compare.name, "–", str(printed), Cell("not tested", "weak"))
                 for printed in finding.compare.published_terms
             ]
     if not rows:
@@ -275,12 +274,6 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
         )
         + fitted_note(analysis),
     )
-
-
-def _printed(printed: Printed) -> str:
-    """Return what a source prints of two levels: its p where it does, else its verdict."""
-    said = "different" if printed.is_significant else "not different"
-    return said if printed.p is None else f"{said}, p {_p(printed.p)}"
 
 
 def _mean_sd(values: Values, digits: int = 2) -> str:

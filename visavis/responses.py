@@ -14,24 +14,95 @@ from protocol.steps import Scalar
 
 MAX_CHOICES = 9
 """As many as have a digit of their own on a keyboard."""
-
-
-def _check_name(name: str) -> None:
-    if not name.isidentifier():
-        raise DesignError(f"a response is called {name!r}; give a name of letters, digits and _")
+WAYS = "ray, gaze, keys, keyboard, mouse, touch, pen or operator"
 
 
 @dataclass(frozen=True)
-class Rating:
-    """A whole number from `low` to `high`."""
+class _Response:
+    """What is asked under a name; an option means itself, and an answer says nothing else."""
 
     name: str
+
+    def __post_init__(self) -> None:
+        if not self.name.isidentifier():
+            raise DesignError(
+                f"a response is called {self.name!r}; give a name of letters, digits and _"
+            )
+
+    def value(self, option: str) -> Scalar | None:
+        """Return what an option means."""
+        return option
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the columns an answer adds to a trial's row."""
+        return (
+            self._given,
+            Column(f"{self.name}_by", "", f"how it was answered: {WAYS}"),
+            Column(
+                f"{self.name}_ms",
+                "ms",
+                "from the first frame of the question, or of its film, to the answer",
+            ),
+            *self._further,
+        )
+
+    def more(self, option: str | None) -> dict[str, Scalar | None]:
+        """Return what else an answer says."""
+        return {}
+
+    @property
+    def _given(self) -> Column:
+        raise NotImplementedError
+
+    @property
+    def _further(self) -> tuple[Column, ...]:
+        return ()
+
+
+@dataclass(frozen=True)
+class _Judged(_Response):
+    """One of several `options`, of which `right` is the one that counts as correct, if any does."""
+
+    options: Sequence[str]
+    right: str | None = None
+    aggregate: ClassVar[str] = "share"
+    _words: ClassVar[tuple[str, str, str]]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "options", tuple(map(str, self.options)))
+        if self.right is not None and self.right not in self.options:
+            raise DesignError(f"{self._words[0]} {self.name}: {self.right!r} is none of its "
+                              f"{self._words[1]}")  # fmt: skip
+
+    def more(self, option: str | None) -> dict[str, Scalar | None]:
+        """Return whether the answer is right, where an option is."""
+        if self.right is None:
+            return {}
+        return {f"{self.name}_is_right": None if option is None else option == self.right}
+
+    @property
+    def _given(self) -> Column:
+        return Column(self.name, "", f"{self._words[2]}: {', '.join(self.options)}")
+
+    @property
+    def _further(self) -> tuple[Column, ...]:
+        if self.right is None:
+            return ()
+        said = f"{self._words[2]} is the right one"
+        return (Column(f"{self.name}_is_right", "", said),)
+
+
+@dataclass(frozen=True)
+class Rating(_Response):
+    """A whole number from `low` to `high`."""
+
     low: int = 1
     high: int = 7
     aggregate: ClassVar[str] = "mean"
 
     def __post_init__(self) -> None:
-        _check_name(self.name)
+        super().__post_init__()
         if not 1 <= self.high - self.low < MAX_CHOICES:
             raise DesignError(
                 f"rating {self.name} goes from {self.low} to {self.high}; give 2 to {MAX_CHOICES} "
@@ -47,32 +118,24 @@ class Rating:
         """Return what an option means."""
         return int(option)
 
-    def columns(self) -> tuple[Column, ...]:
-        """Return the columns an answer adds to a trial's row."""
-        return (Column(self.name, "1", f"{self.low} low to {self.high} high"), *_how(self.name))
-
-    def more(self, option: str | None) -> dict[str, Scalar | None]:
-        """Return what else an answer says; nothing here."""
-        return {}
+    @property
+    def _given(self) -> Column:
+        return Column(self.name, "1", f"{self.low} low to {self.high} high")
 
 
 @dataclass(frozen=True)
-class Choice:
+class Choice(_Judged):
     """One of several options (n-AFC); `right` is the one that counts as correct, if any does.
 
     `labels` are what the options are called on this occasion, in their order, where that is not
     always the same; like options they are translated by `choices.NAME.LABEL`.
     """
 
-    name: str
-    options: Sequence[str]
-    right: str | None = None
     labels: Sequence[str] = ()
-    aggregate: ClassVar[str] = "share"
+    _words = ("choice", "options", "the option chosen")
 
     def __post_init__(self) -> None:
-        _check_name(self.name)
-        object.__setattr__(self, "options", tuple(map(str, self.options)))
+        super().__post_init__()
         if not 2 <= len(self.options) <= MAX_CHOICES:
             raise DesignError(f"choice {self.name} has {len(self.options)} options; give 2 to 9")
         if len(set(self.options)) < len(self.options):
@@ -80,87 +143,53 @@ class Choice:
         object.__setattr__(self, "labels", tuple(map(str, self.labels)))
         if self.labels and len(set(self.labels)) != len(self.options):
             raise DesignError(f"choice {self.name}: give each of its options a label of its own")
-        if self.right is not None and self.right not in self.options:
-            raise DesignError(f"choice {self.name}: {self.right!r} is none of its options")
-
-    def value(self, option: str) -> Scalar:
-        """Return what an option means."""
-        return option
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the columns an answer adds to a trial's row."""
-        given = Column(self.name, "", f"the option chosen: {', '.join(self.options)}")
-        if self.right is None:
-            return (given, *_how(self.name))
-        right = Column(f"{self.name}_is_right", "", "the option chosen is the right one")
-        return (given, *_how(self.name), right)
-
-    def more(self, option: str | None) -> dict[str, Scalar | None]:
-        """Return whether the answer is right, where an option is."""
-        if self.right is None:
-            return {}
-        return {f"{self.name}_is_right": None if option is None else option == self.right}
 
 
 @dataclass(frozen=True)
-class SideBySide:
+class SideBySide(_Response):
     """Which of two things shown beside each other; `left` and `right` say what stood there."""
 
-    name: str
     left: str
     right: str
     options: ClassVar[tuple[str, ...]] = ("left", "right")
     aggregate: ClassVar[str] = "share"
 
-    def __post_init__(self) -> None:
-        _check_name(self.name)
-
     def value(self, option: str) -> Scalar:
         """Return what stood on the side chosen."""
         return self.left if option == "left" else self.right
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the columns an answer adds to a trial's row."""
-        chosen = Column(self.name, "", "what stood on the side chosen")
-        return (chosen, *_how(self.name), Column(f"{self.name}_side", "", "the side chosen"))
 
     def more(self, option: str | None) -> dict[str, Scalar | None]:
         """Return the side chosen."""
         return {f"{self.name}_side": option}
 
+    @property
+    def _given(self) -> Column:
+        return Column(self.name, "", "what stood on the side chosen")
+
+    @property
+    def _further(self) -> tuple[Column, ...]:
+        return (Column(f"{self.name}_side", "", "the side chosen"),)
+
 
 @dataclass(frozen=True)
-class Text:
+class Text(_Response):
     """Free text, typed."""
 
-    name: str
     options: ClassVar[tuple[str, ...]] = ()
     aggregate: ClassVar[str] = ""
 
-    def __post_init__(self) -> None:
-        _check_name(self.name)
-
-    def value(self, option: str) -> Scalar:
-        """Return the text itself."""
-        return option
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the columns an answer adds to a trial's row."""
-        return (Column(self.name, "", "in the participant's words"), *_how(self.name))
-
-    def more(self, option: str | None) -> dict[str, Scalar | None]:
-        """Return what else an answer says; nothing here."""
-        return {}
+    @property
+    def _given(self) -> Column:
+        return Column(self.name, "", "in the participant's words")
 
 
 @dataclass(frozen=True)
-class Number:
+class Number(_Response):
     """A number, typed; missing when it is none or lies outside the bounds.
 
     With a `step` a page shows a slider from `low` to `high`, which has no place until it is moved.
     """
 
-    name: str
     unit: str = "1"
     low: float = float("-inf")
     high: float = float("inf")
@@ -169,7 +198,7 @@ class Number:
     aggregate: ClassVar[str] = "mean"
 
     def __post_init__(self) -> None:
-        _check_name(self.name)
+        super().__post_init__()
         bounded = float("-inf") < self.low < self.high < float("inf")
         if self.step < 0 or (self.step > 0 and not bounded):
             raise DesignError(f"number {self.name}: a slider needs low, high and a step above 0")
@@ -182,85 +211,59 @@ class Number:
             return None
         return number if self.low <= number <= self.high else None
 
-    def columns(self) -> tuple[Column, ...]:
-        """Return the columns an answer adds to a trial's row."""
-        typed = Column(f"{self.name}_typed", "", "the answer as it was typed")
-        return (Column(self.name, self.unit, "the number answered"), *_how(self.name), typed)
-
     def more(self, option: str | None) -> dict[str, Scalar | None]:
         """Return the answer as typed: nothing recorded is lost."""
         return {f"{self.name}_typed": option}
 
+    @property
+    def _given(self) -> Column:
+        return Column(self.name, self.unit, "the number answered")
+
+    @property
+    def _further(self) -> tuple[Column, ...]:
+        return (Column(f"{self.name}_typed", "", "the answer as it was typed"),)
+
 
 @dataclass(frozen=True)
-class Keys:
+class Keys(_Judged):
     """A press of one of `options` (controls of the response device), timed from the onset.
 
     No board appears: what is shown stays. `right` is the press that counts as correct, if any
     does; without a press within `limit_s` the answer is missing.
     """
 
-    name: str
     options: Sequence[str] = ("trigger",)
-    right: str | None = None
     limit_s: float = 3.0
-    aggregate: ClassVar[str] = "share"
+    _words = ("keys", "controls", "what was pressed")
 
     def __post_init__(self) -> None:
-        _check_name(self.name)
-        object.__setattr__(self, "options", tuple(map(str, self.options)))
+        super().__post_init__()
         if not self.options or not self.limit_s > 0:
             raise DesignError(f"keys {self.name}: name at least one control, and limit_s above 0")
-        if self.right is not None and self.right not in self.options:
-            raise DesignError(f"keys {self.name}: {self.right!r} is none of its controls")
-
-    def value(self, option: str) -> Scalar:
-        """Return the control itself."""
-        return option
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the columns an answer adds to a trial's row."""
-        given = Column(self.name, "", f"what was pressed: {', '.join(self.options)}")
-        if self.right is None:
-            return (given, *_how(self.name))
-        right = Column(f"{self.name}_is_right", "", "what was pressed is the right one")
-        return (given, *_how(self.name), right)
-
-    def more(self, option: str | None) -> dict[str, Scalar | None]:
-        """Return whether the press is right, where one is."""
-        if self.right is None:
-            return {}
-        return {f"{self.name}_is_right": None if option is None else option == self.right}
 
 
 @dataclass(frozen=True)
-class Pointing:
-    """A direction pointed at with a tracked hand, a controller or the head, then confirmed."""
+class Pointing(_Response):
+    """A direction pointed at with a tracked hand, a controller or the head, then confirmed.
 
-    name: str
+    What it comes to is known where the ray is.
+    """
+
+    limit_s: float = 30.0
     options: ClassVar[tuple[str, ...]] = ()
     aggregate: ClassVar[str] = ""
-    limit_s: float = 30.0
 
-    def __post_init__(self) -> None:
-        _check_name(self.name)
+    @property
+    def _given(self) -> Column:
+        said = "place of the nearest head within 10° of the ray; none: empty"
+        return Column(self.name, "", said)
 
-    def value(self, option: str) -> Scalar:
-        """Return the agent pointed at."""
-        return option
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the columns an answer adds to a trial's row."""
+    @property
+    def _further(self) -> tuple[Column, ...]:
         return (
-            Column(self.name, "", "place of the nearest head within 10° of the ray; none: empty"),
-            *_how(self.name),
             Column(f"{self.name}_yaw_deg", "deg", "direction pointed at, positive to the left"),
             Column(f"{self.name}_pitch_deg", "deg", "direction pointed at, positive upwards"),
         )
-
-    def more(self, option: str | None) -> dict[str, Scalar | None]:
-        """Return nothing: directions are added where the ray is known."""
-        return {}
 
 
 Response: TypeAlias = Rating | Choice | SideBySide | Text | Number | Keys | Pointing
@@ -269,18 +272,3 @@ Response: TypeAlias = Rating | Choice | SideBySide | Text | Number | Keys | Poin
 def labels_of(response: Response) -> tuple[str, ...]:
     """Return what the options are called on this occasion, by the names of their texts."""
     return tuple(getattr(response, "labels", ()) or response.options)
-
-
-def _how(name: str) -> tuple[Column, Column]:
-    return (
-        Column(
-            f"{name}_by",
-            "",
-            "how it was answered: ray, gaze, keys, keyboard, mouse, touch, pen or operator",
-        ),
-        Column(
-            f"{name}_ms",
-            "ms",
-            "from the frame that showed the question, or the first one of its film, to the answer",
-        ),
-    )

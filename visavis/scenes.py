@@ -4,7 +4,6 @@ A study writes `Scene("two_people", active="left", eyes="directed")`; a maker tu
 `Staged` scene: geometry, who is who in it (`roles`), and what changes from frame to frame.
 """
 
-import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -106,12 +105,17 @@ class WithEyes:
     roles: Mapping[str, int]
     eyes: EyeBehaviour
     observer_m: Vector = field(default_factory=lambda: np.array(PARTICIPANT_EYE_M))
+    step_m: float = FOLLOW_STEP_M
     _was_moving: bool = True
     _is_shown: bool = False
 
+    def look(self, eyes: EyeBehaviour) -> None:
+        """Let the eyes do otherwise from the next frame on."""
+        self.eyes, self._is_shown = eyes, False
+
     def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
         """Return the frame where eyes moved, or the participant did and somebody follows."""
-        changed = self._follow(view) or not self._is_shown
+        changed = self.follow(view) or not self._is_shown
         gaze, openness, moving = self.eyes.at(elapsed_ns, self.observer_m)
         if not (changed or moving or self._was_moving):
             return None
@@ -119,11 +123,12 @@ class WithEyes:
         distance_m = self.eyes.distance_m(elapsed_ns, self.observer_m)
         return SceneFrame(self.scene, view.t_ns, gaze, openness, gaze_distance_m=distance_m)
 
-    def _follow(self, view: FrameView) -> bool:
+    def follow(self, view: FrameView) -> bool:
+        """Take note of the participant's head; tell whether it moved enough to matter."""
         if not view.head_valid:
             return False
         moved = view.head.position_m - self.observer_m
-        if float(moved @ moved) < FOLLOW_STEP_M**2:
+        if float(moved @ moved) < self.step_m**2:
             return False
         self.observer_m = np.array(view.head.position_m, np.float64)
         return True
@@ -220,7 +225,7 @@ def audience(staging: Staging, *, active: str = "centre_middle", eyes: str = "di
     behaviour = EyeBehaviour.of_scene(scene, target_m=SPEAKER_EYE_M, blinks=blinks)
     who = PLACES.index(active)
     behaviour = behaviour.staring(who) if eyes == "directed" else behaviour
-    return WithEyes(scene, {"active": who, **_places(scene)}, behaviour)
+    return WithEyes(scene, {"active": who, **places(scene)}, behaviour)
 
 
 SCENES: Final[Mapping[str, Maker]] = {
@@ -250,13 +255,6 @@ def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
         raise DesignError(f"scene {name}: {str(error).partition('() ')[2] or error}") from error
 
 
-def loaded(maker: str) -> Maker:
-    """Import a maker named "module:function"."""
-    module, _, name = maker.partition(":")
-    found: Maker = getattr(importlib.import_module(module), name)
-    return found
-
-
 def gathered(
     staging: Staging, name: str, people: tuple[Standing, ...], active: str, eyes: str
 ) -> Staged:
@@ -269,7 +267,7 @@ def gathered(
     behaviour.targets_m[:] = past
     who = [p.place for p in people].index(active)
     behaviour = behaviour.staring(who) if eyes == "directed" else behaviour
-    return WithEyes(scene, {"active": who, **_places(scene)}, behaviour)
+    return WithEyes(scene, {"active": who, **places(scene)}, behaviour)
 
 
 def _beside(staging: Staging, sides: Mapping[str, Staged]) -> Staged:
@@ -283,7 +281,8 @@ def _beside(staging: Staging, sides: Mapping[str, Staged]) -> Staged:
     return gathered(staging, PAIR, tuple(people), people[0].place, "averted")
 
 
-def _places(scene: StageScene) -> dict[str, int]:
+def places(scene: StageScene) -> dict[str, int]:
+    """Return the index of everybody by their place."""
     return {agent.place: i for i, agent in enumerate(scene.agents)}
 
 

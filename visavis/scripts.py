@@ -22,7 +22,7 @@ from lab.errors import ConfigError, UsageError
 from recording.folder import SIMULATED_ROOT
 from recording.reader import Recording
 from visavis.analysis import StudyAnalysis
-from visavis.catalogue import AnyStudy, find_study
+from visavis.catalogue import find_study
 from visavis.opened import OpenedStudy
 from visavis.picture_delay import SETTING
 from visavis.sessions.plan_lock import read_lock, refuse_to_peek
@@ -100,7 +100,7 @@ class StudyData:
     """The data of a study: sessions, trials, participants, streams."""
 
     path: Path
-    study: AnyStudy = field(repr=False)
+    study: OpenedStudy = field(repr=False)
 
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
@@ -132,19 +132,14 @@ class StudyData:
 
     def _taken_in(self, how: Mapping[str, Any]) -> tuple[Any, ...]:
         counted, _ = one_per_participant(tuple(s.path for s in self.sessions))
-        if not isinstance(self.study, OpenedStudy):
-            return tuple(self.study.measure(Recording(path)) for path in counted)
         return tuple(self.study.measure(Recording(path), how) for path in counted)
 
     def trials(self) -> pd.DataFrame:
         """Return every trial, measured from the recordings; one row each.
 
-        For studies on the kit `is_analysed` says what counts and `left_out_because` why not.
+        `is_analysed` says what counts and `left_out_because` why not.
         """
-        if isinstance(self.study, OpenedStudy):
-            return self.analysis().selection.rows
-        rows: pd.DataFrame = pd.concat([i.rows for i in self._intakes], ignore_index=True)
-        return rows
+        return self.analysis().selection.rows
 
     def participants(self) -> pd.DataFrame:
         """Return one row per participant: answers and scores of the questionnaires."""
@@ -158,14 +153,9 @@ class StudyData:
         study are looked at before it is complete, which is recorded.
 
         Raises:
-            UsageError: the study is not on the kit, or its locked plan hides results for now.
+            UsageError: the study's locked plan hides results for now.
             DataError: there is no such rule, or no trial counts.
         """
-        if not isinstance(self.study, OpenedStudy):
-            raise UsageError(
-                f"{self.study.name} is analysed by its own rules: "
-                f"visavis.analyse({str(self.path)!r})"
-            )
         manifests = [s.recording.manifest for s in self.sessions]
         refuse_to_peek(
             self.path,

@@ -15,7 +15,7 @@ tables with their dictionaries, statistics, figures, report, power.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from protocol.columns import Column
 from protocol.design import BlockOrder, Design, Factor, TrialOrder
 from protocol.experiment import Demands
 from protocol.orders import Constraint
-from protocol.parameters import parameters_from
+from protocol.parameters import Range, parameters_from
 from protocol.participants import SimulatedParticipant
 from protocol.plan import SessionPlan, Trial
 from protocol.shown import Shown
@@ -69,7 +69,7 @@ FactsOf: TypeAlias = Callable[["pd.DataFrame"], "pd.DataFrame"]
 ViewsOf: TypeAlias = Callable[[Shown, "StudyExperiment"], Iterator[SceneFrame]]
 ScaledOf: TypeAlias = Callable[[int, int, float, "StudyExperiment"], SimulatedParticipant]
 QuickOf: TypeAlias = Callable[
-    ["StudyExperiment", SimulatedParticipant, "TrackerModel"],
+    ["StudyExperiment", Any, "TrackerModel"],
     Callable[[SessionPlan], Iterator[tuple[Trial, Mapping[str, Any]]]],
 ]
 FurtherOf: TypeAlias = Callable[["StudyAnalysis"], Any]
@@ -77,11 +77,18 @@ ConcludeOf: TypeAlias = Callable[["StudyAnalysis"], "Sequence[Conclusion]"]
 DemandsOf: TypeAlias = Callable[[Mapping[str, Any]], Demands]
 RolesOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[str]]
 PeopleOf: TypeAlias = Callable[[Mapping[str, Any]], int]
-PrepareOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[Callable[[], object]]]
-"""What is to be loaded or computed before a session, from the parameters: calls to be made."""
+PrepareOf: TypeAlias = Callable[["StudyExperiment"], Sequence[Callable[[], object]]]
+"""What is to be loaded or computed before a session: calls to be made."""
 
 AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
 """What a simulated person answers: the option (or text) for what was seen; None leaves it out."""
+
+
+class MeanSd(NamedTuple):
+    """A printed mean with its standard deviation over participants."""
+
+    mean: float
+    sd: float
 
 
 @dataclass(frozen=True)
@@ -122,7 +129,8 @@ class Study:
     """A study. Only name, title, factors and a trial are needed.
 
     `texts` names the folder of text files beside the study file. `parameters` are numbers, texts
-    and truths a lab may replace with `--set`; a trial reads them as attributes. `responses` need
+    and truths a lab may replace with `--set`; a trial reads them as attributes. `ranges` say what
+    they may be, and which levels of factors there are: `Within(0, 1)`, or names. `responses` need
     not be listed: they are found by reading the trial without performing it; list them where a
     trial asks only in some cases. `needs` and `uses` are roles of devices beside the headset;
     `spares` those without which the operator may go on (None: all used on which nothing rests).
@@ -161,6 +169,7 @@ class Study:
     cells: Sequence[str] = ()
     derived: Mapping[str, Callable[[Mapping[str, Any]], Scalar]] = field(default_factory=dict)
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    ranges: Mapping[str, Range] = field(default_factory=dict)
     texts: str | None = None
     responses: Sequence[Response] = ()
     columns: Sequence[Column] = ()
@@ -206,7 +215,6 @@ class Study:
     conclude_of: ConcludeOf | None = None
     film_of: FilmOf | None = None
     views_of: ViewsOf | None = None
-    older_of: Callable[[dict[str, Any]], dict[str, Any]] | None = None
     sections: list[SectionOf | str] = field(default_factory=list)
     """Makers of sections of the report; "module:function" for one that takes long to import."""
     makers: dict[str, Maker] = field(default_factory=dict)
@@ -244,7 +252,10 @@ class Study:
         return plan
 
     def intertrial(self, plan: IntertrialPlan) -> IntertrialPlan:
-        """Take a generator as what happens before a trial, darkness otherwise (a decorator)."""
+        """Take a generator as what happens before a trial, darkness otherwise (a decorator).
+
+        It begins at a frame (`t.now_ns`); how long it took is the row's `intertrial_ms`.
+        """
         self.intertrial_of = plan
         return plan
 
@@ -263,7 +274,7 @@ class Study:
     def prepare(self, prepare: PrepareOf) -> PrepareOf:
         """Take what is loaded or computed before a session (a decorator).
 
-        A function of the parameters returns it as calls without arguments, to be made in turn.
+        A function of the experiment returns it as calls without arguments, to be made in turn.
         """
         self.prepare_of = prepare
         return prepare
@@ -344,13 +355,6 @@ class Study:
         """Take a function as the maker of a section of the report (a decorator)."""
         self.sections.append(section)
         return section
-
-    def older(
-        self, older: Callable[[dict[str, Any]], dict[str, Any]]
-    ) -> Callable[[dict[str, Any]], dict[str, Any]]:
-        """Take a function as what leads parameters of older versions to today's (a decorator)."""
-        self.older_of = older
-        return older
 
     # ---- what follows ----
 

@@ -17,7 +17,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from analysis.report.notation import counted
-from lab.errors import DesignError, LabError, UsageError
+from lab.errors import DesignError, LabError
 from lab.geometry import Vector, unit
 from protocol.design import combinations_of
 from protocol.orders import Cell, Constraint
@@ -53,8 +53,6 @@ def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None 
         DesignError: listing everything that is wrong with it.
     """
     opened = OpenedStudy(study) if isinstance(study, Study) else find_study(str(study))
-    if not isinstance(opened, OpenedStudy):
-        raise UsageError(f"{opened.name} is not declared as a Study and cannot be checked this way")
     set_to = dict(parameters or {})
     problems: list[str] = []
     try:
@@ -213,6 +211,7 @@ def renamed(study: Study) -> Study:
         plan_of=told(study.trial_plan),
         intertrial_of=None if study.intertrial_of is None else told(study.intertrial_of),
         check_of=check_of,
+        ranges={k: v for k, v in study.ranges.items() if k not in new},
         prepare_of=None,  # which is only sooner
         compare=(),
         makers=dict(study.makers),

@@ -142,7 +142,6 @@ class TrialScript:
         self.is_read = False
         self._staged: Staged | None = None
         self._onset_ns = 0
-        self._dark_since: int | None = None
         self._names: dict[str, int] = {}
 
     def __getattr__(self, name: str) -> Any:
@@ -162,6 +161,11 @@ class TrialScript:
         return self.trial.is_practice
 
     @property
+    def now_ns(self) -> int:
+        """Session time of the present frame; 0 before the first."""
+        return 0 if self.view is None else self.view.t_ns
+
+    @property
     def session_memory(self) -> dict[str, Any]:
         """What earlier trials of this session left; a session that is resumed begins anew."""
         return self.settings.memory
@@ -173,8 +177,7 @@ class TrialScript:
 
     def rng(self, stream: int = 0) -> np.random.Generator:
         """Return chance for this trial: the same whenever the trial is performed again."""
-        key = (OWN_STREAM + stream,)
-        return np.random.default_rng(np.random.SeedSequence(self.trial.seed, spawn_key=key))
+        return self.trial.rng(OWN_STREAM + stream)
 
     def text(self, name: str, **values: Any) -> str:
         """Return one of the study's texts with its placeholders filled."""
@@ -314,7 +317,7 @@ class TrialScript:
         name = self.numbered(name)
         staged = self._stage(wanted, seconds, len(self._names), before.t_ns)
         self._staged, self._onset_ns = staged, before.t_ns
-        yield from _shown(staged.frame(before, 0))
+        yield from shown(staged.frame(before, 0))
         view = yield from self._frame()
         on_ns = self._onset_ns = view.t_ns
         self.row.setdefault("t_start_ns", on_ns)
@@ -326,9 +329,9 @@ class TrialScript:
             if until is not None and until(view):
                 off_ns = view.t_ns
                 break
-            if view.t_ns >= end_ns and _arrived(view, end_ns):
+            if view.t_ns >= end_ns and arrived(view, end_ns):
                 break
-            yield from _shown(staged.frame(view, view.t_ns - on_ns))
+            yield from shown(staged.frame(view, view.t_ns - on_ns))
             view = yield from self._frame()
         self.row |= {
             f"{name}_on_ns": on_ns,
@@ -349,8 +352,7 @@ class TrialScript:
         return answers
 
     def _stage(self, wanted: Scene, seconds: float, number: int, start_ns: int) -> Staged:
-        key = (SCENE_STREAM + number,)
-        rng = np.random.default_rng(np.random.SeedSequence(self.trial.seed, spawn_key=key))
+        rng = self.trial.rng(SCENE_STREAM + number)
         staging = Staging(rng, seconds, start_ns, self.settings.folder)
         return stage(wanted, staging, self.settings.makers)
 
@@ -562,15 +564,16 @@ def _nothing(view: FrameView) -> Show | None:
     return None
 
 
-def _shown(view: SceneFrame | None) -> Performing:
+def shown(view: SceneFrame | None) -> Performing:
+    """Show a frame where there is a new one."""
     if view is not None:
         yield Show(view)
 
 
-def _arrived(view: FrameView, end_ns: int) -> bool:
+def arrived(view: FrameView, end_ns: int, drain_ms: float = DRAIN_MS) -> bool:
     """Tell whether every gaze sample from before the end is here, or was waited for long enough."""
     stamps = view.gaze.t_ns
-    waited = view.t_ns >= end_ns + round(DRAIN_MS * NS_PER_MS)
+    waited = view.t_ns >= end_ns + round(drain_ms * NS_PER_MS)
     return waited or bool(stamps.shape[0] and stamps[-1] >= end_ns)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from analysis.gaze.quality import validate
 from analysis.gaze.turned import TurnedGaze, turned_gaze
 from protocol.experiment import ValidationPoint, ValidationVerdict
+from protocol.steps import known
 
 EYES: Final = ("combined", "left", "right")
 
@@ -25,12 +26,12 @@ def judge_validation(points: Sequence[ValidationPoint], rate_hz: float) -> Valid
                 {
                     "point": point.name,
                     "eye": eye,
-                    "accuracy_deg": _known(found.accuracy.of_mean_deg),
-                    "mean_of_samples_deg": _known(found.accuracy.mean_of_samples_deg),
-                    "right_deg": _known(found.accuracy.right_deg),
-                    "up_deg": _known(found.accuracy.up_deg),
-                    "rms_s2s_deg": _known(found.precision.rms_s2s_deg),
-                    "std_deg": _known(found.precision.std_deg),
+                    "accuracy_deg": known(found.accuracy.of_mean_deg),
+                    "mean_of_samples_deg": known(found.accuracy.mean_of_samples_deg),
+                    "right_deg": known(found.accuracy.right_deg),
+                    "up_deg": known(found.accuracy.up_deg),
+                    "rms_s2s_deg": known(found.precision.rms_s2s_deg),
+                    "std_deg": known(found.precision.std_deg),
                     "usable_ms": found.usable_ms,
                     "lost_01": found.lost_01,
                 }
@@ -43,9 +44,9 @@ def judge_validation(points: Sequence[ValidationPoint], rate_hz: float) -> Valid
         if combined.passed
         else _why_not(combined.accuracy_deg, combined.worst_deg, turned),
         is_turned=turned is not None and turned.kind in ("mirrored", "rolled"),
-        accuracy_deg=_known(combined.accuracy_deg),
-        worst_point_deg=_known(combined.worst_deg),
-        precision_deg=_known(combined.rms_s2s_deg),
+        accuracy_deg=known(combined.accuracy_deg),
+        worst_point_deg=known(combined.worst_deg),
+        precision_deg=known(combined.rms_s2s_deg),
         lost_01=combined.lost_01 if np.isfinite(combined.lost_01) else 1.0,
         rows=tuple(rows),
     )
@@ -57,7 +58,3 @@ def _why_not(accuracy_deg: float, worst_deg: float, turned: TurnedGaze | None) -
     if turned is not None:
         return f"mean error {accuracy_deg:.2f}°, {turned.sentence()}"
     return f"mean error {accuracy_deg:.2f}°, worst target {worst_deg:.2f}°, or too little gaze"
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

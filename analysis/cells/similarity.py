@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from analysis.cells.errors import CellError, TooFewPeople
 from analysis.cells.triangulation import Cell
-from analysis.cells.walk import CellPath
 from lab.geometry import Vector
 
 Variant: TypeAlias = Literal["union", "frequency", "pairs"]
@@ -239,11 +238,6 @@ def _mean_of_known(values: Vector, axis: int) -> Vector:
     count = known.sum(axis=axis)
     mean: Vector = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     return mean
-
-
-def cell_sets(paths: Iterable[CellPath]) -> list[frozenset[Cell]]:
-    """Return the set of cells of each path."""
-    return [path.cell_set for path in paths]
 
 
 class Visits:

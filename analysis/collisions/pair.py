@@ -118,16 +118,6 @@ def longest_side(low_m: Vector, high_m: Vector) -> int:
 
 
 @compiled
-def shortest_side(low_m: Vector, high_m: Vector) -> int:
-    """Return the axis along which a box is shortest."""
-    axis = 0
-    for k in range(1, 3):
-        if high_m[k] - low_m[k] < high_m[axis] - low_m[axis]:
-            axis = k
-    return axis
-
-
-@compiled
 def measure_box(
     vertices_a: Vector,
     faces_a: Faces,

@@ -1,13 +1,13 @@
 """Gaze samples with where each fell in the scene, as the session records them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from analysis.gaze.aoi import LOST
+from analysis.gaze.aoi import LOST, aoi_of_samples
 from analysis.gaze.loss import frozen_samples
 from lab.errors import DataError
 from recording.reader import Recording
@@ -58,17 +58,18 @@ class GazeTargets:
         first, last = (int(inside[0]), int(inside[-1])) if inside.size else (0, -1)
         if inside.size and first > 0 and self.t_ns[first - 1] < start_ns:
             first -= 1
-        part = slice(first, last + 1)
-        return replace(
-            self,
-            t_ns=self.t_ns[part],
-            valid=self.valid[part],
-            direction_world=self.direction_world[part],
-            angle_deg=self.angle_deg[part],
-            radius_deg=self.radius_deg[part],
-            pad_limit_deg=self.pad_limit_deg[part],
-            hit=self.hit[part],
-            direction_head=None if self.direction_head is None else self.direction_head[part],
+        return self.rows(slice(first, last + 1))
+
+    def rows(self, chosen: slice | npt.NDArray[Any]) -> Self:
+        """Return some of the samples."""
+        columns = [(f.name, getattr(self, f.name)) for f in fields(self)]
+        cut: dict[str, Any] = {k: v if v is None else v[chosen] for k, v in columns}
+        return replace(self, **cut)
+
+    def areas(self, pad_deg: float) -> npt.NDArray[np.int16]:
+        """Return whose head (n,) each sample is on by the padded rule; see `aoi_of_samples`."""
+        return aoi_of_samples(
+            self.angle_deg, self.radius_deg, self.pad_limit_deg, self.hit, pad_deg=pad_deg
         )
 
 

@@ -8,7 +8,6 @@ import typer
 
 from cli.app import ConfigOption, app, console, load_lab, say
 from cli.studies import study_of_lab
-from visavis.deriving import study_to_derive_from
 from visavis.new_study import new_study
 
 
@@ -29,7 +28,7 @@ def new(
     source = None
     if base is not None:
         lab = load_lab(config, only_simulates=True, quiet=True)
-        source = study_to_derive_from(study_of_lab(base, lab))
+        source = study_of_lab(base, lab).study
     for path in new_study(name, folder, source):
         say(f"wrote [b]{path}[/]")
     file = shlex.quote(f"./{(folder / name).as_posix()}.py")

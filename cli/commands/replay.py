@@ -23,7 +23,6 @@ from cli.studies import session_of
 from cli.telling import TELLING, Forecast
 from lab.errors import UsageError
 from recording.kept import KeptRecording
-from visavis.catalogue import AnyStudy
 from visavis.opened import OpenedStudy
 from visavis.sessions.study_folder import study_of_folder
 
@@ -96,7 +95,7 @@ def replay(
     say(f"written [b]{verbatim(video)}[/], {n / rate:.1f} s")
 
 
-def _verify(recording: KeptRecording, study: AnyStudy, config: Path | None) -> None:
+def _verify(recording: KeptRecording, study: OpenedStudy, config: Path | None) -> None:
     from cli.commands.checking import EXIT_RED
     from visavis.sessions.verifying import verify
 

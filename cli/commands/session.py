@@ -41,7 +41,6 @@ from protocol.operator import Operator, UnattendedOperator
 from protocol.plan import SessionPlan
 from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from recording.reader import Recording
-from visavis.catalogue import AnyStudy
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
 from visavis.sessions.data_root import require_space
@@ -240,7 +239,7 @@ def run(
     )  # fmt: skip
 
 
-def where_performed(study: AnyStudy, on: str | None) -> str:
+def where_performed(study: OpenedStudy, on: str | None) -> str:
     """Return where a session is performed: as asked, or as the study says.
 
     Raises:
@@ -248,8 +247,7 @@ def where_performed(study: AnyStudy, on: str | None) -> str:
     """
     if on not in (None, "lab", "browser"):
         raise UsageError(f"--on takes lab or browser, not {on!r}")
-    declared = study.study.on if isinstance(study, OpenedStudy) else "lab"
-    return on or declared
+    return on or study.study.on
 
 
 def _session_dir(here: StudyHere, entry: Participant, session: int) -> Path:

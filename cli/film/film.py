@@ -38,7 +38,7 @@ from recording.reader import Recording
 from stimuli.camera.shots import ShotSize
 from stimuli.dressing.picture_of import picture_of
 from stimuli.picture import Camera, Picture
-from visavis.catalogue import AnyStudy
+from visavis.opened import OpenedStudy
 
 RING_PX: Final = 16
 RING: Final = (255, 190, 40)
@@ -68,7 +68,7 @@ class Filmed:
 
 
 def write_film(
-    study: AnyStudy,
+    study: OpenedStudy,
     recording: Recording,
     trial_id: str,
     video: Path,

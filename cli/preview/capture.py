@@ -20,7 +20,8 @@ from protocol.experiment import Experiment
 from protocol.plan import SessionPlan, Trial
 from stage.contracts import GeometryStage, Stage, Viewer
 from stimuli.scene import SceneFrame
-from visavis.catalogue import AnyStudy
+from visavis.experiment import StudyExperiment
+from visavis.opened import OpenedStudy
 from visavis.sessions.perform import perform_new, simulated_request
 
 
@@ -107,7 +108,7 @@ class Capture:
     """
 
     def __init__(
-        self, study: AnyStudy, config: LabConfig, *, number: int, index: int, seed: int,
+        self, study: OpenedStudy, config: LabConfig, *, number: int, index: int, seed: int,
         following: int = 0,
     ) -> None:  # fmt: skip
         self._study, self._config, self._index, self._seed = study, config, index, seed
@@ -133,7 +134,7 @@ class Capture:
         with tempfile.TemporaryDirectory(prefix="preview") as folder:
             request = simulated_request(
                 self._study,
-                cast(Experiment, _FewTrials(self._experiment, self._wanted)),
+                cast(StudyExperiment, _FewTrials(self._experiment, self._wanted)),
                 self._config.model_copy(update={"data_root": Path(folder)}),
                 label=f"{self._index:02d}",
                 index=self._index,

@@ -27,7 +27,7 @@ from stimuli.camera.shots import ShotSize
 from stimuli.dressing.picture_of import picture_of
 from stimuli.picture import Picture
 from stimuli.scene import Agent
-from visavis.catalogue import AnyStudy
+from visavis.opened import OpenedStudy
 
 SAMPLES_PER_S: Final = 20
 """How often a trial's scene is looked at; poses between keys are interpolated."""
@@ -57,7 +57,7 @@ class _Times:
 
 
 def page_content(
-    study: AnyStudy,
+    study: OpenedStudy,
     recording: KeptRecording,
     wanted: Sequence[str],
     on_trial: Callable[[int, int], None] | None = None,
@@ -266,7 +266,7 @@ class _Sample:
     agents: tuple[Agent, ...]
 
 
-def _sampled(study: AnyStudy, trial: RecordedTrial) -> list[_Sample]:
+def _sampled(study: OpenedStudy, trial: RecordedTrial) -> list[_Sample]:
     """Return what was shown at even times of a trial."""
     start_ns, end_ns = trial.span_ns
     found = []

@@ -90,26 +90,13 @@ def film_walk(
         title=title,
         is_simulated=is_simulated,
     )
-    steps = film_steps(walk, rate_hz, seconds)
+    steps = walk.steps_at(rate_hz, np.inf if seconds is None else seconds)
     with open_movie(video, painter.size_px, rate_hz) as film:
         for k, frame in enumerate(frames(walk, steps, spans)):
             film.add(painter.paint(frame))
             if on_frame is not None:
                 on_frame(k + 1, len(steps))
     return len(steps)
-
-
-def film_steps(walk: Walk, rate_hz: int, seconds: float | None) -> npt.NDArray[np.int64]:
-    """Return the steps of a walk that are drawn."""
-    since_s = walk.crowd_t_s
-    length_s = float(since_s[-1] - since_s[0])
-    if seconds is not None:
-        length_s = min(length_s, seconds)
-    times = since_s[0] + np.arange(0.0, length_s + 1e-9, 1 / rate_hz)
-    found: npt.NDArray[np.int64] = np.clip(
-        np.searchsorted(since_s, times - 1e-6), 0, len(since_s) - 1
-    )
-    return found
 
 
 def frames(walk: Walk, steps: npt.NDArray[np.int64], spans: list[Span]) -> Iterator[FilmFrame]:

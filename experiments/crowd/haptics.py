@@ -74,7 +74,6 @@ class ContactAnswer:
         self._renewed_after_ns = max(0, self._pattern_ns - RENEW_BEFORE_NS - self._period_ns)
         self._next_ns = 0
         self._running: dict[str, tuple[int, tuple[int, ...]]] = {}
-        self.contact_samples = 0
 
     @property
     def is_silent(self) -> bool:
@@ -106,7 +105,6 @@ class ContactAnswer:
         touches = self._sensor.touches(starts, ends, self._body.radius_m, crowd_t_s)
         if not touches and not self._running:
             return []
-        self.contact_samples += bool(touches)
         at, turn = position_m[self._index], orientation_wxyz[self._index]
         return list(self._orders(t_ns, touches, at, turn))
 

@@ -1,8 +1,7 @@
 """From the recording of one walk to its measures: one row, its collisions, its gap crossings."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, get_args
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from experiments.crowd.tracking import named_durations
 from lab.clock import NS_PER_S
 from lab.errors import ConfigError, UsageError
 from lab.geometry import Vector
+from protocol.steps import known
 from stimuli.scenes.station_crowd import BOARD_M, Crowd, in_room
 
 JITTER_SEED: Final = 20200
@@ -41,35 +41,11 @@ class MeasureParameters:
             raise UsageError(
                 f"narrow_gap_m is {self.narrow_gap_m}; give a number of metres above 0"
             )
+        if self.surface == "capsules" and self.rule != "volume":
+            raise ConfigError("capsules are measured by rule volume alone; choose another surface")
 
 
 DEFAULT_MEASURES: Final = MeasureParameters()
-
-
-def measure_parameters(settings: Mapping[str, Any]) -> MeasureParameters:
-    """Return how to measure, from settings by name; what is left out stays as usual.
-
-    Raises:
-        ConfigError: a name or a value does not exist.
-        UsageError: a value is out of range.
-    """
-    known: dict[str, tuple[str, ...]] = {"rule": get_args(Rule), "surface": get_args(Surface)}
-    for name, value in settings.items():
-        if name not in (*known, "narrow_gap_m"):
-            raise ConfigError(
-                f"a crowd study is not measured by {name!r}; it takes {', '.join(known)} and "
-                "narrow_gap_m"
-            )
-        if name in known and value not in known[name]:
-            raise ConfigError(f"{name}={value} does not exist; choose {', '.join(known[name])}")
-        if name == "narrow_gap_m" and (
-            isinstance(value, bool) or not isinstance(value, int | float)
-        ):
-            raise ConfigError(f"narrow_gap_m is {value!r}; give a number of metres")
-    found = MeasureParameters(**settings)
-    if found.surface == "capsules" and found.rule != "volume":
-        raise ConfigError("capsules are measured by rule volume alone; choose another surface")
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +145,7 @@ def measure_walk(
         "shoulders_to_way_deg": _mean([c["shoulders_to_way_deg"] for c in crossings]),
         "speed_m_s": gait.speed_m_s,
         "speed_whole_m_s": gait.speed_whole_m_s,
-        "path_m": gait.path_m if np.isfinite(gait.path_m) else None,
+        "path_m": known(gait.path_m),
         "time_s": gait.time_s,
         "stop_s": gait.stop_s,
         "hesitations": gait.hesitations,
@@ -226,5 +202,5 @@ def _apart(positions_m: Vector, edge: tuple[int, int]) -> float:
 
 
 def _mean(values: list[float]) -> float | None:
-    known = [v for v in values if np.isfinite(v)]
-    return float(np.mean(known)) if known else None
+    finite = [v for v in values if np.isfinite(v)]
+    return float(np.mean(finite)) if finite else None

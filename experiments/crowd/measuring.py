@@ -10,7 +10,6 @@ from experiments.crowd.columns import TABLES
 from experiments.crowd.measures import (
     DEFAULT_MEASURES,
     MeasureParameters,
-    measure_parameters,
     measure_walk,
 )
 from experiments.crowd.pulses import pulse_rows
@@ -97,7 +96,6 @@ def narrow_gaps(row: dict[str, Any], crossings: Rows, narrow_gap_m: float) -> di
 
 PIECES: Final = Pieces(
     how=DEFAULT_MEASURES,
-    read_how=measure_parameters,
     trials=trials_of,
     measure=measure_trial,
     version=VERSION,

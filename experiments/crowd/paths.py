@@ -23,6 +23,7 @@ from analysis.statistics import Equivalence, tost_one_sample, tost_paired
 from analysis.statistics.errors import StatisticsError
 from experiments.crowd.comparisons import PAIRS, PathThresholds
 from experiments.crowd.design import CONDITIONS, CONTROL_GROUP
+from lab.chance import generator
 from lab.geometry import Vector
 from visavis.analysis import StudyAnalysis
 
@@ -228,10 +229,9 @@ def _within(
             block = _known([cells.get((condition, configuration, p)) for p in people])
             if len(block) < 2:
                 continue
-            seed = np.random.SeedSequence(parameters.splits_seed, spawn_key=(number, configuration))
             split = within_block(
                 block,
-                np.random.default_rng(seed),
+                generator(parameters.splits_seed, number, configuration),
                 variant=variant,
                 n_splits=parameters.n_splits,
             )
@@ -246,10 +246,9 @@ def _fair(
     n = len(crowds[0][0]) if crowds else 0
     if n < MIN_PEOPLE:
         return None, f"{n} people; halves need {MIN_PEOPLE}"
-    rng = np.random.default_rng(np.random.SeedSequence(parameters.splits_seed, spawn_key=(9,)))
     compared = compare_blocks_together(
         crowds,
-        rng,
+        generator(parameters.splits_seed, 9),
         variant=variant,
         n_splits=parameters.n_splits,
         n_permutations=parameters.n_permutations,

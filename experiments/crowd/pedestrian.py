@@ -6,7 +6,7 @@ Ground plane for PedPy: x to the right, y away from the start (our −z), metres
 import importlib
 import importlib.util
 import sqlite3
-from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -124,11 +124,10 @@ def write_pedpy_files(walk: Walk, folder: Path, name: str) -> list[Path]:
     table = trajectory_table(walk)
     wkt = _room(_flat(walk.place_m[np.isfinite(walk.place_m).all(axis=1)]))
     text = folder / f"{name}.txt"
-    lines = [f"# framerate: {EXPORT_HZ:g} fps", "# id frame x/m y/m z/m"]
-    lines += [
-        f"{r.id:d} {r.frame:d} {r.x:.6f} {r.y:.6f} {r.z:.6f}" for r in table.itertuples(index=False)
-    ]
-    text.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    np.savetxt(
+        text, table[["id", "frame", "x", "y", "z"]], ("%d", "%d", "%.6f", "%.6f", "%.6f"),
+        header=f"framerate: {EXPORT_HZ:g} fps\nid frame x/m y/m z/m", encoding="utf-8",
+    )  # fmt: skip
     sqlite = folder / f"{name}.sqlite"
     _write_sqlite(sqlite, table, wkt)
     written = [text, sqlite]
@@ -140,11 +139,9 @@ def write_pedpy_files(walk: Walk, folder: Path, name: str) -> list[Path]:
 def trajectory_table(walk: Walk) -> pd.DataFrame:
     """Return id, frame, x, y, z (of the head), ori_x, ori_y of everybody, 25 frames a second."""
     since = walk.crowd_t_s
-    times = since[0] + np.arange(0.0, float(since[-1] - since[0]) + 1e-9, 1 / EXPORT_HZ)
-    steps = np.clip(np.searchsorted(since, times - 1e-6), 0, len(since) - 1)
     parts = []
     across = walk.joint("right_upper_arm") - walk.joint("left_upper_arm")
-    for frame, step in enumerate(steps.tolist()):
+    for frame, step in enumerate(walk.steps_at(EXPORT_HZ).tolist()):
         joints, _ = crowd_poses(walk.people, float(since[step]))
         yaw = walk.crowd.yaw_rad
         crowd = np.column_stack(
@@ -172,49 +169,27 @@ def trajectory_table(walk: Walk) -> pd.DataFrame:
 
 def _write_sqlite(path: Path, table: pd.DataFrame, wkt: str) -> None:
     path.unlink(missing_ok=True)
-    bounds: Mapping[str, float] = {
-        "xmin": table["x"].min(), "xmax": table["x"].max(),
-        "ymin": table["y"].min(), "ymax": table["y"].max(),
-    }  # fmt: skip
-    connection = sqlite3.connect(path)
-    try:
-        with connection:
-            connection.execute(
-                "CREATE TABLE trajectory_data (frame INTEGER NOT NULL, id INTEGER NOT NULL, "
-                "pos_x REAL NOT NULL, pos_y REAL NOT NULL, ori_x REAL NOT NULL, "
-                "ori_y REAL NOT NULL)"
-            )
-            connection.execute(
-                "CREATE TABLE metadata (key TEXT NOT NULL UNIQUE PRIMARY KEY, value TEXT NOT NULL)"
-            )
-            connection.execute("CREATE TABLE geometry (hash INTEGER NOT NULL, wkt TEXT NOT NULL)")
-            connection.execute(
-                "CREATE TABLE frame_data (frame INTEGER NOT NULL, geometry_hash INTEGER NOT NULL)"
-            )
-            rows = table[["frame", "id", "x", "y", "ori_x", "ori_y"]].itertuples(index=False)
-            connection.executemany(
-                "INSERT INTO trajectory_data VALUES (?, ?, ?, ?, ?, ?)",
-                [(int(r[0]), int(r[1]), *map(float, r[2:])) for r in rows],
-            )
-            meta = {"version": "2", "fps": f"{EXPORT_HZ:g}"} | {
-                k: repr(float(v)) for k, v in bounds.items()
-            }
-            connection.executemany("INSERT INTO metadata VALUES (?, ?)", meta.items())
-            connection.execute("INSERT INTO geometry VALUES (1, ?)", (wkt,))
-            connection.executemany(
-                "INSERT INTO frame_data VALUES (?, 1)",
-                [(int(f),) for f in sorted(set(table["frame"]))],
-            )
-    finally:
-        connection.close()
+    at = table.rename(columns={"x": "pos_x", "y": "pos_y"})
+    meta = {"version": "2", "fps": f"{EXPORT_HZ:g}"} | {
+        f"{axis}{end}": repr(float(getattr(table[axis], end)()))
+        for axis in ("x", "y")
+        for end in ("min", "max")
+    }
+    frames = pd.DataFrame({"frame": sorted(set(table["frame"])), "geometry_hash": 1})
+    tables = {
+        "trajectory_data": at[["frame", "id", "pos_x", "pos_y", "ori_x", "ori_y"]],
+        "metadata": pd.DataFrame(list(meta.items()), columns=["key", "value"]),
+        "geometry": pd.DataFrame({"hash": [1], "wkt": [wkt]}),
+        "frame_data": frames,
+    }
+    with closing(sqlite3.connect(path)) as connection:
+        for name, rows in tables.items():
+            rows.to_sql(name, connection, index=False)
 
 
 def _write_hdf5(path: Path, table: pd.DataFrame, wkt: str) -> Path:
     h5py: Any = importlib.import_module("h5py")
-    kind = np.dtype([("id", "<i8"), ("frame", "<i8"), ("x", "<f8"), ("y", "<f8"), ("z", "<f8")])
-    data = np.empty(len(table), kind)
-    for name in kind.names or ():
-        data[name] = table[name]
+    data = table[["id", "frame", "x", "y", "z"]].to_records(index=False)
     with h5py.File(path, "w") as file:
         stored = file.create_dataset("trajectory", data=data)
         stored.attrs["fps"] = EXPORT_HZ

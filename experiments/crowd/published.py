@@ -7,12 +7,12 @@ IEEE TVCG 2020 (10.1109/TVCG.2020.3041341), as told in A. Jovane's thesis (Unive
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
 from experiments.crowd.design import AFTER, BEFORE, HAPTIC, HAPTICS_GROUP
-from visavis.compare import Published, published_f
-from visavis.study import Source
+from visavis.compare import published_f
+from visavis.pairs import Printed
+from visavis.study import MeanSd, Source
 
 CITATION: Final = (
     "Berton, F., et al. (2020). Crowd navigation in VR: exploring haptic rendering of collisions. "
@@ -20,15 +20,6 @@ CITATION: Final = (
     "in Jovane, A. (2023), thesis, Université de Rennes, section 4.3 and appendix B."
 )
 PARTICIPANTS: Final = 23
-TRIALS_PER_BLOCK: Final = 8
-
-
-@dataclass(frozen=True)
-class MeanSd:
-    """Mean and standard deviation over participants."""
-
-    mean: float
-    sd: float
 
 
 MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
@@ -55,17 +46,17 @@ MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
 }
 """By column and block; the volume of the last block is drawn but not printed."""
 
-TESTS: Final[Mapping[str, Published]] = {
+TESTS: Final[Mapping[str, Printed]] = {
     "collisions": published_f("7.13", 2, 44, p="0.002", eta2p="0.25", is_significant=True),
     "max_volume_dm3": published_f("4.35", 2, 44, p="0.019", eta2p="0.16", is_significant=True),
     "shoulders_to_gap_deg": published_f(
         "13.0", 2, 44, p="<0.001", eta2p="0.37", is_significant=True
     ),
-    "speed_m_s": Published("F(1.56, 34.2) = 7.14, p = .005, η²p = .245", True, 7.14),
-    "agency": Published("p = .438", False),
-    "change": Published("p = .085", False),
-    "ownership": Published("p = .753", False),
-    "presence": Published("p = .222", False),
+    "speed_m_s": Printed(True, statistic=7.14, text="F(1.56, 34.2) = 7.14, p = .005, η²p = .245"),
+    "agency": Printed(False, text="p = .438"),
+    "change": Printed(False, text="p = .085"),
+    "ownership": Printed(False, text="p = .753"),
+    "presence": Printed(False, text="p = .222"),
 }
 """The tests over the three blocks."""
 DIFFERENT: Final[Mapping[str, Mapping[tuple[str, str], float | None]]] = {
@@ -99,12 +90,4 @@ INCONSISTENCIES: Final = (
     "by the true common volume cannot be compared with the printed ones without a look at the rule",
 )
 
-SOURCE: Final = Source(
-    CITATION,
-    PARTICIPANTS,
-    {
-        column: {condition: (printed.mean, printed.sd) for condition, printed in means.items()}
-        for column, means in MEANS.items()
-    },
-    only={"group": HAPTICS_GROUP},
-)
+SOURCE: Final = Source(CITATION, PARTICIPANTS, MEANS, only={"group": HAPTICS_GROUP})

@@ -29,10 +29,6 @@ def pulse_rows(recording: Recording) -> list[dict[str, Any]]:
     when a motor had reached 63 %: the band's own time of applying it, on the host's clock by the
     envelope of its answers, and the modelled rise. `held_ms` is how long the contact lasted.
     """
-    events = recording.events()
-    begins = events[events["name"].isin(["contact_begin", "contact_end"])]
-    rows: list[dict[str, Any]] = []
-    open_at: dict[tuple[int, str], dict[str, Any]] = {}
     commands = {
         (part.number, role): _commands(recording, part.number, role)
         for part in recording.manifest.parts
@@ -40,63 +36,44 @@ def pulse_rows(recording: Recording) -> list[dict[str, Any]]:
         if f"haptics_{role}" in recording.stream_names
     }
     attempt_at = _attempts(recording)
-    for event in begins.to_dict("records"):
-        payload = event["payload"]
-        part, role = int(event["recording_part"]), str(payload["role"])
-        if not payload["vibrates"]:
-            continue
-        if event["name"] == "contact_end":
-            row = open_at.pop((part, role), None)
-            if row is not None:
-                row["held_ms"] = (int(payload["t_contact_ns"]) - row["t_contact_ns"]) / NS_PER_MS
-            continue
-        contact_ns = int(payload["t_contact_ns"])
+    rows: list[dict[str, Any]] = []
+    next_ns: dict[tuple[int, str], int] = {}
+    driven = [span for span in contact_spans(recording) if span["vibrates"]]
+    for span in reversed(driven):  # a command belongs to the contact that began last before it
+        part, role, begin_ns, end_ns = (
+            span[name] for name in ("recording_part", "role", "begin_ns", "end_ns")
+        )
         row = {
             "recording_part": part,
-            "trial_id": payload["trial_id"],
-            "attempt": attempt_at(part, str(payload["trial_id"]), contact_ns),
+            "trial_id": span["trial_id"],
+            "attempt": attempt_at(part, span["trial_id"], begin_ns),
             "role": role,
-            "segment": payload["segment"],
-            "person": payload["person"],
-            "motors": payload["motors"],
-            "t_contact_ns": contact_ns,
-            "held_ms": None,
+            "segment": span["segment"],
+            "person": span["person"],
+            "motors": span["motors"],
+            "t_contact_ns": begin_ns,
+            "held_ms": None if end_ns is None else (end_ns - begin_ns) / NS_PER_MS,
         }
-        rows.append(row)
-        open_at[part, role] = row
-    next_ns: dict[tuple[int, str], int] = {}
-    for row in reversed(rows):  # a command belongs to the contact that began last before it
-        key, contact_ns = (row["recording_part"], row["role"]), row["t_contact_ns"]
-        row |= _fate(commands.get(key), contact_ns, next_ns.get(key))
-        next_ns[key] = contact_ns
-    return rows
+        rows.append(row | _fate(commands.get((part, role)), begin_ns, next_ns.get((part, role))))
+        next_ns[part, role] = begin_ns
+    return rows[::-1]
 
 
 def contact_spans(recording: Recording) -> list[dict[str, Any]]:
-    """Return one row per contact on a band's segment: role, begin_ns, end_ns, trial, vibrates.
-
-    `end_ns` is None where the contact's end was not recorded.
+    """Return one row per contact on a band's segment: what was recorded of its beginning, with
+    `recording_part`, `begin_ns` and `end_ns`, None where the contact's end was not recorded.
     """
     events = recording.events()
     rows: list[dict[str, Any]] = []
     open_at: dict[tuple[int, str], dict[str, Any]] = {}
     for event in events[events["name"].isin(["contact_begin", "contact_end"])].to_dict("records"):
-        payload = event["payload"]
-        key = (int(event["recording_part"]), str(payload["role"]))
-        if event["name"] == "contact_end":
-            row = open_at.pop(key, None)
-            if row is not None:
-                row["end_ns"] = int(payload["t_contact_ns"])
-            continue
-        row = {
-            "role": key[1],
-            "trial_id": str(payload["trial_id"]),
-            "begin_ns": int(payload["t_contact_ns"]),
-            "end_ns": None,
-            "vibrates": bool(payload["vibrates"]),
-        }
-        rows.append(row)
-        open_at[key] = row
+        payload, part = event["payload"], int(event["recording_part"])
+        key, t_ns = (part, str(payload["role"])), int(payload["t_contact_ns"])
+        if event["name"] == "contact_begin":
+            rows.append({**payload, "recording_part": part, "begin_ns": t_ns, "end_ns": None})
+            open_at[key] = rows[-1]
+        elif key in open_at:
+            open_at.pop(key)["end_ns"] = t_ns
     return rows
 
 
@@ -118,14 +95,8 @@ def _attempts(recording: Recording) -> Callable[[int, str, int], int | None]:
 
 def _commands(recording: Recording, part: int, role: str) -> pd.DataFrame:
     arrays = recording.stream_arrays(f"haptics_{role}", part=part)
-    table = pd.DataFrame(
-        {
-            name: arrays[name]
-            for name in (
-                "kind", "t_commanded_ns", "t_sent_ns", "acknowledged", "t_device_ns", "t_host_ns"
-            )
-        }
-    )  # fmt: skip
+    names = ("kind", "t_commanded_ns", "t_sent_ns", "acknowledged", "t_device_ns", "t_host_ns")
+    table = pd.DataFrame({name: arrays[name] for name in names})
     heard = table["acknowledged"].to_numpy()
     device = table["t_device_ns"].to_numpy(np.int64)
     host = np.full(len(table), np.nan)
@@ -143,13 +114,8 @@ def _commands(recording: Recording, part: int, role: str) -> pd.DataFrame:
 def _fate(
     commands: pd.DataFrame | None, contact_ns: int, next_ns: int | None = None
 ) -> dict[str, Any]:
-    nothing = {
-        "commanded_ms": None,
-        "sent_ms": None,
-        "acknowledged_ms": None,
-        "risen_ms": None,
-        "acknowledged": False,
-    }
+    times = ("commanded_ms", "sent_ms", "acknowledged_ms", "risen_ms")
+    nothing = {**dict.fromkeys(times), "acknowledged": False}
     if commands is None or commands.empty:
         return nothing
     asked = commands["t_commanded_ns"].to_numpy(np.int64)

@@ -26,14 +26,13 @@ from protocol.questionnaires import Questionnaire, score
 from stimuli.contact.body import ARM_JOINTS, BODY_JOINTS, capsule_body
 from stimuli.contact.figures import crowd_figures
 from stimuli.contact.touch import REACH_M, rows_touching
-from stimuli.scenes.station_crowd import CrowdFrame, CrowdScene, can_read, station_crowd
+from stimuli.scenes.station_crowd import CrowdScene, can_read, station_crowd, station_frame
 from visavis.quick import answers_of
 
 STEP_NS: Final = 50 * NS_PER_MS
 LOOK_NS: Final = 250 * NS_PER_MS
 REST_NS: Final = 4 * NS_PER_S
 FELT: Final = "arms"
-_NO_GAZE = np.empty((0, 3))
 
 
 def quick_trials(
@@ -89,12 +88,7 @@ def quick_walk(
     x, z = 0.0, 0.0
     while not participant.is_home and t_ns < limit_ns:
         seen = "1" if positions and can_read(x, z) else None
-        participant.see(
-            CrowdFrame(
-                scene, t_ns, _NO_GAZE, _NO_GAZE[:, 0], crowd_t_ns=t_ns - start_ns, track=seen
-            ),
-            t_ns,
-        )
+        participant.see(station_frame(scene, t_ns, t_ns - start_ns, seen), t_ns)
         at, turn = participant.segments(BODY_JOINTS, t_ns + offsets)
         positions.append(at)
         turns.append(turn)

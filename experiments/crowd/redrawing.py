@@ -3,15 +3,11 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
-
 from experiments.crowd.replay import crowd_from_record
 from lab.errors import DataError
 from protocol.shown import Shown
 from stimuli.scene import SceneFrame
-from stimuli.scenes.station_crowd import EMPTY_STATION, CrowdFrame, CrowdScene, can_read
-
-_NO_GAZE, _NO_EYES = np.empty((0, 3)), np.empty(0)
+from stimuli.scenes.station_crowd import EMPTY_STATION, CrowdScene, can_read, station_frame
 
 
 def views_of(shown: Shown) -> Iterator[SceneFrame]:
@@ -22,7 +18,7 @@ def views_of(shown: Shown) -> Iterator[SceneFrame]:
     """
     name = str(shown.description["scene_name"])
     if name == EMPTY_STATION.name:
-        yield CrowdFrame(EMPTY_STATION, shown.t_scene_ns, _NO_GAZE, _NO_EYES)
+        yield station_frame(EMPTY_STATION, shown.t_scene_ns)
         return
     if not name.startswith("station_"):
         yield shown.view
@@ -33,7 +29,7 @@ def views_of(shown: Shown) -> Iterator[SceneFrame]:
     scene = shown.once(("crowd", name, recorded[0]), lambda: _scene(name, recorded[1]))
     on = shown.latest("scene_on")
     if on is None or on[0] < shown.since_ns:
-        yield CrowdFrame(scene, shown.t_scene_ns, _NO_GAZE, _NO_EYES)
+        yield station_frame(scene, shown.t_scene_ns)
         return
     lit = shown.latest("board_on")
     x, _, z = shown.head_m.tolist()
@@ -42,9 +38,7 @@ def views_of(shown: Shown) -> Iterator[SceneFrame]:
         track = str(lit[1]["track"])
     # After the walk's last frame the crowd stands still until the next scene.
     for t_ns in (shown.t_ns, *_ends(shown, on[0])):
-        yield CrowdFrame(
-            scene, shown.t_scene_ns, _NO_GAZE, _NO_EYES, crowd_t_ns=t_ns - on[0], track=track
-        )
+        yield station_frame(scene, shown.t_scene_ns, t_ns - on[0], track)
 
 
 def _scene(name: str, recorded: Mapping[str, Any]) -> CrowdScene:

@@ -56,6 +56,16 @@ class Walk:
         """Rows (people, 15) for `stimuli.contact.idle`."""
         return people_of(self.crowd)
 
+    def steps_at(self, rate_hz: float, seconds: float = np.inf) -> npt.NDArray[np.int64]:
+        """Return the steps nearest to so many moments a second, at most for so long."""
+        since_s = self.crowd_t_s
+        length_s = min(float(since_s[-1] - since_s[0]), seconds)
+        times = since_s[0] + np.arange(0.0, length_s + 1e-9, 1 / rate_hz)
+        found: npt.NDArray[np.int64] = np.clip(
+            np.searchsorted(since_s, times - 1e-6), 0, len(since_s) - 1
+        )
+        return found
+
     def joint(self, name: str) -> Vector:
         """Return the positions (n, 3) of a joint."""
         at: Vector = self.position_m[:, BODY_JOINTS.index(name)]

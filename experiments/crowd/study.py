@@ -19,12 +19,12 @@ from experiments.crowd.design import (
     CONDITIONS,
     CROWDS,
     DEFAULT_PARAMETERS,
-    GROUPS,
     HAPTICS_GROUP,
     NEEDED_SIDE_M,
+    RANGES,
     TRAINING,
     CrowdParameters,
-    check_levels,
+    check_vibration,
     vibrates,
 )
 from experiments.crowd.haptics import BAND_ROLES, MOTORS
@@ -32,19 +32,23 @@ from experiments.crowd.participant.participant import CrowdParticipant
 from experiments.crowd.paths import GroupPaths, paths_by_group
 from experiments.crowd.redrawing import views_of
 from experiments.crowd.reflex import load_contact
-from experiments.crowd.trial import intertrial, laid_out, run_trial, standing
-from lab.errors import UsageError
+from experiments.crowd.trial import crowd_scene, laid_out, run_trial
 from protocol.design import Factor
 from protocol.experiment import Demands
-from protocol.participants import SimulatedParticipant
+from protocol.parameters import known_of
 from protocol.plan import SessionPlan
 from protocol.questionnaires import load_questionnaire
 from protocol.shown import Shown
-from protocol.steps import Plan, Show
+from protocol.steps import Show
 from recording.reader import Recording
 from stimuli.contact.body import ARM_JOINTS
 from stimuli.scene import SceneFrame
-from stimuli.scenes.station_crowd import TRAINING_CONFIGURATION, max_people
+from stimuli.scenes.station_crowd import (
+    EMPTY_STATION,
+    TRAINING_CONFIGURATION,
+    max_people,
+    station_frame,
+)
 from visavis.analysis import Conclusion, StudyAnalysis
 from visavis.experiment import StudyExperiment
 from visavis.study import SETTABLE, Study
@@ -109,6 +113,8 @@ study = Study(
     blocked_by="condition",
     practice=[{"condition": TRAINING, "configuration": TRAINING_CONFIGURATION}],
     parameters={k: v for k, v in asdict(DEFAULT_PARAMETERS).items() if k not in SETTABLE},
+    ranges=RANGES,
+    check_of=check_vibration,
     intertrial_s=DEFAULT_PARAMETERS.intertrial_s,
     texts="texts",
     after_block=AFTER_BLOCK,
@@ -123,45 +129,26 @@ study = Study(
 )
 
 
-@study.check
-def check(parameters: Mapping[str, Any]) -> None:
-    """Refuse parameters and levels that do not fit the crowd."""
-    CrowdParameters.of(parameters)
-    check_levels({"group": GROUPS, **parameters})
-
-
-@study.older
-def older(parameters: dict[str, Any]) -> dict[str, Any]:
-    """Read how many crowds there were, and whether a control group, as levels of factors."""
-    crowds = parameters.get("configurations")
-    if type(crowds) is int and crowds in CROWDS:
-        parameters["configuration"] = list(CROWDS[: parameters.pop("configurations")])
-    if isinstance(parameters.get("with_control_group"), bool):
-        is_wanted = parameters.pop("with_control_group")
-        parameters["group"] = list(GROUPS) if is_wanted else [HAPTICS_GROUP]
-    return parameters
-
-
 @study.demands
 def demands(parameters: Mapping[str, Any]) -> Demands:
     """Arms and hips tracked, the pattern within every band's reach, the floor of the crowd."""
     return Demands(
         segments=(*ARM_JOINTS, "hips"),
-        vibrations=dict.fromkeys(BAND_ROLES, CrowdParameters.of(parameters).vibration),
+        vibrations=dict.fromkeys(BAND_ROLES, known_of(CrowdParameters, parameters).vibration),
         motors=MOTORS,
         floor_side_m=NEEDED_SIDE_M,
     )
 
 
 @study.prepare
-def prepare(parameters: Mapping[str, Any]) -> list[Callable[[], object]]:
+def prepare(experiment: StudyExperiment) -> list[Callable[[], object]]:
     """Lay out every crowd and load the kernels of contact, which takes seconds."""
-    params = CrowdParameters.of(parameters)
+    params = known_of(CrowdParameters, experiment.parameters)
 
     def load(number: int) -> None:
         load_contact(laid_out(number, params.density_per_m2), params)
 
-    numbers = (TRAINING_CONFIGURATION, *parameters.get("configuration", CROWDS))
+    numbers = (TRAINING_CONFIGURATION, *experiment.levels["configuration"])
     return [partial(load, number) for number in numbers]
 
 
@@ -170,17 +157,18 @@ def trial(t: TrialScript) -> Generator[Any, Any, Any]:
     """Walk through the crowd to the board and back; contact is answered at once."""
     if t.is_read:
         yield t.wait(NOMINAL_TRIAL_S)
-        yield Show(standing(t.trial, t.density_per_m2))
+        yield Show(station_frame(crowd_scene(t.trial, t.density_per_m2)[1], 0))
         return {}
     moved = t.session_memory.setdefault("moved", set())
-    params = CrowdParameters.of(t.settings.parameters)
+    params = known_of(CrowdParameters, t.settings.parameters)
     return (yield from run_trial(t.trial, params, moved, asked=t.text("questions.track")))
 
 
 @study.intertrial
-def empty_station(t: TrialScript) -> Plan:
+def empty_station(t: TrialScript) -> Iterator[Any]:
     """Stand on the mark in the empty station."""
-    return (yield from intertrial(t.trial, CrowdParameters.of(t.settings.parameters)))
+    yield Show(station_frame(EMPTY_STATION, t.now_ns))
+    yield t.wait(t.intertrial_s)
 
 
 @study.person
@@ -190,16 +178,12 @@ def person(index: int, seed: int, effect: bool, experiment: StudyExperiment) -> 
 
 
 @study.quick
-def quick(
-    experiment: StudyExperiment, person: SimulatedParticipant, tracker: "TrackerModel"
-) -> Any:
+def quick(experiment: StudyExperiment, person: CrowdParticipant, tracker: "TrackerModel") -> Any:
     """Return what walks a plan in memory, without display, wires or files."""
     from experiments.crowd.quick_study import quick_trials  # late: compiles when imported
 
-    if not isinstance(person, CrowdParticipant):
-        raise UsageError("the short path of crowd is that of its own simulated people")
     asked = [load_questionnaire(name) for name in AFTER_BLOCK]
-    return partial(quick_trials, person, asked, CrowdParameters.of(experiment.parameters))
+    return partial(quick_trials, person, asked, known_of(CrowdParameters, experiment.parameters))
 
 
 @study.further

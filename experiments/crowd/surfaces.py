@@ -5,13 +5,20 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from analysis.collisions import ClosedMesh, MalformedMesh, closed_mesh, enclosed_volume_m3
+from analysis.collisions import (
+    ClosedMesh,
+    MalformedMesh,
+    capsule,
+    closed_mesh,
+    enclosed_volume_m3,
+    union,
+)
 from analysis.collisions.skinned import Bodies, SkinnedBody, pack
-from experiments.crowd.body_mesh import body_mesh
 from lab.geometry import Vector
 from stimuli.characters.character import Character, SkinnedMesh
 from stimuli.characters.closing import collision_mesh
-from stimuli.contact.body import BODY_JOINTS
+from stimuli.contact.body import BODY_JOINTS, capsule_body
+from stimuli.contact.figures import crowd_figures
 from stimuli.dressing.casting import default_casting
 from stimuli.scenes.station_crowd import CHARACTERS
 
@@ -20,6 +27,8 @@ MeshSurface: TypeAlias = Literal["characters", "fine", "light"]
 
 AVATARS: Final = {"woman": "female_01", "man": "male_01"}
 """Who embodies a participant; people of neither or unknown sex the one nearer in stature."""
+ROUNDNESS: Final[dict[str, tuple[int, int]]] = {"fine": (28, 7), "light": (14, 3)}
+"""Segments round and rings per half: about 15,000 triangles, or 3,000 for quick looks."""
 _MIN_M3: Final = 1e-3
 
 
@@ -104,13 +113,29 @@ def checked_surface(mesh: SkinnedMesh, name: str) -> ClosedMesh:
 
 
 def _round_capsules(figure: int | None, surface: MeshSurface) -> SkinnedBody:
-    """Return a surface round the capsules of contact, each rigid with its joint."""
-    mesh = body_mesh("fine" if surface == "fine" else "light", figure)
-    n = len(mesh.vertices_m)
-    bones = np.zeros((n, 4), np.int16)
-    bones[:, 0] = mesh.column
-    weights = np.zeros((n, 4))
-    weights[:, 0] = 1.0
+    """Return a surface round the capsules of contact, each rigid with its joint.
+
+    Without `figure` it is the participant's at a stature of 1 m; `figure` is a row of
+    `crowd_figures`, in that person's own size. Overlapping parts count once, as a surface winds.
+    """
+    if figure is None:
+        body = capsule_body(1.0)
+        columns, starts, ends, radii = body.columns, body.start_m, body.end_m, body.radius_m
+    else:
+        own = crowd_figures()
+        columns, starts, ends, radii = (
+            own.columns, own.start_m[figure], own.end_m[figure], own.radius_m[figure]
+        )  # fmt: skip
+    segments, rings = ROUNDNESS[surface]
+    parts = [
+        capsule(start, end, radius, segments=segments, rings=rings)
+        for start, end, radius in zip(starts, ends, radii, strict=True)
+    ]
+    whole = union(parts)
+    bones, weights = np.zeros((len(whole.vertices_m), 4), np.int16), np.eye(1, 4)
+    bones[:, 0] = np.repeat(columns, [len(p.vertices_m) for p in parts])
     # vertices are given from their joint, so joints at rest stand at the origin
-    joints_m = np.zeros((len(BODY_JOINTS), 3))
-    return SkinnedBody(mesh.vertices_m, mesh.faces, bones, weights, joints_m)
+    return SkinnedBody(
+        np.ascontiguousarray(whole.vertices_m), whole.faces, bones,
+        np.repeat(weights, len(bones), axis=0), np.zeros((len(BODY_JOINTS), 3)),
+    )  # fmt: skip

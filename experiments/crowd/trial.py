@@ -32,26 +32,21 @@ from protocol.steps import (
 )
 from stimuli.scenes.station_crowd import (
     DENSITY_PER_M2,
-    EMPTY_STATION,
     START_M,
     Crowd,
-    CrowdFrame,
     CrowdScene,
     can_read,
     station_crowd,
+    station_frame,
 )
 from visavis.asking import frame
 
 TRACKS: Final = tuple(str(number) for number in range(1, 13))
 
-_NO_GAZE = np.empty((0, 3))
-_NO_EYES = np.empty(0)
-
 
 def track_of(trial: Trial) -> str:
     """Return the track number the board shows in a trial."""
-    rng = np.random.default_rng(np.random.SeedSequence(trial.seed, spawn_key=(0,)))
-    return TRACKS[int(rng.integers(len(TRACKS)))]
+    return TRACKS[int(trial.rng(0).integers(len(TRACKS)))]
 
 
 @cache
@@ -65,11 +60,6 @@ def crowd_scene(trial: Trial, density: float = DENSITY_PER_M2) -> tuple[Crowd, C
     configuration = int(trial.factors["configuration"])
     crowd = laid_out(configuration, density)
     return crowd, CrowdScene(f"station_{configuration}", agents=(), crowd=crowd)
-
-
-def standing(trial: Trial, density: float) -> CrowdFrame:
-    """Return a trial's crowd before anybody moves."""
-    return CrowdFrame(crowd_scene(trial, density)[1], 0, _NO_GAZE, _NO_EYES)
 
 
 def crowd_record(crowd: Crowd) -> str:
@@ -119,7 +109,7 @@ def _walk(
     vibrates = bool(trial.factors["vibrates"])
     view = yield from frame()
     yield Mark("crowd", {"trial_id": trial.trial_id, "people": crowd_record(crowd)})
-    yield Show(CrowdFrame(scene, view.t_ns, _NO_GAZE, _NO_EYES))
+    yield Show(station_frame(scene, view.t_ns))
     view = yield from frame()
     start_ns = view.t_ns
     yield Mark("scene_on", {"trial_id": trial.trial_id, "scene_name": scene.name})
@@ -146,16 +136,7 @@ def _walk(
         came_back = board_ns is not None and home_m <= params.home_within_m and view.head_valid
         if came_back or now_ns >= limit_ns:
             break
-        yield Show(
-            CrowdFrame(
-                scene,
-                now_ns,
-                _NO_GAZE,
-                _NO_EYES,
-                crowd_t_ns=now_ns - start_ns,
-                track=track if reads else None,
-            )
-        )
+        yield Show(station_frame(scene, now_ns, now_ns - start_ns, track if reads else None))
         view = yield from frame()
     yield Reflex(None)
     for step in contacts.end(view.t_ns):
@@ -190,14 +171,3 @@ def _contact_row(trial: Trial, order: BandOrder, vibrates: bool) -> dict[str, Sc
         "depth_m": None if order.person < 0 else round(order.depth_m, 6),
         "motors": " ".join(map(str, order.motors)) or None,
     }
-
-
-def intertrial(trial: Trial, params: CrowdParameters) -> Plan:
-    """Stand on the mark in the empty station before a walk, for `intertrial_s`."""
-    view = yield from frame()
-    start_ns = view.t_ns
-    yield Show(CrowdFrame(EMPTY_STATION, start_ns, _NO_GAZE, _NO_EYES))
-    until_ns = start_ns + round(params.intertrial_s * NS_PER_S)
-    while view.t_ns < until_ns:
-        view = yield from frame()
-    return {"intertrial_ms": (view.t_ns - start_ns) / NS_PER_MS}

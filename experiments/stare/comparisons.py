@@ -2,8 +2,6 @@
 
 from typing import Any, Final
 
-import numpy as np
-
 from experiments.stare import published
 from experiments.stare.published import COMPARISONS
 from visavis.exclusions import COMPLETENESS_RULES, Exclusion
@@ -55,38 +53,22 @@ RULES: Final = (
 """This platform's: the source names none."""
 
 
-def _of_conditions(test: PairTest) -> Printed:
-    row = published.published_test(test.first, test.second, test.measure.column)
-    first, second = (published.MEANS[c][row.measure].mean for c in (test.first, test.second))
-    return Printed(
-        row.is_significant,
-        row.p,
-        row.stars,
-        int(np.sign(second - first)),
-        t=row.t,
-        eta_p2=row.eta_p2,
-        is_wilcoxon=row.t is None,
-        where=row.table,
-    )
+def _of_conditions(test: PairTest) -> Printed | None:
+    return published.TESTS.get((test.first, test.second, test.measure.column))
 
 
-def _of_places(test: PairTest) -> Printed:
-    row = published.POSITION_TESTS[test.where][test.measure.column]
-    return Printed(row.stars > 0, row.p, row.stars, where="table A.4")
+def _of_places(test: PairTest) -> Printed | None:
+    return published.POSITION_TESTS[test.where].get(test.measure.column)
 
 
-def _of_zones(test: PairTest) -> Printed:
-    row = published.ZONE_TESTS[test.where][test.first, test.second]
-    return Printed(row.stars > 0, row.p, row.stars, where="table A.5")
+def _of_zones(test: PairTest) -> Printed | None:
+    return published.ZONE_TESTS[test.where].get((test.first, test.second))
 
 
 def _of_anxiety(test: CorrelationTest) -> Printed:
     """Return a printed correlation; what the source does not print was not significant."""
-    for row in published.CORRELATIONS:
-        if (row.condition, row.measure) == (test.level, test.measure.column):
-            return Printed(True, row.p, direction=int(np.sign(row.r_s)), r=row.r_s,
-                           where="section 3.3.2")  # fmt: skip
-    return Printed(False, where="section 3.3.2")
+    other = Printed(False, where="section 3.3.2")
+    return published.CORRELATIONS.get((test.level, test.measure.column), other)
 
 
 _GAZE: Final[dict[str, Any]] = {

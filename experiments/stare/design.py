@@ -1,11 +1,10 @@
 """The parameters of the stare study and its conditions."""
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Final
 
-from lab.errors import DesignError
+from protocol.parameters import Range, Within
 from stimuli.scenes.audience import ACTIVE_PLACES, PLACES
 
 AVERTED: Final = "A"
@@ -46,51 +45,18 @@ class StareParameters:
     switch_at_01: float = 0.5
     drain_ms: float = 50.0
 
-    def __post_init__(self) -> None:
-        if not (self.trial_s > 0 and self.intertrial_s >= 0 and self.practice_s > 0):
-            raise DesignError(
-                f"stare: trial_s {self.trial_s}, practice_s {self.practice_s} and intertrial_s "
-                f"{self.intertrial_s} are durations; give seconds above 0 (intertrial_s from 0)"
-            )
-        if not self.practice_s <= self.practice_limit_s < math.inf:
-            raise DesignError(
-                f"stare: practice_s {self.practice_s} is the shortest training and "
-                f"practice_limit_s {self.practice_limit_s} the longest; give a practice_limit_s "
-                "that is not shorter"
-            )
-        if not MIN_AGENTS <= self.agents <= MAX_AGENTS:
-            raise DesignError(
-                f"stare: agents is {self.agents}; give {MIN_AGENTS} (the places that can hold the "
-                f"active agent) to {MAX_AGENTS} (the seats there are)"
-            )
-        if not 0 < self.switch_at_01 < 1:
-            raise DesignError(
-                f"stare: switch_at_01 is {self.switch_at_01}; give a share of the trial between "
-                "0 and 1"
-            )
-        if min(self.pad_deg, self.look_trigger_ms, self.drain_ms) < 0:
-            raise DesignError("stare: pad_deg, look_trigger_ms and drain_ms cannot be negative")
-
-    @classmethod
-    def of(cls, parameters: Mapping[str, Any]) -> "StareParameters":
-        """Return the parameters of a plan; what it does not name is the source's."""
-        known = {f.name for f in fields(cls)}
-        return cls(**{k: v for k, v in parameters.items() if k in known})
-
 
 DEFAULT_PARAMETERS: Final = StareParameters()
-
-
-def check_levels(parameters: Mapping[str, Any]) -> None:
-    """Refuse levels that the study does not have; a subset of them is a smaller study.
-
-    Raises:
-        DesignError: with the level and those there are.
-    """
-    for name, known in (("condition", CONDITIONS), ("zone", ZONES), ("depth", DEPTHS)):
-        for level in parameters.get(name, ()):
-            if level not in known:
-                raise DesignError(f"stare has no {name} {level!r}; choose among {', '.join(known)}")
+LEVELS: Final = {"condition": CONDITIONS, "zone": ZONES, "depth": DEPTHS}
+RANGES: Final[Mapping[str, Range]] = {
+    **LEVELS,
+    **dict.fromkeys(("trial_s", "practice_s"), Within(0, open=True)),
+    **dict.fromkeys(("intertrial_s", "pad_deg", "look_trigger_ms", "drain_ms"), Within(0)),
+    "agents": Within(
+        MIN_AGENTS, MAX_AGENTS, why="places that can hold the active agent, and seats there are"
+    ),
+    "switch_at_01": Within(0, 1, open=True, why="a share of the trial"),
+}
 
 
 def place_of(factors: Mapping[str, Any]) -> str:

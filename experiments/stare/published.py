@@ -10,7 +10,10 @@ printed, also where they do not fit each other: `INCONSISTENCIES` lists where.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from functools import partial
+from typing import Final, TypeAlias
+
+import numpy as np
 
 from visavis.looks import (
     DWELL_MS,
@@ -21,6 +24,8 @@ from visavis.looks import (
     SECOND_FIXATION_DURATION_MS,
     SECOND_FIXATION_TIME_MS,
 )
+from visavis.pairs import Printed
+from visavis.study import MeanSd
 
 CITATION: Final = (
     "Jovane, A. (2023). Modeling of reactive movement and non-verbal behaviors for the creation of "
@@ -28,15 +33,9 @@ CITATION: Final = (
     "Chapter 3 and appendix A."
 )
 
-TestName: TypeAlias = Literal["paired_t", "wilcoxon"]
 Comparison: TypeAlias = tuple[str, str]
 
 PARTICIPANTS: Final = 30
-FEMALE: Final = 8
-MALE: Final = 22
-AGE_MEAN: Final = 30.0
-AGE_SD: Final = 9.5
-TRIALS_PER_CONDITION: Final = 18
 
 COMPARISONS: Final[tuple[Comparison, ...]] = (
     ("A", "D"),
@@ -46,58 +45,6 @@ COMPARISONS: Final[tuple[Comparison, ...]] = (
     ("D", "DA"),
 )
 """The five comparisons, in the order in which section 3.3.1 lists them."""
-
-
-@dataclass(frozen=True)
-class MeanSd:
-    """Mean and standard deviation over participants."""
-
-    mean: float
-    sd: float
-
-
-@dataclass(frozen=True)
-class PairedTest:
-    """One row of a table that compares two conditions.
-
-    `p_is_bound`: printed as "<0.00001"; `t` and `eta_p2` are None for Wilcoxon tests, for which
-    none is printed. `stars` 0 to 3, by `THRESHOLDS`.
-    """
-
-    first: str
-    second: str
-    measure: str
-    test: TestName
-    p: float
-    p_is_bound: bool
-    t: float | None
-    eta_p2: float | None
-    stars: int
-    table: str
-
-    @property
-    def is_significant(self) -> bool:
-        """Whether the source calls the difference significant."""
-        return self.stars > 0
-
-
-@dataclass(frozen=True)
-class PValue:
-    """A printed p value on its own; `p_is_bound` when printed as "<"."""
-
-    p: float
-    stars: int
-    p_is_bound: bool = False
-
-
-@dataclass(frozen=True)
-class RankCorrelation:
-    """Spearman's coefficient between the anxiety score (0 to 144) and a measure, n = 30."""
-
-    condition: str
-    measure: str
-    r_s: float
-    p: float
 
 
 @dataclass(frozen=True)
@@ -145,18 +92,17 @@ MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
 """Mean and SD by condition and measure (tables 3.1, 3.2, A.1, A.2, A.3)."""
 
 
-def cells() -> dict[str, dict[str, tuple[float, float | None]]]:
-    """Return the printed means and standard deviations by measure and condition."""
-    return {m: {c: (of[m].mean, of[m].sd) for c, of in MEANS.items()} for m in MAIN_MEASURES}
+CELLS: Final = {m: {c: of[m] for c, of in MEANS.items()} for m in MAIN_MEASURES}
+"""The same by measure and condition."""
 
 
 _WILCOXON: Final = None
 _BOUND: Final = "<"
 
-_Printed: TypeAlias = tuple[str, float, int, tuple[float, float] | None]
+_Row: TypeAlias = tuple[str, float, int, tuple[float, float] | None]
 
 # (printed sign, p, stars, (t, eta) or None for a Wilcoxon test), measures in table order.
-_TABLES: Final[Mapping[tuple[str, str, str], tuple[_Printed, ...]]] = {
+_TABLES: Final[Mapping[tuple[str, str, str], tuple[_Row, ...]]] = {
     ("A", "D", "3.1"): (
         (_BOUND, 0.00001, 3, (-6.75, 0.61)),
         (_BOUND, 0.00001, 3, (-6.45, 0.59)),
@@ -200,38 +146,24 @@ _TABLES: Final[Mapping[tuple[str, str, str], tuple[_Printed, ...]]] = {
 }
 
 
-def _test(first: str, second: str, table: str, measure: str, printed: _Printed) -> PairedTest:
-    sign, p, stars, statistic = printed
-    t, eta = (None, None) if statistic is None else statistic
-    return PairedTest(
-        first,
-        second,
-        measure,
-        "wilcoxon" if statistic is None else "paired_t",
-        p,
-        sign == _BOUND,
-        t,
-        eta,
-        stars,
-        f"table {table}",
+TESTS: Final[Mapping[tuple[str, str, str], Printed]] = {
+    (first, second, measure): Printed(
+        stars > 0, p, stars,
+        int(np.sign(MEANS[second][measure].mean - MEANS[first][measure].mean)),
+        statistic=None if found is None else found[0], eta_p2=None if found is None else found[1],
+        is_wilcoxon=found is None, where=f"table {table}", p_is_bound=sign == _BOUND,
     )
-
-
-TESTS: Final[tuple[PairedTest, ...]] = tuple(
-    _test(first, second, table, measure, printed)
     for (first, second, table), rows in _TABLES.items()
-    for measure, printed in zip(MAIN_MEASURES, rows, strict=True)
-)
-"""The 30 tests of tables 3.1, 3.2, A.1, A.2 and A.3."""
+    for measure, (sign, p, stars, found) in zip(MAIN_MEASURES, rows, strict=True)
+}  # fmt: skip
+"""The 30 tests of tables 3.1, 3.2, A.1, A.2 and A.3, by both conditions and measure."""
 
 
-def published_test(first: str, second: str, measure: str) -> PairedTest:
-    """Return the printed row of a comparison; raises KeyError for one that is not printed."""
-    for test in TESTS:
-        if (test.first, test.second, test.measure) == (first, second, measure):
-            return test
-    raise KeyError(f"no published test of {first} and {second} on {measure}")
+def _alone(where: str, p: float, stars: int, *, p_is_bound: bool = False) -> Printed:
+    return Printed(stars > 0, p, stars, where=where, p_is_bound=p_is_bound)
 
+
+_place, _zone = partial(_alone, "table A.4"), partial(_alone, "table A.5")
 
 THRESHOLDS: Final = (0.00166, 0.00033, 0.00003)
 """One, two and three stars in tables 3.1, 3.2, A.1 to A.3, as printed (cut off, not rounded, from
@@ -243,68 +175,72 @@ POSITION_THRESHOLDS: Final = (0.00555, 0.00111, 0.000111)
 ZONE_THRESHOLDS: Final = (0.0160, 0.0033, 0.0003)
 """Stars of table A.5: the same levels over three zones, cut off."""
 
-POSITION_TESTS: Final[Mapping[str, Mapping[str, PValue]]] = {
-    "left_close": {DWELL_MS: PValue(0.00203, 1), FIXATION_COUNT: PValue(0.00078, 2)},
-    "left_middle": {DWELL_MS: PValue(0.71318, 0), FIXATION_COUNT: PValue(0.43556, 0)},
-    "left_far": {DWELL_MS: PValue(0.00902, 0), FIXATION_COUNT: PValue(0.05810, 0)},
+POSITION_TESTS: Final[Mapping[str, Mapping[str, Printed]]] = {
+    "left_close": {DWELL_MS: _place(0.00203, 1), FIXATION_COUNT: _place(0.00078, 2)},
+    "left_middle": {DWELL_MS: _place(0.71318, 0), FIXATION_COUNT: _place(0.43556, 0)},
+    "left_far": {DWELL_MS: _place(0.00902, 0), FIXATION_COUNT: _place(0.05810, 0)},
     "centre_close": {
-        DWELL_MS: PValue(0.00001, 3, p_is_bound=True),
-        FIXATION_COUNT: PValue(0.00001, 3, p_is_bound=True),
+        DWELL_MS: _place(0.00001, 3, p_is_bound=True),
+        FIXATION_COUNT: _place(0.00001, 3, p_is_bound=True),
     },
     "centre_middle": {
-        DWELL_MS: PValue(0.00001, 3, p_is_bound=True),
-        FIXATION_COUNT: PValue(0.00001, 3, p_is_bound=True),
+        DWELL_MS: _place(0.00001, 3, p_is_bound=True),
+        FIXATION_COUNT: _place(0.00001, 3, p_is_bound=True),
     },
-    "centre_far": {DWELL_MS: PValue(0.00137, 1), FIXATION_COUNT: PValue(0.00399, 1)},
+    "centre_far": {DWELL_MS: _place(0.00137, 1), FIXATION_COUNT: _place(0.00399, 1)},
     "right_close": {
-        DWELL_MS: PValue(0.00001, 3),
-        FIXATION_COUNT: PValue(0.00001, 3, p_is_bound=True),
+        DWELL_MS: _place(0.00001, 3),
+        FIXATION_COUNT: _place(0.00001, 3, p_is_bound=True),
     },
-    "right_middle": {DWELL_MS: PValue(0.00006, 3), FIXATION_COUNT: PValue(0.00074, 2)},
-    "right_far": {DWELL_MS: PValue(0.00008, 3), FIXATION_COUNT: PValue(0.00021, 2)},
+    "right_middle": {DWELL_MS: _place(0.00006, 3), FIXATION_COUNT: _place(0.00074, 2)},
+    "right_far": {DWELL_MS: _place(0.00008, 3), FIXATION_COUNT: _place(0.00021, 2)},
 }
 """A against D at each place (table A.4); t or Wilcoxon, which of them is not printed."""
 
-ZONE_TESTS: Final[Mapping[str, Mapping[Comparison, PValue]]] = {
+ZONE_TESTS: Final[Mapping[str, Mapping[Comparison, Printed]]] = {
     "left": {
-        ("A", "D"): PValue(0.0745, 0),
-        ("A", "DA"): PValue(0.0792, 0),
-        ("D", "DA"): PValue(0.8816, 0),
-        ("A", "AD"): PValue(0.0293, 0),
-        ("D", "AD"): PValue(0.4587, 0),
+        ("A", "D"): _zone(0.0745, 0),
+        ("A", "DA"): _zone(0.0792, 0),
+        ("D", "DA"): _zone(0.8816, 0),
+        ("A", "AD"): _zone(0.0293, 0),
+        ("D", "AD"): _zone(0.4587, 0),
     },
     "centre": {
-        ("A", "D"): PValue(0.0027, 2),
-        ("A", "DA"): PValue(0.0027, 2),
-        ("D", "DA"): PValue(0.8340, 0),
-        ("A", "AD"): PValue(0.3765, 0),
-        ("D", "AD"): PValue(0.012, 1),
+        ("A", "D"): _zone(0.0027, 2),
+        ("A", "DA"): _zone(0.0027, 2),
+        ("D", "DA"): _zone(0.8340, 0),
+        ("A", "AD"): _zone(0.3765, 0),
+        ("D", "AD"): _zone(0.012, 1),
     },
     "right": {
-        ("A", "D"): PValue(0.9018, 0),
-        ("A", "DA"): PValue(0.2103, 0),
-        ("D", "DA"): PValue(0.2421, 0),
-        ("A", "AD"): PValue(0.7535, 0),
-        ("D", "AD"): PValue(0.6181, 0),
+        ("A", "D"): _zone(0.9018, 0),
+        ("A", "DA"): _zone(0.2103, 0),
+        ("D", "DA"): _zone(0.2421, 0),
+        ("A", "AD"): _zone(0.7535, 0),
+        ("D", "AD"): _zone(0.6181, 0),
     },
     "all": {
-        ("A", "D"): PValue(0.5312, 0),
-        ("A", "DA"): PValue(0.3290, 0),
-        ("D", "DA"): PValue(0.6906, 0),
-        ("A", "AD"): PValue(0.8712, 0),
-        ("D", "AD"): PValue(0.1670, 0),
+        ("A", "D"): _zone(0.5312, 0),
+        ("A", "DA"): _zone(0.3290, 0),
+        ("D", "DA"): _zone(0.6906, 0),
+        ("A", "AD"): _zone(0.8712, 0),
+        ("D", "AD"): _zone(0.1670, 0),
     },
 }
 """First fixation time by zone of the active agent (table A.5); "all" repeats the main tables."""
 
-CORRELATIONS: Final = (
-    RankCorrelation("D", DWELL_MS, -0.42, 0.022),
-    RankCorrelation("AD", DWELL_MS, -0.57, 0.001),
-    RankCorrelation("DA", DWELL_MS, -0.37, 0.047),
-    RankCorrelation("A", FIRST_FIXATION_DURATION_MS, -0.40, 0.028),
-    RankCorrelation("AD", FIXATION_COUNT, -0.49, 0.006),
-)
-"""Every correlation section 3.3.2 prints; it says that no other was significant."""
+CORRELATIONS: Final = {
+    (condition, measure): Printed(True, p, direction=-1, r=r_s, where="section 3.3.2")
+    for condition, measure, r_s, p in (
+        ("D", DWELL_MS, -0.42, 0.022),
+        ("AD", DWELL_MS, -0.57, 0.001),
+        ("DA", DWELL_MS, -0.37, 0.047),
+        ("A", FIRST_FIXATION_DURATION_MS, -0.40, 0.028),
+        ("AD", FIXATION_COUNT, -0.49, 0.006),
+    )
+}
+"""Every correlation of the anxiety score (0 to 144) that section 3.3.2 prints, by condition and
+measure; it says that no other was significant."""
 
 INCONSISTENCIES: Final = (
     Inconsistency(

@@ -29,7 +29,7 @@ _SHUFFLE, _BLINKS = range(2)
 
 def characters_of(trial: Trial, agents: int = len(CHARACTERS)) -> tuple[str, ...]:
     """Return the model at each of the first places, shuffled anew for every trial by its seed."""
-    shuffled = [CHARACTERS[i] for i in _rng(trial, _SHUFFLE).permutation(len(CHARACTERS))]
+    shuffled = [CHARACTERS[i] for i in trial.rng(_SHUFFLE).permutation(len(CHARACTERS))]
     return tuple(shuffled[:agents])
 
 
@@ -55,15 +55,11 @@ def opening_eyes(trial: Trial, scene: Scene, duration_s: float) -> EyeBehaviour:
     Everyone looks at the speaker, but for the active agent of D and DA, who looks at the
     participant. In practice nobody does.
     """
-    blinks = draw_blinks(_rng(trial, _BLINKS), len(scene.agents), duration_s)
+    blinks = draw_blinks(trial.rng(_BLINKS), len(scene.agents), duration_s)
     eyes = EyeBehaviour.of_scene(scene, target_m=SPEAKER_EYE_M, blinks=blinks)
     if trial.is_practice or trial.factors["condition"] in (AVERTED, AVERTED_THEN_DIRECTED):
         return eyes
     return eyes.staring(active_index_of(trial))
-
-
-def _rng(trial: Trial, stream: int) -> np.random.Generator:
-    return np.random.default_rng(np.random.SeedSequence(trial.seed, spawn_key=(stream,)))
 
 
 def distances() -> str:

@@ -3,33 +3,34 @@
 After Raimbaud et al. (2022) and Jovane (2023).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
 
 from experiments.stare import published
 from experiments.stare.comparisons import FAMILIES, MEASURES, RULES, SECOND_VIEW_MEASURES
 from experiments.stare.conclusions import RULE, conclude
 from experiments.stare.design import (
     AVERTED,
-    CONDITIONS,
     DEFAULT_PARAMETERS,
-    DEPTHS,
-    ZONES,
+    LEVELS,
+    RANGES,
     StareParameters,
-    check_levels,
     place_of,
 )
-from experiments.stare.scene import distances
-from experiments.stare.trial import intertrial, run_trial
-from lab.errors import UsageError
+from experiments.stare.scene import dark_scene_of, distances
+from experiments.stare.trial import run_trial
+from lab.errors import DesignError
 from protocol.columns import Column
 from protocol.design import Factor
-from protocol.participants import SimulatedParticipant
+from protocol.parameters import known_of
 from protocol.plan import SessionPlan
-from protocol.steps import Plan
+from protocol.steps import Plan, Show
+from stimuli.scene import SceneFrame
 from stimuli.scenes.audience import DRESSED_BY
 from visavis.analysis import Conclusion, StudyAnalysis
 from visavis.experiment import StudyExperiment
@@ -74,13 +75,14 @@ study = Study(
     "stare",
     "Stare in the crowd",
     "Do people look more at an agent in a virtual crowd who looks at them?",
-    factors=[Factor("condition", CONDITIONS), Factor("zone", ZONES), Factor("depth", DEPTHS)],
+    factors=[Factor(name, levels) for name, levels in LEVELS.items()],
     derived={"place": place_of},
     repetitions=2,
     blocks=3,
     order="balanced_blocks",
     practice=[{"condition": AVERTED, "zone": "centre", "depth": "middle"}],
     parameters={k: v for k, v in asdict(DEFAULT_PARAMETERS).items() if k not in SETTABLE},
+    ranges=RANGES,
     intertrial_s=DEFAULT_PARAMETERS.intertrial_s,
     cells=("condition",),
     measures=[*MEASURES, *SECOND_VIEW_MEASURES],
@@ -95,7 +97,7 @@ study = Study(
         "experiments.stare.sections:places_figure",
         "experiments.stare.sections:changes_section",
     ],
-    source=Source(published.CITATION, published.PARTICIPANTS, published.cells()),
+    source=Source(published.CITATION, published.PARTICIPANTS, published.CELLS),
     methods=METHODS,
     references=REFERENCES,
     setup={"distances": distances(), "viewing": "seated, head free"},
@@ -129,21 +131,28 @@ def conclusions(analysis: StudyAnalysis) -> tuple[Conclusion, ...]:
 
 @study.check
 def check(parameters: Mapping[str, Any]) -> None:
-    """Refuse parameters and levels that do not fit the audience."""
-    StareParameters.of(parameters)
-    check_levels(parameters)
+    """Refuse a training that would have to end before it may."""
+    shortest_s, longest_s = parameters["practice_s"], parameters["practice_limit_s"]
+    if shortest_s > longest_s:
+        raise DesignError(
+            f"stare: practice_s {shortest_s:g} is the shortest training and practice_limit_s "
+            f"{longest_s:g} the longest; give a practice_limit_s that is not shorter"
+        )
 
 
 @study.trial
 def trial(t: TrialScript) -> Plan:
     """Show the audience; the active agent's gaze may change with a look at it."""
-    return (yield from run_trial(t.trial, StareParameters.of(t.settings.parameters)))
+    return (yield from run_trial(t.trial, known_of(StareParameters, t.settings.parameters)))
 
 
 @study.intertrial
-def dark(t: TrialScript) -> Plan:
-    """Show the mark in the dark."""
-    return (yield from intertrial(t.trial, StareParameters.of(t.settings.parameters)))
+def dark(t: TrialScript) -> Iterator[Any]:
+    """Stay dark, with the mark at top centre."""
+    scene = dark_scene_of(t.trial, t.agents)
+    facing = np.array([a.facing for a in scene.agents])
+    yield Show(SceneFrame(scene, t.now_ns, facing, np.ones(len(scene.agents))))
+    yield t.wait(t.intertrial_s)
 
 
 @study.scaled
@@ -157,15 +166,11 @@ def scaled(index: int, seed: int, effect: float, experiment: StudyExperiment) ->
 
 
 @study.quick
-def quick(
-    experiment: StudyExperiment, person: SimulatedParticipant, tracker: "TrackerModel"
-) -> Any:
+def quick(experiment: StudyExperiment, person: Observer, tracker: "TrackerModel") -> Any:
     """Return what performs a plan in a hundredth of a session's time."""
     from experiments.stare.quick_study import quick_trials  # late: compiles when imported
 
-    if not isinstance(person, Observer):
-        raise UsageError("the short path of stare is that of its own simulated people")
-    params = StareParameters.of(experiment.parameters)
+    params = known_of(StareParameters, experiment.parameters)
     return partial(quick_trials, person, tracker, params=params)
 
 

@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from analysis.gaze.aoi import aoi_of_samples
 from analysis.gaze.looks import looks_on
 from analysis.gaze.targets import GazeTargets
 from analysis.plots import BLUE, VERMILION, Drawn, draw, new_figure
@@ -20,6 +19,7 @@ from visavis.looks import (
     DEFAULT_MEASURE_PARAMETERS,
     MeasureParameters,
 )
+from visavis.measures import SessionGaze
 
 SHOWN_CONDITION = "AD"
 TOLERANCE_MS = 1.0
@@ -54,7 +54,7 @@ def example_of(
     look. The first of several equals is taken.
     """
     best, longest_ms = None, -1.0
-    targets: dict[int, GazeTargets] = {}
+    gaze = SessionGaze(recording)
     for record in recording.trials().to_dict("records"):
         row = {str(k): v for k, v in record.items()}
         if (
@@ -63,11 +63,10 @@ def example_of(
             and row["condition"] == SHOWN_CONDITION
             and row.get("switch_cause") == "look"
         ):
-            part = int(row["recording_part"])
-            if part not in targets:
-                columns = recording.stream_arrays("gaze_targets", part=part)
-                targets[part] = GazeTargets.from_columns(columns)
-            example = trial_example(targets[part], row, params=params)
+            targets = gaze.of_part(int(row["recording_part"]))
+            if targets is None:
+                return None
+            example = trial_example(targets, row, params=params)
             lasted_ms = causing_look_ms(example, (row["look_ns"] - row["t_start_ns"]) / NS_PER_MS)
             if lasted_ms > longest_ms:
                 best, longest_ms = example, lasted_ms
@@ -97,13 +96,7 @@ def trial_example(
         _whole(row, name) for name in ("active_index", "t_start_ns", "t_end_ns")
     )
     samples = targets.between(start_ns, end_ns)
-    aoi = aoi_of_samples(
-        samples.angle_deg,
-        samples.radius_deg,
-        samples.pad_limit_deg,
-        samples.hit,
-        pad_deg=params.pad_deg,
-    )
+    aoi = samples.areas(params.pad_deg)
     looks = looks_on(samples.t_ns, aoi, active, start_ns, end_ns, params=params.looks)
     reach = samples.radius_deg[:, active] + np.clip(
         samples.pad_limit_deg[:, active], 0.0, params.pad_deg

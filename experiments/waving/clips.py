@@ -5,18 +5,16 @@ seconds to find and is kept, in memory and on the computer under the hash of eve
 from. For a participant a loop corrects it while it is seen (`stimuli.motion.warping.track`).
 """
 
-import hashlib
 import json
 from dataclasses import asdict, astuple, dataclass, replace
 from functools import cache, lru_cache
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 import stimuli.motion.warping
 from lab.geometry import Vector
-from lab.kept import digest_of, keep, read_kept
+from lab.kept import digest_of, digest_of_code, keep, read_kept
 from stimuli.dressing.casting import build_of
 from stimuli.dressing.office import PARTS, pose_of_waver
 from stimuli.dressing.office_view import (
@@ -184,7 +182,7 @@ def _planned(
     )  # fmt: skip
     key = digest_of(
         clip.root_m, clip.orientation_wxyz, body.rest, body.triangles, view.eye, view.behind,
-        view.lamps, view.maps, said=said + _warping_code(),
+        view.lamps, view.maps, said=said + digest_of_code(stimuli.motion.warping),
     )  # fmt: skip
     kept = read_kept(KEPT_AS, key)
     if kept is None:
@@ -207,13 +205,3 @@ def _planned(
         keep(KEPT_AS, key, kept)
     track = WarpTrack(units, waving.start_s, float(kept["gap_s"]), kept["omega_rad"], FADE_S)
     return replace(waving, warp=track), Reached(*map(float, kept["numbers"]))
-
-
-@cache
-def _warping_code() -> str:
-    """Return the hash of the code that warps: another version finds other waves."""
-    found = hashlib.sha256()
-    for folder in stimuli.motion.warping.__path__:
-        for path in sorted(Path(folder).glob("*.py")):
-            found.update(path.read_bytes())
-    return found.hexdigest()

@@ -20,6 +20,7 @@ from experiments.waving.judgement import (
     judge,
 )
 from experiments.waving.perception import evidence_of
+from lab.chance import generator
 from lab.errors import DataError
 from lab.geometry import Vector
 from stimuli.motion.warping.track import WarpTrack
@@ -87,7 +88,7 @@ class WavingParticipant(StandingBody):
 
     def rng(self, *spawn_key: int) -> np.random.Generator:
         """Return the generator of one purpose."""
-        return np.random.default_rng(np.random.SeedSequence(self._entropy, spawn_key=spawn_key))
+        return generator(self._entropy, *spawn_key)
 
     def prepare(self, stretch: int, t_ns: int) -> None:
         """Begin a new stretch of behaviour: look ahead, the hand down, nothing seen."""
@@ -110,15 +111,14 @@ class WavingParticipant(StandingBody):
         scene = view.scene
         if not isinstance(scene, OfficeScene) or not isinstance(view, OfficeFrame):
             return
-        t_s = self.since_s(t_display_ns)
+        t_s, waver = self.since_s(t_display_ns), scene.waver
         if scene is not self._scene:
             self._scene = scene
-            if scene.waving is not None:
-                head_m = scene.agents[_waver_of(scene)].head_centre_m
-                self.look(t_s + scene.waving.start_s + 0.25, head_m)
+            if scene.waving is not None and waver is not None:
+                self.look(t_s + scene.waving.start_s + 0.25, scene.agents[waver].head_centre_m)
         if not view.panels:
-            if scene.waving is not None:
-                self._gaze = view.gaze_direction[_waver_of(scene)]
+            if waver is not None:
+                self._gaze = view.gaze_direction[waver]
                 # What was shown of a track stays as it was, so its last state tells all of it.
                 self._warp = view.warp
         elif view.panels[0].text != self._panel_text and self._gaze is not None:
@@ -150,14 +150,6 @@ class WavingParticipant(StandingBody):
         takes_s = judgement.who_s if question == "who" else judgement.realism_s
         choice_m = choice_centre_m(panel, self._choice(question))
         self.answer_at(panel.pose.position_m, choice_m, t_s, max(takes_s, POINT_S + 0.15))
-
-
-def _waver_of(scene: OfficeScene) -> int:
-    """Return the index of the clerk who waves."""
-    waving = scene.waving
-    return next(
-        i for i, a in enumerate(scene.agents) if waving is not None and a.place == waving.clerk
-    )
 
 
 def questionnaire_answer(

@@ -13,14 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.geometry import Vector, rotate
-from lab.kept import digest_of
 from stimuli.characters.body_parts import PARTS
-from stimuli.dressing.office import PARTS as ROLES
 from stimuli.dressing.office import pose_of_waver
 from stimuli.dressing.office_view import (
     MIDDLE_ABOVE_HIPS_M,
     VIEW_RADIUS_M,
-    body_mesh,
     eye_at,
     seen_body_of,
     view_of,
@@ -30,7 +27,6 @@ from stimuli.motion.skeleton import forward
 from stimuli.motion.warping.outlook import Outlook
 from stimuli.motion.warping.perceived import mask_of, perceived
 from stimuli.motion.warping.track import WarpTrack
-from stimuli.rooms.office import office
 from stimuli.scenes import office as places
 from stimuli.scenes.office import Waving
 
@@ -39,7 +35,6 @@ PIXELS_PER_DEG: Final = 12.0
 LOOKS: Final = 6
 """Moments of a wave that are looked at."""
 REACH_PX: Final = 96
-CUES: Final = ("eyes", "head", "torso", "hand")
 CUE_PARTS: Final = (("eyes",), ("face", "eyes"), ("torso", "neck"), ("right_hand", "right_forearm"))
 REACH_PARTS: Final = ("face", "eyes", "right_hand")
 
@@ -162,16 +157,3 @@ def _pointing(waving: Waving, poses: Frames, gaze: Vector) -> tuple[Vector, Vect
         ):
             front[k] += rotate(body.orientation_wxyz[skeleton.index(joint)], axis) / LOOKS
     return head, np.array([_bearing_deg(gaze), *(_bearing_deg(f) for f in front)])
-
-
-@cache
-def surroundings_sha256() -> str:
-    """Return the hash of everything that decides what can be seen of a given wave."""
-    meshes = [p.mesh for p in office().props] + [body_mesh(role) for role in ROLES]
-    bodies = [seen_body_of(c.name) for c in places.CLERKS]
-    return digest_of(
-        *(m.vertices_m for m in meshes),
-        *(b.rest for b in bodies),
-        *(eye_at(c.name) for c in places.CUSTOMERS),
-        said="|".join(map(str, (PIXELS_PER_DEG, LOOKS, REACH_PX, CUE_PARTS, REACH_PARTS))),
-    )

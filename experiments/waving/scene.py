@@ -8,10 +8,9 @@ from typing import Any, Final
 import numpy as np
 
 from experiments.waving.clips import Making, StudyWave, study_wave
+from lab.chance import generator
 from lab.clock import NS_PER_S
-from lab.geometry import Vector
-from stimuli.dressing.office import agents_of, roles_of
-from stimuli.dressing.office_view import eye_at
+from stimuli.dressing.office import agents_of
 from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.gaze.blinks import draw_blinks
 from stimuli.scene import Agent
@@ -23,6 +22,7 @@ from stimuli.scenes.office import (
     place,
     shift_m,
 )
+from visavis.scenes import places
 
 SCENE_SEED: Final = 7
 """Of what everybody does beside the wave: the same in all trials."""
@@ -65,46 +65,21 @@ def office_eyes(
     addressee `wave_s` after the onset: to the participant wherever they are, or to the eyes of a
     customer.
     """
-    roles = roles_of(scene.participant_place)
     by = shift_m(scene.participant_place)
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
-    blinks = draw_blinks(rng, len(roles), duration_s)
+    blinks = draw_blinks(generator(seed, 1), len(scene.agents), duration_s)
     eyes = EyeBehaviour.of_scene(scene, target_m=np.zeros(3), blinks=blinks)
     targets = eyes.targets_m.copy()
-    for i, (role, agent) in enumerate(zip(roles, scene.agents, strict=True)):
+    for i, agent in enumerate(scene.agents):
         targets[:, i] = agent.eye_centre_m + 3.0 * agent.facing
-        if role in (c.name for c in CLERKS):
-            targets[:, i] = place(role).floor_m + by + np.array(SCREEN_FROM_CLERK_M)
-    waving = scene.waving
-    if waving is None:
+        if agent.place in (c.name for c in CLERKS):
+            targets[:, i] = place(agent.place).floor_m + by + np.array(SCREEN_FROM_CLERK_M)
+    who = scene.waver
+    if who is None:
         return replace(eyes, targets_m=targets)
-    who = roles.index(waving.clerk)
     follows, turn_ns = eyes.follows_observer.copy(), eyes.turn_ns.copy()
     turn_ns[who] = round(wave_s * NS_PER_S)
     if target_place == scene.participant_place:
         follows[1, who] = True
     else:
-        targets[1, who] = customer_eyes(scene, target_place)
+        targets[1, who] = scene.agents[places(scene)[target_place]].eye_centre_m
     return replace(eyes, targets_m=targets, follows_observer=follows, turn_ns=turn_ns)
-
-
-def gaze_of(waving: Waving, participant_place: str, target_place: str) -> Vector:
-    """Return where the waving clerk's eyes point (3,), at a participant who stands still."""
-    scene = OfficeScene(
-        name="gaze", agents=agents_in(participant_place, waving),
-        participant_place=participant_place, waving=waving, seed=SCENE_SEED,
-    )  # fmt: skip
-    eyes = office_eyes(scene, target_place, 0, 1.0, 0.0)
-    standing = eye_at(participant_place) + shift_m(participant_place)
-    gaze, _, _ = eyes.at(10 * NS_PER_S, standing)
-    pointing: Vector = gaze[roles_of(participant_place).index(waving.clerk)]
-    return pointing
-
-
-def customer_eyes(scene: OfficeScene, target_place: str) -> Vector:
-    """Return the eyes (3,) of a virtual customer in the tracked room."""
-    for agent in scene.agents:
-        if agent.place == target_place:
-            return agent.eye_centre_m
-    found: Vector = eye_at(target_place) + shift_m(scene.participant_place)
-    return found

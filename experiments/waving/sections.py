@@ -119,8 +119,6 @@ def _reached(trials: pd.DataFrame, experiment: StudyExperiment) -> list[Block]:
     if "target_met_01" not in trials or not trials["target_met_01"].notna().any():
         return [Paragraph("No wave was warped, or the recording does not tell what was reached.")]
     known = trials[trials["target_met_01"].notna()]
-    if "target_reachable_01" not in known:  # recorded before it was told
-        known = known.assign(target_reachable_01=np.nan)
     rows = []
     for direction in (*DIRECTIONS, None):
         part = known if direction is None else known[known["direction"] == direction]
@@ -128,14 +126,10 @@ def _reached(trials: pd.DataFrame, experiment: StudyExperiment) -> list[Block]:
         cells = [_change(part[c]) for c in ("coverage_wanted", "coverage_reached")]
         shares = [_share(part[c]) for c in ("target_reachable_01", "target_met_01")]
         rows.append((wave, str(len(part)), *cells, *shares))
-    heads = (
-        Column("Wave"),
-        Column("Warped trials", "right"),
-        Column("Coverage wanted", "right"),
-        Column("Reached", "right"),
-        Column("Frames within reach", "right"),
-        Column("Frames on target", "right"),
-    )
+    shown = (
+        "Warped trials", "Coverage wanted", "Reached", "Frames within reach", "Frames on target",
+    )  # fmt: skip
+    heads = (Column("Wave"), *(Column(h, "right") for h in shown))
     met_01 = float(known["target_met_01"].mean())
     said = (
         "Coverage: medians of trials, beside the wave that was not warped. A frame is on target "

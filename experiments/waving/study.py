@@ -8,13 +8,13 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import Future
 from dataclasses import asdict, astuple, dataclass, field, replace
 from functools import partial
-from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from experiments.waving.clips import (
+    DEFAULT_MAKING,
     FINE_PX,
     LOOP,
     REFINING,
@@ -29,16 +29,15 @@ from experiments.waving.clips import (
 )
 from experiments.waving.scene import office_eyes, scene_of, wave_of
 from lab.clock import NS_PER_S
-from lab.errors import DesignError
 from lab.geometry import Pose, Vector
 from protocol.columns import Column
 from protocol.design import Factor
+from protocol.parameters import Within, known_of
 from protocol.participants import SimulatedParticipant
 from protocol.plan import Trial
 from protocol.shown import Shown
-from protocol.steps import FrameView, NextFrame, Scalar, Show
+from protocol.steps import FrameView, NextFrame, Scalar, Show, known
 from stimuli.dressing.office_view import VIEW_PX
-from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.motion.warping.track import (
     Reached,
     TrackLoop,
@@ -59,11 +58,13 @@ from stimuli.scenes.office import (
     neighbour,
     shift_m,
 )
-from visavis.compare import Compare, Published, published_f
+from visavis.compare import Compare, published_f
 from visavis.exclusions import STANDARD_RULES, needs_answer
 from visavis.experiment import StudyExperiment
 from visavis.measures import column
+from visavis.pairs import Printed
 from visavis.responses import Choice, Rating
+from visavis.scenes import WithEyes, places
 from visavis.study import Source, Study
 from visavis.trial import TrialScript
 
@@ -73,7 +74,7 @@ CLERK_NAMES: Final = [c.name for c in CLERKS]
 PLACES: Final = tuple(c.name for c in CUSTOMERS)
 MEAN_ACCURACY: Final = {"orientation": (0.59, 0.25), "warping": (0.67, 0.20)}
 """Mean and SD as printed; over what the SD is taken is not said."""
-NO_VALUES: Final = Published("not significant (no values)", False)
+NO_VALUES: Final = Printed(False, text="not significant (no values)")
 COMPARED: Final = Compare(
     "is_right",
     within=("technique", "direction"),
@@ -88,6 +89,12 @@ COMPARED: Final = Compare(
         ),
     },
 )
+LEVELS: Final = {
+    "technique": TECHNIQUES,
+    "direction": DIRECTIONS,
+    "clerk": CLERK_NAMES,
+    "participant_place": PARTICIPANT_PLACES,
+}
 PRACTICE: Final = {"direction": "self", "participant_place": "place_3"}
 REALISM: Final = Rating("realism", 1, 9)
 BOARD_SIZE_M: Final = (1.5, 0.5)
@@ -103,12 +110,7 @@ study = Study(
     "waving",
     "Waving at whom?",
     "Is a wave understood better when it is warped to be seen by who is meant?",
-    factors=[
-        Factor("technique", TECHNIQUES),
-        Factor("direction", DIRECTIONS),
-        Factor("clerk", CLERK_NAMES),
-        Factor("participant_place", PARTICIPANT_PLACES),
-    ],
+    factors=[Factor(name, levels) for name, levels in LEVELS.items()],
     cells=("technique", "direction"),
     derived={
         "target_place": lambda f: neighbour(str(f["participant_place"]), str(f["direction"])).name
@@ -119,12 +121,16 @@ study = Study(
         PRACTICE | {"technique": "warping", "direction": "left", "clerk": "clerk_left"},
     ],
     parameters={
-        "before_s": 1.0,
-        "wave_s": 2.6,
+        **asdict(DEFAULT_MAKING),
         "after_s": 0.6,
-        "increment": 0.25,
-        "warp_from": "front",
         "eye_height_m": STANDING_EYE_M,
+    },
+    ranges={
+        **dict.fromkeys(("before_s", "wave_s", "after_s"), Within(0, open=True)),
+        "increment": Within(0, 2),
+        "warp_from": ("oriented", "front"),
+        "eye_height_m": Within(0.8, 2.2, why="those of people"),
+        **LEVELS,
     },
     intertrial_s=1.5,
     texts="texts",
@@ -232,51 +238,20 @@ pointed at with a tracked hand, or the head where none is tracked.
 )
 
 
-@study.check
-def check(p: Mapping[str, Any]) -> None:
-    """Refuse parameters that give no wave.
-
-    Raises:
-        DesignError: naming each of them.
-    """
-    problems = [f"{name} is above 0" for name in ("before_s", "wave_s", "after_s")
-                if p[name] <= 0]  # fmt: skip
-    if not 0 <= p["increment"] <= 2:
-        problems.append(f"increment {p['increment']:g} is no share from 0 to 2")
-    if p["warp_from"] not in ("oriented", "front"):
-        problems.append(f"warp_from {p['warp_from']!r} is neither oriented nor front")
-    if not 0.8 <= p["eye_height_m"] <= 2.2:
-        problems.append(f"eye_height_m {p['eye_height_m']:g} is no person's, 0.8 to 2.2 m")
-    if problems:
-        raise DesignError(f"waving: {'; '.join(problems)}")
-
-
-@study.older
-def older(parameters: dict[str, Any]) -> dict[str, Any]:
-    """Read `clerks`, which said how many of them wave, as the levels of a factor."""
-    if type(parameters.get("clerks")) is int:
-        parameters["clerk"] = CLERK_NAMES[: parameters.pop("clerks")]
-    return parameters
-
-
 def making_of(parameters: Mapping[str, Any]) -> Making:
     """Return what the waves of a study are made from."""
-    return Making(**{name: parameters[name] for name in Making.__dataclass_fields__})
+    return known_of(Making, parameters)
 
 
 @study.prepare
-def prepare(p: Mapping[str, Any]) -> list[Callable[[], object]]:
+def prepare(experiment: StudyExperiment) -> list[Callable[[], object]]:
     """Make every wave of the study, which takes seconds each where none is kept yet."""
-    making = making_of(p)
-    levels = [p.get(f.name, f.levels) for f in study.factors]
-    cells = [dict(zip((f.name for f in study.factors), c, strict=True)) for c in product(*levels)]
+    making, eye_height_m = making_of(experiment.parameters), experiment.parameters["eye_height_m"]
     waves = {}
-    for cell in cells:
-        place, direction = str(cell["participant_place"]), str(cell["direction"])
-        told = {**cell, "target_place": neighbour(place, direction).name}
-        is_own = told["target_place"] == place
-        key = (told["clerk"], told["target_place"], told["technique"], is_own)
-        waves[key] = partial(wave_of, told, making, p["eye_height_m"])
+    for cell in experiment.conditions():
+        is_own = cell["target_place"] == cell["participant_place"]
+        key = (cell["clerk"], cell["target_place"], cell["technique"], is_own)
+        waves[key] = partial(wave_of, cell, making, eye_height_m)
     return list(waves.values())
 
 
@@ -291,27 +266,19 @@ def who_question(participant_place: str) -> Choice:
 
 
 @dataclass
-class Office:
+class Office(WithEyes):
     """The office on the display, frame by frame: eyes follow the participant's head in steps."""
 
     scene: OfficeScene
-    eyes: EyeBehaviour
-    start_ns: int
-    observer_m: Vector
+    observer_m: Vector = field(default_factory=lambda: np.zeros(3))
+    step_m: float = FOLLOW_STEP_M
+    start_ns: int = 0
     loop: TrackLoop | None = None
     looked: list[tuple[float, Vector]] = field(default_factory=list)
 
-    @property
-    def roles(self) -> Mapping[str, int]:
-        """Return who is who: everybody by their place."""
-        return {agent.place: i for i, agent in enumerate(self.scene.agents)}
-
     def frame(self, view: FrameView, elapsed_ns: int) -> OfficeFrame:
         """Return what to show from the coming frame on."""
-        if view.head_valid:
-            moved = view.head.position_m - self.observer_m
-            if float(moved @ moved) > FOLLOW_STEP_M**2:
-                self.observer_m = np.array(view.head.position_m, np.float64)
+        self.follow(view)
         gaze, openness, _ = self.eyes.at(view.t_ns - self.start_ns, self.observer_m)
         warp = None if self.loop is None else self.loop.track
         distance_m = self.eyes.distance_m(view.t_ns - self.start_ns, self.observer_m)
@@ -348,7 +315,7 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
     longest_s = scene_s + 2 * t.settings.ways.limit_s + 5.0
     eyes = office_eyes(scene, t.target_place, t.trial.seed, longest_s, t.before_s - 0.3)
     view = yield NextFrame()
-    office = Office(scene, eyes, view.t_ns, np.zeros(3), loop_of(t, wave))
+    office = Office(scene, places(scene), eyes, start_ns=view.t_ns, loop=loop_of(t, wave))
     t.showing(office, view.t_ns)
     yield Show(office.frame(view, 0))
     view = yield NextFrame()
@@ -450,11 +417,6 @@ def told_of(found: Reached | None) -> dict[str, Scalar | None]:
     return {n: known(round(v, 4)) for n, v in zip(names, astuple(found), strict=True)}
 
 
-def known(value: float) -> float | None:
-    """Return None for what is not a number: journals have no NaN."""
-    return value if np.isfinite(value) else None
-
-
 @study.person
 def person(
     index: int, seed: int, effect: bool, experiment: StudyExperiment
@@ -483,12 +445,8 @@ def views_of(shown: Shown, experiment: StudyExperiment) -> Iterator[SceneFrame]:
 
     The wave's offsets are those of the recording, whatever this version would plan.
     """
-    name = str(shown.description["scene_name"])
-    if not name.startswith("office_"):
-        yield shown.view
-        return
-    told = shown.latest("wave")
-    if told is None:
+    name, told = str(shown.description["scene_name"]), shown.latest("wave")
+    if told is None or not name.startswith("office_"):
         yield shown.view
         return
     script, plain, office = shown.once(

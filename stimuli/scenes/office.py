@@ -148,6 +148,13 @@ class OfficeScene(Scene):
     seed: int = 0
     dressed_by: str = "stimuli.dressing.office:office_picture"
 
+    @property
+    def waver(self) -> int | None:
+        """The index of the agent who waves; None while nobody does."""
+        if self.waving is None:
+            return None
+        return next(i for i, a in enumerate(self.agents) if a.place == self.waving.clerk)
+
 
 @dataclass(frozen=True, slots=True)
 class OfficeFrame(PanelFrame):

@@ -59,6 +59,7 @@ SAME_FACE_WITHIN_M: Final = 1.8
 
 _LAYOUT_SEED = 20201
 _CANDIDATES = 60
+_NO_EYES = np.empty((0, 3)), np.empty(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +118,13 @@ class CrowdFrame(SceneFrame):
 
     crowd_t_ns: int = 0
     track: str | None = None
+
+
+def station_frame(
+    scene: CrowdScene, t_ns: int, crowd_t_ns: int = 0, track: str | None = None
+) -> CrowdFrame:
+    """Return the station at a time; its people's eyes are not led one by one."""
+    return CrowdFrame(scene, t_ns, *_NO_EYES, crowd_t_ns=crowd_t_ns, track=track)
 
 
 def max_people(density: float) -> int:

@@ -36,7 +36,7 @@ def test_people_can_be_dealt_to_groups_from_the_first_one_on(
     devices: str, lab_config: Path
 ) -> None:
     here = ("--devices", devices)
-    design = ("--set", "with_control_group=yes")
+    design = ("--set", "groups=[haptics,control]")
     first = visavis(lab_config, "participant", "add", "crowd", *here, *design)
     further = [visavis(lab_config, "participant", "add", "crowd", *here) for _ in range(3)]
     groups = ["control" if "group control" in text else "haptics" for text in (first, *further)]
@@ -57,7 +57,7 @@ def test_a_plan_can_be_seen_with_parameters_before_the_study_exists(lab_config: 
         for trial in block["trials"]
     )
     assert not (lab_config.parent / "data").exists()
-    assert {plan("--set", "with_control_group=yes")["group"]} <= {"haptics", "control"}
+    assert {plan("--set", "groups=[haptics,control]")["group"]} <= {"haptics", "control"}
 
 
 def place_of(text: str) -> str:
@@ -135,5 +135,5 @@ def test_parameters_that_would_move_somebody_to_another_group_are_refused(
     with pytest.raises(UsageError, match="begun with no --set"):
         visavis(
             lab_config, "participant", "add", "crowd", "--devices", "sim",
-            "--set", "with_control_group=yes",
+            "--set", "groups=[haptics,control]",
         )  # fmt: skip

@@ -1,7 +1,6 @@
 from collections import Counter
 from itertools import pairwise
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,7 +12,6 @@ from protocol.design import (
     combinations_of,
     group_of,
     make_plan,
-    participant_rng,
     trial_seed,
 )
 from protocol.orders import never_next_to, no_more_than
@@ -127,11 +125,6 @@ def test_trial_seeds_fit_a_signed_64_bit_column(seed, index, number):
 
 def test_trial_seed_stays_what_recorded_studies_used():
     assert 4755582382628778216 == trial_seed(1, 0, 1)
-
-
-def test_streams_of_a_participant_are_independent():
-    a, b = participant_rng(1, 0, 0), participant_rng(1, 0, 1)
-    assert not np.array_equal(a.integers(2**62, size=4), b.integers(2**62, size=4))
 
 
 def test_practice_comes_first_in_a_block_of_its_own():

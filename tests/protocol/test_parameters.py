@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from lab.errors import ConfigError
-from protocol.parameters import parameters_from
+from protocol.parameters import Within, out_of_range, parameters_from
 
 
 @dataclass(frozen=True)
@@ -59,3 +59,36 @@ def test_every_problem_is_told_at_once_with_the_nearest_name() -> None:
     assert "pause_s is 'x'" in text
     assert "repetitions is nan" in text
     assert "parameters: pause_s, repetitions, is_loud, pattern" in text
+
+
+@pytest.mark.parametrize(
+    ("allowed", "within", "outside"),
+    [
+        (Within(0, 2), (0, 1.5, 2), (math.nextafter(0, -1), math.nextafter(2, 3), math.nan)),
+        (Within(0, 2, open=True), (0.1, 1.9), (0, 2, math.nan)),
+        (Within(8), (8, 1e9), (7,)),
+        (("front", "oriented"), ("front",), ("aside", "")),
+    ],
+)
+def test_what_lies_within_is_taken_and_nothing_else(
+    allowed: Any, within: tuple[Any, ...], outside: tuple[Any, ...]
+) -> None:
+    assert {""} == {out_of_range("increment", value, allowed) for value in within}
+    for value in outside:
+        assert "increment" in out_of_range("increment", value, allowed)
+
+
+@pytest.mark.parametrize(
+    ("value", "allowed", "said"),
+    [
+        (3, Within(0, 2), "increment is 3; give a number 0 to 2"),
+        (0, Within(0, open=True), "increment is 0; give a number above 0"),
+        (1, Within(0, 1, open=True), "increment is 1; give a number between 0 and 1"),
+        (12, Within(high=11, why="seats"), "increment is 12; give a number up to 11 (seats)"),
+        (["a", "x"], ("a", "b"), "no increment 'x'; choose among a, b"),
+    ],
+)
+def test_what_lies_outside_is_refused_with_what_to_give(
+    value: Any, allowed: Any, said: str
+) -> None:
+    assert said == out_of_range("increment", value, allowed)

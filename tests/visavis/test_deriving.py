@@ -105,12 +105,9 @@ def test_own_texts_lie_over_those_of_the_base(tmp_path: Path) -> None:
         find_study(str(path)).experiment({"language": "de"})
 
 
-def test_study_that_is_not_on_the_kit_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Elsewhere:
-        name = "elsewhere"
-
-    monkeypatch.setattr("visavis.catalogue.find_study", lambda wanted: Elsewhere())
-    with pytest.raises(DesignError, match="cannot be derived from yet"):
+def test_a_package_that_names_no_study_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("visavis.catalogue.SHIPPED", {"elsewhere": "builtins:dict"})
+    with pytest.raises(DesignError, match="builtins:dict is a dict; an entry point names a Study"):
         derive("elsewhere", "own")
 
 

@@ -25,7 +25,7 @@ from stage.renderer import LIGHTEST, Renderer
 from stimuli.dressing.picture_of import picture_of
 from tests.faults.sessions import CONFIG, TIMING, lab
 from visavis.analysis import answered
-from visavis.catalogue import SHIPPED, AnyStudy, find_study
+from visavis.catalogue import SHIPPED, find_study
 from visavis.exclusions import COUNTED
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
@@ -75,7 +75,7 @@ def name_of(reference: str) -> str:
 
 
 @cache
-def found(reference: str) -> AnyStudy:
+def found(reference: str) -> OpenedStudy:
     """Return a study."""
     return find_study(reference)
 
@@ -92,7 +92,7 @@ def on_kit(reference: str) -> OpenedStudy:
     return study
 
 
-def config_for(study: AnyStudy, root: Path) -> LabConfig:
+def config_for(study: OpenedStudy, root: Path) -> LabConfig:
     """Return the example laboratory at low rates, with the devices that a study cannot miss."""
     config = lab(root)
     example = load_config(CONFIG)
@@ -103,7 +103,7 @@ def config_for(study: AnyStudy, root: Path) -> LabConfig:
 
 
 def request_for(
-    study: AnyStudy, reference: str, root: Path, index: int, set_to: dict[str, Any] | None = None
+    study: OpenedStudy, reference: str, root: Path, index: int, set_to: dict[str, Any] | None = None
 ) -> Request:
     """Return a short session of one simulated person; `set_to` replaces the usual parameters."""
     parameters = small(reference) if set_to is None else set_to

@@ -34,6 +34,23 @@ def test_plan_of_a_study_file_holds_every_cell_as_often_as_repeated() -> None:
     assert sum(t.is_practice for t in plan.trials) == 2
 
 
+def test_what_a_study_leaves_out_of_its_ranges_is_refused_before_its_own_check(
+    tmp_path: Path,
+) -> None:
+    ranged = HEAD.replace(
+        'Factor("gaze", ["averted", "directed"])]',
+        'Factor("gaze", ["averted", "directed"])], parameters={"clip_s": 2.0}, '
+        'ranges={"clip_s": Within(0.5, 3), "gaze": ("averted", "directed")}',
+    ).replace("import Choice", "import Within, Choice")
+    text = f"{ranged}\n@study.trial\ndef trial(t):\n    yield t.dark(t.clip_s)\n"
+    study = find_study(str(written(tmp_path, text)))
+    assert 3.0 == study.experiment({"clip_s": 3}).parameters["clip_s"]
+    with pytest.raises(DesignError, match=r"own: clip_s is 4; give a number 0\.5 to 3"):
+        study.experiment({"clip_s": 4})
+    with pytest.raises(DesignError, match="own: no gaze 'up'; choose among averted, directed"):
+        study.experiment({"gaze": ["averted", "up"]})
+
+
 def test_plan_is_pure() -> None:
     experiment = opened("duel").experiment({})
     assert experiment.plan(3, 7) == experiment.plan(3, 7)

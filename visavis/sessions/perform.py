@@ -13,7 +13,7 @@ from devices.shared_body import SharedBody
 from lab.clock import Clock, SimClock, require_fine_clock
 from lab.config import LabConfig
 from lab.errors import ConfigError, RecordingError, SessionAborted
-from protocol.experiment import Experiment, Preparing, Respondent
+from protocol.experiment import Respondent
 from protocol.gaze_setup import TargetTiming
 from protocol.operator import Operator, UnattendedOperator
 from protocol.participants import SimulatedParticipant
@@ -29,7 +29,6 @@ from recording.provenance import provenance
 from recording.reader import Recording
 from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseStatus, Recorder
 from stage.contracts import Stage, Viewer
-from visavis.catalogue import AnyStudy
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
 from visavis.sessions.plan_lock import carried_by_session
@@ -46,8 +45,8 @@ class Request:
     left out where the study says it; a `page` is served at its address.
     """
 
-    study: AnyStudy
-    experiment: Experiment
+    study: OpenedStudy
+    experiment: StudyExperiment
     config: LabConfig
     participant_label: str
     participant_index: int
@@ -230,9 +229,8 @@ def _equip(request: Request, stack: ExitStack) -> _Devices:
     if respondent is None:
         raise ConfigError("nobody is there to answer the questionnaires; run it in a terminal")
     seed = device_seed(behaviour_seed(request), request.participant_index)
-    if isinstance(request.experiment, Preparing) and not request.clock.is_virtual:
+    if not request.clock.is_virtual:
         request.experiment.prepare()
-    if isinstance(request.experiment, StudyExperiment) and not request.clock.is_virtual:
         stack.enter_context(request.experiment.settings.beside.in_process())
     rig = build_rig(request.config, request.clock, participant, seed, stack, request.without)
     return _Devices(rig, participant, respondent)
@@ -304,8 +302,7 @@ def _setup(
     recorder: Recorder,
 ) -> SessionSetup:
     # A study in one language alone says nothing; its participants read the lab's.
-    language = getattr(request.experiment, "language", request.config.language)
-    config = request.config.model_copy(update={"language": language})
+    config = request.config.model_copy(update={"language": request.experiment.language})
     return SessionSetup(
         experiment=request.experiment,
         plan=plan,
@@ -320,7 +317,7 @@ def _setup(
         respondent=devices.respondent,
         judge_validation=request.study.judge_validation,
         questionnaires=request.study.questionnaires(config),
-        leave_out=read_texts((), language).get("no_answer"),
+        leave_out=read_texts((), request.experiment.language).get("no_answer"),
         participant=devices.participant,
         progress=progress,
         blind=request.blind,
@@ -400,8 +397,8 @@ def _simulated_participant(request: Request) -> SimulatedParticipant | None:
 
 
 def simulated_request(
-    study: AnyStudy,
-    experiment: Experiment,
+    study: OpenedStudy,
+    experiment: StudyExperiment,
     config: LabConfig,
     *,
     label: str,

@@ -45,8 +45,7 @@ def measure_job(job: TrialJob) -> MeasuredTrial:
         raise DataError(
             f"{path} is not there; every worker must see the study's folder under the same path"
         )
-    study = find_study(job.study)
-    pieces = study.pieces if isinstance(study, OpenedStudy) else None
+    pieces = find_study(job.study).pieces
     if pieces is None:
         raise DataError(f"trials of {job.study} are not measured one by one")
     return pieces.measure(Recording(path), job.trial_id, job.how)

@@ -7,14 +7,13 @@ from typing import Any, Final
 
 from lab.clock import Clock
 from lab.errors import DataError, RecordingError, UsageError
-from protocol.experiment import Experiment
 from recording.chained import append_lines, read_lines
 from recording.csv_file import write_csv
 from recording.durable import replace_file
 from recording.manifest import Manifest
 from recording.provenance import provenance
 from recording.sealed import copy_path, read_sealed, seal, seal_of, write_sealed
-from visavis.catalogue import AnyStudy, digest_of, file_of
+from visavis.catalogue import digest_of, file_of
 from visavis.experiment import StudyExperiment
 from visavis.locked.content import LOCK_VERSION, plan_content
 from visavis.locked.deviations import Deviation, deviations_between
@@ -30,8 +29,8 @@ PEEKS_NAME: Final = "peeks.jsonl"
 
 def lock_plan(
     folder: Path,
-    study: AnyStudy,
-    experiment: Experiment,
+    study: OpenedStudy,
+    experiment: StudyExperiment,
     seed: int,
     clock: Clock,
     *,
@@ -43,7 +42,7 @@ def lock_plan(
     """Write a study's plan into its folder, as JSON with a checksum and as Markdown.
 
     Raises:
-        UsageError: the study's plan is locked already, or it is not declared on the kit.
+        UsageError: the study's plan is locked already.
     """
     there = read_lock(folder)
     if there is not None:
@@ -70,21 +69,12 @@ def lock_plan(
 
 
 def content_now(
-    study: AnyStudy,
-    experiment: Experiment,
+    study: OpenedStudy,
+    experiment: StudyExperiment,
     seed: int,
     settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Return what a study plans as it is declared now.
-
-    Raises:
-        UsageError: it is not declared on the kit.
-    """
-    if not isinstance(study, OpenedStudy) or not isinstance(experiment, StudyExperiment):
-        raise UsageError(
-            f"{study.name} states its plan in code, not in a declaration, so that it cannot be "
-            "locked; declare it as a Study"
-        )
+    """Return what a study plans as it is declared now."""
     file = file_of(study)
     return plan_content(
         experiment,
@@ -134,7 +124,7 @@ def _locked(content: Mapping[str, Any], sha256: str) -> LockedPlan:
 
 
 def carried_by_session(
-    folder: Path, study: AnyStudy, experiment: Experiment, seed: int
+    folder: Path, study: OpenedStudy, experiment: StudyExperiment, seed: int
 ) -> dict[str, Any]:
     """Return what a session's configuration keeps of a locked plan: empty without one.
 

@@ -1,13 +1,15 @@
-"""Run the jobs of a power simulation on this machine's cores or on a Dask scheduler."""
+"""Run jobs on this machine's cores or on a Dask scheduler."""
 
 import importlib
+import multiprocessing
+import signal
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import ExitStack
 from typing import Any, TypeAlias, TypeVar
 
 from lab.errors import UsageError
 from recording.provenance import provenance
-from visavis.sessions.simulation import in_parallel
 
 Job = TypeVar("Job")
 Done = TypeVar("Done")
@@ -23,8 +25,32 @@ LIBRARY_MISSING = (
 def on_this_machine(
     work: Callable[[Job], Done], jobs: list[Job], processes: int
 ) -> Iterator[tuple[int, Done]]:
-    """Yield (job number, result) as jobs finish, on this many processes."""
-    return in_parallel(work, [(job,) for job in jobs], processes)
+    """Yield (job number, result) as they finish; with one process, here and in order.
+
+    Whatever ends this ends the other processes, too: they hear of no signal themselves.
+    """
+    if processes == 1 or len(jobs) <= 1:
+        for number, job in enumerate(jobs):
+            yield number, work(job)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(
+        min(processes, len(jobs)), mp_context=context, initializer=_leave_signals_to_parent
+    ) as pool:
+        numbers: dict[Future[Done], int] = {pool.submit(work, j): i for i, j in enumerate(jobs)}
+        try:
+            for future in as_completed(numbers):
+                yield numbers[future], future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
+
+
+def _leave_signals_to_parent() -> None:
+    """Let Ctrl-C, which reaches a terminal's whole group, end work by way of the parent alone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def on_scheduler(

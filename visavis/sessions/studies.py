@@ -21,7 +21,7 @@ from recording.durable import make_folder, protect
 from recording.folder import SIMULATED_ROOT
 from recording.manifest import Manifest, read_manifest
 from recording.reader import Recording
-from visavis.catalogue import AnyStudy, reference_of
+from visavis.catalogue import reference_of
 from visavis.locked.deviations import marked
 from visavis.locked.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.opened import OpenedStudy, overrides_of
@@ -89,7 +89,7 @@ QUIET: Final = Quiet()
 
 def simulate_study(
     lab: LabConfig,
-    chosen: AnyStudy,
+    chosen: OpenedStudy,
     wanted: StudySettings,
     participants: int,
     data_root: Path,
@@ -215,23 +215,20 @@ def analyse_study(
         test = read_sync_test(sync)
         settings = {**settings, SETTING: required_for(test, kinds)}
         telling.say(f"pictures {test.picture_delay_ms:g} ms late, by {test.name} of {test.made}")
-    if isinstance(chosen, OpenedStudy):
-        chosen.check_settings(settings)  # before anything is measured
+    chosen.check_settings(settings)  # before anything is measured
     review = None
-    if locked is not None and isinstance(chosen, OpenedStudy):
+    if locked is not None:
         chosen, review = _reviewed(chosen, locked, manifests, settings, peeks)
         for line in review.lines():
             telling.warn(line) if review.deviations else telling.say(line)
-    pieces = chosen.pieces if isinstance(chosen, OpenedStudy) else None
-    if isinstance(chosen, OpenedStudy) and pieces is not None:
+    pieces = chosen.pieces
+    if pieces is not None:
         ordered = _measured_piecewise(
             chosen, pieces, sessions, folder, processes, scheduler, settings, telling
         )
     else:
         ordered = _measured(reference_of(chosen), sessions, processes, scheduler, settings, telling)
-    if isinstance(chosen, OpenedStudy):
-        chosen = replace(chosen, tell=telling.warn)
-    report_path = chosen.analyse(
+    report_path = replace(chosen, tell=telling.warn).analyse(
         ordered,
         out_dir,
         is_simulated=True in kinds,
@@ -318,10 +315,7 @@ def _measured_piecewise(
     telling: Telling,
 ) -> list[Any]:
     """Measure trial by trial, here or on a scheduler; those measured before are kept."""
-    if scheduler is not None:
-        run = partial(on_scheduler, address=scheduler)
-    else:
-        run = partial(on_this_machine, processes=worker_count(processes))
+    run = partial(_run, processes=processes, scheduler=scheduler)
     store = folder / DERIVED / MEASURED
     with telling.progress("measuring") as told:
         return measure_sessions(study, pieces, sessions, store, run, settings, told)

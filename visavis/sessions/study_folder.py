@@ -12,7 +12,8 @@ from lab.errors import DataError, UsageError
 from recording.durable import make_folder
 from recording.manifest import read_manifest
 from recording.sealed import copy_path, read_sealed, write_sealed
-from visavis.catalogue import AnyStudy, digest_of, file_of, find_study
+from visavis.catalogue import digest_of, file_of, find_study
+from visavis.opened import OpenedStudy
 from visavis.texts import DEFAULT_LANGUAGE
 
 SETTINGS_NAME = "study.json"
@@ -103,7 +104,7 @@ def _in_one_line(error: Exception) -> str:
 
 def wanted_settings(
     folder: Path,
-    study: AnyStudy,
+    study: OpenedStudy,
     *,
     is_simulated: bool,
     seed: int | None = None,
@@ -244,7 +245,7 @@ def sessions_of(folder: Path) -> tuple[Path, ...]:
     return found
 
 
-def study_of_folder(folder: Path, name: str) -> tuple[AnyStudy, str]:
+def study_of_folder(folder: Path, name: str) -> tuple[OpenedStudy, str]:
     """Return the study whose data a folder holds, and a warning where its file has changed.
 
     Raises:

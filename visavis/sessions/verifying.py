@@ -21,8 +21,7 @@ from protocol.operator import UnattendedOperator
 from recording.journal import as_json
 from recording.reader import PART_COLUMN, Recording, component_names
 from recording.stream_file import Columns
-from visavis.catalogue import AnyStudy
-from visavis.opened import overrides_of
+from visavis.opened import OpenedStudy, overrides_of
 from visavis.sessions.perform import Request, perform_new
 
 DRAWN: Final = ("drawn", "drawn_views", "mirror")
@@ -67,7 +66,7 @@ class Verdict:
     left_out: tuple[str, ...]
 
 
-def verify(recording: Recording, study: AnyStudy, lab: LabConfig, scratch: Path) -> Verdict:
+def verify(recording: Recording, study: OpenedStudy, lab: LabConfig, scratch: Path) -> Verdict:
     """Perform a session again below an empty folder and compare.
 
     `lab` gives what a recording does not keep: how its questionnaires are worded.
@@ -80,7 +79,7 @@ def verify(recording: Recording, study: AnyStudy, lab: LabConfig, scratch: Path)
     return compared(recording, again)
 
 
-def perform_again(recording: Recording, study: AnyStudy, lab: LabConfig, scratch: Path) -> Path:
+def perform_again(recording: Recording, study: OpenedStudy, lab: LabConfig, scratch: Path) -> Path:
     """Perform a simulated session again; return its new folder; raises as `verify`."""
     manifest = recording.manifest
     if not manifest.is_simulated:

@@ -31,6 +31,7 @@ from experiments.crowd.participant.walking import (
     walker_head,
     walker_poses,
 )
+from lab.chance import generator
 from lab.errors import DataError
 from lab.geometry import Vector, quat_conjugate, rotate, unit
 from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M, bones
@@ -327,4 +328,4 @@ class CrowdParticipant:
         return np.repeat(drawn, every)[: len(way.point_m)]
 
     def _rng(self, *spawn_key: int) -> np.random.Generator:
-        return np.random.default_rng(np.random.SeedSequence(self._entropy, spawn_key=spawn_key))
+        return generator(self._entropy, *spawn_key)

@@ -14,6 +14,7 @@ from protocol.steps import NextFrame, Reflex, Silence, TrialInterrupted
 from stimuli.contact.body import BODY_JOINTS
 from tests.experiments.crowd.sessions import session
 from tests.experiments.crowd.tables import measured
+from visavis.catalogue import find_study
 
 QUICK = MeasureParameters(surface="capsules")
 HAPTIC_TRIAL = Trial(
@@ -166,7 +167,7 @@ def test_a_band_that_goes_away_does_not_end_the_walk(tmp_path):
 
 
 def test_a_control_group_never_vibrates(tmp_path):
-    recording = session(tmp_path, group="control", with_control_group=True)
+    recording = session(tmp_path, group="control", groups=["haptics", "control"])
     assert not recording.trials()["vibrates"].any()
     for role in BAND_ROLES:
         assert 1 not in recording.stream_arrays(f"haptics_{role}")["kind"]
@@ -183,9 +184,9 @@ def test_an_interrupted_walk_silences_every_band():
 
 def test_an_area_too_small_for_the_crowd_is_refused_with_what_is_needed():
     with pytest.raises(DesignError, match=r"need 8\.9 m"):
-        CrowdParameters(tracking_side_m=7.0)
+        find_study("crowd").experiment({"tracking_side_m": 7.0})
 
 
 def test_an_unknown_pattern_is_refused_with_those_there_are():
     with pytest.raises(DesignError, match="published, steady"):
-        CrowdParameters(pattern="tickle")
+        find_study("crowd").experiment({"pattern": "tickle"})

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.crowd.film import Span, film_steps, film_walk, frames
+from experiments.crowd.film import Span, film_walk, frames
 from experiments.crowd.film_drawing import LIT, TOUCHED, FilmPainter
 from lab.errors import UsageError
 from stage.errors import StageError
@@ -29,10 +29,10 @@ def has(picture, colour):
 
 
 def test_a_film_has_a_frame_for_every_tick_of_the_walk():
-    steps = film_steps(carried(4.0), 25, None)
+    steps = carried(4.0).steps_at(25)
     assert 101 == len(steps)
     assert (np.diff(steps) == 4).all()
-    assert 26 == len(film_steps(carried(4.0), 25, 1.0))
+    assert 26 == len(carried(4.0).steps_at(25, 1.0))
 
 
 def test_contacts_light_the_part_and_the_person():

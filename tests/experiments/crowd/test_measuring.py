@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.crowd.measures import MeasureParameters, measure_parameters
+from experiments.crowd.measures import MeasureParameters
 from experiments.crowd.measuring import PIECES, trials_of
 from lab.errors import ConfigError, DataError, UsageError
 from recording.reader import Recording
@@ -111,23 +111,23 @@ def test_walks_measured_another_way_are_not_taken_for_these(path, tmp_path):
 
 
 def test_settings_of_measuring_are_taken_by_name():
-    assert MeasureParameters("published", "light") == measure_parameters(
-        {"rule": "published", "surface": "light"}
+    assert MeasureParameters("published", "light") == PIECES.how_with(
+        {"rule": "published", "surface": "light", "alpha": 0.01}
     )
-    assert MeasureParameters() == measure_parameters({})
+    assert MeasureParameters() == PIECES.how_with({})
 
 
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"ruel": "volume"}, "takes rule, surface and narrow_gap_m"),
         ({"rule": "publishd"}, "choose volume, centres, published"),
+        ({"narrow_gap_m": "wide"}, "narrow_gap_m is 'wide': give a number"),
         ({"rule": "published", "surface": "capsules"}, "choose another surface"),
     ],
 )
 def test_a_setting_of_measuring_that_does_not_exist_is_named(settings, said):
     with pytest.raises(ConfigError, match=said):
-        measure_parameters(settings)
+        PIECES.how_with(settings)
 
 
 def test_a_scheduler_gives_identical_numbers(path, whole, tmp_path):

@@ -29,7 +29,7 @@ UNUSABLE = (
     "tracking_side_m=x",
     "tracking_side_m=7",
     "nearest_motor=maybe",
-    "with_control_group=1",
+    "group=[sham]",
     "record_gaze=nope",
     "density_per_m2=0.2",
     "density_per_m2=3",
@@ -67,14 +67,10 @@ def test_one_name_given_twice_is_refused() -> None:
         read_parameters(["limit_s=90", "limit_s=60"])
 
 
-def test_crowds_that_were_counted_and_a_control_group_are_read_as_levels() -> None:
-    read = find_study("crowd").experiment({"configurations": 2, "with_control_group": True})
-    named = find_study("crowd").experiment({"configurations": [2], "groups": ["control"]})
-    assert ([1, 2], ["haptics", "control"]) == (
-        read.parameters["configuration"],
-        read.parameters["group"],
-    )
-    assert [2] == named.parameters["configuration"]
+def test_crowds_and_a_control_group_are_levels() -> None:
+    wanted = {"configurations": [1, 2], "groups": ["haptics", "control"]}
+    read = find_study("crowd").experiment(wanted).parameters
+    assert ([1, 2], ["haptics", "control"]) == (read["configuration"], read["group"])
 
 
 def test_a_block_is_called_by_its_condition_in_every_language() -> None:

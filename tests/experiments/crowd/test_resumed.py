@@ -14,7 +14,7 @@ from recording.reader import Recording
 from tests.experiments.crowd.sessions import request
 from visavis.sessions.perform import perform_new, perform_rest
 
-PARAMETERS = {"configurations": 2, "limit_s": 15.0}
+PARAMETERS = {"configurations": [1, 2], "limit_s": 15.0}
 DONE_BEFORE = 4
 """The practice, two walks of the first block and one of two that vibrate."""
 

@@ -9,7 +9,7 @@ import pytest
 from experiments.stare.design import CONDITIONS, StareParameters
 from experiments.stare.scene import CHARACTERS, characters_of, scene_of
 from experiments.stare.study import experiment_of, plan_session, study
-from lab.errors import DesignError
+from lab.errors import ConfigError, DesignError
 from stimuli.scenes.audience import ACTIVE_PLACES, PLACES, depth_of, zone_of
 from visavis.experiment import StudyExperiment
 
@@ -134,8 +134,8 @@ def test_a_group_is_refused() -> None:
     ],
 )
 def test_impossible_parameters_are_refused_by_name(wrong: dict[str, float]) -> None:
-    with pytest.raises(DesignError, match=next(iter(wrong))):
-        StareParameters(**wrong)
+    with pytest.raises((ConfigError, DesignError), match=next(iter(wrong))):
+        experiment_of(StareParameters(**wrong))
 
 
 def test_repetitions_below_one_are_refused() -> None:

@@ -5,7 +5,7 @@ import pytest
 from scipy import special, stats
 
 from cli.quick_tracker import tracker_of
-from experiments.stare.published import PARTICIPANTS, published_test
+from experiments.stare.published import PARTICIPANTS, TESTS
 from visavis.looks import DWELL_MS, FIXATION_COUNT
 from visavis.observer.temperament import DEFAULT_POPULATION, draw_temperament
 from visavis.power import KitPower
@@ -13,9 +13,9 @@ from visavis.power import KitPower
 
 def printed_dz(measure: str) -> float:
     """Return the standardised difference of A and D that the printed t implies."""
-    t = published_test("A", "D", measure).t
+    t = TESTS["A", "D", measure].statistic
     assert t is not None
-    return abs(t) / np.sqrt(PARTICIPANTS)
+    return float(abs(t) / np.sqrt(PARTICIPANTS))
 
 
 def test_as_many_people_avert_their_eyes_as_normal_differences_imply() -> None:

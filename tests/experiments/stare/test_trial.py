@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from experiments.stare.design import StareParameters
-from experiments.stare.study import plan_session
-from experiments.stare.trial import intertrial, run_trial
+from experiments.stare.study import experiment_of, plan_session
+from experiments.stare.trial import run_trial
 from lab.geometry import angle_deg, unit
 from protocol.plan import Trial
 from protocol.steps import TrialInterrupted
@@ -275,7 +275,7 @@ def test_interruption_ends_the_plan_without_another_frame() -> None:
 
 
 def test_intertrial_is_dark_with_the_mark_for_its_time() -> None:
-    done = perform(intertrial(trial_of("A"), PARAMS))
+    done = perform(experiment_of(PARAMS).intertrial(trial_of("A")))
     ((_, picture),) = done.pictures
 
     assert 0 == picture.scene.brightness_01

@@ -53,7 +53,13 @@ def test_places_stand_from_left_to_right():
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"wave_s": 0}, {"increment": -1}, {"warp_from": "aside"}, {"eye_height_m": 16}],
+    [
+        {"wave_s": 0},
+        {"increment": -1},
+        {"warp_from": "aside"},
+        {"eye_height_m": 16},
+        {"technique": ["aside"]},
+    ],
 )
 def test_impossible_parameters_are_refused_by_name(wrong):
     with pytest.raises(DesignError, match=next(iter(wrong))):
@@ -68,12 +74,6 @@ def test_a_pilot_with_fewer_clerks_has_fewer_trials_and_the_same_training(clerks
     middle = "clerk_middle" if clerks > 1 else "clerk_left"
     practised = [t.factors["clerk"] for t in plan.trials if t.is_practice]
     assert [middle, "clerk_left"] == practised
-
-
-def test_recordings_that_counted_clerks_are_read_as_those_with_the_clerks_by_name():
-    read = WAVING.experiment({"clerks": 2}).parameters
-    assert ["clerk_left", "clerk_middle"] == read["clerk"]
-    assert "clerks" not in read
 
 
 def test_repetitions_can_be_set():

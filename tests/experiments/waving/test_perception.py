@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from benchmarks.waving_quick import gaze_of
 from experiments.waving.clips import Making, study_wave
-from experiments.waving.perception import CUES, evidence_of, reach_of
-from experiments.waving.scene import gaze_of
+from experiments.waving.perception import CUE_PARTS, evidence_of, reach_of
 from stimuli.dressing.office_view import eye_at
 from stimuli.scenes.office import CUSTOMERS
 
@@ -29,7 +29,7 @@ def test_what_stands_in_between_only_takes_pixels_away(evidence):
 
 
 def test_every_cue_can_be_seen_where_nothing_stands_in_between(evidence):
-    assert len(CUES) == len(evidence.free)
+    assert len(CUE_PARTS) == len(evidence.free)
     assert (evidence.free > 0).all()
 
 
