@@ -1,17 +1,18 @@
 """Eyes that stare meet, and whoever sits there lives: measured in the scene of the stare study."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from experiments.stare.trial import _Picture
 from lab.geometry import Vector, angle_deg, unit
-from protocol.steps import Show
 from stimuli.dressing.audience import audience_picture
 from stimuli.gaze.behaviour import EyeBehaviour
 from stimuli.gaze.blinks import Blinks
 from stimuli.gaze.lines import lines_of_gaze
 from stimuli.motion.skeleton import forward
 from stimuli.scenes.audience import PARTICIPANT_EYE_M, SPEAKER_EYE_M, audience_scene
+from visavis.scenes import WithEyes
 
 NAMES = [f"{g}_{i:02d}" for g, n in (("female", 6), ("male", 5)) for i in range(1, n + 1)]
 OBSERVER_M = PARTICIPANT_EYE_M + np.array([0.05, -0.02, 0.03])
@@ -25,12 +26,12 @@ def watched() -> tuple[Vector, Vector, Vector]:
     eyes = EyeBehaviour.of_scene(scene, target_m=SPEAKER_EYE_M, blinks=NO_BLINKS)
     for agent in range(len(NAMES)):
         eyes = eyes.staring(agent)
-    shown = _Picture(scene, eyes, OBSERVER_M)
+    shown = WithEyes(scene, {}, eyes, OBSERVER_M)
     centres, lines, shoulders = [], [], []
     for t_ns in range(0, 16_000_000_000, 50_000_000):
-        step = shown.at(t_ns, t_ns, changed=True)
-        assert isinstance(step, Show)
-        picture = audience_picture(step.view)
+        shown.look(eyes)  # so that every frame is a new one
+        frame = shown.frame(SimpleNamespace(head_valid=False, t_ns=t_ns), t_ns)
+        picture = audience_picture(frame)
         at, along = lines_of_gaze(picture)
         centres.append(at[:-1])
         lines.append(along[:-1])
