@@ -14,6 +14,7 @@ from lab.geometry import Vector, quat_conjugate, rotate, unit
 from protocol.boards import ALONG_FINGERS, HAND
 from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M
 from stimuli.motion.blending import eased
+from stimuli.motion.clip import floor_of_rest_m
 from stimuli.motion.skeleton import canonical_skeleton
 
 POINT_S: Final = 0.5
@@ -91,7 +92,7 @@ def segments_of(
 def _standing() -> Vector:
     skeleton = canonical_skeleton(REFERENCE_STATURE_M)
     rest: Vector = skeleton.rest_m[[skeleton.index(name) for name in BODY_JOINTS]]
-    return rest
+    return rest - np.array([0.0, floor_of_rest_m(skeleton), 0.0])
 
 
 def fingers_to(direction: Vector) -> Vector:
