@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cli.main import app
-from lab.errors import DesignError, LabError, UsageError
+from lab.errors import LabError, UsageError
 from tests.visavis.sessions import STUDIES
 from visavis.catalogue import find_study
 from visavis.testing import check_study
@@ -79,12 +79,3 @@ def test_study_from_another_is_the_same_until_it_says_otherwise(tmp_path: Path) 
     file.write_text(text.replace('# "repetitions": 5', '"repetitions": 1'), encoding="utf-8")
     assert 6 == len(find_study(str(file)).experiment({}).plan(0, 1).trials)
     check_study(file)
-
-
-def test_study_that_cannot_be_derived_from_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Elsewhere:
-        name = "elsewhere"
-
-    monkeypatch.setattr("cli.commands.new.study_of_lab", lambda base, lab: Elsewhere())
-    with pytest.raises(DesignError, match="cannot be derived from yet"):
-        new("own", "--from", "elsewhere")

@@ -29,16 +29,13 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("command", [("run", "stare", "--participant", "1"), ("resume",)])
-def test_real_devices_without_a_picture_are_refused_before_anything_is_written(
-    command: tuple[str, ...], here: Path
-) -> None:
+def test_real_devices_without_a_picture_are_refused_before_anything_is_written(here: Path) -> None:
     remedy = (
         r"lab_config\.yaml: display\.show is none.*"
         r"set it to headset, screen or window.*--devices sim"
     )
     with pytest.raises(ConfigError, match=remedy):
-        visavis(*command, "--devices", "real")
+        visavis("run", "stare", "--participant", "1", "--devices", "real")
     assert ["lab_config.yaml"] == [path.name for path in here.iterdir()]
 
 

@@ -53,7 +53,7 @@ def test_a_plan_can_be_seen_with_parameters_before_the_study_exists(lab_config: 
 
     assert 2 * 3 == sum(
         not trial["is_practice"]
-        for block in plan("--set", "configurations=2")["blocks"]
+        for block in plan("--set", "configurations=[1,2]")["blocks"]
         for trial in block["trials"]
     )
     assert not (lab_config.parent / "data").exists()

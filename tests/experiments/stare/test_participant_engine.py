@@ -19,7 +19,7 @@ SEED, INDEX = 7, 2
 def test_the_short_path_measures_what_the_full_engine_measures(tmp_path: Path) -> None:
     config = load_config(EXAMPLE).model_copy(update={"data_root": tmp_path})
     session = simulate_one(SimulationTask("stare", config, "P1", INDEX, "", SEED, True, SHORT))
-    rows = measure_one(("stare", session)).rows
+    rows = measure_one(("stare", session, {})).rows
     full = rows[~rows["is_practice"].astype(bool)].sort_values("number").reset_index(drop=True)
     opened = OpenedStudy(study)
     quick = quick_study(opened, opened.experiment(SHORT), tracker_of, [INDEX], seed=SEED).trials
