@@ -92,7 +92,8 @@ def segments_of(
 def _standing() -> Vector:
     skeleton = canonical_skeleton(REFERENCE_STATURE_M)
     rest: Vector = skeleton.rest_m[[skeleton.index(name) for name in BODY_JOINTS]]
-    return rest - np.array([0.0, floor_of_rest_m(skeleton), 0.0])
+    on_floor: Vector = rest - np.array([0.0, floor_of_rest_m(skeleton), 0.0])
+    return on_floor
 
 
 def fingers_to(direction: Vector) -> Vector:
