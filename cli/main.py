@@ -9,11 +9,15 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from cli.app import app, errors
-from lab.errors import LabError
+from lab.errors import LabError, UsageError
 
 EXIT_INTERRUPTED = 130
 EXIT_INTERNAL = 1
 AGAIN_S = 0.02
+OURS = (
+    "analysis", "cli", "devices", "experiments", "lab", "protocol", "recording", "stage",
+    "stimuli", "visavis",
+)  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -28,6 +32,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except Exception as error:
         if _was_interrupted(error):
             _say_interrupted()
+        place = in_study_file(error)
+        if place:
+            told = f"{place}: {type(error).__name__}: {error}"
+            errors.print(f"[bold red]error[/]  {_escaped(told)}", highlight=False, soft_wrap=True)
+            sys.exit(UsageError.exit_code)
         errors.print_exception(max_frames=12)
         errors.print(
             "[bold red]internal error[/]  this is a defect in Visavis, not of yours. Everything "
@@ -41,6 +50,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _say_interrupted() -> NoReturn:
     errors.print("[yellow]interrupted[/]; everything finished is kept")
     sys.exit(EXIT_INTERRUPTED)
+
+
+def in_study_file(error: BaseException) -> str:
+    """Return file, line and function of a study file in which an error arose, "" elsewhere.
+
+    It is the study's when nothing of ours lies deeper: errors of NumPy and pandas come from what
+    the study called.
+    """
+    from visavis.catalogue import MODULE_OF_STUDY  # late: help needs none of it
+
+    place, trace = "", error.__traceback__
+    while trace is not None:
+        frame = trace.tb_frame
+        module = str(frame.f_globals.get("__name__", ""))
+        if module.startswith(MODULE_OF_STUDY):
+            place = f"{frame.f_code.co_filename}, line {trace.tb_lineno} in {frame.f_code.co_name}"
+        elif module.split(".")[0] in OURS and frame.f_code.co_name != "__getattr__":
+            place = ""
+        trace = trace.tb_next
+    return place
 
 
 def _was_interrupted(error: BaseException) -> bool:

@@ -24,6 +24,8 @@ SHIPPED: Final[Mapping[str, str]] = {
     "hybrid": "experiments.hybrid.study:study",
 }
 """The studies Visavis comes with, as an entry point would name them."""
+MODULE_OF_STUDY: Final = "visavis_study_"
+"""Begins the name under which a study's file is imported."""
 GROUP: Final = "visavis.studies"
 """Entry points of installed packages: a name, and a `Study` (or what makes one)."""
 
@@ -118,7 +120,7 @@ def study_of_file(path: Path) -> Study:
 
 
 def _module_of(path: Path) -> ModuleType:
-    name = f"visavis_study_{path.stem}"
+    name = f"{MODULE_OF_STUDY}{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise DesignError(f"{path} is no Python file")

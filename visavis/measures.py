@@ -16,7 +16,7 @@ import pandas as pd
 from analysis.gaze.aoi import DEFAULT_PAD_DEG
 from analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS, LookMeasures, measure_trial
 from analysis.gaze.targets import GazeTargets, targets_of_part
-from lab.errors import DataError, UsageError
+from lab.errors import DataError, DesignError, UsageError
 from protocol.columns import Column
 from protocol.steps import Scalar
 from recording.reader import Recording
@@ -59,7 +59,17 @@ class TrialRecord:
         return None if on is None or off is None else (int(on), int(off))
 
     def role(self, role: str, scene: str = "scene") -> int | None:
-        """Return the index of the agent that plays a role in a scene; None if none does."""
+        """Return the index of the agent that plays a role in a scene; None if none does.
+
+        Raises:
+            DesignError: nobody plays it in any trial of the session that shows such scenes.
+        """
+        shown = [c.removeprefix(f"{scene}_") for c in self.row if str(c).startswith(f"{scene}_")]
+        if "on_ns" in shown and role not in shown:
+            there = ", ".join(name for name in shown if name not in NO_ROLES) or "none"
+            raise DesignError(
+                f"{self.name}: nobody is {role!r} in scene {scene!r}; roles are: {there}"
+            )
         found = self.number(f"{scene}_{role}")
         return None if found is None else int(found)
 
@@ -86,6 +96,7 @@ class TrialRecord:
         return measure_trial(samples.t_ns, aoi, agent, *window, switch_ns=None, params=LOOKS)
 
 
+NO_ROLES: Final = ("on_ns", "off_ns", "frames")
 Of = Callable[[TrialRecord], Scalar | None]
 
 

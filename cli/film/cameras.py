@@ -11,7 +11,7 @@ import numpy as np
 
 from cli.preview.pictures import Viewpoint, camera_of, framed, looking
 from lab.clock import NS_PER_S
-from lab.errors import UsageError
+from lab.errors import DesignError, UsageError
 from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg, rotate, yaw_pitch_deg_of
 from stimuli.camera.director import CameraView, Director, FilmedPlace, Moment, Style, prepare
 from stimuli.camera.shots import ShotSize
@@ -173,7 +173,11 @@ _PLACES: dict[int, tuple[Room, FilmedPlace]] = {}
 
 def _place_of(room: Room) -> FilmedPlace:
     if id(room) not in _PLACES:
-        _PLACES[id(room)] = room, prepare(room)
+        try:
+            _PLACES[id(room)] = room, prepare(room)
+        except DesignError as error:
+            others = "follow, eyes, above or orbit"
+            raise UsageError(f"{error}, or film by another camera: --camera {others}") from error
     return _PLACES[id(room)][1]
 
 

@@ -6,8 +6,10 @@ standing under their head.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -86,8 +88,8 @@ def write_film(
     """Write the film of a trial.
 
     Raises:
-        UsageError: the session has no such trial, no rate of a film, or no file of decisions.
-        DesignError: the camera finds no place in this room from where to film.
+        UsageError: the session has no such trial, no rate of a film, no file of decisions, or no
+            place in this room from where the camera could film.
         StageError: the film cannot be written, or nothing draws here.
     """
     from stage.movie import open_movie
@@ -109,8 +111,12 @@ def write_film(
 
     looks = _camera(camera, shot, cuts, aspect, start_ns, seed, trial, shown_at)
     scene = _FilmedTrial(trial, shown_at, looks, overlays, size_px)
-    with film_renderer() as renderer, open_movie(video, size_px, rate_hz) as film:
-        for k, image in enumerate(scene.pictures(times, renderer.image)):
+    with ExitStack() as stack:
+        renderer = stack.enter_context(film_renderer())
+        pictures = scene.pictures(times, renderer.image)
+        first = next(pictures)  # a camera that finds no place says so before there is a file
+        film = stack.enter_context(open_movie(video, size_px, rate_hz))
+        for k, image in enumerate(chain((first,), pictures)):
             told = f"{label}  {(times[k] - start_ns) / NS_PER_S:.1f} s"
             film.add(np.asarray(labelled(image, told if Overlay.CLOCK in overlays else label)))
             if on_frame is not None:

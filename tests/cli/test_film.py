@@ -13,6 +13,7 @@ from cli.app import app
 from cli.film.stand_in import StandIn
 from cli.recorded_trial import recorded_trial
 from cli.session_lanes import lanes_of
+from lab.errors import DesignError, UsageError
 from lab.geometry import Pose
 from recording.folder import study_dir
 from recording.kept import KeptRecording
@@ -81,6 +82,20 @@ def test_what_there_is_not_is_refused_with_what_there_is(
     done = CliRunner().invoke(app, asked)
     assert "sideways" in str(done.exception)
     assert known in str(done.exception)
+
+
+def test_a_room_without_a_place_for_the_camera_names_other_cameras_and_leaves_no_file(
+    session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nowhere(room: Any) -> Any:
+        raise DesignError("no camera track was found in this place")
+
+    monkeypatch.setattr("cli.film.cameras.prepare", nowhere)
+    monkeypatch.setattr("cli.film.cameras._PLACES", {})
+    done = filmed(session, tmp_path / "a.mp4")
+    assert isinstance(done.exception, UsageError)
+    assert "--camera follow, eyes, above or orbit" in str(done.exception)
+    assert [] == list(tmp_path.iterdir())
 
 
 def test_who_stands_in_has_the_eyes_where_the_headset_was(session: Path) -> None:

@@ -5,12 +5,14 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from cli import main as command
 from cli.main import interrupting_again
+from lab.config_files import EXAMPLE
 
 
 def _interrupt(*_: object) -> None:
@@ -75,3 +77,32 @@ def test_system_error_of_another_cause_is_a_defect(
         command.main(["analyse"])
     assert 1 == ended.value.code
     assert "defect" in capsys.readouterr().err
+
+
+STUDY_WITH_A_SLIP = """
+from visavis import Factor, Scene, Study
+
+study = Study("slip", factors=[Factor("gaze", ["averted", "directed"])])
+
+
+@study.trial
+def trial(t):
+    yield t.show(Scene("person", eyes=t.gaze), seconds=t.scene_s)
+"""
+
+
+def test_a_slip_in_a_study_file_is_told_with_its_line_and_is_no_defect_of_ours(
+    tmp_path: Path, hooks_restored: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = tmp_path / "slip.py"
+    study.write_text(STUDY_WITH_A_SLIP, "utf-8")
+    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    lab = ["--config", str(tmp_path / "lab_config.yaml")]
+    with pytest.raises(SystemExit) as ended:
+        command.main(["run", str(study), "--participant", "1", "--fast", *lab])
+
+    said = capsys.readouterr().err
+    assert 2 == ended.value.code
+    assert f"{study}, line 9 in trial" in said.replace("\n", "")
+    assert "no factor or parameter 'scene_s'" in said.replace("\n", " ")
+    assert "internal error" not in said

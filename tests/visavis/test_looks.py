@@ -9,7 +9,7 @@ import pytest
 from experiments.stare.design import StareParameters
 from experiments.stare.study import plan_session
 from experiments.stare.trial import run_trial
-from lab.errors import DataError
+from lab.errors import DataError, DesignError
 from stimuli.scenes.audience import PLACES
 from tests.experiments.stare.performance import perform
 from visavis.looks import (
@@ -20,6 +20,7 @@ from visavis.looks import (
     sensitivity_rows,
     trial_measures,
 )
+from visavis.measures import TrialRecord, dwell_on
 
 MS = 1_000_000
 ACTIVE = PLACES.index("centre_far")
@@ -194,3 +195,10 @@ def test_switch_missing_as_nan_means_no_parts() -> None:
     targets, row = measured("D", on_between((500, 800)))
 
     assert trial_measures(targets, {**row, "switch_ns": float("nan")})["before_dwell_ms"] is None
+
+
+def test_a_role_that_nobody_has_is_refused_with_those_there_are():
+    row = {"trial_id": "T01", "scene_on_ns": 0, "scene_off_ns": 9, "scene_active": 0}
+    with pytest.raises(DesignError, match="nobody is 'person' in scene 'scene'; roles are: active"):
+        dwell_on("person").of(TrialRecord(row, None))
+    assert dwell_on("person").of(TrialRecord({"trial_id": "P1"}, None)) is None
