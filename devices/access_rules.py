@@ -13,6 +13,9 @@ RULES_PATH = "/etc/udev/rules.d/70-visavis.rules"
 SERIAL_GROUP = "dialout"
 """Who may use serial ports on Debian, Ubuntu and Fedora; `uucp` on Arch."""
 
+PARALLEL_PORT, PARALLEL_GROUP = "parallel port", "lp"
+"""No plug, so no numbers that a rule could match: Linux's ppdev is for the group."""
+
 MATCHES = {
     "serial port": ('SUBSYSTEM=="tty"', "ATTRS"),
     "USB HID": ('KERNEL=="hidraw*"', "ATTRS"),
@@ -32,13 +35,18 @@ class AccessRules:
 def access_rules(devices: Mapping[str, DeviceConfig]) -> AccessRules:
     """Return the rules for what is configured, whether it is simulated now or not.
 
-    A serial port, HID or USB device is matched by its vendor and product number; other wires need
-    no rule.
+    A serial port, HID or USB device is matched by its vendor and product number; a parallel port
+    needs a group, which a note tells; other wires need neither.
     """
     lines = ["# Written by `visavis devices rules`: devices of the lab are for whoever sits here."]
     notes = []
     for role, device in sorted(devices.items()):
         wire = driver_spec(device.driver).wire
+        if wire == PARALLEL_PORT:
+            notes.append(
+                f"{role}: join the group of parallel ports and log in again: "
+                f"sudo usermod -aG {PARALLEL_GROUP} $USER"
+            )
         if wire not in MATCHES:
             continue
         vid, pid = device.options.get("vid"), device.options.get("pid")

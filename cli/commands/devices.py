@@ -171,7 +171,14 @@ def install_rules(text: str, path: Path) -> None:
             f"{path} cannot be written ({problem.strerror}); run: "
             f"visavis devices rules | sudo tee {path} && sudo udevadm control --reload"
         ) from problem
-    subprocess.run([udevadm, "control", "--reload"], check=False)  # noqa: S603 - the system's own
+    reload = subprocess.run(  # noqa: S603 - the system's own
+        [udevadm, "control", "--reload"], capture_output=True, text=True, check=False
+    )
+    if reload.returncode:
+        raise UsageError(
+            f"{path} is written, but udev did not read it ({reload.stderr.strip()}); restart the "
+            "computer"
+        )
 
 
 @devices_app.command("capture")

@@ -14,12 +14,12 @@ from lab.clock import NS_PER_MS, Clock
 from lab.errors import DeviceError
 
 PACKET_BYTES = 64
-NO_DEVICE, TIMED_OUT = 19, 110
+NO_ACCESS, NO_DEVICE, TIMED_OUT = 13, 19, 110
 LOOK_NS = NS_PER_MS
 
 
 class FakeUsbBus:
-    """One vendor-class band; `is_plugged` and `takes` (bytes out) may be changed."""
+    """One vendor-class band; `is_plugged`, `is_allowed`, `takes` (bytes out) may be changed."""
 
     def __init__(
         self,
@@ -32,7 +32,7 @@ class FakeUsbBus:
     ) -> None:
         self.peer, self.clock = peer, clock
         self.vid, self.pid, self.serial_number = vid, pid, serial_number
-        self.is_plugged = self.takes = True
+        self.is_plugged = self.is_allowed = self.takes = True
 
     def backend(self) -> Any:
         """Return what `usb.core.find(backend=...)` takes."""
@@ -41,6 +41,7 @@ class FakeUsbBus:
 
         bus = self
         gone = usb.core.USBError("No such device", errno=NO_DEVICE)
+        forbidden = usb.core.USBError("Access denied (insufficient permissions)", errno=NO_ACCESS)
         late = usb.core.USBTimeoutError("Operation timed out", errno=TIMED_OUT)
 
         class Backend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has no types
@@ -97,6 +98,8 @@ class FakeUsbBus:
                 """Return a handle."""
                 if not bus.is_plugged:
                     raise gone
+                if not bus.is_allowed:
+                    raise forbidden
                 bus.peer.connect(bus.clock.now_ns())
                 return object()
 

@@ -1,7 +1,6 @@
 """Send numbers and texts by pylsl's own outlets and record them by our driver; prints JSON.
 
-The first argument is the lab's LSL session, empty for LSL's own. A second inlet, which knows of
-no session, looks for our outlet as LabRecorder would.
+The first argument is a tag in the streams' names, so that runs side by side do not meet.
 """
 
 import json
@@ -11,9 +10,7 @@ import threading
 import numpy as np
 import pylsl
 
-from devices.contracts import HEAD
 from devices.drivers.lsl.inlet import LslInlet
-from devices.drivers.lsl.outlet import LslOutlets, LslScope
 from devices.drivers.lsl.stream import LslStream
 from devices.sim.lsl.gaze import copy_description
 from devices.sim.lsl.stream import LslStreamSimulator
@@ -29,7 +26,6 @@ numbers = pylsl.StreamOutlet(info)
 marks = pylsl.StreamOutlet(
     pylsl.StreamInfo(f"marks {tag}", "Markers", 1, 0.0, pylsl.cf_string, f"marks {tag}")
 )
-ours = LslOutlets({"headset": (HEAD,)}, LslScope(), clock, source=f"study {tag}", is_simulated=True)
 sent_s = []
 stopping = threading.Event()
 
@@ -74,6 +70,4 @@ for role, name, kind in (("eeg", f"eeg {tag}", "EEG"), ("marks", f"marks {tag}",
     driver.close()
 stopping.set()
 sender.join()
-seen = pylsl.resolve_byprop("source_id", f"study {tag}-events", timeout=5)
-found["labrecorder_sees"] = [s.name() for s in seen]
 sys.stdout.write(json.dumps(found))

@@ -4,12 +4,17 @@ import errno
 import os
 
 import pytest
+from typer.testing import CliRunner
 
 from cli.commands.devices import install_rules
+from cli.main import app
 from devices.access_rules import access_rules
+from devices.drivers.buttons.hid import HidButtonLink
+from devices.drivers.hid_gaze.reports import HidReports
 from devices.drivers.links.serial_port import SerialLink
 from lab.clock import SystemClock
 from lab.config import DeviceConfig
+from lab.config_files import EXAMPLE
 from lab.errors import DeviceNotFound, UsageError
 
 
@@ -49,6 +54,85 @@ def test_what_no_rule_can_match_is_told_with_another_way():
     assert found.notes[1].startswith("eye_tracker: ")
 
 
+def test_a_parallel_port_is_its_groups():
+    found = rules_for(device("triggers", "parallel_triggers", port="/dev/parport0"))
+
+    assert [line for line in found.text.splitlines() if not line.startswith("#")] == []
+    assert len(found.notes) == 1
+    assert found.notes[0].startswith("triggers: ")
+    assert "usermod -aG lp $USER" in found.notes[0]
+
+
+LABJACK = """  triggers:
+    driver: labjack_triggers
+    codes: {trial_start: 1}
+    simulated: true
+"""
+PARALLEL = """  triggers:
+    driver: parallel_triggers
+    codes: {trial_start: 1}
+    simulated: true
+"""
+
+
+def typed(folder, triggers, *options):
+    text = EXAMPLE.read_text("utf-8")
+    assert "\ndevices:\n" in text
+    config = folder / "lab_config.yaml"
+    config.write_text(text.replace("\ndevices:\n", f"\ndevices:\n{triggers}", 1), "utf-8")
+    return CliRunner().invoke(app, ["devices", "rules", "--config", str(config), *options])
+
+
+def test_the_command_prints_a_rule_with_the_numbers_the_driver_takes_by_itself(tmp_path):
+    answer = typed(tmp_path, LABJACK)
+
+    assert answer.exit_code == 0, answer.output
+    expected = 'SUBSYSTEM=="usb", ATTR{idVendor}=="0cd5", ATTR{idProduct}=="0003", MODE="0660"'
+    assert [line.partition(", TAG")[0] for line in answer.stdout.splitlines()][-1] == expected
+    assert "# triggers (labjack_triggers)" in answer.stdout.splitlines()
+    assert "triggers" not in answer.stderr
+
+
+def test_the_command_keeps_notes_out_of_what_is_piped_into_the_file(tmp_path):
+    answer = typed(tmp_path, PARALLEL)
+
+    assert answer.exit_code == 0, answer.output
+    assert "usermod -aG lp $USER" in answer.stderr
+    assert all(line.startswith("#") for line in answer.stdout.splitlines())
+    assert "usermod" not in answer.stdout
+
+
+def udevadm(monkeypatch, folder, code):
+    """Put a program `udevadm` before the system's, which keeps what it was asked."""
+    program = folder / "udevadm"
+    program.write_text(
+        f'#!/bin/sh\necho "$@" > "{folder}/asked"\necho no udev here >&2\nexit {code}\n'
+    )
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(folder), prepend=os.pathsep)
+    return folder / "asked"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="udev is Linux's")
+def test_installed_rules_are_in_the_file_and_udev_is_told(tmp_path, monkeypatch):
+    asked = udevadm(monkeypatch, tmp_path, 0)
+    monkeypatch.setattr("devices.access_rules.RULES_PATH", str(tmp_path / "70-visavis.rules"))
+    answer = typed(tmp_path, LABJACK, "--install")
+
+    assert answer.exit_code == 0, answer.output
+    assert "is in force" in answer.output
+    assert (tmp_path / "70-visavis.rules").read_text("utf-8") == typed(tmp_path, LABJACK).stdout
+    assert asked.read_text() == "control --reload\n"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="udev is Linux's")
+def test_rules_that_udev_does_not_read_are_not_said_to_be_in_force(tmp_path, monkeypatch):
+    udevadm(monkeypatch, tmp_path, 1)
+
+    with pytest.raises(UsageError, match=r"udev did not read it \(no udev here\)"):
+        install_rules("# rules\n", tmp_path / "70-visavis.rules")
+
+
 def test_rules_that_cannot_be_written_say_how(tmp_path, monkeypatch):
     monkeypatch.setattr("shutil.which", lambda name: "/bin/true")
 
@@ -65,3 +149,32 @@ def test_a_port_that_may_not_be_used_points_to_the_rules(monkeypatch):
     monkeypatch.setattr(serial.Serial, "open", refused)
     with pytest.raises(DeviceNotFound, match="visavis devices rules"):
         SerialLink(SystemClock(), port="/dev/ttyUSB0").open(1.0)
+
+
+class ForbiddenHid:
+    """hidapi's functions where one device is plugged in and may not be opened."""
+
+    def __init__(self, usage_page, usage):
+        self._row = {"usage_page": usage_page, "usage": usage, "path": b"/dev/hidraw9"}
+
+    def enumerate(self):
+        return [{**self._row, "vendor_id": 0x1209, "product_id": 1, "product_string": "box"}]
+
+    def device(self):
+        return self
+
+    def open_path(self, path):
+        raise OSError("open failed")
+
+
+@pytest.mark.parametrize(
+    "link",
+    [
+        HidReports("", SystemClock(), library=ForbiddenHid(0x12, 0x01)),
+        HidButtonLink(SystemClock(), library=ForbiddenHid(0x01, 0x05)),
+    ],
+    ids=["eye tracker", "gamepad"],
+)
+def test_a_hid_that_may_not_be_opened_points_to_the_rules(link):
+    with pytest.raises(DeviceNotFound, match="visavis devices rules"):
+        link.open(1.0)

@@ -11,12 +11,12 @@ from devices.contracts import DeviceState, SessionName
 from devices.drivers.eyelink import camera_setup, codec
 from devices.drivers.eyelink import library as eyelink_library
 from devices.drivers.eyelink.driver import NO_RESULT, EyeLink
-from devices.drivers.eyelink.library import EyeLinkLibrary
+from devices.drivers.eyelink.library import VERDICT, EyeLinkLibrary
 from devices.drivers.streaming.gaze_rays import Screen, rows_to_values
 from devices.pump import Pump
 from devices.sim.eyelink import EyeLinkSimulator, FakePylink, FakeTracker
 from lab.clock import NS_PER_S, SimClock
-from lab.errors import DeviceError, DeviceNotFound
+from lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
 from lab.geometry import angle_deg
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
@@ -202,6 +202,79 @@ def test_every_call_exists_in_the_vendors_library_and_its_dummy_takes_it():
         dummy.close()
     ours = {name for name in vars(FakeTracker) if not name.startswith("_")}
     assert not {name for name in ours if not hasattr(pylink.EyeLink, name)}
+
+
+class DummySaysConnected:
+    """The vendor's own dummy tracker, but connected; notes each call with what it returned."""
+
+    def __init__(self, dummy):
+        self._dummy = dummy
+        self.calls = []
+
+    def isConnected(self):  # noqa: N802 - the library's name
+        return 1
+
+    def __getattr__(self, name):
+        def call(*given):
+            answer = getattr(self._dummy, name)(*given)
+            self.calls.append((name, given, answer))
+            return answer
+
+        return call
+
+
+def test_our_wire_runs_through_a_session_on_the_vendors_own_dummy(tmp_path):
+    pylink = pytest.importorskip("pylink", reason="sr-research-pylink is not installed")
+    tracker = DummySaysConnected(pylink.EyeLink(None))
+    library = types.SimpleNamespace(EyeLink=lambda address: tracker)
+    wire = EyeLinkLibrary(
+        "100.1.1.1", SimClock(), screen_px=PX, rate_hz=500.0, library=library, is_simulated=True
+    )
+    path = tmp_path / "eyes.edf"
+
+    wire.open(1.0)
+    assert wire.request((b"version",), 0.1).frames == (b"version", b"")
+    assert wire.request((b"verdict",), 0.1).frames == (b"verdict", VERDICT.pack(NO_RESULT))
+    wire.request((b"record", b"S0011_02", str(path).encode()), 0.1)
+    wire.send(0, (b"2 trial 1",))
+    assert wire.receive(0.001) == []
+    with pytest.raises(DeviceTimeout, match="does not tell its time"):  # the dummy has no clock
+        wire.request((b"time",), 0.001)
+    wire.close()
+
+    asked = {"readTime", "getNextData", "requestTime"}
+    assert [call for call in tracker.calls if call[0] not in asked] == [
+        ("setOfflineMode", (), None),
+        ("sendCommand", ("screen_pixel_coords = 0 0 999 599",), 0),
+        ("sendCommand", ("sample_rate = 500",), 0),
+        ("sendCommand", ("link_sample_data = LEFT,RIGHT,GAZE,AREA,STATUS",), 0),
+        (
+            "sendCommand",
+            ("file_event_filter = LEFT,RIGHT,FIXATION,SACCADE,BLINK,MESSAGE,BUTTON,INPUT",),
+            0,
+        ),
+        (
+            "sendCommand",
+            ("file_sample_data = LEFT,RIGHT,GAZE,AREA,GAZERES,HREF,STATUS,INPUT",),
+            0,
+        ),
+        ("startRecording", (0, 0, 1, 0), 0),
+        ("getTrackerVersionString", (), ""),
+        ("getCalibrationMessage", (), ""),
+        ("getCalibrationResult", (), NO_RESULT),
+        ("stopRecording", (), None),
+        ("setOfflineMode", (), None),
+        ("openDataFile", ("S0011_02.edf",), 0),
+        ("sendMessage", ("DISPLAY_COORDS 0 0 999 599",), 0),
+        ("startRecording", (1, 1, 1, 0), 0),
+        ("sendMessage", ("2 trial 1",), 0),
+        ("stopRecording", (), None),
+        ("setOfflineMode", (), None),
+        ("closeDataFile", (), 0),
+        ("receiveDataFile", ("S0011_02.edf", str(path)), 0),
+        ("close", (), 0),
+    ]
+    assert asked <= {name for name, _, _ in tracker.calls}
 
 
 class PaperScreen:

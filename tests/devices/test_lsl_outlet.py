@@ -79,6 +79,54 @@ def test_a_body_goes_out_by_our_outlet_and_comes_in_by_our_driver(received):
     assert received["body_valid"] == [True]
 
 
+LOOK = """
+import sys, pylsl
+found = pylsl.resolve_byprop("source_id", sys.argv[1], timeout=float(sys.argv[2]))
+print([stream.name() for stream in found])
+"""
+"""A program of its own, as LabRecorder is: it has LSL's settings and nothing of ours."""
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "expected"),
+    [
+        ("", "", ["visavis events"]),
+        ("visavis-floor-2", "", []),
+        ("visavis-floor-2", "visavis-floor-2", ["visavis events"]),
+    ],
+)
+def test_another_program_sees_what_we_send_if_its_session_is_ours(tmp_path, ours, theirs, expected):
+    pytest.importorskip("pylsl", reason="pip install pylsl")
+    near = "[multicast]\nResolveScope = machine\n[lab]\nKnownPeers = {127.0.0.1}\n"
+    settings = {"ours": near, "theirs": near + f"SessionID = {theirs}\n" if theirs else near}
+    environments = {}
+    for name, text in settings.items():
+        path = tmp_path / f"{name}.cfg"
+        path.write_text(text)
+        environments[name] = {**os.environ, "PYTHONPATH": str(ROOT), "LSLAPICFG": str(path)}
+    source = f"study {os.getpid()}"
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.devices.lsl_announcing_child", source, ours],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=environments["ours"],
+        cwd=tmp_path,
+    ) as announcer:
+        assert announcer.stdout.readline() == "announced\n"
+        look_s = "20" if expected else "2"
+        seen = subprocess.run(
+            [sys.executable, "-c", LOOK, f"{source}-events", look_s],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            env=environments["theirs"],
+            cwd=tmp_path,
+        )
+        announcer.stdin.close()
+    assert (seen.returncode, seen.stdout.strip()) == (0, str(expected)), seen.stderr
+
+
 @pytest.mark.parametrize(("given", "kept"), [("stare-2026", "stare-2026"), ("a;b\n[x]", "abx")])
 def test_a_session_name_cannot_break_the_configuration(given, kept):
     assert f"SessionID = {kept}\n" in LslScope(given).configuration()

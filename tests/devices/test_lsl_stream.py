@@ -60,10 +60,6 @@ def test_markers_keep_their_text(received):
     assert received["marks"]["stamped_as_sent"]
 
 
-def test_a_program_that_knows_of_no_session_sees_what_we_send(received):
-    assert received["labrecorder_sees"] == ["visavis events"]
-
-
 def test_simulated_stream_delivers_its_numbers_with_offsets():
     rig = GazeRig(LslStream, LslStreamSimulator, rate_hz=250.0).start().run(1.0)
 

@@ -81,6 +81,71 @@ def test_eye_state_gives_diameters_and_lids_tell_a_closed_eye():
     assert np.isfinite(row["right_direction_head"]).all()
 
 
+READERS = {
+    9: "GazeData",
+    17: "DualMonocularGazeData",
+    25: "BinoAndDualMonoGazeData",
+    65: "EyestateGazeData",
+    89: "EyestateEyelidGazeData",
+    105: "EyestateEyelidDualMonoGazeData",
+}
+NEAR = codec.SceneCamera(1.0, 1.0, 1.0, 1.0)
+"""A camera for which the numbers below are places all over its picture."""
+
+
+def read_by_the_vendor(payload):
+    """Return what the vendor's client reads: point and each eye's, worn, pupils, apertures."""
+    gaze = pytest.importorskip("pupil_labs.realtime_api.streaming.gaze")
+    from pupil_labs.realtime_api.streaming.base import RTSPData
+
+    read = getattr(gaze, READERS[len(payload)]).from_raw(RTSPData(payload, 0.0))
+    if len(payload) == 17:
+        return (None, tuple(read.left), tuple(read.right)), read.worn, (), ()
+    points = [(read.x, read.y), None, None]
+    if hasattr(read, "mono_left_x"):
+        points[1] = read.mono_left_x, read.mono_left_y
+        points[2] = read.mono_right_x, read.mono_right_y
+    pupils = lids = ()
+    if hasattr(read, "pupil_diameter_left"):
+        pupils = read.pupil_diameter_left, read.pupil_diameter_right
+    if hasattr(read, "eyelid_aperture_left"):
+        lids = read.eyelid_aperture_left, read.eyelid_aperture_right
+    return tuple(points), read.worn, pupils, lids
+
+
+@pytest.mark.parametrize("size", PAYLOAD_SIZES)
+@given(
+    # Pupils that can be, apertures on both sides of what counts as closed.
+    numbers=st.lists(st.floats(0.625, 1.625, width=32), min_size=26, max_size=26),
+    worn=st.integers(0, 255) | st.just(255),
+)
+def test_payloads_are_read_as_the_vendors_client_reads_them(size, numbers, worn):
+    floats = numbers[: (size - 9) // 4]
+    payload = struct.pack(f"!ffB{len(floats)}f", *numbers[-2:], worn, *floats)
+    (both, left, right), is_worn, pupils, apertures = read_by_the_vendor(payload)
+    is_open = [is_worn and aperture >= codec.CLOSED_BELOW_MM for aperture in apertures]
+
+    row = row_of(payload, NEAR)
+    for point, name in (
+        (both, "direction_head"),
+        (left, "left_direction_head"),
+        (right, "right_direction_head"),
+    ):
+        if point is not None:
+            ray = np.array([point[0] - 1.0, 1.0 - point[1], -1.0])
+            np.testing.assert_allclose(row[name], ray / np.linalg.norm(ray), atol=2e-7)
+        elif name != "direction_head":  # else it is the mean of both eyes
+            assert np.isnan(row[name]).all()
+    found = (row["left_pupil_mm"], row["right_pupil_mm"])
+    np.testing.assert_array_equal(found, pupils or (np.nan, np.nan))
+    has_eyes = left is not None
+    expected = is_open if apertures else [is_worn, is_worn]
+    assert [row["left_valid"], row["right_valid"]] == [has_eyes and seen for seen in expected]
+    assert row["valid"] == any(expected)
+    if apertures:
+        assert row["eyes_used"] == is_open[0] | is_open[1] << 1
+
+
 @pytest.mark.parametrize("size", PAYLOAD_SIZES)
 def test_every_length_gives_the_body_direction(size):
     rig = GazeRig(Neon, NeonSimulator, error=PERFECT, payload_size=size).start().run(0.5)

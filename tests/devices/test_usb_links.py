@@ -101,12 +101,14 @@ def test_usb_band_that_takes_nothing_times_out():
     opened.close()
 
 
-def test_forbidden_hid_names_the_udev_rule():
-    _, bus, link = hid_bench()
+@either
+@pytest.mark.parametrize("serial_number", ["", "B7"])
+def test_a_device_that_may_not_be_used_points_to_the_rules(bench, serial_number):
+    _, bus, link = BENCHES[bench][0]()
     bus.is_allowed = False
 
-    with pytest.raises(DeviceNotFound, match="udev rule"):
-        link().open(1.0)
+    with pytest.raises(DeviceNotFound, match=r"udev rule .*visavis devices rules"):
+        link(serial_number=serial_number).open(1.0)
 
 
 def test_wrong_hid_library_is_told_apart(monkeypatch):

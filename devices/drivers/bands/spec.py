@@ -76,7 +76,7 @@ NEOSENSORY_BUZZ: AnySpec = DriverSpec(
     wire="Bluetooth LE",
     library=BLE,
     stands_for="Neosensory Buzz, Google's slim board",
-    checked="messages compared with the vendors' code; genuine bleak over our BlueZ",
+    checked="our reading of the vendors' code; genuine bleak over our BlueZ",
     unproven="current firmware; packet sizes",
 )
 
@@ -159,7 +159,7 @@ VHP_SLEEVE: AnySpec = DriverSpec(
     wire="serial port",
     library=SERIAL,
     stands_for="Google's sleeve, a laboratory's own firmware",
-    checked="VHP's messages compared with its code, text by the lab's own firmware; virtual clock",
+    checked="our reading of VHP's code, text by the lab's own firmware; virtual clock",
     unproven="the adapter; your firmware",
 )
 

@@ -2,7 +2,7 @@
 
 Codec: `devices.drivers.eyelink.codec`. Transport: `devices.drivers.eyelink.library`. A screen-based
 tracker: rays are in the head frame of `streaming.gaze_rays.Screen`, from eyes at the viewing
-place. Proven on a stand-in of pylink's surface only; never yet on a real tracker.
+place. Proven on pylink's own dummy and a stand-in of its surface; never yet on a real tracker.
 """
 
 from collections.abc import Iterable

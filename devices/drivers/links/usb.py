@@ -160,6 +160,9 @@ class UsbLink:
             raise DeviceNotFound(
                 "libusb is not there", remedy="run: pip install libusb-package"
             ) from cause
+        except (usb.core.USBError, ValueError) as cause:  # its serial number cannot be read
+            text = f"cannot use USB device {vid:04x}:{pid:04x}: {cause}"
+            raise DeviceNotFound(text, remedy=LINUX_REMEDY) from cause
         if not devices:
             raise DeviceNotFound(
                 f"no USB device {vid:04x}:{pid:04x} {serial_number}", remedy=REMEDY

@@ -68,7 +68,7 @@ NATNET = DriverSpec(
     listens=("UDP {data_port}",),
     binds="data_port",
     stands_for="OptiTrack Motive 3.0–4.2",
-    checked="messages compared with the vendor's SDK by reading; UDP",
+    checked="our reading of the vendor's SDK; UDP",
     unproven="any Motive; multicast",
 )
 SPECS = (NATNET,)

@@ -46,7 +46,7 @@ NEON = DriverSpec(
     dials=True,
     listens=("UDP 49152-65535",),
     stands_for="Pupil Labs Neon",
-    checked="the vendor's client over HTTP, RTSP",
+    checked="payloads as the vendor's client reads them; that client over HTTP, RTSP",
     unproven="newer payloads, Wi-Fi load",
 )
 SPECS = (NEON,)

@@ -104,7 +104,8 @@ OPENVR_HEADSET = DriverSpec(
     library=OPENVR,
     runtime="openvr",
     stands_for="SteamVR headset",
-    checked="the genuine package and its header's layouts; C `vrclient` of our own",
+    checked="the genuine package and its header's layouts; running start by our reading of the "
+    "header; C `vrclient` of our own",
     unproven="SteamVR; what the eye sees",
 )
 OPENVR_CONTROLLERS = DriverSpec(

@@ -112,8 +112,8 @@ OPENXR_GAZE = DriverSpec(
     library=OPENXR,
     runtime="openxr",
     stands_for="OpenXR eye gaze",
-    checked="genuine loader and pyopenxr, our reading of the specification; of HTC's extension the "
-    "layout of its plugin's structures, by a C compiler; C runtime of our own",
+    checked="genuine loader and pyopenxr, our reading of the specification; of HTC's extension our "
+    "transcription of its plugin's structures, laid out by a C compiler; C runtime of our own",
     unproven="any runtime: latency, smoothing, which of them tell each eye",
 )
 SPECS = (OPENXR_HEADSET, OPENXR_CONTROLLERS, OPENXR_GAZE)

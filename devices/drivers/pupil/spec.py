@@ -62,7 +62,8 @@ PUPIL_CORE = DriverSpec(
     library=ZMQ,
     dials=True,
     stands_for="Pupil Labs Core, Pupil Capture 2.0 or newer",
-    checked="numbers of Capture's own calibration, decoding compared with its code; genuine ZeroMQ",
+    checked="numbers of Capture's own calibration, decoding by our reading of its code; "
+    "genuine ZeroMQ",
     unproven="axes of the 3-D fields",
 )
 SPECS = (PUPIL_CORE,)

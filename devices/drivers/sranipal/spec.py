@@ -28,8 +28,8 @@ VIVE_PRO_EYE = DriverSpec(
     "SteamVR's eye settings; write the path of SRanipal.dll under library_path",
     capabilities=frozenset({"gaze", "per_eye", "pupil", "openness", "head_frame"}),
     stands_for="Vive Pro Eye",
-    checked="layout of the vendor's public header, by a C compiler; C library of our own behind "
-    "ctypes; axes as public clients turn them",
+    checked="our transcription of the vendor's public header, laid out by a C compiler; C library "
+    "of our own behind ctypes; axes by our reading of public clients",
     unproven="axes, delay, the size of the data in other versions",
 )
 SPECS = (VIVE_PRO_EYE,)

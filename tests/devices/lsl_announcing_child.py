@@ -1,0 +1,23 @@
+"""Announce a stream as a session does, say so, and stay until the standard input ends.
+
+The first argument is what the stream's source is called, the second the lab's LSL session, empty
+for LSL's own.
+"""
+
+import sys
+
+from cli.lsl_announcer import scope_of, set_scope
+from devices.contracts import HEAD
+from devices.drivers.lsl.outlet import LslOutlets
+from lab.clock import SystemClock
+from lab.config import Sync
+
+scope = scope_of(Sync(lsl=True, session_id=sys.argv[2], this_computer_only=bool(sys.argv[2])))
+set_scope(scope)
+outlets = LslOutlets(
+    {"headset": (HEAD,)}, scope, SystemClock(), source=sys.argv[1], is_simulated=True
+)
+sys.stdout.write("announced\n")
+sys.stdout.flush()
+sys.stdin.read()
+outlets.close()
