@@ -1,6 +1,11 @@
 """`visavis sync-test`: what it recovers, what it keeps, what doctor says of it."""
 
 import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,9 +13,13 @@ from typer.testing import CliRunner
 
 from cli import sync_records
 from cli.main import app
-from cli.sync_chain import perform_simulated
+from cli.sync_chain import perform_real, perform_simulated
+from devices.registry import OPTION_MODELS
 from devices.sim.sync_room import Planted
-from lab.config_files import EXAMPLE
+from lab.clock import SystemClock
+from lab.config import load_config, parse_config
+from lab.config_files import EXAMPLE, SCREEN_EXAMPLE
+from lab.errors import UsageError
 from stage.context import offscreen_context
 from stage.errors import StageError
 
@@ -42,6 +51,44 @@ def test_planted_delays_and_jitter_are_recovered_through_the_whole_chain():
         assert (20, 20) == (one.asked, one.answered)
         assert float(np.median(true)) == pytest.approx(one.median_ms, abs=0.2)
         assert float(np.std(true, ddof=1)) == pytest.approx(one.sd_ms, abs=0.2)
+
+
+@pytest.mark.parametrize("rate_hz", [60, 85, 144])
+def test_planted_delay_of_a_monitor_is_recovered_in_its_own_rhythm(rate_hz):
+    text = SCREEN_EXAMPLE.read_text("utf-8").replace("rate_hz: 60", f"rate_hz: {rate_hz}")
+    found, asked, _, true_ms = perform_simulated(
+        seed=4, repeats=10, picture=Planted(12.0), sound=Planted(40.0),
+        lab=parse_config(text, Path("lab_config.yaml"), OPTION_MODELS),
+    )  # fmt: skip
+    picture = found[0]
+
+    assert ("screen", 10, 10) == (picture.source, picture.asked, picture.answered)
+    assert 12.0 == pytest.approx(float(np.median(true_ms["picture"])), abs=0.001)
+    assert 12.0 == pytest.approx(picture.median_ms, abs=0.2)
+    assert 0 == asked.dropped == picture.shown_wrong
+
+
+def test_delay_before_a_monitor_is_measured_in_its_window():
+    """Six seconds in real time: five flashes in a window of an X server."""
+    if shutil.which("xvfb-run") is None:
+        pytest.skip("needs a virtual screen: apt install xvfb xvfb-run")
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        ["xvfb-run", "-a", "-s", "-screen 0 640x360x24", sys.executable,  # noqa: S607
+         "-m", "tests.cli.sync_test_child", "40"],
+        capture_output=True, text=True, timeout=120, cwd=root, check=False,
+        env={**os.environ, "PYTHONPATH": str(root)},
+    )  # fmt: skip
+    if "OpenGL 3.3" in done.stderr or "no window" in done.stderr:
+        pytest.skip(done.stderr.strip().splitlines()[-1])
+    assert 0 == done.returncode, done.stderr
+    told = json.loads(done.stdout)
+
+    assert ("picture", "screen", 5, 5) == (
+        told["modality"], told["source"], told["asked"], told["answered"]
+    )  # fmt: skip
+    assert 0 == pytest.approx(np.median(told["errors_ms"]), abs=2)
+    assert (1, True) == (told["windows"], told["is_closed"])
 
 
 def test_same_seed_gives_the_same_test():
@@ -89,6 +136,17 @@ def test_doctor_says_how_old_the_newest_measurement_is(lab_file, tmp_path):
     assert 30 == pytest.approx(sync_records.age_days(newest, "2026-04-04T12:00:00+02:00"))
 
 
+def test_rehearsal_before_a_monitor_says_so(lab_file, tmp_path):
+    lab_file.write_text(SCREEN_EXAMPLE.read_text("utf-8"), "utf-8")
+    done = CliRunner().invoke(app, ["sync-test", "--simulated", "--repeats", "10"])
+
+    assert 0 == done.exit_code, done.output
+    (kept,) = (tmp_path / "data" / sync_records.FOLDER).glob("*.json")
+    record = json.loads(kept.read_text(encoding="utf-8"))
+    assert ["screen", "speaker", "armband_left_forearm"] == [d["source"] for d in record["delays"]]
+    assert record["is_simulated"]
+
+
 @pytest.mark.parametrize("arguments", [[], ["--simulated", "--sensor", "audio"]])
 def test_it_asks_for_a_sensor_or_a_rehearsal(lab_file, arguments):
     done = CliRunner().invoke(app, ["sync-test", *arguments])
@@ -102,3 +160,32 @@ def test_simulated_display_is_never_taken_for_a_measurement(lab_file):
 
     assert 0 != done.exit_code
     assert "display is simulated" in str(done.exception or done.output)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--sensor", "role:eye_tracker"], "eye_tracker is simulated"),
+        (["--sensor", "audio", "--band", "responses"], "responses is simulated"),
+        (["--sensor", "role:eeg"], "no role 'eeg'"),
+    ],
+)
+def test_before_a_monitor_no_simulated_device_measures_or_is_measured(
+    lab_file, arguments, said, monkeypatch
+):
+    monkeypatch.setattr("cli.sync_chain.sound_library", lambda: None)
+    lab_file.write_text(SCREEN_EXAMPLE.read_text("utf-8"), "utf-8")
+    done = CliRunner().invoke(app, ["sync-test", *arguments])
+
+    assert isinstance(done.exception, UsageError)
+    assert said in str(done.exception)
+
+
+def test_lab_without_any_display_is_told_what_to_add(lab_file):
+    lab = load_config(lab_file)
+    devices = {role: d for role, d in lab.devices.items() if role != "headset"}
+    with pytest.raises(UsageError, match=r"no display to test.*docs/screens"):
+        perform_real(
+            lab.model_copy(update={"devices": devices}), SystemClock(), sensor_name="audio",
+            speaker_name="", band_role="", channels={}, repeats=10, progress=lambda done: None,
+        )  # fmt: skip
