@@ -12,11 +12,13 @@ import pytest
 from typer.testing import CliRunner
 
 from cli import sync_records
+from cli.app import load_lab
+from cli.doctor import report
 from cli.main import app
 from cli.sync_chain import perform_real, perform_simulated
 from devices.registry import OPTION_MODELS
 from devices.sim.sync_room import Planted
-from lab.clock import SystemClock
+from lab.clock import SimClock, SystemClock
 from lab.config import load_config, parse_config
 from lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from lab.errors import UsageError
@@ -112,14 +114,10 @@ def test_rehearsal_is_kept_and_marked_and_no_measurement_for_doctor(lab_file, tm
     assert kept.with_suffix(".png").is_file()
     assert {"picture_delay_ms", "sound_delay_ms"} <= set(record["offsets_ms"])
 
-    from cli.app import load_lab
-
     assert sync_records.newest(load_lab(lab_file, quiet=True)) is None
 
 
 def test_doctor_says_how_old_the_newest_measurement_is(lab_file, tmp_path):
-    from cli.app import load_lab
-
     folder = tmp_path / "data" / sync_records.FOLDER
     folder.mkdir(parents=True)
     for day, delay in (("2026-03-01", 9.0), ("2026-03-05", 11.0)):
@@ -145,6 +143,45 @@ def test_rehearsal_before_a_monitor_says_so(lab_file, tmp_path):
     record = json.loads(kept.read_text(encoding="utf-8"))
     assert ["screen", "speaker", "armband_left_forearm"] == [d["source"] for d in record["delays"]]
     assert record["is_simulated"]
+
+
+NOW = "2026-04-04T12:00:00+00:00"
+
+
+@pytest.mark.parametrize(
+    ("made", "level", "told"),
+    [
+        ("2026-03-25T12:00:00+00:00", "ok", "10 days old: picture_delay_ms 9, sound_delay_ms 22.5"),
+        ("2026-01-03T12:00:00+00:00", "note", "91 days old: picture_delay_ms 9"),
+        ("", "note", "delays were never measured here"),
+    ],
+)
+def test_doctor_asks_for_a_test_where_there_is_none_or_it_is_old(
+    lab_file, tmp_path, made, level, told
+):
+    if made:
+        folder = tmp_path / "data" / sync_records.FOLDER
+        folder.mkdir(parents=True)
+        offsets_ms = {"picture_delay_ms": 9.0, "sound_delay_ms": 22.5}
+        record = {"made": made, "is_simulated": False, "offsets_ms": offsets_ms}
+        (folder / "sync-1.json").write_text(json.dumps(record), encoding="utf-8")
+
+    row = report._sync_test(load_lab(lab_file, quiet=True), At(NOW))
+
+    assert (level, "sync-test") == (row.level, row.subject)
+    assert told in row.found
+    assert ("visavis sync-test" in row.remedy) == (level == "note")
+
+
+class At(SimClock):
+    """A virtual clock on some day."""
+
+    def __init__(self, wall_iso):
+        super().__init__()
+        self._wall_iso = wall_iso
+
+    def wall_iso(self):
+        return self._wall_iso
 
 
 @pytest.mark.parametrize("arguments", [[], ["--simulated", "--sensor", "audio"]])
