@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,7 @@ import numpy.typing as npt
 from analysis.sync_test import Delays, Modality, delays
 from devices.building import build_device
 from devices.byte_links import MemoryLink
-from devices.contracts import Armband, Headset
+from devices.contracts import Armband, Device, Headset
 from devices.sim.sync_room import Planted, SimulatedRoom, SyncBoardSimulator
 from devices.sync.audio import SoundCardSensor, SoundCardSpeaker, sound_library
 from devices.sync.board import BAUD, SyncBoard
@@ -18,8 +18,13 @@ from devices.sync.role import RoleSensor
 from devices.sync.sensing import Sensor, Trace
 from lab.clock import NS_PER_MS, Clock, SimClock
 from lab.config import DeviceConfig, LabConfig
-from lab.errors import UsageError
-from protocol.sync_test import Asked, Patch, SeenHeadset, Speaker, perform
+from lab.errors import DeviceError, UsageError
+from protocol.sync_test import Asked, Patch, SeenHeadset, SeenMonitor, Speaker, perform
+from visavis.sessions.rig import screen_display
+from visavis.sessions.stages import open_on_monitor
+
+if TYPE_CHECKING:
+    from stage.window import Window
 
 OPENING_S = 10.0
 DEFAULT_CHANNELS = {"picture": "light", "sound": "sound", "vibration": "motion"}
@@ -50,18 +55,27 @@ def opened(stack: ExitStack, device: Any) -> Any:
 def real_sensor(lab: LabConfig, name: str, clock: Clock, stack: ExitStack) -> Sensor:
     """Return the sensor that "PORT", "audio", "audio:NAME" or "role:ROLE" names.
 
-    Raises UsageError for a role that the lab does not have.
+    Raises UsageError for a role that the lab does not have, or whose device is simulated.
     """
     kind, _, rest = name.partition(":")
     if kind == "audio":
         return SoundCardSensor(sound_library(), clock, rest or None)
     if kind == "role":
-        if rest not in lab.devices:
-            raise UsageError(f"no role {rest!r} in {lab.path}; it has {', '.join(lab.devices)}")
-        return RoleSensor(build_device(lab.devices[rest], clock, None, 0, stack))
+        return RoleSensor(_real_device(lab, rest, clock, stack))
     from devices.drivers.links.serial_port import SerialLink
 
     return SyncBoard(SerialLink(clock, port=name, baud=BAUD), clock)
+
+
+def _real_device(lab: LabConfig, role: str, clock: Clock, stack: ExitStack) -> Device:
+    if role not in lab.devices:
+        raise UsageError(f"no role {role!r} in {lab.path}; it has {', '.join(lab.devices)}")
+    if lab.devices[role].simulated:
+        raise UsageError(
+            f"the lab's {role} is simulated, so nothing could be measured by it; use --simulated, "
+            "or configure a real one"
+        )
+    return build_device(lab.devices[role], clock, None, 0, stack)
 
 
 def real_speaker(name: str, stack: ExitStack) -> Speaker:
@@ -72,12 +86,16 @@ def real_speaker(name: str, stack: ExitStack) -> Speaker:
 
 
 def analysed(
-    asked: Asked, traces: Mapping[str, Trace], channels: Mapping[str, str], band_role: str
+    asked: Asked,
+    traces: Mapping[str, Trace],
+    channels: Mapping[str, str],
+    display_role: str,
+    band_role: str,
 ) -> list[Delays]:
     """Return the delays of all that was asked for; UsageError for an unknown channel."""
     found = []
     stimuli: tuple[tuple[Modality, list[int], str], ...] = (
-        ("picture", asked.picture_ns, "headset"),
+        ("picture", asked.picture_ns, display_role),
         ("sound", asked.sound_ns, "speaker"),
         ("vibration", asked.vibration_ns, band_role),
     )
@@ -110,22 +128,43 @@ def perform_real(
     repeats: int,
     progress: Callable[[int], None],
 ) -> tuple[list[Delays], Asked, Sensor]:
-    """Test the display of this lab, and its speaker and band where they are named."""
+    """Test the display of this lab, and its speaker and band where they are named.
+
+    Before a screen the participant's window is opened as in a session.
+
+    Raises:
+        UsageError: a device to be tested is simulated, or the lab does not have it.
+        StageError: there is nothing that draws, or not the monitor that is described.
+        DeviceError: a device fails, or somebody closed the window.
+    """
     from stage.context import offscreen_context
 
-    if lab.devices["headset"].simulated:
+    screen = lab.display.on_screen
+    if screen is None and "headset" not in lab.devices:
+        raise UsageError(
+            f"{lab.path} has no display to test: add the role headset under devices, or describe "
+            "the screen under display (docs/screens.md)"
+        )
+    if screen is None and lab.devices["headset"].simulated:
         raise UsageError("the lab's display is simulated; use --simulated, or configure a real one")
     with ExitStack() as stack:
         sensor = real_sensor(lab, sensor_name, clock, stack)
-        headset = cast("Headset", build_device(lab.devices["headset"], clock, None, 0, stack))
-        getattr(headset, "show_images", lambda: None)()
-        context = offscreen_context()
+        band = _real_device(lab, band_role, clock, stack) if band_role else None
+        if band is not None and not isinstance(band, Armband):
+            raise UsageError(f"{band_role} is no armband; leave --band out, or name one's role")
+        display = screen_display(lab, clock)
+        if screen is not None and display is not None:
+            window = open_on_monitor(screen, display, clock, "Visavis: synchronisation test")
+            stack.callback(window.close)
+            headset: Headset = display
+            context, progress = window.context, _while_open(window, progress)
+        else:
+            headset = cast("Headset", build_device(lab.devices["headset"], clock, None, 0, stack))
+            getattr(headset, "show_images", lambda: None)()
+            context = offscreen_context()
         opened(stack, headset)
-        band = None
-        if band_role:
-            if band_role not in lab.devices:
-                raise UsageError(f"no role {band_role!r} in {lab.path}")
-            band = opened(stack, build_device(lab.devices[band_role], clock, None, 0, stack))
+        if band is not None:
+            opened(stack, band)
         speaker = real_speaker(speaker_name, stack) if speaker_name else None
         patch = Patch(headset, context)
         stack.callback(patch.release)
@@ -135,7 +174,19 @@ def perform_real(
             sensor, clock, np.random.default_rng(), patch=patch, speaker=speaker, band=band,
             repeats=repeats, progress=progress,
         )  # fmt: skip
-        return analysed(asked, sensor.traces(), channels, band_role), asked, sensor
+        found = analysed(asked, sensor.traces(), channels, patch.role, band_role)
+        return found, asked, sensor
+
+
+def _while_open(window: "Window", progress: Callable[[int], None]) -> Callable[[int], None]:
+    """Return what tells progress, and ends the test once somebody has closed the window."""
+
+    def told(done: int) -> None:
+        if window.closed:
+            raise DeviceError("the window was closed", role="screen", remedy="run the test again")
+        progress(done)
+
+    return told
 
 
 def perform_simulated(
@@ -144,11 +195,15 @@ def perform_simulated(
     repeats: int,
     picture: Planted,
     sound: Planted,
+    lab: LabConfig | None = None,
     rise_ms: float = 30.0,
     loss_01: float = 0.0,
     progress: Callable[[int], None] = lambda done: None,
 ) -> tuple[list[Delays], Asked, Sensor, dict[str, Float]]:
-    """Test the simulated room on the virtual clock; return its true delays (ms), too."""
+    """Test the simulated room on the virtual clock; return its true delays (ms), too.
+
+    The display is a simulated headset, or the screen that `lab` describes, on a simulated monitor.
+    """
     from stage.context import offscreen_context
 
     clock = SimClock()
@@ -163,9 +218,12 @@ def perform_simulated(
             config = DeviceConfig(role=name, driver=driver, simulated=True, options=options)
             return opened(stack, build_device(config, clock, room, seed, stack))
 
-        headset = SeenHeadset(
-            device("headset", "simulated_headset"), lambda lit, at: room.show(lit, at)
-        )
+        display = None if lab is None else screen_display(lab, clock)
+        if display is None:
+            headset = SeenHeadset(device("headset", "simulated_headset"), room.show)
+        else:
+            display.attach(SeenMonitor(clock, display.display_rate_hz, room.show))
+            headset = opened(stack, display)
         band: Armband = device(role, "simulated_armband", rise_ms=rise_ms)
         board = SyncBoardSimulator(room, clock, board_rng, loss_01=loss_01)
         sensor = SyncBoard(MemoryLink(board, clock), clock)
@@ -176,7 +234,7 @@ def perform_simulated(
             sensor, clock, order_rng, patch=patch, speaker=RoomSpeaker(room, clock), band=band,
             repeats=repeats, progress=progress,
         )  # fmt: skip
-        found = analysed(asked, sensor.traces(), DEFAULT_CHANNELS, role)
+        found = analysed(asked, sensor.traces(), DEFAULT_CHANNELS, patch.role, role)
     commanded = {
         "picture": asked.picture_ns,
         "sound": asked.sound_ns,

@@ -291,7 +291,7 @@ class ZmqTransport:
         return messages
 
     def send(self, port: int, frames: Frames) -> None:
-        """Publish; the first message to a port may be lost while ZeroMQ connects."""
+        """Publish; the first message to a port only makes ZeroMQ connect and may be lost."""
         if port not in self._publishers:
             socket = self._context.socket(self._zmq.PUB)
             socket.setsockopt(self._zmq.LINGER, 0)

@@ -49,6 +49,11 @@ class Patch:
         context.finish()
 
     @property
+    def role(self) -> str:
+        """Role of what shows it."""
+        return self._headset.info.role
+
+    @property
     def frame_ns(self) -> int:
         """How long a frame lasts, nominally."""
         return round(NS_PER_S / self._headset.display_rate_hz)
@@ -150,5 +155,36 @@ class SeenHeadset:
         self._headset.submit(frame, images)
         for image in images[:1]:
             if isinstance(image, moderngl.Texture):
-                corner = np.frombuffer(image.read(), np.uint8)[:3]
-                self._look(bool(corner.mean() > 127), frame.predicted_display_ns)
+                self._look(_is_corner_lit(image), frame.predicted_display_ns)
+
+
+class SeenMonitor:
+    """A monitor on a virtual clock, at whose corner a simulated photodiode looks.
+
+    It is what a screen display shows its pictures on: each waits for the monitor's next refresh,
+    at `k / rate_hz` by the clock, and the photodiode is told how bright the corner is from then on.
+    """
+
+    closed = False
+
+    def __init__(self, clock: Clock, rate_hz: float, look: Callable[[bool, int], None]) -> None:
+        self._clock = clock
+        self._rate_hz = rate_hz
+        self._look = look
+
+    def attend(self, until_ns: int) -> None:
+        """Pass the time until then; nobody presses a key."""
+        self._clock.sleep_until_ns(until_ns)
+
+    def flip(self, image: moderngl.Texture) -> int:
+        """Show a picture from the next refresh on; return when that was."""
+        refresh = int(self._clock.now_ns() * self._rate_hz / NS_PER_S) + 1
+        self._clock.sleep_until_ns(round(refresh * NS_PER_S / self._rate_hz))
+        t_ns = self._clock.now_ns()
+        self._look(_is_corner_lit(image), t_ns)
+        return t_ns
+
+
+def _is_corner_lit(image: moderngl.Texture) -> bool:
+    """Tell whether the lower left pixel, which is a texture's first, is white."""
+    return bool(np.frombuffer(image.read(), np.uint8)[:3].mean() > 127)

@@ -76,6 +76,7 @@ def sync_test(
                 repeats=repeats,
                 picture=Planted(*SIMULATED_PICTURE),
                 sound=Planted(*SIMULATED_SOUND),
+                lab=lab,
                 progress=progress,
             )
         else:

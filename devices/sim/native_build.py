@@ -3,6 +3,7 @@
 import hashlib
 import shutil
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -11,6 +12,13 @@ from lab.errors import DeviceNotFound
 SOURCES = Path(__file__).parent / "native"
 COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c11", "-O1", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wno-cast-function-type")
+
+INSTALL = {"linux": "apt-get install gcc", "darwin": "xcode-select --install"}
+"""How a C compiler comes onto a system; on others the runtimes were never built."""
+WITHOUT = (
+    "rehearse with drivers that need none: simulated_headset as headset, simulated_responses for "
+    "controllers, simulated_body for trackers, pupil_core for gaze"
+)
 
 
 def find_compiler() -> str | None:
@@ -26,9 +34,7 @@ def build_library(source: str, generated: dict[str, str], library: str) -> Path:
     """
     compiler = find_compiler()
     if compiler is None:
-        raise DeviceNotFound(
-            "this simulator needs a C compiler", remedy="install one: apt-get install gcc"
-        )
+        raise DeviceNotFound("this simulator needs a C compiler", remedy=_remedy())
     code = (SOURCES / source).read_bytes()
     texts = [*FLAGS, *(f"{name}={text}" for name, text in sorted(generated.items()))]
     digest = hashlib.sha256(code + "\0".join(texts).encode()).hexdigest()[:16]
@@ -46,8 +52,14 @@ def build_library(source: str, generated: dict[str, str], library: str) -> Path:
         if result.returncode != 0:
             raise DeviceNotFound(
                 f"{compiler} refused {source}: {result.stderr.strip()[:400]}",
-                remedy="install a current C compiler: apt-get install gcc",
+                remedy=_remedy(),
             )
         target.parent.mkdir(parents=True, exist_ok=True)
         built.replace(target)
     return target
+
+
+def _remedy() -> str:
+    """Say what helps where nothing could be compiled."""
+    install = INSTALL.get(sys.platform)
+    return WITHOUT if install is None else f"install a current one ({install}), or {WITHOUT}"

@@ -1,16 +1,27 @@
 """`visavis sync-test`: what it recovers, what it keeps, what doctor says of it."""
 
 import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from cli import sync_records
+from cli.app import load_lab
+from cli.doctor import report
 from cli.main import app
-from cli.sync_chain import perform_simulated
+from cli.sync_chain import perform_real, perform_simulated
+from devices.registry import OPTION_MODELS
 from devices.sim.sync_room import Planted
-from lab.config_files import EXAMPLE
+from lab.clock import SimClock, SystemClock
+from lab.config import load_config, parse_config
+from lab.config_files import EXAMPLE, SCREEN_EXAMPLE
+from lab.errors import UsageError
 from stage.context import offscreen_context
 from stage.errors import StageError
 
@@ -44,6 +55,44 @@ def test_planted_delays_and_jitter_are_recovered_through_the_whole_chain():
         assert float(np.std(true, ddof=1)) == pytest.approx(one.sd_ms, abs=0.2)
 
 
+@pytest.mark.parametrize("rate_hz", [60, 85, 144])
+def test_planted_delay_of_a_monitor_is_recovered_in_its_own_rhythm(rate_hz):
+    text = SCREEN_EXAMPLE.read_text("utf-8").replace("rate_hz: 60", f"rate_hz: {rate_hz}")
+    found, asked, _, true_ms = perform_simulated(
+        seed=4, repeats=10, picture=Planted(12.0), sound=Planted(40.0),
+        lab=parse_config(text, Path("lab_config.yaml"), OPTION_MODELS),
+    )  # fmt: skip
+    picture = found[0]
+
+    assert ("screen", 10, 10) == (picture.source, picture.asked, picture.answered)
+    assert 12.0 == pytest.approx(float(np.median(true_ms["picture"])), abs=0.001)
+    assert 12.0 == pytest.approx(picture.median_ms, abs=0.2)
+    assert 0 == asked.dropped == picture.shown_wrong
+
+
+def test_delay_before_a_monitor_is_measured_in_its_window():
+    """Six seconds in real time: five flashes in a window of an X server."""
+    if shutil.which("xvfb-run") is None:
+        pytest.skip("needs a virtual screen: apt install xvfb xvfb-run")
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        ["xvfb-run", "-a", "-s", "-screen 0 640x360x24", sys.executable,  # noqa: S607
+         "-m", "tests.cli.sync_test_child", "40"],
+        capture_output=True, text=True, timeout=120, cwd=root, check=False,
+        env={**os.environ, "PYTHONPATH": str(root)},
+    )  # fmt: skip
+    if "OpenGL 3.3" in done.stderr or "no window" in done.stderr:
+        pytest.skip(done.stderr.strip().splitlines()[-1])
+    assert 0 == done.returncode, done.stderr
+    told = json.loads(done.stdout)
+
+    assert ("picture", "screen", 5, 5) == (
+        told["modality"], told["source"], told["asked"], told["answered"]
+    )  # fmt: skip
+    assert 0 == pytest.approx(np.median(told["errors_ms"]), abs=2)
+    assert (1, True) == (told["windows"], told["is_closed"])
+
+
 def test_same_seed_gives_the_same_test():
     def again():
         found, _, _, _ = perform_simulated(
@@ -65,14 +114,10 @@ def test_rehearsal_is_kept_and_marked_and_no_measurement_for_doctor(lab_file, tm
     assert kept.with_suffix(".png").is_file()
     assert {"picture_delay_ms", "sound_delay_ms"} <= set(record["offsets_ms"])
 
-    from cli.app import load_lab
-
     assert sync_records.newest(load_lab(lab_file, quiet=True)) is None
 
 
 def test_doctor_says_how_old_the_newest_measurement_is(lab_file, tmp_path):
-    from cli.app import load_lab
-
     folder = tmp_path / "data" / sync_records.FOLDER
     folder.mkdir(parents=True)
     for day, delay in (("2026-03-01", 9.0), ("2026-03-05", 11.0)):
@@ -89,6 +134,56 @@ def test_doctor_says_how_old_the_newest_measurement_is(lab_file, tmp_path):
     assert 30 == pytest.approx(sync_records.age_days(newest, "2026-04-04T12:00:00+02:00"))
 
 
+def test_rehearsal_before_a_monitor_says_so(lab_file, tmp_path):
+    lab_file.write_text(SCREEN_EXAMPLE.read_text("utf-8"), "utf-8")
+    done = CliRunner().invoke(app, ["sync-test", "--simulated", "--repeats", "10"])
+
+    assert 0 == done.exit_code, done.output
+    (kept,) = (tmp_path / "data" / sync_records.FOLDER).glob("*.json")
+    record = json.loads(kept.read_text(encoding="utf-8"))
+    assert ["screen", "speaker", "armband_left_forearm"] == [d["source"] for d in record["delays"]]
+    assert record["is_simulated"]
+
+
+NOW = "2026-04-04T12:00:00+00:00"
+
+
+@pytest.mark.parametrize(
+    ("made", "level", "told"),
+    [
+        ("2026-03-25T12:00:00+00:00", "ok", "10 days old: picture_delay_ms 9, sound_delay_ms 22.5"),
+        ("2026-01-03T12:00:00+00:00", "note", "91 days old: picture_delay_ms 9"),
+        ("", "note", "delays were never measured here"),
+    ],
+)
+def test_doctor_asks_for_a_test_where_there_is_none_or_it_is_old(
+    lab_file, tmp_path, made, level, told
+):
+    if made:
+        folder = tmp_path / "data" / sync_records.FOLDER
+        folder.mkdir(parents=True)
+        offsets_ms = {"picture_delay_ms": 9.0, "sound_delay_ms": 22.5}
+        record = {"made": made, "is_simulated": False, "offsets_ms": offsets_ms}
+        (folder / "sync-1.json").write_text(json.dumps(record), encoding="utf-8")
+
+    row = report._sync_test(load_lab(lab_file, quiet=True), At(NOW))
+
+    assert (level, "sync-test") == (row.level, row.subject)
+    assert told in row.found
+    assert ("visavis sync-test" in row.remedy) == (level == "note")
+
+
+class At(SimClock):
+    """A virtual clock on some day."""
+
+    def __init__(self, wall_iso):
+        super().__init__()
+        self._wall_iso = wall_iso
+
+    def wall_iso(self):
+        return self._wall_iso
+
+
 @pytest.mark.parametrize("arguments", [[], ["--simulated", "--sensor", "audio"]])
 def test_it_asks_for_a_sensor_or_a_rehearsal(lab_file, arguments):
     done = CliRunner().invoke(app, ["sync-test", *arguments])
@@ -102,3 +197,32 @@ def test_simulated_display_is_never_taken_for_a_measurement(lab_file):
 
     assert 0 != done.exit_code
     assert "display is simulated" in str(done.exception or done.output)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--sensor", "role:eye_tracker"], "eye_tracker is simulated"),
+        (["--sensor", "audio", "--band", "responses"], "responses is simulated"),
+        (["--sensor", "role:eeg"], "no role 'eeg'"),
+    ],
+)
+def test_before_a_monitor_no_simulated_device_measures_or_is_measured(
+    lab_file, arguments, said, monkeypatch
+):
+    monkeypatch.setattr("cli.sync_chain.sound_library", lambda: None)
+    lab_file.write_text(SCREEN_EXAMPLE.read_text("utf-8"), "utf-8")
+    done = CliRunner().invoke(app, ["sync-test", *arguments])
+
+    assert isinstance(done.exception, UsageError)
+    assert said in str(done.exception)
+
+
+def test_lab_without_any_display_is_told_what_to_add(lab_file):
+    lab = load_config(lab_file)
+    devices = {role: d for role, d in lab.devices.items() if role != "headset"}
+    with pytest.raises(UsageError, match=r"no display to test.*docs/screens"):
+        perform_real(
+            lab.model_copy(update={"devices": devices}), SystemClock(), sensor_name="audio",
+            speaker_name="", band_role="", channels={}, repeats=10, progress=lambda done: None,
+        )  # fmt: skip

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from devices.sim.pupil.capture import PupilCoreSimulator
 from experiments.stare.study import study
 from lab.clock import NS_PER_S, SystemClock
 from protocol.gaze_setup import TargetTiming
@@ -37,7 +38,25 @@ class TwoTrials(StudyExperiment):
         return replace(whole, blocks=(replace(block, trials=block.trials[:2]),))
 
 
-def test_a_session_on_the_system_clock_over_sockets_is_complete(tmp_path: Path) -> None:
+@pytest.fixture
+def captures(monkeypatch: pytest.MonkeyPatch) -> list[PupilCoreSimulator]:
+    """Every simulated Pupil Capture that a session is given."""
+    made: list[PupilCoreSimulator] = []
+
+    class Kept(PupilCoreSimulator):
+        """Capture, which the test can look into."""
+
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            super().__init__(*arguments, **options)
+            made.append(self)
+
+    monkeypatch.setattr("devices.sim.pupil.capture.PupilCoreSimulator", Kept)
+    return made
+
+
+def test_a_session_on_the_system_clock_over_sockets_is_complete(
+    tmp_path: Path, captures: list[PupilCoreSimulator]
+) -> None:
     parameters = {"trial_s": 0.6, "practice_s": 0.6, "intertrial_s": 0.2, "repetitions": 1}
     recording = Recording(
         perform_new(
@@ -61,6 +80,14 @@ def test_a_session_on_the_system_clock_over_sockets_is_complete(tmp_path: Path) 
     assert len(events(recording, "clock_exchanges")[0]["send_device_receive_ns"]) >= 20
     assert () == recording.verify().problems
     assert "2 of 2 planned trials complete" in findings(recording)
+    (capture,) = captures
+    assert ["stare_S01_001_01"] == list(capture.recordings)
+    (marks,) = capture.recordings.values()
+    words = [mark["label"].split()[:2] for mark in marks]
+    trials = list(recording.trials()["trial_id"])
+    assert [[edge, trial] for trial in trials for edge in ("trial_start", "trial_end")] == [
+        word for word in words if word[0] in ("trial_start", "trial_end")
+    ]
 
 
 @pytest.mark.slow

@@ -2,9 +2,11 @@
 
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 
+from cli.doctor import machine
 from lab.clock import (
     NS_PER_MS,
     SimClock,
@@ -13,6 +15,8 @@ from lab.clock import (
     require_fine_clock,
 )
 from lab.errors import ConfigError
+from tests.faults.sessions import lab, request
+from visavis.sessions.perform import perform_new
 
 
 class Ticking:
@@ -57,6 +61,30 @@ def test_a_clock_of_windows_timer_ticks_is_refused_with_the_reason():
     assert clock_step_ns(coarse) == 15_625_000
     with pytest.raises(ConfigError, match=r"moves in steps of 15\.625 ms.*event timer"):
         require_fine_clock(coarse)
+
+
+def test_doctor_says_that_a_coarse_clock_is_no_clock_for_sessions():
+    ticking = Ticking(15_625_000, reading_ns=50_000)
+    finding = machine._clock(SystemClock(ticking.counter_ns, ticking.sleep_s, spin_ns=0))
+
+    assert ("clock", "missing") == (finding.subject, finding.level)
+    assert "moves in steps of 15.625 ms" in finding.found
+    assert "event timer" in finding.remedy
+
+
+def test_doctor_finds_a_fine_clock_ready():
+    ticking = Ticking(100)
+
+    assert "ok" == machine._clock(SystemClock(ticking.counter_ns, ticking.sleep_s)).level
+
+
+def test_no_session_begins_on_a_coarse_clock(tmp_path):
+    ticking = Ticking(15_625_000, reading_ns=50_000)
+    coarse = SystemClock(ticking.counter_ns, ticking.sleep_s, spin_ns=0)
+
+    with pytest.raises(ConfigError, match=r"moves in steps of 15\.625 ms"):
+        perform_new(replace(request(lab(tmp_path)), clock=coarse))
+    assert [] == list(tmp_path.iterdir())
 
 
 def test_a_virtual_clock_has_no_steps():

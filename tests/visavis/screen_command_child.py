@@ -6,6 +6,7 @@ amplifier's program sends EEG by LSL's own library. Run as
 `python -m tests.visavis.screen_command_child FOLDER`.
 """
 
+import json
 import math
 import os
 import sys
@@ -47,6 +48,8 @@ class Swaying(Onlooker):
         return values
 
 
+MARKS = "marks.json"
+"""What the eye tracker's server was annotated with."""
 EEG_HZ, CHANNELS = 128, ("Fz", "Cz", "Pz", "Oz")
 
 
@@ -106,6 +109,7 @@ def main(folder: Path) -> None:
             stop.set()
             for thread in around:
                 thread.join()
+            (folder / MARKS).write_text(json.dumps(peer.annotations), "utf-8")
 
 
 if __name__ == "__main__":

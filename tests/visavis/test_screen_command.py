@@ -17,7 +17,7 @@ import pytest
 
 from recording.reader import Recording
 from tests.recording.test_export import issues_of
-from tests.visavis.screen_command_child import EEG_HZ, SWAY_M
+from tests.visavis.screen_command_child import EEG_HZ, MARKS, SWAY_M
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.slow
@@ -81,6 +81,13 @@ def test_the_command_records_a_real_session_of_a_screen_a_gazepoint_and_keys(ran
     finished = trials[trials["status"] == "complete"]  # a busy computer may break one off
     assert len(finished) == 2
     assert (finished[["seen_by", "realism_by", "nearer_by"]] == "keys").all().all()
+
+
+def test_trials_are_marked_in_the_eye_trackers_own_record(ran):
+    marks = json.loads((ran.path.parents[4] / MARKS).read_text("utf-8"))
+    edges = [mark.split()[:3] for mark in marks if mark.startswith(("trial_start", "trial_end"))]
+    trials = ran.trials()[["trial_id", "attempt"]].astype(str).to_numpy().tolist()
+    assert [[edge, *trial] for trial in trials for edge in ("trial_start", "trial_end")] == edges
 
 
 def test_the_head_is_where_the_tracker_finds_the_eyes(ran):

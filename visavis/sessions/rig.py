@@ -42,7 +42,7 @@ def build_rig(
         DeviceNotFound: a driver's library is missing, or it exists in simulation only.
     """
     check_rig(config)
-    display = _display(config, clock)
+    display = screen_display(config, clock)
     if display is not None and body is not None:
         body = (
             MovingBodyBeforeScreen(body, display.place)
@@ -58,7 +58,7 @@ def build_rig(
     return Rig(headset, eyes, made, without=frozenset(without))
 
 
-def _display(config: LabConfig, clock: Clock) -> ScreenDisplay | None:
+def screen_display(config: LabConfig, clock: Clock) -> ScreenDisplay | None:
     """Return the screen that stands in the place of a headset; None where there is a headset."""
     screen = config.display.on_screen
     if screen is None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, cast
 from devices.contracts import BodyTracker, KeyListener, OnScreen
 from devices.screen.display import ScreenDisplay
 from lab.clock import Clock
-from lab.config import LabConfig
+from lab.config import LabConfig, Screen
 from lab.errors import ConfigError
 from lab.frame import EyeView
 from lab.geometry import Pose, quat_conjugate, rotate
@@ -107,20 +107,12 @@ def _on_screen(
     from stage.drawn_stage import DrawnStage
     from stage.fades import FadeTimes
     from stage.renderer import ON_PROCESSOR, Renderer
-    from stage.screen_surface import ScreenSurface
-    from stage.window import Window
 
     screen, display = config.display.on_screen, rig.headset
     picture = _through_screen(rig, experiment.people_count + EXTRA_PEOPLE)
     if screen is None or picture is None or not isinstance(display, ScreenDisplay):
         raise ConfigError(f"{config.path}: display.show is screen, but no screen is described")
-    window = Window(
-        window_title(config, experiment),
-        (screen.width_px, screen.height_px),
-        monitor=screen.monitor if screen.fullscreen else None,
-    )
-    surface = ScreenSurface(window, clock)
-    display.attach(surface)
+    window = open_on_monitor(screen, display, clock, window_title(config, experiment))
     _hear(window, rig)
     quality = ON_PROCESSOR if draws_on_processor(window.context) else None
     return DrawnStage(
@@ -134,6 +126,24 @@ def _on_screen(
         own_body=_own_body(config, rig),
         fades=FadeTimes(config.display.fade_out_ms, config.display.fade_in_ms),
     )
+
+
+def open_on_monitor(screen: Screen, display: ScreenDisplay, clock: Clock, title: str) -> "Window":
+    """Open the participant's window on their monitor and let the display keep the monitor's pace.
+
+    Raises:
+        StageError: there is no such monitor, it has other pixels, or nothing draws on it.
+    """
+    from stage.screen_surface import ScreenSurface
+    from stage.window import Window
+
+    window = Window(
+        title,
+        (screen.width_px, screen.height_px),
+        monitor=screen.monitor if screen.fullscreen else None,
+    )
+    display.attach(ScreenSurface(window, clock))
+    return window
 
 
 def _hear(window: "Window", rig: Rig) -> None:

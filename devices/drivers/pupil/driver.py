@@ -149,6 +149,8 @@ class PupilCore(GazeDevice):
         self.info = replace(self.info, model=f"Core (Capture {version})")
         subscribe_port = self._port("SUB_PORT", deadline_ns)
         self._publish_port = self._port("PUB_PORT", deadline_ns)
+        # A publisher drops what it is given before ZeroMQ has connected it: not the first mark.
+        self._transport.send(self._publish_port, codec.encode_notification("visavis.connected"))
         for _ in range(max(1, self._opening_exchanges)):
             exchange = self._ask((b"t",), deadline_ns)
             device_ns = codec.decode_time(exchange.frames)

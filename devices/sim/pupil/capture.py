@@ -165,8 +165,8 @@ class PupilCoreSimulator:
         return (self._reply(command, t_ns).encode(),)
 
     def accept(self, frames: Frames, t_ns: int) -> None:
-        """Take an annotation published to PUB_PORT."""
-        if len(frames) == 2:
+        """Take an annotation published to PUB_PORT; other topics concern nobody here."""
+        if len(frames) == 2 and frames[0].startswith(b"annotation"):
             payload = _unpacked(frames[1])
             if payload is not None:
                 self.annotations.append(payload)
