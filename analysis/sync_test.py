@@ -178,8 +178,8 @@ def offsets_ms(found: Sequence[Delays]) -> dict[str, float]:
     "picture_delay_ms", "sound_delay_ms", "vibration_delay_ms.armband_left".
     """
     return {
-        f"{one.modality}_delay_ms" + (f".{one.source}" if one.modality == "vibration" else ""):
-            round(one.median_ms, 3)
+        f"{one.modality}_delay_ms"
+        + (f".{one.source}" if one.modality == "vibration" else ""): round(one.median_ms, 3)
         for one in found
         if one.is_sound
-    }  # fmt: skip
+    }

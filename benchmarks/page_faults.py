@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from lab.clock import StopWatch, SystemClock
+from lab.errors import RecordingError
 from protocol.operator import UnattendedOperator
 from recording.folder import session_dir
 from recording.reader import Recording
@@ -78,14 +79,15 @@ class Server:
         read, write = os.pipe()
         self._pid = os.fork()
         if self._pid == 0:
+            status = 1
             try:
                 os.close(read)
                 self._serve(write)
-            except BaseException:
+                status = 0
+            except Exception:
                 traceback.print_exc()
-                raise
             finally:
-                os._exit(0)
+                os._exit(status)
         os.close(write)
         with os.fdopen(read) as told:
             base, _, self.key = told.readline().strip().partition("/#")
@@ -97,8 +99,14 @@ class Server:
         os.waitpid(self._pid, 0)
 
     def wait(self) -> None:
-        """Wait until it has ended by itself."""
-        os.waitpid(self._pid, 0)
+        """Wait until it has ended by itself.
+
+        Raises:
+            RecordingError: it ended with an error, which it has printed.
+        """
+        _, status = os.waitpid(self._pid, 0)
+        if status != 0:
+            raise RecordingError(f"the server of {self._label} ended with an error, printed above")
 
     def _serve(self, write: int) -> None:
         def tell(address: str) -> None:
@@ -121,15 +129,17 @@ def told_by(server: Server, path: str, body: dict[str, Any], *, reads: bool = Tr
     """Post and return what the server told; None where the answer is not waited for."""
     connection = http.client.HTTPConnection(LOCAL, server.port, timeout=PATIENCE_S)
     try:
-        connection.request("POST", path, json.dumps(body),
-                           {"Content-Type": "application/json", KEY: server.key})  # fmt: skip
+        connection.request(
+            "POST", path, json.dumps(body), {"Content-Type": "application/json", KEY: server.key}
+        )
         return json.loads(connection.getresponse().read()) if reads else None
     finally:
         connection.close()
 
 
-def one_session(root: Path, label: str, found: Found, limits: tuple[int, int],
-                rng: np.random.Generator) -> None:  # fmt: skip
+def one_session(
+    root: Path, label: str, found: Found, limits: tuple[int, int], rng: np.random.Generator
+) -> None:
     """Perform one session with faults, and look through its recording."""
     server = Server(root, label)
     server.start()
@@ -202,11 +212,15 @@ def main(arguments: list[str]) -> int:
         print(json.dumps(asdict(found), indent=2))
     else:
         print(f"{found.kills} kills of the server, {found.cuts} cuts, {found.sessions} sessions")
-        print(f"{found.acknowledged} replies acknowledged, {found.lost} lost (limit 0), "
-              f"{found.twice} recorded twice (limit 0)")  # fmt: skip
+        print(
+            f"{found.acknowledged} replies acknowledged, {found.lost} lost (limit 0), "
+            f"{found.twice} recorded twice (limit 0)"
+        )
         print(f"{found.not_whole} sessions not whole (limit 0)")
-        print(f"from the kill to the next step: median {np.median(found.resumes_s or [0]):.2f} s, "
-              f"slowest {slowest_s:.2f} s (limit {MAX_RESUME_S:g})")  # fmt: skip
+        print(
+            f"from the kill to the next step: median {np.median(found.resumes_s or [0]):.2f} s, "
+            f"slowest {slowest_s:.2f} s (limit {MAX_RESUME_S:g})"
+        )
     return 1 if found.lost or found.twice or found.not_whole else 0
 
 

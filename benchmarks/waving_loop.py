@@ -80,11 +80,13 @@ def wave_rows(waves: int, frames: int, looks: int) -> list[dict[str, object]]:
         if wave.planned is None or track is None:
             continue
         planned.append((wave.planned.met_01, wave.planned.reachable_01))
-        rows.append({
-            "name": f"{clerk} at {place}: frames on target",
-            "value": wave.planned.met_01,
-            "beside": f"within reach of the planning search {wave.planned.reachable_01:.2f}",
-        })  # fmt: skip
+        rows.append(
+            {
+                "name": f"{clerk} at {place}: frames on target",
+                "value": wave.planned.met_01,
+                "beside": f"within reach of the planning search {wave.planned.reachable_01:.2f}",
+            }
+        )
         turned = study_wave(
             clerk, place, WARPING, replace(DEFAULT_MAKING, warp_from="oriented", increment=0.0)
         ).waving
@@ -132,11 +134,13 @@ def height_rows() -> list[dict[str, object]]:
     for off_m in OFF_M:
         eye_m = eye_at("place_3", STANDING_EYE_M + off_m)
         plan, loop = (followed(about, eye_m, corrects=c) for c in (False, True))
-        rows.append({
-            "name": f"eyes {off_m:+.1f} m: frames on target with the loop",
-            "value": loop,
-            "beside": f"by the plan alone {plan:.2f}",
-        })  # fmt: skip
+        rows.append(
+            {
+                "name": f"eyes {off_m:+.1f} m: frames on target with the loop",
+                "value": loop,
+                "beside": f"by the plan alone {plan:.2f}",
+            }
+        )
     return rows
 
 

@@ -36,8 +36,11 @@ class Within:
         elif math.isinf(self.low):
             words = at_most
         else:
-            words = f"between {self.low:g} and {self.high:g}" if self.open else \
-                f"{self.low:g} to {self.high:g}"  # fmt: skip
+            words = (
+                f"between {self.low:g} and {self.high:g}"
+                if self.open
+                else f"{self.low:g} to {self.high:g}"
+            )
         return f"{words} ({self.why})" if self.why else words
 
 

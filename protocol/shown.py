@@ -52,9 +52,12 @@ class Shown:
     def view(self) -> SceneFrame:
         """The frame of a study whose scenes are nothing but their agents."""
         return SceneFrame(
-            self.scene, self.t_scene_ns, self.gaze_direction, self.eye_openness_01,
+            self.scene,
+            self.t_scene_ns,
+            self.gaze_direction,
+            self.eye_openness_01,
             gaze_distance_m=self.gaze_distance_m,
-        )  # fmt: skip
+        )
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` returns, made once where the recording is kept: for what is the same

@@ -221,9 +221,11 @@ class Renderer:
         distance_m = np.sqrt((apart * apart).sum(axis=2)).min(axis=1)
         if levels is None:
             chosen = choose_levels(
-                faces_px(distance_m, px_per_tangent), crowd.level_before, self.quality.detail,
+                faces_px(distance_m, px_per_tangent),
+                crowd.level_before,
+                self.quality.detail,
                 crowd.triangles,
-            )  # fmt: skip
+            )
             crowd.level_before = chosen
             seen = in_view(joints.watched_m[:, 0], BODY_RADIUS_M, cameras)
         else:

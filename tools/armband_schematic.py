@@ -63,9 +63,11 @@ def _supply(drawing: schemdraw.Drawing) -> None:
 
 def _channel(drawing: schemdraw.Drawing) -> None:
     x, y = 0.0, -10.5
-    drawing += elements.Label().at((x, y + 4.6)).label(
-        "One of four motor channels", fontsize=15, halign="left"
-    )  # fmt: skip
+    drawing += (
+        elements.Label()
+        .at((x, y + 4.6))
+        .label("One of four motor channels", fontsize=15, halign="left")
+    )
     drawing += elements.Label().at((x - 1.2, y)).label("PD6, PD5,\nPB3, PD3")
     drawing += elements.Resistor().at((x, y)).right().label("R5  100 Ω")
     drawing += (gate := elements.Dot())
@@ -98,9 +100,11 @@ def _processor(drawing: schemdraw.Drawing) -> None:
         PIN(name="ADC2", side="left"), PIN(name="RXD", side="bot"),
         PIN(name="TXD", side="bot"), PIN(name="GND", side="bot"), PIN(name="VCC", side="top"),
     ]  # fmt: skip
-    drawing += elements.Label().at((12.0, -3.8)).label(
-        "Processor, radio, skin", fontsize=15, halign="left"
-    )  # fmt: skip
+    drawing += (
+        elements.Label()
+        .at((12.0, -3.8))
+        .label("Processor, radio, skin", fontsize=15, halign="left")
+    )
     board = elements.Ic(pins=pins, size=(5.4, 5.0), edgepadH=0.8).theta(0).at((17.0, -11.6))
     board.label("ATmega328P\n8 MHz, 3.3 V", "center")
     drawing += board

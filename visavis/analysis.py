@@ -259,9 +259,9 @@ def measures_of(study: Study, responses: Mapping[str, Any]) -> tuple[Measure, ..
             right = f"{name}_is_right"
             found.setdefault(right, Measure(right, "1", f"{words} right", None, "share"))
         found.setdefault(
-            f"{name}_ms", Measure(f"{name}_ms", "ms", f"Time to answer {name.replace('_', ' ')}",
-                                  None, "median")
-        )  # fmt: skip
+            f"{name}_ms",
+            Measure(f"{name}_ms", "ms", f"Time to answer {name.replace('_', ' ')}", None, "median"),
+        )
     return tuple(found.values())
 
 

@@ -102,8 +102,9 @@ class Watched:
 
 def films_of(shown: Shown) -> Mapping[str, Film]:
     """Return the films by where they stand: "film", or "left" and "right"."""
-    return {"film": shown} if isinstance(shown, Film) else {"left": shown.left,
-                                                           "right": shown.right}  # fmt: skip
+    return (
+        {"film": shown} if isinstance(shown, Film) else {"left": shown.left, "right": shown.right}
+    )
 
 
 def scene_of(shown: Shown) -> Scene:

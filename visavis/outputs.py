@@ -214,14 +214,18 @@ def _decided(finding: Finding, row: Mapping[str, Any]) -> dict[str, Any]:
     if found is None:
         return {}
     decided: dict[str, Any] = {
-        "level_1": found.first, "level_2": found.second, "mean_difference": found.difference,
-        "is_significant": found.is_significant, "sentence": found.sentence,
-    }  # fmt: skip
+        "level_1": found.first,
+        "level_2": found.second,
+        "mean_difference": found.difference,
+        "is_significant": found.is_significant,
+        "sentence": found.sentence,
+    }
     beside = found.agreement
     if beside is not None:
         decided |= {
-            "published_significant": beside.published, "agrees_with_published": beside.agrees,
-        }  # fmt: skip
+            "published_significant": beside.published,
+            "agrees_with_published": beside.agrees,
+        }
     return decided
 
 

@@ -30,9 +30,11 @@ class MeasuredTrial:
         """Return one with NumPy's numbers as Python's, and NaN as None."""
         return cls(
             {k: _plain(v) for k, v in row.items()},
-            {name: [{k: _plain(v) for k, v in one.items()} for one in rows]
-             for name, rows in tables.items()},
-        )  # fmt: skip
+            {
+                name: [{k: _plain(v) for k, v in one.items()} for one in rows]
+                for name, rows in tables.items()
+            },
+        )
 
 
 @dataclass(frozen=True)

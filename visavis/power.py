@@ -266,9 +266,10 @@ class KitPower:
 def _is_asked(compare: Compare, tests: Sequence[str], experiment: StudyExperiment) -> bool:
     """Tell whether a comparison, or another that shares its correction, is asked for."""
     family = [
-        c for c in experiment.compare
+        c
+        for c in experiment.compare
         if c is compare or (c.correction != "none" and c.family == compare.family)
-    ]  # fmt: skip
+    ]
     return any(name.partition(":")[0] == c.dv for c in (compare, *family) for name in tests)
 
 

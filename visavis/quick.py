@@ -118,8 +118,10 @@ def quick_study(
 
 def answers_of(person: SimulatedParticipant, questions: Questionnaire) -> dict[str, Any]:
     """Ask a simulated person a whole questionnaire; return the answers as analysis reads them."""
-    given = {q.question_id: person.answer(q.question_id, q.prompt, q.options)
-             for q in questions.questions()}  # fmt: skip
+    given = {
+        q.question_id: person.answer(q.question_id, q.prompt, q.options)
+        for q in questions.questions()
+    }
     return dict(read_answers(questions, given))
 
 

@@ -106,8 +106,9 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
                 reply = Answered(None, 0)
         raise DesignError(f"after {MAX_STEPS} steps it has not ended")
     except StopIteration:
-        return TrialRead(seconds, tuple(responses), tuple(scenes), agents, vibrates, lit,
-                         tuple(films))  # fmt: skip
+        return TrialRead(
+            seconds, tuple(responses), tuple(scenes), agents, vibrates, lit, tuple(films)
+        )
     except DesignError as error:
         raise DesignError(f"trial {dict(trial.factors)}: {error}") from error
 

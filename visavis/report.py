@@ -234,9 +234,7 @@ def _beside_published(analysis: StudyAnalysis) -> Table | None:
                 ours = means.loc[means[factor].astype(str) == level, column].to_numpy(float)
                 here = _mean_sd(ours, measure.digits)
                 printed_mean = mean_sd(mean, sd, measure.digits)
-                rows.append(
-                    (f"{measure.words}, {level}", here, printed_mean, _off(ours, mean))
-                )  # fmt: skip
+                rows.append((f"{measure.words}, {level}", here, printed_mean, _off(ours, mean)))
             break
     for finding in analysis.findings:
         for term in finding.terms:

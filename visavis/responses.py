@@ -72,8 +72,9 @@ class _Judged(_Response):
         super().__post_init__()
         object.__setattr__(self, "options", tuple(map(str, self.options)))
         if self.right is not None and self.right not in self.options:
-            raise DesignError(f"{self._words[0]} {self.name}: {self.right!r} is none of its "
-                              f"{self._words[1]}")  # fmt: skip
+            raise DesignError(
+                f"{self._words[0]} {self.name}: {self.right!r} is none of its {self._words[1]}"
+            )
 
     def more(self, option: str | None) -> dict[str, Scalar | None]:
         """Return whether the answer is right, where an option is."""

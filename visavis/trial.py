@@ -236,8 +236,9 @@ class TrialScript:
         """
         watched = Watched(shown, responses, caption, min_rounds)
         seconds = max(1, min_rounds) * seconds_of(shown)
-        return Action("watch", lambda: self._watch(watched), seconds, scene=scene_of(shown),
-                      watched=watched)  # fmt: skip
+        return Action(
+            "watch", lambda: self._watch(watched), seconds, scene=scene_of(shown), watched=watched
+        )
 
     def key(self, response: Keys) -> Action:
         """Wait for a press, timed from the last scene's onset; what is shown stays."""

@@ -257,8 +257,10 @@ def _mixed(table: DataTable, q: Question) -> Outcome:
     state = "yes" if made.design.is_complete else "no, the model uses what is there"
     families = _Families(q, lambda effect: False)
     families.notes += [
-        *_beside_listwise(table, q, made), *_not_spherical(table, q), *uneven_changes(made.design),
-    ]  # fmt: skip
+        *_beside_listwise(table, q, made),
+        *_not_spherical(table, q),
+        *uneven_changes(made.design),
+    ]
     path = [f"Has every subject every cell: n = {made.design.n} → {state}"]
     return _anova_outcome(table, q, prepared, made, families, path)
 

@@ -135,10 +135,12 @@ def main() -> int:
     if options.json:
         print(json.dumps([asdict(outcome) for outcome in outcomes]))
     else:
-        print(f"{len(outcomes)} targets, {sum(o.inputs for o in outcomes)} inputs, "
-              f"{sum(o.wrong for o in outcomes)} accepted wrong, "
-              f"{sum(o.tracebacks for o in outcomes)} tracebacks, "
-              f"{sum(o.hangs for o in outcomes)} hangs")  # fmt: skip
+        print(
+            f"{len(outcomes)} targets, {sum(o.inputs for o in outcomes)} inputs, "
+            f"{sum(o.wrong for o in outcomes)} accepted wrong, "
+            f"{sum(o.tracebacks for o in outcomes)} tracebacks, "
+            f"{sum(o.hangs for o in outcomes)} hangs"
+        )
     return int(any(o.wrong or o.tracebacks or o.hangs for o in outcomes))
 
 

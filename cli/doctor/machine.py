@@ -179,9 +179,12 @@ def _clock(clock: Clock) -> Finding:
     text = f"wakes {median(late_ms):.2f} ms late (worst {max(late_ms):.1f}); {clock.wall_iso()}"
     if median(late_ms) > LATE_NAP_MS:
         return Finding(
-            COMPUTER, "clock", "warning", text,
+            COMPUTER,
+            "clock",
+            "warning",
+            text,
             "close other programs; on Windows choose the high-performance power plan",
-        )  # fmt: skip
+        )
     return Finding(COMPUTER, "clock", "ok", text)
 
 

@@ -106,9 +106,12 @@ def verdict(report: Report) -> str:
 def _configuration(lab: LabConfig) -> Finding:
     if lab.path == EXAMPLE:
         return Finding(
-            COMPUTER, "configuration", "missing", f"no {CONFIG_NAME} in this folder or above",
+            COMPUTER,
+            "configuration",
+            "missing",
+            f"no {CONFIG_NAME} in this folder or above",
             "run: visavis init (or give the path of yours: --config FILE)",
-        )  # fmt: skip
+        )
     return Finding(COMPUTER, "configuration", "ok", f"{lab.path} ({lab.lab})")
 
 
@@ -191,9 +194,12 @@ def _device(device: DeviceConfig, trial: Trial) -> Finding:
     silent = [s.stream for s in trial.streams if s.nominal_rate_hz and not s.samples]
     if silent:
         return Finding(
-            DEVICES, device.role, "warning", f"{text}; no {', '.join(silent)} came",
+            DEVICES,
+            device.role,
+            "warning",
+            f"{text}; no {', '.join(silent)} came",
             f"look longer: visavis devices test {device.role}",
-        )  # fmt: skip
+        )
     return Finding(DEVICES, device.role, "ok", text)
 
 

@@ -216,10 +216,12 @@ def _serial_ports() -> list[Finding]:
         number = f", serial_number: {port.serial_number}" if port.serial_number else ""
         rows.append(
             Finding(
-                PORTS, str(port.device), "ok",
+                PORTS,
+                str(port.device),
+                "ok",
                 f"vid: 0x{port.vid:04x}, pid: 0x{port.pid:04x}{number}  {port.description or ''}",
             )
-        )  # fmt: skip
+        )
     return rows or [Finding(PORTS, "serial", "note", "no USB serial port is plugged in")]
 
 
@@ -263,10 +265,13 @@ def network(lab: LabConfig, *, are_open: bool = False) -> tuple[Finding, ...]:
     if let_in:
         rows.append(
             Finding(
-                NETWORK, "firewall", "note", f"must let in {', '.join(let_in)}",
+                NETWORK,
+                "firewall",
+                "note",
+                f"must let in {', '.join(let_in)}",
                 f"allow it for {Path(sys.executable).name} in the firewall of this computer",
             )
-        )  # fmt: skip
+        )
     return tuple(rows)
 
 
@@ -309,8 +314,11 @@ def _taken(device: DeviceConfig) -> Sequence[Finding]:
         except OSError:
             return (
                 Finding(
-                    NETWORK, device.role, "missing", f"UDP {port} is taken by another program",
+                    NETWORK,
+                    device.role,
+                    "missing",
+                    f"UDP {port} is taken by another program",
                     "close the other program that receives this stream",
                 ),
-            )  # fmt: skip
+            )
     return ()

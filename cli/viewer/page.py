@@ -17,10 +17,11 @@ def page_of(header: dict[str, Any], bundle: Bundle) -> str:
     return (
         page.replace("<!--title-->", html.escape(title + mark))
         .replace("/*style*/", (_HERE / "viewer.css").read_text(encoding="utf-8"))
-        .replace("/*code*/", "".join(
-            (_HERE / f"{name}.js").read_text(encoding="utf-8") for name in CODE))
+        .replace(
+            "/*code*/", "".join((_HERE / f"{name}.js").read_text(encoding="utf-8") for name in CODE)
+        )
         .replace("<!--data-->", bundle.text(header))
-    )  # fmt: skip
+    )
 
 
 CODE = ("data", "drawing", "scene", "timeline", "viewer")

@@ -65,9 +65,7 @@ def _eye(ray: tuple[float, ...], x_m: float, shot: Shot, *, seen: bool) -> bytes
         return ONE_EYE.pack(ONLY_OPENNESS, *(0.0,) * 7, shot.openness_01, 0.0, 0.0)
     x, y, z = ray
     place = (-1e3 * x_m, 0.0, 0.0)
-    return ONE_EYE.pack(
-        ALL_VALID, *place, -x, y, -z, shot.pupil_mm, shot.openness_01, 0.5, 0.5
-    )  # fmt: skip
+    return ONE_EYE.pack(ALL_VALID, *place, -x, y, -z, shot.pupil_mm, shot.openness_01, 0.5, 0.5)
 
 
 def built_library() -> Path:

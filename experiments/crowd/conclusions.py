@@ -109,10 +109,10 @@ def _ratings(analysis: StudyAnalysis) -> Conclusion:
     found = [(m, f) for m in RATINGS if (f := analysis.finding(m.column)) is not None]
     tested = [(m, f) for m, f in found if f.outcome is not None]
     sentences = tuple(
-        f"{m.words}: " + (f"not tested, {f.why_not}." if f.outcome is None
-                          else " ".join(f.outcome.sentences))
+        f"{m.words}: "
+        + (f"not tested, {f.why_not}." if f.outcome is None else " ".join(f.outcome.sentences))
         for m, f in found
-    )  # fmt: skip
+    )
     if not tested:
         return Conclusion("undecided", CHANGED, "undecided", sentences, was_tested=False)
     different = [m.words.lower() for m, f in tested if any(t.is_significant for t in f.terms)]

@@ -76,8 +76,9 @@ def _collisions(group: GroupPaths, found: pd.DataFrame) -> Figure:
         block = counted_rows[counted_rows["condition"] == condition]
         n = max(int(walks.get(condition, 0)), 1)
         per_walk = [float((block["body_part"] == part).sum()) / n for part, _ in BODY_PARTS]
-        parts.barh(y + 0.27 * (k - 1), per_walk, 0.25, color=COLOURS[condition],
-                   label=SHORT[condition])  # fmt: skip
+        parts.barh(
+            y + 0.27 * (k - 1), per_walk, 0.25, color=COLOURS[condition], label=SHORT[condition]
+        )
         for axes, column in ((volumes, "max_volume_dm3"), (durations, "duration_s")):
             values = np.log10(np.maximum(block[column].to_numpy(float), 1e-4))
             if len(values):

@@ -125,9 +125,12 @@ def write_pedpy_files(walk: Walk, folder: Path, name: str) -> list[Path]:
     wkt = _room(_flat(walk.place_m[np.isfinite(walk.place_m).all(axis=1)]))
     text = folder / f"{name}.txt"
     np.savetxt(
-        text, table[["id", "frame", "x", "y", "z"]], ("%d", "%d", "%.6f", "%.6f", "%.6f"),
-        header=f"framerate: {EXPORT_HZ:g} fps\nid frame x/m y/m z/m", encoding="utf-8",
-    )  # fmt: skip
+        text,
+        table[["id", "frame", "x", "y", "z"]],
+        ("%d", "%d", "%.6f", "%.6f", "%.6f"),
+        header=f"framerate: {EXPORT_HZ:g} fps\nid frame x/m y/m z/m",
+        encoding="utf-8",
+    )
     sqlite = folder / f"{name}.sqlite"
     _write_sqlite(sqlite, table, wkt)
     written = [text, sqlite]

@@ -124,8 +124,11 @@ def _round_capsules(figure: int | None, surface: MeshSurface) -> SkinnedBody:
     else:
         own = crowd_figures()
         columns, starts, ends, radii = (
-            own.columns, own.start_m[figure], own.end_m[figure], own.radius_m[figure]
-        )  # fmt: skip
+            own.columns,
+            own.start_m[figure],
+            own.end_m[figure],
+            own.radius_m[figure],
+        )
     segments, rings = ROUNDNESS[surface]
     parts = [
         capsule(start, end, radius, segments=segments, rings=rings)
@@ -136,6 +139,9 @@ def _round_capsules(figure: int | None, surface: MeshSurface) -> SkinnedBody:
     bones[:, 0] = np.repeat(columns, [len(p.vertices_m) for p in parts])
     # vertices are given from their joint, so joints at rest stand at the origin
     return SkinnedBody(
-        np.ascontiguousarray(whole.vertices_m), whole.faces, bones,
-        np.repeat(weights, len(bones), axis=0), np.zeros((len(BODY_JOINTS), 3)),
-    )  # fmt: skip
+        np.ascontiguousarray(whole.vertices_m),
+        whole.faces,
+        bones,
+        np.repeat(weights, len(bones), axis=0),
+        np.zeros((len(BODY_JOINTS), 3)),
+    )

@@ -47,8 +47,11 @@ def _source(name: str) -> Clip:
     """Return a motion of ours, finely sampled."""
     build = build_of(default_casting(CHARACTER))
     if name == "crouch":
-        plan = (Doing(Idle("hanging", 0.0)), Doing(Crouch(0.8, 0.0), 0.2, 0.7),
-                Doing(Idle("hanging", 0.0), 1.3, 0.7))  # fmt: skip
+        plan = (
+            Doing(Idle("hanging", 0.0)),
+            Doing(Crouch(0.8, 0.0), 0.2, 0.7),
+            Doing(Idle("hanging", 0.0), 1.3, 0.7),
+        )
         return baked(Person(build, plan, 1), CROUCH_S, rate_hz=SOURCE_HZ)
     kinds: dict[str, Kind] = {"walk": Walk(1.3), "run": Run(3.0), "idle": Idle("hanging")}
     kind = kinds[name]
@@ -99,10 +102,12 @@ def hybrid_clip(name: str, increment: int, controls: Controls, flaws: Flaws) -> 
     if name == "crouch":
         down = sampled(flawed, 0.0, flawed.frame_s, len(flawed.root_m) // 2)
         lowest = float(np.argmin(down.root_m[:, 1])) * flawed.frame_s
-        return hybrid(name, authored_poses(name, flawed, 0.0, lowest, increment), round_s,
-                      controls=controls)  # fmt: skip
-    return hybrid(name, authored_poses(name, flawed, 0.0, round_s / 2, increment), round_s,
-                  controls=controls)  # fmt: skip
+        return hybrid(
+            name, authored_poses(name, flawed, 0.0, lowest, increment), round_s, controls=controls
+        )
+    return hybrid(
+        name, authored_poses(name, flawed, 0.0, round_s / 2, increment), round_s, controls=controls
+    )
 
 
 def motion_of(name: str, increment: int | None, controls: Controls, flaws: Flaws) -> Motion:

@@ -14,9 +14,12 @@ from visavis.experiment import StudyExperiment
 from visavis.sections import Extra
 
 SCALE: Final = (
-    (-2, "clip significantly"), (-1, "clip slightly"), (0, "equal"), (1, "hybrid slightly"),
+    (-2, "clip significantly"),
+    (-1, "clip slightly"),
+    (0, "equal"),
+    (1, "hybrid slightly"),
     (2, "hybrid significantly"),
-)  # fmt: skip
+)
 
 
 def votes(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
@@ -63,8 +66,9 @@ def consistency(rows: pd.DataFrame) -> str:
         return "Pairs were not shown on both sides."
     both = both.dropna()
     opposed = int((both["left"] * both["right"] < 0).sum())
-    mean_right = float((rows["preference"].where(rows["hybrid_side"] == "right",
-                                                 -rows["preference"])).mean())  # fmt: skip
+    mean_right = float(
+        (rows["preference"].where(rows["hybrid_side"] == "right", -rows["preference"])).mean()
+    )
     return (
         f"With sides swapped, {opposed} of {len(both)} pairs of votes contradict each other. The "
         f"mean vote for the right side is {mean_right:+.2f} steps."

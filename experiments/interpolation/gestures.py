@@ -74,7 +74,7 @@ GESTURES: Final[dict[str, tuple[Moment, ...]]] = {
         _both(1.0, (0.20, -0.76, -0.62), (0.02, 0.25, -0.97)),
         _both(1.6, *DOWN),
     ),
-}  # fmt: skip
+}
 METHODS: Final[tuple[Method, ...]] = ("lineuler", "slerp", "squad")
 
 

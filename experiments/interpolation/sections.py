@@ -54,8 +54,11 @@ def equivalence(rows: pd.DataFrame) -> str:
     both = means[["slerp", "lineuler"]].dropna()
     try:
         return tost_paired(
-            np.asarray(both["slerp"]), np.asarray(both["lineuler"]),
-            low=-SAME_WITHIN, high=SAME_WITHIN, names=("Slerp", "LinEuler"),
-        ).sentence()  # fmt: skip
+            np.asarray(both["slerp"]),
+            np.asarray(both["lineuler"]),
+            low=-SAME_WITHIN,
+            high=SAME_WITHIN,
+            names=("Slerp", "LinEuler"),
+        ).sentence()
     except StatisticsError as problem:
         return f"Whether Slerp and LinEuler are equivalent cannot be computed: {problem}"

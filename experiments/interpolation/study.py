@@ -131,8 +131,9 @@ def gesture(staging: Staging, *, gesture: str, method: Any) -> Staged:
 @study.trial
 def trial(t: TrialScript) -> Iterator[Action]:
     """Show a gesture and have it rated."""
-    film = Film(Scene("gesture", gesture=t.gesture, method=t.method), seconds_of(t.gesture),
-                lens=LENS)  # fmt: skip
+    film = Film(
+        Scene("gesture", gesture=t.gesture, method=t.method), seconds_of(t.gesture), lens=LENS
+    )
     yield t.watch(film, Rating("naturalness", 1, 5), caption=t.text(f"captions.{t.gesture}"))
 
 
@@ -141,9 +142,11 @@ def answer(seen: Seen, response: Response, rng: np.random.Generator) -> int:
     """Rate how evenly the hands moved; somebody to whom it makes no difference rates by chance."""
     scene = None if seen.last is None else seen.last.scene
     latent = 3.0
-    if seen.effect and isinstance(scene, GatheringScene) and isinstance(
-        scene.people[0].does, Recorded
-    ):  # fmt: skip
+    if (
+        seen.effect
+        and isinstance(scene, GatheringScene)
+        and isinstance(scene.people[0].does, Recorded)
+    ):
         motion: Any = scene.people[0].does.motion
         uneven = unevenness_per_s(motion, round(seen.seconds, 3))
         latent = LEVEL - UNEASE * float(np.log10(uneven))

@@ -60,9 +60,12 @@ def in_other_clothes(character: Character, outfit: int) -> Character:
 
 
 def _other(
-    character: Character, name: str, colours: Sequence[Colour], rng: np.random.Generator,
+    character: Character,
+    name: str,
+    colours: Sequence[Colour],
+    rng: np.random.Generator,
     outfit: int,
-) -> Colour:  # fmt: skip
+) -> Colour:
     """Return a colour unlike the one worn, another one for each outfit as long as there are."""
     order = rng.permutation(len(colours)).tolist()
     own = np.zeros(3)

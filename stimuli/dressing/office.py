@@ -134,9 +134,10 @@ def agents_of(
     dressed = _set_of(participant_place, waving, seed, default_casting)
     n = len(dressed.cast)
     posed = dressed.motion.at(
-        at_s, Aimed(np.full((n, 3), np.nan), np.ones(n)),
+        at_s,
+        Aimed(np.full((n, 3), np.nan), np.ones(n)),
         changed=_warped(participant_place, waving, at_s),
-    )  # fmt: skip
+    )
     agents = []
     for i, role in enumerate(roles_of(participant_place)):
         head, eyes, facing = look_of(dressed.cast[i], posed.root_m[i], posed.orientation_wxyz[i])
@@ -148,9 +149,12 @@ def gaze_of(frame: SceneFrame) -> Aimed:
     """Return the gaze of a frame's agents, whose eyes meet where they look and never rest."""
     between_eyes = np.array([a.eye_centre_m for a in frame.scene.agents]).reshape(-1, 3)
     return Aimed(
-        frame.gaze_direction, frame.eye_openness_01, frame.gaze_distance_m, between_eyes,
+        frame.gaze_direction,
+        frame.eye_openness_01,
+        frame.gaze_distance_m,
+        between_eyes,
         fixates=True,
-    )  # fmt: skip
+    )
 
 
 def _warped(

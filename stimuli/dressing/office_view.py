@@ -85,9 +85,12 @@ def _lit_view(clerk: str, viewer_place: str, size_px: int) -> Outlook:
     """Return a view with the lamps' shadows, which do not depend on the eye."""
     centre = _middle_of(clerk)
     return outlook_in(
-        office(), looking_at(eye_at(viewer_place), centre, VIEW_RADIUS_M), size_px,
-        lit_centre_m=centre, more=others_in_view(clerk, viewer_place),
-    )  # fmt: skip
+        office(),
+        looking_at(eye_at(viewer_place), centre, VIEW_RADIUS_M),
+        size_px,
+        lit_centre_m=centre,
+        more=others_in_view(clerk, viewer_place),
+    )
 
 
 def _middle_of(clerk: str) -> Vector:

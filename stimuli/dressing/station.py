@@ -36,7 +36,7 @@ def _set_of(crowd: Crowd, casting: Casting) -> _Set:
         for character, kind, seed, (x, z), yaw in zip(
             bare, kinds_of(rows), crowd.seed, crowd.position_m, crowd.yaw_rad, strict=True
         )
-    )  # fmt: skip
+    )
     cast = tuple(
         character if side is None else holding_telephone(character, side)
         for character, side in zip(bare, telephone_sides(rows), strict=True)

@@ -50,9 +50,7 @@ def fixation_rows(t_s: float, seeds: npt.NDArray[np.int64], direction: Vector) -
 
 
 @compiled
-def sway_rows(
-    t_s: float, seeds: npt.NDArray[np.int64], eyes_m: Vector, facing: Vector
-) -> None:  # fmt: skip
+def sway_rows(t_s: float, seeds: npt.NDArray[np.int64], eyes_m: Vector, facing: Vector) -> None:
     """Move held heads, eyes (n, 3) and unit facing (n, 3), in place, as nobody holds still."""
     for r in range(eyes_m.shape[0]):
         fx, fz = facing[r, 0], facing[r, 2]

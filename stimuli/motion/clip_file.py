@@ -48,9 +48,11 @@ def read_clip(path: Path) -> Clip:
         if str(file["format"]) != FORMAT:
             raise MotionError(f"{path} is of format {file['format']}; this reads {FORMAT}")
         skeleton = Skeleton(
-            tuple(str(n) for n in file["names"]), file["parents"], file["offsets_m"],
+            tuple(str(n) for n in file["names"]),
+            file["parents"],
+            file["offsets_m"],
             file["tips_m"],
-        )  # fmt: skip
+        )
         x, y, z = file["travel_m"].tolist()
         return Clip(
             skeleton, float(file["frame_s"]), file["root_m"], file["orientation_wxyz"],

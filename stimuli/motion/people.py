@@ -137,9 +137,12 @@ class PeopleMotion:
         return controls
 
     def at(
-        self, t_s: float, gaze: Gaze | None = None,
-        *, changed: Mapping[int, Callable[[Vector], Vector]] = MappingProxyType({}),
-    ) -> PosedPeople:  # fmt: skip
+        self,
+        t_s: float,
+        gaze: Gaze | None = None,
+        *,
+        changed: Mapping[int, Callable[[Vector], Vector]] = MappingProxyType({}),
+    ) -> PosedPeople:
         """Return everybody's pose at a time; without `gaze` people look around and blink.
 
         `changed` makes other joint turns (55, 4) of some people's; their eyes are led after that.

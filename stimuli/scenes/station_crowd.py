@@ -201,9 +201,7 @@ def _apart(position_m: Vector, drawn: npt.NDArray[np.int64]) -> npt.NDArray[np.i
     return character
 
 
-def _outfits(
-    position_m: Vector, character: npt.NDArray[np.int64]
-) -> npt.NDArray[np.int64]:  # fmt: skip
+def _outfits(position_m: Vector, character: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return for each person the first outfit that nobody of the same body wears nearby."""
     outfit = np.zeros(len(character), np.int64)
     for i in range(len(character)):

@@ -63,9 +63,12 @@ def test_a_runtime_that_hides_the_tracker_is_named_with_the_one_to_choose(runtim
 
 @pytest.mark.parametrize(
     ("extension", "how"),
-    [("", "one ray of both eyes"), ("XR_HTC_eye_tracker", "each eye by XR_HTC_eye_tracker"),
-     ("XR_FB_eye_tracking_social", "each eye by XR_FB_eye_tracking_social")],
-)  # fmt: skip
+    [
+        ("", "one ray of both eyes"),
+        ("XR_HTC_eye_tracker", "each eye by XR_HTC_eye_tracker"),
+        ("XR_FB_eye_tracking_social", "each eye by XR_FB_eye_tracking_social"),
+    ],
+)
 def test_what_the_active_runtime_tells_of_eyes_is_said(runtimes, monkeypatch, extension, how):
     (found,) = eyes(monkeypatch, runtimes("Vendor", gaze=True, extension=extension))
     assert (found.level, found.found) == ("ok", f"Vendor tells {how}")

@@ -59,9 +59,12 @@ def test_planted_delays_and_jitter_are_recovered_through_the_whole_chain():
 def test_planted_delay_of_a_monitor_is_recovered_in_its_own_rhythm(rate_hz):
     text = SCREEN_EXAMPLE.read_text("utf-8").replace("rate_hz: 60", f"rate_hz: {rate_hz}")
     found, asked, _, true_ms = perform_simulated(
-        seed=4, repeats=10, picture=Planted(12.0), sound=Planted(40.0),
+        seed=4,
+        repeats=10,
+        picture=Planted(12.0),
+        sound=Planted(40.0),
         lab=parse_config(text, Path("lab_config.yaml"), OPTION_MODELS),
-    )  # fmt: skip
+    )
     picture = found[0]
 
     assert ("screen", 10, 10) == (picture.source, picture.asked, picture.answered)
@@ -87,8 +90,11 @@ def test_delay_before_a_monitor_is_measured_in_its_window():
     told = json.loads(done.stdout)
 
     assert ("picture", "screen", 5, 5) == (
-        told["modality"], told["source"], told["asked"], told["answered"]
-    )  # fmt: skip
+        told["modality"],
+        told["source"],
+        told["asked"],
+        told["answered"],
+    )
     assert 0 == pytest.approx(np.median(told["errors_ms"]), abs=2)
     assert (1, True) == (told["windows"], told["is_closed"])
 

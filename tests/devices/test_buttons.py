@@ -289,8 +289,10 @@ def test_numbered_reports_and_signed_axes_are_kept_apart():
     reader = ReportReader(layout)
     first = reader.feed(bytes((1, 0b101, 0x81)))
     assert [(p.button, p.value_01) for p in first] == [
-        ("button_1", 1.0), ("button_3", 1.0), ("y-", 1.0),
-    ]  # fmt: skip
+        ("button_1", 1.0),
+        ("button_3", 1.0),
+        ("y-", 1.0),
+    ]
     assert [(p.button, p.value_01) for p in reader.feed(bytes((2, 0x7F)))] == [("x+", 1.0)]
 
 

@@ -35,8 +35,9 @@ def test_every_codec_is_fuzzed() -> None:
 
 
 def test_a_result_that_contradicts_its_format_is_counted() -> None:
-    halved = struct.pack("<6f?Bf3f?f3f?f", *(0.5,) * 6, True, 3, 1.0, *(0.5,) * 3, True, 4.0,
-                         *(0.5,) * 3, True, 4.0)  # fmt: skip
+    halved = struct.pack(
+        "<6f?Bf3f?f3f?f", *(0.5,) * 6, True, 3, 1.0, *(0.5,) * 3, True, 4.0, *(0.5,) * 3, True, 4.0
+    )
     target = Target("half a ray", (b"x",), lambda data: Sample(0, None, halved), (), gaze_is_sound)
     assert fuzz(target, 50, float("inf"), 1).wrong == 50
     sent = Target("nobody's frame", (b"x",), lambda data: [b"y"], (), only_said_by((b"x",), list))

@@ -105,8 +105,11 @@ def test_codes_that_eight_lines_cannot_hold_are_refused(code):
         driver_spec("serial_triggers").checked_options("triggers", {"codes": {"flash": code}})
 
 
-@given(st.lists(st.tuples(st.integers(0, 30), st.integers(1, 255)), max_size=20),
-       st.integers(1, 10), st.integers(0, 10))  # fmt: skip
+@given(
+    st.lists(st.tuples(st.integers(0, 30), st.integers(1, 255)), max_size=20),
+    st.integers(1, 10),
+    st.integers(0, 10),
+)
 @settings(max_examples=100, deadline=None)
 def test_every_code_stands_once_in_order_never_shorter_than_asked(asked, width_ms, settle_ms):
     train = PulseTrain(width_ms, settle_ms)

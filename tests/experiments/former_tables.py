@@ -138,16 +138,22 @@ def _crowd_statistics(today: Path) -> list[dict[str, str]]:
             continue
         found.append(
             {
-                **base, **marks, "comparison": "blocks",
+                **base,
+                **marks,
+                "comparison": "blocks",
                 "test": "friedman" if row["chi2"] else "rm_anova",
-                "p": row["p_used"] or row["p"], "significant": row["significant"],
-                "sentence": row["sentence"].replace("condition:", "block:").replace(
-                    "of condition", "of block"
-                ),
+                "p": row["p_used"] or row["p"],
+                "significant": row["significant"],
+                "sentence": row["sentence"]
+                .replace("condition:", "block:")
+                .replace("of condition", "of block"),
             }
-        )  # fmt: skip
-        mine = {(c["level_1"], c["level_2"]): c for c in contrasts
-                if c["comparison"] == row["comparison"]}  # fmt: skip
+        )
+        mine = {
+            (c["level_1"], c["level_2"]): c
+            for c in contrasts
+            if c["comparison"] == row["comparison"]
+        }
         for pair in PAIRS:
             one = mine[pair]
             agrees = one["agrees_with_published"]

@@ -55,9 +55,7 @@ def _face(
     towards = np.array([-np.sin(turn), 0.0, -np.cos(turn)])
     at = body.position_m[rows].mean(axis=0) + AWAY_M * towards - [0.0, 0.03, 0.0]
     half = INNER_FACE_M / 2 / AWAY_M
-    camera = Camera(
-        Pose(at, quat_from_yaw_pitch_deg(180.0 + yaw_deg)), -half, half, -half, half
-    )  # fmt: skip
+    camera = Camera(Pose(at, quat_from_yaw_pitch_deg(180.0 + yaw_deg)), -half, half, -half, half)
     side = round(face_px * INNER_FACE_M / FACE_M)
     picture = Picture(0, plain_room(()), (person,), people)
     fine = renderer.image(picture, camera, (FINER * side, FINER * side)).astype(np.float64)

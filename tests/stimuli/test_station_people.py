@@ -89,9 +89,11 @@ def test_telephones_are_at_the_ear() -> None:
         ear = body.position_m[head] + rotate(body.orientation_wxyz[head], _ear_m(person, side))
         # The nearest point of the case, as mixtures of its corners.
         nearest = min(
-            np.linalg.norm(ear - (a + (b - a) * s)) for s in (0.0, 0.25, 0.5, 0.75, 1.0)
-            for a in case[::3] for b in case[::3]
-        )  # fmt: skip
+            np.linalg.norm(ear - (a + (b - a) * s))
+            for s in (0.0, 0.25, 0.5, 0.75, 1.0)
+            for a in case[::3]
+            for b in case[::3]
+        )
         away.append(nearest)
 
     assert 0.05 > max(away)

@@ -129,8 +129,10 @@ def course(visit: Visit) -> Course:
 def _block(visit: Visit, block: Block) -> Generator[Out, Reply | None, None]:
     if block.instruction:
         yield from _step(PageStep("text", {"title": block.name, "text": block.instruction}))
-    yield Event("block_start", {"block": block.index, "block_name": block.name,
-                                "trials_left": len(block.trials)})  # fmt: skip
+    yield Event(
+        "block_start",
+        {"block": block.index, "block_name": block.name, "trials_left": len(block.trials)},
+    )
     for trial in block.trials:
         yield from _trial(visit, block, trial)
     yield Event("block_end", {"block": block.index})
@@ -140,9 +142,11 @@ def _block(visit: Visit, block: Block) -> Generator[Out, Reply | None, None]:
 
 
 def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | None, None]:
-    number_of = {"trial": trial.number, "trials": sum(
-        t.is_practice == trial.is_practice for t in visit.plan.trials
-    ), "is_practice": trial.is_practice}  # fmt: skip
+    number_of = {
+        "trial": trial.number,
+        "trials": sum(t.is_practice == trial.is_practice for t in visit.plan.trials),
+        "is_practice": trial.is_practice,
+    }
     start_ns = visit.now_ns()
     yield Event("trial_start", {"trial_id": trial.trial_id, "attempt": 1, "block": block.index})
     visit.notes.flags.clear()
@@ -165,8 +169,11 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
         row = end.value or {}
     except FilmFailed as problem:
         row, status, reason = dict(script.row), "skipped", problem.reason
-    films = {k: int(v or 0) for k, v in row.items() if k.startswith("film")
-             and k.endswith(("_frames", "_frames_dropped"))}  # fmt: skip
+    films = {
+        k: int(v or 0)
+        for k, v in row.items()
+        if k.startswith("film") and k.endswith(("_frames", "_frames_dropped"))
+    }
     dropped = sum(v for k, v in films.items() if k.endswith("_dropped"))
     yield TrialRow(
         {

@@ -105,8 +105,9 @@ class FilmStore:
             ConfigError: it was not built.
         """
         # A name from what makes it, not from what it shows, which takes seconds to compute.
-        name = hashlib.sha256(repr(film).encode()).hexdigest() if is_simulated \
-            else self.name_of(film)  # fmt: skip
+        name = (
+            hashlib.sha256(repr(film).encode()).hexdigest() if is_simulated else self.name_of(film)
+        )
         told = {
             "film": name,
             "seconds": film.frame_count / film.rate_hz,

@@ -70,15 +70,18 @@ def perform_new(request: Request) -> Path:
             "effect": request.effect,
             **carried_by_session(
                 study_dir(request.config.data_root, request.study.name, is_simulated=simulated),
-                request.study, experiment, request.seed,
+                request.study,
+                experiment,
+                request.seed,
             ),
         },
         devices=(),
-        consent_version=consent[1] if consent else request.consent_version
-        or request.config.privacy.consent_version,
+        consent_version=consent[1]
+        if consent
+        else request.consent_version or request.config.privacy.consent_version,
         created_wall_iso=request.clock.wall_iso(),
         provenance=provenance(),
-    )  # fmt: skip
+    )
     store = prepared_films(request)
     with create_session(request.config.data_root, manifest) as folder:
         _perform_part(request, experiment, store, folder, None, _new_key(request), 0)
@@ -104,8 +107,9 @@ def perform_rest(request: Request, session_path: Path) -> Path:
                 "(provenance) and resume with that"
             )
         key, port = _served_before(recording)
-        _perform_part(request, experiment, store, folder, past_of(recording),
-                      key or _new_key(request), port)  # fmt: skip
+        _perform_part(
+            request, experiment, store, folder, past_of(recording), key or _new_key(request), port
+        )
         return folder.path
 
 
@@ -149,9 +153,11 @@ def simulated_visitor(request: Request, experiment: StudyExperiment, store: Film
         ConfigError: the study's own simulated person looks at no page.
     """
     person = request.study.participant(
-        request.participant_index, behaviour_seed(request), effect=request.effect,
+        request.participant_index,
+        behaviour_seed(request),
+        effect=request.effect,
         experiment=experiment,
-    )  # fmt: skip
+    )
     return visitor_of(person, experiment, store)
 
 
@@ -245,8 +251,7 @@ async def _served(
     address = request.page or PageAddress()
     await server.start(port=address.port or port)
     try:
-        recorder.event(SERVED, request.clock.now_ns(), key=key,
-                       port=0 if virtual else server.port)  # fmt: skip
+        recorder.event(SERVED, request.clock.now_ns(), key=key, port=0 if virtual else server.port)
         desk = PageDesk(course(visit_of), recorder, request.clock, notes, past, key=key)
         desk.on_trial = lambda: _tell(request, desk, len(plan.trials))
         files = {} if virtual else {

@@ -89,8 +89,9 @@ def asked(response: Response, prompt: str, labels: Sequence[str]) -> dict[str, A
         PageError: pages cannot ask it.
     """
     said: dict[str, Any] = {"name": response.name, "prompt": prompt}
-    options = [{"value": str(v), "label": label}
-               for v, label in zip(response.options, labels, strict=True)]  # fmt: skip
+    options = [
+        {"value": str(v), "label": label} for v, label in zip(response.options, labels, strict=True)
+    ]
     match response:
         case Rating():
             return said | {"kind": "rating", "options": options}

@@ -84,8 +84,11 @@ def _questions(script: TrialScript, responses: tuple[Response, ...]) -> list[dic
 def _asked(script: TrialScript, responses: tuple[Response, ...]) -> OnPage:
     step = {"films": [], "questions": _questions(script, responses), "caption": "", "min_rounds": 0}
     reply = yield from put(PageStep("watch", step))
-    return (yield from _answers(script, responses, reply,
-                                number(reply.content.get("shown_ms"), "shown_ms")))  # fmt: skip
+    return (
+        yield from _answers(
+            script, responses, reply, number(reply.content.get("shown_ms"), "shown_ms")
+        )
+    )
 
 
 def _watched(script: TrialScript, watched: Watched, files: FilmFiles) -> OnPage:

@@ -103,8 +103,11 @@ class _GazeInfo(_Head):
 
 
 class _EyeGaze(ctypes.Structure):
-    _fields_ = (("is_valid", ctypes.c_uint32), ("turn", ctypes.c_float * 4),
-                ("place", ctypes.c_float * 3))  # fmt: skip
+    _fields_ = (
+        ("is_valid", ctypes.c_uint32),
+        ("turn", ctypes.c_float * 4),
+        ("place", ctypes.c_float * 3),
+    )
 
 
 class _EyePupil(ctypes.Structure):

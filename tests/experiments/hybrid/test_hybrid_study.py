@@ -56,8 +56,10 @@ def test_votes_do_not_depend_on_the_side_of_the_hybrid() -> None:
 
 
 def votes(values: list[tuple[str, str, float]]) -> pd.DataFrame:
-    rows = [{"participant": p, "clip": "walk", "increment": 0, "hybrid_side": s, "preference": v}
-            for p, s, v in values]  # fmt: skip
+    rows = [
+        {"participant": p, "clip": "walk", "increment": 0, "hybrid_side": s, "preference": v}
+        for p, s, v in values
+    ]
     return pd.DataFrame(rows)
 
 
@@ -68,8 +70,9 @@ def test_a_sign_test_counts_people_not_votes() -> None:
 
 
 def test_contradictions_are_votes_that_go_with_the_side() -> None:
-    said = consistency(votes([("a", "left", 1.0), ("a", "right", -1.0),
-                              ("b", "left", 2.0), ("b", "right", 1.0)]))  # fmt: skip
+    said = consistency(
+        votes([("a", "left", 1.0), ("a", "right", -1.0), ("b", "left", 2.0), ("b", "right", 1.0)])
+    )
     assert "1 of 2 pairs of votes contradict" in said
     # For the right side: −1, −1 (hybrid right, voted against), −2, +1.
     assert "the right side is -0.75 steps" in said

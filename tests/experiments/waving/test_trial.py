@@ -174,9 +174,11 @@ def test_eye_height_is_kept_beside_the_one_the_waves_were_made_for():
 def test_a_row_tells_what_the_warp_of_its_wave_wanted_reached_and_could_reach():
     assert {None} == set(told_of(None).values())
     expected = {
-        "coverage_wanted": 1.25, "coverage_reached": 1.11,
-        "target_met_01": 0.05, "target_reachable_01": 0.5,
-    }  # fmt: skip
+        "coverage_wanted": 1.25,
+        "coverage_reached": 1.11,
+        "target_met_01": 0.05,
+        "target_reachable_01": 0.5,
+    }
     assert expected == told_of(Reached(1.25, 1.11, 0.05, 0.5))
     unseen = told_of(Reached(np.nan, np.nan, 0.0))
     assert (None, 0.0) == (unseen["coverage_wanted"], unseen["target_met_01"])

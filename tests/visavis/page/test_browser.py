@@ -43,13 +43,19 @@ class Server:
 
     def start(self, *arguments: str) -> str:
         """Start it and return the page's address."""
-        environment = os.environ | {"XDG_CACHE_HOME": str(self.root / "cache"),
-                                    "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"}  # fmt: skip
+        environment = os.environ | {
+            "XDG_CACHE_HOME": str(self.root / "cache"),
+            "PYTHONPATH": str(REPOSITORY),
+            "COLUMNS": "200",
+        }
         self.process = subprocess.Popen(
             [sys.executable, "-m", "cli.main", *arguments, "--devices", "sim"],
-            cwd=self.root, env=environment, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        )  # fmt: skip
+            cwd=self.root,
+            env=environment,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        )
         assert self.process.stdout is not None
         for line in self.process.stdout:
             self.lines.append(line)

@@ -37,15 +37,19 @@ def served(
 def test_the_whole_page_is_small_and_asks_nobody_else() -> None:
     files = list(SITE.iterdir())
     assert MAX_PAGE_BYTES > sum(f.stat().st_size for f in files)
-    assert [] == [f.name for f in files if re.search(rb"(https?:)?//[a-z0-9.]+\.[a-z]{2,}",
-                                                     f.read_bytes())]  # fmt: skip
+    assert [] == [
+        f.name for f in files if re.search(rb"(https?:)?//[a-z0-9.]+\.[a-z]{2,}", f.read_bytes())
+    ]
 
 
 def test_without_the_key_nothing_is_told(tmp_path: Path) -> None:
     async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> list[int]:
         found = []
-        for path, body in (("/api/hello", {"tab": "x"}), ("/api/events", {"tab": "x"}),
-                           ("/api/leave", {"tab": "x", "key": "other"})):  # fmt: skip
+        for path, body in (
+            ("/api/hello", {"tab": "x"}),
+            ("/api/events", {"tab": "x"}),
+            ("/api/leave", {"tab": "x", "key": "other"}),
+        ):
             async with http.post(path, json=body, headers={KEY: "other"}) as response:
                 found.append(response.status)
         async with http.get("/films/anything") as response:
