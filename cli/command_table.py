@@ -68,8 +68,7 @@ COMMANDS: Mapping[str, Entry] = {
     ),
     "replay": Entry(
         "replay",
-        "Film a recorded trial as it was: what was shown, where gaze fell; of the crowd, from "
-        "above.",
+        "Perform a recorded session again, and say where the two first differ.",
     ),
     "analyse": Entry("study", "Write one tidy row per trial, statistics, figures and the report."),
     "report": Entry("study", "Make the study's self-contained HTML report and say where it lies."),

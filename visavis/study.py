@@ -15,7 +15,7 @@ tables with their dictionaries, statistics, figures, report, power.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -29,7 +29,6 @@ from protocol.participants import SimulatedParticipant
 from protocol.plan import SessionPlan, Trial
 from protocol.shown import Shown
 from protocol.steps import Scalar, Step
-from recording.reader import Recording
 from stimuli.scene import SceneFrame
 from visavis.compare import Compare
 from visavis.exclusions import STANDARD_RULES, Exclusion
@@ -104,24 +103,6 @@ class Source:
     note: str = ""
     only: Mapping[str, Scalar] = field(default_factory=dict)
     """Levels of other factors that trials must have to stand beside it."""
-
-
-class FilmOf(Protocol):
-    """Films a recorded trial in a way of the study's own."""
-
-    def __call__(
-        self,
-        recording: Recording,
-        trial_id: str,
-        video: Path,
-        *,
-        size_px: tuple[int, int],
-        rate_hz: int,
-        seconds: float | None,
-        on_frame: Callable[[int, int], None] | None,
-    ) -> int:
-        """Write the film of a trial and return its number of pictures."""
-        ...
 
 
 @dataclass
@@ -213,7 +194,6 @@ class Study:
     facts_of: FactsOf | None = None
     further_of: FurtherOf | None = None
     conclude_of: ConcludeOf | None = None
-    film_of: FilmOf | None = None
     views_of: ViewsOf | None = None
     sections: list[SectionOf | str] = field(default_factory=list)
     """Makers of sections of the report; "module:function" for one that takes long to import."""
@@ -333,11 +313,6 @@ class Study:
         """
         self.further_of = further
         return further
-
-    def film(self, film: FilmOf) -> FilmOf:
-        """Take a function as what films a recorded trial (a decorator)."""
-        self.film_of = film
-        return film
 
     def conclude(self, conclude: ConcludeOf) -> ConcludeOf:
         """Take a function of the analysis as what answers the study's questions (a decorator)."""

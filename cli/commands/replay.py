@@ -1,11 +1,10 @@
-"""replay: what happened in one recorded trial, as a film; or the whole session performed again."""
+"""replay: a recorded session performed again, and where the two first differ."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
-from rich.progress import Progress
 
 from cli.app import (
     ConfigOption,
@@ -17,10 +16,7 @@ from cli.app import (
     say,
     verbatim,
 )
-from cli.commands.preview import picture_size
-from cli.preview.pictures import Viewpoint
 from cli.studies import session_of
-from cli.telling import TELLING, Forecast
 from lab.errors import UsageError
 from recording.kept import KeptRecording
 from visavis.opened import OpenedStudy
@@ -30,69 +26,32 @@ from visavis.sessions.study_folder import study_of_folder
 @app.command()
 def replay(
     session_path: SessionArgument,
-    trial: Annotated[str, typer.Option("--trial", help="Which trial: T07.")] = "",
-    video: Annotated[
-        Path | None, typer.Option("--video", help="Film to write: .avi, .mp4 or .webm.")
-    ] = None,
-    verify: Annotated[
+    does_verify: Annotated[
         bool,
-        typer.Option(
-            "--verify",
-            help="Perform a simulated session again and say where the two first differ.",
-        ),
+        typer.Option("--verify", help="Compare with what was recorded, bit for bit."),
     ] = False,
     participant: OfParticipant = "",
-    view: Annotated[Viewpoint, typer.Option(help="eyes, above, or orbit.")] = Viewpoint.EYES,
-    seconds: Annotated[
-        float | None, typer.Option("--seconds", help="At most so long; the whole when left out.")
-    ] = None,
-    rate: Annotated[int, typer.Option("--rate", help="Pictures a second.")] = 25,
-    size: Annotated[str, typer.Option("--size", help="Width x height in pixels.")] = "1280x720",
     config: ConfigOption = None,
 ) -> None:
-    """Film a recorded trial as it was: what was shown, where gaze fell; of the crowd, from above.
+    """Perform a recorded session again, and say where the two first differ.
 
-    With --verify a simulated session is performed again on the virtual clock, by the same plan and
-    drivers, and compared with what was recorded, bit for bit: exit code 5 when anything differs.
+    A simulated session runs once more on the virtual clock, by the same plan and drivers: exit
+    code 5 when anything differs. To see a session again, use `visavis view` or `visavis film`.
 
-    Example: visavis replay data/simulated/stare/sub-S01B/ses-001 --trial T07 --video trial.avi
+    Example: visavis replay data/simulated/stare/sub-S01B/ses-001 --verify
     """
+    if not does_verify:
+        raise UsageError(
+            "replay performs a session again and compares: add --verify. To look at a session, "
+            f"type visavis view {session_path}; for a film of a trial, visavis film {session_path} "
+            "--trial T07 -o T07.mp4"
+        )
     session_path = session_of(session_path, config, participant)
     recording = KeptRecording(session_path)
     study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
     if changed:
         say(f"[yellow]{verbatim(changed)}[/]")
-    if verify:
-        _verify(recording, study, config)
-        return
-    if not trial or video is None:
-        raise UsageError("replay needs --trial and --video FILE for a film, or --verify")
-    size_px = picture_size(size)
-    with Progress(console=console, transient=True) as bar:
-        line = bar.add_task("drawing", total=None)
-
-        forecast = Forecast()
-
-        def told(done: int, of: int) -> None:
-            bar.update(line, completed=done, total=of)
-            if said := forecast.told(done, of):
-                TELLING.say(said.removesuffix(", --png draws one"))
-
-        film = study.study.film_of if isinstance(study, OpenedStudy) else None
-        if film is not None:
-            n = film(
-                recording, trial, video, size_px=size_px, rate_hz=rate, seconds=seconds,
-                on_frame=told,
-            )  # fmt: skip
-        else:
-            from cli.film.cameras import CameraKind
-            from cli.film.film import write_film
-
-            n = write_film(
-                study, recording, trial, video, camera=CameraKind(view.value), size_px=size_px,
-                rate_hz=rate, seconds=seconds, on_frame=told,
-            ).pictures  # fmt: skip
-    say(f"written [b]{verbatim(video)}[/], {n / rate:.1f} s")
+    _verify(recording, study, config)
 
 
 def _verify(recording: KeptRecording, study: OpenedStudy, config: Path | None) -> None:

@@ -40,7 +40,6 @@ from protocol.plan import SessionPlan
 from protocol.questionnaires import load_questionnaire
 from protocol.shown import Shown
 from protocol.steps import Show
-from recording.reader import Recording
 from stimuli.contact.body import ARM_JOINTS
 from stimuli.scene import SceneFrame
 from stimuli.scenes.station_crowd import (
@@ -196,14 +195,6 @@ def further(analysis: StudyAnalysis) -> tuple[GroupPaths, ...]:
 def conclusions(analysis: StudyAnalysis) -> tuple[Conclusion, ...]:
     """Answer the hypotheses of the source."""
     return conclude(analysis)
-
-
-@study.film
-def film(recording: Recording, trial_id: str, video: Path, **how: Any) -> int:
-    """Write the film of a walk from above, contacts lit; return its number of pictures."""
-    from experiments.crowd.film import write_film
-
-    return write_film(recording, trial_id, video, **how)
 
 
 @study.views

@@ -74,16 +74,23 @@ def test_resume_of_a_study_without_a_broken_session_says_so(here: Path) -> None:
         said(here, "resume ./duel.py")
 
 
-def test_replay_films_a_recorded_trial_of_any_study(here: Path) -> None:
+def test_film_films_a_recorded_trial_of_any_study(here: Path) -> None:
     try:
         Renderer(quality=LIGHTEST).close()
     except StageError as problem:
         pytest.skip(str(problem))
-    arguments = "replay ./duel.py --trial T02 --video t.avi --seconds 0.4 --rate 5 --size 128x96"
+    arguments = (
+        "film ./duel.py --trial T02 -o t.avi --camera eyes --seconds 0.4 --rate 5 --size 128x96"
+    )
     assert 0 == said(here, arguments)[0]
     assert (here / "t.avi").stat().st_size > 3000
 
 
-def test_replay_of_a_trial_that_is_not_there_lists_those_that_are(here: Path) -> None:
+def test_replay_without_verify_says_what_to_type(here: Path) -> None:
+    with pytest.raises(Exception, match=r"add --verify.*visavis view .*visavis film"):
+        said(here, "replay ./duel.py")
+
+
+def test_film_of_a_trial_that_is_not_there_lists_those_that_are(here: Path) -> None:
     with pytest.raises(Exception, match=r"has no trial T99; it has P1, P2, T01"):
-        said(here, "replay ./duel.py --trial T99 --video u.avi")
+        said(here, "film ./duel.py --trial T99 -o u.avi")

@@ -36,11 +36,12 @@ EVERY_VERB = [
     "analyse dry/simulated/duel --processes 1",
     "report ./duel.py --processes 1",
     "power ./duel.py --participants 4 --replicates 2 --fast --pool 5 --processes 1 -o power",
-    "replay ./duel.py --trial T01 --video trial.avi --seconds 0.2 --rate 5 --size 128x96",
+    "replay ./duel.py --verify",
+    "film ./duel.py --trial T01 -o trial.avi --seconds 0.2 --rate 5 --size 128x96",
     "export ./duel.py -o out",
 ]
 """In the order a lab types them."""
-DRAWING = {"preview", "replay"}
+DRAWING = {"preview", "film"}
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 
