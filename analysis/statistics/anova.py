@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias, get_args
 from scipy import special
 
 from analysis.statistics.design import Design, Frame, Levels, Missing, read_design
+from analysis.statistics.effect_table import EffectTable
 from analysis.statistics.effects import partial_eta_squared
 from analysis.statistics.errors import ConstantResponse, UnknownMethod
 from analysis.statistics.results import Effect, Provenance, Result, Row, f_text, p_text
@@ -81,33 +82,10 @@ class AnovaEffect(Result):
 
 
 @dataclass(frozen=True)
-class Anova(Result):
+class Anova(EffectTable[AnovaEffect]):
     """An ANOVA table with its design and provenance."""
 
-    effects: tuple[AnovaEffect, ...]
-    design: Design
-    provenance: Provenance
     subject: str = "subject"
-
-    def effect(self, term: str | Sequence[str]) -> AnovaEffect:
-        """Return one effect by term, 'A:B' or ('A', 'B'), in any order of the factors."""
-        wanted = self.design.term(term)
-        return next(e for e in self.effects if e.term == wanted)
-
-    def sentence(self) -> str:
-        """Return all effects, one sentence each."""
-        lines = [f"{self.provenance.test}, n = {self.provenance.n}."]
-        lines += [effect.sentence() + "." for effect in self.effects]
-        lines += [f"Note: {note}." for note in self.provenance.notes]
-        return "\n".join(lines)
-
-    def rows(self) -> tuple[Row, ...]:
-        """Return one flat table row per effect."""
-        return tuple({**e.row(), **_rest(self.provenance, e)} for e in self.effects)
-
-    def row(self) -> Row:
-        """Return the first effect's row; `rows` has them all."""
-        return self.rows()[0]
 
 
 def rm_anova(
@@ -264,10 +242,6 @@ def _report(p: float, s: Sphericity | None, correction: Correction) -> tuple[flo
     if correction == "gg" or s.p is None or s.p < 0.05:
         return s.gg, s.p_gg, "Greenhouse-Geisser"
     return 1.0, p, "none"
-
-
-def _rest(provenance: Provenance, effect: AnovaEffect) -> Row:
-    return {k: v for k, v in provenance.row().items() if k not in effect.row()}
 
 
 def _no_mixed(missing: Missing) -> Missing:

@@ -9,6 +9,7 @@ from scipy import special
 from analysis.statistics.contrasts import ContrastAdjustment, Contrasts
 from analysis.statistics.cumulative_link import CumulativeFit, fit_cumulative, log_likelihood
 from analysis.statistics.design import Design, Frame, Levels, Missing, read_design
+from analysis.statistics.effect_table import EffectTable
 from analysis.statistics.errors import (
     ConstantResponse,
     NotConverged,
@@ -19,7 +20,7 @@ from analysis.statistics.errors import (
 from analysis.statistics.gee import GeeEffect, hotelling
 from analysis.statistics.marginal import marginal_contrasts
 from analysis.statistics.mixed import design_matrix
-from analysis.statistics.results import Array, Provenance, Result, Row, number, p_text
+from analysis.statistics.results import Array, Provenance, Row, number, p_text
 
 MAX_CATEGORIES = 30
 """Different answers from which a response is taken for a measure, not for a rating."""
@@ -63,20 +64,12 @@ class ClmmEffect(GeeEffect):
 
 
 @dataclass(frozen=True)
-class Clmm(Result):
+class Clmm(EffectTable[ClmmEffect]):
     """Tests of all terms of a cumulative link mixed model, with fit, design and provenance."""
 
-    effects: tuple[ClmmEffect, ...]
     model: ClmmModel
     fit: CumulativeFit
     categories: tuple[float, ...]
-    design: Design
-    provenance: Provenance
-
-    def effect(self, term: str | Sequence[str]) -> ClmmEffect:
-        """Return one effect by term, 'A:B' or ('A', 'B'), in any order of the factors."""
-        wanted = self.design.term(term)
-        return next(e for e in self.effects if e.term == wanted)
 
     def contrasts(
         self, term: str | Sequence[str], *, adjust: ContrastAdjustment = "holm"
@@ -90,21 +83,6 @@ class Clmm(Result):
             ratio="odds ratio",
             provenance=replace(self.provenance, test="marginal means (logit scale)", notes=()),
         )
-
-    def sentence(self) -> str:
-        """Return all effects, one sentence each."""
-        lines = [f"{self.provenance.test}, n = {self.provenance.n}."]
-        lines += [effect.sentence() + "." for effect in self.effects]
-        lines += [f"Note: {note}." for note in self.provenance.notes]
-        return "\n".join(lines)
-
-    def rows(self) -> tuple[Row, ...]:
-        """Return one flat table row per effect."""
-        return tuple({**e.row(), **self.provenance.row()} for e in self.effects)
-
-    def row(self) -> Row:
-        """Return the first effect's row; `rows` has them all."""
-        return self.rows()[0]
 
 
 def clmm(
@@ -174,7 +152,8 @@ def clmm(
         dropped=design.dropped,
         notes=tuple(notes),
     )
-    return Clmm(tuple(effects), model, fit, tuple(float(c) for c in categories), design, provenance)
+    answers = tuple(float(c) for c in categories)
+    return Clmm(tuple(effects), design, provenance, model, fit, answers)
 
 
 def _model(fit: CumulativeFit, n: int, groups: int) -> ClmmModel:

@@ -10,6 +10,7 @@ from scipy import special
 
 from analysis.statistics.contrasts import ContrastAdjustment, Contrasts
 from analysis.statistics.design import Design, Frame, Levels, Missing, read_design
+from analysis.statistics.effect_table import EffectTable
 from analysis.statistics.errors import (
     ConstantResponse,
     NotConverged,
@@ -104,19 +105,11 @@ class GeeEffect(Result):
 
 
 @dataclass(frozen=True)
-class Gee(Result):
+class Gee(EffectTable[GeeEffect]):
     """Tests of all terms of estimating equations, with model, design and provenance."""
 
-    effects: tuple[GeeEffect, ...]
     model: GeeModel
     family: Family
-    design: Design
-    provenance: Provenance
-
-    def effect(self, term: str | Sequence[str]) -> GeeEffect:
-        """Return one effect by term, 'A:B' or ('A', 'B'), in any order of the factors."""
-        wanted = self.design.term(term)
-        return next(e for e in self.effects if e.term == wanted)
 
     def contrasts(
         self, term: str | Sequence[str], *, adjust: ContrastAdjustment = "holm"
@@ -128,21 +121,6 @@ class Gee(Result):
                 self.provenance, test=f"marginal means ({LINK[self.family]} scale)", notes=()
             ),
         )  # fmt: skip
-
-    def sentence(self) -> str:
-        """Return all effects, one sentence each."""
-        lines = [f"{self.provenance.test}, n = {self.provenance.n}."]
-        lines += [effect.sentence() + "." for effect in self.effects]
-        lines += [f"Note: {note}." for note in self.provenance.notes]
-        return "\n".join(lines)
-
-    def rows(self) -> tuple[Row, ...]:
-        """Return one flat table row per effect."""
-        return tuple({**e.row(), **self.provenance.row()} for e in self.effects)
-
-    def row(self) -> Row:
-        """Return the first effect's row; `rows` has them all."""
-        return self.rows()[0]
 
 
 def gee(
@@ -188,7 +166,7 @@ def gee(
         error_term=f"exchangeable within {subject}, robust errors after Mancl and DeRouen",
         dropped=design.dropped, notes=tuple(notes),
     )  # fmt: skip
-    return Gee(tuple(effects), model, family, design, provenance)
+    return Gee(tuple(effects), design, provenance, model, family)
 
 
 def _refuse_responses(design: Design, family: Family) -> None:
