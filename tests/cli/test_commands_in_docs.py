@@ -1,0 +1,96 @@
+"""What the documentation tells to type exists: every verb, every option, every quoted message."""
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from cli.app import app
+from visavis.catalogue import find_study
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted(
+    [
+        *ROOT.glob("*.md"),
+        *(ROOT / "docs").rglob("*.md"),
+        *(ROOT / "experiments").rglob("*.md"),
+        *(ROOT / "changelog.d").glob("*.md"),
+    ]
+)
+FENCED = re.compile(r"^```\w*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+INLINE = re.compile(r"`(?:\.venv/bin/)?(visavis [^`]+)`")
+TYPED = re.compile(r"^(?:\$ )?(?:\.venv/bin/)?(visavis .+)$", re.MULTILINE)
+OF_PAST_VERSIONS = "CHANGELOG.md"
+OUR_CODE = ("cli", "devices", "lab", "protocol", "recording", "stage", "visavis")
+
+
+def commands_of(page: Path) -> Iterator[list[str]]:
+    """Yield the words of every command on a page."""
+    text = page.read_text("utf-8")
+    found = [line for block in FENCED.findall(text) for line in TYPED.findall(block)]
+    found += [" ".join(line.split()) for line in INLINE.findall(FENCED.sub("", text))]
+    for line in found:
+        yield shlex.split(line, comments=True)[1:]
+
+
+def problem_of(words: list[str]) -> str:
+    """Say what of a command does not exist; nothing when all of it does."""
+    command: Any = typer.main.get_command(app)
+    rest = list(words)
+    context = command.context_class(command)
+    while hasattr(command, "list_commands") and rest and not rest[0].startswith("-"):
+        name = rest.pop(0).rstrip(".,;:")
+        if not re.fullmatch(r"[a-z-]+", name):
+            return ""  # VERB, plan|preview
+        if name not in command.list_commands(context):
+            return f"no command {name!r}"
+        command = command.get_command(context, name)
+        context = command.context_class(command, parent=context)
+    known = {option for p in command.get_params(context) for option in (*p.opts, *p.secondary_opts)}
+    wanted = {w.partition("=")[0].rstrip(".,;:)") for w in rest if re.match(r"--?[a-z]", w)}
+    unknown = wanted - known - {"--help"}
+    return f"{' '.join(words[:2])} has no {', '.join(sorted(unknown))}" if unknown else ""
+
+
+def test_every_command_on_a_page_exists_with_its_options() -> None:
+    commands = {page: list(commands_of(page)) for page in PAGES if page.name != OF_PAST_VERSIONS}
+    assert sum(map(len, commands.values())) > 150
+    problems = {
+        f"{page.relative_to(ROOT)}: {' '.join(words)}": said
+        for page, typed in commands.items()
+        for words in typed
+        if (said := problem_of(words))
+    }
+    assert {} == problems
+
+
+def test_a_misspelt_verb_and_option_are_found() -> None:
+    assert "no command 'simluate'" == problem_of(["simluate", "stare"])
+    assert "simulate stare has no --people" == problem_of(["simulate", "stare", "--people", "3"])
+
+
+def test_messages_quoted_in_troubleshooting_are_those_of_the_code() -> None:
+    code = "\n".join(
+        path.read_text("utf-8") for folder in OUR_CODE for path in (ROOT / folder).rglob("*.py")
+    )
+    page = (ROOT / "docs" / "troubleshooting.md").read_text("utf-8")
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| ")]
+    quoted = [text for row in rows for text in re.findall(r"`([^`]+)`", row)]
+    assert len(quoted) > 15
+    placeholder = re.compile(r"has no es\.yaml")
+    missing = [q for q in quoted if q not in code and not placeholder.fullmatch(q)]
+    assert [] == missing
+
+
+def test_the_study_for_newcomers_from_elsewhere_plans_its_trials(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "coming-from.md").read_text("utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    (tmp_path / "duel.py").write_text(code, "utf-8")
+    plan = find_study(str(tmp_path / "duel.py")).experiment({}).plan(0, 1)
+    assert (20, 2) == (
+        sum(not t.is_practice for t in plan.trials),
+        sum(t.is_practice for t in plan.trials),
+    )
