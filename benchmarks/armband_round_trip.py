@@ -20,12 +20,14 @@ import termios
 import tty
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from devices.byte_links import MemoryLink
-from devices.contracts import HAPTICS
+from devices.contracts import HAPTICS, Armband
 from devices.drivers.armband import codec
 from devices.faults import FaultSchedule
 from devices.pump import Pump
@@ -38,7 +40,7 @@ from devices.sim.armband.firmware import (
 )
 from devices.sim.armband.simulator import ArmbandSimulator
 from devices.testing.armband_machine import TerminalMachine, build, make
-from lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock, cpu_time_s
+from lab.clock import NS_PER_MS, NS_PER_S, Clock, SimClock, SystemClock, cpu_time_s
 from lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
 from lab.schema import SampleBatch
 
@@ -113,6 +115,13 @@ class EchoBand:
         os.close(self._other)
 
 
+def band_on(clock: Clock, wire: MemoryLink | None = None, **options: Any) -> Armband:
+    """Return the driver of the serial band, on this wire or on its real one."""
+    driver = driver_spec("serial_armband").on_wire("arm", clock, wire, **options)
+    assert isinstance(driver, Armband)
+    return driver
+
+
 def busy() -> str:
     """Say how busy the computer is, for a figure that it may have spoiled."""
     waiting = os.getloadavg()[0]
@@ -148,7 +157,7 @@ def bare_round_trips_ms(port: str, count: int, within_s: float = 2.0) -> list[fl
 def driver_round_trips_ms(port: str, count: int) -> list[float]:
     """Command through the driver, and wait until its row is delivered as acknowledged."""
     clock = SystemClock()
-    driver = driver_spec("serial_armband").on_wire("arm", clock, port=port, max_rate_hz=FASTEST_HZ)
+    driver = band_on(clock, port=port, max_rate_hz=FASTEST_HZ)
     done: dict[int, bool] = {}
 
     def take(batch: SampleBatch) -> None:
@@ -160,7 +169,7 @@ def driver_round_trips_ms(port: str, count: int) -> list[float]:
 
     driver.open(10.0)
     driver.start(take)
-    times = []
+    times: list[float] = []
     deadline_ns = clock.now_ns() + round(WITHIN_S * NS_PER_S)
     for _ in range(count):
         clock.sleep_until_ns(clock.now_ns() + APART_NS)
@@ -186,7 +195,7 @@ def contact_to_command_ms(port: str) -> list[float]:
     work without the waiting between them.
     """
     clock = SystemClock()
-    driver = driver_spec("serial_armband").on_wire("arm", clock, port=port, max_rate_hz=FASTEST_HZ)
+    driver = band_on(clock, port=port, max_rate_hz=FASTEST_HZ)
     batches: list[SampleBatch] = []
     pump = Pump(driver, batches.append, clock)
     driver.open(10.0)
@@ -222,6 +231,10 @@ def contact_to_command_ms(port: str) -> list[float]:
     return found
 
 
+def _runs(host: "subprocess.Popen[bytes]") -> bool:
+    return host.poll() is None
+
+
 def silence_after_loss_ms(command: list[str], how: str) -> list[float]:
     """Lose the host while motors run: time from its last byte to the PWM's end.
 
@@ -234,9 +247,7 @@ def silence_after_loss_ms(command: list[str], how: str) -> list[float]:
         with TerminalMachine(command) as machine:
             host = subprocess.Popen([sys.executable, "-c", HOST, machine.port], cwd=ROOT)
             try:
-                machine.wait_for(
-                    running=True, within_s=60.0, host_runs=lambda host=host: host.poll() is None
-                )
+                machine.wait_for(running=True, within_s=60.0, host_runs=partial(_runs, host))
             except DeviceTimeout:
                 host.kill()
                 host.wait()
@@ -327,7 +338,7 @@ def reconnect_after_return_s() -> float:
     clock = SimClock()
     faults = FaultSchedule.from_config([{"kind": "disconnect", "start_s": 1, "duration_s": 3}])
     peer = ArmbandSimulator("arm", clock, faults=faults)
-    driver = driver_spec("serial_armband").on_wire("arm", clock, MemoryLink(peer, clock))
+    driver = band_on(clock, MemoryLink(peer, clock))
     pump = Pump(driver, lambda batch: None, clock)
     driver.open(1.0)
     pump.start()
@@ -399,9 +410,7 @@ def driver_cpu_ms(count: int = 3000) -> float:
     """Return CPU time of one command, its answer and its row, simulator included."""
     clock = SimClock()
     peer = ArmbandSimulator("arm", clock, latency_ms=0, jitter_ms=0)
-    driver = driver_spec("serial_armband").on_wire(
-        "arm", clock, MemoryLink(peer, clock), max_rate_hz=FASTEST_HZ
-    )
+    driver = band_on(clock, MemoryLink(peer, clock), max_rate_hz=FASTEST_HZ)
     driver.open(1.0)
     driver.start(lambda batch: None)
 

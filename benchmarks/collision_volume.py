@@ -95,7 +95,7 @@ def open3d_columns(pair: Pair, open3d: Any) -> float:
     order = np.lexsort((height, column))
     column, height = column[order], height[order]
     winding = np.cumsum(np.concatenate(steps)[order], axis=0)
-    inside = (winding > 0).all(1)[:-1] & (column[1:] == column[:-1])
+    inside = np.all(winding > 0, axis=1)[:-1] & (column[1:] == column[:-1])
     return float(((height[1:] - height[:-1]) * inside).sum() * CELL_M**2)
 
 

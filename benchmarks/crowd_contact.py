@@ -1,10 +1,12 @@
 """Time the online contact test: six arm capsules against crowds of 100 to 300 people.
 
-Run `python -m benchmarks.crowd_contact [--json]`. Every frame poses everybody near anew.
+    python -m benchmarks.crowd_contact [--frames 20000] [--json]
+
+Every frame poses everybody near anew.
 """
 
+import argparse
 import json
-import sys
 
 import numpy as np
 
@@ -68,8 +70,12 @@ def time_frames(n: int, frames: int) -> dict[str, float]:
 
 def main() -> None:
     """Print one row per crowd."""
-    rows = [time_frames(n, FRAMES) for n in (100, 200, 300)]
-    if "--json" in sys.argv[1:]:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--frames", type=int, default=FRAMES)
+    parser.add_argument("--json", action="store_true", help="print rows as JSON")
+    options = parser.parse_args()
+    rows = [time_frames(n, options.frames) for n in (100, 200, 300)]
+    if options.json:
         print(json.dumps(rows))
         return
     print(f"{'people':>7} {'CPU ms/frame':>13} {'median ms':>10} {'p99 ms':>8} {'in contact':>11}")

@@ -10,6 +10,7 @@ so it contains the simulator's own loop of 1 ms.
 import argparse
 import json
 import sys
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 
 import msgpack
@@ -76,9 +77,9 @@ class StillBody:
         """Return the only fit."""
         return 0
 
-    def presses(self, until_ns: int) -> tuple[tuple[int, str, float], ...]:
+    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
         """Press nothing."""
-        return ()
+        return iter(())
 
 
 def within(name: str, value: float, unit: str, limit: float) -> Row:

@@ -90,10 +90,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("area of interest online, 2 samples", frame_us, "us", 20, 20 / frame_us)
     study_s = trial_us * STUDY_TRIALS / 1e6
     add(f"looks of {STUDY_TRIALS} trials", study_s, "CPU s", 2.16, 2.16 / study_s)
-    for name, call in (
+    at_once: tuple[tuple[str, Callable[[], object]], ...] = (
         ("I-VT, 4 M samples at once", lambda: detect_ivt(long_t, long_gaze)),
         ("I-DT, 4 M samples at once", lambda: detect_idt(long_t, long_gaze)),
-    ):
+    )
+    for name, call in at_once:
         call()
         began_s = cpu_time_s()
         call()

@@ -83,7 +83,7 @@ def squad_mquat_per_s() -> float:
     turns = motion.turns  # type: ignore[union-attr]  # a walk is made of key poses
     assert isinstance(turns, Squad)
     t_s = np.random.default_rng(0).uniform(0.0, 1.0, 2000)
-    return t_s.size * turns.keys_wxyz.shape[1] / cpu_ms(lambda: turns.at(t_s)) / 1e3
+    return float(t_s.size * turns.keys_wxyz.shape[1] / cpu_ms(lambda: turns.at(t_s)) / 1e3)
 
 
 def main(arguments: list[str]) -> int:

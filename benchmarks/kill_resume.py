@@ -25,7 +25,7 @@ import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -158,7 +158,7 @@ def kill_sessions(
     rng = np.random.default_rng(seed)
     watch = StopWatch()
     outcome = Outcome()
-    short = _ShortSessions(cast(OpenedStudy, find_study(study)), _fast_config())
+    short = _ShortSessions(find_study(study), _fast_config())
     reference = short.uninterrupted(root / study / "reference")
     while outcome.kills < kills and watch.elapsed_s() < limit_s:
         outcome.sessions += 1

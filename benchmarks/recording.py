@@ -184,7 +184,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 f"{row['name']:<42}{row['value']:>10} {row['unit']:<3}"
                 f" limit {row['limit']:>8}  ratio {row['ratio']}"
             )
-    return 0 if all(row["ratio"] is None or row["ratio"] >= 1 for row in rows) else 1
+    return 0 if all(limit is None or limit >= value for _, value, _, limit in figures) else 1
 
 
 if __name__ == "__main__":

@@ -189,7 +189,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "anxiety": anxiety_rows(outcomes),
         "zones": zone_rows(outcomes),
     }
-    median = float(np.median([r["agree"] for r in result["verdicts"]]))  # type: ignore[arg-type]
+    median = float(np.median([r["agree"] for r in result["verdicts"]]))
     if options.json:
         print(json.dumps(result | {"median_verdicts": median}, indent=1))
     else:
@@ -197,7 +197,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     missed = [
         r
         for r in result["means"]
-        if r["limit_01"] is not None and abs(r["deviation_01"]) > r["limit_01"]  # type: ignore[arg-type,operator]
+        if r["limit_01"] is not None and abs(r["deviation_01"]) > r["limit_01"]  # type: ignore[arg-type]
     ]
     return int(bool(missed) or median < VERDICTS_LIMIT)
 

@@ -182,7 +182,7 @@ KINDS = (
 def error_rates(n_studies: int) -> None:
     """Print the share of studies with p < .05 where nothing is to be found."""
     rng = np.random.default_rng(11)
-    design = {"subject": "s", "within": ("A", "B")}
+    design: dict[str, Any] = {"subject": "s", "within": ("A", "B")}
     print(f"{'data':24} term   own error   pooled   inverse normal   RM ANOVA   ({n_studies} each)")
     for kind in KINDS:
         terms = ("A", "B", "A:B") if "differs" not in kind else ("A",)

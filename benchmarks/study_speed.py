@@ -15,9 +15,10 @@ import resource
 import statistics
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from cli.app import load_lab
 from lab.clock import StopWatch, cpu_time_s
@@ -47,26 +48,30 @@ class Row:
     ratio: float | None = None
 
 
+Work = TypeVar("Work")
+Done = TypeVar("Done")
+
+
 @dataclass(frozen=True)
-class Job:
+class Job(Generic[Done]):
     """What a piece of work returned, the CPU seconds it took, and its process' peak memory."""
 
-    result: Any
+    result: Done
     cpu_s: float
     peak_mb: float
 
 
-def timed_session(task: SimulationTask) -> Job:
+def timed_session(task: SimulationTask) -> Job[Path]:
     """Simulate one session in this process."""
     before_s = cpu_time_s()
     path = simulate_one(task)
     return Job(path, cpu_time_s() - before_s, peak_mb())
 
 
-def timed_measure(session: Path) -> Job:
+def timed_measure(session: Path) -> Job[Any]:
     """Measure one session in this process."""
     before_s = cpu_time_s()
-    measured = measure_one((STUDY, session))
+    measured = measure_one((STUDY, session, {}))
     return Job(measured, cpu_time_s() - before_s, peak_mb())
 
 
@@ -76,7 +81,9 @@ def peak_mb() -> float:
     return peak / 1e6 if sys.platform == "darwin" else peak / 1e3
 
 
-def in_order(work: Any, jobs: list[Any], processes: int) -> list[Job]:
+def in_order(
+    work: Callable[[Work], Job[Done]], jobs: list[Work], processes: int
+) -> list[Job[Done]]:
     """Do jobs in parallel; return what they gave in the order of the jobs."""
     done = dict(on_this_machine(work, jobs, processes))
     return [done[i] for i in range(len(jobs))]

@@ -54,7 +54,7 @@ from stimuli.motion.warping.perceived import SeenBody, body_of, perceived
 from stimuli.motion.warping.smoothness import peak_turning
 from stimuli.motion.warping.units import WarpingUnit, units_named
 
-Row = dict[str, object]
+Row = dict[str, Any]
 SIZE_PX = 128
 ENOUGH_01 = 0.9
 LIVELIER, STILL_JERK_DEG_S3 = 1.5, 5_000.0

@@ -73,12 +73,13 @@ def study_rows(seeds: range, participants: int) -> list[dict[str, object]]:
                 row |= {"beside": f"published {sd}, over what is not said"}
                 row |= {"holds": abs(float(np.mean(values)) - sd) <= SD_LIMIT}
         rows.append(row)
-    for (measure, term), count in hits.items():
+    for key, count in hits.items():
+        measure, name = key
         if measure != "who_ms":
             share = count / len(seeds)
-            row = {"name": f"{measure}, {term} significant", "value": share}
-            if (measure, term) in SHARE_LIMITS:
-                word, limit = SHARE_LIMITS[measure, term]
+            row = {"name": f"{measure}, {name} significant", "value": share}
+            if key in SHARE_LIMITS:
+                word, limit = SHARE_LIMITS[key]
                 holds = share >= limit if word == "at least" else share <= limit
                 row |= {"beside": f"{word} {limit}", "holds": holds}
             rows.append(row)

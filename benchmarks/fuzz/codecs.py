@@ -62,8 +62,9 @@ def frames(*wires: str) -> tuple[bytes, ...]:
     found: dict[bytes, None] = {}
     for wire in wires:
         log = read_wire_log(WIRES / f"{wire}.wire")
-        for message in (*log.messages, *(answer for _, answer in log.exchanges)):
-            found |= dict.fromkeys(message.frames)
+        heard = (*(m.frames for m in log.messages), *(answer.frames for _, answer in log.exchanges))
+        for parts in heard:
+            found |= dict.fromkeys(parts)
     return tuple(found) or (bytes(8),)
 
 

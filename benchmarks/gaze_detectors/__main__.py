@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -180,7 +181,8 @@ def means_of(rows: Sequence[Row]) -> list[Row]:
         own = [r for r in rows if r.detector == name and r.data in GOAL_SETS]
         if own:
             f1 = [r.fixation_f1 for r in own]
-            fill = replace(own[0], **dict.fromkeys(_FIGURES, np.nan))
+            unknown: dict[str, Any] = dict.fromkeys(_FIGURES, np.nan)
+            fill = replace(own[0], **unknown)
             means.append(
                 replace(
                     fill,

@@ -24,7 +24,8 @@ DEGREE_IS_CM_AT_CM = 57.3
 def _degrees(r: Recording) -> Vector:
     """Return (n, 2) degrees right and up."""
     x, y, z = r.direction.T
-    return np.degrees(np.column_stack([np.arctan2(x, -z), np.arctan2(y, np.hypot(x, z))]))
+    place: Vector = np.degrees(np.column_stack([np.arctan2(x, -z), np.arctan2(y, np.hypot(x, z))]))
+    return place
 
 
 def _rate_hz(r: Recording) -> float:
@@ -78,7 +79,7 @@ def _remodnav(r: Recording) -> Labels:
     if not seen.size:
         return out
     first, end = int(seen[0]), int(seen[-1]) + 1  # it fails on losses at either end
-    data = np.rec.fromarrays(list(place[first:end].T), names="x,y")
+    data = np.rec.fromarrays([*place[first:end].T], dtype=[("x", "f8"), ("y", "f8")])
     smoothed = max(3, 2 * int(REMODNAV_SMOOTHED_S * rate / 2) + 1)
     classifier = EyegazeClassifier(px2deg=1.0, sampling_rate=rate)
     try:

@@ -58,7 +58,8 @@ class Recording:
 
 
 def _stamps(n: int, rate_hz: float) -> npt.NDArray[np.int64]:
-    return np.rint(np.arange(n) * 1e9 / rate_hz).astype(np.int64)
+    stamps: npt.NDArray[np.int64] = np.rint(np.arange(n) * 1e9 / rate_hz).astype(np.int64)
+    return stamps
 
 
 def _directions(
@@ -155,7 +156,7 @@ def _gazecom(root: Path) -> Iterator[Recording]:
             path.stem,
             _stamps(len(table), GAZECOM_RATE_HZ),
             _directions(centred[:, 0], centred[:, 1], GAZECOM_DISTANCE_CM, lost),
-            {"experts": labelling_of(code.to_numpy(np.int8))},
+            {"experts": labelling_of(np.asarray(code, np.int8))},
         )
 
 

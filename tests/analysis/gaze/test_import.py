@@ -1,4 +1,5 @@
 import json
+from collections.abc import Collection
 
 import numpy as np
 import pandas as pd
@@ -34,7 +35,7 @@ VIVE_COLUMNS = (
 ).split(";")
 
 
-def vive_text(n=240, *, lost=(), head_yaw_deg_s=0.0):
+def vive_text(n: int = 240, *, lost: Collection[int] = (), head_yaw_deg_s: float = 0.0) -> str:
     """A made-up file: gaze held still in world while the head turns right."""
     t_s = np.arange(n) / 120
     head = np.array([quat_from_yaw_pitch_deg(-head_yaw_deg_s * t) for t in t_s])
