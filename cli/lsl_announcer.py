@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from devices.contracts import Device
+from devices.contracts import ClockPair, Device
 from devices.drivers.lsl.outlet import LslOutlets, LslScope
 from lab.clock import Clock
 from lab.clock_fit import latest_quick, offset_ns
@@ -103,17 +103,15 @@ class _Offsets:
 
     def __init__(self, devices: Mapping[str, Device]) -> None:
         self._devices = devices
-        self._known: dict[str, tuple[int, int]] = {}
+        self._known: dict[str, tuple[ClockPair, int]] = {}
 
     def of(self, role: str) -> int | None:
         pairs = self._devices[role].clock_pairs()
         if not pairs:
             return None
-        count, offset = self._known.get(role, (0, 0))
-        if count != len(pairs):
-            offset = offset_ns(latest_quick(pairs))
-            self._known[role] = (len(pairs), offset)
-        return offset
+        if role not in self._known or self._known[role][0] != pairs[-1]:
+            self._known[role] = (pairs[-1], offset_ns(latest_quick(pairs)))
+        return self._known[role][1]
 
 
 def scope_of(sync: Sync) -> LslScope:

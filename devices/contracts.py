@@ -151,7 +151,10 @@ class Device(Protocol):
         ...
 
     def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return every time exchange since open, oldest first; empty when one-way."""
+        """Return the latest time exchanges since open, oldest first; empty when one-way.
+
+        At least a thousand are kept, so that whoever looks in now and then misses none.
+        """
         ...
 
 

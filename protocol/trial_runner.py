@@ -65,7 +65,7 @@ class TrialRunner:
         self._rig = rig
         self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
         self._attempts = dict(setup.progress.attempts)
-        self._exchanges_told: dict[str, int] = {}
+        self._exchanges_told_ns: dict[str, int] = {}
         self.memory = dict(setup.progress.memory)
         """What a simulated participant had learned at the end of the last trial."""
         self._finished, self._skipped = set(setup.progress.finished), set(setup.progress.skipped)
@@ -243,9 +243,10 @@ class TrialRunner:
     def record_exchanges(self) -> None:
         """Note the time exchanges with each device since the last call, as events."""
         for role, pairs in self._rig.clock_pairs().items():
-            new = pairs[self._exchanges_told.get(role, 0) :]
-            self._exchanges_told[role] = len(pairs)
+            told_ns = self._exchanges_told_ns.get(role, -1)
+            new = [pair for pair in pairs if pair.host_receive_ns > told_ns]
             if new:
+                self._exchanges_told_ns[role] = new[-1].host_receive_ns
                 self._setup.recorder.event(
                     "clock_exchanges",
                     self._loop.t_ns,

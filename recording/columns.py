@@ -145,7 +145,8 @@ def is_flag(field: Field) -> bool:
 
 _CRC_HOLE = b"c" * 8
 _ROW_HOLE = b"r" * 12
-_MAX_TEMPLATES = 512
+_MAX_TEMPLATES = 32
+"""Per stream: messages of a real session differ in length, and each may be as long as a second."""
 
 
 @dataclass
@@ -171,7 +172,7 @@ class BatchEncoder:
         self._own = [(f.name, is_flag(f)) for f in schema.fields]
         self._templates: dict[int, _Template] = {}
         self.header: bytes = self._arrow.serialize().to_pybytes()
-        self._template(1)
+        self._templates[1] = self._template(1)
 
     def encode(
         self,
@@ -184,7 +185,8 @@ class BatchEncoder:
         `stamps` is (3, n): seq, device and host time; `values` (n,).
         """
         n = stamps.shape[1]
-        template = self._templates.get(n) or self._template(n)
+        template = self._templates.pop(n, None) or self._template(n)
+        self._templates[n] = template  # behind those used longer ago
         columns = template.columns
         row = b"%012d" % first_row
         crc = zlib.crc32(row)
@@ -238,5 +240,4 @@ class BatchEncoder:
         )
         if len(self._templates) >= _MAX_TEMPLATES:
             self._templates.pop(next(iter(self._templates)))
-        self._templates[n] = template
         return template

@@ -8,6 +8,7 @@ drawn from the seed; a stream cannot lose or reorder bytes, so those faults befa
 import selectors
 import socket
 import threading
+from collections import deque
 from collections.abc import Callable
 
 import numpy as np
@@ -24,6 +25,7 @@ TICKS_PER_S = 10_000_000
 SPLIT_SHARE = 0.3
 CALIBRATION_POINTS = ((0.5, 0.5), (0.85, 0.15), (0.85, 0.85), (0.15, 0.85), (0.15, 0.15))
 POINT_NS = NS_PER_S // 2
+MAX_ANNOTATIONS = 1_000
 
 _SPLIT_STREAM = 0x59
 
@@ -55,7 +57,7 @@ class GazepointSimulator(GazePeer):
             drift_ppm=drift_ppm,
         )  # fmt: skip
         super().__init__(source, seed=seed)
-        self.annotations: list[str] = []
+        self.annotations: deque[str] = deque(maxlen=MAX_ANNOTATIONS)
         self._screen = screen or Screen()
         self._camera = camera_m
         self._split_share = split_share

@@ -3,7 +3,7 @@
 import pytest
 
 from devices.contracts import ClockPair
-from devices.drivers.streaming.exchange_log import ExchangeLog
+from devices.drivers.streaming.exchange_log import MAX_KEPT, ExchangeLog
 from lab.clock import NS_PER_MS
 
 
@@ -27,3 +27,20 @@ def test_a_jump_beyond_what_both_round_trips_explain_is_told() -> None:
     assert log.add(pair(1000, 10, 10, ahead_ms=39)) is None
     assert 61 == pytest.approx(log.add(pair(2000, 10, 10, ahead_ms=100)))
     assert 1 == len(log.recent)
+
+
+def test_a_long_session_keeps_the_latest_exchanges_alone() -> None:
+    log = ExchangeLog()
+    exchanges = [pair(1000 * i, 1, 1) for i in range(3 * MAX_KEPT)]
+    assert [None] * len(exchanges) == [log.add(p) for p in exchanges]
+    assert MAX_KEPT // 2 <= len(log) <= MAX_KEPT
+    assert exchanges[-len(log) :] == log.pairs
+
+
+def test_the_latest_exchanges_are_those_since_a_jump_when_older_ones_are_gone() -> None:
+    log = ExchangeLog()
+    for i in range(MAX_KEPT - 4):
+        log.add(pair(1000 * i, 1, 1))
+    since = [pair(1000 * (MAX_KEPT + i), 1, 1, ahead_ms=100) for i in range(10)]
+    assert 1 == sum(log.add(p) is not None for p in since)
+    assert since == log.recent

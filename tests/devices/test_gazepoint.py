@@ -141,7 +141,7 @@ def test_marker_reaches_the_server():
 
     rig.driver.annotate("trial 1", rig.clock.now_ns())
 
-    assert rig.simulator.annotations == ["trial 1"]
+    assert list(rig.simulator.annotations) == ["trial 1"]
 
 
 def test_old_interface_is_refused_by_name():

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from analysis.session_verdict import Level
+from devices.drivers.streaming import exchange_log
 from lab.errors import DeviceError
 from recording.reader import Recording
 from tests.faults.sessions import (
@@ -185,3 +186,29 @@ def test_a_tracker_that_never_answers_a_calibration_is_named(tmp_path: Path) -> 
     assert "calibrations that failed" in findings(recording)
     assert re.search(r"no answer to time requests for \d+ s", findings(recording))
     assert not events(recording, "calibration")[-1]["succeeded"]
+
+
+def test_time_exchanges_of_trials_are_recorded_once_where_a_device_keeps_the_latest_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    all_of_them = exchanges_of(perform(lab(tmp_path / "all")))
+    monkeypatch.setattr(exchange_log, "MAX_KEPT", 40)
+    recording = perform(lab(tmp_path / "latest"))
+    told = exchanges_of(recording)
+    trials = recording.trials()
+    followed = trials[
+        trials["block"] == trials["block"].shift(-1)
+    ]  # where those of before are told
+    spans = list(zip(followed["t_start_ns"], followed["t_end_ns"], strict=True))
+    in_trials = [
+        e for e in all_of_them if any(start <= e[0] and e[2] <= end for start, end in spans)
+    ]
+
+    assert [] == [exchange for exchange in in_trials if exchange not in told]
+    assert sorted({tuple(e) for e in told}) == [tuple(e) for e in told]
+    assert len(in_trials) > 10
+
+
+def exchanges_of(recording: Recording) -> list[list[int]]:
+    payloads = events(recording, "clock_exchanges")
+    return [triple for payload in payloads for triple in payload["send_device_receive_ns"]]

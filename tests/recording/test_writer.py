@@ -1,8 +1,10 @@
+import gc
 import hashlib
 import json
 import os
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from lab.clock import NS_PER_S, SimClock, SystemClock
 from lab.errors import RecordingError
 from lab.schema import Field, SampleBatch, StreamSchema, empty_values
 from recording import durable
+from recording.columns import BatchEncoder
 from recording.folder import create_session
 from recording.journal import decode_line
 from recording.reader import Recording
@@ -292,6 +295,7 @@ import resource, signal, sys
 from pathlib import Path
 from lab.clock import SimClock
 from lab.errors import RecordingError
+from recording.columns import BatchEncoder
 from recording.folder import create_session
 from tests.recording.sessions import new_recorder, probe_manifest, record_trials
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -360,3 +364,34 @@ def test_part_numbers_of_rows_tell_the_resumption(tmp_path: Path) -> None:
     assert [1, 2, 2] == recording.trials()["recording_part"].tolist()
     assert list(range(450)) == recording.stream_arrays("probe")["seq"].tolist()
     assert "participant rested" == recording.manifest.parts[0].reason
+
+
+def test_the_layouts_an_encoder_keeps_do_not_grow_with_the_session() -> None:
+    encoder = BatchEncoder(PROBE, is_simulated=True)
+    rows = probe_batch(0, 400)
+    stamps = np.stack([rows.seq, rows.t_device_ns, rows.t_host_ns])
+
+    def held_bytes(lengths: range) -> int:
+        gc.collect()
+        before = tracemalloc.get_traced_memory()[0]
+        for n in lengths:
+            encoder.encode(stamps[:, :n], rows.values[:n], 0)
+        gc.collect()
+        return tracemalloc.get_traced_memory()[0] - before
+
+    tracemalloc.start()
+    try:
+        held_bytes(range(200, 300))
+        assert 0 == pytest.approx(held_bytes(range(300, 320)), abs=100_000)
+    finally:
+        tracemalloc.stop()
+
+
+def test_an_encoder_keeps_the_layouts_used_last() -> None:
+    encoder = BatchEncoder(PROBE, is_simulated=True)
+    rows = probe_batch(0, 700)
+    stamps = np.stack([rows.seq, rows.t_device_ns, rows.t_host_ns])
+    usual = encoder.encode(stamps[:, :10], rows.values[:10], 0)
+    for n in range(100, 700):
+        encoder.encode(stamps[:, :n], rows.values[:n], 0)
+        assert encoder.encode(stamps[:, :10], rows.values[:10], 0) is usual

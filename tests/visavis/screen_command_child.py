@@ -109,7 +109,7 @@ def main(folder: Path) -> None:
             stop.set()
             for thread in around:
                 thread.join()
-            (folder / MARKS).write_text(json.dumps(peer.annotations), "utf-8")
+            (folder / MARKS).write_text(json.dumps(list(peer.annotations)), "utf-8")
 
 
 if __name__ == "__main__":

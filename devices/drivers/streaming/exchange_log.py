@@ -5,10 +5,12 @@ from lab.clock import NS_PER_MS
 
 JUMP_NS = 20 * NS_PER_MS
 RECENT = 60
+MAX_KEPT = 4096
+"""Of which at least half are there: half an hour of one a second."""
 
 
 class ExchangeLog:
-    """Every exchange since open; `recent` are those that one straight line fits."""
+    """The latest exchanges since open; `recent` are those that one straight line fits."""
 
     def __init__(self) -> None:
         self.pairs: list[ClockPair] = []
@@ -33,6 +35,10 @@ class ExchangeLog:
                 jump_ms = moved_ns / NS_PER_MS
                 self._since_jump = len(self.pairs)
         self.pairs.append(pair)
+        if len(self.pairs) > MAX_KEPT:
+            gone = MAX_KEPT // 2
+            self.pairs = self.pairs[gone:]  # a new list: another thread may be reading the old one
+            self._since_jump = max(0, self._since_jump - gone)
         return jump_ms
 
     @property

@@ -106,7 +106,7 @@ class GazeDevice(StreamDevice[Sample]):
         )
 
     def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return every time exchange since open; empty for a one-way device."""
+        """Return the latest time exchanges since open; empty for a one-way device."""
         return tuple(self._exchanges.pairs)
 
     def begin_calibration(self) -> None:

@@ -49,6 +49,7 @@ LEG_WAIT_NS = 150_000
 VERDICT_AFTER_NS = 500 * NS_PER_MS
 DEFAULT_VERSION = "3.5.1"
 DEFAULT_PORTS = (50021, 50022)
+MAX_ANNOTATIONS = 1_000
 
 _LEG_STREAM = 0x1E
 _EPOCH_STREAM = 0xE0
@@ -64,7 +65,7 @@ class PupilCoreSimulator:
     `body.stretch()`) and the systematic error from (seed, `body.fit()`, the fit calibrated at).
     Session time of the fault schedule begins when the simulator is made. `ports` are what
     SUB_PORT and PUB_PORT answer. `recordings` are the annotations in each recording by its name:
-    those sent while it ran, once the plug-in that takes them was started.
+    the latest of those sent while it ran, once the plug-in that takes them was started.
     """
 
     def __init__(
@@ -81,8 +82,8 @@ class PupilCoreSimulator:
         version: str = DEFAULT_VERSION,
     ) -> None:
         self.ports = DEFAULT_PORTS
-        self.annotations: list[dict[str, Any]] = []
-        self.recordings: dict[str, list[dict[str, Any]]] = {}
+        self.annotations: deque[dict[str, Any]] = deque(maxlen=MAX_ANNOTATIONS)
+        self.recordings: dict[str, deque[dict[str, Any]]] = {}
         self._recording: str | None = None
         self._captures_annotations = False
         self._body = body
@@ -116,7 +117,7 @@ class PupilCoreSimulator:
         self._calibrated_fit: int | None = None
         self._judge: CalibrationJudge | None = None
         self._turn: Vector | None = None
-        self._room: dict[int, tuple[Floats, npt.NDArray[np.uint8], Times]] = {}
+        self._room = self._made_room(16)
 
     def advance(self, t_ns: int) -> None:
         """Take every sample due up to this session time."""
@@ -198,12 +199,19 @@ class PupilCoreSimulator:
             return fault.text if fault is not None else self._version
         if command[:1] == b"R":
             self._recording = command[2:].decode("utf-8", "replace")
-            self.recordings[self._recording] = []
+            self.recordings[self._recording] = deque(maxlen=MAX_ANNOTATIONS)
         elif command[:1] == b"r":
             self._recording = None
         if command[:1] in (b"R", b"r", b"C", b"c"):
             return "OK"
         return "Unknown command."
+
+    def _made_room(self, n: int) -> tuple[Floats, npt.NDArray[np.uint8], Times]:
+        return (
+            np.empty((n, len(GAZE_VALUES))),
+            np.empty((n, self._both.bytes.size), np.uint8),
+            np.empty(n, np.int64),
+        )
 
     def _sample(self, t: Times, t_list: list[int]) -> None:
         eyes = self._body.eyes(t)
@@ -231,13 +239,9 @@ class PupilCoreSimulator:
         if self._drift or self._faults.faults:
             t_device, ahead_ns = np.array([self.device_ns(t_ns) for t_ns in t_list], np.int64), 0
         template = self._both
-        if n not in self._room:  # written anew by every call, which copies what it publishes
-            self._room[n] = (
-                np.empty((n, len(GAZE_VALUES))),
-                np.empty((n, template.bytes.size), np.uint8),
-                np.empty(n, np.int64),
-            )
-        values, packed, delay_ns = self._room[n]
+        if n > self._room[2].size:  # written anew by every call, which copies what it publishes
+            self._room = self._made_room(2 * n)
+        values, packed, delay_ns = (room[:n] for room in self._room)
         _measure(
             np.ndarray((n, 8), np.float64, np.ascontiguousarray(eyes)),
             noise,
