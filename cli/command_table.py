@@ -45,6 +45,10 @@ COMMANDS: Mapping[str, Entry] = {
         "session",
         "Go on with an interrupted session: instructions, calibration, then the trials left.",
     ),
+    "desk": Entry(
+        "desk",
+        "Show today's people, the doctor's findings and the running session on a page here.",
+    ),
     "check": Entry("checking", "Can they leave? Compare what was planned with what was recorded."),
     "quality": Entry(
         "quality",

@@ -211,6 +211,13 @@ def _progress(status: SessionStatus) -> Table:
     return grid
 
 
+def needs_look(role: str, health: Health) -> bool:
+    """Tell whether a device that every trial needs has delivered nothing, or nothing of late."""
+    age_ms = health.last_sample_age_ms
+    is_late = not health.received or (age_ms is not None and age_ms > LATE_MS)
+    return is_late and role in ESSENTIAL_ROLES
+
+
 def _streams(health: dict[str, Health]) -> Table:
     table = Table(expand=True, box=None, pad_edge=False)
     for name in ("stream", "rate", "gaps", "longest gap", "last sample", "lost", "clock"):
@@ -219,11 +226,9 @@ def _streams(health: dict[str, Health]) -> Table:
         age = "–" if h.last_sample_age_ms is None else f"{h.last_sample_age_ms:.0f} ms"
         clock = "–" if h.clock_offset_ms is None else f"{h.clock_drift_ppm or 0:+.0f} ppm"
         if not h.received:
-            style = "red" if role in ESSENTIAL_ROLES else "dim"
-            table.add_row(role, "nothing yet", style=style)
+            table.add_row(role, "nothing yet", style="red" if needs_look(role, h) else "dim")
             continue
-        is_late = h.last_sample_age_ms is not None and h.last_sample_age_ms > LATE_MS
-        style = "red" if is_late and role in ESSENTIAL_ROLES else ""
+        style = "red" if needs_look(role, h) else ""
         table.add_row(
             role,
             f"{h.rate_hz:.1f} Hz",

@@ -140,6 +140,11 @@ class FrameLoop:
         """Session time of the present frame."""
         return self._frame.t_ns
 
+    @property
+    def shown(self) -> SceneFrame | None:
+        """What stands before the participant."""
+        return self._view
+
     def show(self, view: SceneFrame) -> None:
         """Show this from the coming frame on."""
         self._view = view

@@ -299,7 +299,26 @@ class Ledger:
                 )
         return gone
 
+    def number_of(self, text: str) -> int:
+        """Return the number meant by a number or a label, whoever is registered.
+
+        Raises:
+            LedgerError: it is neither, or its check letter is wrong.
+        """
+        return self._number(text, self._read())
+
     def _find(self, text: str, entries: Sequence[Participant]) -> Participant:
+        number = self._number(text, entries)
+        for entry in entries:
+            if entry.number == number:
+                return entry
+        raise UnknownParticipant(
+            f"participant {number:02d} is not in the ledger of {self.study}; add it: "
+            f"visavis participant add {self.study} {number}",
+            number,
+        )
+
+    def _number(self, text: str, entries: Sequence[Participant]) -> int:
         typed = text.strip().upper()
         number = int(typed) if typed.isascii() and typed.isdigit() else None
         if number is None:
@@ -322,14 +341,7 @@ class Ledger:
                 f"{text!r} is no participant of {self.study}: not a number, and not a label with "
                 f"the right check letter; {hint}"
             )
-        for entry in entries:
-            if entry.number == number:
-                return entry
-        raise UnknownParticipant(
-            f"participant {number:02d} is not in the ledger of {self.study}; add it: "
-            f"visavis participant add {self.study} {number}",
-            number,
-        )
+        return number
 
     # ---- the file ------------------------------------------------------------------------------
 

@@ -7,6 +7,8 @@ from typing import Protocol
 
 from devices.contracts import Fault, Health
 from protocol.states import SessionState
+from protocol.steps import FrameView
+from stimuli.scene import SceneFrame
 
 
 class Action(StrEnum):
@@ -49,7 +51,11 @@ class Command:
 
 @dataclass(frozen=True)
 class SessionStatus:
-    """Everything an operator's screen shows; `condition` is empty when blinded."""
+    """Everything an operator's screen shows; `condition` is empty when blinded.
+
+    `flags` are those of the trial that runs. `frame` is what the last frame brought and `shown`
+    what stood before the participant in it: who keeps them longer copies their arrays.
+    """
 
     state: SessionState
     participant: str
@@ -69,6 +75,9 @@ class SessionStatus:
     messages: tuple[str, ...] = field(default_factory=tuple)
     trials_skipped: int = 0
     is_calibrated_first: bool = True
+    flags: tuple[str, ...] = ()
+    frame: FrameView | None = None
+    shown: SceneFrame | None = None
 
 
 class Operator(Protocol):

@@ -94,7 +94,7 @@ class OperatorDesk:
         period_ns = self._operator.status_period_ns
         if period_ns and view.t_ns >= self._next_status_ns:
             self._next_status_ns = view.t_ns + period_ns
-            self._operator.show(self._status())
+            self._operator.show(self._status(view))
         if self._advance and self._in_trial and self._prompt:
             return view._replace(went_on=self.take_advance())
         return view
@@ -351,7 +351,7 @@ class OperatorDesk:
 
     # ---- status ------------------------------------------------------------------------------
 
-    def _status(self) -> SessionStatus:
+    def _status(self, view: FrameView) -> SessionStatus:
         setup = self._setup
         t_ns = self._loop.t_ns
         trial = self.trial
@@ -385,4 +385,7 @@ class OperatorDesk:
             faults=self._faults.shown(t_ns),
             prompt=self._prompt,
             messages=tuple(self._messages),
+            flags=tuple(self.flags) if self._in_trial else (),
+            frame=view,
+            shown=self._loop.shown,
         )

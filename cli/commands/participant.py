@@ -30,7 +30,7 @@ app.add_typer(participant_app, name="participant")
 def add(
     study: StudyArgument,
     number: Annotated[
-        int | None, typer.Argument(help="Number to issue; the next free one when left out.")
+        str | None, typer.Argument(help="Number to issue; the next free one when left out.")
     ] = None,
     consent: Annotated[
         str, typer.Option("--consent", help="Version of the consent form signed.")
@@ -56,7 +56,7 @@ def add(
     wanted = here.wanted(seed=seed, assignments=assignments)
     settings = here.settled(wanted, seed_given=seed is not None)
     entry = here.ledger.add(
-        number,
+        None if number is None else here.ledger.number_of(number),
         group=here.group_of(settings),
         consent_version=consent or lab.privacy.consent_version,
         replaces=replaces,

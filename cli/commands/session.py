@@ -26,6 +26,7 @@ from cli.app import (
     verbatim,
 )
 from cli.commands.checking import print_check
+from cli.desk.link import ACTIONS, About, SessionLink
 from cli.lab_companion import LabCompanion
 from cli.operator_screen import TerminalOperator
 from cli.questions import TerminalRespondent
@@ -360,6 +361,13 @@ def _perform(
             _let_signals_end(screen)
             if not simulated:
                 respondent = TerminalRespondent(console, screen.suspend)
+        path = resume_from or _session_dir(here, entry, session)
+        if not fast:
+            about = About(
+                here.study.name, entry.label, session, str(path.resolve()), simulated, blind,
+                ACTIONS if on == "lab" else (),
+            )  # fmt: skip
+            operator = stack.enter_context(SessionLink(operator, about, here.lab.data_root))
         request = Request(
             study=here.study,
             experiment=experiment,
@@ -380,7 +388,6 @@ def _perform(
             on=on,
             page=PageAddress(port, _tell_address),
         )
-        path = resume_from or _session_dir(here, entry, session)
         try:
             if resume_from is None:
                 perform_new(request)

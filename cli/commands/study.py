@@ -12,6 +12,7 @@ from cli.studies import folder_of, study_of_lab
 from cli.telling import TELLING
 from lab.clock import StopWatch
 from recording.folder import SIMULATED_ROOT
+from visavis.sessions.data_root import require_space
 from visavis.sessions.studies import analyse_study, simulate_study
 from visavis.sessions.study_folder import (
     DEFAULT_SEED,
@@ -82,6 +83,7 @@ def simulate(
     if output is None:
         name = f"{chosen.name}_n{participants}_seed{seed}" + ("" if effect else "_noeffect")
         output = lab.data_root / "dry_runs" / name
+        require_space(lab)
     wanted = wanted_settings(
         output.resolve() / SIMULATED_ROOT / chosen.name, chosen, is_simulated=True, seed=seed,
         assignments=parameters, language=language or lab.language, effect=effect,

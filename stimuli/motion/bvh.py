@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from lab.errors import UsageError
 from lab.geometry import Vector
 from stimuli.motion.errors import BvhError, MotionError
 
@@ -45,10 +46,13 @@ def read_bvh(path: Path) -> Bvh:
 
     Raises:
         BvhError: the file is empty, cut off or broken; names file and line.
-        MotionError: the file cannot be read at all.
+        UsageError: there is no such file.
+        MotionError: it cannot be read.
     """
     try:
         raw = path.read_bytes()
+    except FileNotFoundError as error:
+        raise UsageError(f"there is no file {path}") from error
     except OSError as error:
         raise MotionError(f"{path}: {error.strerror}; check the path and its rights") from error
     try:
@@ -337,6 +341,8 @@ def write_bvh(path: Path, bvh: Bvh, *, decimals: int | None = None) -> None:
     try:
         with path.open("x", encoding="utf-8", newline="\n") as file:
             file.write(text)
+    except FileNotFoundError as error:
+        raise UsageError(f"there is no file {path}") from error
     except OSError as error:
         raise MotionError(f"{path}: {error.strerror}; choose another name or folder") from error
 

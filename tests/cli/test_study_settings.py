@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 from cli.app import load_lab
 from cli.main import app
 from cli.studies import study_here
-from lab.errors import UsageError
+from lab.errors import LedgerError, RecordingError, UsageError
 from tests.faults.sessions import CONFIG
+from visavis.sessions.data_root import DataDisk
 from visavis.sessions.study_folder import StudySettings, read_settings
 
 
@@ -85,6 +86,23 @@ def test_a_session_of_somebody_not_registered_takes_the_first_free_place(lab_con
     settings = StudySettings("stare", 1, is_simulated=True)
     entry = study_here("stare", lab).participant(settings, "07")
     assert ("S07H", 0) == (entry.label, entry.index)
+
+
+def test_a_number_to_issue_may_be_typed_as_its_label(lab_config: Path) -> None:
+    add = ("participant", "add", "stare")
+    assert "07H is participant 7" in visavis(lab_config, *add, "07h", "--devices", "real")
+    assert "S03D is participant 3" in visavis(lab_config, *add, "03D", "--devices", "sim")
+    with pytest.raises(LedgerError, match="the right check letter"):
+        visavis(lab_config, *add, "08H", "--devices", "real")
+
+
+def test_a_study_is_not_simulated_to_a_data_root_that_keeps_no_files(
+    lab_config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nothing = DataDisk(None, "this place keeps no files", "set data_root elsewhere")
+    monkeypatch.setattr("visavis.sessions.data_root.data_disk", lambda lab: nothing)
+    with pytest.raises(RecordingError, match=r"keeps no files; set data_root elsewhere.*lab_con"):
+        visavis(lab_config, "simulate", "stare", "--participants", "1")
 
 
 def test_a_place_can_be_taken_over_from_the_command_line(lab_config: Path) -> None:

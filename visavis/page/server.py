@@ -44,31 +44,31 @@ class Held:
     failures: list[Exception] = field(default_factory=list)
 
 
-class PageServer:
-    """Own the server; sessions are added by their keys.
+class LocalServer:
+    """Own a server of this computer's pages: the files of a site, and what is posted to it.
 
+    `files` leads from paths to files of the folder `site`, `posts` from paths to who answers.
     `hosts` are the names under which it may be asked for, so that no other site's page can be
     pointed at it. No address of a visitor is kept or logged.
     """
 
-    def __init__(self, hosts: tuple[str, ...] = (LOCAL, "localhost")) -> None:
+    def __init__(
+        self,
+        site: Path,
+        files: Mapping[str, str],
+        posts: Mapping[str, Handler],
+        hosts: tuple[str, ...] = (LOCAL, "localhost"),
+    ) -> None:
         self._hosts = hosts
-        self._held: dict[str, Held] = {}
-        app = web.Application(client_max_size=MAX_REQUEST_BYTES, middlewares=[self._guard])
-        for path in FILES:
-            app.router.add_get(path, self._file)
-        app.router.add_get("/films/{name}", self._film)
-        app.router.add_post("/api/hello", self._hello)
-        app.router.add_post("/api/events", self._events)
-        app.router.add_post("/api/leave", self._leave)
-        self._runner = web.AppRunner(app, access_log=None)
+        self._site = site
+        self._files = files
+        self._app = web.Application(client_max_size=MAX_REQUEST_BYTES, middlewares=[self._guard])
+        for path in files:
+            self._app.router.add_get(path, self._file)
+        for path, answer in posts.items():
+            self._app.router.add_post(path, answer)
+        self._runner = web.AppRunner(self._app, access_log=None)
         self.port = 0
-
-    def add(self, held: Held) -> None:
-        """Serve a session; one that is over already is not waited for."""
-        self._held[held.desk.key] = held
-        if held.desk.is_over:
-            held.over.set()
 
     async def start(self, host: str = LOCAL, port: int = 0) -> None:
         """Begin to listen; port 0 takes a free one.
@@ -92,11 +92,9 @@ class PageServer:
         """Stop listening."""
         await self._runner.cleanup()
 
-    def address_of(self, held: Held) -> str:
-        """Return the address of a session's page; its key is in no log, as it is a fragment."""
-        return f"http://{LOCAL}:{self.port}/#{held.desk.key}"
-
-    # ---- within ------------------------------------------------------------------------------
+    def address(self, key: str) -> str:
+        """Return the address of a page with its key, which is in no log: it is a fragment."""
+        return f"http://{LOCAL}:{self.port}/#{key}"
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -115,7 +113,31 @@ class PageServer:
         return response
 
     async def _file(self, request: web.Request) -> web.StreamResponse:
-        return web.FileResponse(SITE / FILES[request.path])
+        return web.FileResponse(self._site / self._files[request.path])
+
+
+class PageServer(LocalServer):
+    """Own the server of participants' pages; sessions are added by their keys."""
+
+    def __init__(self, hosts: tuple[str, ...] = (LOCAL, "localhost")) -> None:
+        self._held: dict[str, Held] = {}
+        posts: Mapping[str, Handler] = {
+            "/api/hello": self._hello, "/api/events": self._events, "/api/leave": self._leave,
+        }  # fmt: skip
+        super().__init__(SITE, FILES, posts, hosts)
+        self._app.router.add_get("/films/{name}", self._film)
+
+    def add(self, held: Held) -> None:
+        """Serve a session; one that is over already is not waited for."""
+        self._held[held.desk.key] = held
+        if held.desk.is_over:
+            held.over.set()
+
+    def address_of(self, held: Held) -> str:
+        """Return the address of a session's page."""
+        return self.address(held.desk.key)
+
+    # ---- within ------------------------------------------------------------------------------
 
     async def _film(self, request: web.Request) -> web.StreamResponse:
         held = self._of(request.headers.get(KEY, ""))
@@ -125,15 +147,15 @@ class PageServer:
         return web.FileResponse(path, headers={"Content-Type": "video/webm"})
 
     async def _hello(self, request: web.Request) -> web.StreamResponse:
-        body = await _body(request)
-        held, tab = self._of(request.headers.get(KEY, "")), _text(body, "tab")
+        body = await body_of(request)
+        held, tab = self._of(request.headers.get(KEY, "")), text_of(body, "tab")
         about = body.get("about")
         at_ms = body.get("at_ms")
 
         def hello() -> None:
             held.desk.hello(
                 tab,
-                before=_text(body, "before", is_needed=False),
+                before=text_of(body, "before", is_needed=False),
                 takes_over=body.get("takes_over") is True,
                 about=about if isinstance(about, dict) else {},
                 at_ms=float(at_ms) if isinstance(at_ms, int | float) else 0.0,
@@ -142,8 +164,8 @@ class PageServer:
         return web.json_response({**held.about, **await self._done(held, hello)})
 
     async def _events(self, request: web.Request) -> web.StreamResponse:
-        body = await _body(request)
-        held, tab = self._of(request.headers.get(KEY, "")), _text(body, "tab")
+        body = await body_of(request)
+        held, tab = self._of(request.headers.get(KEY, "")), text_of(body, "tab")
         events = body.get("events", [])
         if not isinstance(events, list):
             raise PageError("events are a list")
@@ -151,8 +173,8 @@ class PageServer:
         return web.json_response(told)
 
     async def _leave(self, request: web.Request) -> web.StreamResponse:
-        body = await _body(request)
-        self._of(_text(body, "key")).desk.leave(_text(body, "tab"))
+        body = await body_of(request)
+        self._of(text_of(body, "key")).desk.leave(text_of(body, "tab"))
         return web.json_response({})
 
     async def _done(
@@ -196,14 +218,16 @@ def _refused(status: int, why: str) -> web.Response:
     return web.json_response({"refused": why}, status=status)
 
 
-async def _body(request: web.Request) -> Mapping[str, Any]:
+async def body_of(request: web.Request) -> Mapping[str, Any]:
+    """Return what was posted; raises PageError where that is no object."""
     body = await request.json()
     if not isinstance(body, Mapping):
         raise PageError("a request is an object")
     return body
 
 
-def _text(body: Mapping[str, Any], name: str, *, is_needed: bool = True) -> str:
+def text_of(body: Mapping[str, Any], name: str, *, is_needed: bool = True) -> str:
+    """Return a short text of what was posted; raises PageError where it is none."""
     found = body.get(name, "")
     if not isinstance(found, str) or len(found) > 200 or (is_needed and not found):
         raise PageError(f"{name} is a short text")

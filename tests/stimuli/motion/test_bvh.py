@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from lab.errors import UsageError
 from stimuli.motion.bvh import CHANNELS, Bvh, BvhJoint, format_bvh, parse_bvh, read_bvh, write_bvh
 from stimuli.motion.bvh_clip import bvh_of_clip, clip_of_bvh
 from stimuli.motion.clip import placed_joints
@@ -171,7 +172,7 @@ def test_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
 
     with pytest.raises(BvhError, match="line 2: is not text"):
         read_bvh(path)
-    with pytest.raises(MotionError, match=r"none\.bvh: .*check the path"):
+    with pytest.raises(UsageError, match=r"there is no file .*none\.bvh"):
         read_bvh(tmp_path / "none.bvh")
 
 

@@ -1,0 +1,375 @@
+// The desk: shows what the session says, and sends what the operator asks for. It keeps nothing
+// that the session needs, so the page may be closed at any time.
+
+const key = location.hash.slice(1) || sessionStorage.getItem("key") || "";
+sessionStorage.setItem("key", key);
+history.replaceState(null, "", location.pathname);
+
+const QUIET_S = 3;
+const TODAY_EVERY_MS = 15000;
+const BUTTONS = [
+  ["pause", "Pause", "P", ""],
+  ["note", "Note", "N", "What happened?"],
+  ["flag", "Flag", "F", ""],
+  ["repeat", "Repeat trial", "R", ""],
+  ["skip", "Skip trial", "S", "Why is this trial skipped?"],
+  ["recalibrate", "Recalibrate", "C", ""],
+  ["silence", "Silence vibration", "X", ""],
+  ["abort", "End session", "Esc", ""],
+];
+const SAY = {
+  instructing: "instructions", intertrial: "between trials", trial: "trial", calibrating: "calibrating",
+  validating: "validating", paused: "paused", break: "break", questionnaire: "questions",
+  preflight: "getting ready", finished: "finished", aborted: "ended early", failed: "failed", idle: "getting ready",
+};
+
+const at = (id) => document.getElementById(id);
+let session = null, status = null, ended = null, allowed = [], asked = null, heardAt = performance.now(), today = null, bounds = null, isOffline = false;
+
+function el(name, content = {}, ...inner) {
+  const made = document.createElement(name);
+  for (const [attribute, value] of Object.entries(content)) {
+    if (attribute === "text") made.textContent = value;
+    else if (attribute === "on") made.addEventListener("click", value);
+    else if (value !== undefined && value !== "") made.setAttribute(attribute, value);
+  }
+  made.append(...inner.filter(Boolean));
+  return made;
+}
+
+async function post(path, content = {}) {
+  const answer = await fetch(path, {
+    method: "POST", headers: { "Content-Type": "application/json", "X-Visavis-Key": key }, body: JSON.stringify(content),
+  });
+  const told = await answer.json();
+  if (!answer.ok) throw new Error(told.refused || `the desk answered ${answer.status}`);
+  return told;
+}
+
+function tell(text) {
+  at("notice").hidden = !text;
+  if (at("notice").textContent !== text) at("notice").textContent = text;
+}
+
+let warnedUntil = 0;
+function warn(text) {
+  warnedUntil = performance.now() + 5000;
+  tell(text);
+}
+
+const count = (n, word) => `${n} ${word}${n === 1 ? "" : "s"}`;
+const minutes = (s) => (s < 90 ? `${Math.ceil(s)} s` : `${Math.round(s / 60)} min`);
+const number = (value, digits, unit) => (value === null ? "–" : `${value.toFixed(digits)}${unit}`);
+
+// ---- commands ---------------------------------------------------------------------------------
+
+async function command(action, text = "") {
+  try {
+    await post("/api/command", { action, text });
+  } catch (error) {
+    warn(`Not sent: ${error.message}`);
+  }
+}
+
+function press([action, label, , question]) {
+  if (!question && action !== "abort") { command(action); return; }
+  asked = action;
+  at("ask-label").textContent = question || "End the session? Finished trials are kept, and it can be resumed.";
+  at("ask-text").hidden = !question;
+  at("ask-text").value = "";
+  at("ask-yes").textContent = action === "note" ? "Write it down" : label;
+  at("ask").showModal();
+  (question ? at("ask-text") : at("ask-no")).focus();
+}
+
+at("ask-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const text = at("ask-text").value.trim();
+  if (!at("ask-text").hidden && !text) { at("ask-text").focus(); return; }
+  at("ask").close();
+  command(asked, text);
+});
+at("ask-no").addEventListener("click", () => at("ask").close());
+
+document.addEventListener("keydown", (event) => {
+  if (!session || at("ask").open || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  const target = event.target.tagName;
+  if (["INPUT", "TEXTAREA"].includes(target) || (event.key === " " && ["BUTTON", "SUMMARY"].includes(target))) return;
+  const name = event.key === "Escape" ? "Esc" : event.key.toUpperCase();
+  const found = BUTTONS.find((button) => button[2] === name && allowed.includes(button[0]));
+  if (event.key === " " && allowed.includes("advance") && status && status.prompt) {
+    event.preventDefault();
+    command("advance");
+  } else if (found) {
+    event.preventDefault();
+    press(found);
+  }
+});
+
+document.addEventListener("click", (event) => {  // a button pressed by mouse leaves the keys free
+  if (event.detail && event.target instanceof Element) event.target.closest("button")?.blur();
+});
+
+// ---- the session ------------------------------------------------------------------------------
+
+let frame = null;
+
+function build() {
+  const fact = (id, name) => el("div", {}, el("dt", { text: name }), el("dd", { id }));
+  const buttons = BUTTONS.filter((button) => allowed.includes(button[0])).map((button) =>
+    el("button", { type: "button", class: button[0] === "abort" ? "end" : "quiet", id: `do-${button[0]}`, on: () => press(button) },
+      document.createTextNode(button[1]), el("kbd", { text: button[2], "aria-hidden": "true" })));
+  frame = el("div", {},
+    el("dl", { class: "facts" },
+      fact("f-participant", "participant"), fact("f-state", "now"), fact("f-block", "block"), fact("f-trial", "trial"),
+      fact("f-done", "trials done"), fact("f-left", "trial ends in"), fact("f-session", "session left"), fact("f-condition", "condition")),
+    el("progress", { id: "bar", "aria-label": "trials done" }),
+    el("div", { class: "prompt", id: "prompt", hidden: "hidden" }, el("p", { id: "prompt-text" }),
+      allowed.includes("advance") ? el("button", { type: "button", id: "do-advance", on: () => command("advance") }, document.createTextNode("Go on"), el("kbd", { text: "space", "aria-hidden": "true" })) : null),
+    buttons.length ? el("div", { class: "buttons" }, ...buttons)
+      : el("p", { class: "faint", text: "This session goes on at the participant's page; nothing can be commanded from here. Ctrl-C in the terminal ends it, and every answer is kept." }),
+    el("div", { id: "flags" }), el("div", { id: "faults", "aria-live": "polite" }), el("div", { id: "calibration" }),
+    el("div", { class: "wide", id: "streams" }), el("ul", { class: "plain faint", id: "messages" }));
+  at("session").replaceChildren(el("h2", { text: `${session.study}, session ${session.session}` }), frame);
+}
+
+function put(id, text) {
+  const place = at(id);
+  if (place && place.textContent !== text) place.textContent = text;
+}
+
+const kept = new Map();
+function renew(id, content, make) {
+  const now = JSON.stringify(content);
+  if (kept.get(id) === now && at(id).childNodes.length) return;
+  kept.set(id, now);
+  at(id).replaceChildren(...make());
+}
+
+function showStatus() {
+  const s = status;
+  put("f-participant", session.participant);
+  put("f-state", SAY[s.state] || s.state);
+  put("f-block", s.block || "–");
+  put("f-trial", s.trial_id || "–");
+  put("f-done", `${s.trials_done} of ${s.trials_planned}${s.trials_skipped ? `, ${s.trials_skipped} skipped` : ""}`);
+  put("f-left", s.trial_left_s === null ? "–" : `${Math.ceil(s.trial_left_s)} s`);
+  put("f-session", allowed.length ? `about ${minutes(s.session_left_s)}` : "–");
+  put("f-condition", s.condition || (session.is_blind && s.trial_id ? "hidden" : "–"));
+  at("bar").max = Math.max(1, s.trials_planned);
+  at("bar").value = s.trials_done + s.trials_skipped;
+  at("prompt").hidden = !s.prompt;
+  put("prompt-text", s.prompt);
+  renew("flags", s.flags, () => s.flags.map((flag) => el("span", { class: "flag", text: flag })));
+  renew("faults", [s.faults, allowed.length], () => s.faults.length ? s.faults.map((fault) =>
+    el("div", { class: `fault ${fault.severity}` }, el("strong", { text: fault.role }), document.createTextNode(`: ${fault.message}`),
+      el("span", { class: "remedy", text: fault.remedy }))) : allowed.length ? [el("p", { class: "good", text: "No faults." })] : []);
+  showCalibration(s);
+  renew("streams", s.streams, () => s.streams.length ? [streams(s.streams)] : []);
+  renew("messages", s.messages, () => [...s.messages].reverse().map((message) => el("li", { text: message })));
+  showAbove(s.above);
+}
+
+function showCalibration(s) {
+  let text = "", kind = "faint";
+  if (s.accuracy_deg !== null) {
+    text = `Calibration: accuracy ${s.accuracy_deg.toFixed(2)}°, precision ${number(s.precision_deg, 2, "°")}, ${minutes(s.calibration_age_s || 0)} old.`;
+    kind = s.accuracy_deg <= 1.5 ? "good" : "bad";
+  } else if (s.is_calibrated_first && allowed.length) {
+    text = "Calibration: none yet.";
+    kind = "look";
+  }
+  put("calibration", text);
+  at("calibration").className = kind;
+}
+
+function streams(rows) {
+  const cells = (row) => row.received
+    ? [`${row.rate_hz.toFixed(1)} Hz`, `${row.gaps}`, number(row.longest_gap_ms, 0, " ms"), number(row.last_sample_age_ms, 0, " ms"), `${row.dropped}`]
+    : ["nothing yet", "", "", "", ""];
+  const table = el("table", {}, el("caption", { text: "Streams" }),
+    el("thead", {}, el("tr", {}, ...["device", "rate", "gaps", "longest gap", "last sample", "lost"].map((name) => el("th", { scope: "col", text: name })))));
+  const body = el("tbody");
+  for (const row of rows) {
+    const battery = row.battery_01 === null ? "" : `, battery ${Math.round(row.battery_01 * 100)} %`;
+    body.append(el("tr", { class: row.needs_look ? "bad" : row.received ? "" : "idle" },
+      el("td", { text: row.role.replaceAll("_", " ") + battery }), ...cells(row).map((text) => el("td", { text }))));
+  }
+  table.append(body);
+  return table;
+}
+
+// ---- the scene from above ---------------------------------------------------------------------
+
+const SVG = "http://www.w3.org/2000/svg";
+function shape(name, attributes, text) {
+  const made = document.createElementNS(SVG, name);
+  for (const [attribute, value] of Object.entries(attributes)) made.setAttribute(attribute, value);
+  if (text) made.textContent = text;
+  return made;
+}
+
+function showAbove(above) {
+  at("place").hidden = !above;
+  if (!above) return;
+  const points = [...above.people.map((person) => [person[1], person[2]]), ...(above.head ? [above.head] : [])];
+  for (const [x, z] of points) {
+    bounds = bounds ? [Math.min(bounds[0], x), Math.min(bounds[1], z), Math.max(bounds[2], x), Math.max(bounds[3], z)] : [x, z, x, z];
+  }
+  if (!bounds) return;
+  const wide = Math.max(bounds[2] - bounds[0] + 1.6, 3), deep = Math.max(bounds[3] - bounds[1] + 1.6, 2.2);
+  const x0 = (bounds[0] + bounds[2] - wide) / 2, z0 = (bounds[1] + bounds[3] - deep) / 2, size = Math.max(wide, deep);
+  const drawn = [];
+  above.people.forEach((person, i) => {
+    const isMet = i === above.hit;
+    drawn.push(shape("circle", { cx: person[1], cy: person[2], r: person[3], fill: isMet ? "#f2a900" : "#b7c0c9", stroke: "#4a525b", "stroke-width": size * 0.003 }));
+  });
+  if (above.gaze) {
+    const [x, z, dx, dz] = above.gaze;
+    drawn.push(shape("line", { x1: x, y1: z, x2: x + 2 * size * dx, y2: z + 2 * size * dz, stroke: "#c0392b", "stroke-width": size * 0.006, "stroke-opacity": 0.8 }));
+  }
+  if (above.head) {
+    const [x, z] = above.head, r = 0.16;
+    const length = Math.hypot(...above.ahead) || 1, ux = above.ahead[0] / length, uz = above.ahead[1] / length;
+    drawn.push(shape("path", { d: `M ${x + ux * r * 2} ${z + uz * r * 2} L ${x - uz * r} ${z + ux * r} L ${x + uz * r} ${z - ux * r} Z`, fill: "#14509a" }));
+    drawn.push(shape("circle", { cx: x, cy: z, r, fill: "#14509a" }));
+  }
+  const bar = size > 12 ? 5 : 1, y = z0 + deep - size * 0.03, x = x0 + size * 0.03;
+  drawn.push(shape("path", { d: `M ${x} ${y} h ${bar}`, stroke: "#4a525b", "stroke-width": size * 0.006 }));
+  drawn.push(shape("text", { x: x + bar + size * 0.015, y: y + size * 0.012, "font-size": size * 0.04, fill: "#4a525b" }, `${bar} m`));
+  at("above").setAttribute("viewBox", `${x0} ${z0} ${wide} ${deep}`);
+  at("above").replaceChildren(...drawn);
+  const met = above.people[above.hit];
+  const gaze = !above.gaze ? "gaze is lost" : met ? `looks at ${met[0].replaceAll("_", " ")}` : "looks at nobody";
+  put("above-text", status.streams.some((row) => row.role === "eye_tracker") ? gaze : "gaze is not measured");
+}
+
+// ---- today and doctor -------------------------------------------------------------------------
+
+function verdictOf(verdict, label) {
+  return el("div", { class: `verdict ${verdict.level}` },
+    el("strong", { text: verdict.answer }),
+    el("span", { text: `Participant ${label}: ${verdict.done} of ${count(verdict.planned, "trial")} done.` }),
+    el("ul", { class: "plain" }, ...verdict.redo.map((step) => el("li", { class: "remedy", text: step }))),
+    el("details", {}, el("summary", { text: "what was looked at" }),
+      el("ul", { class: "plain" }, ...verdict.findings.map((finding) =>
+        el("li", { class: finding.level === "red" ? "bad" : finding.level === "amber" ? "look" : "", text: `${finding.subject}: ${finding.message}` })))));
+}
+
+function copied(text) {
+  const button = el("button", { type: "button", class: "quiet small", text: "Copy" });
+  button.addEventListener("click", async () => {
+    await navigator.clipboard.writeText(text);
+    button.textContent = "Copied";
+  });
+  return button;
+}
+
+function person(who) {
+  const verdict = who.verdict;
+  const short = verdict ? { green: "good", amber: "look", red: "bad" }[verdict.level] : "faint";
+  const state = who.session && who.state !== "to come" ? `session ${who.session} ${who.state}` : who.state;
+  return el("div", { class: "person" }, el("b", { text: who.label }), el("span", { text: state }),
+    verdict ? el("div", { class: short, text: `${verdict.answer} ${verdict.done} of ${verdict.planned} trials done.` }) : null,
+    verdict && who.state === "complete" ? el("ul", { class: "plain" }, ...verdict.redo.map((step) => el("li", { class: "remedy", text: step }))) : null,
+    who.command ? el("div", {}, el("code", { text: who.command }), document.createTextNode(" "), copied(who.command)) : null);
+}
+
+async function showToday() {
+  today = await post("/api/today");
+  put("lab", `${today.lab} · ${today.configuration}`);
+  at("rehearsal").hidden = !today.is_simulated;
+  const shown = today.studies.filter((study) => study.people.length || study.problem);
+  const before = (study) => (study.before ? `${count(study.before, "participant")} on other days` : "");
+  renew("people", today.studies, () => shown.length ? shown.map((study) =>
+    el("div", {}, el("h3", { text: study.study }), study.problem ? el("p", { class: "bad", text: study.problem }) : null,
+      ...study.people.map(person), before(study) ? el("p", { class: "faint", text: before(study) }) : null))
+    : [el("p", { class: "faint", text: "Nobody is here yet today. Somebody new: visavis participant add STUDY" })]);
+  if (today.doctor) showDoctor(today.doctor);
+  if (!session) showNoSession();
+}
+
+function showNoSession() {
+  const who = today && today.studies.flatMap((study) => study.people).find((one) => one.path === ended);
+  const idle = el("p", { class: "faint", text: "No session goes on. Begin one in a terminal with visavis run; it appears here by itself." });
+  const content = who ? [el("h2", { text: "Can they leave?" }), who.verdict ? verdictOf(who.verdict, who.label) : el("p", { text: "looking …" }),
+    who.command ? el("p", {}, el("code", { text: who.command }), document.createTextNode(" "), copied(who.command)) : null, idle]
+    : [el("h2", { text: "Session" }), idle];
+  renew("session", [ended, who], () => content.filter(Boolean));
+}
+
+function showDoctor(doctor) {
+  const wrong = doctor.findings.filter((f) => ["missing", "warning"].includes(f.level)).sort((a, b) => (a.level === "missing" ? 0 : 1) - (b.level === "missing" ? 0 : 1));
+  const { missing, warning } = doctor.count;
+  const line = missing ? ["bad", `Not ready: ${count(missing, "thing")} missing.`] : warning ? ["look", `Ready, with ${warning} to look at.`] : ["good", "Ready."];
+  renew("findings", doctor, () => [
+    el("p", { class: line[0] }, el("strong", { text: line[1] })),
+    ...wrong.map((f) => el("div", { class: `fault ${f.level === "missing" ? "blocking" : ""}` }, el("strong", { text: f.subject }),
+      document.createTextNode(`: ${f.found}`), f.remedy ? el("span", { class: "remedy", text: f.remedy }) : null)),
+    el("details", {}, el("summary", { text: `all ${doctor.findings.length} findings` }), el("ul", { class: "plain faint" }, ...doctor.findings.map((f) =>
+      el("li", { text: `${{ ok: "✓", note: "·", warning: "!", missing: "✗" }[f.level]} ${f.subject}: ${f.found}` })))),
+    el("p", { class: "faint", text: `looked at ${new Date(doctor.made_wall_iso).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", hourCycle: "h23" })}` }),
+  ]);
+}
+
+async function look() {
+  at("look").disabled = true;
+  at("look").textContent = "Looking …";
+  try {
+    const { doctor } = await post("/api/doctor");
+    if (doctor) showDoctor(doctor);
+    else at("findings").replaceChildren(el("p", { class: "faint", text: "Nothing is known yet." }));
+  } catch (error) {
+    warn(error.message);
+  }
+  at("look").disabled = false;
+  at("look").textContent = "Look again";
+}
+at("look").addEventListener("click", look);
+
+// ---- what is new ------------------------------------------------------------------------------
+
+async function follow() {
+  let after = null;
+  for (;;) {
+    try {
+      const told = await post("/api/live", after === null ? {} : { after });
+      if (told.number !== after) heardAt = performance.now();
+      after = told.number;
+      const before = session && session.path + session.participant;
+      session = told.session;
+      status = told.status;
+      ended = told.ended;
+      const now = session && session.path + session.participant;
+      if (session && (now !== before || !frame || !frame.isConnected)) {
+        allowed = session.commands;
+        bounds = null;
+        kept.clear();
+        build();
+      }
+      if (now !== before) {
+        if (!session) { frame = null; at("place").hidden = true; at("ask").close(); }
+        showToday().then(session ? look : undefined).catch(() => {});
+      }
+      if (session && status) showStatus();
+      else if (session) put("f-state", SAY.preflight);
+      if (isOffline) { isOffline = false; tell(""); }
+    } catch (error) {
+      isOffline = true;
+      tell(error instanceof TypeError ? "The desk is closed; the session goes on without it. Open it again: visavis desk" : error.message);
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+      after = null;
+    }
+  }
+}
+
+setInterval(() => {
+  if (isOffline || performance.now() < warnedUntil) return;
+  const quiet_s = (performance.now() - heardAt) / 1000;
+  const isQuiet = session && allowed.length && status && quiet_s > QUIET_S;
+  tell(isQuiet ? `No news from the session for ${Math.round(quiet_s)} s: look at its terminal, where questions may be waiting.` : "");
+}, 1000);
+setInterval(() => showToday().catch(() => {}), TODAY_EVERY_MS);
+
+follow();
+showToday().then(look).catch((error) => warn(error.message));

@@ -1,0 +1,283 @@
+"""Between session and desk: what is told, what may be asked for, and who may ask."""
+
+import asyncio
+import json
+import math
+import os
+import socket
+import stat
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cli.desk.link import (
+    ACTIONS,
+    GAZE_KEPT,
+    MAX_TEXT,
+    About,
+    SessionLink,
+    command_of,
+    line_of,
+    meeting_folder,
+    told,
+)
+from cli.desk.watch import SessionWatch
+from lab.clock import NS_PER_MS, NS_PER_S, StopWatch
+from lab.geometry import Pose
+from protocol.operator import KEYS, Action, Command, SessionStatus, UnattendedOperator
+from protocol.steps import FrameView, GazeView
+from stimuli.scene import Agent, Scene, SceneFrame
+from tests.cli.test_operator_screen import STATUS
+
+PATIENCE_S = 20.0
+
+
+class AtTheTerminal(UnattendedOperator):
+    """An operator who looks four times a second and has typed one thing."""
+
+    status_period_ns = NS_PER_S // 4
+
+    def __init__(self) -> None:
+        self.typed = [Command(Action.FLAG)]
+        self.seen: list[SessionStatus] = []
+
+    def poll(self) -> Sequence[Command]:
+        typed, self.typed = self.typed, []
+        return typed
+
+    def show(self, status: SessionStatus) -> None:
+        self.seen.append(status)
+
+    def waits_for_advance(self, prompt: str) -> bool:
+        return prompt == "wait"
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def link(cache: Path, tmp_path: Path) -> Iterator[SessionLink]:
+    about = About("stare", "S07H", 1, str(tmp_path), is_simulated=True, is_blind=False)
+    with SessionLink(AtTheTerminal(), about, tmp_path) as made:
+        yield made
+
+
+def with_desk(data_root: Path, act: Callable[[SessionWatch], Any]) -> Any:
+    """Let a desk follow the session of a data root while something is done."""
+
+    async def both() -> Any:
+        watch = SessionWatch(data_root)
+        running = asyncio.create_task(watch.run())
+        try:
+            return await asyncio.wait_for(act(watch), PATIENCE_S)
+        finally:
+            running.cancel()
+            await asyncio.wait([running])
+
+    return asyncio.run(both())
+
+
+async def until(watch: SessionWatch, holds: Callable[[], bool]) -> None:
+    while not holds():
+        await watch.wait(watch.number, PATIENCE_S)
+
+
+def polled(link: SessionLink) -> list[Command]:
+    """Return what is asked for next, from wherever."""
+    watch = StopWatch()
+    while watch.elapsed_s() < PATIENCE_S:
+        found = list(link.poll())
+        if found:
+            return found
+    raise AssertionError("nothing was asked for")
+
+
+def test_a_desk_hears_the_status_and_its_commands_reach_the_session(
+    link: SessionLink, tmp_path: Path
+) -> None:
+    assert [Command(Action.FLAG)] == polled(link)  # typed at the terminal
+    link.show(STATUS)
+
+    async def act(watch: SessionWatch) -> Any:
+        await until(watch, lambda: watch.status is not None)
+        assert await watch.tell(Command(Action.NOTE, "sneezed"))
+        return dict(watch.about or {}), dict(watch.status or {})
+
+    about, status = with_desk(tmp_path, act)
+    assert ("stare", "S07H", 1) == (about["study"], about["participant"], about["session"])
+    assert ("trial", "T05", 5) == (status["state"], status["trial_id"], status["trials_done"])
+    assert [Command(Action.NOTE, "sneezed")] == polled(link)
+
+
+def test_a_session_goes_on_while_desks_come_and_go(link: SessionLink, tmp_path: Path) -> None:
+    async def here(watch: SessionWatch) -> bool:
+        await until(watch, lambda: watch.status is not None)
+        return True
+
+    for _ in range(2):
+        link.show(STATUS)
+        assert with_desk(tmp_path, here)
+    link.show(STATUS)
+    assert [Command(Action.FLAG)] == list(link.poll())
+
+
+def test_a_desk_hears_that_a_session_has_ended_and_which(cache: Path, tmp_path: Path) -> None:
+    about = About("stare", "S07H", 1, str(tmp_path), is_simulated=True, is_blind=False)
+    made = SessionLink(UnattendedOperator(), about, tmp_path)
+
+    async def act(watch: SessionWatch) -> Any:
+        with made:
+            await until(watch, lambda: watch.about is not None)
+        await until(watch, lambda: watch.about is None)
+        return (watch.ended or {})["path"], await watch.tell(Command(Action.FLAG))
+
+    assert (str(tmp_path), False) == with_desk(tmp_path, act)
+
+
+def test_sessions_of_another_data_root_are_nobodys_business_here(
+    link: SessionLink, tmp_path: Path
+) -> None:
+    async def act(watch: SessionWatch) -> bool:
+        await asyncio.sleep(0)  # the first look
+        await watch.wait(0, 0.2)
+        return watch.about is None
+
+    assert with_desk(tmp_path / "another", act)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="modes are those of POSIX")
+def test_how_a_session_is_reached_is_its_owners_secret_and_gone_with_it(
+    cache: Path, tmp_path: Path
+) -> None:
+    about = About("stare", "S07H", 1, str(tmp_path), is_simulated=True, is_blind=False)
+    with SessionLink(UnattendedOperator(), about, tmp_path):
+        (meeting,) = meeting_folder().glob("*.json")
+        assert 0o600 == stat.S_IMODE(meeting.stat().st_mode)
+        assert cache in meeting.parents
+    assert [] == list(meeting_folder().glob("*.json"))
+
+
+def test_nobody_without_the_secret_is_told_or_heard(link: SessionLink) -> None:
+    link.poll()
+    link.show(STATUS)
+    (meeting,) = meeting_folder().glob("*.json")
+    port = json.loads(meeting.read_text("utf-8"))["port"]
+    with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S) as stranger:
+        stranger.sendall(b"guess\n" + line_of({"action": "abort"}))
+        assert b"" == _all_of(stranger)
+    assert [] == list(link.poll())
+
+
+def _all_of(stranger: socket.socket) -> bytes:
+    try:
+        return stranger.recv(1024)
+    except ConnectionResetError:
+        return b""
+
+
+def test_a_killed_sessions_way_is_forgotten(cache: Path, tmp_path: Path) -> None:
+    from cli.desk.link import meeting_name
+
+    folder = meeting_folder()
+    folder.mkdir(parents=True)
+    left = folder / f"{meeting_name(tmp_path)}-1.json"
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        left.write_text(json.dumps({"port": free.getsockname()[1], "token": "x"}), "utf-8")
+
+    async def act(watch: SessionWatch) -> None:
+        while left.exists():
+            await asyncio.sleep(0.01)
+
+    with_desk(tmp_path, act)
+
+
+def test_a_desk_can_ask_for_what_the_keys_do_and_for_no_answer_of_a_participant() -> None:
+    assert set(KEYS.values()) == set(ACTIONS)
+    assert Command(Action.PAUSE) == command_of(b'{"action": "pause"}', ACTIONS)
+    assert None is command_of(b'{"action": "answer", "text": "5"}', ACTIONS)
+    assert None is command_of(b'{"action": "pause"}', ())
+    for line in (
+        b"",
+        b"[]",
+        b"{}",
+        b"\xff",
+        b'{"action": "dance"}',
+        b'{"action": "note", "text": 1}',
+    ):
+        assert None is command_of(line, ACTIONS)
+
+
+def test_a_note_is_one_line_of_text() -> None:
+    line = line_of({"action": "note", "text": "  a\x1b[2J\nb" + "x" * MAX_TEXT})
+    note = command_of(line, ACTIONS)
+    assert note is not None
+    assert note.text.startswith("a[2Jbxxx")
+    assert len(note.text) <= MAX_TEXT
+
+
+def test_the_terminal_is_drawn_no_more_often_than_without_a_desk(link: SessionLink) -> None:
+    shown = NS_PER_S // link.status_period_ns
+    for _ in range(shown):
+        link.show(STATUS)
+    terminal: Any = link._operator
+    assert NS_PER_S // terminal.status_period_ns == len(terminal.seen)
+
+
+def test_who_waits_at_the_terminal_is_waited_for(link: SessionLink) -> None:
+    assert link.waits_for_advance("wait")
+    assert not link.waits_for_advance("go")
+
+
+def test_what_is_not_known_is_nothing_never_a_number() -> None:
+    unknown = replace(STATUS, trial_left_s=math.nan, accuracy_deg=None)
+    found = json.loads(line_of(told(1, unknown, None)))
+    assert (None, None) == (found["trial_left_s"], found["accuracy_deg"])
+    assert None is found["above"]
+
+
+def seen(valid: bool, *, brightness_01: float = 1.0) -> SessionStatus:
+    """Return a status of a frame in which somebody 2 m ahead, 1 m to the right, was looked at."""
+    head = Pose(np.array([0.0, 1.2, 0.5]), np.array([1.0, 0.0, 0.0, 0.0]))
+    at = np.array([1.0, 1.3, -2.0])
+    gaze = GazeView(
+        np.array([5 * NS_PER_MS]), np.array([valid]), np.array([[0.6, 0.0, -0.8]]),
+        np.array([[0.0, 1.2, 0.5]]), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)),
+        np.array([0 if valid else -2], np.int16),
+    )  # fmt: skip
+    agent = Agent("a1", "anna", "right_close", at, 0.11, np.array([0.0, 0.0, 1.0]), at)
+    scene = Scene("rows", (agent,), brightness_01=brightness_01)
+    shown = SceneFrame(scene, 0, np.array([[0.0, 0.0, 1.0]]), np.ones(1))
+    return replace(STATUS, frame=FrameView(0, 0, head, True, gaze), shown=shown)
+
+
+def above_of(link: SessionLink, status: SessionStatus) -> Any:
+    link.show(status)
+    latest = link._latest
+    assert latest is not None
+    return told(*latest)["above"]
+
+
+def test_from_above_people_head_and_gaze_are_where_they_are(link: SessionLink) -> None:
+    above = above_of(link, seen(True))
+    assert [["right_close", 1.0, -2.0, 0.12]] == above["people"]
+    assert ([0.0, 0.5], [0.0, -1.0]) == (above["head"], above["ahead"])
+    assert ([0.0, 0.5, 0.6, -0.8], 0) == (above["gaze"], above["hit"])
+
+
+def test_a_blink_keeps_the_gaze_and_a_loss_does_not(link: SessionLink) -> None:
+    above_of(link, seen(True))
+    kept = [above_of(link, seen(False))["gaze"] for _ in range(GAZE_KEPT + 1)]
+    assert [True] * GAZE_KEPT + [False] == [gaze is not None for gaze in kept]
+
+
+def test_in_the_dark_nobody_is_drawn_or_looked_at(link: SessionLink) -> None:
+    above = above_of(link, seen(True, brightness_01=0.0))
+    assert ([], -1) == (above["people"], above["hit"])

@@ -1,0 +1,113 @@
+"""Who is here today, how far they are, and what to do next."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cli.commands.desk import _desk_server
+from cli.desk.people import Verdicts, people_today
+from lab.clock import SystemClock
+from lab.config import LabConfig
+from lab.errors import ConfigError, SessionAborted
+from protocol.ledger import Ledger
+from protocol.operator import Action, Command
+from protocol.states import SessionState
+from recording.folder import study_dir
+from tests.faults.sessions import ScriptedOperator, lab, path_of, perform
+from visavis.sessions.study_check import SIMULATED_PREFIX
+from visavis.sessions.study_folder import StudySettings, settle
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> LabConfig:
+    made = lab(tmp_path)
+    folder = study_dir(tmp_path, "stare", is_simulated=True)
+    settle(folder, StudySettings("stare", 1, is_simulated=True), seed_given=False, fits=bool)
+    ledger = Ledger(folder, SystemClock(), prefix=SIMULATED_PREFIX)
+    ledger.add(1)
+    ledger.add(2)
+    # the session is that of somebody whose label the ledger gives
+    path_of(made).parent.parent.mkdir(exist_ok=True)
+    (folder / "sub-S01B").symlink_to(folder / "sub-S01")
+    return made
+
+
+def today(config: LabConfig, running: str = "") -> dict[str, Any]:
+    (study,) = people_today(config, Verdicts(), running)
+    return {person["label"]: person for person in study["people"]} | {"before": study["before"]}
+
+
+def session_of(config: LabConfig) -> Path:
+    return study_dir(config.data_root, "stare", is_simulated=True) / "sub-S01B/ses-001"
+
+
+def test_somebody_still_to_come_is_shown_with_the_command(config: LabConfig) -> None:
+    found = today(config)
+    assert "to come" == found["S02C"]["state"]
+    assert "visavis run stare --participant S02C" == found["S02C"]["command"]
+
+
+def test_a_session_broken_off_says_what_to_redo_and_a_whole_one_that_they_can_leave(
+    config: LabConfig,
+) -> None:
+    script = ((SessionState.TRIAL, 3, 5, Command(Action.ABORT)),)
+    with pytest.raises(SessionAborted):
+        perform(config, ScriptedOperator(*script), trial_s=1.0)
+    found = today(config)["S01B"]
+    assert ("interrupted", "red") == (found["state"], found["verdict"]["level"])
+    assert f"visavis resume {session_of(config)}" == found["command"]
+    assert (2, 7) == (found["verdict"]["done"], found["verdict"]["planned"])
+    assert any("visavis resume" in step for step in found["verdict"]["redo"])
+
+
+def test_a_whole_session_of_today_is_judged_and_one_of_another_day_counted(
+    config: LabConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    perform(config, trial_s=1.0)
+    found = today(config)["S01B"]
+    assert ("complete", "") == (found["state"], found["command"])
+    assert found["verdict"]["answer"].startswith("They can leave")
+    monkeypatch.setattr("cli.desk.people._is_today", lambda changed_s: False)
+    found = today(config)
+    assert ("S01B" in found, 1) == (False, found["before"])
+
+
+def test_while_a_session_goes_on_no_other_is_judged(config: LabConfig) -> None:
+    perform(config, trial_s=1.0)
+    found = today(config, running="elsewhere")["S01B"]
+    assert ("was here", None) == (found["state"], found["verdict"])
+    assert "running" == today(config, running=str(session_of(config)))["S01B"]["state"]
+
+
+def test_a_ledger_that_cannot_be_read_is_told_and_hides_no_other_study(config: LabConfig) -> None:
+    other = study_dir(config.data_root, "crowd", is_simulated=True)
+    settle(other, StudySettings("crowd", 1, is_simulated=True), seed_given=False, fits=bool)
+    Ledger(other, SystemClock(), prefix=SIMULATED_PREFIX).add(1)
+    for file in other.glob("participants*.jsonl"):
+        file.chmod(0o600)
+        file.write_text("{no\n{no\n", "utf-8")
+    found = {study["study"]: study for study in people_today(config, Verdicts())}
+    assert found["crowd"]["problem"]
+    assert 2 == len(found["stare"]["people"])
+
+
+def test_a_session_gone_on_with_today_is_todays_whenever_it_was_begun(config: LabConfig) -> None:
+    perform(config, trial_s=1.0)  # on the virtual clock, whose day is another
+    assert "complete" == today(config)["S01B"]["state"]
+    manifest = session_of(config) / "manifest.json"
+    days_ago_s = manifest.stat().st_mtime - 2 * 86400
+    os.utime(manifest, (days_ago_s, days_ago_s))
+    assert 1 == today(config)["before"]
+
+
+def test_without_the_servers_library_the_way_to_get_it_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def missing(name: str) -> Any:
+        raise ModuleNotFoundError("gone", name=name)
+
+    monkeypatch.setattr("importlib.import_module", missing)
+    with pytest.raises(ConfigError, match=r"pip install 'visavis\[browser\]'"):
+        _desk_server()
