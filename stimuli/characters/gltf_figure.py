@@ -1,7 +1,7 @@
 """The skinned figure in a glTF file: bones in world, bound surfaces, shapes of the face."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from lab.geometry import Vector, quat_conjugate, rotate, unit
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.gltf_file import GltfFile
+from stimuli.characters.gltf_looks import coordinates_of
 from stimuli.motion.errors import MotionError
 from stimuli.motion.joint_names import match_joints
 from stimuli.motion.rotations import matrix_of_quat, quat_from_axes
@@ -20,7 +21,10 @@ Indices = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A primitive as bound: vertices in world, `joints` (v, k) nodes with `weights` (v, k)."""
+    """A primitive as bound: vertices in world, `joints` (v, k) nodes with `weights` (v, k).
+
+    `uv` is what its material reads; `colour` (v, 3) is linear.
+    """
 
     name: str
     vertices_m: Vector
@@ -31,6 +35,7 @@ class Surface:
     weights: Vector
     material: int | None
     shapes: dict[str, Vector]
+    colour: Vector | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,18 +153,23 @@ def _surfaces(
         move = np.einsum("vk,vkab->vab", weights, moves[joints])
         turn = move[:, :3, :3]
         vertices = np.einsum("vab,vb->va", turn, position) + move[:, :3, 3]
-        if "NORMAL" in attributes:
-            normals = file.accessor(attributes["NORMAL"]).astype(np.float64)
-            normals = np.nan_to_num(unit(np.einsum("vab,vb->va", turn, normals)))
-        else:
-            normals = np.zeros_like(vertices)
         if "indices" in primitive:
             triangles = file.accessor(primitive["indices"]).astype(np.int64).reshape(-1, 3)
         else:
             triangles = np.arange(len(position)).reshape(-1, 3)
+        if "NORMAL" in attributes:
+            normals = file.accessor(attributes["NORMAL"]).astype(np.float64)
+            normals = np.nan_to_num(unit(np.einsum("vab,vb->va", turn, normals)))
+        else:
+            normals = _normals(vertices, triangles)
+        coordinates, moved_uv = coordinates_of(file, primitive.get("material"))
         uv = None
-        if "TEXCOORD_0" in attributes:
-            uv = file.accessor(attributes["TEXCOORD_0"]).astype(np.float64)
+        if f"TEXCOORD_{coordinates}" in attributes:
+            uv = file.accessor(attributes[f"TEXCOORD_{coordinates}"]).astype(np.float64)
+            uv = uv @ moved_uv[:2, :2].T + moved_uv[:2, 2]
+        colour = None
+        if "COLOR_0" in attributes:
+            colour = file.accessor(attributes["COLOR_0"])[:, :3].astype(np.float64)
         shapes = {}
         for k, target in enumerate(primitive.get("targets", [])):
             if "POSITION" in target:
@@ -169,8 +179,19 @@ def _surfaces(
         name = str(node.get("name") or mesh.get("name") or f"mesh{index}")
         found.append(
             Surface(name, vertices, normals, uv, triangles, joints_of[joints], weights,
-                    primitive.get("material"), shapes)
+                    primitive.get("material"), shapes, colour)
         )  # fmt: skip
+    return found
+
+
+def _normals(vertices_m: Vector, triangles: Indices) -> Vector:
+    """Return the mean normals (v, 3) of the triangles round each vertex."""
+    a, b, c = (vertices_m[triangles[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    normals = np.zeros_like(vertices_m)
+    for k in range(3):
+        np.add.at(normals, triangles[:, k], across)
+    found: Vector = np.nan_to_num(unit(normals))
     return found
 
 
@@ -234,8 +255,12 @@ def _upright(figure: Figure) -> Figure:
         return rotate(back, points - hips)
 
     surfaces = tuple(
-        Surface(s.name, moved(s.vertices_m), rotate(back, s.normals), s.uv, s.triangles, s.joints,
-                s.weights, s.material, {k: rotate(back, d) for k, d in s.shapes.items()})
+        replace(
+            s,
+            vertices_m=moved(s.vertices_m),
+            normals=rotate(back, s.normals),
+            shapes={name: rotate(back, delta) for name, delta in s.shapes.items()},
+        )
         for s in figure.surfaces
-    )  # fmt: skip
+    )
     return Figure(figure.names, figure.parents, moved(figure.at_m), figure.bone_of, surfaces)

@@ -18,6 +18,7 @@ from stimuli.characters.gltf import import_gltf
 from stimuli.characters.gltf_eyes import fitted_eye
 from stimuli.characters.gltf_figure import read_figure
 from stimuli.characters.gltf_file import read_glb
+from stimuli.characters.gltf_skin import like_the_face
 from stimuli.characters.library import import_characters, library_names
 from stimuli.motion.skeleton import canonical_skeleton
 from tests.stimuli.glb_figure import write_glb
@@ -45,6 +46,36 @@ def test_imported_figure_stands_in_our_t_pose_and_faces_forward(glb: Path) -> No
     middle = mesh.vertices_m[np.unique(hand)].mean(axis=0)
     np.testing.assert_allclose(middle, rest[person.skeleton.index("left_hand")], atol=0.005)
     np.testing.assert_allclose(mesh.weights.sum(axis=1), 1, atol=1e-6)
+
+
+def test_collar_bones_come_down_in_a_figure_made_with_its_arms_spread(tmp_path: Path) -> None:
+    path = tmp_path / "spread_F.glb"
+    heights = {}
+    for down_deg in (0.0, 40.0):
+        write_glb(path, arms_down_deg=down_deg)
+        skeleton = import_gltf(path).skeleton
+        at = {name: skeleton.rest_m[skeleton.index(name)] for name in skeleton.names}
+        length = np.linalg.norm(at["left_upper_arm"] - at["left_shoulder"])
+        np.testing.assert_allclose(
+            at["left_upper_arm"] * [-1, 1, 1], at["right_upper_arm"], atol=1e-6
+        )
+        heights[down_deg] = at["left_upper_arm"][1] - at["left_shoulder"][1], length
+    # A quarter of 35°, of a collar bone that lay level.
+    spread, length = heights[0.0]
+    assert spread == pytest.approx(heights[40.0][0] - length * np.sin(np.radians(8.75)), abs=1e-3)
+
+
+def test_what_looks_like_the_face_is_skin_and_the_rest_is_not() -> None:
+    skin, shirt = (205, 150, 120), (40, 60, 120)
+    pixels = np.array([[skin, (190, 138, 110), shirt, shirt]], np.uint8)
+    column = np.array([0, 0, 1, 1, 2, 3])
+    n = 12
+    tiles = np.repeat(column, n)
+    corners = np.arange(3 * len(tiles)).reshape(-1, 3)
+    uv = np.repeat(np.stack([(tiles + 0.5) / 4, np.full(len(tiles), 0.5)], axis=1), 3, axis=0)
+    faces = np.arange(len(tiles)) < 2 * n
+    found = like_the_face(pixels, uv, corners, faces)
+    np.testing.assert_array_equal(found, tiles < 2)
 
 
 def test_eye_axis_is_fitted_from_the_eyeball_not_its_bone(glb: Path) -> None:
@@ -194,6 +225,17 @@ def test_valid_avatars_import_whole() -> None:
         assert set(np.unique(person.levels[0].triangle_part)) == set(range(1, 20))
         assert 1.5 < person.stature_m < 2.1
         assert len(person.capsules) >= 19
+        body = {m.kind: m for m in person.materials if m.name.startswith("_Body")}
+        assert {"skin", "cloth"} <= set(body)
+        assert body["cloth"].roughness_01 > 0.8 > body["skin"].roughness_01
+        assert body["skin"].texture_srgb is body["cloth"].texture_srgb
+        assert body["skin"].texture_srgb is not None
+        assert body["skin"].texture_srgb.shape[0] == 2048
+        assert body["skin"].maps is not None
+        mesh = person.levels[0]
+        thigh = mesh.triangle_part == PART_INDEX["left_thigh"]
+        worn = [person.materials[m].kind for m in np.unique(mesh.triangle_material[thigh])]
+        assert "cloth" in worn
 
 
 def test_a_description_nested_without_end_is_named(tmp_path: Path) -> None:
