@@ -1,6 +1,7 @@
 """Import characters from glTF files: their own skeleton, looks and shapes, our names and rest."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -48,17 +49,24 @@ _SHAPES: dict[str, tuple[tuple[str, float], ...]] = {
 """How shapes are called in files; the first pattern that any shape fits is taken."""
 
 
-def import_gltf(path: Path, *, name: str | None = None, gender: Gender | None = None) -> Character:
+def import_gltf(
+    path: Path,
+    *,
+    name: str | None = None,
+    gender: Gender | None = None,
+    joint_map: Mapping[str, str] | None = None,
+) -> Character:
     """Return the character in a .glb file, in the T-pose, with levels, parts and capsules.
 
-    `gender` is read from a name such as Asian_F_2 when None.
+    `gender` is read from a name such as Asian_F_2 when None; `joint_map` gives the file's bones for
+    joints of ours that their names do not tell.
 
     Raises:
         CharacterError: the file is broken, or lacks a skin, a needed bone, or eyes.
     """
     file = read_glb(path)
     try:
-        return _imported(file, name or path.stem, gender or _gender(path))
+        return _imported(file, name or path.stem, gender or _gender(path), joint_map)
     except (KeyError, IndexError, TypeError) as e:
         raise CharacterError(
             f"{path}: refers to something that is not in it ({e!r}); export it again"
@@ -81,8 +89,10 @@ def _gender(path: Path) -> Gender:
     )
 
 
-def _imported(file: GltfFile, name: str, gender: Gender) -> Character:
-    figure = read_figure(file)
+def _imported(
+    file: GltfFile, name: str, gender: Gender, joint_map: Mapping[str, str] | None
+) -> Character:
+    figure = read_figure(file, joint_map)
     eyes = {side: fitted_eye(file, figure, side) for side in ("left", "right")}
     points = np.concatenate([s.vertices_m for s in figure.surfaces])
     at, tips = marks_of(figure, points, {side: eye.centre_m for side, eye in eyes.items()})

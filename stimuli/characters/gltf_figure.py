@@ -1,5 +1,6 @@
 """The skinned figure in a glTF file: bones in world, bound surfaces, shapes of the face."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,7 +13,7 @@ from stimuli.characters.errors import CharacterError
 from stimuli.characters.gltf_file import GltfFile
 from stimuli.characters.gltf_looks import coordinates_of
 from stimuli.motion.errors import MotionError
-from stimuli.motion.joint_names import match_joints
+from stimuli.motion.joint_names import CANONICAL_NAMES, match_joints
 from stimuli.motion.rotations import matrix_of_quat, quat_from_axes
 from stimuli.motion.skeleton import Skeleton
 
@@ -53,8 +54,9 @@ class Figure:
     surfaces: tuple[Surface, ...]
 
 
-def read_figure(file: GltfFile) -> Figure:
-    """Return the figure of a file.
+def read_figure(file: GltfFile, joint_map: Mapping[str, str] | None = None) -> Figure:
+    """Return the figure of a file; `joint_map` gives its bones for joints of ours, where their
+    names do not tell.
 
     Raises:
         CharacterError: no skin, or a needed bone is missing.
@@ -93,7 +95,8 @@ def read_figure(file: GltfFile) -> Figure:
     for i in bones:
         at[i] = bound[i][:3, 3]
     names = tuple(str(node.get("name", f"node{i}")) for i, node in enumerate(nodes))
-    bone_of = _matched(file, names, parents, bones)
+    known = _said_by_vrm(file, names) | dict(joint_map or {})
+    bone_of = _matched(file, names, parents, bones, known)
     return _upright(Figure(names, parents, at, bone_of, tuple(surfaces)))
 
 
@@ -195,9 +198,28 @@ def _normals(vertices_m: Vector, triangles: Indices) -> Vector:
     return found
 
 
+def _said_by_vrm(file: GltfFile, names: tuple[str, ...]) -> dict[str, str]:
+    """Return the bones that a VRM file (0.x or 1.0) itself says are which."""
+    extensions = file.tree.get("extensions", {})
+    bones = extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
+    listed = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
+    said = {name: entry["node"] for name, entry in dict(bones).items()}
+    said |= {entry["bone"]: entry["node"] for entry in listed}
+    found = {}
+    for theirs, node in said.items():
+        ours = re.sub(r"(?<!^)([A-Z])", r"_\1", theirs).lower()
+        ours = ours.replace("_intermediate", "_middle")
+        if "_thumb_" in ours and "leftThumbMetacarpal" in said:  # 1.0 begins a bone earlier
+            ours = ours.replace("_proximal", "_middle").replace("_metacarpal", "_proximal")
+        if ours in CANONICAL_NAMES:
+            found[ours] = names[node]
+    return found
+
+
 def _matched(
-    file: GltfFile, names: tuple[str, ...], parents: Indices, bones: list[int]
-) -> dict[str, int]:
+    file: GltfFile, names: tuple[str, ...], parents: Indices, bones: list[int],
+    known: Mapping[str, str],
+) -> dict[str, int]:  # fmt: skip
     """Return the node of each canonical joint, eyes among them.
 
     Raises:
@@ -214,9 +236,11 @@ def _matched(
         np.full((len(order), 3), np.nan),
     )
     try:
-        matched = match_joints(tree)
+        matched = match_joints(tree, known)
     except MotionError as e:
-        raise CharacterError(f"{file.path}: {e}; rename the bones, or add those missing") from e
+        raise CharacterError(
+            f"{file.path}: {e}; say which they are with --joint-map, or add those missing"
+        ) from e
     by_name = {names[i]: i for i in order}
     found = {ours: by_name[theirs] for ours, theirs in matched.items()}
     missing = [f"{side}_eye" for side in ("left", "right") if f"{side}_eye" not in found]

@@ -52,15 +52,10 @@ class Plate:
 def write_glb(
     path: Path, *, leave_out: Sequence[str] = (), with_skin: bool = True, eye_yaw_deg: float = 4.0,
     eye_radius_m: float = 0.014, arms_down_deg: float = 40.0, plate: Plate | None = None,
-    rename: dict[str, str] | None = None,
 ) -> None:  # fmt: skip
-    """Write a figure that faces +z with its arms half lowered, as most files have it.
-
-    `rename` gives other names to our joints.
-    """
+    """Write a figure that faces +z with its arms half lowered, as most files have it."""
     pattern = canonical_skeleton(1.70)
-    called = bone_names() if rename is None else rename
-    names = {o: t for o, t in called.items() if o not in leave_out}
+    names = {o: t for o, t in bone_names().items() if o not in leave_out}
     at = {name: pattern.rest_m[j].copy() for j, name in enumerate(pattern.names)}
     for side, sign in (("left", 1.0), ("right", -1.0)):
         a = np.radians(sign * arms_down_deg)

@@ -21,7 +21,7 @@ from stimuli.characters.gltf_file import read_glb
 from stimuli.characters.gltf_skin import like_the_face
 from stimuli.characters.library import import_characters, library_names
 from stimuli.motion.skeleton import canonical_skeleton
-from tests.stimuli.glb_figure import write_glb
+from tests.stimuli.glb_figure import bone_names, write_glb
 
 AVATARS = os.environ.get("VISAVIS_AVATARS")
 
@@ -177,16 +177,65 @@ def _only_a_list(tree: dict[str, Any]) -> object:
 def test_file_that_contradicts_itself_is_named(
     tmp_path: Path, glb: Path, spoiled: Callable[[dict[str, Any]], object]
 ) -> None:
+    path = tmp_path / "odd_M.glb"
+    _retold(glb, path, spoiled)
+    with pytest.raises(CharacterError, match=r"odd_M\.glb: .*export"):
+        import_gltf(path)
+
+
+def _retold(glb: Path, path: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    """Write a file again with its description changed."""
     data = glb.read_bytes()
     length = struct.unpack("<I", data[12:16])[0]
-    text = json.dumps(spoiled(json.loads(data[20 : 20 + length]))).encode()
+    text = json.dumps(change(json.loads(data[20 : 20 + length]))).encode()
     text += b" " * (-len(text) % 4)
     rest = data[20 + length :]
     head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(rest))
-    path = tmp_path / "odd_M.glb"
     path.write_bytes(head + struct.pack("<I4s", len(text), b"JSON") + text + rest)
-    with pytest.raises(CharacterError, match=r"odd_M\.glb: .*export"):
+
+
+def _numbered(tree: dict[str, Any]) -> dict[str, str]:
+    """Give bones names that say nothing; return them by Mixamo's."""
+    names = {node["name"]: f"bone_{i}" for i, node in enumerate(tree["nodes"][:-1])}
+    for node in tree["nodes"][:-1]:
+        node["name"] = names[node["name"]]
+    return names
+
+
+def test_bones_may_be_said_where_their_names_tell_nothing(tmp_path: Path, glb: Path) -> None:
+    path, theirs = tmp_path / "numbered_F.glb", dict[str, str]()
+
+    def numbered(tree: dict[str, Any]) -> object:
+        theirs.update(_numbered(tree))
+        return tree
+
+    _retold(glb, path, numbered)
+    with pytest.raises(CharacterError, match="--joint-map"):
         import_gltf(path)
+    said = {ours: theirs[mixamo] for ours, mixamo in bone_names().items()}
+    person = import_gltf(path, joint_map=said)
+    np.testing.assert_array_equal(person.skeleton.rest_m, import_gltf(glb).skeleton.rest_m)
+
+
+@pytest.mark.parametrize("version", ["VRM", "VRMC_vrm"])
+def test_vrm_itself_says_which_bone_is_which(tmp_path: Path, glb: Path, version: str) -> None:
+    path = tmp_path / "vrm_F.vrm"
+
+    def as_vrm(tree: dict[str, Any]) -> object:
+        theirs = _numbered(tree)
+        nodes = [node["name"] for node in tree["nodes"]]
+        bones = {}
+        for ours, mixamo in bone_names().items():
+            first, *rest = ours.split("_")
+            bones[first + "".join(map(str.title, rest))] = nodes.index(theirs[mixamo])
+        listed: object = [{"bone": bone, "node": node} for bone, node in bones.items()]
+        if version == "VRMC_vrm":
+            listed = {bone: {"node": node} for bone, node in bones.items()}
+        return tree | {"extensions": {version: {"humanoid": {"humanBones": listed}}}}
+
+    _retold(glb, path, as_vrm)
+    person = import_gltf(path)
+    np.testing.assert_array_equal(person.skeleton.rest_m, import_gltf(glb).skeleton.rest_m)
 
 
 def test_gender_that_the_name_does_not_say_is_asked_for(tmp_path: Path) -> None:
