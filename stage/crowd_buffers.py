@@ -19,7 +19,7 @@ from stage.vertices import (
     TextureArray,
     person_vertices,
 )
-from stimuli.characters.character import Character
+from stimuli.characters.character import Character, Maps
 
 
 @dataclass(eq=False)
@@ -48,6 +48,7 @@ class _Call:
 
     array: moderngl.VertexArray
     texture: TextureArray | None
+    maps: Maps | None
     double_sided: bool
     count: int
     first: int
@@ -181,6 +182,7 @@ class CrowdBuffers:
                 both = call.double_sided
                 (context.disable if both else context.enable)(moderngl.CULL_FACE)
             textures.use(call.texture, unit)
+            textures.use_maps(call.maps)
             call.array.render(vertices=call.count, first=call.first)
 
     def _listed(self, program_of: Callable[[Run], moderngl.Program]) -> list[_Call]:
@@ -193,6 +195,7 @@ class CrowdBuffers:
                 call = _Call(
                     self._array(program, on_card),
                     run.texture,
+                    run.maps,
                     run.double_sided,
                     run.count * n,
                     run.first * on_card.copies,

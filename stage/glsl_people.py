@@ -244,6 +244,68 @@ vec3 hair_surface(vec3 albedo, vec3 n, vec3 view, float roughness) {
 
 #endif
 
+#ifdef MAPPED
+uniform sampler2D normal_map;
+uniform sampler2D surface_map;  // occlusion, roughness, metalness
+uniform sampler2D glow_map;
+uniform sampler2D sheen_map;
+
+// The normal leant as the map says. Axes of the picture on the surface come from how place and
+// coordinates change from pixel to pixel; y of the map is up, v runs down.
+vec3 leant(vec3 n, vec2 at) {
+    vec3 along_x = dFdx(place), along_y = dFdy(place);
+    vec2 uv_x = dFdx(at), uv_y = dFdy(at);
+    vec3 a = cross(along_y, n), b = cross(n, along_x);
+    vec3 tangent = a * uv_x.x + b * uv_y.x;
+    vec3 down = a * uv_x.y + b * uv_y.y;
+    float most = max(dot(tangent, tangent), dot(down, down));
+    if (most <= 0.0) return n;
+    vec3 map = texture(normal_map, at).xyz * (255.0 / 127.0) - 128.0 / 127.0;
+    return normalize((tangent * map.x - down * map.y) * inversesqrt(most)
+                     + n * max(map.z, 0.05));
+}
+
+// Microfacets (GGX, Smith, Schlick) over wrapped Lambert; lamps' colours have 1/pi in them.
+vec3 as_authored(vec3 albedo, vec3 wrap, vec3 n, vec3 view, float roughness, float metalness,
+                 float open) {
+    float facing = max(dot(n, view), 1e-3);
+    float a = max(roughness * roughness, 0.02);
+    float a2 = a * a;
+#ifdef KIND_SKIN
+    vec3 f0 = mix(vec3(0.028), albedo, metalness);
+#else
+    vec3 f0 = mix(vec3(0.04), albedo, metalness);
+#endif
+    vec3 matte = albedo * (1.0 - metalness);
+    vec3 spread = 1.0 / ((1.0 + wrap) * (1.0 + wrap));
+    vec3 fuzz = texture(sheen_map, detail.xy).rgb;
+    // What the surroundings mirror: the split sum of microfacets, as fitted by Lazarov (2013).
+    vec4 fit = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
+    float low = min(fit.x * fit.x, exp2(-9.28 * facing)) * fit.x + fit.y;
+    vec2 share = vec2(-1.04, 1.04) * low + fit.zw;
+    vec3 mirrored = max(f0 * share.x + share.y, 0.0) * ambient_at(reflect(-view, n));
+    vec3 result = open * (matte * ambient_at(n) + mirrored
+                          + fuzz * ambient_at(n) * pow(1.0 - facing, 3.0));
+    for (int i = 0; i < LAMPS; ++i) {
+        vec3 towards;
+        vec3 arriving = lamp_at(i, place, towards);
+        float cosine = dot(n, towards);
+        if (SHADOW_OF[i] >= 0) arriving *= shadow_of(SHADOW_OF[i], place, n);
+        vec3 halfway = normalize(towards + view);
+        float nh = max(dot(n, halfway), 0.0), lit_cosine = max(cosine, 0.0);
+        float bell = nh * nh * (a2 - 1.0) + 1.0;
+        float spread_of = a2 / (bell * bell);
+        float hidden = lit_cosine * sqrt(facing * facing * (1.0 - a2) + a2)
+                       + facing * sqrt(lit_cosine * lit_cosine * (1.0 - a2) + a2);
+        vec3 mirror = f0 + (1.0 - f0) * pow(1.0 - max(dot(halfway, view), 0.0), 5.0);
+        result += arriving * (matte * max((cosine + wrap) * spread, 0.0)
+                              + mirror * (lit_cosine * spread_of * 0.5 / max(hidden, 1e-4))
+                              + fuzz * lit_cosine * pow(1.0 - nh * nh, 1.5));
+    }
+    return result;
+}
+#endif
+
 #ifdef VERTEX_LIT
 void main() {
 #ifdef TEXTURED
@@ -270,7 +332,25 @@ void main() {
     alpha = texel.a;
     CUT(alpha)
 #endif
+#ifdef MAPPED
+    n = leant(n, detail.xy);
+    float open = 1.0, metalness = 0.0;
+#ifdef SURFACE_MAP
+    vec3 surface_here = texture(surface_map, detail.xy).rgb;
+    open = surface_here.r;
+    roughness = surface_here.g;
+    metalness = surface_here.b;
+#endif
+#endif
+#if defined(MAPPED) && !defined(KIND_HAIR)
 #if defined(KIND_SKIN)
+    vec3 wrap = vec3(0.34, 0.17, 0.11);
+#else
+    vec3 wrap = vec3(0.0);
+#endif
+    vec3 result = as_authored(albedo, wrap, n, view, roughness, metalness, open)
+                  + texture(glow_map, detail.xy).rgb;
+#elif defined(KIND_SKIN)
     float grazing = 1.0 - max(dot(n, view), 0.0);
     vec3 result = lit(albedo, vec3(0.34, 0.17, 0.11), place, n, view, 14.0 + 40.0 * smoothness,
                       0.05 + 0.08 * smoothness);
@@ -279,6 +359,9 @@ void main() {
     vec3 result = eye_surface(n, view, albedo);
 #elif defined(KIND_HAIR)
     vec3 result = hair_surface(albedo, n, view, roughness);
+#ifdef MAPPED
+    result = result * open + texture(glow_map, detail.xy).rgb;
+#endif
 #elif defined(KIND_CLOTH)
 #ifndef TEXTURED
     vec2 at = vec2(detail.x + detail.z, detail.y) * 900.0;

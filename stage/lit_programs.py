@@ -26,7 +26,8 @@ class LitPrograms:
     def lit(self, family: Family, run: Run, lamps: str, *, identity: bool) -> moderngl.Program:
         """Return the program for triangles that look like `run` under these lamps."""
         channels = 0 if run.texture is None else run.texture.shape[2]
-        key = (family, run.kind, channels, lamps, identity)
+        has_surface = run.maps is not None and run.maps.surface is not None
+        key = (family, run.kind, channels, run.maps is None, has_surface, lamps, identity)
         found = self._made.get(key)
         if found is None:
             found = self._made[key] = self._compile(family, run, lamps, identity=identity)
@@ -72,6 +73,10 @@ class LitPrograms:
                 defines.append("CUT_OUT")
             if family == "lit_people":
                 defines.append("LAYERED")
+        if run.maps is not None and not self._fast:
+            defines.append("MAPPED")
+            if run.maps.surface is not None:
+                defines.append("SURFACE_MAP")
         if run.kind in glsl_people.SHADERS:
             defines.append(glsl_people.SHADERS[run.kind])
         if self._fast and (is_room or run.kind != "eye"):
@@ -80,7 +85,7 @@ class LitPrograms:
                 defines.append("IN_CODES")
         if family == "baked_room":
             defines.append("BAKED")
-        if run.kind == "cloth" or (is_room and self._fast):
+        if (run.kind == "cloth" and run.maps is None) or (is_room and self._fast):
             defines.append("NO_SHINE")
         output = glsl_lighting.OUTPUT_IDENTITY if identity else glsl_lighting.OUTPUT_COLOUR
         fragment = source.FRAGMENT.replace("//OUTPUT//", output)

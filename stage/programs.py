@@ -11,6 +11,10 @@ UNITS: Mapping[str, int] = {
     "picture": 2,
     "shadow_map_0": 3,
     "shadow_map_1": 4,
+    "normal_map": 5,
+    "surface_map": 6,
+    "glow_map": 7,
+    "sheen_map": 8,
 }
 """Texture unit of every sampler, the same in all shaders."""
 BLOCKS: Mapping[str, int] = {"Frame": 0, "Lighting": 1}

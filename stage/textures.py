@@ -6,8 +6,12 @@ import moderngl
 import numpy as np
 from PIL import Image
 
+from stage.programs import UNITS
 from stage.vertices import TextureArray
+from stimuli.characters.character import Maps
 
+PLAIN_NORMAL: TextureArray = np.array([[[128, 128, 255]]], np.uint8)
+BLACK: TextureArray = np.zeros((1, 1, 3), np.uint8)
 GL_SRGB8, GL_SRGB8_ALPHA8 = 0x8C41, 0x8C43
 MAX_LAYER_PX = 512
 
@@ -28,7 +32,19 @@ class Textures:
         if picture is not None:
             self._of(picture).use(unit)
 
-    def _of(self, picture: TextureArray) -> moderngl.Texture:
+    def use_maps(self, maps: Maps | None) -> None:
+        """Bind the maps of a surface, where it has any; those it lacks change nothing."""
+        if maps is None:
+            return
+        self._of(PLAIN_NORMAL if maps.normal is None else maps.normal, codes=False).use(
+            UNITS["normal_map"]
+        )
+        if maps.surface is not None:
+            self._of(maps.surface, codes=False).use(UNITS["surface_map"])
+        self._of(BLACK if maps.glow_srgb is None else maps.glow_srgb).use(UNITS["glow_map"])
+        self._of(BLACK if maps.sheen_srgb is None else maps.sheen_srgb).use(UNITS["sheen_map"])
+
+    def _of(self, picture: TextureArray, *, codes: bool = True) -> moderngl.Texture:
         found = self._made.get(id(picture))
         if found is None:
             height, width, channels = picture.shape
@@ -38,7 +54,7 @@ class Textures:
                 channels,
                 np.ascontiguousarray(picture).tobytes(),
                 alignment=1,
-                internal_format=None if self._fast else decoding,
+                internal_format=None if self._fast or not codes else decoding,
             )
             texture.build_mipmaps()
             smaller = (

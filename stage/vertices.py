@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from stage.glsl_people import KINDS, SHADERS
 from stimuli.characters.body_parts import PART_INDEX
-from stimuli.characters.character import MORPHS, Character, Material, SkinnedMesh
+from stimuli.characters.character import MORPHS, Character, Maps, Material, SkinnedMesh
 from stimuli.picture import Prop
 
 PERSON_VERTEX = np.dtype(
@@ -48,6 +48,7 @@ class Run:
     texture: TextureArray | None
     double_sided: bool
     kind: str = "other"
+    maps: Maps | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,22 +82,24 @@ def person_vertices(character: Character, mesh: SkinnedMesh) -> PersonVertices:
     materials = character.materials
     material_of, part_of = mesh.triangle_material, mesh.triangle_part
     eyes = _eye_sides(character, mesh)
-    looks: dict[tuple[str, int, bool], list[int]] = {}
+    looks: dict[tuple[object, ...], list[int]] = {}
     for i in np.unique(material_of).tolist():
         texture = materials[i].texture_srgb if materials[i].kind != "eye" else None
         shader = materials[i].kind if materials[i].kind in SHADERS else "other"
-        key = (shader, id(texture) if texture is not None else 0, materials[i].double_sided)
+        maps = materials[i].maps if texture is not None else None
+        key = (shader, id(texture), materials[i].double_sided, *_identities(maps))
         looks.setdefault(key, []).append(i)
     order, runs, first = [], [], 0
     # Whatever has a hole or a soft edge comes last, so that it is blended over the rest.
-    for (shader, _, double_sided), members in sorted(
-        looks.items(), key=lambda item: _opacity_rank(materials, item[1])
-    ):
+    for members in sorted(looks.values(), key=lambda of: _opacity_rank(materials, of)):
+        first_of = materials[members[0]]
+        shader = first_of.kind if first_of.kind in SHADERS else "other"
         chosen = np.flatnonzero(np.isin(material_of, members))
         order.append(chosen)
-        texture = materials[members[0]].texture_srgb if shader != "eye" else None
+        texture = first_of.texture_srgb if shader != "eye" else None
+        maps = first_of.maps if texture is not None else None
         count = 3 * len(chosen)
-        runs.append(Run(first, count, texture, double_sided, shader))
+        runs.append(Run(first, count, texture, first_of.double_sided, shader, maps))
         first += count
     rows = np.concatenate(order) if order else np.zeros(0, np.int64)
     corners = mesh.triangles[rows].astype(np.int64)
@@ -126,6 +129,12 @@ def person_vertices(character: Character, mesh: SkinnedMesh) -> PersonVertices:
     _place_irises(out, character, eyes[source], is_eye)
     deltas = _morph_rows(out, mesh, source)
     return PersonVertices(out, indices.ravel().astype(np.int32), tuple(runs), deltas)
+
+
+def _identities(maps: Maps | None) -> tuple[int, ...]:
+    if maps is None:
+        return ()
+    return tuple(id(p) for p in (maps.normal, maps.surface, maps.glow_srgb, maps.sheen_srgb))
 
 
 def _opacity_rank(materials: tuple[Material, ...], members: list[int]) -> int:

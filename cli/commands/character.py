@@ -20,10 +20,12 @@ from cli.app import (
 )
 from lab.config import LabConfig
 from lab.errors import UsageError
+from lab.yaml_lines import read_document
 from stimuli.characters.cast import cast_names, load_character
 from stimuli.characters.character import Character
 from stimuli.characters.errors import CharacterError
-from stimuli.characters.library import import_characters, library_names
+from stimuli.characters.gltf import Gender
+from stimuli.characters.library import import_characters, library_names, people_in
 
 characters = typer.Typer(
     help="People for scenes: list them, import your own, look at them.", no_args_is_help=True
@@ -31,6 +33,18 @@ characters = typer.Typer(
 app.add_typer(characters, name="character")
 
 SHEET_TILE_PX = (480, 300)
+VALID_ADDRESS = "https://github.com/c-frame/valid-avatars-glb"
+VALID_LICENCE = "MIT, T. Do 2022"
+VALID_TOLD = f"""VALID: 210 adults of seven ethnicities in five outfits, whose labels people from
+33 countries validated (Do, Zelenty, Gonzalez-Franco and McMahan, 2023, Frontiers in Virtual
+Reality 4:1248915, doi 10.3389/frvir.2023.1248915). Licence: {VALID_LICENCE}; cite the article.
+
+  1. As .glb they lie at {VALID_ADDRESS} (454 MB).
+     There choose Code, then Download ZIP.
+  2. visavis character fetch valid valid-avatars-glb-main.zip --only '*_Casual'
+  3. visavis character sheet valid.png
+
+Reading them needs `pip install visavis[avatars]`."""
 
 LibraryOption = Annotated[
     Path | None,
@@ -114,11 +128,17 @@ def sheet_command(
 
 @characters.command("import")
 def import_command(
-    source: Annotated[Path, typer.Argument(help="A .glb file, or a folder of them.")],
+    source: Annotated[Path, typer.Argument(help="A .glb or .vrm file, or a folder of them.")],
     config: ConfigOption = None,
     library: LibraryOption = None,
     gender: Annotated[
         str | None, typer.Option(help="female or male, where names of files do not say it.")
+    ] = None,
+    joint_map: Annotated[
+        Path | None,
+        typer.Option(
+            help="YAML file of joints of ours and the file's bones, where names tell not."
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -130,9 +150,63 @@ def import_command(
         raise UsageError(f"--gender takes female or male, not {gender!r}")
     folder = library or library_of(load_lab(config, quiet=as_json))
     known = cast("Literal['female', 'male'] | None", gender)
+    said = None if joint_map is None else _joints_said(joint_map)
+    _import(source, folder, known, said, as_json=as_json)
+
+
+@characters.command("fetch")
+def fetch_command(
+    which: Annotated[str, typer.Argument(help="valid: the VALID avatars.")],
+    download: Annotated[
+        Path | None, typer.Argument(help="What you downloaded: a .zip, or the folder.")
+    ] = None,
+    only: Annotated[
+        str, typer.Option(help="Which files, such as '*_Casual'; all when left out.")
+    ] = "*",
+    config: ConfigOption = None,
+    library: LibraryOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Say where people that others made lie, or import them from what you downloaded.
+
+    Example: visavis character fetch valid valid-avatars-glb.zip --only '*_Casual'
+    """
+    if which != "valid":
+        raise UsageError(f"nothing is known of {which!r}; known: valid")
+    if download is None:
+        if as_json:
+            say_json({"name": which, "address": VALID_ADDRESS, "licence": VALID_LICENCE})
+        else:
+            say(VALID_TOLD)
+        return
+    folder = library or library_of(load_lab(config, quiet=as_json))
+    with people_in(download, only) as found:
+        _import(found, folder, None, None, as_json=as_json)
+
+
+def _joints_said(path: Path) -> dict[str, str]:
+    """Return the bones of a file for joints of ours.
+
+    Raises:
+        UsageError: it is no list of names.
+    """
+    data = read_document(path).data
+    if not isinstance(data, dict) or not all(isinstance(v, str) for v in data.values()):
+        raise UsageError(f"{path}: write one line a joint, such as `left_upper_arm: Bone_014`")
+    return {str(ours): theirs for ours, theirs in data.items()}
+
+
+def _import(
+    source: Path,
+    folder: Path,
+    gender: Gender | None,
+    joint_map: dict[str, str] | None,
+    *,
+    as_json: bool,
+) -> None:
     rows: list[dict[str, object]] = []
     failed = 0
-    for result in import_characters(source, folder, gender=known):
+    for result in import_characters(source, folder, gender=gender, joint_map=joint_map):
         if result.character is None:
             failed += 1
             rows.append({"file": str(result.source), "problem": result.problem})

@@ -27,14 +27,32 @@ MaterialKind = Literal["skin", "eye", "hair", "lash", "teeth", "cloth", "leather
 
 
 @dataclass(frozen=True, eq=False)
+class Maps:
+    """What a surface has beside its colour, as glTF has it; (h, w, 3) uint8 each, on the same uv.
+
+    `normal` leans the surface (tangent space, y up), `surface` is occlusion, roughness and
+    metalness, `glow_srgb` what it sends out itself, `sheen_srgb` the colour of its fibres.
+    """
+
+    normal: npt.NDArray[np.uint8] | None = None
+    surface: npt.NDArray[np.uint8] | None = None
+    glow_srgb: npt.NDArray[np.uint8] | None = None
+    sheen_srgb: npt.NDArray[np.uint8] | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Material:
-    """How a surface looks; `texture_srgb` (h, w, 3 or 4) uint8 multiplies the vertex colour."""
+    """How a surface looks; `texture_srgb` (h, w, 3 or 4) uint8 multiplies the vertex colour.
+
+    One that has `maps` has a picture, too, be it white.
+    """
 
     name: str
     kind: MaterialKind
     roughness_01: float = 0.7
     texture_srgb: npt.NDArray[np.uint8] | None = None
     double_sided: bool = False
+    maps: Maps | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,31 +1,39 @@
 """Import characters from glTF files: their own skeleton, looks and shapes, our names and rest."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
 
 from lab.geometry import Vector, rotate, unit
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.capsules import fitted_capsules
-from stimuli.characters.character import Character, Eyeball, Material, Morph, SkinnedMesh
+from stimuli.characters.character import (
+    Character,
+    Eyeball,
+    Material,
+    MaterialKind,
+    Morph,
+    SkinnedMesh,
+)
 from stimuli.characters.closing import closed_surface
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.gltf_eyes import EyeFit, fitted_eye
 from stimuli.characters.gltf_figure import Figure, Surface, read_figure
 from stimuli.characters.gltf_file import GltfFile, read_glb
+from stimuli.characters.gltf_looks import Looks, colour_factor, srgb_of
 from stimuli.characters.gltf_marks import marks_of
+from stimuli.characters.gltf_skin import MIN_FACE_TRIANGLES, like_the_face
 from stimuli.characters.levels import LEVELS, joined, lighter, thinned
 from stimuli.characters.measuring import MEASURING_TRIANGLES, matched
 from stimuli.characters.rest_pose import Rig, heaviest, rig_of_marks, to_rest
 from stimuli.characters.tagging import face_of_head, parts_of_weights
 from stimuli.motion.rotations import quat_between
 
-MAX_TEXTURE = 1024
 Gender = Literal["female", "male"]
 Indices = npt.NDArray[np.int64]
 
@@ -41,17 +49,24 @@ _SHAPES: dict[str, tuple[tuple[str, float], ...]] = {
 """How shapes are called in files; the first pattern that any shape fits is taken."""
 
 
-def import_gltf(path: Path, *, name: str | None = None, gender: Gender | None = None) -> Character:
+def import_gltf(
+    path: Path,
+    *,
+    name: str | None = None,
+    gender: Gender | None = None,
+    joint_map: Mapping[str, str] | None = None,
+) -> Character:
     """Return the character in a .glb file, in the T-pose, with levels, parts and capsules.
 
-    `gender` is read from a name such as Asian_F_2 when None.
+    `gender` is read from a name such as Asian_F_2 when None; `joint_map` gives the file's bones for
+    joints of ours that their names do not tell.
 
     Raises:
         CharacterError: the file is broken, or lacks a skin, a needed bone, or eyes.
     """
     file = read_glb(path)
     try:
-        return _imported(file, name or path.stem, gender or _gender(path))
+        return _imported(file, name or path.stem, gender or _gender(path), joint_map)
     except (KeyError, IndexError, TypeError) as e:
         raise CharacterError(
             f"{path}: refers to something that is not in it ({e!r}); export it again"
@@ -74,8 +89,10 @@ def _gender(path: Path) -> Gender:
     )
 
 
-def _imported(file: GltfFile, name: str, gender: Gender) -> Character:
-    figure = read_figure(file)
+def _imported(
+    file: GltfFile, name: str, gender: Gender, joint_map: Mapping[str, str] | None
+) -> Character:
+    figure = read_figure(file, joint_map)
     eyes = {side: fitted_eye(file, figure, side) for side in ("left", "right")}
     points = np.concatenate([s.vertices_m for s in figure.surfaces])
     at, tips = marks_of(figure, points, {side: eye.centre_m for side, eye in eyes.items()})
@@ -83,12 +100,15 @@ def _imported(file: GltfFile, name: str, gender: Gender) -> Character:
     materials: list[Material] = []
     keys: dict[tuple[int | None, str], int] = {}
     parts = []
-    for surface in [part for whole in figure.surfaces for part in _eyes_apart(figure, whole)]:
-        kind = _kind(file, figure, surface)
+    looks = Looks(file)
+    apart = [part for whole in figure.surfaces for part in _eyes_apart(figure, whole)]
+    for surface, kind, shared in [
+        worn for part in apart for worn in _worn_apart(file, figure, rig, part, looks)
+    ]:
         key = (surface.material, kind)
         if key not in keys:
             keys[key] = len(materials)
-            materials.append(_material(file, surface, kind))
+            materials.append(looks.material(surface.material, kind, shared=shared))
         parts.append(_at_rest(file, figure, rig, surface, kind, keys[key], eyes))
     mesh = joined(parts)
     first = lighter(mesh, LEVELS[0])
@@ -136,7 +156,21 @@ def _eyes_apart(figure: Figure, surface: Surface) -> list[Surface]:
     return [replace(surface, triangles=surface.triangles[some]) for some in (on_eyes, ~on_eyes)]
 
 
-def _kind(file: GltfFile, figure: Figure, surface: Surface) -> str:
+_KINDS_BY_WORD: tuple[tuple[str, MaterialKind], ...] = (
+    ("lash", "lash"), ("brow", "lash"), ("wig", "hair"), ("hair", "hair"), ("beard", "hair"),
+    ("teeth", "teeth"), ("tongue", "teeth"), ("gland", "skin"), ("shoe", "leather"),
+    ("boot", "leather"), ("footwear", "leather"), ("leather", "leather"), ("cloth", "cloth"),
+    ("shirt", "cloth"), ("outfit", "cloth"), ("jacket", "cloth"), ("suit", "cloth"),
+    ("pants", "cloth"), ("trouser", "cloth"), ("jeans", "cloth"), ("dress", "cloth"),
+    ("skirt", "cloth"), ("skin", "skin"), ("head", "skin"), ("face", "skin"),
+)  # fmt: skip
+"""Kinds by words in names of nodes and materials, the first that fits. "Body" says nothing: some
+files mean the skin by it, others everything that is worn.
+"""
+
+
+def _kind(file: GltfFile, figure: Figure, surface: Surface) -> MaterialKind | None:
+    """Return what the names say a surface is; None where they do not."""
     label = surface.name.lower()
     if surface.material is not None:
         label += " " + str(file.items("materials")[surface.material].get("name", "")).lower()
@@ -144,41 +178,48 @@ def _kind(file: GltfFile, figure: Figure, surface: Surface) -> str:
     apart = any(word in label for word in ("lash", "brow", "gland"))
     if not apart and _on_eyes(figure, surface)[used].mean() > 0.5:
         return "eye"
-    words = (("lash", "lash"), ("brow", "lash"), ("wig", "hair"), ("hair", "hair"),
-             ("teeth", "teeth"), ("tongue", "teeth"), ("gland", "skin"), ("body", "skin"),
-             ("skin", "skin"), ("head", "skin"), ("shoe", "leather"), ("cloth", "cloth"),
-             ("shirt", "cloth"), ("outfit", "cloth"), ("dds", "skin"))  # fmt: skip
-    return next((kind for word, kind in words if word in label), "other")
+    return next((kind for word, kind in _KINDS_BY_WORD if word in label), None)
 
 
-def _material(file: GltfFile, surface: Surface, kind: str) -> Material:
-    if surface.material is None or kind == "eye":
-        return Material(kind, "eye" if kind == "eye" else "other", 0.1 if kind == "eye" else 0.7)
-    entry = file.items("materials")[surface.material]
-    look = entry.get("pbrMetallicRoughness", {})
-    texture = None
-    if "baseColorTexture" in look:
-        texture = file.image(look["baseColorTexture"]["index"])
-        if entry.get("alphaMode", "OPAQUE") == "OPAQUE":
-            texture = texture[..., :3]
-        texture = _downsized(texture)
-    known: Any = kind
-    return Material(
-        f"{entry.get('name', 'material')}:{kind}",
-        known,
-        float(look.get("roughnessFactor", 0.7)),
-        texture,
-        bool(entry.get("doubleSided", False)),
+def _worn_apart(
+    file: GltfFile, figure: Figure, rig: Rig, surface: Surface, looks: Looks
+) -> list[tuple[Surface, MaterialKind, bool]]:
+    """Return a surface by what it is, with whether its one material covers more than one kind."""
+    kind = _kind(file, figure, surface)
+    if kind is not None:
+        return [(surface, kind, False)]
+    entry = {} if surface.material is None else file.items("materials")[surface.material]
+    base = entry.get("pbrMetallicRoughness", {}).get("baseColorTexture")
+    if base is None or surface.uv is None:
+        return [(surface, "other", False)]
+    weights = _canonical_weights(figure, rig, surface)
+    tags = parts_of_weights(weights, surface.triangles, rig.skeleton.names)
+    head = np.isin(tags, [PART_INDEX["scalp"], PART_INDEX["face"]])
+    eyes = [figure.at_m[figure.bone_of[f"{side}_eye"]] for side in ("left", "right")]
+    between = np.linalg.norm(eyes[0] - eyes[1])
+    middle = surface.vertices_m[surface.triangles].mean(axis=1) - np.mean(eyes, axis=0)
+    # Cheeks and nose: no brows, no hair, no lips.
+    front = (
+        (np.abs(middle[:, 0]) < 1.1 * between)
+        & (middle[:, 1] < -0.25 * between)
+        & (middle[:, 1] > -0.8 * between)
+        & (middle[:, 2] < 0.6 * between)
     )
-
-
-def _downsized(pixels: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-    h, w = pixels.shape[:2]
-    share = MAX_TEXTURE / max(h, w)
-    if share >= 1:
-        return np.ascontiguousarray(pixels)
-    size = (max(round(w * share), 1), max(round(h * share), 1))
-    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.LANCZOS))
+    if (head & front).sum() < MIN_FACE_TRIANGLES:
+        return [(surface, "other", False)]
+    pixels = looks.pixels(base["index"])
+    alike = like_the_face(pixels, surface.uv, surface.triangles, head & front)
+    # Short hair is part of the head in many files; what else is unlike the face there are lips.
+    hair = head & ~alike & ((middle[:, 1] > 0.5 * between) | (middle[:, 2] > 1.2 * between))
+    skin = (alike | head) & ~hair
+    kinds: tuple[tuple[npt.NDArray[np.bool_], MaterialKind], ...] = (
+        (skin, "skin"), (hair, "hair"), (~skin & ~hair, "cloth"),
+    )  # fmt: skip
+    return [
+        (replace(surface, triangles=surface.triangles[some]), kind, True)
+        for some, kind in kinds
+        if some.any()
+    ]
 
 
 def _canonical_weights(figure: Figure, rig: Rig, surface: Surface) -> Vector:
@@ -224,13 +265,11 @@ def _at_rest(
     if kind == "eye":
         left = surface.vertices_m[surface.triangles].mean(axis=1)[:, 0] < 0
         tags = np.where(left, PART_INDEX["left_eye"], PART_INDEX["right_eye"])
-    colour = np.array([1.0, 1.0, 1.0])
-    if kind == "eye":
-        colour = np.array([0.875, 0.86, 0.845])
-    elif surface.material is not None:
-        look = file.items("materials")[surface.material].get("pbrMetallicRoughness", {})
-        colour = np.array(look.get("baseColorFactor", (1, 1, 1, 1))[:3]) ** (1 / 2.2)
     n = len(rest)
+    colour = np.tile([0.875, 0.86, 0.845], (n, 1))
+    if kind != "eye":
+        light = np.ones((n, 3)) if surface.colour is None else surface.colour
+        colour = srgb_of(light * colour_factor(file, surface.material))
     morphs = {}
     for name, delta in _morphs(surface).items():
         turned = np.linalg.solve(blend, delta[..., None])[..., 0]
@@ -240,7 +279,7 @@ def _at_rest(
     return SkinnedMesh(
         vertices_m=rest.astype(np.float32),
         normals=rest_normals.astype(np.float32),
-        colour_srgb=np.tile(np.round(255 * colour), (n, 1)).astype(np.uint8),
+        colour_srgb=np.round(255 * colour).astype(np.uint8),
         uv=(np.zeros((n, 2)) if surface.uv is None else surface.uv).astype(np.float32),
         joints=joints.astype(np.uint8),
         weights=heavy.astype(np.float32),

@@ -1,7 +1,8 @@
 """The skinned figure in a glTF file: bones in world, bound surfaces, shapes of the face."""
 
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,9 @@ import numpy.typing as npt
 from lab.geometry import Vector, quat_conjugate, rotate, unit
 from stimuli.characters.errors import CharacterError
 from stimuli.characters.gltf_file import GltfFile
+from stimuli.characters.gltf_looks import coordinates_of
 from stimuli.motion.errors import MotionError
-from stimuli.motion.joint_names import match_joints
+from stimuli.motion.joint_names import CANONICAL_NAMES, match_joints
 from stimuli.motion.rotations import matrix_of_quat, quat_from_axes
 from stimuli.motion.skeleton import Skeleton
 
@@ -20,7 +22,10 @@ Indices = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A primitive as bound: vertices in world, `joints` (v, k) nodes with `weights` (v, k)."""
+    """A primitive as bound: vertices in world, `joints` (v, k) nodes with `weights` (v, k).
+
+    `uv` is what its material reads; `colour` (v, 3) is linear.
+    """
 
     name: str
     vertices_m: Vector
@@ -31,6 +36,7 @@ class Surface:
     weights: Vector
     material: int | None
     shapes: dict[str, Vector]
+    colour: Vector | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +54,9 @@ class Figure:
     surfaces: tuple[Surface, ...]
 
 
-def read_figure(file: GltfFile) -> Figure:
-    """Return the figure of a file.
+def read_figure(file: GltfFile, joint_map: Mapping[str, str] | None = None) -> Figure:
+    """Return the figure of a file; `joint_map` gives its bones for joints of ours, where their
+    names do not tell.
 
     Raises:
         CharacterError: no skin, or a needed bone is missing.
@@ -88,7 +95,8 @@ def read_figure(file: GltfFile) -> Figure:
     for i in bones:
         at[i] = bound[i][:3, 3]
     names = tuple(str(node.get("name", f"node{i}")) for i, node in enumerate(nodes))
-    bone_of = _matched(file, names, parents, bones)
+    known = _said_by_vrm(file, names) | dict(joint_map or {})
+    bone_of = _matched(file, names, parents, bones, known)
     return _upright(Figure(names, parents, at, bone_of, tuple(surfaces)))
 
 
@@ -148,18 +156,23 @@ def _surfaces(
         move = np.einsum("vk,vkab->vab", weights, moves[joints])
         turn = move[:, :3, :3]
         vertices = np.einsum("vab,vb->va", turn, position) + move[:, :3, 3]
-        if "NORMAL" in attributes:
-            normals = file.accessor(attributes["NORMAL"]).astype(np.float64)
-            normals = np.nan_to_num(unit(np.einsum("vab,vb->va", turn, normals)))
-        else:
-            normals = np.zeros_like(vertices)
         if "indices" in primitive:
             triangles = file.accessor(primitive["indices"]).astype(np.int64).reshape(-1, 3)
         else:
             triangles = np.arange(len(position)).reshape(-1, 3)
+        if "NORMAL" in attributes:
+            normals = file.accessor(attributes["NORMAL"]).astype(np.float64)
+            normals = np.nan_to_num(unit(np.einsum("vab,vb->va", turn, normals)))
+        else:
+            normals = _normals(vertices, triangles)
+        coordinates, moved_uv = coordinates_of(file, primitive.get("material"))
         uv = None
-        if "TEXCOORD_0" in attributes:
-            uv = file.accessor(attributes["TEXCOORD_0"]).astype(np.float64)
+        if f"TEXCOORD_{coordinates}" in attributes:
+            uv = file.accessor(attributes[f"TEXCOORD_{coordinates}"]).astype(np.float64)
+            uv = uv @ moved_uv[:2, :2].T + moved_uv[:2, 2]
+        colour = None
+        if "COLOR_0" in attributes:
+            colour = file.accessor(attributes["COLOR_0"])[:, :3].astype(np.float64)
         shapes = {}
         for k, target in enumerate(primitive.get("targets", [])):
             if "POSITION" in target:
@@ -169,14 +182,44 @@ def _surfaces(
         name = str(node.get("name") or mesh.get("name") or f"mesh{index}")
         found.append(
             Surface(name, vertices, normals, uv, triangles, joints_of[joints], weights,
-                    primitive.get("material"), shapes)
+                    primitive.get("material"), shapes, colour)
         )  # fmt: skip
     return found
 
 
+def _normals(vertices_m: Vector, triangles: Indices) -> Vector:
+    """Return the mean normals (v, 3) of the triangles round each vertex."""
+    a, b, c = (vertices_m[triangles[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    normals = np.zeros_like(vertices_m)
+    for k in range(3):
+        np.add.at(normals, triangles[:, k], across)
+    found: Vector = np.nan_to_num(unit(normals))
+    return found
+
+
+def _said_by_vrm(file: GltfFile, names: tuple[str, ...]) -> dict[str, str]:
+    """Return the bones that a VRM file (0.x or 1.0) itself says are which."""
+    extensions = file.tree.get("extensions", {})
+    bones = extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
+    listed = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
+    said = {name: entry["node"] for name, entry in dict(bones).items()}
+    said |= {entry["bone"]: entry["node"] for entry in listed}
+    found = {}
+    for theirs, node in said.items():
+        ours = re.sub(r"(?<!^)([A-Z])", r"_\1", theirs).lower()
+        ours = ours.replace("_intermediate", "_middle")
+        if "_thumb_" in ours and "leftThumbMetacarpal" in said:  # 1.0 begins a bone earlier
+            ours = ours.replace("_proximal", "_middle").replace("_metacarpal", "_proximal")
+        if ours in CANONICAL_NAMES:
+            found[ours] = names[node]
+    return found
+
+
 def _matched(
-    file: GltfFile, names: tuple[str, ...], parents: Indices, bones: list[int]
-) -> dict[str, int]:
+    file: GltfFile, names: tuple[str, ...], parents: Indices, bones: list[int],
+    known: Mapping[str, str],
+) -> dict[str, int]:  # fmt: skip
     """Return the node of each canonical joint, eyes among them.
 
     Raises:
@@ -193,9 +236,11 @@ def _matched(
         np.full((len(order), 3), np.nan),
     )
     try:
-        matched = match_joints(tree)
+        matched = match_joints(tree, known)
     except MotionError as e:
-        raise CharacterError(f"{file.path}: {e}; rename the bones, or add those missing") from e
+        raise CharacterError(
+            f"{file.path}: {e}; say which they are with --joint-map, or add those missing"
+        ) from e
     by_name = {names[i]: i for i in order}
     found = {ours: by_name[theirs] for ours, theirs in matched.items()}
     missing = [f"{side}_eye" for side in ("left", "right") if f"{side}_eye" not in found]
@@ -234,8 +279,12 @@ def _upright(figure: Figure) -> Figure:
         return rotate(back, points - hips)
 
     surfaces = tuple(
-        Surface(s.name, moved(s.vertices_m), rotate(back, s.normals), s.uv, s.triangles, s.joints,
-                s.weights, s.material, {k: rotate(back, d) for k, d in s.shapes.items()})
+        replace(
+            s,
+            vertices_m=moved(s.vertices_m),
+            normals=rotate(back, s.normals),
+            shapes={name: rotate(back, delta) for name, delta in s.shapes.items()},
+        )
         for s in figure.surfaces
-    )  # fmt: skip
+    )
     return Figure(figure.names, figure.parents, moved(figure.at_m), figure.bone_of, surfaces)

@@ -17,7 +17,8 @@ _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: 
           5126: np.float32}  # fmt: skip
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _KNOWN = {"EXT_texture_webp", "KHR_mesh_quantization", "EXT_meshopt_compression",
-          "KHR_materials_unlit", "KHR_texture_transform"}  # fmt: skip
+          "KHR_materials_unlit", "KHR_texture_transform", "KHR_materials_sheen",
+          "KHR_materials_emissive_strength"}  # fmt: skip
 Array = npt.NDArray[Any]
 
 

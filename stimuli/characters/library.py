@@ -1,8 +1,13 @@
 """A lab's own characters: a folder of imported ones."""
 
-from collections.abc import Iterator
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from fnmatch import fnmatch
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from zipfile import BadZipFile, ZipFile
 
 from stimuli.characters.character import Character
 from stimuli.characters.errors import CharacterError
@@ -20,27 +25,70 @@ class Imported:
     problem: str = ""
 
 
+@contextmanager
+def people_in(download: Path, only: str = "*") -> Iterator[Path]:
+    """Lay the .glb files of a download, a .zip or a folder of folders, into one folder for a while.
+
+    `only` is a pattern that their names, without the ending, must fit.
+
+    Raises:
+        CharacterError: it is neither, or holds none.
+    """
+    with TemporaryDirectory() as made:
+        laid = Path(made)
+        found = 0
+        if download.is_dir():
+            for path in sorted(download.rglob("*.glb")):
+                if fnmatch(path.stem, only):
+                    shutil.copyfile(path, laid / path.name)
+                    found += 1
+        else:
+            try:
+                with ZipFile(download) as packed:
+                    for entry in packed.infolist():
+                        name = PurePosixPath(entry.filename)
+                        if name.suffix == ".glb" and fnmatch(name.stem, only):
+                            with packed.open(entry) as source, (laid / name.name).open("wb") as to:
+                                shutil.copyfileobj(source, to)
+                            found += 1
+            except (OSError, BadZipFile, NotImplementedError, RuntimeError) as e:
+                raise CharacterError(
+                    f"{download}: neither a folder nor a whole .zip ({e}); download it again"
+                ) from e
+        if not found:
+            raise CharacterError(f"{download}: holds no .glb file called {only!r}; see its content")
+        yield laid
+
+
 def library_names(library: Path) -> tuple[str, ...]:
     """Return the names of the imported characters."""
     return tuple(sorted(path.stem for path in library.glob("*.npz")))
 
 
 def import_characters(
-    source: Path, library: Path, *, gender: Gender | None = None
+    source: Path,
+    library: Path,
+    *,
+    gender: Gender | None = None,
+    joint_map: Mapping[str, str] | None = None,
 ) -> Iterator[Imported]:
-    """Import a .glb file, or every one in a folder, into the library, one after the other.
+    """Import a .glb or .vrm file, or every one in a folder, into the library, one after the other.
 
     A file that cannot be used is reported and does not stop the others.
 
     Raises:
         CharacterError: there is nothing to import.
     """
-    files = sorted(source.glob("*.glb")) if source.is_dir() else [source]
+    files = [source]
+    if source.is_dir():
+        files = sorted(path for kind in ("glb", "vrm") for path in source.glob(f"*.{kind}"))
     if not files:
-        raise CharacterError(f"{source}: no .glb files in it; give the folder that holds them")
+        raise CharacterError(
+            f"{source}: no .glb or .vrm files in it; give the folder that holds them"
+        )
     for file in files:
         try:
-            character = import_gltf(file, gender=gender)
+            character = import_gltf(file, gender=gender, joint_map=joint_map)
         except CharacterError as error:
             yield Imported(file, None, None, str(error))
             continue

@@ -27,6 +27,10 @@ class Rig:
     turn_wxyz: Vector
 
 
+GIRDLE_PER_ARM = 0.25
+"""How much collar bones rise with an arm: Inman (1944) has 0.4, Ludewig et al. (2009) 0.1."""
+RELAXED_DEG = -35.0
+"""Arms this far below the horizontal do not lift their collar bones."""
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 PHALANGES = ("proximal", "middle", "distal")
 
@@ -42,6 +46,7 @@ def rig_of_marks(at: Mapping[str, Vector], tips: Mapping[str, Vector], sole_m: f
     turn = np.tile(IDENTITY, (n, 1))
     for side in ("left", "right"):
         x = -1.0 if side == "left" else 1.0
+        turn[pattern.index(f"{side}_shoulder")] = _girdle_turn(at, side)
         chain = [("upper_arm", "lower_arm", (x, 0.0, 0.0)), ("lower_arm", "hand", (x, 0.0, 0.0)),
                  ("upper_leg", "lower_leg", (0.0, -1.0, 0.0)),
                  ("lower_leg", "foot", (0.0, -1.0, 0.0))]  # fmt: skip
@@ -80,6 +85,18 @@ def rig_of_marks(at: Mapping[str, Vector], tips: Mapping[str, Vector], sole_m: f
         if name.endswith("_toes"):
             ends[j, 1] = sole_m - place[j, 1]
     return Rig(Skeleton(pattern.names, pattern.parents, offsets, ends), place, turn)
+
+
+def _girdle_turn(at: Mapping[str, Vector], side: str) -> Vector:
+    """Return how far a collar bone is lifted in a figure made with its arms spread.
+
+    Motions let arms hang from collar bones that rest: without this, shoulders stay at the neck.
+    """
+    along = unit(at[f"{side}_lower_arm"] - at[f"{side}_upper_arm"])
+    raised_deg = float(np.degrees(np.arcsin(np.clip(along[1], -1.0, 1.0))))
+    lift = np.radians(GIRDLE_PER_ARM * max(raised_deg - RELAXED_DEG, 0.0))
+    half = 0.5 * (-lift if side == "left" else lift)
+    return np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
 
 
 def _follow(turn: Vector, joint: int, above: Vector, rest: Vector, along: Vector) -> None:

@@ -2,7 +2,9 @@
 
 import io
 import json
+import re
 from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from stimuli.characters.character import (
     BodyCapsule,
     Character,
     Eyeball,
+    Maps,
     Material,
     Morph,
     SkinnedMesh,
@@ -22,7 +25,9 @@ from stimuli.characters.character import (
 from stimuli.characters.errors import CharacterError
 from stimuli.motion.skeleton import Skeleton
 
-FORMAT = 2
+FORMAT = 3
+_READ = (2, 3)
+"""What is read: format 2 had no maps, and one picture a material."""
 _STEP_M = 1 / 16384  # 0.06 mm; int16 reaches 2 m either way
 _MORPH_STEP_M = 1 / 262144
 _UV_STEP = 1 / 2048  # int16 reaches ±16 repeats of a cloth's texture
@@ -88,8 +93,31 @@ def _packed_image(pixels: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     return np.frombuffer(buffer.getvalue(), dtype=np.uint8)
 
 
+@dataclass(eq=False)
+class _Pictures:
+    """Pictures of all materials; one that several share is written once."""
+
+    listed: list[npt.NDArray[np.uint8]] = field(default_factory=list)
+
+    def of(self, material: Material) -> dict[str, int]:
+        """Return the numbers of a material's pictures by what they are."""
+        maps = Maps() if material.maps is None else material.maps
+        given = {"colour": material.texture_srgb} | {
+            f.name: getattr(maps, f.name) for f in fields(Maps)
+        }
+        return {name: self._number(p) for name, p in given.items() if p is not None}
+
+    def _number(self, pixels: npt.NDArray[np.uint8]) -> int:
+        for i, known in enumerate(self.listed):
+            if known is pixels:
+                return i
+        self.listed.append(pixels)
+        return len(self.listed) - 1
+
+
 def write_character(character: Character, path: Path) -> None:
     """Write a character into one file; positions keep 0.06 mm."""
+    pictures = _Pictures()
     head = {
         "format": FORMAT,
         "name": character.name,
@@ -101,7 +129,7 @@ def write_character(character: Character, path: Path) -> None:
         "measuring": len(character.measuring),
         "materials": [
             {"name": m.name, "kind": m.kind, "roughness_01": m.roughness_01,
-             "double_sided": m.double_sided}
+             "double_sided": m.double_sided, "pictures": pictures.of(m)}
             for m in character.materials
         ],
         "capsules": [[c.part, c.joint, c.radius_m] for c in character.capsules],
@@ -129,9 +157,8 @@ def write_character(character: Character, path: Path) -> None:
         arrays |= _pack_mesh(mesh, f"measuring{i}")
     if character.closed is not None:
         arrays |= _pack_mesh(character.closed, "closed")
-    for i, material in enumerate(character.materials):
-        if material.texture_srgb is not None:
-            arrays[f"texture{i}"] = _packed_image(material.texture_srgb)
+    for i, pixels in enumerate(pictures.listed):
+        arrays[f"picture{i}"] = _packed_image(pixels)
     np.savez_compressed(path, allow_pickle=False, **arrays)
 
 
@@ -144,7 +171,7 @@ def read_character(path: Path) -> Character:
     try:
         arrays = read_arrays(path)
         head = json.loads(arrays["head"].tobytes())
-        if head["format"] != FORMAT:
+        if head["format"] not in _READ:
             raise CharacterError(
                 f"{path}: format {head['format']}, this version reads {FORMAT}; import it again"
             )
@@ -164,11 +191,21 @@ def _character(arrays: Mapping[str, npt.NDArray[Any]], head: dict[str, Any]) -> 
         arrays["offsets"].astype(np.float64),
         arrays["tips"].astype(np.float64),
     )
+    pictures = {
+        name: np.asarray(Image.open(io.BytesIO(packed.tobytes())))
+        for name, packed in arrays.items()
+        if re.fullmatch(r"(texture|picture)\d+", name)
+    }
     materials = []
     for i, entry in enumerate(head["materials"]):
-        packed = arrays.get(f"texture{i}")
-        pixels = None if packed is None else np.asarray(Image.open(io.BytesIO(packed.tobytes())))
-        materials.append(Material(texture_srgb=pixels, **entry))
+        numbers = entry.pop("pictures", None)
+        if numbers is None:
+            materials.append(Material(texture_srgb=pictures.get(f"texture{i}"), **entry))
+            continue
+        worn = {name: pictures[f"picture{number}"] for name, number in numbers.items()}
+        colour = worn.pop("colour", None)
+        maps = Maps(**worn) if worn else None
+        materials.append(Material(texture_srgb=colour, maps=maps, **entry))
     ends = arrays["capsule_ends"].astype(np.float64)
     eyeball = dict(head["eyeball"])
     eyeball["iris_srgb"] = tuple(eyeball["iris_srgb"])

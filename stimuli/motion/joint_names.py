@@ -4,7 +4,9 @@ import re
 from collections.abc import Mapping
 
 from stimuli.motion.errors import MotionError
-from stimuli.motion.skeleton import Skeleton
+from stimuli.motion.skeleton import Skeleton, canonical_skeleton
+
+CANONICAL_NAMES = canonical_skeleton().names
 
 _LIMBS = {
     "shoulder": ("shoulder", "clavicle", "collar"),
@@ -14,9 +16,15 @@ _LIMBS = {
     "upper_leg": ("upleg", "upperleg", "femur", "thigh", "hip"),
     "lower_leg": ("leg", "lowerleg", "lowleg", "tibia", "shin", "calf", "knee"),
     "foot": ("foot", "ankle"),
-    "toes": ("toebase", "toes", "toe", "ball"),
-    "eye": ("eye",),
+    "toes": ("toebase", "toes", "toe", "toe0", "ball"),
+    "eye": ("eye", "faceeye"),
 }
+_MIDDLE = {"head": "head", "jaw": "jaw", "mjaw": "jaw", "chead": "head"}
+_RIG = re.compile(
+    r"^(mixamorig\d*[:_]?|character\d*_|bip\d+[\s_]|j_(bip|adj|sec)_|def-)", re.IGNORECASE
+)
+"""What a rig puts before all its names: Mixamo, HumanIK, 3ds Max's Biped, VRoid, Rigify."""
+_BIPED_FINGERS = ("thumb", "index", "middle", "ring", "little")
 _FINGERS = {"thumb": "thumb", "index": "index", "middle": "middle", "ring": "ring"}
 _PHALANGES = ("proximal", "middle", "distal")
 NEEDED = tuple(
@@ -27,14 +35,19 @@ NEEDED = tuple(
 """Limb joints without which a motion cannot be carried over; hips and head are needed too."""
 
 
+def _bare(name: str) -> str:
+    """Return a name without what its rig puts before all of them."""
+    return _RIG.sub("", name.rsplit(":", 1)[-1])
+
+
 def _plain(name: str) -> str:
-    """Return a name without prefix before a colon, blanks, dashes, dots, in lower case."""
-    return re.sub(r"[\s_\-.]", "", name.rsplit(":", 1)[-1]).lower()
+    """Return a name without its rig's prefix, blanks, dashes and dots, in lower case."""
+    return re.sub(r"[\s_\-.]", "", _bare(name)).lower()
 
 
 def _side(name: str) -> tuple[str, str] | None:
     """Split a name into side and part: LeftArm, l_arm, Arm_L, lfemur, right_hand."""
-    bare = name.rsplit(":", 1)[-1]
+    bare = _bare(name)
     for side, letter in (("left", "l"), ("right", "r")):
         if _plain(bare).startswith(side):
             return side, _plain(bare)[len(side) :]
@@ -42,7 +55,7 @@ def _side(name: str) -> tuple[str, str] | None:
             return side, _plain(bare)[:-1]
         if _plain(bare).startswith(letter):
             part = _plain(bare)[1:]
-            if any(part in aliases for aliases in _LIMBS.values()):
+            if any(part in aliases for aliases in _LIMBS.values()) or _finger(part):
                 return side, part
     return None
 
@@ -56,16 +69,25 @@ def _limb(name: str) -> str | None:
     for limb, aliases in _LIMBS.items():
         if part in aliases or part == limb.replace("_", ""):
             return f"{side}_{limb}"
+    found = _finger(part)
+    return None if found is None else f"{side}_{found}"
+
+
+def _finger(part: str) -> str | None:
+    """Return our name, without the side, of a finger's joint."""
+    biped = re.fullmatch(r"finger([0-4])([12]?)", part)
+    if biped is not None:
+        phalanx = int(biped.group(2) or 0)
+        return f"{_BIPED_FINGERS[int(biped.group(1))]}_{_PHALANGES[phalanx]}"
     match = re.fullmatch(
-        r"(?:hand)?(thumb|index|middle|ring|pinky|little)(?:finger)?(\d|[a-z]+)", part
+        r"(?:hand|f)?(thumb|index|middle|ring|pinky|little)(?:finger)?(0?\d|[a-z]+)", part
     )
     if match is None:
         return None
-    finger = _FINGERS.get(match.group(1), "little")
-    phalanx = match.group(2)
-    if phalanx in ("1", "2", "3"):
-        return f"{side}_{finger}_{_PHALANGES[int(phalanx) - 1]}"
-    return f"{side}_{finger}_{phalanx}" if phalanx in _PHALANGES else None
+    finger, which = _FINGERS.get(match.group(1), "little"), match.group(2).lstrip("0")
+    if which in ("1", "2", "3"):
+        return f"{finger}_{_PHALANGES[int(which) - 1]}"
+    return f"{finger}_{which}" if which in _PHALANGES else None
 
 
 def _chain(source: Skeleton, low: str, high: str) -> list[str]:
@@ -78,23 +100,33 @@ def _chain(source: Skeleton, low: str, high: str) -> list[str]:
     return chain[::-1] if at == end else []
 
 
-def match_joints(source: Skeleton) -> Mapping[str, str]:
+def match_joints(source: Skeleton, known: Mapping[str, str] | None = None) -> Mapping[str, str]:
     """Return canonical joint names with the source's names for them.
 
-    Limbs, head and fingers are known by name in the conventions of CMU, Mixamo, Bandai-Namco,
-    Biovision and Visavis itself. Hips are the root or what both legs hang from; spine joints are
-    told by their place between hips and arms, the neck by its place below the head.
+    Limbs, head and fingers are known by name in the conventions of CMU, Mixamo, Ready Player Me,
+    HumanIK (VALID), 3ds Max's Biped (Rocketbox), VRoid, Rigify, Unreal, Bandai-Namco, Biovision
+    and Visavis itself; `known` says of some which they are, over all else. Hips are the root or
+    what both legs hang from; spine joints are told by their place between hips and arms, the neck
+    by its place below the head.
 
     Raises:
-        MotionError: a needed joint cannot be recognised.
+        MotionError: a needed joint cannot be recognised, or `known` names one that is not there.
     """
-    found: dict[str, str] = {}
+    known = {} if known is None else known
+    for ours, theirs in known.items():
+        if ours not in CANONICAL_NAMES:
+            raise MotionError(f"no joint of ours is called {ours!r}: {', '.join(CANONICAL_NAMES)}")
+        if theirs not in source.names:
+            raise MotionError(
+                f"no joint {theirs!r}, said to be {ours}, among {', '.join(source.names)}"
+            )
+    found: dict[str, str] = dict(known)
     for name in source.names:
         limb = _limb(name)
         if limb is not None:
             found.setdefault(limb, name)
-        elif _plain(name) in ("head", "jaw"):
-            found.setdefault(_plain(name), name)
+        elif _plain(name) in _MIDDLE:
+            found.setdefault(_MIDDLE[_plain(name)], name)
     for side in ("left", "right"):
         # Biovision calls the upper arm Shoulder and the shoulder Collar.
         if f"{side}_upper_arm" not in found and f"{side}_lower_arm" in found:
@@ -109,22 +141,25 @@ def match_joints(source: Skeleton) -> Mapping[str, str]:
             f"joints not recognised: {', '.join(missing)}; among {', '.join(source.names)}. "
             "Pass joint_map with our names and yours"
         )
-    found["hips"] = _common(source, found["left_upper_leg"], found["right_upper_leg"])
+    legs = _common(source, found["left_upper_leg"], found["right_upper_leg"])
+    found.setdefault("hips", legs)
     arms = _common(source, found["left_upper_arm"], found["right_upper_arm"])
     torso = _chain(source, found["hips"], found["head"])
     if arms in torso:
         cut = torso.index(arms) + 1
+        if arms == torso[-1] and len(torso) > 1 and "neck" in _plain(arms):
+            cut -= 1  # Biped hangs collar bones on the neck
         spine, neck = torso[:cut], torso[cut:]
     else:
         spine, neck = torso, []
     if len(spine) > 1:
-        found["spine"] = spine[0]
+        found.setdefault("spine", spine[0])
     if len(spine) > 2:
-        found["chest"] = spine[len(spine) // 2]
+        found.setdefault("chest", spine[len(spine) // 2])
     if spine:
-        found["upper_chest"] = spine[-1]
+        found.setdefault("upper_chest", spine[-1])
     if neck:
-        found["neck"] = neck[-1]
+        found.setdefault("neck", neck[-1])
     return found
 
 

@@ -1,11 +1,15 @@
 """A small glTF figure that tests write themselves: bones, boxes for limbs, leaning eyeballs."""
 
+import io
 import json
 import struct
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from stimuli.motion.skeleton import canonical_skeleton
 
@@ -27,9 +31,27 @@ def bone_names() -> dict[str, str]:
     return names
 
 
+PLATE_HALF_M, PLATE_AHEAD_M = 0.1, 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Plate:
+    """A square before the chest, facing forward, that wears a material of a test.
+
+    `pictures` (h, w, 3 or 4) are textures 0, 1 and so on; coordinates run from the top left, as
+    seen, in set `uv_set`; other sets lie upside down. `colours` is one linear RGB.
+    """
+
+    material: dict[str, Any]
+    pictures: tuple[np.ndarray, ...] = ()
+    uv_set: int = 0
+    colours: tuple[float, float, float] | None = None
+    extensions: tuple[str, ...] = ()
+
+
 def write_glb(
     path: Path, *, leave_out: Sequence[str] = (), with_skin: bool = True, eye_yaw_deg: float = 4.0,
-    eye_radius_m: float = 0.014, arms_down_deg: float = 40.0,
+    eye_radius_m: float = 0.014, arms_down_deg: float = 40.0, plate: Plate | None = None,
 ) -> None:  # fmt: skip
     """Write a figure that faces +z with its arms half lowered, as most files have it."""
     pattern = canonical_skeleton(1.70)
@@ -66,12 +88,20 @@ def write_glb(
     weights[:, 0] = 1
     blink = np.zeros_like(vertices)
     blink[bones == joints.index("head"), 1] = -0.005
-    arrays = [
+    arrays: list[tuple[np.ndarray, str, int]] = [
         (vertices.astype(np.float32), "VEC3", 5126), (joint_rows, "VEC4", 5121),
         (weights, "VEC4", 5126), (triangles.astype(np.uint16).reshape(-1, 1), "SCALAR", 5123),
         (inverse.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32), "MAT4", 5126),
         (blink.astype(np.float32), "VEC3", 5126),
     ]  # fmt: skip
+    attributes = {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2}
+    primitives: list[dict[str, Any]] = [
+        {"attributes": attributes, "indices": 3, "targets": [{"POSITION": 5}]}
+    ]
+    if plate is not None:
+        more, primitive = _plate(plate, at, joints.index("upper_chest"), len(arrays))
+        arrays += more
+        primitives.append(primitive)
     binary, views, accessors = b"", [], []
     for i, (array, kind, component) in enumerate(arrays):
         data = array.tobytes()
@@ -79,6 +109,14 @@ def write_glb(
         accessors.append(
             {"bufferView": i, "componentType": component, "count": len(array), "type": kind}
         )
+        binary += data + b"\0" * (-len(data) % 4)
+    images = []
+    for pixels in () if plate is None else plate.pictures:
+        packed = io.BytesIO()
+        Image.fromarray(pixels).save(packed, format="PNG")
+        data = packed.getvalue()
+        images.append({"bufferView": len(views), "mimeType": "image/png"})
+        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)})
         binary += data + b"\0" * (-len(data) % 4)
     node: dict[str, object] = {"name": "Body_eye", "mesh": 0}
     if with_skin:
@@ -89,21 +127,15 @@ def write_glb(
         "buffers": [{"byteLength": len(binary)}],
         "bufferViews": views,
         "accessors": accessors,
-        "meshes": [
-            {
-                "primitives": [
-                    {
-                        "attributes": {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2},
-                        "indices": 3,
-                        "targets": [{"POSITION": 5}],
-                    }
-                ],
-                "extras": {"targetNames": ["eyeBlinkLeft"]},
-            }
-        ],
+        "meshes": [{"primitives": primitives, "extras": {"targetNames": ["eyeBlinkLeft"]}}],
         "nodes": nodes,
         "scenes": [{"nodes": [0, len(nodes) - 1]}],
     }
+    if plate is not None:
+        tree["materials"] = [plate.material]
+        tree["images"] = images
+        tree["textures"] = [{"source": i} for i in range(len(images))]
+        tree["extensionsRequired"] = list(plate.extensions)
     if with_skin:
         tree["skins"] = [{"joints": list(range(len(joints))), "inverseBindMatrices": 4}]
     text = json.dumps(tree).encode()
@@ -111,6 +143,32 @@ def write_glb(
     chunks = struct.pack("<I4s", len(text), b"JSON") + text
     chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
     path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+def _plate(
+    plate: Plate, at: dict[str, np.ndarray], bone: int, first: int
+) -> tuple[list[tuple[np.ndarray, str, int]], dict[str, Any]]:
+    corners = np.array([[-1.0, 1, 0], [-1, -1, 0], [1, -1, 0], [1, 1, 0]])
+    middle = at["upper_chest"] + [0.0, 0.0, PLATE_AHEAD_M]
+    joints = np.zeros((4, 4), dtype=np.uint8)
+    joints[:, 0] = bone
+    uv = np.array([[0.0, 0], [0, 1], [1, 1], [1, 0]])
+    columns: dict[str, tuple[np.ndarray, str, int]] = {
+        "POSITION": ((PLATE_HALF_M * corners + middle).astype(np.float32), "VEC3", 5126),
+        "NORMAL": (np.tile([0.0, 0, 1], (4, 1)).astype(np.float32), "VEC3", 5126),
+        "JOINTS_0": (joints, "VEC4", 5121),
+        "WEIGHTS_0": (np.tile([1.0, 0, 0, 0], (4, 1)).astype(np.float32), "VEC4", 5126),
+    }
+    for k in range(plate.uv_set + 1):
+        lying = uv if k == plate.uv_set else 1.0 - uv
+        columns[f"TEXCOORD_{k}"] = (lying.astype(np.float32), "VEC2", 5126)
+    if plate.colours is not None:
+        rows = np.tile(plate.colours, (4, 1)).astype(np.float32)
+        columns["COLOR_0"] = (rows, "VEC3", 5126)
+    order = np.array([0, 1, 2, 0, 2, 3], dtype=np.uint16).reshape(-1, 1)
+    attributes = {name: first + k for k, name in enumerate(columns)}
+    primitive = {"attributes": attributes, "indices": first + len(columns), "material": 0}
+    return [*columns.values(), (order, "SCALAR", 5123)], primitive
 
 
 def _surface(

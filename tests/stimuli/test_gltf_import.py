@@ -18,9 +18,10 @@ from stimuli.characters.gltf import import_gltf
 from stimuli.characters.gltf_eyes import fitted_eye
 from stimuli.characters.gltf_figure import read_figure
 from stimuli.characters.gltf_file import read_glb
+from stimuli.characters.gltf_skin import like_the_face
 from stimuli.characters.library import import_characters, library_names
 from stimuli.motion.skeleton import canonical_skeleton
-from tests.stimuli.glb_figure import write_glb
+from tests.stimuli.glb_figure import bone_names, write_glb
 
 AVATARS = os.environ.get("VISAVIS_AVATARS")
 
@@ -45,6 +46,36 @@ def test_imported_figure_stands_in_our_t_pose_and_faces_forward(glb: Path) -> No
     middle = mesh.vertices_m[np.unique(hand)].mean(axis=0)
     np.testing.assert_allclose(middle, rest[person.skeleton.index("left_hand")], atol=0.005)
     np.testing.assert_allclose(mesh.weights.sum(axis=1), 1, atol=1e-6)
+
+
+def test_collar_bones_come_down_in_a_figure_made_with_its_arms_spread(tmp_path: Path) -> None:
+    path = tmp_path / "spread_F.glb"
+    heights = {}
+    for down_deg in (0.0, 40.0):
+        write_glb(path, arms_down_deg=down_deg)
+        skeleton = import_gltf(path).skeleton
+        at = {name: skeleton.rest_m[skeleton.index(name)] for name in skeleton.names}
+        length = np.linalg.norm(at["left_upper_arm"] - at["left_shoulder"])
+        np.testing.assert_allclose(
+            at["left_upper_arm"] * [-1, 1, 1], at["right_upper_arm"], atol=1e-6
+        )
+        heights[down_deg] = at["left_upper_arm"][1] - at["left_shoulder"][1], length
+    # A quarter of 35°, of a collar bone that lay level.
+    spread, length = heights[0.0]
+    assert spread == pytest.approx(heights[40.0][0] - length * np.sin(np.radians(8.75)), abs=1e-3)
+
+
+def test_what_looks_like_the_face_is_skin_and_the_rest_is_not() -> None:
+    skin, shirt = (205, 150, 120), (40, 60, 120)
+    pixels = np.array([[skin, (190, 138, 110), shirt, shirt]], np.uint8)
+    column = np.array([0, 0, 1, 1, 2, 3])
+    n = 12
+    tiles = np.repeat(column, n)
+    corners = np.arange(3 * len(tiles)).reshape(-1, 3)
+    uv = np.repeat(np.stack([(tiles + 0.5) / 4, np.full(len(tiles), 0.5)], axis=1), 3, axis=0)
+    faces = np.arange(len(tiles)) < 2 * n
+    found = like_the_face(pixels, uv, corners, faces)
+    np.testing.assert_array_equal(found, tiles < 2)
 
 
 def test_eye_axis_is_fitted_from_the_eyeball_not_its_bone(glb: Path) -> None:
@@ -146,16 +177,65 @@ def _only_a_list(tree: dict[str, Any]) -> object:
 def test_file_that_contradicts_itself_is_named(
     tmp_path: Path, glb: Path, spoiled: Callable[[dict[str, Any]], object]
 ) -> None:
+    path = tmp_path / "odd_M.glb"
+    _retold(glb, path, spoiled)
+    with pytest.raises(CharacterError, match=r"odd_M\.glb: .*export"):
+        import_gltf(path)
+
+
+def _retold(glb: Path, path: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    """Write a file again with its description changed."""
     data = glb.read_bytes()
     length = struct.unpack("<I", data[12:16])[0]
-    text = json.dumps(spoiled(json.loads(data[20 : 20 + length]))).encode()
+    text = json.dumps(change(json.loads(data[20 : 20 + length]))).encode()
     text += b" " * (-len(text) % 4)
     rest = data[20 + length :]
     head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(rest))
-    path = tmp_path / "odd_M.glb"
     path.write_bytes(head + struct.pack("<I4s", len(text), b"JSON") + text + rest)
-    with pytest.raises(CharacterError, match=r"odd_M\.glb: .*export"):
+
+
+def _numbered(tree: dict[str, Any]) -> dict[str, str]:
+    """Give bones names that say nothing; return them by Mixamo's."""
+    names = {node["name"]: f"bone_{i}" for i, node in enumerate(tree["nodes"][:-1])}
+    for node in tree["nodes"][:-1]:
+        node["name"] = names[node["name"]]
+    return names
+
+
+def test_bones_may_be_said_where_their_names_tell_nothing(tmp_path: Path, glb: Path) -> None:
+    path, theirs = tmp_path / "numbered_F.glb", dict[str, str]()
+
+    def numbered(tree: dict[str, Any]) -> object:
+        theirs.update(_numbered(tree))
+        return tree
+
+    _retold(glb, path, numbered)
+    with pytest.raises(CharacterError, match="--joint-map"):
         import_gltf(path)
+    said = {ours: theirs[mixamo] for ours, mixamo in bone_names().items()}
+    person = import_gltf(path, joint_map=said)
+    np.testing.assert_array_equal(person.skeleton.rest_m, import_gltf(glb).skeleton.rest_m)
+
+
+@pytest.mark.parametrize("version", ["VRM", "VRMC_vrm"])
+def test_vrm_itself_says_which_bone_is_which(tmp_path: Path, glb: Path, version: str) -> None:
+    path = tmp_path / "vrm_F.vrm"
+
+    def as_vrm(tree: dict[str, Any]) -> object:
+        theirs = _numbered(tree)
+        nodes = [node["name"] for node in tree["nodes"]]
+        bones = {}
+        for ours, mixamo in bone_names().items():
+            first, *rest = ours.split("_")
+            bones[first + "".join(map(str.title, rest))] = nodes.index(theirs[mixamo])
+        listed: object = [{"bone": bone, "node": node} for bone, node in bones.items()]
+        if version == "VRMC_vrm":
+            listed = {bone: {"node": node} for bone, node in bones.items()}
+        return tree | {"extensions": {version: {"humanoid": {"humanBones": listed}}}}
+
+    _retold(glb, path, as_vrm)
+    person = import_gltf(path)
+    np.testing.assert_array_equal(person.skeleton.rest_m, import_gltf(glb).skeleton.rest_m)
 
 
 def test_gender_that_the_name_does_not_say_is_asked_for(tmp_path: Path) -> None:
@@ -194,6 +274,17 @@ def test_valid_avatars_import_whole() -> None:
         assert set(np.unique(person.levels[0].triangle_part)) == set(range(1, 20))
         assert 1.5 < person.stature_m < 2.1
         assert len(person.capsules) >= 19
+        body = {m.kind: m for m in person.materials if m.name.startswith("_Body")}
+        assert {"skin", "cloth"} <= set(body)
+        assert body["cloth"].roughness_01 > 0.8 > body["skin"].roughness_01
+        assert body["skin"].texture_srgb is body["cloth"].texture_srgb
+        assert body["skin"].texture_srgb is not None
+        assert body["skin"].texture_srgb.shape[0] == 2048
+        assert body["skin"].maps is not None
+        mesh = person.levels[0]
+        thigh = mesh.triangle_part == PART_INDEX["left_thigh"]
+        worn = [person.materials[m].kind for m in np.unique(mesh.triangle_material[thigh])]
+        assert "cloth" in worn
 
 
 def test_a_description_nested_without_end_is_named(tmp_path: Path) -> None:

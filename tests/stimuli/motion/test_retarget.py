@@ -221,6 +221,69 @@ CONVENTIONS = {
          "left_lower_arm": "LeftElbow", "left_hand": "LeftWrist", "right_upper_leg": "RightHip",
          "right_lower_leg": "RightKnee", "right_foot": "RightAnkle"},
     ),
+    "mixamo, written by three.js": (
+        "mixamorigHips>mixamorigSpine>mixamorigSpine1>mixamorigSpine2>mixamorigNeck>mixamorigHead"
+        ">mixamorigLeftEye "
+        "mixamorigSpine2>mixamorigLeftShoulder>mixamorigLeftArm>mixamorigLeftForeArm"
+        ">mixamorigLeftHand>mixamorigLeftHandThumb1 "
+        "mixamorigSpine2>mixamorigRightShoulder>mixamorigRightArm>mixamorigRightForeArm"
+        ">mixamorigRightHand mixamorigHips>mixamorigLeftUpLeg>mixamorigLeftLeg"
+        ">mixamorigLeftFoot>mixamorigLeftToeBase mixamorigHips>mixamorigRightUpLeg"
+        ">mixamorigRightLeg>mixamorigRightFoot",
+        {"hips": "mixamorigHips", "chest": "mixamorigSpine1", "left_eye": "mixamorigLeftEye",
+         "left_thumb_proximal": "mixamorigLeftHandThumb1", "left_toes": "mixamorigLeftToeBase"},
+    ),
+    "ready player me": (
+        "Hips>Spine>Spine1>Spine2>Neck>Head>LeftEye Head>RightEye Head>HeadTop_End "
+        "Spine2>LeftShoulder>LeftArm>LeftForeArm>LeftHand>LeftHandIndex1>LeftHandIndex2"
+        ">LeftHandIndex3>LeftHandIndex4 Spine2>RightShoulder>RightArm>RightForeArm>RightHand "
+        "Hips>LeftUpLeg>LeftLeg>LeftFoot>LeftToeBase>LeftToe_End "
+        "Hips>RightUpLeg>RightLeg>RightFoot>RightToeBase",
+        {"right_eye": "RightEye", "left_index_distal": "LeftHandIndex3", "head": "Head",
+         "left_toes": "LeftToeBase", "upper_chest": "Spine2", "neck": "Neck"},
+    ),
+    "biped, as in rocketbox": (
+        "Bip01>Bip01_Pelvis>Bip01_Spine>Bip01_Spine1>Bip01_Spine2>Bip01_Neck>Bip01_Head"
+        ">Bip01_LEye Bip01_Head>Bip01_REye Bip01_Head>Bip01_MJaw "
+        "Bip01_Neck>Bip01_L_Clavicle>Bip01_L_UpperArm>Bip01_L_Forearm>Bip01_L_Hand"
+        ">Bip01_L_Finger0>Bip01_L_Finger01>Bip01_L_Finger02 Bip01_L_Hand>Bip01_L_Finger4 "
+        "Bip01_Neck>Bip01_R_Clavicle>Bip01_R_UpperArm>Bip01_R_Forearm>Bip01_R_Hand "
+        "Bip01_Pelvis>Bip01_L_Thigh>Bip01_L_Calf>Bip01_L_Foot>Bip01_L_Toe0 "
+        "Bip01_Pelvis>Bip01_R_Thigh>Bip01_R_Calf>Bip01_R_Foot>Bip01_R_Toe0",
+        {"hips": "Bip01_Pelvis", "spine": "Bip01_Spine", "chest": "Bip01_Spine1",
+         "upper_chest": "Bip01_Spine2", "neck": "Bip01_Neck", "jaw": "Bip01_MJaw",
+         "left_eye": "Bip01_LEye", "left_shoulder": "Bip01_L_Clavicle",
+         "right_upper_arm": "Bip01_R_UpperArm", "left_thumb_proximal": "Bip01_L_Finger0",
+         "left_thumb_distal": "Bip01_L_Finger02", "left_little_proximal": "Bip01_L_Finger4",
+         "right_lower_leg": "Bip01_R_Calf", "right_toes": "Bip01_R_Toe0"},
+    ),
+    "vroid": (
+        "Root>J_Bip_C_Hips>J_Bip_C_Spine>J_Bip_C_Chest>J_Bip_C_UpperChest>J_Bip_C_Neck"
+        ">J_Bip_C_Head>J_Adj_L_FaceEye J_Bip_C_UpperChest>J_Bip_L_Shoulder>J_Bip_L_UpperArm"
+        ">J_Bip_L_LowerArm>J_Bip_L_Hand>J_Bip_L_Index1 J_Bip_C_UpperChest>J_Bip_R_Shoulder"
+        ">J_Bip_R_UpperArm>J_Bip_R_LowerArm>J_Bip_R_Hand "
+        "J_Bip_C_Hips>J_Bip_L_UpperLeg>J_Bip_L_LowerLeg>J_Bip_L_Foot>J_Bip_L_ToeBase "
+        "J_Bip_C_Hips>J_Bip_R_UpperLeg>J_Bip_R_LowerLeg>J_Bip_R_Foot",
+        {"hips": "J_Bip_C_Hips", "head": "J_Bip_C_Head", "left_eye": "J_Adj_L_FaceEye",
+         "left_index_proximal": "J_Bip_L_Index1", "left_toes": "J_Bip_L_ToeBase",
+         "right_lower_arm": "J_Bip_R_LowerArm"},
+    ),
+    "cmu, as in makehuman": (
+        "Hips>LowerBack>Spine>Spine1>Neck>Neck1>Head Spine1>LeftShoulder>LeftArm>LeftForeArm"
+        ">LeftHand>LeftFingerBase Spine1>RightShoulder>RightArm>RightForeArm>RightHand "
+        "Hips>LHipJoint>LeftUpLeg>LeftLeg>LeftFoot>LeftToeBase "
+        "Hips>RHipJoint>RightUpLeg>RightLeg>RightFoot",
+        {"hips": "Hips", "spine": "LowerBack", "upper_chest": "Spine1", "neck": "Neck1",
+         "left_upper_leg": "LeftUpLeg", "left_upper_arm": "LeftArm"},
+    ),
+    "unreal": (
+        "root>pelvis>spine_01>spine_02>spine_03>neck_01>head "
+        "spine_03>clavicle_l>upperarm_l>lowerarm_l>hand_l>index_01_l>index_02_l "
+        "spine_03>clavicle_r>upperarm_r>lowerarm_r>hand_r "
+        "pelvis>thigh_l>calf_l>foot_l>ball_l pelvis>thigh_r>calf_r>foot_r>ball_r",
+        {"hips": "pelvis", "upper_chest": "spine_03", "left_toes": "ball_l",
+         "left_index_middle": "index_02_l", "right_lower_leg": "calf_r"},
+    ),
 }  # fmt: skip
 
 
@@ -231,6 +294,19 @@ def test_joints_of_common_conventions_are_recognised(convention: str) -> None:
     found = match_joints(tree(text))
 
     assert expected == {name: found.get(name) for name in expected}
+
+
+def test_joints_may_be_said_over_what_their_names_tell() -> None:
+    text, _ = CONVENTIONS["bandai"]
+    plain = tree(text.replace("Head", "Kopf"))
+    with pytest.raises(MotionError, match="head"):
+        match_joints(plain)
+    found = match_joints(plain, {"head": "Kopf", "hips": "joint_Root"})
+    assert (found["head"], found["hips"], found["neck"]) == ("Kopf", "joint_Root", "Neck")
+    with pytest.raises(MotionError, match="no joint 'Fuss', said to be left_foot"):
+        match_joints(plain, {"head": "Kopf", "left_foot": "Fuss"})
+    with pytest.raises(MotionError, match="no joint of ours is called 'kopf'"):
+        match_joints(plain, {"kopf": "Kopf"})
 
 
 def test_our_own_joints_are_recognised_all() -> None:

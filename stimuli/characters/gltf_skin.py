@@ -1,0 +1,49 @@
+"""Tell skin from clothes where one material of a file covers both, by the colour of the face."""
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.geometry import Vector
+from stimuli.characters.gltf_looks import linear_of
+
+MAX_HUE_DISTANCE = 0.30
+"""How far skin's red over green and green over blue, as logarithms, lie from the face's."""
+MAX_LIGHT_DISTANCE = 1.0
+"""The same for its light: skin in a file is at most so much lighter or darker than its face."""
+MIN_FACE_TRIANGLES = 20
+"""A surface with less of a face has none to compare with."""
+ROUNDS = 4
+Mask = npt.NDArray[np.bool_]
+_CORNERS = np.array([[0.6, 0.2, 0.2], [0.2, 0.6, 0.2], [0.2, 0.2, 0.6], [1 / 3, 1 / 3, 1 / 3]])
+
+
+def like_the_face(
+    pixels: npt.NDArray[np.uint8], uv: Vector, triangles: npt.NDArray[np.int64], faces: Mask
+) -> Mask:
+    """Return which triangles (t,) look like those of the face, `faces` (t,).
+
+    `uv` (v, 2) are places in `pixels`.
+    """
+    look = _looks(pixels, uv, triangles)
+    apart = np.abs(look - np.median(look[faces], axis=0))
+    near = (apart[:, :2].max(axis=1) < MAX_HUE_DISTANCE) & (apart[:, 2] < MAX_LIGHT_DISTANCE)
+    # Single triangles of another colour, such as nails or buttons, follow their neighbours.
+    n = len(uv)
+    share = near.astype(np.float64)
+    many = np.maximum(np.bincount(triangles.ravel(), minlength=n), 1)
+    for _ in range(ROUNDS):
+        at = np.bincount(triangles.ravel(), np.repeat(share, 3), minlength=n) / many
+        share = at[triangles].mean(axis=1)
+    alike: Mask = share > 0.5
+    return alike
+
+
+def _looks(pixels: npt.NDArray[np.uint8], uv: Vector, triangles: npt.NDArray[np.int64]) -> Vector:
+    """Return red over green, green over blue and light (t, 3) of triangles, as logarithms."""
+    places = np.einsum("sk,tkc->tsc", _CORNERS, uv[triangles])
+    height, width = pixels.shape[:2]
+    column = np.floor(places[..., 0] % 1.0 * width).astype(np.int64) % width
+    row = np.floor(places[..., 1] % 1.0 * height).astype(np.int64) % height
+    light = linear_of(pixels[row, column, :3] / 255).mean(axis=1) + 0.004
+    r, g, b = np.log(light).T
+    return np.stack([r - g, g - b, (r + g + b) / 3], axis=1)

@@ -1,0 +1,65 @@
+"""visavis character fetch and import: where others' people lie, how they come in."""
+
+import zipfile
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from cli.main import app
+from lab.errors import LabError, UsageError
+from stimuli.characters.errors import CharacterError
+from stimuli.characters.library import library_names
+from tests.stimuli.glb_figure import bone_names, write_glb
+
+
+def character(*arguments: object) -> str:
+    result = CliRunner().invoke(app, ["character", *map(str, arguments)])
+    if isinstance(result.exception, LabError):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_valid_is_told_with_address_licence_and_source() -> None:
+    told = character("fetch", "valid")
+    for word in ("github.com/c-frame/valid-avatars-glb", "MIT", "10.3389/frvir.2023.1248915"):
+        assert word in told
+
+
+def test_download_is_imported_from_its_zip_and_from_its_folder(tmp_path: Path) -> None:
+    inside = tmp_path / "valid-avatars-glb-main" / "avatars" / "Asian"
+    inside.mkdir(parents=True)
+    for name in ("Asian_F_1_Casual", "Asian_M_1_Busi"):
+        write_glb(inside / f"{name}.glb")
+    packed = tmp_path / "valid.zip"
+    with zipfile.ZipFile(packed, "w") as file:
+        for path in inside.glob("*.glb"):
+            file.write(path, f"valid-avatars-glb-main/avatars/Asian/{path.name}")
+    character("fetch", "valid", packed, "--only", "*_Casual", "--library", tmp_path / "one")
+    assert library_names(tmp_path / "one") == ("Asian_F_1_Casual",)
+    character("fetch", "valid", inside.parents[1], "--library", tmp_path / "two")
+    assert library_names(tmp_path / "two") == ("Asian_F_1_Casual", "Asian_M_1_Busi")
+
+
+def test_what_is_no_download_is_said(tmp_path: Path) -> None:
+    (tmp_path / "text.zip").write_text("no archive")
+    with pytest.raises(CharacterError, match=r"text\.zip: neither a folder nor a whole \.zip"):
+        character("fetch", "valid", tmp_path / "text.zip", "--library", tmp_path)
+    with pytest.raises(CharacterError, match=r"no \.glb file called"):
+        character("fetch", "valid", tmp_path, "--library", tmp_path)
+    with pytest.raises(UsageError, match="known: valid"):
+        character("fetch", "everybody")
+
+
+def test_joint_map_is_read_from_a_file(tmp_path: Path) -> None:
+    write_glb(tmp_path / "someone_F.glb")
+    said = tmp_path / "joints.yaml"
+    said.write_text(f"left_hand: {bone_names()['left_hand']}\n")
+    character(
+        "import", tmp_path / "someone_F.glb", "--joint-map", said, "--library", tmp_path / "lib"
+    )
+    assert library_names(tmp_path / "lib") == ("someone_F",)
+    said.write_text("- left_hand\n")
+    with pytest.raises(UsageError, match="one line a joint"):
+        character("import", tmp_path / "someone_F.glb", "--joint-map", said, "--library", tmp_path)
