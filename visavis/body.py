@@ -1,7 +1,6 @@
 """Simulated bodies: a hand that points and presses, segments as trackers see them, who stands."""
 
 from collections.abc import Iterator, Sequence
-from functools import cache
 from typing import Final
 
 import numpy as np
@@ -12,10 +11,9 @@ from lab.clock import NS_PER_S
 from lab.errors import DataError
 from lab.geometry import Vector, quat_conjugate, rotate, unit
 from protocol.boards import ALONG_FINGERS, HAND
-from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M
+from stimuli.contact.body import BODY_JOINTS
 from stimuli.motion.blending import eased
-from stimuli.motion.clip import floor_of_rest_m
-from stimuli.motion.skeleton import canonical_skeleton
+from visavis.at_ease import at_ease, posed
 
 POINT_S: Final = 0.5
 """How long a hand takes from one point to the next."""
@@ -62,12 +60,19 @@ class PointingHand:
 
 
 def segments_of(
-    names: Sequence[str], lean_m: Vector, hand_m: Vector, pointed_m: Vector
+    names: Sequence[str],
+    at_m: Vector,
+    eyes_m: Vector,
+    head_wxyz: Vector,
+    hand_m: Vector,
+    pointed_m: Vector,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Return positions (t, n, 3) and orientations (t, n, 4) of segments of somebody who points.
 
-    `lean_m` (t, 3) is how the body leans from upright, `hand_m` (t, 3) where the right hand is,
-    `pointed_m` (t, 3) what its fingers point to.
+    They sit or stand at ease where their eyes are at `at_m` (3,), feet on the floor: whose eyes are
+    low sits. The trunk follows the head, of which `eyes_m` (t, 3) is the middle between the eyes
+    and `head_wxyz` (t, 4) the turn; the right hand is at `hand_m` (t, 3) and its fingers point to
+    `pointed_m` (t, 3).
 
     Raises:
         DataError: the body has no such segment.
@@ -78,22 +83,18 @@ def segments_of(
             f"the simulated body has no segment {', '.join(unknown)}; "
             f"it has {', '.join(BODY_JOINTS)}"
         )
-    positions = _standing()[[BODY_JOINTS.index(name) for name in names]] + lean_m[:, None, :]
-    turns = np.zeros((len(lean_m), len(names), 4))
-    turns[..., 0] = 1.0
-    if HAND in names:
-        k = list(names).index(HAND)
-        positions[:, k] = hand_m
-        turns[:, k] = fingers_to(unit(pointed_m - hand_m))
-    return positions, turns
+    hand_wxyz = fingers_to(unit(pointed_m - hand_m))
+    ease = at_ease(*(round(float(v), 3) for v in at_m))
+    all_m, all_wxyz = posed(ease, eyes_m, head_wxyz, hand_m, hand_wxyz)
+    chosen = [ease.skeleton.index(name) for name in names]
+    return all_m[:, chosen], all_wxyz[:, chosen]
 
 
-@cache
-def _standing() -> Vector:
-    skeleton = canonical_skeleton(REFERENCE_STATURE_M)
-    rest: Vector = skeleton.rest_m[[skeleton.index(name) for name in BODY_JOINTS]]
-    on_floor: Vector = rest - np.array([0.0, floor_of_rest_m(skeleton), 0.0])
-    return on_floor
+def hand_alone(
+    hand_m: Vector, pointed_m: Vector
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return the right hand alone as `segments_of` does: it needs no body."""
+    return hand_m[:, None, :].copy(), fingers_to(unit(pointed_m - hand_m))[:, None, :]
 
 
 def fingers_to(direction: Vector) -> Vector:
@@ -166,8 +167,11 @@ class StandingBody:
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Return true positions (t, n, 3) and orientations (t, n, 4) of segments in world."""
         t_s = (t_ns - self._origin_ns) / NS_PER_S
-        lean = self._positions(t_s) - self._eye
-        return segments_of(names, lean, self._hand_m + lean, self.hand.pointed_at(t_s))
+        eyes_m, turn = self._heads(t_s)
+        hand_m = self._hand_m + eyes_m - self._eye
+        if tuple(names) == (HAND,):
+            return hand_alone(hand_m, self.hand.pointed_at(t_s))
+        return segments_of(names, self._eye, eyes_m, turn, hand_m, self.hand.pointed_at(t_s))
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
         """Feel a vibration; it changes nothing in this body."""
@@ -212,8 +216,8 @@ class StandingBody:
         if len(aims) > 1:
             starts = np.array([start for start, _ in self._looks[1:]])
             angles = angles + eased((t_s[:, None] - starts) / TURN_S) @ np.diff(aims, axis=0)
-        y, p = HEAD_SHARE * angles.T / 2
-        cy, sy, cp, sp = np.cos(y), np.sin(y), np.cos(p), np.sin(p)
+        yaw, up = HEAD_SHARE * angles.T / 2
+        cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(up), np.sin(up)
         return self._positions(t_s), np.stack([cy * cp, cy * sp, sy * cp, -sy * sp], axis=1)
 
     def _positions(self, t_s: Vector) -> Vector:

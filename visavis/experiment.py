@@ -155,7 +155,18 @@ class StudyExperiment:
     def useful_roles(self) -> tuple[str, ...]:
         """Devices it uses where the lab has them."""
         uses = self.study.uses
+        if uses is None:
+            return ("eye_tracker", "body_tracker") if self._is_pointed else ("eye_tracker",)
         return tuple(uses(self.parameters) if callable(uses) else uses)
+
+    @property
+    def _is_pointed(self) -> bool:
+        """Whether answers are given by a hand: nothing else of a body is asked for."""
+        asked = self.responses.values()
+        way = self.settings.answer_by
+        on_boards = way == "board" and any(r.options for r in asked if not isinstance(r, Keys))
+        by_hand_alone = on_boards and not self.study.calibrate
+        return way == "ray" or by_hand_alone or any(isinstance(r, Pointing) for r in asked)
 
     @property
     def demands(self) -> Demands:

@@ -16,10 +16,11 @@ from lab.chance import generator
 from lab.clock import NS_PER_S
 from lab.errors import DataError
 from lab.geometry import unit
+from protocol.boards import HAND
 from stimuli.panels import PanelFrame, choice_centre_m
 from stimuli.picture import Panel
 from stimuli.scene import SceneFrame
-from visavis.body import POINT_S, PointingHand, segments_of
+from visavis.body import POINT_S, PointingHand, hand_alone, segments_of
 from visavis.observer import DEFAULT_POPULATION, Observer, Population
 from visavis.observer.observer import Layout
 from visavis.observer.state import HEAD, ROOM, SPEAKER_SIDE
@@ -137,7 +138,10 @@ class StudyPerson(Observer):
         t_s = (t_ns - self._origin_ns) / NS_PER_S
         hand_m = np.broadcast_to(self._seat + np.array(HAND_AT_M), (len(t_s), 3))
         pointed_m = self._seat + self._hand.pointed_at(t_s)
-        return segments_of(names, np.zeros((len(t_s), 3)), hand_m, pointed_m)
+        if tuple(names) == (HAND,):
+            return hand_alone(hand_m, pointed_m)
+        _, eyes_m, turn = self.sense(t_ns)
+        return segments_of(names, self._seat, eyes_m, turn, hand_m, pointed_m)
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
         """Feel a vibration, of which answers may tell."""

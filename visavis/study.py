@@ -115,6 +115,8 @@ class Study:
     not be listed: they are found by reading the trial without performing it; list them where a
     trial asks only in some cases. `needs` and `uses` are roles of devices beside the headset;
     `spares` those without which the operator may go on (None: all used on which nothing rests).
+    `uses` left out is the eye tracker, and the body tracker where answers are pointed: by ray, at
+    people, on boards where no gaze is calibrated that could choose.
     `uses` and `people` may be functions of the parameters. `after_block` are questionnaires asked
     after every block that counts, `questionnaires` those at the end. `people` is at most how many
     people are seen at once, where scenes show others than their agents. A factor between people
@@ -165,7 +167,7 @@ class Study:
     questionnaires: Sequence[str] = ()
     after_block: Sequence[str] = ()
     needs: Sequence[str] = ()
-    uses: Sequence[str] | RolesOf = ("eye_tracker", "body_tracker")
+    uses: Sequence[str] | RolesOf | None = None
     spares: Sequence[str] | None = None
     on: On = "lab"
     people: int | PeopleOf = 0

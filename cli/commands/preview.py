@@ -14,6 +14,7 @@ import typer
 from rich.progress import Progress
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab, new_file, say_written
+from cli.commands.session import LanguageOption, SeedOption, SetOption, who_is_shown
 from cli.preview.capture import Capture, Meanwhile, Seen, spread
 from cli.preview.pictures import (
     SIMULATED,
@@ -24,7 +25,7 @@ from cli.preview.pictures import (
     labelled,
     simulated_panel,
 )
-from cli.studies import study_of_lab
+from cli.studies import study_here
 from cli.telling import TELLING, Forecast
 from lab.clock import NS_PER_S, SystemClock
 from lab.errors import UsageError
@@ -45,8 +46,11 @@ FOLLOWING = 5
 def preview(
     study: StudyArgument,
     trial: Annotated[int, typer.Option(help="Number of the trial; 0 is practice.")] = 1,
-    participant: Annotated[int, typer.Option(help="Whose plan: 1, 2, …")] = 1,
-    seed: Annotated[int, typer.Option(help="Seed of the study.")] = 1,
+    participant: Annotated[
+        str | None,
+        typer.Option(help="Whose plan, such as 07, as `plan` shows it; the next new one left out."),
+    ] = None,
+    seed: SeedOption = None,
     view: Annotated[Viewpoint, typer.Option(help="eyes, above, or orbit.")] = Viewpoint.EYES,
     png: Annotated[Path | None, typer.Option(help="Write one picture, at --at seconds.")] = None,
     sheet: Annotated[
@@ -63,6 +67,8 @@ def preview(
     rate: Annotated[int, typer.Option(help="Pictures a second of a film.")] = 25,
     size: Annotated[str, typer.Option(help="Width x height in pixels.")] = "960x600",
     config: ConfigOption = None,
+    assignments: SetOption = None,
+    language: LanguageOption = None,
 ) -> None:
     """Show a trial as its participant sees it: a simulated participant performs it.
 
@@ -85,8 +91,6 @@ def preview(
         film_program(video)
     if not (0 <= at < inf and 0 < seconds < inf and 1 <= rate <= 240):
         raise UsageError("--at counts from 0, --seconds from above 0, --rate from 1 to 240")
-    if participant < 1:
-        raise UsageError("--participant counts from 1")
     size_px = picture_size(size)
     if study == PEOPLE:
         if sheet is None:
@@ -98,10 +102,14 @@ def preview(
         return
     from stimuli.dressing.picture_of import picture_of
 
-    lab = load_lab(config, "sim", only_simulates=True)
-    chosen = study_of_lab(study, lab)
+    here = study_here(study, load_lab(config, only_simulates=True))
+    shown = who_is_shown(here, participant, seed, assignments, language)
+    lab = load_lab(config, "sim", only_simulates=True, quiet=True)
     following = FOLLOWING if video is not None else 0
-    capture = Capture(chosen, lab, number=trial, index=participant, seed=seed, following=following)
+    capture = Capture(
+        here.study, lab, number=trial, index=shown.index, seed=shown.seed, group=shown.group,
+        following=following, experiment=shown.experiment,
+    )  # fmt: skip
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
     label = f"{study} {capture.trial.trial_id}  {factors}"
     showing = _Showing(capture, picture_of, view, size_px, label)

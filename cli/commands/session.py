@@ -4,7 +4,7 @@ import shlex
 import signal
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -119,20 +119,47 @@ def plan(
     Without a participant, what the next new one would get. Example: visavis plan ./duel.py
     """
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
-    here = study_here(study, lab)
+    shown = who_is_shown(study_here(study, lab), participant, seed, assignments, language)
+    check_rig(devices_for(lab, shown.experiment))
+    made = shown.experiment.plan(shown.index, shown.seed, shown.group)
+    if as_json:
+        say_json(asdict(made))
+        return
+    _print_plan(made, shown.label, shown.note)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Whose plan is shown before anything runs, and with which parameters and seed."""
+
+    experiment: StudyExperiment
+    seed: int
+    label: str
+    index: int
+    group: str
+    note: str
+
+
+def who_is_shown(
+    here: StudyHere,
+    participant: str | None,
+    seed: int | None,
+    assignments: list[str] | None,
+    language: str | None,
+) -> Shown:
+    """Return what `run` would perform for somebody, or for the next new one.
+
+    Raises:
+        UsageError: the study was begun with other parameters.
+    """
     settings = read_settings(here.folder)
     wanted = here.wanted(assignments=assignments, language=language)
     if settings is not None and not may_become(here.folder, settings, wanted):
         refuse_other(here.folder, settings, wanted)
     in_force = seed if seed is not None else settings.seed if settings else DEFAULT_SEED
     experiment = here.study.experiment(wanted.parameters)
-    check_rig(devices_for(lab, experiment))
-    label, index, group, note = _place_shown(here.ledger, participant, experiment, in_force)
-    made = experiment.plan(index, in_force, group)
-    if as_json:
-        say_json(asdict(made))
-        return
-    _print_plan(made, label, note)
+    place = _place_shown(here.ledger, participant, experiment, in_force)
+    return Shown(experiment, in_force, *place)
 
 
 def _place_shown(

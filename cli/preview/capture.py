@@ -84,13 +84,13 @@ class _FewTrials:
         return replace(plan, blocks=blocks, questionnaires=())
 
 
-def trial_of(experiment: Experiment, number: int, index: int, seed: int) -> Trial:
+def trial_of(experiment: Experiment, number: int, index: int, seed: int, group: str = "") -> Trial:
     """Return a trial of somebody's plan by its number; 0 is the first practice trial.
 
     Raises:
         UsageError: the plan has no such trial.
     """
-    trials = experiment.plan(index, seed).trials
+    trials = experiment.plan(index, seed, group).trials
     wanted = [t for t in trials if t.is_practice] if number == 0 else trials
     for trial in wanted:
         if number == 0 or (not trial.is_practice and trial.number == number):
@@ -101,7 +101,7 @@ def trial_of(experiment: Experiment, number: int, index: int, seed: int) -> Tria
 
 class Capture:
     """A trial of somebody's plan, and `following` more, to be performed; `frames` grow while it
-    is.
+    is. `index` counts people from 0; without an `experiment` the study is as it stands.
 
     Raises:
         UsageError: the plan has no such trial.
@@ -109,12 +109,13 @@ class Capture:
 
     def __init__(
         self, study: OpenedStudy, config: LabConfig, *, number: int, index: int, seed: int,
-        following: int = 0,
+        group: str = "", following: int = 0, experiment: StudyExperiment | None = None,
     ) -> None:  # fmt: skip
         self._study, self._config, self._index, self._seed = study, config, index, seed
-        self._experiment = study.experiment({})
-        self.trial = trial_of(self._experiment, number, index, seed)
-        planned = self._experiment.plan(index, seed).trials
+        self._group = group
+        self._experiment = study.experiment({}) if experiment is None else experiment
+        self.trial = trial_of(self._experiment, number, index, seed, group)
+        planned = self._experiment.plan(index, seed, group).trials
         first = planned.index(self.trial)
         self._wanted = frozenset(t.trial_id for t in planned[first : first + 1 + following])
         self.frames: list[Seen] = []
@@ -139,6 +140,7 @@ class Capture:
                 label=f"{self._index:02d}",
                 index=self._index,
                 seed=self._seed,
+                group=self._group,
             )
 
             def stage_for(viewers: Sequence[Viewer]) -> Stage:

@@ -1,6 +1,7 @@
 """Previews: any trial as picture, sheet and film; refused requests say what to ask instead."""
 
 import itertools
+import json
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -74,6 +75,30 @@ def test_picture_of_a_trial_shows_a_lit_scene_marked_as_simulated(
     assert pixels[:120].std() > 20
 
 
+@pytest.mark.parametrize("who", [("--participant", "1"), ("--participant", "2", "--seed", "5"), ()])
+def test_preview_shows_the_trial_that_plan_lists(
+    who: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    CliRunner().invoke(app, ["init"])
+    asked = ["waving", *who, "--set", "clerk=[clerk_left]"]
+    plan = json.loads(CliRunner().invoke(app, ["plan", *asked, "--json"]).stdout)
+    listed = next(
+        t for b in plan["blocks"] for t in b["trials"] if t["number"] == 2 and not t["is_practice"]
+    )
+    shown: list[Capture] = []
+
+    def keep(capture: Capture, *_: object) -> list[Seen]:
+        shown.append(capture)
+        raise UsageError("seen")
+
+    monkeypatch.setattr(Capture, "perform", keep)
+    with pytest.raises(UsageError, match="seen"):
+        preview(*asked, "--trial", 2, "--png", "a.png")
+
+    assert listed["factors"] == dict(shown[0].trial.factors)
+
+
 def test_film_has_as_many_pictures_as_its_seconds_say(tmp_path: Path) -> None:
     path = tmp_path / "film.avi"
     preview("stare", "--video", path, "--seconds", 0.2, "--rate", 10, "--size", "96x64")
@@ -105,7 +130,7 @@ def test_sheet_of_people_shows_everybody_from_two_sides(
         (("stare", "--png", "a.png", "--at", -1), "counts from 0"),
         (("stare", "--png", "a.png", "--at", "nan"), "counts from 0"),
         (("stare", "--video", "a.avi", "--seconds", "inf"), "counts from 0"),
-        (("stare", "--png", "a.png", "--participant", 0), "counts from 1"),
+        (("stare", "--png", "a.png", "--participant", 0), "numbers go from 1"),
         (("people",), "needs --sheet"),
         (("star", "--png", "a.png"), "did you mean 'stare'"),
     ],

@@ -216,3 +216,14 @@ def test_spaces_accents_and_a_decimal_comma_change_nothing(tmp_path: Path) -> No
     assert 73 == len(recording.trials())
     checked = visavis("check", str(session), cwd=tmp_path, LC_ALL="de_DE.UTF-8")
     assert "73 of 73 planned trials complete" in checked.stdout
+
+
+def test_who_sees_a_body_of_their_own_is_tracked_in_every_study() -> None:
+    config = load_lab(CONFIG)
+    stare = find_study("stare").experiment({})
+    seen = config.model_copy(
+        update={"display": config.display.model_copy(update={"own_body": "female"})}
+    )
+
+    assert "body_tracker" not in devices_for(config, stare).devices
+    assert "body_tracker" in devices_for(seen, stare).devices

@@ -21,7 +21,7 @@ from tests.experiments.crowd.sessions import request as crowd_request
 from tests.experiments.crowd.tables import measured
 from tests.faults.sessions import CONFIG, ScriptedOperator, lab
 from tests.visavis.sessions import opened
-from visavis import Choice, Factor, Keys, Study
+from visavis import Choice, Factor, Keys, Rating, Study
 from visavis.experiment import StudyExperiment
 from visavis.sessions.perform import Request, perform_new, perform_rest, simulated_request
 
@@ -109,8 +109,11 @@ def test_what_can_be_spared_follows_from_what_a_study_rests_on() -> None:
 
         return spare_roles_of(StudyExperiment(study, {}))
 
-    assert ("body_tracker", "responses") == spared()
-    assert ("eye_tracker", "body_tracker", "responses") == spared(validate=False)
+    rating = Rating("seen")
+    assert ("responses",) == spared()
+    assert ("body_tracker",) == spared(rating, answer_by="ray")
+    assert ("eye_tracker", "responses") == spared(validate=False)
+    assert ("eye_tracker", "body_tracker", "responses") == spared(rating, calibrate=False)
     assert ("body_tracker",) == spared(Keys("seen", ("trigger",)), uses=["body_tracker"])
     assert ("responses",) == spared(Choice("seen", ("yes", "no")), uses=[], needs=["armband_left"])
     assert ("armband_left",) == spared(needs=["armband_left"], spares=["armband_left"])

@@ -181,3 +181,36 @@ def test_same_seed_gives_the_same_session_bit_for_bit(tmp_path: Path) -> None:
     assert [s.sha256 for s in first.manifest.parts[0].streams] == [
         s.sha256 for s in again.manifest.parts[0].streams
     ]
+
+
+@pytest.mark.parametrize(
+    ("asks", "wanted"),
+    [
+        ('t.ask(Rating("realism", 1, 9))', ("eye_tracker",)),
+        ('t.ask(Pointing("there"))', ("eye_tracker", "body_tracker")),
+        ("t.wait(0.1)", ("eye_tracker",)),
+    ],
+)
+def test_a_body_is_recorded_only_where_a_hand_points(tmp_path, asks, wanted) -> None:
+    text = (
+        "from visavis import Factor, Pointing, Rating, Scene, Study\n"
+        'study = Study("own", factors=[Factor("side", ["left", "right"])])\n'
+        "@study.trial\n"
+        "def trial(t):\n"
+        '    yield t.show(Scene("two_people", active=t.side), seconds=0.2)\n'
+        f"    yield {asks}\n"
+    )
+
+    assert wanted == find_study(str(written(tmp_path, text))).experiment({}).useful_roles
+
+
+def test_a_hand_answers_on_boards_where_no_gaze_is_calibrated(tmp_path) -> None:
+    text = (
+        "from visavis import Factor, Rating, Study\n"
+        'study = Study("own", factors=[Factor("side", ["left", "right"])], calibrate=False)\n'
+        "@study.trial\n"
+        "def trial(t):\n"
+        '    yield t.ask(Rating("realism", 1, 9))\n'
+    )
+
+    assert "body_tracker" in find_study(str(written(tmp_path, text))).experiment({}).useful_roles

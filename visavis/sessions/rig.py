@@ -124,6 +124,8 @@ def devices_for(
             "role with its driver (see docs/configuration.md)"
         )
     kept = {"responses", *needed, *useful}
+    if config.display.own_body != "none":
+        kept.add("body_tracker")
     if config.display.on_screen is None:
         kept.add("headset")
     else:
