@@ -57,6 +57,7 @@ STATISTICS: Final = (
     Column("published_significant", "", "the source's verdict"),
     Column("agrees_with_published", "", "the same verdict as the source's"),
     Column("term", "", "the effect tested"),
+    Column("item", "", "what was compared with others, or left out of a scale"),
     Column("first", "", "first level of a difference"),
     Column("second", "", "second level: the difference is first minus second"),
     Column("contrast", "", "first level minus second"),

@@ -42,6 +42,8 @@ def error_rates(
     """
     if not question.within and not question.between:
         raise UsageError("error rates are simulated for tests with a within or between factor")
+    if question.test == "bradleyterry":
+        raise UsageError("error rates are simulated for measures, not for choices between two")
     prepared = prepare(table, question)
     if question.test in TRIAL_TESTS and prepare(table, question, average=False).frame.shape != (
         prepared.frame.shape

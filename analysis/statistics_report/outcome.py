@@ -45,6 +45,7 @@ class Question:
     correction: str = ""
     equal_variances: bool = False
     bayes: bool = False
+    side: bool = False
 
     def __post_init__(self) -> None:
         """Refuse values that no test knows."""

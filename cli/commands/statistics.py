@@ -162,6 +162,9 @@ def stats(
     bayes: Annotated[
         bool, typer.Option("--bayes", help="Of t: the Bayes factor too (JZS).")
     ] = False,
+    side: Annotated[
+        bool, typer.Option("--side", help="Of bradleyterry: the odds of what stands first, too.")
+    ] = False,
     error_rate: Annotated[
         int,
         typer.Option(
@@ -220,6 +223,7 @@ def stats(
         correction=correction,
         equal_variances=equal_variances,
         bayes=bayes,
+        side=side,
     )
     table = read_table(file)
     table = rows_where(table if all_rows else counted_rows(table), where or [])

@@ -1,6 +1,7 @@
 """The stats command: any table in, the right test out, bad input named by row and cell."""
 
 import json
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -257,7 +258,28 @@ def test_every_test_prints_a_sentence_and_writes_its_table(
 
 def test_all_tests_are_tried_above_or_below() -> None:
     mark = test_every_test_prints_a_sentence_and_writes_its_table.pytestmark[0]
-    assert {p[0] for p in mark.args[1]} | {"cronbach"} == set(TESTS)
+    assert {p[0] for p in mark.args[1]} | {"cronbach", "bradleyterry"} == set(TESTS)
+
+
+def test_choices_between_two_are_read_from_two_columns_or_one(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    likes = {"orbit": 0.0, "follow": 0.5, "still": 1.0}
+    frame = pd.DataFrame(
+        [(f"P{who}", a, b) for who in range(12) for a, b in permutations(likes, 2)],
+        columns=["participant", "left", "right"],
+    )
+    lead = frame["left"].map(likes) - frame["right"].map(likes) + rng.logistic(size=len(frame))
+    frame["vote"] = np.where(lead.abs() < 0.4, 0, np.sign(lead))
+    frame["pair"] = frame["left"] + "|" + frame["right"]
+    path = tmp_path / "votes.csv"
+    frame.to_csv(path, index=False)
+    asked = ("--test", "bradleyterry", "--dv", "vote", "--subject", "participant", "--side")
+    found = answer(path, *asked, "--within", "left", "right")
+    again = answer(path, *asked, "--within", "pair")
+    assert ["left:right"] == [row["term"] for row in found["rows"]]
+    assert found["rows"][0]["p"] == pytest.approx(again["rows"][0]["p"])
+    assert found["cells"] == again["cells"]
+    assert ["items"] * 3 + ["place"] == [row["family"] for row in found["contrasts"]]
 
 
 def test_alpha_of_a_scale_reads_items_one_after_another(tmp_path: Path) -> None:

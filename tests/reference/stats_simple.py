@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from analysis import statistics
+from analysis.statistics.bradley_terry import bradley_terry
 from tests.reference.stats_compare import by_key
 from tests.reference.stats_factorial import Case, Entry, contrast_rows
 
@@ -294,6 +295,29 @@ def _cronbach(case: Case, entry: Entry) -> dict[str, Any]:
     }
 
 
+def _bradley_terry(case: Case, entry: Entry) -> dict[str, Any]:
+    frame = {name: np.asarray(v, dtype=object) for name, v in case.frame.items()}
+    if "count" in frame:  # choices of as many people
+        frame = {name: np.repeat(v, frame["count"].astype(int)) for name, v in frame.items()}
+        frame["s"] = np.arange(frame["y"].size)
+    made = bradley_terry(
+        frame, entry["dv"], first=case.design["first"], second=case.design["second"],
+        subject=case.design["subject"], items=entry["items"], side=entry.get("side", False),
+    )  # fmt: skip
+    effect, model = made.effects[0], made.model
+    return {
+        "coefficients": model.beta.tolist(),
+        "se": np.sqrt(np.diag(model.likelihood)).tolist(),
+        "robust_se": np.sqrt(np.diag(model.robust)).tolist(),
+        "log_likelihood": model.log_likelihood,
+        "test": {"F": effect.F, "df1": effect.df1, "df2": effect.df2, "p": effect.p},
+        "chi2": effect.chi2,
+        "chi2_p": effect.chi2_p,
+        "fit_chi2": None if made.fit is None else made.fit.chi2,
+        "fit_df": None if made.fit is None else made.fit.df,
+    }
+
+
 def _power(case: Case, entry: Entry) -> dict[str, Any]:
     given = dict(entry["given"])
     alpha = given.get("alpha", given.get("sig_level", 0.05))
@@ -346,5 +370,6 @@ SIMPLE: Mapping[str, Callable[[Case, Entry], dict[str, Any]]] = {
     "cronbach_alpha": _cronbach,
     "power_oneway_anova": _power,
     "ward": _ward,
+    "bradley_terry": _bradley_terry,
 }
 """Public call of every simple procedure."""

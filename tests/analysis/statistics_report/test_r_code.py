@@ -20,6 +20,7 @@ ONE = {"within": ("b",), "subject": "who"}
 TWO = {"within": ("a", "b"), "subject": "who"}
 PAIR = {"within": ("a",), "subject": "who"}
 GROUPS = {"between": ("g",), "subject": "who"}
+VOTES = {"dv": "vote", "within": ("one", "other"), "subject": "who"}
 QUESTIONS: dict[str, dict[str, Any]] = {
     "art": {"test": "art", **TWO, "between": ("g",)},
     "int": {"test": "art", "transform": "int", **TWO},
@@ -29,6 +30,8 @@ QUESTIONS: dict[str, dict[str, Any]] = {
     "lmm": {"test": "lmm", **TWO, "random": "components"},
     "gee": {"test": "gee", **ONE},
     "clmm": {"test": "clmm", **ONE, "dv": "rating"},
+    "bradleyterry": {"test": "bradleyterry", **VOTES, "side": True},
+    "bradleyterry of groups": {"test": "bradleyterry", **VOTES, "between": ("g",)},
     "anova": {"test": "anova", **GROUPS},
     "welch": {"test": "welch", **GROUPS},
     "kruskal": {"test": "kruskal", **GROUPS},
@@ -64,6 +67,9 @@ def people() -> pd.DataFrame:
         y += [slopes[key] for key in zip(frame["who"], frame[factor], strict=True)]
     frame["y"] = np.round(y, 3)
     frame["skewed"] = np.round(np.exp(2 * frame["y"]), 3)
+    pairs = [("p", "q"), ("q", "r"), ("r", "p"), ("q", "p"), ("r", "q"), ("p", "r")]
+    frame["one"], frame["other"] = zip(*(pairs[i % 6] for i in range(len(frame))), strict=True)
+    frame["vote"] = rng.choice([-1, -1, 0, 1, 1], size=len(frame))
     frame["rating"] = np.clip(np.round(3 + frame["y"]), 1, 5)
     return frame
 
@@ -144,7 +150,7 @@ def read(repeated: dict[str, Printed | str], name: str) -> Printed:
 def expected(outcome: Outcome) -> Iterator[tuple[float, float]]:
     """Yield value and p of each row as Visavis has them."""
     for row in outcome.rows:
-        if outcome.question.test == "clmm":
+        if outcome.question.test in ("clmm", "bradleyterry"):
             yield float(row["chi2"] or 0), float(row["chi2_p"] or 0)
             continue
         names = ("F", "t", "V", "U", "chi2", "H", "W", "r", "rho", "alpha")
