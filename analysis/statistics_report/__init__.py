@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from analysis.statistics_report.agreement import AGREEMENT_TESTS
 from analysis.statistics_report.choices import CHOICE_TESTS
 from analysis.statistics_report.chosen_rows import counted_rows, rows_where
 from analysis.statistics_report.error_rate import error_rate_notes, error_rates
@@ -25,7 +26,12 @@ from analysis.statistics_report.table_file import DataTable, read_table, table_o
 from analysis.statistics_report.written import outcome_data, outcome_text, write_outcome
 from lab.errors import UsageError
 
-TESTS: Mapping[str, TestRun] = {**FACTORIAL_TESTS, **CHOICE_TESTS, **SIMPLE_TESTS}
+TESTS: Mapping[str, TestRun] = {
+    **FACTORIAL_TESTS,
+    **CHOICE_TESTS,
+    **SIMPLE_TESTS,
+    **AGREEMENT_TESTS,
+}
 """Every test by the name a question gives it."""
 
 

@@ -1,4 +1,4 @@
-"""Questions about choices between two: Bradley–Terry models."""
+"""Questions about choices: Bradley–Terry models, sign and binomial tests."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -7,10 +7,14 @@ from typing import cast
 import numpy as np
 import pandas as pd
 
+from analysis.statistics.binomial import binomial_test, sign_test, sign_test_of_one
 from analysis.statistics.bradley_terry import bradley_terry
 from analysis.statistics.contrasts import ContrastAdjustment
+from analysis.statistics.errors import DuplicateCell, NotNumeric
 from analysis.statistics_report.factorial import CONTRAST_WAYS, TestRun
 from analysis.statistics_report.outcome import Outcome, Question
+from analysis.statistics_report.prepare import prepare, read
+from analysis.statistics_report.simple import columns_of, family, known, outcome_of
 from analysis.statistics_report.table_file import DataTable
 from lab.errors import DataError, UsageError
 
@@ -85,4 +89,40 @@ def _parted(table: DataTable, column: str, labels: list[str]) -> tuple[list[str]
     return parts[:, 0].tolist(), parts[:, 1].tolist()
 
 
-CHOICE_TESTS: Mapping[str, TestRun] = {"bradleyterry": _bradley_terry}
+def _sign(table: DataTable, q: Question) -> Outcome:
+    if not q.within:
+        prepared, y = known(table, q)
+        made = sign_test_of_one(y, mu=q.mu, name=q.dv)
+        words = f"{q.dv} above {q.mu:g}: {made.sentence()}."
+        return outcome_of(table, q, "Sign test", prepared, None, (made.row(),), (words,),
+                          data=pd.DataFrame({q.dv: y}), notes=made.provenance.notes)  # fmt: skip
+    q.one_within()
+    prepared = prepare(table, q)
+    design = read(prepared, q)
+    columns = columns_of(design)
+    rows, said = family(q, columns, lambda a, b: sign_test(columns[a], columns[b], names=(a, b)))
+    return outcome_of(table, q, "Sign test", prepared, design, rows, said)
+
+
+def _binomial(table: DataTable, q: Question) -> Outcome:
+    if q.within or q.between:
+        raise UsageError("the test binomial has no factors; for 0 or 1 by conditions take gee")
+    prepared, y = known(table, q)
+    if len(prepared.frame) < len(table.texts(q.dv)):
+        raise DuplicateCell(
+            f"{table.name}: some {q.subject} have several rows, which are not independent; test "
+            "their means with the test sign (mu=0.5) or wilcoxon, or take gee"
+        )
+    if not set(np.unique(y)) <= {0.0, 1.0}:
+        raise NotNumeric(f"{table.name}: {q.dv} holds other numbers than 0 and 1")
+    made = binomial_test(int(y.sum()), y.size, expected=q.mu or 0.5)
+    said = f"{q.dv}: {made.sentence()}."
+    return outcome_of(table, q, "Exact binomial test", prepared, None, (made.row(),), (said,),
+                      data=pd.DataFrame({q.dv: y}))  # fmt: skip
+
+
+CHOICE_TESTS: Mapping[str, TestRun] = {
+    "bradleyterry": _bradley_terry,
+    "sign": _sign,
+    "binomial": _binomial,
+}

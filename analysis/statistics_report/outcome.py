@@ -46,6 +46,7 @@ class Question:
     equal_variances: bool = False
     bayes: bool = False
     side: bool = False
+    scale: str = ""
 
     def __post_init__(self) -> None:
         """Refuse values that no test knows."""

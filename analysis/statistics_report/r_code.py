@@ -397,6 +397,58 @@ def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
     return lines, ()
 
 
+def _sign(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    if not names:
+        mu = outcome.question.mu
+        return [
+            f"off <- round(d$y - {mu!r}, 9)",
+            "t <- binom.test(sum(off > 0), sum(off != 0))",
+            'line("above", t$statistic, t$p.value)',
+        ], ()
+    call = "{ r <- round(x - y, 9); binom.test(sum(r > 0), sum(r != 0)) }"
+    return _two(outcome, names, call, "t$statistic"), ()
+
+
+def _binomial(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    expected = outcome.question.mu or 0.5
+    return [
+        f"t <- binom.test(sum(d$y), nrow(d), {expected!r})", 'line("hits", t$statistic, t$p.value)'
+    ], ()  # fmt: skip
+
+
+WIDE = "wide <- with(d, tapply(y, list(s, f1), function(v) v))"
+
+
+def _icc(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    return [
+        WIDE,
+        "t <- suppressWarnings(psych::ICC(wide, lmer = FALSE)$results)",
+        "for (i in seq_len(nrow(t))) line(as.character(t$type[i]), t$ICC[i], t$p[i])",
+    ], ("psych",)
+
+
+def _kappa(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    scale = outcome.question.scale or "nominal"
+    gap = {"nominal": "diag(k)", "ordinal": "1 - gap", "interval": "1 - gap^2"}[scale]
+    return [
+        WIDE,
+        "wide <- wide[complete.cases(wide), ]; v <- sort(unique(c(wide))); k <- length(v)",
+        f"place <- {'v' if scale == 'interval' else 'seq_len(k)'}",
+        'gap <- abs(outer(place, place, "-")) / diff(range(place))',
+        "p <- unclass(table(factor(wide[, 1], v), factor(wide[, 2], v))) / nrow(wide)",
+        f"w <- {gap}; chance <- sum(w * outer(rowSums(p), colSums(p)))",
+        'line("kappa", (sum(w * p) - chance) / (1 - chance), NA)',
+    ], ()
+
+
+def _krippendorff(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    return [
+        WIDE,
+        f'a <- irr::kripp.alpha(t(wide), "{outcome.question.scale}")',
+        'line("alpha", a$value, NA)',
+    ], ("irr",)
+
+
 def _friedman(outcome: Outcome, names: Mapping[str, str]) -> Body:
     return [
         "t <- friedman.test(y ~ f1 | s, data = d)", 'line("f1", t$statistic, t$p.value)'
@@ -426,6 +478,11 @@ _BODIES: Mapping[str, Callable[[Outcome, Mapping[str, str]], Body]] = {
     "gee": _gee,
     "clmm": _clmm,
     "bradleyterry": _bradley_terry,
+    "sign": _sign,
+    "binomial": _binomial,
+    "icc": _icc,
+    "kappa": _kappa,
+    "krippendorff": _krippendorff,
     "anova": _anova,
     "welch": _welch,
     "friedman": _friedman,

@@ -19,7 +19,9 @@ DESIGNS: tuple[dict[str, Any], ...] = (
     {"within": "a", "between": "g"}, {"within": "b", "between": "g"},
 )  # fmt: skip
 MODELS = ("lmm", "gee", "clmm", "bradleyterry")
-NOT_OF_MEANS = ("spearman", "pearson", "tost", "cronbach")
+NOT_OF_MEANS = (
+    "spearman", "pearson", "tost", "cronbach", "binomial", "krippendorff"
+)  # fmt: skip
 """Tests that ask for more than a measure and its factors."""
 
 
