@@ -59,6 +59,8 @@ class Term:
 class Contrast:
     """Two levels compared after the test over all of a factor: first minus second.
 
+    `difference` is that of the means; log odds of being preferred in a Bradley–Terry model.
+
     `p` is corrected over the contrasts; significant only where the test over all was.
     """
 
@@ -100,9 +102,11 @@ class Finding:
 
     @property
     def contrasts(self) -> tuple[Contrast, ...]:
-        """The levels of its one factor compared two by two."""
+        """The levels of its one factor, or the items of a Bradley–Terry model, two by two."""
         compare, outcome = self.compare, self.outcome
         factors = (*compare.within, *compare.between)
+        if compare.model == "bradleyterry":
+            return self._items_compared()
         if outcome is None or outcome.data is None or len(factors) != 1 or not self.terms:
             return ()
         values = outcome.data[compare.dv].astype(float)
@@ -119,6 +123,21 @@ class Finding:
                 float(means[a] - means[b]), said, row, compare.pairs.get((a, b)),
             )
             for a, b, p, said, row in rows
+        )  # fmt: skip
+
+    def _items_compared(self) -> tuple[Contrast, ...]:
+        outcome, compare = self.outcome, self.compare
+        if outcome is None or not self.terms:
+            return ()
+        told = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
+        return tuple(
+            Contrast(
+                *(pair := _levels_of(row)), float(p := row["p_adjusted"]),  # type: ignore[arg-type]  # a number, as tests write it
+                self.terms[0].is_significant and float(p) < compare.alpha,  # type: ignore[arg-type]  # as above
+                float(row["estimate"]), said, row, compare.pairs.get(pair),  # type: ignore[arg-type]  # as above
+            )
+            for row, said in told
+            if row["family"] == "items"
         )  # fmt: skip
 
     def contrast(self, pair: tuple[str, str]) -> Contrast | None:

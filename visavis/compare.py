@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import pandas as pd
 
@@ -14,7 +14,7 @@ from protocol.steps import Scalar
 from visavis.pairs import Printed
 
 Correction = Literal["none", "holm", "bonferroni", "bh"]
-MODELS: Final = ("", "lmm", "gee", "clmm")
+Model = Literal["", "lmm", "gee", "clmm", "bradleyterry"]
 _SYMBOLS: Final = {"p": "p", "eta2p": "partial η²"}
 
 
@@ -41,7 +41,9 @@ class Compare:
     Wilcoxon, by its own decision path), more levels repeated measures or Friedman, several
     factors an aligned rank transform, groups alone Welch's t test or an ANOVA; `model` asks for a
     mixed model ("lmm"), generalised estimating equations ("gee") or, for ratings, a cumulative
-    link mixed model ("clmm") instead. `claim` says in words
+    link mixed model ("clmm"), or for choices between two a Bradley–Terry model ("bradleyterry":
+    `within` are the factors of the first and the second item, or one whose levels name both,
+    "A|B"; the measure is above 0 where the first was preferred) instead. `claim` says in words
     what a significant result would show. Comparisons of one `family` are corrected together. An
     `exploratory` one stands apart in the report and makes no headline. `only` are levels of other
     factors that trials must have ({"group": "haptics"}). `pairs` are what a source prints of two
@@ -52,7 +54,7 @@ class Compare:
     within: str | Sequence[str] = ()
     between: str | Sequence[str] = ()
     test: str = ""
-    model: Literal["", "lmm", "gee", "clmm"] = ""
+    model: Model = ""
     claim: str = ""
     family: str = "planned"
     correction: Correction = "holm"
@@ -70,8 +72,9 @@ class Compare:
         if not self.within and not self.between:
             raise DesignError(f"the comparison of {self.dv} names no factor; add within= or "
                               "between=")  # fmt: skip
-        if self.model not in MODELS:
-            raise DesignError(f"model is {self.model!r}; it is lmm, gee, clmm or left out")
+        if self.model not in get_args(Model):
+            known = ", ".join(name for name in get_args(Model) if name)
+            raise DesignError(f"model is {self.model!r}; it is {known} or left out")
         if self.model and self.test:
             raise DesignError(f"the comparison of {self.dv} names a test and a model; choose one")
         object.__setattr__(self, "options", tuple(self.options))
@@ -88,6 +91,17 @@ class Compare:
         if isinstance(self.published, Mapping):
             return tuple(self.published.values())
         return () if self.published is None else (self.published,)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """The effects it tests, as tests name them: "a", "b", "a:b"."""
+        names = (*self.within, *self.between)
+        if self.model == "bradleyterry":
+            items = ":".join(self.within)
+            return (items, *(f"{items}:{group}" for group in self.between))
+        every = ":".join(names)
+        pairs = [f"{a}:{b}" for i, a in enumerate(names) for b in names[i + 1 :]]
+        return tuple(dict.fromkeys((*names, *pairs, every)))
 
     @property
     def name(self) -> str:

@@ -74,7 +74,7 @@ class KitPower:
         found = {}
         compared = self._opened.experiment({}).compare
         for compare in (c for c in compared if not c.exploratory):
-            for term in terms_of((*compare.within, *compare.between)):
+            for term in compare.terms:
                 claim = compare.claim or f"{compare.dv} depends on {term.replace(':', ' × ')}"
                 found[f"{compare.dv}:{term}"] = claim
         for of in families_of(study):
@@ -93,7 +93,7 @@ class KitPower:
         study = self._opened.study
         found = {name: test for of in families_of(study) for name, test in _printed_t(study, of)}
         for compare in self._opened.experiment({}).compare:
-            for term in terms_of((*compare.within, *compare.between)):
+            for term in compare.terms:
                 printed = compare.published_of(term)
                 if compare.between or printed is None or printed.statistic is None:
                     continue
@@ -428,15 +428,6 @@ def _scaled(people: pd.DataFrame, of: Pairs, effect: float) -> pd.DataFrame:
 
 def _table(folder: Path, name: str) -> Path | None:
     return next((p for p in (folder / name, folder / "derived" / name) if p.exists()), None)
-
-
-def terms_of(factors: Sequence[str]) -> tuple[str, ...]:
-    """Return the effects of some factors as tests name them: "a", "b", "a:b"."""
-    if len(factors) == 1:
-        return (factors[0],)
-    names = list(factors)
-    pairs = [f"{a}:{b}" for i, a in enumerate(names) for b in names[i + 1 :]]
-    return (*names, *pairs, *([":".join(names)] if len(names) > 2 else []))
 
 
 def draw_people(people: pd.DataFrame, n: int, rng: np.random.Generator) -> pd.DataFrame:

@@ -15,6 +15,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from analysis.statistics_report.agreement import AGREEMENT_TESTS
+from analysis.statistics_report.choices import CHOICE_TESTS
 from analysis.statistics_report.chosen_rows import counted_rows, rows_where
 from analysis.statistics_report.error_rate import error_rate_notes, error_rates
 from analysis.statistics_report.factorial import FACTORIAL_TESTS, TestRun
@@ -24,7 +26,12 @@ from analysis.statistics_report.table_file import DataTable, read_table, table_o
 from analysis.statistics_report.written import outcome_data, outcome_text, write_outcome
 from lab.errors import UsageError
 
-TESTS: Mapping[str, TestRun] = {**FACTORIAL_TESTS, **SIMPLE_TESTS}
+TESTS: Mapping[str, TestRun] = {
+    **FACTORIAL_TESTS,
+    **CHOICE_TESTS,
+    **SIMPLE_TESTS,
+    **AGREEMENT_TESTS,
+}
 """Every test by the name a question gives it."""
 
 
@@ -34,9 +41,10 @@ def answer(
     """Return what a test says of tidy data, one row per subject and cell, or per trial.
 
     Rows repeated within subject and cell are averaged first, except for models of single rows
-    (lmm, gee). Categorical columns keep the order of their levels; a column `is_simulated` marks
-    the outcome. `name` is what messages call the data. Raises UsageError for a question that makes
-    no sense, and a `StatisticsError` naming row, subject and cell for data a test cannot accept.
+    (lmm, gee, clmm, bradleyterry). Categorical columns keep the order of their levels; a column
+    `is_simulated` marks the outcome. `name` is what messages call the data. Raises UsageError for a
+    question that makes no sense, and a `StatisticsError` naming row, subject and cell for data a
+    test cannot accept.
     """
     if question.test not in TESTS:
         near = difflib.get_close_matches(question.test, TESTS, n=1, cutoff=0.4)

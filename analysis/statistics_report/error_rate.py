@@ -24,6 +24,7 @@ MIN_GROUP = 3
 """Complete people that every group needs, so that their spread can be told."""
 TRIAL_TESTS = ("lmm", "gee", "clmm")
 """Tests that take several rows per subject and cell as they are."""
+NOT_OF_MEASURES = ("bradleyterry", "icc", "krippendorff", "kappa")
 Answer = Callable[[DataTable, Question], Outcome]
 
 
@@ -42,6 +43,8 @@ def error_rates(
     """
     if not question.within and not question.between:
         raise UsageError("error rates are simulated for tests with a within or between factor")
+    if question.test in NOT_OF_MEASURES:
+        raise UsageError(f"error rates are simulated for measures; {question.test} tests none")
     prepared = prepare(table, question)
     if question.test in TRIAL_TESTS and prepare(table, question, average=False).frame.shape != (
         prepared.frame.shape

@@ -45,6 +45,8 @@ class Question:
     correction: str = ""
     equal_variances: bool = False
     bayes: bool = False
+    side: bool = False
+    scale: str = ""
 
     def __post_init__(self) -> None:
         """Refuse values that no test knows."""

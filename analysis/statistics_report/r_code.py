@@ -20,7 +20,9 @@ def r_code(outcome: Outcome) -> str:
     if data is None or q.test not in _BODIES:
         return ""
     factors = {
-        f: [str(v) for v in dict.fromkeys(data[f].cat.categories)] for f in (*q.between, *q.within)
+        f: [str(v) for v in dict.fromkeys(data[f].cat.categories)]
+        for f in (*q.between, *q.within)
+        if f in data
     }
     names = {f: f"f{i}" for i, f in enumerate(factors, 1)}
     body, packages = _BODIES[q.test](outcome, names)
@@ -353,6 +355,100 @@ def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
     return lines, ("ordinal",)
 
 
+def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    assert outcome.data is not None  # noqa: S101  # r_code asked
+    q = outcome.question
+    first, second = outcome.data.columns[1:3]
+    items = [str(v) for v in outcome.data[first].cat.categories]
+    groups = [f"d${names[g]}" for g in q.between]
+    lines = [
+        f"first <- d[[{_quoted(str(first))}]]; second <- d[[{_quoted(str(second))}]]",
+        f"X <- sapply({_vector(items[1:])}, function(v) (first == v) - (second == v))",
+        "term <- rep(1, ncol(X))",
+    ]
+    if q.side:
+        lines.append("X <- cbind(X, 1); term <- c(term, 0)")
+    if groups:
+        lines.append(f"G <- model.matrix(~ {groups[0]})[, -1, drop = FALSE]; own <- X[, term == 1]")
+        lines.append("X <- cbind(X, do.call(cbind, lapply(seq_len(ncol(G)), "
+                     "function(j) own * G[, j]))); "
+                     "term <- c(term, rep(2, ncol(own) * ncol(G)))")  # fmt: skip
+    lines += [
+        "# Davidson's likelihood (Bradley and Terry's where there are no ties), by optim.",
+        "fit <- function(X) {",
+        "  loss <- function(t) {",
+        "    h <- c(X %*% t[seq_len(ncol(X))]) / 2",
+        "    e <- if (any(d$y == 0)) t[ncol(X) + 1] else -Inf",
+        "    -sum(ifelse(d$y > 0, h, ifelse(d$y < 0, -h, e)) - log(exp(h) + exp(-h) + exp(e)))",
+        "  }",
+        "  n <- ncol(X) + any(d$y == 0)",
+        "  if (n == 0) return(loss(numeric(0)))",
+        '  optim(rep(0, n), loss, method = "BFGS", control = list(reltol = 1e-14))$value',
+        "}",
+        "# Likelihood ratios: they take all choices for independent. The F tests that Visavis",
+        "# decides by have errors robust to people who differ in what they like.",
+    ]
+    for i, row in enumerate(outcome.rows, 1):
+        lines.append(
+            f"chi2 <- 2 * (fit(X[, term != {i}, drop = FALSE]) - fit(X)); "
+            f"line({_quoted(str(row['term']))}, chi2, "
+            f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
+        )
+    return lines, ()
+
+
+def _sign(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    if not names:
+        mu = outcome.question.mu
+        return [
+            f"off <- round(d$y - {mu!r}, 9)",
+            "t <- binom.test(sum(off > 0), sum(off != 0))",
+            'line("above", t$statistic, t$p.value)',
+        ], ()
+    call = "{ r <- round(x - y, 9); binom.test(sum(r > 0), sum(r != 0)) }"
+    return _two(outcome, names, call, "t$statistic"), ()
+
+
+def _binomial(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    expected = outcome.question.mu or 0.5
+    return [
+        f"t <- binom.test(sum(d$y), nrow(d), {expected!r})", 'line("hits", t$statistic, t$p.value)'
+    ], ()  # fmt: skip
+
+
+WIDE = "wide <- with(d, tapply(y, list(s, f1), function(v) v))"
+
+
+def _icc(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    return [
+        WIDE,
+        "t <- suppressWarnings(psych::ICC(wide, lmer = FALSE)$results)",
+        "for (i in seq_len(nrow(t))) line(as.character(t$type[i]), t$ICC[i], t$p[i])",
+    ], ("psych",)
+
+
+def _kappa(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    scale = outcome.question.scale or "nominal"
+    gap = {"nominal": "diag(k)", "ordinal": "1 - gap", "interval": "1 - gap^2"}[scale]
+    return [
+        WIDE,
+        "wide <- wide[complete.cases(wide), ]; v <- sort(unique(c(wide))); k <- length(v)",
+        f"place <- {'v' if scale == 'interval' else 'seq_len(k)'}",
+        'gap <- abs(outer(place, place, "-")) / diff(range(place))',
+        "p <- unclass(table(factor(wide[, 1], v), factor(wide[, 2], v))) / nrow(wide)",
+        f"w <- {gap}; chance <- sum(w * outer(rowSums(p), colSums(p)))",
+        'line("kappa", (sum(w * p) - chance) / (1 - chance), NA)',
+    ], ()
+
+
+def _krippendorff(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    return [
+        WIDE,
+        f'a <- irr::kripp.alpha(t(wide), "{outcome.question.scale}")',
+        'line("alpha", a$value, NA)',
+    ], ("irr",)
+
+
 def _friedman(outcome: Outcome, names: Mapping[str, str]) -> Body:
     return [
         "t <- friedman.test(y ~ f1 | s, data = d)", 'line("f1", t$statistic, t$p.value)'
@@ -381,6 +477,12 @@ _BODIES: Mapping[str, Callable[[Outcome, Mapping[str, str]], Body]] = {
     "lmm": _lmm,
     "gee": _gee,
     "clmm": _clmm,
+    "bradleyterry": _bradley_terry,
+    "sign": _sign,
+    "binomial": _binomial,
+    "icc": _icc,
+    "kappa": _kappa,
+    "krippendorff": _krippendorff,
     "anova": _anova,
     "welch": _welch,
     "friedman": _friedman,

@@ -48,7 +48,7 @@ from analysis.statistics_report.table_file import DataTable
 from lab.errors import UsageError
 
 
-def _columns(design: Design) -> dict[str, Array]:
+def columns_of(design: Design) -> dict[str, Array]:
     """Return one value per subject by level of the single within factor, or by group."""
     factor = design.factors[0]
     if factor.is_within:
@@ -57,10 +57,11 @@ def _columns(design: Design) -> dict[str, Array]:
     return {str(v): design.y[factor.codes == i] for i, v in enumerate(factor.levels)}
 
 
-def _outcome(
+def outcome_of(
     table: DataTable, q: Question, title: str, prepared: Prepared, design: Design | None,
     rows: tuple[Row, ...], sentences: tuple[str, ...], **more: Any,
 ) -> Outcome:  # fmt: skip
+    """Return an outcome with the cells, notes, samples and rows that its design gives."""
     notes = (*prepared.notes, *(() if design is None else left_out(design)), *more.pop("notes", ()))
     return Outcome(
         question=q, title=title, rows=rows, sentences=sentences,
@@ -75,7 +76,7 @@ def _paired(table: DataTable, q: Question) -> Outcome:
     q.one_within()
     prepared = prepare(table, q)
     design = read(prepared, q)
-    columns = _columns(design)
+    columns = columns_of(design)
     made = tuple(
         compare_paired(columns[a], columns[b], names=(a, b), alpha=q.alpha)
         for a, b in combinations(columns, 2)
@@ -89,14 +90,14 @@ def _paired(table: DataTable, q: Question) -> Outcome:
         for step in c.steps
     ]
     notes = tuple(n for c in made for n in c.test.provenance.notes)
-    return _outcome(
+    return outcome_of(
         table, q, "Paired comparison" + ("s" if len(made) > 1 else ""), prepared, design,
         tuple(c.row() for c in made), tuple(c.sentence() for c in made),
         path=tuple(path), notes=notes,
     )  # fmt: skip
 
 
-def _family(
+def family(
     q: Question, columns: Mapping[str, Array], test: Callable[[str, str], Any]
 ) -> tuple[tuple[Row, ...], tuple[str, ...]]:
     """Test all pairs of columns; more than one pair is adjusted as a family."""
@@ -124,13 +125,13 @@ def _t(table: DataTable, q: Question) -> Outcome:
     _ = q.one_within() if q.within else q.one_between()
     prepared = prepare(table, q)
     design = read(prepared, q)
-    columns = _columns(design)
+    columns = columns_of(design)
     run: Callable[..., TTest] = paired_t
     title = "Paired t test"
     if q.between:
         run = partial(independent_t, equal_variances=q.equal_variances)
         title = "Student's t test" if q.equal_variances else "Welch's t test"
-    rows, said = _family(q, columns, lambda a, b: run(columns[a], columns[b], names=(a, b)))
+    rows, said = family(q, columns, lambda a, b: run(columns[a], columns[b], names=(a, b)))
     notes: tuple[str, ...] = ()
     if q.between and q.equal_variances:
         notes = uneven_groups(design, "Welch's test, without equal_variances")
@@ -145,7 +146,7 @@ def _t(table: DataTable, q: Question) -> Outcome:
             raise TooFewLevels(f"equivalence is tested for two conditions, not {len(columns)}")
         rows = ({**rows[0], "p_equivalence": equal.rows[0]["p"]},)
         said = (*said, *equal.sentences)
-    return _outcome(table, q, title, prepared, design, rows, said, notes=notes)
+    return outcome_of(table, q, title, prepared, design, rows, said, notes=notes)
 
 
 _BAYES_NOTE = (
@@ -170,7 +171,7 @@ def _with_bayes(
     )
 
 
-def _known(table: DataTable, q: Question) -> tuple[Prepared, Array]:
+def known(table: DataTable, q: Question) -> tuple[Prepared, Array]:
     """Return a column without factors; missing values as the question says."""
     prepared = prepare(table, q)
     y = prepared.frame[q.dv].to_numpy(float)
@@ -188,7 +189,7 @@ def _known(table: DataTable, q: Question) -> tuple[Prepared, Array]:
 
 
 def _one_sample_t(table: DataTable, q: Question) -> Outcome:
-    prepared, y = _known(table, q)
+    prepared, y = known(table, q)
     made = one_sample_t(y, mu=q.mu, name=q.dv)
     rows: tuple[Row, ...] = (made.row(),)
     said: tuple[str, ...] = (f"{q.dv} against {q.mu:g}: {made.sentence()}.",)
@@ -196,7 +197,7 @@ def _one_sample_t(table: DataTable, q: Question) -> Outcome:
     if q.bayes:
         rows, said = _with_bayes(rows, said, [jzs_bayes_factor(made.t, y.size)])
         notes = (_BAYES_NOTE,)
-    return _outcome(table, q, "One-sample t test", prepared, None, rows, said, notes=notes,
+    return outcome_of(table, q, "One-sample t test", prepared, None, rows, said, notes=notes,
                     data=pd.DataFrame({q.dv: y}))  # fmt: skip
 
 
@@ -204,43 +205,41 @@ def _wilcoxon(table: DataTable, q: Question) -> Outcome:
     q.one_within()
     prepared = prepare(table, q)
     design = read(prepared, q)
-    columns = _columns(design)
-    rows, said = _family(
+    columns = columns_of(design)
+    rows, said = family(
         q, columns, lambda a, b: wilcoxon_signed_rank(columns[a], columns[b], names=(a, b))
     )
     title = "Wilcoxon signed-rank test"
-    return _outcome(table, q, title, prepared, design, rows, said)
+    return outcome_of(table, q, title, prepared, design, rows, said)
 
 
 def _mann_whitney(table: DataTable, q: Question) -> Outcome:
     q.one_between()
     prepared = prepare(table, q)
     design = read(prepared, q)
-    columns = _columns(design)
-    rows, said = _family(
-        q, columns, lambda a, b: mann_whitney(columns[a], columns[b], names=(a, b))
-    )
+    columns = columns_of(design)
+    rows, said = family(q, columns, lambda a, b: mann_whitney(columns[a], columns[b], names=(a, b)))
     notes = uneven_groups(design, "the test t, which is Welch's")
-    return _outcome(table, q, "Mann-Whitney test", prepared, design, rows, said, notes=notes)
+    return outcome_of(table, q, "Mann-Whitney test", prepared, design, rows, said, notes=notes)
 
 
 def _shapiro(table: DataTable, q: Question) -> Outcome:
     if not q.within and not q.between:
-        prepared, y = _known(table, q)
+        prepared, y = known(table, q)
         made = shapiro_wilk(y, name=q.dv)
         row: Row = {"sample": q.dv, **made.row()}
         said = f"{q.dv}: {made.sentence()}."
-        return _outcome(table, q, "Shapiro-Wilk test", prepared, None, (row,), (said,),
+        return outcome_of(table, q, "Shapiro-Wilk test", prepared, None, (row,), (said,),
                         data=pd.DataFrame({q.dv: y}))  # fmt: skip
     factor = q.one_within() if q.within else q.one_between()
     prepared = prepare(table, q)
     design = read(prepared, q)
-    columns = _columns(design)
+    columns = columns_of(design)
     tested = {f"{factor} {k}": v for k, v in columns.items()}
     if q.within:
         tested |= {f"{a} {MINUS} {b}": columns[a] - columns[b] for a, b in combinations(columns, 2)}
     results = {k: shapiro_wilk(v, name=k) for k, v in tested.items()}
-    return _outcome(
+    return outcome_of(
         table, q, "Shapiro-Wilk test", prepared, design,
         tuple({"sample": k, **r.row()} for k, r in results.items()),
         tuple(f"{k}: {r.sentence()}." for k, r in results.items()),
@@ -302,15 +301,15 @@ def _tost(table: DataTable, q: Question) -> Outcome:
     unit = cast(BoundUnit, q.unit)
     bounds: dict[str, Any] = {"low": q.low, "high": q.high, "unit": unit, "alpha": q.alpha}
     if not q.within and not q.between:
-        prepared, y = _known(table, q)
+        prepared, y = known(table, q)
         made = tost_one_sample(y, name=q.dv, **bounds)
         said = f"{q.dv}: {made.sentence()}."
-        return _outcome(table, q, "Equivalence test", prepared, None, (made.row(),), (said,),
+        return outcome_of(table, q, "Equivalence test", prepared, None, (made.row(),), (said,),
                         data=pd.DataFrame({q.dv: y}))  # fmt: skip
     _ = q.one_within() if q.within else q.one_between()
     prepared = prepare(table, q)
     design = read(prepared, q)
-    columns = _columns(design)
+    columns = columns_of(design)
     if len(columns) != 2:
         raise TooFewLevels(
             f"an equivalence test compares two conditions, {design.factors[0].name} has "
@@ -320,7 +319,7 @@ def _tost(table: DataTable, q: Question) -> Outcome:
     run = tost_paired if q.within else tost_independent
     made = run(x, y, names=(a, b), **bounds)
     said = f"{a} {MINUS} {b}: {made.sentence()}."
-    return _outcome(table, q, "Equivalence test", prepared, design, (made.row(),), (said,),
+    return outcome_of(table, q, "Equivalence test", prepared, design, (made.row(),), (said,),
                     notes=made.provenance.notes)  # fmt: skip
 
 

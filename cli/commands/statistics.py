@@ -137,7 +137,9 @@ def stats(
         float | None, typer.Option("--high", help="Upper bound, for tost and t.")
     ] = None,
     unit: Annotated[str, typer.Option("--unit", help="Unit of the bounds: raw or sd.")] = "raw",
-    mu: Annotated[float, typer.Option("--mu", help="Mean to test against, for t.")] = 0.0,
+    mu: Annotated[
+        float, typer.Option("--mu", help="What to test against, for t, sign, binomial.")
+    ] = 0.0,
     levels: Annotated[
         list[str] | None,
         typer.Option("--levels", help="Order of levels: --levels technique=ray,touch,gaze"),
@@ -162,6 +164,13 @@ def stats(
     bayes: Annotated[
         bool, typer.Option("--bayes", help="Of t: the Bayes factor too (JZS).")
     ] = False,
+    side: Annotated[
+        bool, typer.Option("--side", help="Of bradleyterry: the odds of what stands first, too.")
+    ] = False,
+    scale: Annotated[
+        str,
+        typer.Option("--scale", help="Of krippendorff, kappa: nominal, ordinal, interval, ratio."),
+    ] = "",
     error_rate: Annotated[
         int,
         typer.Option(
@@ -220,6 +229,8 @@ def stats(
         correction=correction,
         equal_variances=equal_variances,
         bayes=bayes,
+        side=side,
+        scale=scale,
     )
     table = read_table(file)
     table = rows_where(table if all_rows else counted_rows(table), where or [])

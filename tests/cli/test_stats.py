@@ -1,6 +1,7 @@
 """The stats command: any table in, the right test out, bad input named by row and cell."""
 
 import json
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from typer.testing import CliRunner
 
 from analysis.statistics import art_anova, cell_means, paired_t, rm_anova
 from analysis.statistics.errors import (
+    DuplicateCell,
     InfiniteValue,
     MissingCell,
     MissingValue,
@@ -239,6 +241,8 @@ def test_a_factor_left_out_is_averaged_over(table: Path) -> None:
         ("shapiro", ["--dv", "accuracy", "--subject", "participant"]),
         ("spearman", ["--dv", "accuracy", "--with", "participant"]),
         ("pearson", ["--dv", "accuracy", "--with", "participant"]),
+        ("sign", PAIR),
+        ("sign", ["--dv", "accuracy", "--subject", "participant", "--mu", "0.5"]),
         ("tost", [*PAIR, "--low", "-0.1", "--high", "0.1"]),
         ("tost", ["--dv", "accuracy", "--subject", "participant", "--low", "0", "--high", "1"]),
     ],
@@ -257,7 +261,68 @@ def test_every_test_prints_a_sentence_and_writes_its_table(
 
 def test_all_tests_are_tried_above_or_below() -> None:
     mark = test_every_test_prints_a_sentence_and_writes_its_table.pytestmark[0]
-    assert {p[0] for p in mark.args[1]} | {"cronbach"} == set(TESTS)
+    others = {"cronbach", "bradleyterry", "binomial", "icc", "kappa", "krippendorff"}
+    assert {p[0] for p in mark.args[1]} | others == set(TESTS)
+
+
+def rated(tmp_path: Path) -> Path:
+    rng = np.random.default_rng(5)
+    truth = rng.normal(4, 1.5, 20)
+    path = tmp_path / "rated.csv"
+    pd.DataFrame(
+        {"clip": f"c{i}", "rater": rater, "rating": int(np.clip(round(t + rng.normal()), 1, 7)),
+         "word": "good" if t + rng.normal() > 4 else "bad", "hit": int(t + rng.normal() > 4)}
+        for i, t in enumerate(truth) for rater in ("ann", "bob")
+    ).to_csv(path, index=False)  # fmt: skip
+    return path
+
+
+def test_raters_of_the_same_things_are_compared(tmp_path: Path) -> None:
+    path, roles = rated(tmp_path), ("--within", "rater", "--subject", "clip")
+    found = answer(path, "--test", "icc", "--dv", "rating", *roles)
+    kinds = [row["kind"] for row in found["rows"]]
+    assert ["ICC1", "ICC2", "ICC3", "ICC1k", "ICC2k", "ICC3k"] == kinds
+    alpha = answer(path, "--test", "krippendorff", "--dv", "word", *roles, "--scale", "nominal")
+    kappa = answer(path, "--test", "kappa", "--dv", "word", *roles)
+    for one in (alpha, kappa):
+        assert 0.2 < one["rows"][0]["agreement"] < 1
+    weighted = answer(path, "--test", "kappa", "--dv", "rating", *roles, "--scale", "ordinal")
+    assert weighted["rows"][0]["agreement"] > 0.2
+    with pytest.raises(UsageError, match="needs scale"):
+        answer(path, "--test", "krippendorff", "--dv", "rating", *roles)
+
+
+def test_counts_are_tested_where_rows_are_independent(tmp_path: Path) -> None:
+    path = rated(tmp_path)
+    found = answer(path, "--test", "binomial", "--dv", "hit", "--where", "rater=ann")
+    assert 20 == found["rows"][0]["of"]
+    with pytest.raises(DuplicateCell, match="not independent"):
+        answer(path, "--test", "binomial", "--dv", "hit", "--subject", "clip")
+    twice = pd.concat([pd.read_csv(path)] * 2)
+    twice.to_csv(path, index=False)
+    with pytest.raises(DuplicateCell, match="rater ann rated clip c0 twice"):
+        answer(path, "--test", "icc", "--dv", "rating", "--within", "rater", "--subject", "clip")
+
+
+def test_choices_between_two_are_read_from_two_columns_or_one(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    likes = {"orbit": 0.0, "follow": 0.5, "still": 1.0}
+    frame = pd.DataFrame(
+        [(f"P{who}", a, b) for who in range(12) for a, b in permutations(likes, 2)],
+        columns=["participant", "left", "right"],
+    )
+    lead = frame["left"].map(likes) - frame["right"].map(likes) + rng.logistic(size=len(frame))
+    frame["vote"] = np.where(lead.abs() < 0.4, 0, np.sign(lead))
+    frame["pair"] = frame["left"] + "|" + frame["right"]
+    path = tmp_path / "votes.csv"
+    frame.to_csv(path, index=False)
+    asked = ("--test", "bradleyterry", "--dv", "vote", "--subject", "participant", "--side")
+    found = answer(path, *asked, "--within", "left", "right")
+    again = answer(path, *asked, "--within", "pair")
+    assert ["left:right"] == [row["term"] for row in found["rows"]]
+    assert found["rows"][0]["p"] == pytest.approx(again["rows"][0]["p"])
+    assert found["cells"] == again["cells"]
+    assert ["items"] * 3 + ["place"] == [row["family"] for row in found["contrasts"]]
 
 
 def test_alpha_of_a_scale_reads_items_one_after_another(tmp_path: Path) -> None:

@@ -4,8 +4,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from scipy import special
 
 from analysis import statistics
+from analysis.statistics.agreement import cohen_kappa, icc, krippendorff_alpha
+from analysis.statistics.binomial import Binomial, binomial_test, sign_test
+from analysis.statistics.bradley_terry import bradley_terry
 from tests.reference.stats_compare import by_key
 from tests.reference.stats_factorial import Case, Entry, contrast_rows
 
@@ -294,6 +298,72 @@ def _cronbach(case: Case, entry: Entry) -> dict[str, Any]:
     }
 
 
+def _bradley_terry(case: Case, entry: Entry) -> dict[str, Any]:
+    frame = {name: np.asarray(v, dtype=object) for name, v in case.frame.items()}
+    if "count" in frame:  # choices of as many people
+        frame = {name: np.repeat(v, frame["count"].astype(int)) for name, v in frame.items()}
+        frame["s"] = np.arange(frame["y"].size)
+    made = bradley_terry(
+        frame, entry["dv"], first=case.design["first"], second=case.design["second"],
+        subject=case.design["subject"], items=entry["items"], side=entry.get("side", False),
+    )  # fmt: skip
+    effect, model = made.effects[0], made.model
+    return {
+        "coefficients": model.beta.tolist(),
+        "se": np.sqrt(np.diag(model.likelihood)).tolist(),
+        "robust_se": np.sqrt(np.diag(model.robust)).tolist(),
+        "log_likelihood": model.log_likelihood,
+        "test": {"F": effect.F, "df1": effect.df1, "df2": effect.df2, "p": effect.p},
+        "chi2": effect.chi2,
+        "chi2_p": effect.chi2_p,
+        "fit_chi2": None if made.fit is None else made.fit.chi2,
+        "fit_df": None if made.fit is None else made.fit.df,
+    }
+
+
+def _ratings(case: Case) -> Any:
+    return np.array(case.file["ratings"], dtype=float)
+
+
+def _icc(case: Case, entry: Entry) -> dict[str, Any]:
+    made = icc(_ratings(case))
+    return {
+        "kind": [m.kind for m in made],
+        "value": [m.value for m in made],
+        "F": [m.F for m in made],
+        "df1": [m.df1 for m in made],
+        "df2": [m.df2 for m in made],
+        "p": [m.p for m in made],
+        "low": [m.interval.low for m in made],
+        "high": [m.interval.high for m in made],
+    }
+
+
+def _kappa(case: Case, entry: Entry) -> dict[str, Any]:
+    made = cohen_kappa(_ratings(case), scale=entry["scale"])
+    half = (made.interval.high - made.interval.low) / 2
+    return {"value": made.value, "se": half / special.ndtri(0.975)}
+
+
+def _alpha(case: Case, entry: Entry) -> dict[str, Any]:
+    return {"value": krippendorff_alpha(_ratings(case), scale=entry["scale"]).value}
+
+
+def _counted(made: Binomial) -> dict[str, Any]:
+    assert made.effect.interval is not None
+    ends = made.effect.interval
+    return {"hits": made.hits, "n": made.n, "p": made.p, "low": ends.low, "high": ends.high}
+
+
+def _sign(case: Case, entry: Entry) -> dict[str, Any]:
+    pair = case.sets[entry["set"]]
+    return _counted(sign_test(pair["x"], pair["y"]))
+
+
+def _binomial(case: Case, entry: Entry) -> dict[str, Any]:
+    return _counted(binomial_test(**entry["given"]))
+
+
 def _power(case: Case, entry: Entry) -> dict[str, Any]:
     given = dict(entry["given"])
     alpha = given.get("alpha", given.get("sig_level", 0.05))
@@ -346,5 +416,11 @@ SIMPLE: Mapping[str, Callable[[Case, Entry], dict[str, Any]]] = {
     "cronbach_alpha": _cronbach,
     "power_oneway_anova": _power,
     "ward": _ward,
+    "bradley_terry": _bradley_terry,
+    "icc": _icc,
+    "cohen_kappa": _kappa,
+    "krippendorff_alpha": _alpha,
+    "sign_test": _sign,
+    "binomial_test": _binomial,
 }
 """Public call of every simple procedure."""

@@ -10,7 +10,8 @@ from analysis.power import PowerRequest, jobs_of, run_job, summarise
 from cli.quick_tracker import tracker_of
 from lab.errors import DataError, UsageError
 from tests.visavis.sessions import STUDIES, opened
-from visavis.power import KitPower, draw_people, terms_of
+from visavis.compare import Compare
+from visavis.power import KitPower, draw_people
 
 DUEL = str(STUDIES / "duel.py")
 
@@ -30,8 +31,8 @@ def test_tests_are_the_planned_comparisons(power: KitPower) -> None:
 
 
 def test_terms_of_several_factors_are_effects_and_interactions() -> None:
-    assert ("a",) == terms_of(("a",))
-    assert ("a", "b", "a:b") == terms_of(("a", "b"))
+    assert ("a",) == Compare("y", within="a").terms
+    assert ("a", "b", "a:b") == Compare("y", within="a", between="b").terms
 
 
 @pytest.mark.slow

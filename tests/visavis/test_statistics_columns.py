@@ -18,8 +18,10 @@ DESIGNS: tuple[dict[str, Any], ...] = (
     {"within": "a"}, {"within": "b"}, {"within": ("a", "b")}, {"between": "g"}, {"between": "h"},
     {"within": "a", "between": "g"}, {"within": "b", "between": "g"},
 )  # fmt: skip
-MODELS = ("lmm", "gee", "clmm")
-NOT_OF_MEANS = ("spearman", "pearson", "tost", "cronbach")
+MODELS = ("lmm", "gee", "clmm", "bradleyterry")
+NOT_OF_MEANS = (
+    "spearman", "pearson", "tost", "cronbach", "binomial", "krippendorff"
+)  # fmt: skip
 """Tests that ask for more than a measure and its factors."""
 
 
@@ -54,3 +56,29 @@ def test_every_column_of_a_test_is_described(test: str, dv: str, trials: pd.Data
         names |= {n for row in found.outcome.contrasts for n in row if n != "family"}
         assert set() == names - known, (test, design)
     assert bool(made) != (test in NOT_OF_MEANS)
+
+
+def test_a_comparison_of_choices_names_one_term_and_the_odds_of_items() -> None:
+    rng = np.random.default_rng(1)
+    pairs = [f"{a}|{b}" for a in "uvw" for b in "uvw" if a != b]
+    votes = pd.DataFrame(
+        {"participant": f"P{i:02d}", "pair": p, "vote": float(np.sign(rng.normal(p < "v", 1)))}
+        for i in range(15) for p in pairs
+    )  # fmt: skip
+    compare = Compare("vote", within="pair", model="bradleyterry", options=[("side", True)])
+    found = answered(
+        compare, votes, {"vote": Measure("vote", "1", "Vote")}, {"pair": tuple(pairs)},
+        is_simulated=True,
+    )  # fmt: skip
+    assert ("pair",) == compare.terms == tuple(t.name for t in found.terms)
+    assert ["u \N{EN DASH} v", "u \N{EN DASH} w", "v \N{EN DASH} w"] == [
+        c.name for c in found.contrasts
+    ]
+    first = found.contrasts[0]
+    assert first.difference == first.row["estimate"]
+    known = {column.name for column in (*STATISTICS, *PEOPLE)}
+    assert found.outcome is not None
+    rows = (*found.outcome.rows, *found.outcome.contrasts)
+    assert set() == {n for row in rows for n in row if n != "family"} - known
+    two = Compare("vote", within=("left", "right"), between="group", model="bradleyterry")
+    assert ("left:right", "left:right:group") == two.terms

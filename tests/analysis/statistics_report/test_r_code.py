@@ -20,6 +20,9 @@ ONE = {"within": ("b",), "subject": "who"}
 TWO = {"within": ("a", "b"), "subject": "who"}
 PAIR = {"within": ("a",), "subject": "who"}
 GROUPS = {"between": ("g",), "subject": "who"}
+VOTES = {"dv": "vote", "within": ("one", "other"), "subject": "who"}
+RATED = {"dv": "rating", "within": ("who",), "subject": "clip"}
+RATED_BY_TWO = {"dv": "hit", "within": ("two",), "subject": "thing"}
 QUESTIONS: dict[str, dict[str, Any]] = {
     "art": {"test": "art", **TWO, "between": ("g",)},
     "int": {"test": "art", "transform": "int", **TWO},
@@ -29,6 +32,15 @@ QUESTIONS: dict[str, dict[str, Any]] = {
     "lmm": {"test": "lmm", **TWO, "random": "components"},
     "gee": {"test": "gee", **ONE},
     "clmm": {"test": "clmm", **ONE, "dv": "rating"},
+    "bradleyterry": {"test": "bradleyterry", **VOTES, "side": True},
+    "bradleyterry of groups": {"test": "bradleyterry", **VOTES, "between": ("g",)},
+    "sign": {"test": "sign", **PAIR},
+    "sign of one": {"test": "sign", "subject": "who", "mu": 1.0},
+    "binomial": {"test": "binomial", "dv": "hit", "mu": 0.4},
+    "icc": {"test": "icc", **RATED},
+    "kappa": {"test": "kappa", **RATED_BY_TWO},
+    "weighted kappa": {"test": "kappa", **RATED_BY_TWO, "dv": "rating", "scale": "interval"},
+    "krippendorff": {"test": "krippendorff", **RATED, "scale": "ordinal"},
     "anova": {"test": "anova", **GROUPS},
     "welch": {"test": "welch", **GROUPS},
     "kruskal": {"test": "kruskal", **GROUPS},
@@ -64,6 +76,13 @@ def people() -> pd.DataFrame:
         y += [slopes[key] for key in zip(frame["who"], frame[factor], strict=True)]
     frame["y"] = np.round(y, 3)
     frame["skewed"] = np.round(np.exp(2 * frame["y"]), 3)
+    pairs = [("p", "q"), ("q", "r"), ("r", "p"), ("q", "p"), ("r", "q"), ("p", "r")]
+    frame["one"], frame["other"] = zip(*(pairs[i % 6] for i in range(len(frame))), strict=True)
+    frame["vote"] = rng.choice([-1, -1, 0, 1, 1], size=len(frame))
+    frame["hit"] = rng.integers(0, 2, size=len(frame))
+    frame["clip"] = frame["a"] + frame["b"]
+    frame["two"] = np.where(np.arange(len(frame)) % 2, "one", "two")
+    frame["thing"] = [f"T{i // 2}" for i in range(len(frame))]
     frame["rating"] = np.clip(np.round(3 + frame["y"]), 1, 5)
     return frame
 
@@ -144,10 +163,10 @@ def read(repeated: dict[str, Printed | str], name: str) -> Printed:
 def expected(outcome: Outcome) -> Iterator[tuple[float, float]]:
     """Yield value and p of each row as Visavis has them."""
     for row in outcome.rows:
-        if outcome.question.test == "clmm":
+        if outcome.question.test in ("clmm", "bradleyterry"):
             yield float(row["chi2"] or 0), float(row["chi2_p"] or 0)
             continue
-        names = ("F", "t", "V", "U", "chi2", "H", "W", "r", "rho", "alpha")
+        names = ("agreement", "hits", "F", "t", "V", "U", "chi2", "H", "W", "r", "rho", "alpha")
         value = next(row[n] for n in names if row.get(n) is not None)
         p = next((row[n] for n in ("p_used", "p") if row.get(n) is not None), float("nan"))
         yield float(value or 0), float(p or 0)

@@ -1,0 +1,305 @@
+"""How far raters agree: intraclass correlation, Krippendorff's alpha and Cohen's kappa.
+
+All take a table with one row per thing rated and one column per rater.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+import numpy.typing as npt
+from scipy import special
+
+from analysis.statistics.errors import (
+    ConstantResponse,
+    MissingValue,
+    TooFewLevels,
+    TooFewSubjects,
+    UnknownMethod,
+)
+from analysis.statistics.inputs import rows_text
+from analysis.statistics.results import (
+    Array,
+    Interval,
+    Provenance,
+    Result,
+    Row,
+    f_text,
+    number,
+    p_text,
+)
+
+Scale: TypeAlias = Literal["nominal", "ordinal", "interval", "ratio"]
+N_RESAMPLES = 2000
+RESAMPLING_SEED = 1
+
+
+@dataclass(frozen=True)
+class Icc(Result):
+    """One of Shrout and Fleiss' (1979) intraclass correlations, as `kind` names it.
+
+    ICC1: every thing has raters of its own; ICC2: the raters stand for others, and their levels
+    count as disagreement; ICC3: these raters alone, levels apart. With k: of the raters' mean.
+    """
+
+    kind: str
+    value: float
+    interval: Interval
+    F: float
+    df1: int
+    df2: int
+    p: float
+    provenance: Provenance
+
+    def sentence(self) -> str:
+        """Return the result as an APA sentence."""
+        return (
+            f"{self.kind} = {number(self.value)}, {self.interval}, "
+            f"{f_text(self.F, self.df1, self.df2)}, {p_text(self.p)}"
+        )
+
+    def row(self) -> Row:
+        """Return the result as one flat table row."""
+        return {
+            "kind": self.kind,
+            "agreement": self.value,
+            "ci_low": self.interval.low,
+            "ci_high": self.interval.high,
+            "F": self.F,
+            "df1": self.df1,
+            "df2": self.df2,
+            "p": self.p,
+            **self.provenance.row(),
+        }
+
+
+def icc(ratings: npt.ArrayLike, *, level: float = 0.95) -> tuple[Icc, ...]:
+    """Return ICC1, ICC2, ICC3 and ICC1k, ICC2k, ICC3k of complete ratings (things, raters).
+
+    Estimates, F tests and intervals are those of Shrout and Fleiss (1979) and McGraw and Wong
+    (1996). Raises a `StatisticsError` where a rating is missing or nothing varies.
+    """
+    table = _table(ratings)
+    gaps = np.flatnonzero(np.isnan(table).any(axis=1))
+    if gaps.size:
+        raise MissingValue(
+            f"a rating is missing in {rows_text(gaps)}; leave these things out, or take "
+            "Krippendorff's alpha"
+        )
+    n, k = table.shape
+    mean = table.mean()
+    ss_things = k * ((table.mean(axis=1) - mean) ** 2).sum()
+    ss_raters = n * ((table.mean(axis=0) - mean) ** 2).sum()
+    ss_all = ((table - mean) ** 2).sum()
+    if np.isclose(ss_all, 0):
+        raise ConstantResponse("all ratings are the same; there is nothing to agree about")
+    between = float(ss_things / (n - 1))
+    raters = float(ss_raters / (k - 1))
+    inside = float((ss_all - ss_things) / (n * (k - 1)))
+    error = float((ss_all - ss_things - ss_raters) / ((n - 1) * (k - 1)))
+    tail = (1 - level) / 2
+    df1, df_inside, df_error = n - 1, n * (k - 1), (n - 1) * (k - 1)
+    made: list[tuple[str, float, Interval, float, int]] = []
+    for kind, scale, df2 in (("ICC1", inside, df_inside), ("ICC3", error, df_error)):
+        F = _ratio(between, scale)
+        low = F / special.fdtri(df1, df2, 1 - tail)
+        high = F * special.fdtri(df2, df1, 1 - tail)
+        single = _single(F, k)
+        made.append((kind, single, Interval(_single(low, k), _single(high, k), level), F, df2))
+        ends = Interval(1 - 1 / low, 1 - 1 / high, level)
+        made.append((f"{kind}k", 1 - 1 / F, ends, F, df2))
+    made += _of_random_raters(between, raters, error, n, k, level)
+    provenance = Provenance(
+        "Intraclass correlation", n, unit="things rated", notes=(f"{n} things by {k} raters",)
+    )
+    return tuple(
+        Icc(kind, value, ends, F, df1, df2, float(special.fdtrc(df1, df2, F)), provenance)
+        for kind, value, ends, F, df2 in sorted(made, key=lambda m: (m[0].endswith("k"), m[0]))
+    )
+
+
+def _ratio(a: float, b: float) -> float:
+    return a / b if b > 0 else float("inf")
+
+
+def _single(F: float, k: int) -> float:
+    return 1.0 if np.isinf(F) else float((F - 1) / (F + k - 1))
+
+
+def _of_random_raters(
+    between: float, raters: float, error: float, n: int, k: int, level: float
+) -> list[tuple[str, float, Interval, float, int]]:
+    value = (between - error) / (between + (k - 1) * error + k * (raters - error) / n)
+    of_mean = (between - error) / (between + (raters - error) / n)
+    F_raters = _ratio(raters, error)
+    if np.isinf(F_raters):
+        ends = Interval(float("nan"), float("nan"), level)
+    else:
+        a = n * (1 + (k - 1) * value) - k * value
+        df = (k - 1) * (n - 1) * (k * value * F_raters + a) ** 2
+        df /= (n - 1) * (k * value * F_raters) ** 2 + a**2
+        up = float(special.fdtri(n - 1, df, (1 + level) / 2))
+        down = float(special.fdtri(df, n - 1, (1 + level) / 2))
+        rest = k * raters + (k * n - k - n) * error
+        ends = Interval(
+            n * (between - up * error) / (up * rest + n * between),
+            n * (down * between - error) / (rest + n * down * between),
+            level,
+        )
+    spread = Interval(
+        ends.low * k / (1 + ends.low * (k - 1)), ends.high * k / (1 + ends.high * (k - 1)), level
+    )
+    F, df2 = _ratio(between, error), (n - 1) * (k - 1)
+    return [("ICC2", value, ends, F, df2), ("ICC2k", of_mean, spread, F, df2)]
+
+
+@dataclass(frozen=True)
+class Agreement(Result):
+    """A coefficient of agreement, 1 where raters agree and 0 where they do so by chance."""
+
+    name: str
+    value: float
+    interval: Interval
+    scale: Scale
+    provenance: Provenance
+
+    def sentence(self) -> str:
+        """Return the result as an APA sentence."""
+        return f"{self.name} = {number(self.value)}, {self.interval}, {self.scale} scale"
+
+    def row(self) -> Row:
+        """Return the result as one flat table row."""
+        return {
+            "kind": self.name,
+            "agreement": self.value,
+            "ci_low": self.interval.low,
+            "ci_high": self.interval.high,
+            "scale": self.scale,
+            **self.provenance.row(),
+        }
+
+
+def krippendorff_alpha(ratings: npt.ArrayLike, *, scale: Scale, level: float = 0.95) -> Agreement:
+    """Return Krippendorff's alpha of ratings (things, raters), NaN where there is none.
+
+    Any number of raters, missing ratings left out; categories of a nominal scale are numbers
+    standing for them. The interval is that of 2000 samples of the things, with distances between
+    the categories as in all of them. Raises a `StatisticsError` where nothing was rated twice, or
+    all ratings are the same.
+    """
+    if scale not in get_args(Scale):
+        raise UnknownMethod(f"no scale {scale!r}; it is {', '.join(get_args(Scale))}")
+    table = _table(ratings)
+    there = ~np.isnan(table)
+    table, there = table[there.sum(axis=1) > 1], there[there.sum(axis=1) > 1]
+    if not len(table):
+        raise TooFewSubjects("nothing was rated by two raters")
+    values = np.unique(table[there])
+    if values.size < 2:
+        raise ConstantResponse("all ratings are the same; there is nothing to agree about")
+    if scale == "ratio" and values[0] < 0:
+        raise UnknownMethod("a ratio scale has no values below 0; take interval")
+    counts = np.array(
+        [[(row[ok] == v).sum() for v in values] for row, ok in zip(table, there, strict=True)],
+        dtype=float,
+    )
+    apart = _distances(values, counts.sum(axis=0), scale)
+    of_thing = np.einsum("uc,ck,uk->u", counts, apart, counts) / (counts.sum(axis=1) - 1)
+    n_of_thing = counts.sum(axis=1)
+
+    def alpha(weights: Array) -> Array:
+        n = weights @ n_of_thing
+        pooled = weights @ counts
+        chance = np.einsum("bc,ck,bk->b", pooled, apart, pooled) / (n - 1)
+        seen = weights @ of_thing
+        found: Array = 1 - np.divide(seen, chance, out=np.zeros_like(seen), where=chance > 0)
+        return found
+
+    rng = np.random.default_rng(RESAMPLING_SEED)
+    drawn = rng.multinomial(len(table), np.full(len(table), 1 / len(table)), size=N_RESAMPLES)
+    low, high = np.quantile(alpha(drawn.astype(float)), [(1 - level) / 2, (1 + level) / 2])
+    return Agreement(
+        "Krippendorff's α",
+        float(alpha(np.ones((1, len(table))))[0]),
+        Interval(float(low), float(high), level),
+        scale,
+        Provenance(
+            "Krippendorff's alpha",
+            len(table),
+            unit="things rated",
+            notes=(f"{int(n_of_thing.sum())} ratings of {len(table)} things rated twice or more",),
+        ),
+    )
+
+
+def _distances(values: Array, counts: Array, scale: Scale) -> Array:
+    """Return squared distances (v, v) of categories."""
+    if scale == "nominal":
+        return 1.0 - np.eye(values.size)
+    if scale == "ordinal":  # categories lie apart by the ratings between them
+        place = np.cumsum(counts) - counts / 2
+        return np.asarray(np.subtract.outer(place, place) ** 2, dtype=np.float64)
+    apart = np.subtract.outer(values, values)
+    if scale == "ratio":
+        both = np.add.outer(values, values)
+        apart = np.divide(apart, both, out=np.zeros_like(apart), where=both != 0)
+    return np.asarray(apart**2, dtype=np.float64)
+
+
+def cohen_kappa(
+    ratings: npt.ArrayLike, *, scale: Scale = "nominal", level: float = 0.95
+) -> Agreement:
+    """Return Cohen's kappa of two raters: plain, or weighted by how far categories are apart.
+
+    Weights are linear in the categories' places for an ordinal scale and quadratic in their
+    values for an interval scale. The interval is the large-sample one (Fleiss, Cohen and Everitt
+    1969). Things that one rater left out are left out. Raises a `StatisticsError` for other than
+    two raters, or where both gave one answer throughout.
+    """
+    if scale not in ("nominal", "ordinal", "interval"):
+        raise UnknownMethod(f"kappa takes a nominal, ordinal or interval scale, not {scale}")
+    table = _table(ratings)
+    if table.shape[1] != 2:
+        raise TooFewLevels(
+            f"kappa takes two raters, not {table.shape[1]}; take Krippendorff's alpha"
+        )
+    both = ~np.isnan(table).any(axis=1)
+    first, second = table[both].T
+    n = first.size
+    if n < 2:
+        raise TooFewSubjects(f"{n} things were rated by both")
+    values, codes = np.unique(np.concatenate([first, second]), return_inverse=True)
+    if values.size < 2:
+        raise ConstantResponse("all ratings are the same; there is nothing to agree about")
+    k = values.size
+    joint = np.zeros((k, k))
+    np.add.at(joint, (codes[:n], codes[n:]), 1 / n)
+    place = values if scale == "interval" else np.arange(k, dtype=float)
+    gap = np.abs(np.subtract.outer(place, place)) / np.ptp(place)
+    weight = np.eye(k) if scale == "nominal" else 1 - (gap**2 if scale == "interval" else gap)
+    rows, columns = joint.sum(axis=1), joint.sum(axis=0)
+    seen, chance = float((weight * joint).sum()), float(rows @ weight @ columns)
+    value = (seen - chance) / (1 - chance)
+    own = np.add.outer(weight @ columns, rows @ weight)
+    spread = (joint * (weight * (1 - chance) - own * (1 - seen)) ** 2).sum()
+    variance = (spread - (seen * chance - 2 * chance + seen) ** 2) / (n * (1 - chance) ** 4)
+    reach = float(special.ndtri((1 + level) / 2) * np.sqrt(max(variance, 0.0)))
+    left = int((~both).sum())
+    dropped = (f"{left} things that one rater left out",) if left else ()
+    return Agreement(
+        "Cohen's κ" if scale == "nominal" else "weighted κ",
+        value,
+        Interval(value - reach, value + reach, level),
+        scale,
+        Provenance(
+            "Cohen's kappa", n, unit="things rated", dropped=dropped,
+            notes=(f"both raters alike in {100 * float(np.trace(joint)):.0f} % of {n} things",),
+        ),
+    )  # fmt: skip
+
+
+def _table(ratings: npt.ArrayLike) -> Array:
+    table = np.asarray(ratings, dtype=np.float64)
+    if table.ndim != 2 or table.shape[0] < 2 or table.shape[1] < 2:
+        raise TooFewLevels("agreement needs two things rated by two raters at least")
+    return table

@@ -1,0 +1,468 @@
+"""Bradley and Terry's model of choices between two, with Davidson's ties."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse, special
+
+from analysis.statistics.clmm import ClmmEffect
+from analysis.statistics.contrasts import (
+    ContrastAdjustment,
+    Contrasts,
+    contrast_family,
+    pair_labels,
+    pair_matrix,
+)
+from analysis.statistics.design import Codes, Frame, Missing, column_of
+from analysis.statistics.errors import (
+    MissingValue,
+    NotConverged,
+    NotNumeric,
+    SubjectInTwoGroups,
+    TooFewLevels,
+    TooFewSubjects,
+    UnknownMethod,
+)
+from analysis.statistics.gee import hotelling
+from analysis.statistics.inputs import numbers, rows_text
+from analysis.statistics.results import (
+    Array,
+    Effect,
+    Interval,
+    Provenance,
+    Result,
+    Row,
+    number,
+    p_text,
+)
+
+MAX_STEPS = 60
+STEP_TOLERANCE = 1e-11
+MAX_LOG_ODDS = 25.0
+
+
+@dataclass(frozen=True)
+class Ability:
+    """How an item fares: its log ability above the mean of all, with error and interval.
+
+    `preferred`, `tied` and `refused` count the pairs it stood in.
+    """
+
+    item: str
+    ability: float
+    se: float
+    interval: Interval
+    preferred: int
+    tied: int
+    refused: int
+
+    def row(self) -> Row:
+        """Return it as one flat table row."""
+        return {
+            "item": self.item,
+            "estimate": self.ability,
+            "se": self.se,
+            "ci_low": self.interval.low,
+            "ci_high": self.interval.high,
+            "preferred": self.preferred,
+            "tied": self.tied,
+            "refused": self.refused,
+        }
+
+
+@dataclass(frozen=True)
+class PairFit:
+    """Deviance of a model from the counts of every pair by itself, choices taken as independent.
+
+    A small p says that one scale does not make these choices (going in circles, for instance).
+    """
+
+    chi2: float
+    df: int
+    p: float
+
+    def sentence(self) -> str:
+        """Say it in one line."""
+        return (
+            f"one scale against every pair by itself: G²({self.df}) = {number(self.chi2)}, "
+            f"{p_text(self.p)}, as if choices were independent"
+        )
+
+
+@dataclass(frozen=True)
+class PairModel:
+    """Log odds as fitted: `beta` (p,) of every item but the first above the first, then of the
+    first place, of groups (times the items) and of a tie, where there are these.
+
+    `robust` (p, p) is their covariance from people's scores, times n/(n − groups), `likelihood`
+    that of the information; `df` people − groups.
+    """
+
+    beta: Array
+    robust: Array
+    likelihood: Array
+    log_likelihood: float
+    df: int
+
+    def test(self, L: Array) -> tuple[float, float]:
+        """Return F and denominator df of Lβ = 0 (q, p), Hotelling's T² of people's scores."""
+        return hotelling(L, self.beta, self.robust, self.df)
+
+
+@dataclass(frozen=True)
+class BradleyTerry(Result):
+    """Tests, abilities and pairs of a Bradley–Terry(–Davidson) model.
+
+    `effects` holds the test that all items are alike and, with groups, that groups judge them
+    alike; `tie` and `first_place` are log odds (None where not fitted): of a tie between equals,
+    and of whatever stands first. `fit` is None with groups, places, or no pair to spare.
+    """
+
+    effects: tuple[ClmmEffect, ...]
+    abilities: tuple[Ability, ...]
+    tie: float | None
+    first_place: float | None
+    fit: PairFit | None
+    model: PairModel
+    provenance: Provenance
+
+    @property
+    def items(self) -> tuple[str, ...]:
+        """What was compared, in its order."""
+        return tuple(a.item for a in self.abilities)
+
+    def contrasts(self, *, adjust: ContrastAdjustment = "holm") -> Contrasts:
+        """Compare all items two by two; the effect is the odds of being preferred."""
+        k = len(self.items)
+        L = pair_matrix(k) @ _abilities_of(k, self.model.beta.size)
+        return _odds(self, ("items",), pair_labels(self.items), L, k, adjust)
+
+    def place(self) -> Contrasts | None:
+        """Return the odds of what stands first; None where they were not fitted."""
+        if self.first_place is None:
+            return None
+        L = np.eye(self.model.beta.size)[[len(self.items) - 1]]
+        return _odds(self, ("place",), [(("first", "second"),)], L, 2, "none")
+
+    def order(self) -> str:
+        """Return the items from the most to the least preferred, in a sentence."""
+        listed = sorted(self.abilities, key=lambda a: -a.ability)
+        told = "; ".join(f"{a.item} {number(a.ability)}, {a.interval}" for a in listed)
+        return f"Log abilities, of which the mean is 0: {told}."
+
+    def sentence(self) -> str:
+        """Return the tests and the order of the items."""
+        lines = [f"{self.provenance.test}, n = {self.provenance.n}."]
+        lines += [effect.sentence() + "." for effect in self.effects]
+        lines.append(self.order())
+        lines += [f"Note: {note}." for note in self.provenance.notes]
+        return "\n".join(lines)
+
+    def rows(self) -> tuple[Row, ...]:
+        """Return one flat table row per test."""
+        return tuple({**e.row(), **self.provenance.row()} for e in self.effects)
+
+    def row(self) -> Row:
+        """Return the first test's row; `rows` has them all."""
+        return self.rows()[0]
+
+
+@dataclass(frozen=True)
+class _Votes:
+    """Rows of choices: `X` (rows, p) of the first above the second, `sign` 1, −1 or 0 for a tie."""
+
+    X: Array
+    sign: Array
+    subject: Codes
+    has_ties: bool
+
+    def parts(self, beta: Array) -> tuple[float, Array, Array]:
+        """Return log-likelihood, scores of rows (rows, p) and the information (p, p)."""
+        q = self.X.shape[1]
+        half = self.X @ beta[:q] / 2
+        log_tie = np.full(half.size, beta[-1] if self.has_ties else -np.inf)
+        log_odds = np.column_stack([half, -half, log_tie])
+        log_sum = special.logsumexp(log_odds, axis=1)
+        first, second, tie = np.exp(log_odds - log_sum[:, None]).T
+        chosen = np.select([self.sign > 0, self.sign < 0], [half, -half], log_tie)
+        lean = first - second
+        by_half = (self.sign - lean) / 2
+        bend = (first + second - lean**2) / 4
+        scores, info = by_half[:, None] * self.X, (self.X.T * bend) @ self.X
+        if self.has_ties:
+            scores = np.column_stack([scores, (self.sign == 0) - tie])
+            across = -(self.X.T @ (lean * tie)) / 2
+            info = np.block(
+                [[info, across[:, None]], [across[None, :], np.array([[tie @ (1 - tie)]])]]
+            )
+        return float((chosen - log_sum).sum()), scores, info
+
+    def fit(self) -> tuple[Array, float, Array, Array]:
+        """Return estimates, log-likelihood, scores of rows and information at the peak.
+
+        Raises:
+            NotConverged: estimates run to infinity.
+        """
+        beta = np.zeros(self.X.shape[1] + self.has_ties)
+        found, scores, info = self.parts(beta)
+        for _ in range(MAX_STEPS):
+            try:
+                step = np.linalg.solve(info, scores.sum(axis=0))
+            except np.linalg.LinAlgError as error:
+                raise NotConverged(_NO_PEAK) from error
+            size = 1.0
+            after = self.parts(beta + step)
+            while after[0] < found - 1e-9 and size > 1e-4:
+                size /= 2
+                after = self.parts(beta + size * step)
+            beta = beta + size * step
+            found, scores, info = after
+            if np.abs(beta).max(initial=0) > MAX_LOG_ODDS:
+                raise NotConverged(_NO_PEAK)
+            if np.abs(step).max(initial=0) < STEP_TOLERANCE:
+                return beta, found, scores, info
+        raise NotConverged(_NO_PEAK)
+
+
+_NO_PEAK = (
+    "the Bradley–Terry model has no finite estimate: an item, a place or a group is preferred "
+    "throughout, or too few pairs were judged"
+)
+
+
+def bradley_terry(
+    frame: Frame,
+    dv: str,
+    *,
+    first: str,
+    second: str,
+    subject: str,
+    between: str = "",
+    items: Sequence[str] = (),
+    side: bool = False,
+    missing: Missing = "error",
+) -> BradleyTerry:
+    """Fit abilities of items to choices between two, one row per choice.
+
+    `first` and `second` are columns of the items compared, `dv` is above 0 where the first was
+    preferred, below where the second was, 0 for a tie. P(first) is proportional to π₁, P(second)
+    to π₂ and P(tie) to ν√(π₁π₂) (Davidson 1970); without ties it is Bradley and Terry's (1952).
+    `side` adds the odds of whatever stands first (Davidson and Beaver 1977). Rows of two equal
+    items say nothing of the items and are left out.
+
+    People differ in what they like, so that choices of one are no independent ones: tests are
+    Hotelling's T² of people's scores (robust errors), the likelihood ratio beside takes all
+    choices for independent. With `between`, groups of people are compared in what they like.
+
+    Raises a `StatisticsError` naming the row, or `NotConverged` where an item, or a set of them,
+    was never preferred to the others.
+    """
+    firsts, seconds = (_labels(frame, name) for name in (first, second))
+    people = _labels(frame, subject)
+    vote = numbers(column_of(frame, dv), name=dv, allow_missing=missing != "error")
+    groups = _labels(frame, between) if between else ["all"] * vote.size
+    keep = ~np.isnan(vote)
+    dropped: tuple[str, ...] = ()
+    if not keep.all():
+        dropped = (f"{int((~keep).sum())} rows without {dv}",)
+    same = np.array([a == b for a, b in zip(firsts, seconds, strict=True)]) & keep
+    if same.any():
+        dropped += (f"{int(same.sum())} rows of an item beside itself",)
+    rows = np.flatnonzero(keep & ~same)
+    if set(np.unique(vote[rows])) <= {0.0, 1.0}:
+        raise NotNumeric(
+            f"{dv} holds no number below 0: write 1 where {first} was preferred, {-1} where "
+            f"{second} was, and 0 for a tie"
+        )
+    known = tuple(items) or tuple(dict.fromkeys(_sorted({*firsts, *seconds})))
+    used = {firsts[i] for i in rows} | {seconds[i] for i in rows}
+    absent = sorted(used - set(known))
+    if absent:
+        raise UnknownMethod(f"{absent[0]!r} is compared but not among the items {', '.join(known)}")
+    known = tuple(item for item in known if item in used)
+    if len(known) < 2:
+        raise TooFewLevels(f"{first} and {second} name {len(known)} items; a comparison needs two")
+    place = {item: i for i, item in enumerate(known)}
+    a, b = (np.array([place[column[i]] for i in rows]) for column in (firsts, seconds))
+    sign = np.sign(vote[rows])
+    persons, person = np.unique([people[i] for i in rows], return_inverse=True)
+    kinds, kind = np.unique([groups[i] for i in rows], return_inverse=True)
+    _refuse_two_groups(person, kind, persons, subject, between)
+    if persons.size <= kinds.size:
+        raise TooFewSubjects(f"{persons.size} people; a group needs more than one")
+    for j, group in enumerate(kinds):
+        _refuse_unbeaten(known, a[kind == j], b[kind == j], sign[kind == j],
+                         f" in {between} {group}" if between else "")  # fmt: skip
+    k = len(known)
+    D = np.zeros((rows.size, k))
+    D[np.arange(rows.size), a] += 1
+    D[np.arange(rows.size), b] -= 1
+    columns = [D[:, 1:]]
+    if side:
+        columns.append(np.ones((rows.size, 1)))
+    codes = np.vstack([np.eye(kinds.size - 1), -np.ones(kinds.size - 1)])[kind]
+    columns += [D[:, 1:] * codes[:, [j]] for j in range(kinds.size - 1)]
+    votes = _Votes(np.hstack(columns), sign, person, bool((sign == 0).any()))
+    model = _model(votes, persons.size, kinds.size)
+    ends = np.cumsum([0, *(c.shape[1] for c in columns)])
+    terms: dict[tuple[str, ...], range] = {(first, second): range(k - 1)}
+    if between:
+        terms[first, second, between] = range(int(ends[1 + side]), int(ends[-1]))
+    effects = tuple(_effect(term, list(at), votes, model) for term, at in terms.items())
+    notes = [f"{rows.size} choices of {persons.size} people between {k} items"]
+    if votes.has_ties:
+        share = float((sign == 0).mean())
+        notes.append(f"{100 * share:.0f} % ties (Davidson)")
+    fit = None if side or between else _fit(votes, model.beta, a, b)
+    if fit is not None:
+        notes.append(fit.sentence())
+    if np.unique(np.abs(sign * vote[rows])).size > 2:
+        notes.append(f"only the direction of {dv} counts here, not its strength")
+    place_at = k - 1 if side else None
+    provenance = Provenance(
+        "Bradley–Terry–Davidson model" if votes.has_ties else "Bradley–Terry model",
+        int(persons.size),
+        error_term="robust errors of people",
+        dropped=dropped,
+        notes=tuple(notes),
+    )
+    return BradleyTerry(
+        effects,
+        _described(known, a, b, sign, model),
+        float(model.beta[-1]) if votes.has_ties else None,
+        None if place_at is None else float(model.beta[place_at]),
+        fit,
+        model,
+        provenance,
+    )
+
+
+def _model(votes: _Votes, n: int, groups: int) -> PairModel:
+    beta, log_likelihood, scores, info = votes.fit()
+    covariance = np.linalg.inv(info).astype(np.float64)
+    by_person = np.zeros((n, beta.size))
+    np.add.at(by_person, votes.subject, scores)
+    meat = by_person.T @ by_person * n / (n - groups)
+    robust = covariance @ meat @ covariance
+    return PairModel(beta, robust, covariance, log_likelihood, n - groups)
+
+
+def _effect(term: tuple[str, ...], at: list[int], votes: _Votes, model: PairModel) -> ClmmEffect:
+    F, df = model.test(np.eye(model.beta.size)[at])
+    without = replace(votes, X=np.delete(votes.X, at, axis=1))
+    chi2 = max(0.0, 2 * (model.log_likelihood - without.fit()[1]))
+    q = len(at)
+    p, chi2_p = float(special.fdtrc(q, df, F)), float(special.chdtrc(q, chi2))
+    return ClmmEffect(term, F, q, df, p, chi2, chi2_p)
+
+
+def _abilities_of(k: int, p: int) -> Array:
+    """Return the matrix (k, p) from coefficients to log abilities above their mean."""
+    C: Array = np.zeros((k, p))
+    C[1:, : k - 1] = np.eye(k - 1)
+    C -= C.mean(axis=0)
+    return C
+
+
+def _described(
+    known: tuple[str, ...], a: Codes, b: Codes, sign: Array, model: PairModel
+) -> tuple[Ability, ...]:
+    C = _abilities_of(len(known), model.beta.size)
+    values, errors = C @ model.beta, np.sqrt(np.einsum("ij,jk,ik->i", C, model.robust, C))
+    reach = float(special.stdtrit(model.df, 0.975)) * errors
+    made = []
+    for i, item in enumerate(known):
+        won = int(((a == i) & (sign > 0)).sum() + ((b == i) & (sign < 0)).sum())
+        lost = int(((a == i) & (sign < 0)).sum() + ((b == i) & (sign > 0)).sum())
+        tied = int((((a == i) | (b == i)) & (sign == 0)).sum())
+        span = Interval(float(values[i] - reach[i]), float(values[i] + reach[i]))
+        made.append(Ability(item, float(values[i]), float(errors[i]), span, won, tied, lost))
+    return tuple(made)
+
+
+def _odds(
+    made: BradleyTerry, term: tuple[str, ...], pairs: Sequence[tuple[tuple[str, str], ...]],
+    L: Array, k: int, adjust: ContrastAdjustment,
+) -> Contrasts:  # fmt: skip
+    """Return contrasts of log odds with the odds as their effect."""
+    estimates = L @ made.model.beta
+    ses = np.sqrt(np.einsum("ij,jk,ik->i", L, made.model.robust, L))
+    dfs = np.full(estimates.size, float(made.model.df))
+    reach = special.stdtrit(dfs, 0.975) * ses
+    effects = [
+        Effect("odds", float(np.exp(e)), Interval(float(np.exp(e - r)), float(np.exp(e + r))))
+        for e, r in zip(estimates, reach, strict=True)
+    ]
+    return contrast_family(
+        term, pairs, estimates, ses, dfs, k=k, adjustment=adjust, effects=effects,
+        provenance=replace(made.provenance, test="log odds of being preferred", notes=()),
+    )  # fmt: skip
+
+
+def _fit(votes: _Votes, beta: Array, a: Codes, b: Codes) -> PairFit | None:
+    """Return the deviance from all pairs by themselves; None where nothing is left to test."""
+    turn = np.where(a < b, 1.0, -1.0)
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    outcomes = (1.0, -1.0, 0.0) if votes.has_ties else (1.0, -1.0)
+    deviance, pairs = 0.0, 0
+    for i, j in combinations(range(int(high.max()) + 1), 2):
+        rows = np.flatnonzero((low == i) & (high == j))
+        if not rows.size:
+            continue
+        pairs += 1
+        X = votes.X[rows[:1]] * turn[rows[0]]
+        for outcome in outcomes:
+            count = int(((votes.sign * turn)[rows] == outcome).sum())
+            if count:
+                log_p = replace(votes, X=X, sign=np.array([outcome])).parts(beta)[0]
+                deviance += 2 * count * (float(np.log(count / rows.size)) - log_p)
+    df = pairs * (len(outcomes) - 1) - beta.size
+    if df < 1:
+        return None
+    deviance = max(deviance, 0.0)
+    return PairFit(deviance, df, float(special.chdtrc(df, deviance)))
+
+
+def _refuse_unbeaten(known: tuple[str, ...], a: Codes, b: Codes, sign: Array, where: str) -> None:
+    """Refuse items of which some were never preferred to the others: their odds are infinite."""
+    better = np.concatenate([a[sign >= 0], b[sign <= 0]])
+    worse = np.concatenate([b[sign >= 0], a[sign <= 0]])
+    k = len(known)
+    graph = sparse.coo_array((np.ones(better.size), (better, worse)), shape=(k, k))
+    parts, part = sparse.csgraph.connected_components(graph, connection="strong")
+    if parts == 1:
+        return
+    crossing = part[better] != part[worse]
+    ahead = set(part[better[crossing]])
+    behind = next(p for p in range(parts) if p not in ahead)
+    names = ", ".join(known[i] for i in np.flatnonzero(part == behind))
+    raise NotConverged(
+        f"{names}: never preferred to any of the other items{where}, so that the odds have no "
+        "finite estimate; judge more pairs, or leave these items out"
+    )
+
+
+def _refuse_two_groups(
+    person: Codes, kind: Codes, persons: npt.NDArray[np.str_], subject: str, between: str
+) -> None:
+    for i, name in enumerate(persons):
+        if np.unique(kind[person == i]).size > 1:
+            raise SubjectInTwoGroups(f"{subject} {name} stands in two groups of {between}")
+
+
+def _labels(frame: Frame, name: str) -> list[str]:
+    values = list(np.asarray(column_of(frame, name), dtype=object))
+    missing = [i for i, v in enumerate(values) if v is None or v != v or str(v) == ""]
+    if missing:
+        raise MissingValue(f"{name} is missing in {rows_text(missing)}")
+    return [str(v) for v in values]
+
+
+def _sorted(found: set[str]) -> list[str]:
+    try:
+        return sorted(found, key=float)
+    except ValueError:
+        return sorted(found)

@@ -1,0 +1,128 @@
+"""Questions about choices: Bradley–Terry models, sign and binomial tests."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+import pandas as pd
+
+from analysis.statistics.binomial import binomial_test, sign_test, sign_test_of_one
+from analysis.statistics.bradley_terry import bradley_terry
+from analysis.statistics.contrasts import ContrastAdjustment
+from analysis.statistics.errors import DuplicateCell, NotNumeric
+from analysis.statistics_report.factorial import CONTRAST_WAYS, TestRun
+from analysis.statistics_report.outcome import Outcome, Question
+from analysis.statistics_report.prepare import prepare, read
+from analysis.statistics_report.simple import columns_of, family, known, outcome_of
+from analysis.statistics_report.table_file import DataTable
+from lab.errors import DataError, UsageError
+
+PAIR_SIGN = "|"
+"""Parts the two items of a pair that one column names: "orbit|follow"."""
+
+
+def _bradley_terry(table: DataTable, q: Question) -> Outcome:
+    q.need("dv", "subject", "within")
+    if len(q.within) > 2 or len(q.between) > 1:
+        raise UsageError(
+            "the test bradleyterry takes within the two columns of the items compared (or one that "
+            f"names both, A{PAIR_SIGN}B) and at most one between factor"
+        )
+    adjust = q.adjustment("holm", CONTRAST_WAYS)
+    labels = {name: table.labels(name) for name in (q.subject, *q.within, *q.between)}
+    frame = pd.DataFrame({**labels, q.dv: table.numbers(q.dv)})
+    first, second = q.within if len(q.within) == 2 else ("first", "second")
+    items: list[str] = []
+    if len(q.within) == 1:
+        frame[first], frame[second] = _parted(table, q.within[0], labels[q.within[0]])
+    for factor in q.within:
+        order = q.levels.get(factor) or table.levels.get(factor, ())
+        items += [i for level in order for i in str(level).split(PAIR_SIGN)]
+    used = {*frame[first], *frame[second]}
+    order = tuple(dict.fromkeys(i for i in items if i in used))
+    made = bradley_terry(
+        frame, q.dv, first=first, second=second, subject=q.subject,
+        between=q.between[0] if q.between else "", items=order if used <= set(order) else (),
+        side=q.side, missing="listwise" if q.missing == "mixed" else q.missing,
+    )  # fmt: skip
+    if len(q.within) == 1:
+        effects = [replace(e, term=(*q.within, *e.term[2:])) for e in made.effects]
+        made = replace(made, effects=tuple(effects))
+    families = {"items": made.contrasts(adjust=cast(ContrastAdjustment, adjust))}
+    placed = made.place()
+    if placed is not None:
+        families["place"] = placed
+    tested = frame[[q.subject, first, second, *q.between, q.dv]][frame[q.dv].notna()]
+    tested = tested[tested[first] != tested[second]].assign(
+        **{c: pd.Categorical(tested[c], made.items) for c in (first, second)},
+        **{g: pd.Categorical(tested[g]) for g in q.between},
+    )
+    return Outcome(
+        question=q, title=made.provenance.test, rows=made.rows(),
+        sentences=(*(f"{e.sentence()}." for e in made.effects), made.order()),
+        contrasts=tuple(
+            {"family": name, **c.row()} for name, of in families.items() for c in of.contrasts
+        ),
+        contrast_sentences=tuple(
+            f"{c.sentence()}." for of in families.values() for c in of.contrasts
+        ),
+        cells=tuple(a.row() for a in made.abilities),
+        notes=tuple(dict.fromkeys(
+            (*table.notes, *(f"left out: {d}" for d in made.provenance.dropped),
+             *made.provenance.notes)
+        )),
+        is_simulated=table.is_simulated,
+        data=tested,
+    )  # fmt: skip
+
+
+def _parted(table: DataTable, column: str, labels: list[str]) -> tuple[list[str], list[str]]:
+    """Return the two items that each row of a column names."""
+    for row, label in enumerate(labels):
+        if label.count(PAIR_SIGN) != 1 or not all(label.split(PAIR_SIGN)):
+            raise DataError(
+                f"{table.name}: {column} is {label!r} in {table.place(row)}; it names the two "
+                f"items of a pair, the first and the second: A{PAIR_SIGN}B"
+            )
+    parts = np.array([label.split(PAIR_SIGN) for label in labels])
+    return parts[:, 0].tolist(), parts[:, 1].tolist()
+
+
+def _sign(table: DataTable, q: Question) -> Outcome:
+    if not q.within:
+        prepared, y = known(table, q)
+        made = sign_test_of_one(y, mu=q.mu, name=q.dv)
+        words = f"{q.dv} above {q.mu:g}: {made.sentence()}."
+        return outcome_of(table, q, "Sign test", prepared, None, (made.row(),), (words,),
+                          data=pd.DataFrame({q.dv: y}), notes=made.provenance.notes)  # fmt: skip
+    q.one_within()
+    prepared = prepare(table, q)
+    design = read(prepared, q)
+    columns = columns_of(design)
+    rows, said = family(q, columns, lambda a, b: sign_test(columns[a], columns[b], names=(a, b)))
+    return outcome_of(table, q, "Sign test", prepared, design, rows, said)
+
+
+def _binomial(table: DataTable, q: Question) -> Outcome:
+    if q.within or q.between:
+        raise UsageError("the test binomial has no factors; for 0 or 1 by conditions take gee")
+    prepared, y = known(table, q)
+    if len(prepared.frame) < len(table.texts(q.dv)):
+        raise DuplicateCell(
+            f"{table.name}: some {q.subject} have several rows, which are not independent; test "
+            "their means with the test sign (mu=0.5) or wilcoxon, or take gee"
+        )
+    if not set(np.unique(y)) <= {0.0, 1.0}:
+        raise NotNumeric(f"{table.name}: {q.dv} holds other numbers than 0 and 1")
+    made = binomial_test(int(y.sum()), y.size, expected=q.mu or 0.5)
+    said = f"{q.dv}: {made.sentence()}."
+    return outcome_of(table, q, "Exact binomial test", prepared, None, (made.row(),), (said,),
+                      data=pd.DataFrame({q.dv: y}))  # fmt: skip
+
+
+CHOICE_TESTS: Mapping[str, TestRun] = {
+    "bradleyterry": _bradley_terry,
+    "sign": _sign,
+    "binomial": _binomial,
+}

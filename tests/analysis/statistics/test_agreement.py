@@ -1,0 +1,90 @@
+"""Agreement of raters and counts against chance: rules that hold for any data."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from analysis.statistics import errors
+from analysis.statistics.agreement import cohen_kappa, icc, krippendorff_alpha
+from analysis.statistics.binomial import binomial_test, sign_test, sign_test_of_one
+
+RATINGS = arrays.arrays(np.int64, st.tuples(st.integers(4, 12), st.integers(2, 4)),
+                        elements=st.integers(1, 5))  # fmt: skip
+
+
+@pytest.mark.parametrize("scale", ["nominal", "ordinal", "interval", "ratio"])
+def test_raters_who_agree_throughout_have_one(scale: str) -> None:
+    column = np.array([1.0, 2, 3, 5, 2, 1])
+    table = np.column_stack([column, column, column])
+    assert 1.0 == pytest.approx(krippendorff_alpha(table, scale=scale).value)
+    if scale != "ratio":
+        assert 1.0 == pytest.approx(cohen_kappa(table[:, :2], scale=scale).value)
+    assert [1.0] * 6 == pytest.approx([one.value for one in icc(table)])
+
+
+@settings(max_examples=40, deadline=None)
+@given(RATINGS, st.integers(0, 1000))
+def test_the_order_of_raters_and_things_means_nothing(table: np.ndarray, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    mixed = rng.permutation(rng.permutation(table, axis=0), axis=1)
+    for scale in ("nominal", "ordinal", "interval", "ratio"):
+        try:
+            first = krippendorff_alpha(table, scale=scale).value
+        except errors.ConstantResponse:
+            return
+        assert first == pytest.approx(krippendorff_alpha(mixed, scale=scale).value, abs=1e-9)
+        assert first <= 1.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(RATINGS)
+def test_quadratic_kappa_of_twos_is_alpha_but_for_small_samples(table: np.ndarray) -> None:
+    two = np.tile(table[:, :2], (400, 1))
+    two = np.concatenate([two, two[:, ::-1]])
+    try:
+        kappa = cohen_kappa(two, scale="interval").value
+        alpha = krippendorff_alpha(two, scale="interval").value
+    except errors.ConstantResponse:
+        return
+    assert kappa == pytest.approx(alpha, abs=0.01)
+
+
+def test_levels_of_raters_count_against_agreement_but_not_consistency() -> None:
+    column = np.array([1.0, 4, 2, 6, 3, 5])
+    by_kind = {one.kind: one for one in icc(np.column_stack([column, column + 3]))}
+    assert 1.0 == pytest.approx(by_kind["ICC3"].value)
+    assert by_kind["ICC2"].value < 0.6
+
+
+def test_an_interval_of_alpha_holds_the_truth_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(2)
+    truth, hits = 0.5, 0
+    for _ in range(60):  # interval alpha of one-way effects is their intraclass correlation
+        table = rng.normal(0, 1, (60, 1)) + rng.normal(0, 1, (60, 3))
+        ends = krippendorff_alpha(np.round(table, 1), scale="interval").interval
+        hits += ends.low <= truth <= ends.high
+    assert hits >= 50
+
+
+def test_what_cannot_be_compared_is_refused() -> None:
+    gaps = np.array([[1.0, 2], [np.nan, 3], [2, 2]])
+    with pytest.raises(errors.MissingValue, match="row 2"):
+        icc(gaps)
+    with pytest.raises(errors.ConstantResponse):
+        krippendorff_alpha(np.ones((4, 2)), scale="nominal")
+    with pytest.raises(errors.TooFewSubjects):
+        krippendorff_alpha(np.array([[1.0, np.nan], [np.nan, 2]]), scale="nominal")
+    with pytest.raises(errors.TooFewLevels, match="two raters"):
+        cohen_kappa(np.ones((4, 3)))
+    with pytest.raises(errors.ConstantResponse, match="equal in all"):
+        sign_test([1.0, 2, 3], [1.0, 2, 3])
+
+
+def test_equal_pairs_are_left_out_and_told() -> None:
+    made = sign_test([1.0, 2, 3, 4], [0.0, 2, 1, 9])
+    assert (2, 3) == (made.hits, made.n)
+    assert ("1 of 4 equal, left out",) == made.provenance.notes
+    assert made.p == binomial_test(2, 3).p
+    assert 3 == sign_test_of_one([0.3 - 0.1, 0.9, 0.7, 0.8], mu=0.2).hits
