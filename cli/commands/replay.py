@@ -38,7 +38,7 @@ def replay(
         bool,
         typer.Option(
             "--verify",
-            help="Perform a simulated session again and say where the two first differ.",
+            help="Perform a session again and say where the two first differ.",
         ),
     ] = False,
     participant: OfParticipant = "",
@@ -54,6 +54,7 @@ def replay(
 
     With --verify a simulated session is performed again on the virtual clock, by the same plan and
     drivers, and compared with what was recorded, bit for bit: exit code 5 when anything differs.
+    Of people, what their devices measured is evaluated again.
 
     Example: visavis replay data/simulated/stare/sub-S01B/ses-001 --trial T07 --video trial.avi
     """
@@ -107,6 +108,14 @@ def _verify(recording: KeptRecording, study: OpenedStudy, config: Path | None) -
         verdict = verify(recording, study, lab, Path(scratch))
     rows = sum(verdict.compared.values())
     drawn = f"; not compared: {', '.join(verdict.left_out)}" if verdict.left_out else ""
+    for number in verdict.ended_early:
+        say(f"part {number} was cut off; what is there of it was compared")
+    if verdict.first is None and verdict.is_fed:
+        say(
+            f"[green]the same, bit for bit[/]: {rows} gaze samples, evaluated again from gaze, "
+            "head and scenes as recorded; people are not performed again"
+        )
+        return
     if verdict.first is None:
         say(
             f"[green]the same, bit for bit[/]: {rows} rows of {len(verdict.compared)} streams, "
