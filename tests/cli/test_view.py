@@ -13,8 +13,11 @@ from typer.testing import CliRunner
 
 from cli.app import app
 from cli.viewer.bundle import MISSING, Bundle
+from cli.viewer.models import LEVEL_OF_MANY, Models
 from cli.viewer.motion import key_samples, one_way_round
 from recording.folder import study_dir
+from stage.vertices import person_vertices
+from stimuli.dressing.casting import default_casting
 from tests.visavis.sessions import opened, perform
 from visavis.sessions.study_folder import settle, wanted_settings
 
@@ -136,5 +139,24 @@ def test_a_browser_opens_the_page_shows_people_plays_and_obeys_the_keyboard(page
         assert "T02" == tab.evaluate("viewer.trialAt(viewer.t).id")
         tab.select_option("#column", index=1)
         assert 3 == tab.evaluate("viewer.line.plots.length")
+        # Where the processor draws, people are light while time moves and in full at rest.
+        assert tab.evaluate("viewer.drawing.slow")
+        tab.evaluate("viewer.seek(viewer.header.scenes[0].t0 + 0.2); viewer.draw()")
+        assert tab.evaluate("viewer.quick")
+        assert tab.evaluate(colours) > 200
+        tab.wait_for_function("!viewer.quick", timeout=60_000)
         browser.close()
     assert [] == problems
+
+
+def test_a_light_mesh_has_the_eyes_last_and_fewer_triangles_where_there_are_many_people(
+    page: Path,
+) -> None:
+    few = header_of(page)["people"][0]["light"]
+    built = person_vertices(cast := default_casting("female_03"), cast.levels[-1])
+    assert 0 < few["eyeFrom"] < few["index"]["s"][0] <= len(built.indices)
+    many = Models(Bundle(), level=LEVEL_OF_MANY)
+    many.person(cast)
+    light = many.people[0]["light"]
+    assert light["index"]["s"][0] < 0.5 * len(built.indices)
+    assert light["place"]["s"][0] < 0.5 * len(built.vertices)
