@@ -17,9 +17,10 @@ class Viewer {
     this.streams = new Streams(content);
     this.drawing = new Drawing($('picture'), content);
     this.scenes = new Map();
+    this.pages = new Pages(content, () => { this.dirty = true; });
     this.shown = header.scenes;
     this.show = Object.fromEntries(LAYERS.map(([name, , on]) => [name, on]));
-    this.t = header.scenes.length ? header.scenes[0].t0 : header.trials[0]?.t0 || 0;
+    this.t = header.scenes[0]?.t0 ?? header.pages[0]?.t0 ?? header.trials[0]?.t0 ?? 0;
     this.playing = false; this.speed = 1;
     this.free = {at: [0, 1.6, 3], yaw: 0, pitch: -0.1};
     this.above = {zoom: 1, by: [0, 0]};
@@ -200,8 +201,10 @@ class Viewer {
       d.drawThings(scene.told.moving.map(m => ({mesh: m.mesh, model: placed(m.at, m.turn), glow: m.glow})), view.seen, room, light);
     }
     if (this.show.body) d.drawThings(this.bodyThings(), view.seen, null, 1);
-    this.drawOver(scene, view, width, height, light);
-    this.tell(scene, light);
+    const step = this.pages.at(t);
+    if (step) this.drawPage(step, width, height);
+    else this.drawOver(scene, view, width, height, light);
+    this.tell(scene, light, step);
     this.drawn++;
     this.spent += performance.now() - begun;
   }
@@ -260,6 +263,12 @@ class Viewer {
       out.push({solid: 'box', model: placed(add(head.at, turned(head.turn, [0, 0, -0.02])), head.turn, [0.17, 0.09, 0.07]), paint: [0.12, 0.13, 0.15]});
     }
     return out;
+  }
+
+  drawPage(step, width, height) {
+    const c = $('overlay');
+    if (c.width !== width || c.height !== height) { c.width = width; c.height = height; }
+    this.pages.draw(this.over, step, this.t, width, height);
   }
 
   drawOver(scene, view, width, height, light) {
@@ -388,14 +397,15 @@ class Viewer {
 
   // ---- words ----
 
-  tell(scene, light) {
+  tell(scene, light, step = null) {
     const trial = this.trialAt(this.t);
     $('clock').textContent = `${clockText(this.t)} of ${clockText(this.line.end, 0)}` + (trial ? `   ${trial.id} ${(this.t - trial.t0).toFixed(2)} s` : '   between trials');
+    $('said').classList.toggle('on-page', !!step);
     const recent = this.line.marks.filter(e => e.t <= this.t && e.t > this.t - 1.5).slice(-4);
     const felt = this.header.lanes.filter(l => l.spans.some(([a, b]) => this.t >= a && this.t < Math.max(b, a + 0.08))).map(l => l.name);
     $('said').textContent = [...recent.map(e => e.name), ...felt].join('\n');
     const dark = scene && light <= 0;
-    $('nothing').style.display = scene && !dark ? 'none' : 'grid';
+    $('nothing').style.display = step || scene && !dark ? 'none' : 'grid';
     $('nothing').textContent = dark ? 'dark' : trial ? trial.shown ? '' : `${trial.id} is not in this page in space\nvisavis view … --trial ${trial.id}` : 'between trials';
     const key = trial ? trial.id + trial.t0 : '';
     if (key !== this.toldTrial) { this.toldTrial = key; this.tellTrial(trial); }

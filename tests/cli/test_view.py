@@ -16,6 +16,8 @@ from cli.viewer.bundle import MISSING, Bundle
 from cli.viewer.models import LEVEL_OF_MANY, Models
 from cli.viewer.motion import key_samples, one_way_round
 from recording.folder import study_dir
+from stage.errors import StageError
+from stage.renderer import LIGHTEST, Renderer
 from stage.vertices import person_vertices
 from stimuli.dressing.casting import default_casting
 from tests.visavis.sessions import opened, perform
@@ -147,6 +149,27 @@ def test_a_browser_opens_the_page_shows_people_plays_and_obeys_the_keyboard(page
         tab.wait_for_function("!viewer.quick", timeout=60_000)
         browser.close()
     assert [] == problems
+
+
+def test_a_session_on_a_page_shows_films_questions_and_answers_in_time(tmp_path: Path) -> None:
+    study = opened("films")
+    settings_at = study_dir(tmp_path, study.name, is_simulated=True)
+    settle(settings_at, wanted_settings(settings_at, study, is_simulated=True), seed_given=False)
+    recording = perform("films", tmp_path)
+    path = tmp_path / "films.html"
+    try:
+        Renderer(quality=LIGHTEST).close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    done = CliRunner().invoke(app, ["view", str(recording.path), "-o", str(path)])
+    assert done.exit_code == 0, done.output
+    header = header_of(path)
+    assert ["P1"] * 3 + ["T01"] * 3 + ["T02"] * 3 == [s["trial"] for s in header["pages"]]
+    assert [1, 2, 0] * 3 == [len(s["films"]) for s in header["pages"]]
+    assert {6} == {len(f["frames"]) for f in header["films"]}
+    row = recording.trials().iloc[-1]
+    assert str(row["lively"]) == header["pages"][6]["questions"][0]["answer"]
+    assert pytest.approx(row["film_on_ns"] / 1e9, abs=1e-6) == header["pages"][6]["on"]
 
 
 def test_a_light_mesh_has_the_eyes_last_and_fewer_triangles_where_there_are_many_people(
