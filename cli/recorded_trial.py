@@ -62,12 +62,7 @@ def recorded_trial(recording: Recording, trial_id: str) -> RecordedTrial:
     Raises:
         UsageError: the session has no such trial.
     """
-    rows = recording.trials()
-    mine = rows[rows["trial_id"] == trial_id] if "trial_id" in rows else rows[:0]
-    if not len(mine):
-        known = ", ".join(dict.fromkeys(map(str, rows.get("trial_id", ()))))
-        raise UsageError(f"{recording.path} has no trial {trial_id}; it has {known or 'none'}")
-    row = {str(k): v for k, v in mine.iloc[-1].to_dict().items()}
+    row = trial_row(recording, trial_id)
     part = int(row["recording_part"])
     names = recording.stream_names
     return RecordedTrial(
@@ -78,6 +73,16 @@ def recorded_trial(recording: Recording, trial_id: str) -> RecordedTrial:
         of_part(recording, "head", part),
         of_part(recording, "gaze_targets", part) if "gaze_targets" in names else None,
     )
+
+
+def trial_row(recording: Recording, trial_id: str) -> dict[str, Any]:
+    """Return the row of the last attempt at a trial; raises as `recorded_trial`."""
+    rows = recording.trials()
+    mine = rows[rows["trial_id"] == trial_id] if "trial_id" in rows else rows[:0]
+    if not len(mine):
+        known = ", ".join(dict.fromkeys(map(str, rows.get("trial_id", ()))))
+        raise UsageError(f"{recording.path} has no trial {trial_id}; it has {known or 'none'}")
+    return {str(k): v for k, v in mine.iloc[-1].to_dict().items()}
 
 
 def factors_of(recording: Recording, trial_id: str) -> tuple[str, ...]:

@@ -35,8 +35,9 @@ def replay(
 ) -> None:
     """Perform a recorded session again, and say where the two first differ.
 
-    A simulated session runs once more on the virtual clock, by the same plan and drivers: exit
-    code 5 when anything differs. To see a session again, use `visavis view` or `visavis film`.
+    A simulated session runs once more on the virtual clock, by the same plan and drivers; of
+    people, what their devices measured is evaluated again. Exit code 5 when anything differs. To
+    see a session again, use `visavis view` or `visavis film`.
 
     Example: visavis replay data/simulated/stare/sub-S01B/ses-001 --verify
     """
@@ -66,6 +67,14 @@ def _verify(recording: KeptRecording, study: OpenedStudy, config: Path | None) -
         verdict = verify(recording, study, lab, Path(scratch))
     rows = sum(verdict.compared.values())
     drawn = f"; not compared: {', '.join(verdict.left_out)}" if verdict.left_out else ""
+    for number in verdict.ended_early:
+        say(f"part {number} was cut off; what is there of it was compared")
+    if verdict.first is None and verdict.is_fed:
+        say(
+            f"[green]the same, bit for bit[/]: {rows} gaze samples, evaluated again from gaze, "
+            "head and scenes as recorded; people are not performed again"
+        )
+        return
     if verdict.first is None:
         say(
             f"[green]the same, bit for bit[/]: {rows} rows of {len(verdict.compared)} streams, "

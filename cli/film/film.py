@@ -29,6 +29,7 @@ from cli.film.cameras import (
     FromViewpoint,
     style_of,
 )
+from cli.film.on_page import write_page_film
 from cli.film.stand_in import StandIn
 from cli.preview.pictures import SIMULATED, Viewpoint, labelled
 from cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
@@ -41,6 +42,7 @@ from stimuli.camera.shots import ShotSize
 from stimuli.dressing.picture_of import picture_of
 from stimuli.picture import Camera, Picture
 from visavis.opened import OpenedStudy
+from visavis.page.seen import is_on_page
 
 RING_PX: Final = 16
 RING: Final = (255, 190, 40)
@@ -85,7 +87,7 @@ def write_film(
     seconds: float | None = None,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> Filmed:
-    """Write the film of a trial.
+    """Write the film of a trial; of one on a page, the page as it was, by no camera.
 
     Raises:
         UsageError: the session has no such trial, no rate of a film, no file of decisions, or no
@@ -96,6 +98,13 @@ def write_film(
 
     if not 1 <= rate_hz <= 240:
         raise UsageError(f"--rate {rate_hz}; give 1 to 240 pictures a second")
+    if is_on_page(recording):
+        shows_clock = Overlay.CLOCK in overlays
+        n = write_page_film(
+            study, recording, trial_id, video, clock=shows_clock, size_px=size_px,
+            rate_hz=rate_hz, seconds=seconds, on_frame=on_frame,
+        )  # fmt: skip
+        return Filmed(n, None)
     trial = recorded_trial(recording, trial_id)
     start_ns, end_ns = trial.span_ns
     if seconds is not None:

@@ -16,6 +16,7 @@ from cli.session_lanes import lanes_of
 from cli.viewer.bundle import Bundle
 from cli.viewer.models import LEVEL_OF_FEW, LEVEL_OF_MANY, MAX_FEW, Models
 from cli.viewer.motion import key_samples, one_way_round
+from cli.viewer.pages import pages_of
 from devices.streams import NO_DEVICE_TIME
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import DesignError
@@ -28,6 +29,7 @@ from stimuli.dressing.picture_of import picture_of
 from stimuli.picture import Picture
 from stimuli.scene import Agent
 from visavis.opened import OpenedStudy
+from visavis.page.seen import is_on_page
 
 SAMPLES_PER_S: Final = 20
 """How often a trial's scene is looked at; poses between keys are interpolated."""
@@ -69,7 +71,11 @@ def page_content(
     """
     bundle = Bundle()
     times = _times_of(recording)
-    trials = [recorded_trial(recording, name) for name in wanted]
+    on_page = is_on_page(recording)
+    pages, films = (
+        pages_of(study, recording, wanted, bundle, times.s, on_trial) if on_page else ([], [])
+    )
+    trials = [] if on_page else [recorded_trial(recording, name) for name in wanted]
     sampled: list[tuple[RecordedTrial, list[_Sample]]] = []
     for k, trial in enumerate(trials):
         sampled.append((trial, _sampled(study, trial)))
@@ -99,6 +105,8 @@ def page_content(
             _stream(recording, name, bundle, times, trials) for name in recording.stream_names
         ],
         "scenes": scenes,
+        "pages": pages,
+        "films": films,
         "people": models.people,
         "rooms": models.rooms,
         "textures": models.textures,

@@ -60,7 +60,9 @@ uniform sampler2D picture; uniform int look; uniform float brightness; uniform v
 out vec4 o;
 void main() {
   vec3 c = v_light;
+#ifdef TEXTURED
   if (look == 1) { vec4 t = texture(picture, v_detail.xy); if (t.a < 0.45) discard; c *= t.rgb; }
+#endif
   if (look == 2) {
     float iris = float(v_surface.y) / 255.0, pupil = float(v_surface.w) / 255.0;
     vec3 at = normalize(v_detail); float r = at.z < 0.0 ? length(at.xy) : 2.0;
@@ -80,7 +82,13 @@ precision highp float;
 in vec2 v_uv; in vec3 v_light; uniform sampler2D picture; uniform int look; uniform float brightness; out vec4 o;
 void main() {
   vec3 c = v_light;
-  if (look == 1) { vec4 t = texture(picture, v_uv); if (t.a < 0.45) discard; c *= t.rgb; }
+  if (look > 0) {
+    vec4 t = texture(picture, v_uv);
+#ifdef HOLES
+    if (t.a < 0.45) discard; // which keeps hidden pixels from being left out early
+#endif
+    c *= t.rgb;
+  }
   o = vec4(c * brightness, 1.0);
 }`];
 
@@ -100,7 +108,8 @@ in vec3 v_light; uniform float brightness; out vec4 o;
 void main() { o = vec4(v_light * brightness, 1.0); }`];
 
 class Program {
-  constructor(gl, [vertex, fragment]) {
+  constructor(gl, [vertex, fragment], defined = '') {
+    fragment = fragment.replace('#version 300 es', '#version 300 es\n' + defined);
     this.gl = gl;
     const p = this.p = gl.createProgram();
     for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
@@ -133,18 +142,20 @@ function drawsOnProcessor() {
 class Drawing {
   constructor(canvas, content) {
     // Where the processor draws, smooth edges would cost it most of its time.
-    const gl = this.gl = canvas.getContext('webgl2', {antialias: !drawsOnProcessor(), alpha: false, powerPreference: 'high-performance'});
+    this.slow = drawsOnProcessor();
+    const gl = this.gl = canvas.getContext('webgl2', {antialias: !this.slow, alpha: false, powerPreference: 'high-performance'});
     if (!gl) throw new Error('this browser draws no WebGL 2; open the page in Firefox, Chrome, Edge or Safari of 2022 or newer');
     this.canvas = canvas;
     this.content = content;
-    this.programs = {person: new Program(gl, PERSON), room: new Program(gl, ROOM), thing: new Program(gl, THING)};
+    this.programs = {person: new Program(gl, PERSON, '#define TEXTURED'), quick: new Program(gl, QUICK), thing: new Program(gl, THING),
+      room: new Program(gl, ROOM), holes: new Program(gl, ROOM, '#define HOLES')};
     this.white = this.texture(new Uint8Array([255, 255, 255, 255]), 1, 1);
     this.pictures = content.header.textures.map(() => this.white);
     this.people = content.header.people.map(() => null);
     this.rooms = content.header.rooms.map(() => null);
     this.bones = gl.createTexture();
     this.bonesSize = 0;
-    this.solids = {ball: this.solid(ball(10, 14)), rod: this.solid(rod(12)), box: this.solid(box())};
+    this.solids = {ball: this.solid(this.slow ? ball(6, 8) : ball(10, 14)), rod: this.solid(rod(this.slow ? 6 : 12)), box: this.solid(box())};
     this.ready = Promise.all(content.header.textures.map((t, k) => this.load(t, k)));
     gl.enable(gl.DEPTH_TEST);
   }
@@ -156,7 +167,7 @@ class Drawing {
     gl.bindTexture(gl.TEXTURE_2D, t);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, image);
     gl.generateMipmap(gl.TEXTURE_2D);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, this.slow ? gl.NEAREST_MIPMAP_NEAREST : gl.LINEAR_MIPMAP_LINEAR);
     this.pictures[k] = t;
   }
 
@@ -284,14 +295,35 @@ class Drawing {
   }
 
   drawRoom(k, seen, brightness) {
-    const gl = this.gl, at = this.use('room', seen, null, brightness), room = this.room(k);
+    const gl = this.gl, room = this.room(k);
     gl.bindVertexArray(room.vao);
     gl.activeTexture(gl.TEXTURE0);
-    for (const [first, count, picture] of room.runs) {
-      gl.bindTexture(gl.TEXTURE_2D, picture < 0 ? this.white : this.pictures[picture]);
-      gl.uniform1i(at.look, picture < 0 ? 0 : 1);
-      gl.drawElements(gl.TRIANGLES, count, room.kind, 4 * first);
+    for (const name of ['room', 'holes']) {
+      const runs = room.runs.filter(([, , picture]) => (name === 'holes') === (picture >= 0 && this.content.header.textures[picture].holes));
+      if (!runs.length) continue;
+      const at = this.use(name, seen, null, brightness);
+      for (const [first, count, picture] of runs) {
+        gl.bindTexture(gl.TEXTURE_2D, picture < 0 ? this.white : this.pictures[picture]);
+        gl.uniform1i(at.look, picture < 0 ? 0 : 1);
+        gl.drawElements(gl.TRIANGLES, count, room.kind, 4 * first);
+      }
     }
+  }
+
+  // A person's mesh of few triangles, for `QuickPeople`.
+  lightMesh(k) {
+    const person = this.content.header.people[k], told = person.light, c = this.content;
+    if (person.lightMesh) return person.lightMesh;
+    const n = told.place.s[0], joints = c.plainRows(told.joints), packed = c.plainRows(told.weights);
+    const bone = new Uint16Array(4 * n), weight = new Float32Array(4 * n);
+    for (let v = 0; v < n; v++) { // heaviest first, so that the first 0 ends them
+      const order = [0, 1, 2, 3].sort((a, b) => packed[4 * v + b] - packed[4 * v + a]);
+      const total = Math.max(1, packed[4 * v] + packed[4 * v + 1] + packed[4 * v + 2] + packed[4 * v + 3]);
+      order.forEach((j, k) => { bone[4 * v + k] = 12 * joints[4 * v + j]; weight[4 * v + k] = packed[4 * v + j] / total; });
+    }
+    return person.lightMesh = {n, bone, weight, rest: c.rows(told.place), detail: c.rows(told.detail), normal: this.padded(told.normal),
+      colour: this.padded(told.colour), surface: c.plainRows(told.surface), morph: c.flat(told.morph), deltas: c.rows(told.deltas),
+      index: c.flat(told.index), eyeFrom: told.eyeFrom};
   }
 
   // `bones` holds 3 rows of 4 numbers for every joint of everyone; `shapes` 6 numbers a person.

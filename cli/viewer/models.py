@@ -16,6 +16,8 @@ from stimuli.characters.character import Character
 from stimuli.picture import Light, Room, StaticMesh
 
 LEVEL_OF_FEW, LEVEL_OF_MANY = 1, 2
+CELL_OF_FEW_M, CELL_OF_MANY_M = 0.0, 0.05
+"""Vertices of a light mesh within so much are one."""
 MAX_FEW: Final = 24
 """More people than these are drawn at their lightest."""
 SIDE_PX: Final = {"skin": 512, "hair": 256}
@@ -28,6 +30,7 @@ class Models:
 
     def __init__(self, bundle: Bundle, *, level: int) -> None:
         self._bundle, self._level = bundle, level
+        self._cell_m = CELL_OF_FEW_M if level == LEVEL_OF_FEW else CELL_OF_MANY_M
         self.people: list[dict[str, Any]] = []
         self.rooms: list[dict[str, Any]] = []
         self.textures: list[dict[str, Any]] = []
@@ -80,8 +83,49 @@ class Models:
             "offsets": self._bundle.add(skeleton.offsets_m.astype(np.float32)),
             "rest": self._bundle.add(skeleton.rest_m.astype(np.float32)),
             "reach": BODY_RADIUS_M,
+            "light": self._light(character),
         }
         return found
+
+    def _light(self, character: Character) -> dict[str, Any]:
+        """Return the mesh drawn while time moves where a processor draws: coloured vertices of few
+        triangles, eyes last.
+        """
+        add, quantised = self._bundle.add, self._bundle.quantised
+        built = person_vertices(character, character.levels[-1])
+        vertices, colour = built.vertices, built.vertices["colour"][:, :3].copy()
+        for run in built.runs:
+            if run.texture is not None:
+                rows = np.unique(built.indices[run.first : run.first + run.count])
+                shown = _at_uv(run.texture, vertices["detail"][rows, :2].astype(np.float64))
+                colour[rows] = np.rint(colour[rows] * (shown / 255.0))
+        body, eyes = (
+            [
+                built.indices[r.first : r.first + r.count]
+                for r in built.runs
+                if (r.kind == "eye") is e
+            ]
+            for e in (False, True)
+        )
+        index, kept = _clustered(vertices, np.concatenate(body), self._cell_m)
+        index_eyes = np.concatenate([*eyes, np.zeros(0, built.indices.dtype)])
+        used = np.unique(np.concatenate([kept, index_eyes]))
+        number = np.zeros(len(vertices), np.int64)
+        number[used] = np.arange(len(used))
+        vertices, colour = vertices[used], colour[used]
+        return {
+            "place": quantised(vertices["rest_m"]),
+            "detail": quantised(vertices["detail"]),
+            "normal": add(_bytes_of(vertices["normal"][:, :3])),
+            "colour": add(colour),
+            "surface": add(vertices["surface"]),
+            "joints": add(vertices["joints"]),
+            "weights": add(np.rint(255 * vertices["weights"].astype(np.float32)).astype(np.uint8)),
+            "morph": add(vertices["morph"].astype(np.int16)),
+            "deltas": quantised(built.deltas[:, :6, :3].reshape(-1, 18)),
+            "index": add(number[np.concatenate([index, index_eyes])].astype(np.uint16)),
+            "eyeFrom": len(index),
+        }
 
     def _run(self, run: Run) -> list[Any]:
         texture = -1 if run.texture is None else self._texture(run.texture, run.kind)
@@ -98,7 +142,8 @@ class Models:
             image = image.resize(tuple(max(1, round(s * share)) for s in image.size))  # type: ignore[arg-type]
         content = io.BytesIO()
         image.save(content, "WEBP", quality=WEBP_QUALITY, method=4)
-        return {"file": self._bundle.add_bytes(content.getvalue())}
+        holes = texture.shape[2] == 4 and bool((texture[..., 3] < 128).any())
+        return {"file": self._bundle.add_bytes(content.getvalue()), "holes": holes}
 
     def _room(self, room: Room) -> dict[str, Any]:
         lit = baked_room(room_vertices(room.props), room)
@@ -130,3 +175,31 @@ def _lamp(light: Light) -> dict[str, Any]:
 def _bytes_of(normals: npt.NDArray[Any]) -> npt.NDArray[np.int8]:
     found: npt.NDArray[np.int8] = np.rint(127 * normals.astype(np.float32)).astype(np.int8)
     return found
+
+
+def _at_uv(texture: npt.NDArray[np.uint8], uv: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
+    """Return a picture's colours (n, 3) at places (n, 2), whose v begins at the picture's top."""
+    height, width = texture.shape[:2]
+    x = np.clip(np.floor(uv[:, 0] % 1.0 * width), 0, width - 1).astype(np.int64)
+    y = np.clip(np.floor(uv[:, 1] % 1.0 * height), 0, height - 1).astype(np.int64)
+    found: npt.NDArray[np.uint8] = texture[y, x, :3]
+    return found
+
+
+def _clustered(
+    vertices: npt.NDArray[Any], index: npt.NDArray[Any], cell_m: float
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return corners (3 m,) of the triangles that stay when near vertices are one, and vertices
+    that they use.
+    """
+    corners = index.astype(np.int64)
+    if cell_m > 0:
+        cells = np.floor(vertices["rest_m"].astype(np.float64) / cell_m).astype(np.int64)
+        keys = np.column_stack([cells, vertices["joints"][:, 0], vertices["surface"][:, 0]])
+        _, first, of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        corners = first[of.ravel()][corners]
+        triangles = corners.reshape(-1, 3)
+        a, b, c = triangles.T
+        whole = (a != b) & (b != c) & (a != c)
+        corners = np.unique(triangles[whole], axis=0).ravel()
+    return corners, np.unique(corners)

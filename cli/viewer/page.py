@@ -24,5 +24,5 @@ def page_of(header: dict[str, Any], bundle: Bundle) -> str:
     )
 
 
-CODE = ("data", "drawing", "scene", "timeline", "viewer")
+CODE = ("data", "drawing", "quick", "scene", "pages", "timeline", "viewer")
 """Files of the page's code, in the order in which they stand in it."""

@@ -5,7 +5,10 @@ const LOOKS = ['#f2b134', '#4fb3bf', '#e8756a', '#8fb339', '#b388eb', '#5a9bd8',
 const STATUS = {complete: '#3f6b4b', damaged: '#8a3a34', interrupted: '#7a5a2a', aborted: '#7a5a2a'};
 
 class Timeline {
-  constructor(canvas, header, streams, seek) {
+  constructor(canvas, header, streams, seek, slow) {
+    // Where the processor draws, a canvas in its own memory is much the quicker one.
+    this.g = canvas.getContext('2d', {willReadFrequently: slow});
+    this.cursor = $('cursor'); this.values = $('values');
     this.canvas = canvas; this.header = header; this.streams = streams; this.seek = seek;
     this.end = Math.max(1, ...header.trials.map(t => t.t1 || 0), ...header.events.map(e => e.t));
     this.from = 0; this.to = this.end; this.t = 0;
@@ -107,7 +110,30 @@ class Timeline {
     return rows;
   }
 
+  // Everything, anew only where something else than the present moment changed.
   draw() {
+    const drawn = [this.from, this.to, this.canvas.clientWidth, window.devicePixelRatio, ...this.plots.map(p => p.key)].join();
+    if (drawn !== this.drawn) { this.drawn = drawn; this.drawStill(); }
+    const x = this.x(this.t), inside = x >= LABEL_PX && x <= this.width - 8;
+    this.cursor.style.display = inside ? 'block' : 'none';
+    this.cursor.style.height = this.height - 2 + 'px';
+    this.cursor.style.transform = `translateX(${x.toFixed(1)}px)`;
+    const outside = !this.header.trials.some(s => s.shown && this.t >= s.t0 && this.t < s.t1);
+    this.plots.forEach((plot, k) => {
+      const told = this.streams.told.get(plot.stream), {field, values, times} = this.of(plot);
+      const now = lastAt(times, this.t), value = now >= 0 ? values[now] : NaN;
+      const said = (Number.isNaN(value) ? '–' : shortNumber(value)) + (field.unit && field.unit !== '1' ? ' ' + field.unit : '');
+      const text = said + (told.every > 1 && outside ? `\n1 row of ${told.every} here` : ''), box = this.values.children[k];
+      if (box.textContent !== text) box.textContent = text;
+    });
+  }
+
+  of(plot) {
+    const field = this.streams.told.get(plot.stream).columns.find(c => c.of.includes(plot.column));
+    return {field, values: this.streams.field(plot.stream, field.name)[field.of.indexOf(plot.column)], times: this.streams.t(plot.stream)};
+  }
+
+  drawStill() {
     const c = this.canvas, ratio = window.devicePixelRatio || 1;
     const rows = this.rows(), width = c.clientWidth || 800;
     const height = 20 + rows.length * (ROW_PX + 2) + this.plots.length * (PLOT_PX + 4) + 6;
@@ -118,7 +144,7 @@ class Timeline {
     }
     this.width = width;
     this.height = height;
-    const g = c.getContext('2d');
+    const g = this.g;
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
     g.clearRect(0, 0, width, height);
     g.font = '11px system-ui, sans-serif';
@@ -138,15 +164,13 @@ class Timeline {
       y += ROW_PX + 2;
     }
     this.closers = [];
-    this.plots.forEach((plot, k) => { this.drawPlot(g, plot, y, k); y += PLOT_PX + 4; });
-    const x = this.x(this.t);
-    if (x >= LABEL_PX && x <= width - 8) {
-      g.strokeStyle = '#fff';
-      g.lineWidth = 1;
-      g.beginPath(); g.moveTo(x, 4); g.lineTo(x, height); g.stroke();
-      g.fillStyle = '#fff';
-      g.beginPath(); g.moveTo(x - 5, 2); g.lineTo(x + 5, 2); g.lineTo(x, 9); g.fill();
-    }
+    this.values.replaceChildren(...this.plots.map((plot, k) => {
+      this.drawPlot(g, plot, y, k);
+      const box = document.createElement('output');
+      box.style.top = y + 30 + 'px';
+      y += PLOT_PX + 4;
+      return box;
+    }));
   }
 
   name(g, text, y, colour = '#a2a6ad') {
@@ -222,10 +246,7 @@ class Timeline {
   }
 
   drawPlot(g, plot, y, k) {
-    const told = this.streams.told.get(plot.stream);
-    const field = told.columns.find(c => c.of.includes(plot.column));
-    const values = this.streams.field(plot.stream, field.name)[field.of.indexOf(plot.column)];
-    const times = this.streams.t(plot.stream);
+    const {values, times} = this.of(plot);
     const width = this.width - LABEL_PX - 8;
     g.fillStyle = '#1f2124';
     g.fillRect(LABEL_PX, y, width, PLOT_PX);
@@ -236,11 +257,6 @@ class Timeline {
     const colour = LOOKS[(k + 5) % LOOKS.length];
     this.name(g, plot.stream, y + 9);
     this.name(g, plot.column, y + 23, colour);
-    const now = lastAt(times, this.t);
-    const value = now >= 0 ? values[now] : NaN;
-    this.name(g, (Number.isNaN(value) ? '–' : shortNumber(value)) + (field.unit && field.unit !== '1' ? ' ' + field.unit : ''), y + 37, '#e6e7e9');
-    const outside = !this.header.trials.some(s => s.shown && this.t >= s.t0 && this.t < s.t1);
-    if (told.every > 1) this.name(g, outside ? `1 row of ${told.every} here` : '', y + 51);
     g.fillStyle = '#a2a6ad';
     g.fillText('×', LABEL_PX - 160, y + 9);
     this.closers.push({x: LABEL_PX - 157, y: y + 9, k});

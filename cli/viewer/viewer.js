@@ -7,6 +7,8 @@ const LAYERS = [['gaze', 'gaze (G)', true], ['areas', 'areas of interest (O)', t
 const KEY_OF = {g: 'gaze', o: 'areas', h: 'heat', p: 'path', b: 'body', l: 'labels'};
 const CAMERAS = ['free', 'eyes', 'follow', 'above', 'topology'];
 const CEILING_M = 2.7;
+const SHARES = [1, 0.75, 0.5], ON_TIME_MS = 20, LATE_MS = 30;
+const REST_MS = 300; // after which people are drawn in full where the processor draws
 
 class Viewer {
   constructor(content) {
@@ -15,15 +17,19 @@ class Viewer {
     this.streams = new Streams(content);
     this.drawing = new Drawing($('picture'), content);
     this.scenes = new Map();
+    this.pages = new Pages(content, () => { this.dirty = true; });
     this.shown = header.scenes;
     this.show = Object.fromEntries(LAYERS.map(([name, , on]) => [name, on]));
-    this.t = header.scenes.length ? header.scenes[0].t0 : header.trials[0]?.t0 || 0;
+    this.t = header.scenes[0]?.t0 ?? header.pages[0]?.t0 ?? header.trials[0]?.t0 ?? 0;
     this.playing = false; this.speed = 1;
     this.free = {at: [0, 1.6, 3], yaw: 0, pitch: -0.1};
     this.above = {zoom: 1, by: [0, 0]};
     this.held = new Set();
     this.drawn = 0; this.spent = 0;
-    this.line = new Timeline($('line'), header, this.streams, t => this.seek(t));
+    this.moved = -1e9; this.quick = false;
+    this.coarse = 0; this.pace = ON_TIME_MS; this.paced = 0;
+    this.line = new Timeline($('line'), header, this.streams, t => this.seek(t), this.drawing.slow);
+    this.over = $('overlay').getContext('2d', {willReadFrequently: this.drawing.slow});
     this.segments = this.segmentsOf();
     this.page();
     this.listen();
@@ -52,6 +58,7 @@ class Viewer {
   trialAt(t) { return this.header.trials.find(s => t >= s.t0 && t < s.t1); }
 
   seek(t) {
+    this.moved = performance.now();
     this.t = Math.max(0, Math.min(this.line.end, t));
     this.line.follow(this.t, false);
     this.dirty = true;
@@ -155,8 +162,10 @@ class Viewer {
       if (this.t >= this.line.end) this.play(false);
       this.line.follow(this.t, true);
       this.dirty = true;
+      this.moved = performance.now();
     }
     if (this.held.size) this.fly(passed);
+    if (this.quick && now - this.moved >= REST_MS) this.dirty = true;
     if (this.dirty || this.resized()) { this.dirty = false; this.draw(); }
     if (this.line.dirty) { this.line.dirty = false; this.line.draw(); }
   }
@@ -171,6 +180,7 @@ class Viewer {
 
   draw() {
     const begun = performance.now();
+    const quick = this.quick = this.drawing.slow && begun - this.moved < REST_MS;
     const stage = $('stage'), ratio = Math.min(2, window.devicePixelRatio || 1);
     const width = Math.max(2, Math.round(stage.clientWidth * ratio)), height = Math.max(2, Math.round(stage.clientHeight * ratio));
     const scene = this.sceneAt(this.t), t = this.t;
@@ -179,18 +189,33 @@ class Viewer {
     const light = scene ? this.show.light ? 1 : scene.brightness(t) : 1;
     const room = scene ? this.header.rooms[scene.told.room] : null;
     const d = this.drawing;
-    d.begin(width, height, room && room.lamps.length ? room.background : [34, 36, 40], scene && !room.lamps.length ? 1 : light);
+    const share = quick ? this.share(begun) : 1;
+    d.begin(Math.round(width * share), Math.round(height * share), room && room.lamps.length ? room.background : [34, 36, 40], scene && !room.lamps.length ? 1 : light);
     if (scene) {
+      if (this.show.people && scene.told.cast.length) {
+        const chosen = this.inView(scene, view);
+        if (quick) (scene.quick ||= new QuickPeople(d, scene.told.cast)).draw(chosen, scene.bones, scene.told.joints, scene.shapes, view.seen, room, light);
+        else d.drawPeople(scene.told.cast, chosen, scene.bones, scene.told.joints, scene.shapes, view.seen, room, light);
+      }
       if (this.show.room && room.lamps.length) d.drawRoom(scene.told.room, view.seen, light);
-      if (this.show.people && scene.told.cast.length)
-        d.drawPeople(scene.told.cast, this.inView(scene, view), scene.bones, scene.told.joints, scene.shapes, view.seen, room, light);
       d.drawThings(scene.told.moving.map(m => ({mesh: m.mesh, model: placed(m.at, m.turn), glow: m.glow})), view.seen, room, light);
     }
     if (this.show.body) d.drawThings(this.bodyThings(), view.seen, null, 1);
-    this.drawOver(scene, view, width, height, light);
-    this.tell(scene, light);
+    const step = this.pages.at(t);
+    if (step) this.drawPage(step, width, height);
+    else this.drawOver(scene, view, width, height, light);
+    this.tell(scene, light, step);
     this.drawn++;
     this.spent += performance.now() - begun;
+  }
+
+  // Which share of the pixels' rows and columns a processor draws while time moves: fewer where it is late.
+  share(now) {
+    const passed = now - this.paced;
+    this.paced = now;
+    if (passed < REST_MS) this.pace += 0.2 * (passed - this.pace);
+    if (this.pace > LATE_MS && this.coarse < SHARES.length - 1) { this.coarse++; this.pace = ON_TIME_MS; }
+    return SHARES[this.coarse];
   }
 
   segmentsOf() {
@@ -240,10 +265,16 @@ class Viewer {
     return out;
   }
 
+  drawPage(step, width, height) {
+    const c = $('overlay');
+    if (c.width !== width || c.height !== height) { c.width = width; c.height = height; }
+    this.pages.draw(this.over, step, this.t, width, height);
+  }
+
   drawOver(scene, view, width, height, light) {
     const c = $('overlay');
     if (c.width !== width || c.height !== height) { c.width = width; c.height = height; }
-    const g = c.getContext('2d'), ratio = width / Math.max(1, $('stage').clientWidth), t = this.t;
+    const g = this.over, ratio = width / Math.max(1, $('stage').clientWidth), t = this.t;
     g.clearRect(0, 0, width, height);
     const agents = scene ? scene.told.agents : [], gaze = this.streams.gazeAt(t);
     const at = p => this.project(view, p, width, height);
@@ -366,14 +397,15 @@ class Viewer {
 
   // ---- words ----
 
-  tell(scene, light) {
+  tell(scene, light, step = null) {
     const trial = this.trialAt(this.t);
     $('clock').textContent = `${clockText(this.t)} of ${clockText(this.line.end, 0)}` + (trial ? `   ${trial.id} ${(this.t - trial.t0).toFixed(2)} s` : '   between trials');
+    $('said').classList.toggle('on-page', !!step);
     const recent = this.line.marks.filter(e => e.t <= this.t && e.t > this.t - 1.5).slice(-4);
     const felt = this.header.lanes.filter(l => l.spans.some(([a, b]) => this.t >= a && this.t < Math.max(b, a + 0.08))).map(l => l.name);
     $('said').textContent = [...recent.map(e => e.name), ...felt].join('\n');
     const dark = scene && light <= 0;
-    $('nothing').style.display = scene && !dark ? 'none' : 'grid';
+    $('nothing').style.display = step || scene && !dark ? 'none' : 'grid';
     $('nothing').textContent = dark ? 'dark' : trial ? trial.shown ? '' : `${trial.id} is not in this page in space\nvisavis view … --trial ${trial.id}` : 'between trials';
     const key = trial ? trial.id + trial.t0 : '';
     if (key !== this.toldTrial) { this.toldTrial = key; this.tellTrial(trial); }
@@ -485,6 +517,7 @@ class Viewer {
   fly(passed) {
     const by = 2.5 * passed, turn = turnOf(this.free.yaw, this.free.pitch);
     const moves = {w: [0, 0, -1], s: [0, 0, 1], a: [-1, 0, 0], d: [1, 0, 0], q: [0, -1, 0], e: [0, 1, 0]};
+    this.moved = performance.now();
     for (const key of this.held) this.free.at = add(this.free.at, turned(turn, moves[key]), by);
     this.dirty = true;
   }
@@ -521,6 +554,7 @@ class Viewer {
     over.addEventListener('pointerup', () => { drag = null; });
     over.addEventListener('pointermove', e => {
       if (!drag) return;
+      this.moved = performance.now();
       const dx = e.clientX - drag[0], dy = e.clientY - drag[1];
       drag = [e.clientX, e.clientY, drag[2]];
       if (this.camera === 'above') {

@@ -1,6 +1,7 @@
 """Films of recorded trials: every camera, the participant in it, decisions to film by again."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -10,8 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 from cli.app import app
+from cli.film.on_page import FilmPictures, page_picture
 from cli.film.stand_in import StandIn
-from cli.recorded_trial import recorded_trial
+from cli.recorded_trial import recorded_trial, trial_row
 from cli.session_lanes import lanes_of
 from lab.errors import DesignError, UsageError
 from lab.geometry import Pose
@@ -23,6 +25,7 @@ from stage.renderer import LIGHTEST, Renderer
 from stimuli.dressing.picture_of import picture_of
 from stimuli.motion.skeleton import forward
 from tests.visavis.sessions import opened, perform
+from visavis.page.seen import seen_trial
 from visavis.sessions.study_folder import settle, wanted_settings
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
@@ -112,6 +115,55 @@ def test_who_stands_in_has_the_eyes_where_the_headset_was(session: Path) -> None
     eyes = placed.position_m[[skeleton.index("left_eye"), skeleton.index("right_eye")]].mean(axis=0)
     assert np.abs(eyes - head.position_m)[[0, 2]].max() < 1e-6
     assert abs(eyes[1] - head.position_m[1]) < 0.06
+
+
+@pytest.fixture(scope="module")
+def on_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("page")
+    study = opened("films")
+    settings_at = study_dir(folder, study.name, is_simulated=True)
+    settle(settings_at, wanted_settings(settings_at, study, is_simulated=True), seed_given=False)
+    return perform("films", folder).path
+
+
+def test_a_trial_on_a_page_is_led_again_through_what_was_on_the_page(on_page: Path) -> None:
+    recording = Recording(on_page)
+    row = trial_row(recording, "T01")
+    seen = seen_trial(opened("films"), recording, row)
+    first, pair, effort = seen.steps
+    assert (["film"], ["left", "right"], []) == (
+        list(first.films), list(pair.films), list(effort.films)
+    )  # fmt: skip
+    assert (row["film_on_ns"], row["film2_on_ns"]) == (first.films_on_ns, pair.films_on_ns)
+    wanted = [str(row["lively"]), row["livelier"], row["effort_typed"]]
+    assert wanted == [step.questions[0].answer for step in seen.steps]
+    assert row["motion"] == pair.films["left"].scene.options["motion"]
+    assert seen.step_at(pair.films_on_ns) is pair
+    once_ns = pair.films_on_ns + round(1e9 * (0.5 + 0.2))
+    assert pytest.approx(0.2) == pair.film_time_s(pair.films["left"], once_ns)
+
+
+def test_a_film_of_a_page_shows_its_films_in_time_and_marks_the_answer(
+    on_page: Path, tmp_path: Path
+) -> None:
+    done = filmed(on_page, tmp_path / "a.mp4")
+    assert done.exit_code == 0, done.output
+    recording = Recording(on_page)
+    seen = seen_trial(opened("films"), recording, trial_row(recording, "T01"))
+    step = seen.steps[0]
+    asked_for: list[tuple[int, int]] = []
+
+    def image(picture: Any, camera: Any, size_px: tuple[int, int]) -> Any:
+        asked_for.append(size_px)
+        return np.zeros((size_px[1], size_px[0], 3), np.uint8)
+
+    films = FilmPictures(replace(seen.store, folder=tmp_path), 90, image)
+    begin, end = (
+        page_picture(step, t_ns, films, (320, 180)) for t_ns in (step.films_on_ns, step.gone_ns - 1)
+    )
+    assert {(90, 90)} == set(asked_for)
+    blue = (38, 104, 173)
+    assert [False, True] == [bool((p == blue).all(axis=2).any()) for p in (begin, end)]
 
 
 class Told:

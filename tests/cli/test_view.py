@@ -13,8 +13,13 @@ from typer.testing import CliRunner
 
 from cli.app import app
 from cli.viewer.bundle import MISSING, Bundle
+from cli.viewer.models import LEVEL_OF_MANY, Models
 from cli.viewer.motion import key_samples, one_way_round
 from recording.folder import study_dir
+from stage.errors import StageError
+from stage.renderer import LIGHTEST, Renderer
+from stage.vertices import person_vertices
+from stimuli.dressing.casting import default_casting
 from tests.visavis.sessions import opened, perform
 from visavis.sessions.study_folder import settle, wanted_settings
 
@@ -136,5 +141,45 @@ def test_a_browser_opens_the_page_shows_people_plays_and_obeys_the_keyboard(page
         assert "T02" == tab.evaluate("viewer.trialAt(viewer.t).id")
         tab.select_option("#column", index=1)
         assert 3 == tab.evaluate("viewer.line.plots.length")
+        # Where the processor draws, people are light while time moves and in full at rest.
+        assert tab.evaluate("viewer.drawing.slow")
+        tab.evaluate("viewer.seek(viewer.header.scenes[0].t0 + 0.2); viewer.draw()")
+        assert tab.evaluate("viewer.quick")
+        assert tab.evaluate(colours) > 200
+        tab.wait_for_function("!viewer.quick", timeout=60_000)
         browser.close()
     assert [] == problems
+
+
+def test_a_session_on_a_page_shows_films_questions_and_answers_in_time(tmp_path: Path) -> None:
+    study = opened("films")
+    settings_at = study_dir(tmp_path, study.name, is_simulated=True)
+    settle(settings_at, wanted_settings(settings_at, study, is_simulated=True), seed_given=False)
+    recording = perform("films", tmp_path)
+    path = tmp_path / "films.html"
+    try:
+        Renderer(quality=LIGHTEST).close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    done = CliRunner().invoke(app, ["view", str(recording.path), "-o", str(path)])
+    assert done.exit_code == 0, done.output
+    header = header_of(path)
+    assert ["P1"] * 3 + ["T01"] * 3 + ["T02"] * 3 == [s["trial"] for s in header["pages"]]
+    assert [1, 2, 0] * 3 == [len(s["films"]) for s in header["pages"]]
+    assert {6} == {len(f["frames"]) for f in header["films"]}
+    row = recording.trials().iloc[-1]
+    assert str(row["lively"]) == header["pages"][6]["questions"][0]["answer"]
+    assert pytest.approx(row["film_on_ns"] / 1e9, abs=1e-6) == header["pages"][6]["on"]
+
+
+def test_a_light_mesh_has_the_eyes_last_and_fewer_triangles_where_there_are_many_people(
+    page: Path,
+) -> None:
+    few = header_of(page)["people"][0]["light"]
+    built = person_vertices(cast := default_casting("female_03"), cast.levels[-1])
+    assert 0 < few["eyeFrom"] < few["index"]["s"][0] <= len(built.indices)
+    many = Models(Bundle(), level=LEVEL_OF_MANY)
+    many.person(cast)
+    light = many.people[0]["light"]
+    assert light["index"]["s"][0] < 0.5 * len(built.indices)
+    assert light["place"]["s"][0] < 0.5 * len(built.vertices)

@@ -1,22 +1,27 @@
 """A session that is performed again: equal bit for bit, or the place where it is not."""
 
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from devices.registry import OPTION_MODELS
+from lab.clock import SimClock
 from lab.config import LabConfig, load_config
-from lab.errors import UsageError
+from lab.errors import SessionAborted, UsageError
+from protocol.operator import Action, Command, UnattendedOperator
+from protocol.states import SessionState
 from recording.kept import KeptRecording
 from recording.reader import Recording
 from recording.stream_file import Columns
-from tests.faults.sessions import CONFIG, lab
+from tests.faults.sessions import CONFIG, ScriptedOperator, lab
 from tests.visavis.sessions import opened, perform
 from visavis.catalogue import find_study
-from visavis.sessions.perform import perform_new, simulated_request
+from visavis.sessions.perform import perform_new, perform_rest, simulated_request
 from visavis.sessions.verifying import compared, verify
 
 SHORT: dict[str, dict[str, Any]] = {
@@ -32,15 +37,16 @@ SHORT: dict[str, dict[str, Any]] = {
 class Tampered(KeptRecording):
     """A recording in which one number was changed."""
 
-    def __init__(self, path: Path, stream: str, column: str, row: int) -> None:
+    def __init__(self, path: Path, stream: str, column: str, row: int, *, part: int = 1) -> None:
         super().__init__(path)
         self._place = stream, column, row
+        self._in_part = part
 
     def stream_arrays(self, name: str, **limits: Any) -> Columns:
         """Return a stream, changed."""
         arrays = dict(super().stream_arrays(name, **limits))
         stream, column, row = self._place
-        if name == stream:
+        if name == stream and limits.get("part", 1) in (self._in_part, None):
             arrays[column] = arrays[column].copy()
             arrays[column][row] += 0.25
         return arrays
@@ -93,7 +99,7 @@ def test_of_several_changes_the_earliest_is_named(duel: Recording) -> None:
     late = Tampered(duel.path, "gaze", "confidence_01", 900)
     both = Tampered(duel.path, "head", "position_m", 20)
     arrays = late.stream_arrays("gaze")
-    both._arrays["gaze", None] = arrays
+    both._arrays["gaze", 1] = arrays
     verdict = compared(both, duel)
     assert verdict.first is not None
     assert "head" == verdict.first.where
@@ -116,8 +122,128 @@ def test_a_file_that_was_damaged_differs_from_where_its_damage_begins(
     assert found.row == int(found.again) < int(found.recorded)
 
 
-def test_people_are_not_performed_again(duel: Recording, tmp_path: Path) -> None:
-    real = Recording(duel.path)
-    real.manifest = replace(real.manifest, is_simulated=False)
+@pytest.mark.parametrize("study", ["interpolation", "hybrid"])
+def test_a_fresh_session_on_a_page_is_the_same_bit_for_bit(study: str, tmp_path: Path) -> None:
+    chosen = find_study(study)
+    request = simulated_request(
+        chosen, chosen.experiment({}), lab(tmp_path / "first"), label="S01B", index=0, seed=3
+    )
+    recording = Recording(perform_new(request))
+    verdict = verify(recording, chosen, lab(tmp_path), tmp_path / "again")
+    assert verdict.first is None
+    assert verdict.compared["events"] > 20
+
+
+class Killed(UnattendedOperator):
+    """Nobody; after so many frames the process is gone."""
+
+    def __init__(self, frames: int) -> None:
+        self._left = frames
+
+    def poll(self) -> Sequence[Command]:
+        """Wait for the end."""
+        self._left -= 1
+        if not self._left:
+            raise KeyboardInterrupt
+        return ()
+
+
+@pytest.fixture(scope="module")
+def resumed(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    """Return a session of two parts; the first was cut off."""
+    folder = tmp_path_factory.mktemp("resumed")
+    study = opened("duel")
+    experiment = study.experiment({"repetitions": 1, "practice": 0})
+    made = simulated_request(study, experiment, lab(folder), label="S01", index=0, seed=1)
+    with pytest.raises(SessionAborted):
+        perform_new(replace(made, operator=Killed(900)))
+    path = next(folder.glob("simulated/duel/sub-*/ses-001"))
+    return Recording(perform_rest(replace(made, clock=SimClock()), path))
+
+
+def test_a_resumed_session_is_the_same_bit_for_bit_part_by_part(
+    resumed: Recording, tmp_path: Path
+) -> None:
+    assert 2 == len(resumed.manifest.parts)
+    verdict = verify(resumed, opened("duel"), lab(tmp_path), tmp_path)
+    assert verdict.first is None
+    assert (1,) == verdict.ended_early
+    assert 0.99 < verdict.compared["gaze"] / len(resumed.stream_arrays("gaze")["seq"]) <= 1.0
+
+
+def test_a_change_in_a_later_part_is_named_with_its_part(
+    resumed: Recording, tmp_path: Path
+) -> None:
+    first = len(resumed.stream_arrays("head", part=1)["seq"])
+    changed = Tampered(resumed.path, "head", "position_m", 5, part=2)
+    found = verify(changed, opened("duel"), lab(tmp_path), tmp_path).first
+    assert first > 100
+    assert found is not None
+    assert (2, "head", 5, "position_x_m") == (found.part, found.where, found.row, found.column)
+    assert found.told().startswith("part 2, ")
+
+
+def test_what_an_operator_did_is_done_again(tmp_path: Path) -> None:
+    study = opened("duel")
+    experiment = study.experiment({"repetitions": 1, "practice": 0})
+    made = simulated_request(study, experiment, lab(tmp_path / "a"), label="S01", index=0, seed=1)
+    keys = ScriptedOperator(
+        (SessionState.TRIAL, 1, 9, Command(Action.REPEAT)),
+        (SessionState.TRIAL, 3, 5, Command(Action.NOTE, "yawned")),
+        (SessionState.TRIAL, 4, 5, Command(Action.ABORT)),
+    )
+    with pytest.raises(SessionAborted):
+        perform_new(replace(made, operator=keys))
+    recording = Recording(next((tmp_path / "a").glob("simulated/duel/sub-*/ses-001")))
+    assert {"repeat", "note", "abort"} <= {
+        e["payload"]["action"] for e in recording.journal(1).events if e["name"] == "operator"
+    }
+    verdict = verify(recording, study, lab(tmp_path), tmp_path / "again")
+    assert verdict.first is None
+    assert () == verdict.ended_early
+
+
+def of_people(recording: Recording) -> Recording:
+    """Take a simulated session for one of somebody with real devices."""
+    recording.manifest = replace(recording.manifest, is_simulated=False)
+    return recording
+
+
+def test_gaze_of_people_is_evaluated_again_from_what_was_measured(
+    duel: Recording, tmp_path: Path
+) -> None:
+    verdict = verify(of_people(Recording(duel.path)), opened("duel"), lab(tmp_path), tmp_path)
+    assert verdict.first is None
+    assert verdict.is_fed
+    assert {"gaze_targets": len(duel.stream_arrays("gaze_targets")["seq"])} == verdict.compared
+
+
+@pytest.mark.parametrize(
+    ("stream", "column"), [("gaze", "direction_head"), ("gaze_targets", "origin_world_m")]
+)
+def test_a_change_in_what_people_did_is_named_where_their_gaze_fell(
+    stream: str, column: str, duel: Recording, tmp_path: Path
+) -> None:
+    real = of_people(Tampered(duel.path, stream, column, 500))
+    found = verify(real, opened("duel"), lab(tmp_path), tmp_path).first
+    assert found is not None
+    seq = duel.stream_arrays("gaze")["seq"][500]
+    targets = duel.stream_arrays("gaze_targets")
+    row = int(np.flatnonzero(targets["gaze_seq"] == seq)[0]) if stream == "gaze" else 500
+    assert ("gaze_targets", row) == (found.where, found.row)
+    assert int(targets["frame_index"][row]) == found.frame
+
+
+def test_people_without_gaze_are_not_performed_again(duel: Recording, tmp_path: Path) -> None:
+    without = Without(duel.path)
     with pytest.raises(UsageError, match="recorded with people"):
-        verify(real, opened("duel"), lab(tmp_path), tmp_path)
+        verify(of_people(without), opened("duel"), lab(tmp_path), tmp_path)
+
+
+class Without(Recording):
+    """A recording without gaze."""
+
+    @property
+    def stream_names(self) -> tuple[str, ...]:
+        """Return the streams but those of gaze."""
+        return tuple(name for name in super().stream_names if "gaze" not in name)

@@ -2,11 +2,15 @@
 
 A simulated session is its plan, its seed and its devices: the same code performs them again on the
 virtual clock, through the same drivers over the same simulated wires, and every sample, event and
-trial row must come out bit for bit.
+trial row must come out bit for bit. A part that went on with a session goes on again from the
+earlier parts as recorded, and what an operator did is done again at the same moments. People are
+not performed again: the samples of their devices are fed to the engine as recorded.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -16,13 +20,16 @@ import numpy.typing as npt
 
 from lab.clock import NS_PER_S, SimClock
 from lab.config import DeviceConfig, LabConfig
-from lab.errors import DataError, UsageError
-from protocol.operator import UnattendedOperator
+from lab.errors import DataError, SessionAborted, UsageError
+from protocol.operator import Action, Command, Operator, SessionStatus, UnattendedOperator
+from recording.folder import session_dir
 from recording.journal import as_json
+from recording.manifest import Part, write_manifest
 from recording.reader import PART_COLUMN, Recording, component_names
 from recording.stream_file import Columns
 from visavis.opened import OpenedStudy, overrides_of
-from visavis.sessions.perform import Request, perform_new
+from visavis.sessions.evaluated_again import TARGETS, targets_again
+from visavis.sessions.perform import Request, perform_new, perform_rest
 
 DRAWN: Final = ("drawn", "drawn_views", "mirror")
 """Streams of what was drawn: nothing is drawn when a session is performed again."""
@@ -32,9 +39,9 @@ DRAWN: Final = ("drawn", "drawn_views", "mirror")
 class Difference:
     """The first thing in which two recordings of a session differ.
 
-    `where` names the stream, or events or trial rows; `row` counts in it from 0, `frame` is the
-    display's then, None before the first. `recorded` and `again` are the values, or what is
-    missing.
+    `where` names the stream, or events or trial rows; `row` counts in it from 0 within the part,
+    `frame` is the display's then, None before the first. `recorded` and `again` are the values, or
+    what is missing.
     """
 
     t_ns: int
@@ -45,10 +52,14 @@ class Difference:
     again: str
     frame: int | None = None
     trial_id: str | None = None
+    part: int = 1
+    has_frames: bool = True
 
     def told(self) -> str:
         """Return it as a sentence."""
         frame = "before the first frame" if self.frame is None else f"frame {self.frame}"
+        frame = frame if self.has_frames else "on the page"
+        frame = f"part {self.part}, {frame}" if self.part > 1 else frame
         trial = f", trial {self.trial_id}" if self.trial_id else ""
         return (
             f"{frame} ({self.t_ns / NS_PER_S:.6f} s{trial}): {self.where}, row {self.row}, "
@@ -58,45 +69,64 @@ class Difference:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What performing a session again found; `compared` counts rows by stream."""
+    """What performing a session again found; `compared` counts rows by stream.
+
+    `ended_early` are parts that were cut off: what is there of them was compared. `is_fed` where
+    people were recorded: the engine was fed with what their devices measured.
+    """
 
     first: Difference | None
     differing: Mapping[str, int]
     compared: Mapping[str, int]
     left_out: tuple[str, ...]
+    ended_early: tuple[int, ...] = ()
+    is_fed: bool = False
 
 
 def verify(recording: Recording, study: OpenedStudy, lab: LabConfig, scratch: Path) -> Verdict:
-    """Perform a session again below an empty folder and compare.
+    """Perform a session again below an empty folder and compare, part by part.
 
     `lab` gives what a recording does not keep: how its questionnaires are worded.
 
     Raises:
-        UsageError: it is no session that can be performed again.
+        UsageError: it is being recorded, or has nothing that can be performed again.
         DataError: this version plans it in another way.
     """
-    again = Recording(perform_again(recording, study, lab, scratch))
-    return compared(recording, again)
+    if recording.status == "running":
+        raise UsageError(f"{recording.path} is being recorded; verify it when it has ended")
+    if not recording.manifest.is_simulated:
+        return _fed(recording, study)
+    verdicts = []
+    for part in recording.manifest.parts:
+        below = scratch / part.folder
+        again = Recording(perform_again(recording, study, lab, below, part.number))
+        verdicts.append(compared(recording, again, part.number))
+        shutil.rmtree(below)
+    return _joined(verdicts)
 
 
-def perform_again(recording: Recording, study: OpenedStudy, lab: LabConfig, scratch: Path) -> Path:
-    """Perform a simulated session again; return its new folder; raises as `verify`."""
+def perform_again(
+    recording: Recording, study: OpenedStudy, lab: LabConfig, scratch: Path, part: int = 1
+) -> Path:
+    """Perform a part of a simulated session again; return its new folder; raises as `verify`.
+
+    Earlier parts lie in that folder as they were recorded.
+    """
     manifest = recording.manifest
     if not manifest.is_simulated:
         raise UsageError(
             f"{recording.path} was recorded with people or real devices, whom nothing performs "
             "again; `visavis check` compares it with its plan, `visavis view` shows it"
         )
-    if len(manifest.parts) != 1 or recording.status not in ("complete", "aborted", "crashed"):
-        raise UsageError(
-            f"{recording.path} has {len(manifest.parts)} parts and is {recording.status}; only a "
-            "session performed in one go can be performed again"
-        )
     kept: Mapping[str, Any] = manifest.configuration
     devices = {role: DeviceConfig(**told) for role, told in kept["devices"].items()}
+    on = str(kept.get("on", ""))
+    if on == "browser":  # who is simulated there looks at the page and needs no device
+        devices = dict(lab.devices)
     config = lab.model_copy(update={"data_root": scratch, "devices": devices})
     plan: Mapping[str, Any] = manifest.plan
     experiment = study.experiment(overrides_of(plan))
+    clock = SimClock()
     request = Request(
         study=study,
         experiment=experiment,
@@ -106,9 +136,10 @@ def perform_again(recording: Recording, study: OpenedStudy, lab: LabConfig, scra
         group=str(plan.get("group") or ""),
         session=manifest.session,
         seed=manifest.seed,
-        clock=SimClock(),
-        operator=UnattendedOperator(),
+        clock=clock,
+        operator=_operator_of(recording, part, clock),
         effect=bool(kept.get("effect", True)),
+        on=on,
     )
     planned = as_json(experiment.plan(request.participant_index, request.seed, request.group))
     if planned != plan:
@@ -117,7 +148,93 @@ def perform_again(recording: Recording, study: OpenedStudy, lab: LabConfig, scra
             f"({_first_of(plan, planned)}); check out the version named in manifest.json "
             "(provenance)"
         )
-    return perform_new(request)
+    path = session_dir(
+        scratch, manifest.study, manifest.participant, manifest.session, is_simulated=True
+    )
+    before = tuple(p for p in manifest.parts if p.number < part)
+    with suppress(SessionAborted):  # as the recorded part was
+        if before:
+            _put_down(recording, before, path)
+            perform_rest(request, path)
+        else:
+            perform_new(request)
+    return path
+
+
+def _put_down(recording: Recording, parts: Sequence[Part], path: Path) -> None:
+    """Lay parts of a session into a folder as if nothing had followed them."""
+    for part in parts:
+        shutil.copytree(recording.path / part.folder, path / part.folder)
+    write_manifest(path, replace(recording.manifest, parts=tuple(parts)))
+
+
+class RecordedOperator:
+    """Do again, at the same moments of a part, what its operator did."""
+
+    status_period_ns = 1
+
+    def __init__(self, commands: Sequence[tuple[int, Command]], clock: SimClock) -> None:
+        self._commands, self._clock = list(commands), clock
+
+    def poll(self) -> Sequence[Command]:
+        """Return what was asked for up to now."""
+        now_ns = self._clock.now_ns()
+        due = [command for t_ns, command in self._commands if t_ns <= now_ns]
+        self._commands = self._commands[len(due) :]
+        return due
+
+    def show(self, status: SessionStatus) -> None:
+        """Show nobody."""
+
+    def waits_for_advance(self, prompt: str) -> bool:
+        """Wait for the recorded key."""
+        del prompt
+        return True
+
+
+def _operator_of(recording: Recording, part: int, clock: SimClock) -> Operator:
+    """Return who does what the operator of a part did; nobody where nobody did anything."""
+    commands = [
+        (int(event["t_ns"]), Command(Action(told["action"]), told.get("text") or ""))
+        for event in recording.journal(part).events
+        if event["name"] == "operator" and "action" in (told := event["payload"])
+    ]
+    return RecordedOperator(commands, clock) if commands else UnattendedOperator()
+
+
+def _fed(recording: Recording, study: OpenedStudy) -> Verdict:
+    """Feed the engine with the recorded samples of real devices, and compare what it makes."""
+    if TARGETS not in recording.stream_names:
+        raise UsageError(
+            f"{recording.path} was recorded with people, whom nothing performs again, and without "
+            "gaze, which could be evaluated again; `visavis check` compares it with its plan"
+        )
+    verdicts = []
+    for part in recording.manifest.parts:
+        old = recording.stream_arrays(TARGETS, part=part.number)
+        first, count = _of_stream(TARGETS, old, targets_again(recording, study, part.number))
+        placed = None if first is None else _placed(first, recording, part.number)
+        differing = {TARGETS: count} if count else {}
+        verdicts.append(Verdict(placed, differing, {TARGETS: len(old["seq"])}, (), is_fed=True))
+    return _joined(verdicts)
+
+
+def _joined(verdicts: Sequence[Verdict]) -> Verdict:
+    """Return what was found in all parts together, and the first difference of the first part."""
+    differing: dict[str, int] = {}
+    rows: dict[str, int] = {}
+    for verdict in verdicts:
+        for into, counts in ((differing, verdict.differing), (rows, verdict.compared)):
+            for name, count in counts.items():
+                into[name] = into.get(name, 0) + count
+    return Verdict(
+        next((v.first for v in verdicts if v.first is not None), None),
+        differing,
+        rows,
+        tuple(dict.fromkeys(name for v in verdicts for name in v.left_out)),
+        tuple(number for v in verdicts for number in v.ended_early),
+        any(v.is_fed for v in verdicts),
+    )
 
 
 def _first_of(a: Any, b: Any, path: str = "plan") -> str:
@@ -138,36 +255,60 @@ def _short(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:77]}…"
 
 
-def compared(recorded: Recording, again: Recording) -> Verdict:
-    """Compare two recordings of one session, bit for bit."""
+def compared(recorded: Recording, again: Recording, part: int = 1) -> Verdict:
+    """Compare two recordings of one part of a session, bit for bit.
+
+    Of a part that was cut off (killed, or ended from the keyboard) only what is there is compared:
+    performed again it goes on to its end.
+    """
+    cut_off = (_closed(recorded, part), _closed(again, part)) == (False, True)
     found: list[Difference] = []
     differing: dict[str, int] = {}
     rows: dict[str, int] = {}
     left_out = []
-    for name in dict.fromkeys([*recorded.stream_names, *again.stream_names]):
+    names = [*recorded.stream_states(part), *again.stream_states(part)]
+    for name in dict.fromkeys(names):
         if name in DRAWN:
             left_out.append(name)
             continue
         old, new = (
-            r.stream_arrays(name) if name in r.stream_names else {} for r in (recorded, again)
+            r.stream_arrays(name, part=part) if name in r.stream_names else {}
+            for r in (recorded, again)
         )
+        if cut_off:
+            n = int((old["t_host_ns"] < _last_frame_ns(recorded, part)).sum()) if old else 0
+            old, new = ({c: values[:n] for c, values in side.items()} for side in (old, new))
         rows[name] = len(old.get("seq", ()))
         first, count = _of_stream(name, old, new)
         if first is not None:
             found.append(first)
             differing[name] = count
+    old_journal, new_journal = recorded.journal(part), again.journal(part)
     for where, old_lines, new_lines in (
-        ("events", recorded.journal(1).events, again.journal(1).events),
-        ("trial rows", recorded.journal(1).trials, again.journal(1).trials),
+        ("events", old_journal.events, new_journal.events),
+        ("trial rows", old_journal.trials, new_journal.trials),
     ):
         rows[where] = len(old_lines)
-        different = list(_of_lines(where, old_lines, new_lines))
+        kept = new_lines[: len(old_lines)] if cut_off else new_lines
+        different = list(_of_lines(where, old_lines, kept))
         if different:
             found.append(different[0])
             differing[where] = len(different)
     first = min(found, key=lambda d: d.t_ns, default=None)
-    placed = None if first is None else _placed(first, again)
-    return Verdict(placed, differing, rows, tuple(left_out))
+    placed = None if first is None else _placed(first, again, part)
+    return Verdict(placed, differing, rows, tuple(left_out), (part,) if cut_off else ())
+
+
+def _last_frame_ns(recording: Recording, part: int) -> int:
+    """Return when the last frame of a part began; what came later was taken as devices closed."""
+    if "frames" not in recording.stream_names:
+        return int(np.iinfo(np.int64).max)
+    return int(recording.stream_arrays("frames", part=part)["t_host_ns"].max(initial=0))
+
+
+def _closed(recording: Recording, part: int) -> bool:
+    """Tell whether a part was performed to its end."""
+    return any(p.number == part and p.status == "complete" for p in recording.manifest.parts)
 
 
 def _of_stream(name: str, old: Columns, new: Columns) -> tuple[Difference | None, int]:
@@ -245,12 +386,15 @@ def _what(line: Mapping[str, Any]) -> str:
     return str(line.get("name") or line.get("row", {}).get("trial_id") or "line")
 
 
-def _placed(found: Difference, again: Recording) -> Difference:
+def _placed(found: Difference, recording: Recording, part: int) -> Difference:
     """Say in which frame and trial it lies."""
-    frames = again.stream_arrays("frames")
-    before = np.flatnonzero(frames["t_host_ns"] <= found.t_ns)
-    frame = int(frames["frame_index"][before[-1]]) if len(before) else None
-    begun = again.events_named("trial_start", 1)
+    has_frames = "frames" in recording.stream_names
+    frame = None
+    if has_frames:
+        frames = recording.stream_arrays("frames", part=part)
+        before = np.flatnonzero(frames["t_host_ns"] <= found.t_ns)
+        frame = int(frames["frame_index"][before[-1]]) if len(before) else None
+    begun = recording.events_named("trial_start", part)
     past = begun[begun["t_ns"] <= found.t_ns]
     trial = str(past.iloc[-1]["payload"]["trial_id"]) if len(past) else None
-    return replace(found, frame=frame, trial_id=trial)
+    return replace(found, frame=frame, trial_id=trial, part=part, has_frames=has_frames)

@@ -1,0 +1,92 @@
+"""What the viewer holds of trials on a page: films as small pictures, questions, answers."""
+
+import io
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from PIL import Image
+
+from cli.commands.preview import film_renderer
+from cli.film.on_page import FilmPictures
+from cli.recorded_trial import trial_row
+from cli.viewer.bundle import Bundle
+from recording.kept import KeptRecording
+from visavis.films import Film
+from visavis.opened import OpenedStudy
+from visavis.page.seen import SeenStep, SeenTrial, seen_trial
+
+PICTURES_PER_S: Final = 12
+HEIGHT_PX: Final = 320
+WEBP_QUALITY: Final = 72
+
+
+def pages_of(
+    study: OpenedStudy,
+    recording: KeptRecording,
+    wanted: Sequence[str],
+    bundle: Bundle,
+    second_of: Callable[[int, int], float],
+    on_trial: Callable[[int, int], None] | None,
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return steps of trials in order, and the films that they show; each film is drawn once."""
+    trials = [seen_trial(study, recording, trial_row(recording, name)) for name in wanted]
+    numbers: dict[Film, int] = {}
+    films: list[dict[str, Any]] = []
+    steps: list[dict[str, Any]] = []
+    with film_renderer() as renderer:
+        for done, seen in enumerate(trials, start=1):
+            pictures = FilmPictures(seen.store, HEIGHT_PX, renderer.image)
+            for step in seen.steps:
+                for film in step.films.values():
+                    if film not in numbers:
+                        numbers[film] = len(films)
+                        films.append(_packed(film, pictures, bundle))
+                steps.append(_told(seen, step, numbers, second_of))
+            if on_trial is not None:
+                on_trial(done, len(trials))
+    return steps, films
+
+
+def _packed(film: Film, pictures: FilmPictures, bundle: Bundle) -> dict[str, Any]:
+    rate_hz = min(PICTURES_PER_S, film.rate_hz)
+    seconds = film.frame_count / film.rate_hz
+    frames = []
+    for k in range(max(1, round(seconds * rate_hz))):
+        content = io.BytesIO()
+        shown = Image.fromarray(pictures.at(film, k / rate_hz))
+        shown.save(content, "WEBP", quality=WEBP_QUALITY, method=3)
+        frames.append(bundle.add_bytes(content.getvalue()))
+    width, height = pictures.size_px(film)
+    return {
+        "seconds": seconds,
+        "rate": rate_hz,
+        "width": width,
+        "height": height,
+        "frames": frames,
+    }
+
+
+def _told(
+    seen: SeenTrial,
+    step: SeenStep,
+    numbers: dict[Film, int],
+    second_of: Callable[[int, int], float],
+) -> dict[str, Any]:
+    part = int(seen.row["recording_part"])
+    return {
+        "trial": str(seen.row["trial_id"]),
+        "t0": second_of(part, step.shown_ns),
+        "t1": second_of(part, step.gone_ns),
+        "on": second_of(part, step.films_on_ns),
+        "films": [numbers[film] for film in step.films.values()],
+        "caption": step.caption,
+        "questions": [
+            {
+                "prompt": q.prompt,
+                "options": [list(option) for option in q.options],
+                "answer": q.answer,
+                "at": None if q.answered_ns is None else second_of(part, q.answered_ns),
+            }
+            for q in step.questions
+        ],
+    }

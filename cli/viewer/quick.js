@@ -1,0 +1,142 @@
+// People while time moves, where the processor draws: one mesh of few triangles for everybody, moved
+// and lit here, drawn at once. At rest they are drawn as elsewhere.
+
+const QUICK = [`#version 300 es
+layout(location=0) in vec3 place; layout(location=1) in vec3 light; layout(location=2) in vec3 detail; layout(location=3) in uvec4 surface;
+uniform mat4 seen; out vec3 v_light; out vec3 v_detail; flat out uvec4 v_surface;
+void main() { gl_Position = seen * vec4(place, 1.0); v_light = light; v_detail = detail; v_surface = surface; }`, PERSON[1]];
+
+const LINEAR = Float32Array.from({length: 256}, (_, i) => Math.pow(i / 255, 2.2));
+const CODES = Uint8Array.from({length: 2049}, (_, i) => { // light of 0 to 4, as LIGHT's codes()
+  const l = i / 512, soft = l < 0.5 ? l : 1 - 0.5 * Math.exp(1 - 2 * l);
+  return Math.round(255 * Math.pow(soft, 1 / 2.2));
+});
+
+class QuickPeople {
+  constructor(drawing, cast) {
+    this.drawing = drawing;
+    this.cast = cast;
+    const gl = drawing.gl, models = cast.map(k => drawing.lightMesh(k));
+    this.models = models;
+    this.from = [0];
+    for (const m of models) this.from.push(this.from[this.from.length - 1] + m.n);
+    const n = this.from[models.length];
+    this.place = new Float32Array(3 * n);
+    this.light = new Uint8Array(4 * n);
+    this.lit = new Uint8Array(models.length);
+    this.next = 0;
+    const detail = new Float32Array(3 * n), surface = new Uint8Array(4 * n);
+    models.forEach((m, i) => { detail.set(m.detail, 3 * this.from[i]); surface.set(m.surface, 4 * this.from[i]); });
+    this.vao = gl.createVertexArray();
+    gl.bindVertexArray(this.vao);
+    this.places = this.dynamic(0, this.place, 3, gl.FLOAT, false);
+    this.lights = this.dynamic(1, this.light, 3, gl.UNSIGNED_BYTE, true);
+    drawing.buffer(2, detail, 3);
+    drawing.buffer(3, surface, 4, {whole: true});
+    // Skin and clothes of all, person after person; then all their eyes.
+    this.index = new Uint32Array(models.reduce((s, m) => s + m.index.length, 0));
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, this.index.byteLength, gl.DYNAMIC_DRAW);
+    this.shown = '';
+  }
+
+  dynamic(location, data, k, kind, normal) {
+    const gl = this.drawing.gl, b = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, b);
+    gl.bufferData(gl.ARRAY_BUFFER, data.byteLength, gl.DYNAMIC_DRAW);
+    gl.enableVertexAttribArray(location);
+    gl.vertexAttribPointer(location, k, kind, normal, normal ? 4 : 0, 0);
+    return b;
+  }
+
+  // Where everybody's vertices are; `bones` as in `drawPeople`.
+  move(i, bones, joints, shapes) {
+    const m = this.models[i], {n, rest, bone, weight, morph, deltas} = m, out = this.place, base = 12 * joints * i;
+    let o = 3 * this.from[i];
+    const s = shapes.subarray(6 * i, 6 * i + 6), shaped = s.some(v => v > 0.003);
+    for (let v = 0; v < n; v++, o += 3) {
+      let x = rest[3 * v], y = rest[3 * v + 1], z = rest[3 * v + 2];
+      if (shaped && morph[v] >= 0) for (let k = 0, d = 18 * morph[v]; k < 6; k++, d += 3) {
+        x += s[k] * deltas[d]; y += s[k] * deltas[d + 1]; z += s[k] * deltas[d + 2];
+      }
+      let px = 0, py = 0, pz = 0;
+      for (let k = 4 * v; k < 4 * v + 4; k++) {
+        const w = weight[k];
+        if (w === 0) break;
+        const b = base + bone[k];
+        px += w * (bones[b] * x + bones[b + 1] * y + bones[b + 2] * z + bones[b + 3]);
+        py += w * (bones[b + 4] * x + bones[b + 5] * y + bones[b + 6] * z + bones[b + 7]);
+        pz += w * (bones[b + 8] * x + bones[b + 9] * y + bones[b + 10] * z + bones[b + 11]);
+      }
+      out[o] = px; out[o + 1] = py; out[o + 2] = pz;
+    }
+  }
+
+  // Light of a person as they stand; it changes little from picture to picture.
+  shine(i, bones, joints, room) {
+    const m = this.models[i], {n, normal, bone, colour} = m, lamps = room ? room.lamps.slice(0, 8) : [];
+    const sky = lamps.length ? room.sky : [0.8, 0.8, 0.82], ground = lamps.length ? room.ground : [0.5, 0.48, 0.46];
+    const base = 12 * joints * i, place = this.place, out = this.light;
+    for (let v = 0; v < n; v++) {
+      const b = base + bone[4 * v], x = normal[4 * v] / 127, y = normal[4 * v + 1] / 127, z = normal[4 * v + 2] / 127;
+      const nx = bones[b] * x + bones[b + 1] * y + bones[b + 2] * z, ny = bones[b + 4] * x + bones[b + 5] * y + bones[b + 6] * z;
+      const nz = bones[b + 8] * x + bones[b + 9] * y + bones[b + 10] * z, up = 0.5 + 0.5 * ny;
+      const o = 3 * (this.from[i] + v);
+      let r = ground[0] + up * (sky[0] - ground[0]), g = ground[1] + up * (sky[1] - ground[1]), l = ground[2] + up * (sky[2] - ground[2]);
+      for (const lamp of lamps) {
+        let tx = -lamp.axis[0], ty = -lamp.axis[1], tz = -lamp.axis[2], share = 1;
+        if (lamp.kind > 0) {
+          tx = lamp.place[0] - place[o]; ty = lamp.place[1] - place[o + 1]; tz = lamp.place[2] - place[o + 2];
+          const squared = Math.max(tx * tx + ty * ty + tz * tz, 0.04), by = 1 / Math.sqrt(squared);
+          share = 1 / squared; tx *= by; ty *= by; tz *= by;
+          if (lamp.kind === 1) {
+            const c = lamp.cos, along = -(tx * lamp.axis[0] + ty * lamp.axis[1] + tz * lamp.axis[2]);
+            const inside = Math.min(1, Math.max(0, (along - c) / (0.3 * Math.max(1 - c, 1e-6))));
+            share *= inside * inside * (3 - 2 * inside);
+          }
+        }
+        share *= Math.max(0, (nx * tx + ny * ty + nz * tz + 0.2) / 1.44);
+        r += lamp.colour[0] * share; g += lamp.colour[1] * share; l += lamp.colour[2] * share;
+      }
+      const c = 4 * v, p = 4 * (this.from[i] + v);
+      out[p] = CODES[Math.min(2048, 512 * r * LINEAR[colour[c]]) | 0];
+      out[p + 1] = CODES[Math.min(2048, 512 * g * LINEAR[colour[c + 1]]) | 0];
+      out[p + 2] = CODES[Math.min(2048, 512 * l * LINEAR[colour[c + 2]]) | 0];
+    }
+    this.lit[i] = 1;
+  }
+
+  draw(chosen, bones, joints, shapes, seen, room, brightness) {
+    if (!chosen.length) return;
+    const d = this.drawing, gl = d.gl;
+    this.next = (this.next + 1) % this.models.length;
+    for (const i of chosen) {
+      this.move(i, bones, joints, shapes);
+      if (!this.lit[i] || i === this.next) this.shine(i, bones, joints, room);
+    }
+    const at = d.use('quick', seen, room, brightness);
+    gl.bindVertexArray(this.vao);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.places);
+    gl.bufferSubData(gl.ARRAY_BUFFER, 0, this.place);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.lights);
+    gl.bufferSubData(gl.ARRAY_BUFFER, 0, this.light);
+    if (this.shown !== chosen.join()) {
+      this.shown = chosen.join();
+      let end = 0;
+      for (const eyes of [false, true]) {
+        for (const i of chosen) {
+          const {index, eyeFrom} = this.models[i], from = this.from[i];
+          for (let k = eyes ? eyeFrom : 0; k < (eyes ? index.length : eyeFrom); k++) this.index[end++] = from + index[k];
+        }
+        if (!eyes) this.eyesFrom = end;
+      }
+      this.end = end;
+      gl.bufferSubData(gl.ELEMENT_ARRAY_BUFFER, 0, this.index, 0, end);
+    }
+    gl.uniform3fv(at.eye_light, room && room.lamps.length ? [0.86, 0.85, 0.83] : [0.85, 0.85, 0.85]);
+    gl.uniform1i(at.look, 0);
+    gl.drawElements(gl.TRIANGLES, this.eyesFrom, gl.UNSIGNED_INT, 0);
+    gl.uniform1i(at.look, 2);
+    gl.drawElements(gl.TRIANGLES, this.end - this.eyesFrom, gl.UNSIGNED_INT, 4 * this.eyesFrom);
+  }
+}
