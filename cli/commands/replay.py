@@ -8,6 +8,7 @@ import typer
 from rich.progress import Progress
 
 from cli.app import (
+    AcceptDamage,
     ConfigOption,
     OfParticipant,
     SessionArgument,
@@ -18,6 +19,7 @@ from cli.app import (
     verbatim,
 )
 from cli.commands.preview import picture_size
+from cli.leaving import leave, require_whole
 from cli.preview.pictures import Viewpoint
 from cli.studies import session_of
 from cli.telling import TELLING, Forecast
@@ -48,6 +50,7 @@ def replay(
     ] = None,
     rate: Annotated[int, typer.Option("--rate", help="Pictures a second.")] = 25,
     size: Annotated[str, typer.Option("--size", help="Width x height in pixels.")] = "1280x720",
+    accept_damage: AcceptDamage = False,
     config: ConfigOption = None,
 ) -> None:
     """Film a recorded trial as it was: what was shown, where gaze fell; of the crowd, from above.
@@ -68,6 +71,7 @@ def replay(
     if not trial or video is None:
         raise UsageError("replay needs --trial and --video FILE for a film, or --verify")
     size_px = picture_size(size)
+    require_whole(session_path, accept=accept_damage)
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("drawing", total=None)
 
@@ -93,6 +97,7 @@ def replay(
                 rate_hz=rate, seconds=seconds, on_frame=told,
             ).pictures  # fmt: skip
     say(f"written [b]{verbatim(video)}[/], {n / rate:.1f} s")
+    leave("film", [session_path], video.parent, [video])
 
 
 def _verify(recording: KeptRecording, study: OpenedStudy, config: Path | None) -> None:
