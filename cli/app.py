@@ -130,6 +130,10 @@ OfParticipant = Annotated[
     str,
     typer.Option("--participant", help="Whose session, where a study was named; else the latest."),
 ]
+AcceptDamage = Annotated[
+    bool,
+    typer.Option("--accept-damage", help="Go on with what is left of a damaged recording."),
+]
 DevicesOption = Annotated[
     str | None, typer.Option("--devices", help="sim or real: overrides every role.")
 ]

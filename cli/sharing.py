@@ -19,10 +19,6 @@ from visavis.methods import own_methods
 from visavis.opened import overrides_of
 from visavis.responses import Text
 
-RISK = (
-    "movements of head and body identify people even without a name (Nair et al. 2023, of 55,000 "
-    "people 94 % from 100 s): share them only as your consent form says"
-)
 BLURRED_RISK = (
     "The public tier gives everybody the body of one reference person, smooths movements, tells "
     "gaze on heads in coarse steps and leaves out pupils, eye distances and what cannot be "

@@ -112,15 +112,18 @@ def _clean_export(label: str, names: Sequence[str], export: Export, removal: Rem
     if set(export.labels) != {label}:
         _clean_derived(names, export.where, removal)
     else:
-        _remove_empty(export.where)
+        _remove_emptied(export)
 
 
-def _remove_empty(folder: Path) -> None:
-    for inner in sorted(folder.iterdir()):
-        if inner.is_dir() and not inner.is_symlink():
-            _remove_empty(inner)
-    if not any(folder.iterdir()):
-        folder.rmdir()
+def _remove_emptied(export: Export) -> None:
+    """Remove the export's own folders that are empty now; the folder we stand in stays."""
+    where = export.where
+    own = {folder for name in export.files for folder in (where / name).parents}
+    for folder in sorted(own, key=lambda path: len(path.parts), reverse=True):
+        if not folder.is_relative_to(where) or Path.cwd().is_relative_to(folder):
+            continue
+        if folder.is_dir() and not folder.is_symlink() and not any(folder.iterdir()):
+            folder.rmdir()
 
 
 def _own_folders(study: str, label: str, root: Path, removal: Removal) -> list[Path]:

@@ -25,6 +25,7 @@ from visavis.analysis import StudyAnalysis
 from visavis.catalogue import find_study
 from visavis.opened import OpenedStudy
 from visavis.picture_delay import SETTING
+from visavis.sessions.damage import require_intact
 from visavis.sessions.plan_lock import read_lock, refuse_to_peek
 from visavis.sessions.studies import analyse_study, simulate_study
 from visavis.sessions.study_folder import (
@@ -101,6 +102,8 @@ class StudyData:
 
     path: Path
     study: OpenedStudy = field(repr=False)
+    accept_damage: bool = False
+    """Whether recordings that are damaged are measured, too, as far as they can be read."""
 
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
@@ -132,6 +135,7 @@ class StudyData:
 
     def _taken_in(self, how: Mapping[str, Any]) -> tuple[Any, ...]:
         counted, _ = one_per_participant(tuple(s.path for s in self.sessions))
+        require_intact(counted, accept=self.accept_damage)
         return tuple(self.study.measure(Recording(path), how) for path in counted)
 
     def trials(self) -> pd.DataFrame:
@@ -172,8 +176,10 @@ class StudyData:
         return self.study.analysis_of(self._taken_in(how) if how else self._intakes, limits)
 
 
-def open_study(path: str | Path) -> StudyData:
+def open_study(path: str | Path, *, accept_damage: bool = False) -> StudyData:
     """Open the data of a study: the folder that holds `sub-…/ses-…`.
+
+    What is measured of a damaged recording raises DataError, unless `accept_damage`.
 
     Raises:
         UsageError: there are no sessions, or the study's file is gone.
@@ -181,7 +187,7 @@ def open_study(path: str | Path) -> StudyData:
     folder = Path(path).resolve()
     first = Recording(sessions_of(folder)[0])
     study, _ = study_of_folder(folder, first.manifest.study)
-    return StudyData(folder, study)
+    return StudyData(folder, study, accept_damage)
 
 
 def simulate(

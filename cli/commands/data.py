@@ -19,13 +19,11 @@ from cli.app import (
     say,
     verbatim,
 )
+from cli.leaving import leave
 from cli.studies import folder_of, session_of
-from lab.clock import SystemClock
 from lab.config import LabConfig
 from lab.config_files import CONFIG_NAME, EXAMPLE, SCREEN_EXAMPLE
 from lab.errors import DataError, UsageError
-from protocol.exports_register import register_export
-from recording.durable import protect_files
 from recording.reader import Recording
 from visavis.sessions.study_check import is_study
 from visavis.sessions.study_folder import sessions_of
@@ -140,7 +138,7 @@ def export(
 
     Example: visavis export data/simulated/stare/sub-S07H/ses-001 --format bids -o out/bids
     """
-    from cli.sharing import BLURRED_RISK, LOSS_NAME, RISK, loss_page, losses, shared_recording
+    from cli.sharing import BLURRED_RISK, LOSS_NAME, loss_page, losses, shared_recording
     from visavis.sessions.damage import require_intact
 
     sessions = _exported(session_path, config, participant)
@@ -157,14 +155,8 @@ def export(
         written = (*dict.fromkeys((*written, note)),)
         _print_columns("what measures lose by the blur", _columns(lost))
         say(f"[yellow]{BLURRED_RISK}[/]")
-    protect_files(written)
-    study = sessions[0].resolve().parent.parent
-    if is_study(study):
-        labels = sorted({Recording(session).manifest.participant for session in sessions})
-        register_export(study, SystemClock(), format_name, output, labels, written)
     say(f"{len(written)} files of {counted(len(sessions), 'session')} in [b]{verbatim(output)}[/]")
-    if not is_simulated and tier != "public":
-        say(f"[yellow]{RISK}[/]")
+    leave(format_name, sessions, output, written, tells_risk=tier != "public")
 
 
 def _written(

@@ -6,8 +6,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.progress import Progress
 
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
+from cli.app import (
+    AcceptDamage,
+    ConfigOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    console,
+    verbatim,
+)
 from cli.commands.preview import picture_size
+from cli.leaving import leave, require_whole
 from cli.studies import session_of
 from cli.telling import TELLING, Forecast
 from lab.errors import UsageError
@@ -39,6 +48,7 @@ def film(
     ] = None,
     rate: Annotated[int, typer.Option("--rate", help="Pictures a second.")] = 25,
     size: Annotated[str, typer.Option("--size", help="Width x height in pixels.")] = "960x540",
+    accept_damage: AcceptDamage = False,
     config: ConfigOption = None,
 ) -> None:
     """Film a recorded trial of any study by a camera of your choice, whatever was drawn in it.
@@ -63,6 +73,7 @@ def film(
     if decided.exists() and camera == "topology":
         raise UsageError(f"{decided} exists already; choose another name for the film")
     session_path = session_of(session_path, config, participant)
+    require_whole(session_path, accept=accept_damage)
     recording = KeptRecording(session_path)
     study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
     if changed:
@@ -84,6 +95,9 @@ def film(
     console.print(f"written [b]{verbatim(output)}[/], {made.pictures / rate:.1f} s", soft_wrap=True)
     if made.decisions is not None:
         made.decisions.write(decided)
+    files = [output] if made.decisions is None else [output, decided]
+    leave("film", [session_path], output.parent, files)
+    if made.decisions is not None:
         sheet = sheet_of(made.decisions, rate)
         console.print(
             f"written [b]{verbatim(decided)}[/]: {sheet['shots']} shots of "

@@ -6,7 +6,17 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, say, verbatim
+from cli.app import (
+    AcceptDamage,
+    ConfigOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    console,
+    say,
+    verbatim,
+)
+from cli.leaving import leave, require_whole
 from cli.studies import session_of
 from lab.errors import UsageError
 from recording.reader import Recording
@@ -19,6 +29,7 @@ def quality(
         Path, typer.Option("--output", "-o", help="Folder to write the page to.")
     ] = Path("gaze_quality"),
     participant: OfParticipant = "",
+    accept_damage: AcceptDamage = False,
     config: ConfigOption = None,
 ) -> None:
     """Write a page on a session's gaze: accuracy, precision, loss, rate, latency, pupil.
@@ -41,6 +52,7 @@ def quality(
     page = output / PAGE_NAME
     if page.exists():
         raise UsageError(f"{page} is already there; give another folder (-o)")
+    require_whole(session_path, accept=accept_damage)
     recording = Recording(session_path)
     streams = own_streams(recording)
     facts = stream_facts(streams)
@@ -57,3 +69,4 @@ def quality(
         table.add_row(name, value)
     console.print(table)
     say(f"the page is [b]{verbatim(page)}[/]")
+    leave("gaze quality", [session_path], output, [page])

@@ -6,7 +6,16 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, new_file, say_written
+from cli.app import (
+    AcceptDamage,
+    ConfigOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    new_file,
+    say_written,
+)
+from cli.leaving import leave, require_whole
 from cli.preview.pictures import SIMULATED, check_picture_name, write_below
 from cli.studies import session_of
 from recording.kept import KeptRecording
@@ -19,6 +28,7 @@ def redraw(
     png: Annotated[Path, typer.Option(help="Write both eyes side by side.")],
     part: Annotated[int | None, typer.Option(help="Part of a resumed session.")] = None,
     participant: OfParticipant = "",
+    accept_damage: AcceptDamage = False,
     config: ConfigOption = None,
 ) -> None:
     """Draw what a participant was shown in one frame, as it was.
@@ -34,6 +44,7 @@ def redraw(
     session_path = session_of(session_path, config, participant)
     check_picture_name(png)
     new_file(png)
+    require_whole(session_path, accept=accept_damage)
     recording = KeptRecording(session_path)
     images = draw_again(recording, frame, part=part)
     both = np.concatenate(images, axis=1)
@@ -42,3 +53,4 @@ def redraw(
     else:
         Image.fromarray(both).save(png)
     say_written(png)
+    leave("picture", [session_path], png.parent, [png])

@@ -7,7 +7,16 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, console, verbatim
+from cli.app import (
+    AcceptDamage,
+    ConfigOption,
+    OfParticipant,
+    SessionArgument,
+    app,
+    console,
+    verbatim,
+)
+from cli.leaving import leave, require_whole
 from cli.studies import session_of
 from lab.clock import NS_PER_S
 from lab.errors import UsageError
@@ -31,6 +40,7 @@ def view(
     ] = None,
     show: Annotated[bool, typer.Option("--show", help="Open it in the browser.")] = False,
     participant: OfParticipant = "",
+    accept_damage: AcceptDamage = False,
     config: ConfigOption = None,
 ) -> None:
     """Write a page that shows a session again: the scene, gaze, body, contacts, every stream.
@@ -53,6 +63,7 @@ def view(
         raise UsageError(f"{path} exists already; choose another name with -o")
     if not path.parent.is_dir():
         raise UsageError(f"there is no folder {path.parent}; make it first")
+    require_whole(session_path, accept=accept_damage)
     study, changed = study_of_folder(session_path.resolve().parent.parent, manifest.study)
     if changed:
         console.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)
@@ -72,6 +83,7 @@ def view(
             f"left out in space: {left_out[0]} to {left_out[-1]}; --trial {left_out[0]} shows it",
             soft_wrap=True,
         )
+    leave("page", [session_path], path.parent, [path])
     if show:
         webbrowser.open(path.resolve().as_uri())
 

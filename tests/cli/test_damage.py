@@ -10,7 +10,9 @@ from typer.testing import CliRunner, Result
 
 from cli.main import app
 from lab.errors import DataError
+from protocol.exports_register import registered_exports
 from recording.reader import Recording
+from visavis.scripts import open_study
 from visavis.sessions.study_check import study_problems
 
 SHORT = ["trial_s=1", "intertrial_s=0.5", "practice_s=1", "repetitions=1"]
@@ -123,3 +125,43 @@ def test_check_says_per_stream_and_trial_what_is_missing(damaged: Path, intact: 
     same = intact / session.parent.name / session.name
     assert "every file closed and verified" in visavis("check", str(same)).output
     assert "crashed" == Recording(session).status
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [
+        ("view", "-o", "page.html"),
+        ("film", "--trial", "T01", "-o", "trial.avi"),
+        ("replay", "--trial", "T01", "--video", "trial.avi"),
+        ("redraw", "--frame", "1", "--png", "frame.png"),
+        ("quality", "-o", "quality"),
+    ],
+    ids=lambda verb: verb[0],
+)
+def test_nothing_is_shown_of_a_damaged_recording_unasked(
+    verb: tuple[str, ...], damaged: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    session = sorted(damaged.glob("sub-*/ses-001"))[0]
+    refused = visavis(verb[0], str(session), *verb[1:])
+
+    assert isinstance(refused.exception, DataError), refused.output
+    assert "2 lines of the journal cannot be read" in str(refused.exception)
+    assert [] == list(tmp_path.iterdir())
+
+
+def test_what_is_left_of_a_damaged_recording_is_shown_where_that_is_asked(
+    damaged: Path, tmp_path: Path
+) -> None:
+    session = sorted(damaged.glob("sub-*/ses-001"))[0]
+    shown = visavis("quality", str(session), "-o", str(tmp_path / "quality"), "--accept-damage")
+
+    assert 0 == shown.exit_code, shown.output
+    assert "1 of 1 recordings is damaged" in shown.output.replace("\n", " ")
+    assert "gaze quality" == registered_exports(damaged)[-1].what
+
+
+def test_a_script_measures_nothing_of_a_damaged_recording_unasked(damaged: Path) -> None:
+    with pytest.raises(DataError, match="2 lines of the journal cannot be read"):
+        open_study(damaged).participants()
+    assert 2 == len(open_study(damaged, accept_damage=True).participants())

@@ -1,6 +1,7 @@
 """Films of recorded trials: every camera, the participant in it, decisions to film by again."""
 
 import json
+import stat
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -17,6 +18,7 @@ from cli.recorded_trial import recorded_trial, trial_row
 from cli.session_lanes import lanes_of
 from lab.errors import DesignError, UsageError
 from lab.geometry import Pose
+from protocol.exports_register import registered_exports
 from recording.folder import study_dir
 from recording.kept import KeptRecording
 from recording.reader import Recording
@@ -61,6 +63,10 @@ def test_a_film_by_the_topology_camera_is_cut_again_from_its_decisions(
     done = filmed(session, again, "--camera", str(tmp_path / "a.json"))
     assert done.exit_code == 0, done.output
     assert first.read_bytes() == again.read_bytes()
+    exports = registered_exports(session.parents[1])
+    assert [["a.avi", "a.json"], ["b.avi"]] == [[*e.files] for e in exports if e.where == tmp_path]
+    assert all("film" == export.what and export.labels for export in exports)
+    assert 0o600 == stat.S_IMODE(first.stat().st_mode)
 
 
 @pytest.mark.parametrize("camera", ["follow", "eyes", "above", "orbit"])

@@ -3,6 +3,7 @@
 import base64
 import json
 import shutil
+import stat
 import zlib
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from cli.app import app
 from cli.viewer.bundle import MISSING, Bundle
 from cli.viewer.models import LEVEL_OF_MANY, Models
 from cli.viewer.motion import key_samples, one_way_round
+from protocol.exports_register import registered_exports
 from recording.folder import study_dir
 from stage.errors import StageError
 from stage.renderer import LIGHTEST, Renderer
@@ -56,6 +58,13 @@ def test_a_page_holds_every_trial_stream_and_person(page: Path) -> None:
     assert {"gaze", "head", "gaze_targets"} <= {s["name"] for s in header["streams"]}
     assert 2 == len(header["people"])
     assert header["simulated"]
+
+
+def test_a_page_is_for_its_owner_and_in_the_register_that_withdrawals_read(page: Path) -> None:
+    (export,) = registered_exports(study_dir(page.parent, "duel", is_simulated=True))
+    assert ("page", page.parent, [page.name]) == (export.what, export.where, [*export.files])
+    assert export.labels
+    assert 0o600 == stat.S_IMODE(page.stat().st_mode)
 
 
 def test_a_page_asks_nothing_of_a_network(page: Path) -> None:

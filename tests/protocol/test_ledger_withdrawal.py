@@ -294,6 +294,21 @@ def test_registered_exports_of_the_person_go(book, data, out):
     assert [] == removal.unreached
 
 
+def test_a_film_goes_and_leaves_what_lies_beside_it(book, data, tmp_path, monkeypatch):
+    study, desk = data / "real" / "stare", tmp_path / "desk"
+    (desk / "empty").mkdir(parents=True)
+    film, alone = desk / "trial.mp4", tmp_path / "alone" / "page.html"
+    alone.parent.mkdir()
+    for path in (film, alone):
+        path.write_text("07H")
+        register_export(study, SimClock(), "film", path.parent, ["07H"], [path])
+    monkeypatch.chdir(alone.parent)
+    removal = book.withdraw("7", [data])
+    assert {film, alone} <= set(removal.removed)
+    assert [desk / "empty"] == list(desk.iterdir())
+    assert alone.parent.is_dir()
+
+
 def test_exports_that_moved_or_changed_are_listed(book, data, out):
     (out / "bids" / "participants.tsv").rename(out / "elsewhere.tsv")
     (out / "bids" / "sub-x" / "eye.tsv").write_text("2\n")

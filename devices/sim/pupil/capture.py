@@ -241,7 +241,7 @@ class PupilCoreSimulator:
         template = self._both
         if n > self._room[2].size:  # written anew by every call, which copies what it publishes
             self._room = self._made_room(2 * n)
-        values, packed, delay_ns = (room[:n] for room in self._room)
+        values, packed, delay_ns = self._room[0][:n], self._room[1][:n], self._room[2][:n]
         _measure(
             np.ndarray((n, 8), np.float64, np.ascontiguousarray(eyes)),
             noise,
