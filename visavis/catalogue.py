@@ -14,6 +14,7 @@ from lab.errors import DesignError, UsageError
 from lab.yaml_lines import did_you_mean
 from visavis.opened import OpenedStudy
 from visavis.sections import named
+from visavis.slips import MODULE_OF_STUDY, in_words, line_of
 from visavis.study import Study
 
 SHIPPED: Final[Mapping[str, str]] = {
@@ -24,8 +25,6 @@ SHIPPED: Final[Mapping[str, str]] = {
     "hybrid": "experiments.hybrid.study:study",
 }
 """The studies Visavis comes with, as an entry point would name them."""
-MODULE_OF_STUDY: Final = "visavis_study_"
-"""Begins the name under which a study's file is imported."""
 GROUP: Final = "visavis.studies"
 """Entry points of installed packages: a name, and a `Study` (or what makes one)."""
 
@@ -129,25 +128,13 @@ def _module_of(path: Path) -> ModuleType:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except DesignError as error:
-        raise DesignError(f"{path}: {error}") from error
     except SyntaxError as error:
         raise DesignError(f"{path}, line {error.lineno}: {error.msg}") from error
     except Exception as error:
-        line = _line_in(path, error)
-        raise DesignError(f"{path}{line}: {type(error).__name__}: {error}") from error
+        raise DesignError(f"{line_of(error) or path}: {in_words(error)}") from error
     finally:
         sys.path.remove(str(path.parent))
     return module
-
-
-def _line_in(path: Path, error: BaseException) -> str:
-    trace, line = error.__traceback__, ""
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename == str(path):
-            line = f", line {trace.tb_lineno}"
-        trace = trace.tb_next
-    return line
 
 
 def _of_object(reference: str) -> OpenedStudy:

@@ -83,6 +83,7 @@ class StudyExperiment:
             ways=Ways(float(p["answer_limit_s"]), None if p["answer_by"] == "ray" else DwellRule()),
             answer_by=str(p["answer_by"]),
             folder=self.study.files_folder,
+            measured=frozenset(m.role for m in self.study.measures if m.role),
         )
 
     @cached_property

@@ -115,6 +115,8 @@ class Measure:
     of: Of | None = None
     aggregate: Aggregate = "mean"
     needs_gaze: bool = False
+    role: str = ""
+    """Whose: a role of a scene, where it is about somebody."""
 
     @property
     def axis(self) -> str:
@@ -133,6 +135,12 @@ class Measure:
         return Column(self.column, self.unit, self.words[:1].lower() + self.words[1:])
 
 
+def whom(role: str) -> str:
+    """Return who plays a role, in words: "the active person", "the person"."""
+    words = role.replace("_", " ")
+    return f"the {words}" if words.split()[-1] in ("person", "people") else f"the {words} person"
+
+
 def _of_looks(role: str, scene: str, pad_deg: float, pick: Callable[[LookMeasures], Any]) -> Of:
     def of(record: TrialRecord) -> Scalar | None:
         looks = record.looks(role, scene, pad_deg)
@@ -149,8 +157,8 @@ def dwell_on(
 ) -> Measure:
     """Return the time of valid gaze on the head of the agent that plays a role."""
     return Measure(
-        column, "ms", f"Dwell time on the {role} person",
-        _of_looks(role, scene, pad_deg, lambda looks: looks.dwell_ms), needs_gaze=True,
+        column, "ms", f"Dwell time on {whom(role)}",
+        _of_looks(role, scene, pad_deg, lambda looks: looks.dwell_ms), needs_gaze=True, role=role,
     )  # fmt: skip
 
 
@@ -163,9 +171,9 @@ def fixations_on(
 ) -> Measure:
     """Return how many fixations fell on the head of the agent that plays a role."""
     return Measure(
-        column, "1", f"Fixations on the {role} person",
+        column, "1", f"Fixations on {whom(role)}",
         _of_looks(role, scene, pad_deg, lambda looks: looks.as_row()["fixation_count"]),
-        needs_gaze=True,
+        needs_gaze=True, role=role,
     )  # fmt: skip
 
 
@@ -178,9 +186,9 @@ def first_fixation_on(
 ) -> Measure:
     """Return when the first fixation on a head began, from the scene's onset; missing without."""
     return Measure(
-        column, "ms", f"Time to the first fixation on the {role} person",
+        column, "ms", f"Time to the first fixation on {whom(role)}",
         _of_looks(role, scene, pad_deg, lambda looks: looks.first_fixation_time_ms),
-        needs_gaze=True,
+        needs_gaze=True, role=role,
     )  # fmt: skip
 
 

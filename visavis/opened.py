@@ -11,7 +11,8 @@ import pandas as pd
 
 from analysis.report.sources import provenance_of_sessions
 from lab.config import LabConfig
-from lab.errors import DataError
+from lab.errors import DataError, DesignError
+from lab.yaml_lines import did_you_mean
 from protocol.experiment import ValidationPoint, ValidationVerdict
 from protocol.participants import SimulatedParticipant
 from protocol.questionnaires import Questionnaire
@@ -29,6 +30,7 @@ from visavis.person import StudyPerson
 from visavis.picture_delay import SETTING, delay_of
 from visavis.pieces import MeasuredTrial, Pieces
 from visavis.scenes import Scene, Staging, stage
+from visavis.slips import line_saying
 from visavis.study import Study
 from visavis.validation import judge_validation
 
@@ -60,7 +62,33 @@ class OpenedStudy:
             ConfigError: a parameter, a value or a text does not exist.
             DesignError: a trial cannot be run through.
         """
-        return StudyExperiment(self.study, dict(overrides))
+        made = StudyExperiment(self.study, dict(overrides))
+        self._refuse_slips(made)
+        return made
+
+    def _refuse_slips(self, made: StudyExperiment) -> None:
+        """Refuse comparisons and measures of what the study does not have.
+
+        Raises:
+            DesignError: naming the line of the study file, and the nearest there is.
+        """
+        measured = tuple(m.column for m in self.measures(made))
+        factors = (*(f.name for f in self.study.factors), *self.study.derived)
+        slips = [
+            *((c.dv, "measure", measured) for c in self.study.compare),
+            *((name, "factor", factors) for c in self.study.compare
+              for name in (*c.within, *c.between, *c.only)),
+        ]  # fmt: skip
+        roles = frozenset().union(*(t.roles for t in made.read.values()))
+        if roles:
+            who = tuple(sorted(roles))
+            slips += [(m.role, "role", who) for m in self.study.measures if m.role]
+        for name, kind, known in slips:
+            if name not in known:
+                place = line_saying(self.study.path, name) or f"study {self.study.name}"
+                near = did_you_mean(name, known)
+                there = f" there are {', '.join(known)}" if "known:" not in near else ""
+                raise DesignError(f"{place}: there is no {kind} {name!r}{near}{there}")
 
     def participant(
         self, index: int, seed: int, *, effect: bool, experiment: Any = None

@@ -20,6 +20,7 @@ from visavis.asking import Answer
 from visavis.films import Shown
 from visavis.responses import Response
 from visavis.scenes import Scene, Staging, stage
+from visavis.slips import in_words, line_of, line_reached
 from visavis.trial import Action, Settings, ShownScene, TrialPlan, TrialScript
 
 MAX_STEPS: Final = 100_000
@@ -41,6 +42,8 @@ class TrialRead:
     lit: SceneFrame | None = None
     """The first lit frame of a trial that shows scenes frame by frame itself."""
     films: tuple[Shown, ...] = ()
+    roles: frozenset[str] = frozenset()
+    """Who is who in any of the scenes."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -66,6 +69,7 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
     responses: list[Response] = []
     scenes: list[Scene] = []
     films: list[Shown] = []
+    roles: set[str] = set()
     reply: Any = None
     steps: Any = plan(script)
     try:
@@ -81,6 +85,7 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
                     staging = Staging(np.random.default_rng(0), step.seconds, 0, settings.folder)
                     staged = stage(step.scene, staging, settings.makers)
                     agents = max(agents, len(staged.scene.agents))
+                    roles |= set(staged.roles)
                     reply = ShownScene(0, round(step.seconds * NS_PER_S), staged.roles, script.view)
                 answers = {}
                 for response in step.responses:
@@ -107,10 +112,17 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
         raise DesignError(f"after {MAX_STEPS} steps it has not ended")
     except StopIteration:
         return TrialRead(
-            seconds, tuple(responses), tuple(scenes), agents, vibrates, lit, tuple(films)
-        )
-    except DesignError as error:
-        raise DesignError(f"trial {dict(trial.factors)}: {error}") from error
+            seconds, tuple(responses), tuple(scenes), agents, vibrates, lit, tuple(films),
+            frozenset(roles),
+        )  # fmt: skip
+    except (DesignError, TypeError) as error:
+        told = in_words(error)
+        if isinstance(error, TypeError) and told.startswith(TypeError.__name__):
+            raise  # nothing better can be said of it
+        place = line_of(error) or line_reached(steps)
+        at = f"{place}: " if place else ""
+        condition = ", ".join(f"{name} {level}" for name, level in trial.factors.items())
+        raise DesignError(f"{at}trial of {condition}: {told}") from error
 
 
 def read_trials(

@@ -6,6 +6,7 @@ A study writes `Scene("two_people", active="left", eyes="directed")`; a maker tu
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from inspect import signature
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -42,6 +43,7 @@ from stimuli.scenes.audience import (
     audience_scene,
 )
 from stimuli.scenes.gathering import GatheringScene, Standing
+from visavis.slips import not_taken, taken_by
 
 FOLLOW_STEP_M: Final = 0.005
 """Eyes on the participant follow their head in steps of this size: 0.2° at 1.4 m."""
@@ -249,10 +251,27 @@ def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
     if maker is None:
         raise DesignError(f"there is no scene {name!r}{did_you_mean(name, makers)}; there are "
                           f"{', '.join(makers)}")  # fmt: skip
+    if (known := _taken(name, maker, wanted.options)) is not None:
+        for option in wanted.options:
+            if option not in known:
+                raise DesignError(not_taken(f"scene {name}", option, known))
     try:
         return maker(staging, **wanted.options)
     except TypeError as error:
         raise DesignError(f"scene {name}: {str(error).partition('() ')[2] or error}") from error
+
+
+def _taken(name: str, maker: Maker, options: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """Return the options a scene takes; None where its maker takes whatever it is given."""
+    known = taken_by(maker)[1:]
+    passes_on = any(q.kind is q.VAR_KEYWORD for q in signature(maker).parameters.values())
+    if not passes_on:
+        return known
+    if maker is not person:
+        return None
+    does = MOTIONS.get(str(options.get("motion", "idle")))
+    of_motion = taken_by(read_motion)[2:] if does is None else taken_by(does)
+    return (*known, *of_motion)
 
 
 def gathered(

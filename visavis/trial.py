@@ -6,6 +6,7 @@ board that follows a ray) happens inside, so a trial reads as its protocol does.
 `protocol.steps` may be yielded too, where a study needs the frame itself.
 """
 
+import difflib
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -98,6 +99,10 @@ class Action:
         return () if self.response is None else (self.response,)
 
 
+class UnknownNameError(DesignError, AttributeError):
+    """A trial was asked for a factor, a parameter or a step that there is not."""
+
+
 @dataclass(frozen=True)
 class Settings:
     """What every trial of a study shares: its parameters, words, scenes and ways of answering.
@@ -115,6 +120,8 @@ class Settings:
     folder: Path
     memory: dict[str, Any] = field(default_factory=dict)
     beside: Beside = field(default_factory=Beside)
+    measured: frozenset[str] = frozenset()
+    """Roles that something is measured of: a row names them where they are places, too."""
 
 
 @dataclass(frozen=True)
@@ -152,8 +159,13 @@ class TrialScript:
             return self.trial.factors[name]
         if name in self.settings.parameters:
             return self.settings.parameters[name]
-        known = ", ".join((*self.trial.factors, *self.settings.parameters))
-        raise AttributeError(f"this trial has no factor or parameter {name!r}; it has {known}")
+        own = (*self.trial.factors, *self.settings.parameters)
+        steps = tuple(n for n in vars(TrialScript) if not n.startswith("_"))
+        near = difflib.get_close_matches(name, (*own, *steps), n=1)
+        raise UnknownNameError(
+            f"this trial has no factor, parameter or step {name!r}"
+            + (f"; did you mean {near[0]}?" if near else f"; it has {', '.join(own)}")
+        )
 
     @property
     def is_practice(self) -> bool:
@@ -339,7 +351,8 @@ class TrialScript:
             f"{name}_off_ns": off_ns,
             f"{name}_frames": frames,
             **{f"{name}_{role}": index for role, index in staged.roles.items()
-               if role not in {a.place for a in staged.scene.agents}},
+               if role in self.settings.measured
+               or role not in {a.place for a in staged.scene.agents}},
             "t_end_ns": off_ns,
         }  # fmt: skip
         return ShownScene(on_ns, off_ns, staged.roles, view)

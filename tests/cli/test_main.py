@@ -103,6 +103,6 @@ def test_a_slip_in_a_study_file_is_told_with_its_line_and_is_no_defect_of_ours(
 
     said = capsys.readouterr().err
     assert 2 == ended.value.code
-    assert f"{study}, line 9 in trial" in said.replace("\n", "")
-    assert "no factor or parameter 'scene_s'" in said.replace("\n", " ")
+    assert f"{study}, line 9: trial of gaze averted" in said.replace("\n", "")
+    assert "no factor, parameter or step 'scene_s'" in said.replace("\n", " ")
     assert "internal error" not in said

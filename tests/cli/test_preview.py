@@ -138,7 +138,7 @@ def test_sheet_of_people_shows_everybody_from_two_sides(
 def test_a_request_that_cannot_be_met_says_what_to_ask_instead(
     arguments: tuple[object, ...], message: str
 ) -> None:
-    with pytest.raises(UsageError, match=message):
+    with pytest.raises(LabError, match=message):
         preview(*arguments)
 
 

@@ -131,7 +131,7 @@ def test_reading_a_trial_finds_its_responses_and_its_duration() -> None:
 def test_trial_without_such_a_factor_says_what_there_is() -> None:
     experiment = opened("duel").experiment({})
     script = TrialScript(experiment.plan(0, 1).trials[0], experiment.settings)
-    with pytest.raises(AttributeError, match="no factor or parameter 'colour'"):
+    with pytest.raises(AttributeError, match="no factor, parameter or step 'colour'"):
         _ = script.colour
 
 

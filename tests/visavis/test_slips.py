@@ -1,0 +1,76 @@
+"""Slips in a study file are refused before anybody comes, with the line and what was meant."""
+
+from pathlib import Path
+
+import pytest
+
+from lab.errors import DesignError
+from visavis.catalogue import find_study
+
+STUDY = """from visavis import Compare, Factor, Rating, Scene, Study, dwell_on
+
+study = Study(
+    "mood",
+    factors=[Factor("distance", [1.0, 2.5]), Factor("eyes", ["averted", "directed"])],
+    practice=1,
+    measures=[dwell_on("active")],
+    compare=[
+        Compare("comfort", within=["distance", "eyes"]),
+        Compare("dwell_ms", within="eyes"),
+    ],
+)
+
+
+@study.trial
+def trial(t):
+    yield t.show(Scene("person", distance_m=t.distance, eyes=t.eyes), seconds=1.5)
+    yield t.ask(Rating("comfort", 1, 7))
+"""
+SLIPS = [
+    ('Compare("comfort"', 'Compare("comfrot"', 9, "no measure 'comfrot'; did you mean 'comfort'?"),
+    ('within="eyes"', 'within="eye"', 10, "no factor 'eye'; did you mean 'eyes'?"),
+    ('dwell_on("active")', 'dwell_on("actve")', 7, "no role 'actve'; did you mean 'active'?"),
+    ("distance_m=", "distance=", 17, "scene person takes no 'distance'; did you mean 'distance_m'"),
+    ("eyes=t.eyes", "eys=t.eyes", 17, "scene person takes no 'eys'; did you mean 'eyes'"),
+    ('"person"', '"persn"', 17, "no scene 'persn'; did you mean 'person'"),
+    ("t.distance", "t.distnace", 17, "step 'distnace'; did you mean distance?"),
+    ("t.show", "t.shwo", 17, "step 'shwo'; did you mean show?"),
+    ("seconds=1.5", "second=1.5", 17, "show takes no 'second'; did you mean 'seconds'"),
+    ("1, 7)", "1, hgh=7)", 18, "Rating takes no 'hgh'; did you mean 'high'"),
+    ("practice=1", "practise=1", 3, "Study takes no 'practise'; did you mean 'practice'"),
+    ('within="eyes"', 'witin="eyes"', 10, "Compare takes no 'witin'; did you mean 'within'"),
+]
+
+
+@pytest.mark.parametrize(("right", "wrong", "line", "said"), SLIPS, ids=[s[1] for s in SLIPS])
+def test_a_slip_is_refused_with_its_line_and_what_was_meant(
+    tmp_path: Path, right: str, wrong: str, line: int, said: str
+) -> None:
+    path = tmp_path / "mood.py"
+    assert right in STUDY
+    path.write_text(STUDY.replace(right, wrong, 1), "utf-8")
+
+    with pytest.raises(DesignError) as refused:
+        find_study(str(path)).experiment({})
+
+    assert f"{path}, line {line}" in str(refused.value)
+    assert said in str(refused.value)
+
+
+def test_a_study_without_slips_is_taken(tmp_path: Path) -> None:
+    path = tmp_path / "mood.py"
+    path.write_text(STUDY, "utf-8")
+
+    assert 4 == len(find_study(str(path)).experiment({}).read)
+
+
+@pytest.mark.parametrize("name", ["stare", "crowd", "waving", "interpolation", "hybrid"])
+def test_no_shipped_study_has_slips(name: str) -> None:
+    assert find_study(name).experiment({}).read
+
+
+def test_a_motion_s_own_settings_are_taken_by_its_scene(tmp_path: Path) -> None:
+    path = tmp_path / "mood.py"
+    path.write_text(STUDY.replace('"person"', '"person", motion="idle", lively=0.5'), "utf-8")
+
+    assert find_study(str(path)).experiment({}).read

@@ -1,0 +1,89 @@
+"""Slips in a study file: where they stand, and what was meant."""
+
+import ast
+import inspect
+import re
+from collections.abc import Callable, Generator, Iterable
+from pathlib import Path
+from typing import Any, Final
+
+from lab.errors import LabError
+from lab.yaml_lines import did_you_mean
+
+MODULE_OF_STUDY: Final = "visavis_study_"
+"""How the names of modules begin that study files are read as."""
+_NOT_TAKEN: Final = re.compile(
+    r"(?:(?P<owner>\w+)\.)?(?P<called>\w+)\(\) got an unexpected keyword argument '(?P<given>\w+)'"
+)
+
+
+def not_taken(what: str, given: str, known: Iterable[str]) -> str:
+    """Say that something takes no such argument, with the nearest one and all there are."""
+    names = tuple(known)
+    near = did_you_mean(given, names).partition("?")
+    guess = near[0] + near[1] if near[1] else ""
+    return f"{what} takes no {given!r}{guess}{';' if not guess else ''} it takes {', '.join(names)}"
+
+
+def in_words(error: BaseException) -> str:
+    """Return what was wrong, in the words of whoever writes a study.
+
+    Of an argument that something of the kit does not take, the message says which there are.
+    """
+    found = _NOT_TAKEN.search(str(error)) if isinstance(error, TypeError) else None
+    taker = None if found is None else _of_kit(found["owner"] or "", found["called"])
+    if found is not None and taker is not None:
+        called = found["owner"] if found["called"] == "__init__" else found["called"]
+        return not_taken(str(called), found["given"], taken_by(taker))
+    own = isinstance(error, LabError)
+    return str(error) if own else f"{type(error).__name__}: {error}"
+
+
+def taken_by(called: Callable[..., Any]) -> tuple[str, ...]:
+    """Return the arguments that a function or class takes by name."""
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    parameters = inspect.signature(called).parameters.values()
+    return tuple(p.name for p in parameters if p.kind in kinds and p.name != "self")
+
+
+def _of_kit(owner: str, called: str) -> Callable[..., Any] | None:
+    import visavis  # late: what it offers is imported when it is asked for
+    from visavis.trial import TrialScript
+
+    for name in filter(None, (owner, called)):
+        if name in dir(visavis):
+            found = getattr(visavis, name)
+            taker = found if called in ("__init__", name) else getattr(found, called, None)
+            return taker if callable(taker) else None
+    step = getattr(TrialScript, called, None) if owner in ("", "TrialScript") else None
+    return step if callable(step) else None
+
+
+def line_of(error: BaseException) -> str:
+    """Return "FILE, line N" of the innermost frame of a study file that an error passed, or ""."""
+    trace, place = error.__traceback__, ""
+    while trace is not None:
+        if str(trace.tb_frame.f_globals.get("__name__", "")).startswith(MODULE_OF_STUDY):
+            place = f"{trace.tb_frame.f_code.co_filename}, line {trace.tb_lineno}"
+        trace = trace.tb_next
+    return place
+
+
+def line_reached(steps: Generator[Any, Any, Any]) -> str:
+    """Return "FILE, line N" at which a generator of a study file waits, or ""."""
+    place = ""
+    at: object = steps
+    while inspect.isgenerator(at) and at.gi_frame is not None:
+        if str(at.gi_frame.f_globals.get("__name__", "")).startswith(MODULE_OF_STUDY):
+            place = f"{at.gi_code.co_filename}, line {at.gi_frame.f_lineno}"
+        at = at.gi_yieldfrom
+    return place
+
+
+def line_saying(path: Path | None, word: str) -> str:
+    """Return "FILE, line N" of the first text of a study file that is this word, or ""."""
+    if path is None or not path.is_file():
+        return ""
+    texts = ast.walk(ast.parse(path.read_text("utf-8")))
+    lines = [n.lineno for n in texts if isinstance(n, ast.Constant) and n.value == word]
+    return f"{path}, line {min(lines)}" if lines else ""
