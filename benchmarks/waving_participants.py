@@ -4,7 +4,8 @@
 
 Over the quick path (`benchmarks.waving_quick`): what can be seen of the 54 waves is
 rendered once, people and answers are drawn anew for every seed. Prints mean accuracies beside
-the published ones and how often each effect is significant; `--session` also times a whole
+the published ones and how often each effect is significant, with the closed-form power of the F
+that the source prints; `--session` also times a whole
 simulated session of 54 trials in processor seconds. `--json` for machines.
 """
 
@@ -18,10 +19,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.waving_quick import STIMULI, evidence_for, quick_analysis, quick_study
+from cli.quick_tracker import tracker_of
 from experiments.waving.clips import TECHNIQUES
-from experiments.waving.study import DIRECTIONS, MEAN_ACCURACY
+from experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY
 from lab.clock import cpu_time_s
 from lab.config_files import EXAMPLE
+from visavis.power import KitPower
 
 MEAN_LIMIT = 0.08
 SD_LIMIT = 0.08
@@ -61,6 +64,7 @@ def study_rows(seeds: range, participants: int) -> list[dict[str, object]]:
                 key = (finding.compare.dv, term.name)
                 hits[key] = hits.get(key, 0) + int(term.is_significant)
     rows: list[dict[str, object]] = []
+    printed = KitPower("waving", tracker_of).printed
     for name, values in means.items():
         row: dict[str, object] = {"name": name, "value": float(np.mean(values))}
         row |= {"spread": float(np.std(values))}
@@ -82,6 +86,9 @@ def study_rows(seeds: range, participants: int) -> list[dict[str, object]]:
                 word, limit = SHARE_LIMITS[key]
                 holds = share >= limit if word == "at least" else share <= limit
                 row |= {"beside": f"{word} {limit}", "holds": holds}
+            if f"{measure}:{term}" in printed:
+                closed = printed[f"{measure}:{term}"].power(participants, COMPARED.alpha)
+                row["beside"] = f"{row.get('beside', '')} (printed F alone: {closed:.2f})".strip()
             rows.append(row)
     return rows
 

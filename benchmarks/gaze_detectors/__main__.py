@@ -209,6 +209,16 @@ def verdicts(rows: Sequence[Row]) -> list[str]:
     ]
     least = min(f1, key=lambda k: f1[k])
     lines.append(f"fixation F1, least: {f1[least]:.3f}, {least} (goal {GOALS['least']})")
+    among = {r.data: r.fixation_f1 for r in rows if r.detector == PEOPLE and r.data in f1}
+    if among:
+        own = np.mean([f1[k] for k in among])
+        most = np.mean([among.get(k, 1.0) for k in f1])
+        lines += [
+            f"where several people labelled ({len(among)} sets), they agree with each other by "
+            f"{np.mean(list(among.values())):.3f}, auto with them by {own:.3f}",
+            f"who agreed with people as they do there, and never erred elsewhere: {most:.3f} on "
+            f"average",
+        ]
     lines += [
         f"pursuit on gazecom: {r.pursuit_sample_f1:.3f} by samples, {r.pursuit_f1:.3f} by events "
         f"(goal {GOALS['pursuit']})"

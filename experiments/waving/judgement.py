@@ -29,17 +29,17 @@ class Population:
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (3.0, 1.2, 11.0, 0.92)
+    blur_deg: tuple[float, float, float, float] = (2.46, 0.585, 37.3, 1.42)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (3.3, 4.1, 32.0, 25.0)
-    sharpness: float = 2.4
-    reach_power: float = 40.0
-    least_reach_01: float = 0.885
-    self_bias: float = 1.3
+    looseness_deg: tuple[float, float, float, float] = (1.37, 11.3, 12.3, 19.5)
+    sharpness: float = 0.917
+    reach_power: float = 47.5
+    least_reach_01: float = 0.601
+    self_bias: float = 1.49
     self_bias_sd: float = 0.12
-    acuity_sd: float = 0.9
-    lapse_01: float = 0.015
-    lapse_sd: float = 0.7
+    acuity_sd: float = 1.065
+    lapse_01: float = 0.0028
+    lapse_sd: float = 0.188
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2

@@ -5,16 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.statistics import art_anova
 from benchmarks.waving_fit import (
     CHECK_SEED,
     FIT_SEED,
+    PRINTED,
+    PRINTED_DZ,
     Expected,
     Waves,
-    expected,
+    art_p,
     loss_terms,
     point_of,
     population_of,
-    right_shares,
+    understood,
     varied,
 )
 from experiments.waving.judgement import DEFAULT_POPULATION, Person, judge, lapse_share
@@ -25,8 +28,8 @@ BEARING = np.array([-24.0, -12.5, 0.0, 12.5, 24.0])
 POPULATION = replace(DEFAULT_POPULATION, lapse_01=0.1)
 
 
-def waves(readings=3000, people=((0.5, 0.3),), seed=4):
-    """Return two waves: one in plain sight, one mostly hidden."""
+def waves(n=3000, person=(0.5, 0.3, 0.0), seed=4):
+    """Return two waves, one in plain sight, one mostly hidden, each seen once by many alike."""
     rng = np.random.default_rng(seed)
     many = np.array(DEFAULT_POPULATION.pixels)
     return Waves(
@@ -37,8 +40,10 @@ def waves(readings=3000, people=((0.5, 0.3),), seed=4):
         own=np.array([2, 2]),
         target=np.array([1, 3]),
         cell=np.array([0, 1]),
-        people=np.array(people),
-        readings=rng.standard_normal((len(people), 2, readings, 4)),
+        people=np.tile(person, (n, 1)),
+        readings=rng.standard_normal((n, 2, 4)),
+        attention=rng.random((n, 2)),
+        guesses=rng.integers(5, size=(n, 2)),
     )
 
 
@@ -53,7 +58,20 @@ def test_shares_of_right_answers_are_those_of_the_judge(k):
     rng = np.random.default_rng(1)
     told = [judge(evidence, 2, person, POPULATION, rng).place for _ in range(3000)]
     share = np.mean(np.array(told) == w.target[k])
-    assert share == pytest.approx(right_shares(w, POPULATION)[0, k], abs=0.04)
+    assert share == pytest.approx(understood(w, POPULATION)[:, k].mean(), abs=0.04)
+
+
+def test_the_search_tests_its_studies_as_the_report_does():
+    rng = np.random.default_rng(3)
+    shares = rng.binomial(9, 0.3 + 0.4 * rng.random((4, 16, 2, 3))) / 9
+    _, person, technique, direction = np.indices(shares.shape)
+    for k, y in enumerate(shares):
+        tidy = {"s": person[k].ravel(), "A": technique[k].ravel(), "B": direction[k].ravel()}
+        made = art_anova(
+            tidy | {"y": y.ravel()}, "y", subject="s", within=("A", "B"), correction="none"
+        )
+        ps = [made.effect(name).p for name in ("A", "B", "A:B")]
+        assert ps == pytest.approx(art_p(shares)[:, k].tolist(), rel=1e-9)
 
 
 def test_a_point_of_the_search_is_its_population_again():
@@ -73,27 +91,21 @@ def test_a_variant_of_no_known_number_is_refused(text):
         varied(text)
 
 
-def test_a_technique_that_does_harm_has_no_power_that_counts():
-    power = (0.99, 1.0, 0.05)
-    better = Expected(np.array([[0.6, 0.6, 0.5], [0.7, 0.7, 0.6]]), np.ones(2), np.ones(2), power)
-    worse = replace(better, accuracy=better.accuracy[::-1])
-    still = np.zeros(15)
-    assert 0.0 == loss_terms(better, still, still)["power of technique"]
-    assert loss_terms(worse, still, still)["power of technique"] > 100
-
-
-def test_more_people_have_more_power():
-    rng = np.random.default_rng(2)
-    w = waves(readings=20, people=rng.standard_normal((30, 2)))
-    six = replace(
-        w,
-        **{name: np.repeat(getattr(w, name), 3, axis=0)
-           for name in ("pixels", "pointing_deg", "bearing_deg", "reach_01", "own", "target")},
-        cell=np.arange(6),
-        readings=np.repeat(w.readings, 3, axis=1),
+def test_a_technique_that_does_harm_is_no_fit():
+    power = (PRINTED.power(16, 0.05), 1.0, 0.05)
+    better = Expected(
+        np.array([[0.6, 0.6, 0.5], [0.7, 0.7, 0.6]]), np.ones(2), np.ones(2), power,
+        PRINTED_DZ, 0.0, 0.25,
     )  # fmt: skip
-    few, many = (expected(six, POPULATION, people).power[0] for people in (8, 32))
-    assert 0.05 < few < many <= 1.0
+    worse = replace(better, accuracy=better.accuracy[::-1], gain_dz=-PRINTED_DZ)
+    still = np.zeros(15)
+    assert 0.0 == loss_terms(better, still, still)["difference of techniques"]
+    assert loss_terms(worse, still, still)["difference of techniques"] > 100
+
+
+def test_the_printed_f_of_technique_implies_the_difference_that_is_wanted():
+    assert 0.666 == pytest.approx(PRINTED_DZ, abs=0.001)
+    assert 0.70 == pytest.approx(PRINTED.power(16, 0.05), abs=0.01)
 
 
 def test_fits_and_checks_share_no_seed_with_the_evaluation():
