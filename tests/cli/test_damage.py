@@ -132,7 +132,6 @@ def test_check_says_per_stream_and_trial_what_is_missing(damaged: Path, intact: 
     [
         ("view", "-o", "page.html"),
         ("film", "--trial", "T01", "-o", "trial.avi"),
-        ("replay", "--trial", "T01", "--video", "trial.avi"),
         ("redraw", "--frame", "1", "--png", "frame.png"),
         ("quality", "-o", "quality"),
     ],
