@@ -29,7 +29,7 @@ from devices.transports import MemoryTransport, MessageTransport, ZmqTransport
 from lab.clock import StopWatch, SystemClock
 from lab.frame import FrameInfo
 from protocol.gaze_setup import TargetTiming
-from protocol.operator import UnattendedOperator
+from protocol.operator import Operator, UnattendedOperator
 from protocol.rig import Rig
 from protocol.session import Session
 from protocol.session_setup import SessionSetup
@@ -79,7 +79,9 @@ class WatchedHeadset(SimulatedHeadset):
         return frame
 
 
-def work_per_frame_ms(wire: str, seconds: float, root: Path) -> tuple[list[float], int]:
+def work_per_frame_ms(
+    wire: str, seconds: float, root: Path, operator: Operator | None = None
+) -> tuple[list[float], int]:
     """Run a session; return the work of every frame in trials, and how many were dropped."""
     study = find_study("stare")
     clock = SystemClock()
@@ -116,7 +118,7 @@ def work_per_frame_ms(wire: str, seconds: float, root: Path) -> tuple[list[float
                 stage=GeometryStage([body]),
                 recorder=recorder,
                 clock=clock,
-                operator=UnattendedOperator(),
+                operator=operator or UnattendedOperator(),
                 respondent=body,
                 judge_validation=study.judge_validation,
                 participant=body,

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -93,7 +93,7 @@ class SessionLink:
         """How often a status is wanted."""
         return STATUS_PERIOD_NS
 
-    def __enter__(self) -> "SessionLink":
+    def __enter__(self) -> Self:
         self._thread.start()
         self._listens.wait(PATIENCE_S)
         return self

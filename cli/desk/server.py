@@ -56,6 +56,7 @@ class DeskServer:
         try:
             await self._watch.run()
         finally:
+            await self._watch.wake()  # pages that wait for news are answered, not waited for
             await self._server.stop()
 
     # ---- what the page asks ------------------------------------------------------------------

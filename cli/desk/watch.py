@@ -45,6 +45,10 @@ class SessionWatch:
                     self._changed.wait_for(lambda: self.number != number), timeout_s
                 )
 
+    async def wake(self) -> None:
+        """End everybody's waiting, though nothing has changed."""
+        await self._note(self.about, self.status)
+
     async def tell(self, command: Command) -> bool:
         """Send a command; tell whether a session was there to take it."""
         if self._writer is None:

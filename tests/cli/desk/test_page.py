@@ -1,0 +1,292 @@
+"""The desk's page in a real browser: what an operator reads, presses and types."""
+
+import asyncio
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cli.desk import server as desk_server
+from cli.desk.link import About, SessionLink
+from cli.desk.server import DeskServer
+from devices.contracts import Fault
+from lab.clock import StopWatch
+from lab.config_files import EXAMPLE
+from protocol.operator import Action, Command, SessionStatus, UnattendedOperator
+from recording.reader import Recording
+from tests.cli.desk.test_link import seen
+from tests.cli.test_operator_screen import STATUS
+from tests.faults.sessions import lab
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
+PATIENCE_S = 120.0
+WIDTHS_PX = (1366, 820, 390)
+FINDINGS = [
+    {"level": "ok", "subject": "clock", "found": "steps of 1 ns", "remedy": ""},
+    {"level": "missing", "subject": "disk", "found": "0.2 GB are free", "remedy": "free space"},
+]
+DOCTOR = {
+    "made_wall_iso": "2026-01-01T09:00:00+00:00",
+    "count": {"missing": 1, "warning": 0, "ok": 1},
+    "findings": FINDINGS,
+}
+
+pytestmark = [
+    pytest.mark.slow,  # a browser
+    pytest.mark.timeout(600),
+    pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed here"),
+]
+
+
+@pytest.fixture
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as started:
+        opened = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Serve a desk beside the test, as a terminal of its own would."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(desk_server, "_examined", lambda lab: DOCTOR)
+    found: list[str] = []
+    stops: list[Any] = []
+    listens = threading.Event()
+
+    async def serve() -> None:
+        desk = DeskServer(lab(tmp_path))
+        found.append(await desk.start())
+        running = asyncio.create_task(desk.run())
+        stops.append((asyncio.get_running_loop(), running))
+        listens.set()
+        with contextlib.suppress(asyncio.CancelledError):
+            await running
+
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    assert listens.wait(PATIENCE_S)
+    yield found[0]
+    loop, running = stops[0]
+    loop.call_soon_threadsafe(running.cancel)
+    thread.join()
+
+
+@contextlib.contextmanager
+def session(root: Path, *, is_blind: bool = False) -> Iterator[SessionLink]:
+    """Let a session go on for the desk."""
+    about = About("stare", "S07H", 1, str(root), is_simulated=True, is_blind=is_blind)
+    with SessionLink(UnattendedOperator(), about, root) as link:
+        yield link
+
+
+def opened(browser: Any, address: str, **options: Any) -> Any:
+    page = browser.new_page(**options)
+    page.set_default_timeout(PATIENCE_S * 1000)
+    page.goto(address)
+    return page
+
+
+def shown(page: Any, place: str, text: str) -> None:
+    """Wait until a place says something."""
+    page.locator(place).filter(has_text=text).first.wait_for()
+
+
+def command(link: SessionLink) -> Command:
+    watch = StopWatch()
+    while watch.elapsed_s() < PATIENCE_S:
+        asked = list(link.poll())
+        if asked:
+            assert 1 == len(asked)
+            return asked[0]
+    raise AssertionError("nothing was asked for")
+
+
+def test_the_page_says_what_the_terminal_says(address: str, browser: Any, tmp_path: Path) -> None:
+    asked: list[str] = []
+    problems: list[str] = []
+    with session(tmp_path) as link:
+        link.show(replace(seen(True), flags=("left_eye_lost",), prompt="Break."))
+        page = browser.new_page()
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.goto(address)
+        for place, text in (
+            ("#f-participant", "S07H"),
+            ("#f-trial", "T05"),
+            ("#f-condition", "AD, place left_far"),
+            ("#f-done", "5 of 73"),
+            ("#f-left", "10 s"),
+            ("#f-session", "about 20 min"),
+            ("#streams", "119.9 Hz"),
+            ("#streams", "nothing yet"),
+            ("#calibration", "accuracy 0.80°"),
+            ("#faults", "check the cable"),
+            ("#flags", "left_eye_lost"),
+            ("#messages", "noted in T05: sneezed"),
+            ("#prompt", "Break."),
+            ("#above-text", "looks at right close"),
+            ("#rehearsal", "SIMULATED"),
+        ):
+            shown(page, place, text)
+    assert [] == problems
+    assert all(url.startswith((address.split("#")[0], "data:")) for url in asked)
+
+
+def test_a_blinded_condition_stays_hidden(address: str, browser: Any, tmp_path: Path) -> None:
+    with session(tmp_path, is_blind=True) as link:
+        link.show(replace(STATUS, condition=""))
+        shown(opened(browser, address), "#f-condition", "hidden")
+
+
+def test_every_button_and_key_asks_for_what_the_terminals_keys_do(
+    address: str, browser: Any, tmp_path: Path
+) -> None:
+    with session(tmp_path) as link:
+        link.show(replace(STATUS, prompt="Paused. Press space to go on."))
+        page = opened(browser, address)
+        page.wait_for_selector("#do-advance:visible")
+        for action in (
+            Action.PAUSE,
+            Action.FLAG,
+            Action.REPEAT,
+            Action.RECALIBRATE,
+            Action.SILENCE,
+        ):
+            page.click(f"#do-{action}")
+            assert Command(action) == command(link)
+        page.click("#do-advance")
+        assert Command(Action.ADVANCE) == command(link)
+        page.keyboard.press("Space")
+        assert Command(Action.ADVANCE) == command(link)
+        page.keyboard.press("p")
+        assert Command(Action.PAUSE) == command(link)
+        page.keyboard.press("n")
+        page.keyboard.type("p s <b>x</b>")  # keys are text now
+        page.keyboard.press("Enter")
+        assert Command(Action.NOTE, "p s <b>x</b>") == command(link)
+        page.click("#do-skip")
+        page.click("#ask-yes")  # not without a reason
+        page.fill("#ask-text", "fell asleep")
+        page.click("#ask-yes")
+        assert Command(Action.SKIP, "fell asleep") == command(link)
+        page.click("#do-abort")
+        page.click("#ask-no")
+        page.keyboard.press("Escape")
+        page.click("#ask-yes")
+        assert Command(Action.ABORT) == command(link)
+
+
+def test_a_page_may_be_closed_and_the_next_session_appears_by_itself(
+    address: str, browser: Any, tmp_path: Path
+) -> None:
+    page = opened(browser, address)
+    shown(page, "#session", "No session goes on")
+    shown(page, "#findings", "Not ready: 1 thing missing.")
+    shown(page, "#findings", "free space")
+    with session(tmp_path) as link:
+        link.show(STATUS)
+        shown(page, "#f-trial", "T05")
+        page.close()
+        link.show(replace(STATUS, trial_id="T06"))
+        page = opened(browser, address)
+        shown(page, "#f-trial", "T06")
+        page.reload()
+        shown(page, "#f-trial", "T06")
+    shown(page, "#session", "No session goes on")
+
+
+@pytest.mark.parametrize("width", WIDTHS_PX)
+def test_everything_fits_at_every_width(
+    width: int, address: str, browser: Any, tmp_path: Path
+) -> None:
+    long = Fault("armband_left_upper_arm", "blocking", "no data for 12 s", "look at " + "x" * 60)
+    busy: SessionStatus = replace(seen(True), faults=(long,), prompt="Go on? " * 9)
+    with session(tmp_path) as link:
+        link.show(busy)
+        page = opened(browser, address, viewport={"width": width, "height": 800})
+        shown(page, "#faults", "no data for 12 s")
+        assert width == page.evaluate("() => document.documentElement.scrollWidth")
+        heights = page.evaluate(
+            "() => [...document.querySelectorAll('#session button')].map(b => b.offsetHeight)"
+        )
+        assert min(h for h in heights if h) >= 44  # a finger's width, WCAG 2.5.5
+
+
+def started(root: Path, *arguments: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-u", "-m", "cli.main", *arguments],
+        cwd=root,
+        env=os.environ | {"XDG_CACHE_HOME": str(root / "cache"), "PYTHONPATH": str(REPOSITORY),
+                          "COLUMNS": "200"},
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )  # fmt: skip
+
+
+def address_told(process: "subprocess.Popen[str]") -> str:
+    assert process.stdout is not None
+    said = []
+    for line in process.stdout:
+        said.append(line)
+        found = re.search(r"http://\S+", line)
+        if found:
+            return found.group()
+    raise AssertionError("".join(said))
+
+
+def test_a_session_in_real_time_is_commanded_and_outlives_a_killed_desk(
+    browser: Any, tmp_path: Path
+) -> None:
+    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    study = REPOSITORY / "tests/visavis/studies/duel.py"
+    running = started(tmp_path, "run", str(study), "--participant", "1", "--devices", "sim")
+    desks = [started(tmp_path, "desk")]
+    try:
+        page = opened(browser, address_told(desks[0]))
+        shown(page, "#f-state", "trial")
+        page.click("#do-note")
+        page.fill("#ask-text", "coughed")
+        page.keyboard.press("Enter")
+        shown(page, "#messages", "coughed")
+        page.click("#do-pause")
+        shown(page, "#f-state", "paused")
+        desks[0].send_signal(signal.SIGKILL)
+        shown(page, "#notice", "The desk is closed; the session goes on without it.")
+        page.close()
+        desks.append(started(tmp_path, "desk"))
+        page = opened(browser, address_told(desks[1]))
+        shown(page, "#f-state", "paused")
+        page.click("#do-advance")
+        page.locator("#f-state").filter(has_not_text="paused").wait_for()
+        page.click("#do-abort")
+        page.click("#ask-yes")
+        shown(page, ".verdict", "Keep them here.")
+        shown(page, "#people", "visavis resume")
+        said, _ = running.communicate(timeout=PATIENCE_S)
+        assert 3 == running.returncode, said
+        assert "Traceback" not in said
+    finally:
+        for process in (running, *desks):
+            process.kill()
+            process.wait()
+            assert process.stdout is not None
+            process.stdout.close()
+    path = tmp_path / "data/simulated/duel/sub-S01B/ses-001"
+    events = Recording(path).events()
+    asked = [e["action"] for e in events.loc[events["name"] == "operator", "payload"]]
+    assert ["note", "pause", "advance", "abort"] == asked
