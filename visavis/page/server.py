@@ -1,10 +1,11 @@
 """Serve pages of sessions over HTTP: static files, films, and the wire of numbered events."""
 
 import asyncio
+import hmac
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from aiohttp import web
 
@@ -15,8 +16,10 @@ from visavis.page.errors import OpenElsewhereError, PageError
 SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {"/": "index.html", "/page.js": "page.js", "/store.js": "store.js",
                 "/film.js": "film.js", "/page.css": "page.css"}  # fmt: skip
+BOARD_FILES: Final = {"/board": "board.html", "/board.js": "board.js"}
 KEY: Final = "X-Visavis-Key"
 MAX_REQUEST_BYTES: Final = 1 << 20
+MAX_TOLD: Final = 20
 LOCAL: Final = "127.0.0.1"
 HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
@@ -41,18 +44,41 @@ class Held:
     films: Mapping[str, Path] = field(default_factory=dict)
     lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     over: asyncio.Event = field(default_factory=asyncio.Event)
+    closed: asyncio.Event = field(default_factory=asyncio.Event)
+    """Set once the recording is closed: the page is told its end, and nothing is written."""
     failures: list[Exception] = field(default_factory=list)
 
 
+class Reception(Protocol):
+    """What receives people who come with no session yet, and those whose session is not open."""
+
+    board_key: str
+
+    async def arrive(self, told: Mapping[str, str]) -> Mapping[str, Any]:
+        """Return the key of a session for somebody who comes, or why there is none."""
+        ...
+
+    async def held(self, key: str) -> Held | None:
+        """Return the session of a key, gone on with where it was left."""
+        ...
+
+    async def board(self) -> Mapping[str, Any]:
+        """Return what the researcher's page shows."""
+        ...
+
+
 class PageServer:
-    """Own the server; sessions are added by their keys.
+    """Own the server; sessions are added by their keys, or received by a `reception`.
 
     `hosts` are the names under which it may be asked for, so that no other site's page can be
     pointed at it. No address of a visitor is kept or logged.
     """
 
-    def __init__(self, hosts: tuple[str, ...] = (LOCAL, "localhost")) -> None:
+    def __init__(
+        self, hosts: tuple[str, ...] = (LOCAL, "localhost"), reception: Reception | None = None
+    ) -> None:
         self._hosts = hosts
+        self._reception = reception
         self._held: dict[str, Held] = {}
         app = web.Application(client_max_size=MAX_REQUEST_BYTES, middlewares=[self._guard])
         for path in FILES:
@@ -61,6 +87,11 @@ class PageServer:
         app.router.add_post("/api/hello", self._hello)
         app.router.add_post("/api/events", self._events)
         app.router.add_post("/api/leave", self._leave)
+        if reception is not None:
+            for path in BOARD_FILES:
+                app.router.add_get(path, self._file)
+            app.router.add_post("/api/arrive", self._arrive)
+            app.router.add_post("/api/board", self._board)
         self._runner = web.AppRunner(app, access_log=None)
         self.port = 0
 
@@ -115,10 +146,10 @@ class PageServer:
         return response
 
     async def _file(self, request: web.Request) -> web.StreamResponse:
-        return web.FileResponse(SITE / FILES[request.path])
+        return web.FileResponse(SITE / {**FILES, **BOARD_FILES}[request.path])
 
     async def _film(self, request: web.Request) -> web.StreamResponse:
-        held = self._of(request.headers.get(KEY, ""))
+        held = await self._of(request.headers.get(KEY, ""))
         path = held.films.get(request.match_info["name"])
         if path is None:
             raise PageError("there is no such film")
@@ -126,7 +157,7 @@ class PageServer:
 
     async def _hello(self, request: web.Request) -> web.StreamResponse:
         body = await _body(request)
-        held, tab = self._of(request.headers.get(KEY, "")), _text(body, "tab")
+        held, tab = await self._of(request.headers.get(KEY, "")), _text(body, "tab")
         about = body.get("about")
         at_ms = body.get("at_ms")
 
@@ -143,16 +174,30 @@ class PageServer:
 
     async def _events(self, request: web.Request) -> web.StreamResponse:
         body = await _body(request)
-        held, tab = self._of(request.headers.get(KEY, "")), _text(body, "tab")
+        held, tab = await self._of(request.headers.get(KEY, "")), _text(body, "tab")
         events = body.get("events", [])
         if not isinstance(events, list):
             raise PageError("events are a list")
         told = await self._done(held, lambda: held.desk.take(tab, events), is_empty=not events)
         return web.json_response(told)
 
+    async def _arrive(self, request: web.Request) -> web.StreamResponse:
+        told = (await _body(request)).get("told", {})
+        if not isinstance(told, Mapping) or len(told) > MAX_TOLD:
+            raise PageError("told is a few short texts")
+        assert self._reception is not None  # noqa: S101  # the route is there with it alone
+        said = {str(name): _text(told, str(name), is_needed=False) for name in told}
+        return web.json_response(await self._reception.arrive(said))
+
+    async def _board(self, request: web.Request) -> web.StreamResponse:
+        assert self._reception is not None  # noqa: S101  # as above
+        if not hmac.compare_digest(request.headers.get(KEY, ""), self._reception.board_key):
+            raise PageError("this address shows no board; take the one that was printed")
+        return web.json_response(await self._reception.board())
+
     async def _leave(self, request: web.Request) -> web.StreamResponse:
         body = await _body(request)
-        self._of(_text(body, "key")).desk.leave(_text(body, "tab"))
+        (await self._of(_text(body, "key"))).desk.leave(_text(body, "tab"))
         return web.json_response({})
 
     async def _done(
@@ -161,6 +206,8 @@ class PageServer:
         """Act, wait until everything is on the disk, and return what the page is told."""
 
         def whole() -> dict[str, Any]:
+            if held.closed.is_set():
+                return held.desk.told()
             act()
             if not is_empty:
                 held.desk.recorder.checkpoint()
@@ -185,8 +232,10 @@ class PageServer:
                 held.over.set()
             return told
 
-    def _of(self, key: str) -> Held:
+    async def _of(self, key: str) -> Held:
         held = self._held.get(key)
+        if held is None and self._reception is not None:
+            held = await self._reception.held(key)
         if held is None:
             raise PageError("this address leads to no session; ask for a new one")
         return held
