@@ -41,6 +41,13 @@ COMMANDS: Mapping[str, Entry] = {
         "session",
         "Perform one session on the devices of lab_config.yaml, or on a page in a browser.",
     ),
+    "serve": Entry(
+        "serving", "Serve a study to many participants at once, each with a session of their own."
+    ),
+    "board": Entry(
+        "serving",
+        "Show who of a study on pages is where: trials, time, flags, who left, who stopped.",
+    ),
     "resume": Entry(
         "session",
         "Go on with an interrupted session: instructions, calibration, then the trials left.",

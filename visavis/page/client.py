@@ -1,6 +1,6 @@
 """The browser of a simulated participant: speaks the page's protocol over HTTP."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import aiohttp
@@ -14,8 +14,27 @@ from visavis.page.visitor import Visitor
 TAB: Final = "simulated"
 
 
-async def visit(address: str, visitor: Visitor, clock: Clock) -> None:
-    """Answer every step of the page at an address (http://…/#KEY) to its end.
+async def arrive(base: str, told: Mapping[str, str]) -> str:
+    """Come to a served study; return the address of the session given.
+
+    Raises:
+        DataError: there is none, with the reason told.
+    """
+    async with aiohttp.ClientSession(base) as http:
+        async with http.post("/api/arrive", json={"told": dict(told)}) as response:
+            said: dict[str, Any] = await response.json()
+    if "key" not in said:
+        raise DataError(f"no session for a simulated page: {said}")
+    return f"{base}/#{said['key']}"
+
+
+async def visit(
+    address: str, visitor: Visitor, clock: Clock, *,
+    ends: Callable[[PageStep], bool] = lambda step: False,
+) -> str:  # fmt: skip
+    """Answer every step of the page at an address (http://…/#KEY) to its end, which is returned.
+
+    `ends` says before which step the page is closed, as if its battery had run out.
 
     Raises:
         DataError: the server refused what was sent.
@@ -34,9 +53,13 @@ async def visit(address: str, visitor: Visitor, clock: Clock) -> None:
         told = await post("/api/hello", {"tab": TAB, "takes_over": True, "at_ms": visitor.now_ms,
                                          "about": {"browser": "simulated"}})  # fmt: skip
         while told["step"]["kind"] != "end":
-            step = dict(told["step"])
-            reply = visitor.reply(PageStep(step.pop("kind"), step))
+            content = dict(told["step"])
+            step = PageStep(content.pop("kind"), content)
+            if ends(step):
+                return ""
+            reply = visitor.reply(step)
             clock.sleep_until_ns(begun_ns + round(visitor.now_ms * NS_PER_MS))
             event = {"n": told["ack"] + 1, "kind": "reply", "at_ms": visitor.now_ms,
                      "step": told["number"], "reply": reply}  # fmt: skip
             told = await post("/api/events", {"tab": TAB, "events": [event]})
+    return str(told["step"]["outcome"])

@@ -7,9 +7,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
+from lab.clock import Clock
 from lab.errors import ConfigError, SessionAborted
 from protocol.experiment import untold
 from protocol.operator import SessionStatus
+from protocol.plan import SessionPlan
 from protocol.states import SessionState
 from recording.folder import SessionFolder, create_session, open_session, study_dir
 from recording.journal import as_json
@@ -40,6 +42,12 @@ from visavis.sessions.plan_lock import carried_by_session
 from visavis.sessions.rig import is_simulated
 
 SERVED: Final = "page_served"
+ENDINGS: Final = {
+    DECLINED: "consent was declined; nothing was asked",
+    STOPPED: "the participant stopped; what is finished is kept",
+    WITHDRAWN: "the participant stopped and wants everything deleted",
+}
+"""Why a session ended before its end, by the outcome of its course."""
 LAST_STEP_S: Final = 1.5
 """How long a page that is over is still answered, so that it can say its thanks."""
 
@@ -51,11 +59,21 @@ def perform_new(request: Request) -> Path:
         UsageError: the session exists already.
         SessionAborted: it ended early; what is finished is kept.
     """
-    experiment = _experiment(request)
+    experiment = experiment_of(request)
+    manifest = manifest_of(request, experiment)
+    store = prepared_films(request)
+    with create_session(request.config.data_root, manifest) as folder:
+        _perform_part(request, experiment, store, folder, None, _new_key(request), 0)
+        return folder.path
+
+
+def manifest_of(request: Request, experiment: StudyExperiment) -> Manifest:
+    """Return the manifest with which a session on a page begins."""
     plan = experiment.plan(request.participant_index, request.seed, request.group)
     simulated = is_simulated(request.config)
     consent = consent_of(experiment, plan)
-    manifest = Manifest(
+    folder = study_dir(request.config.data_root, request.study.name, is_simulated=simulated)
+    return Manifest(
         study=request.study.name,
         participant=request.participant_label,
         session=request.session,
@@ -68,12 +86,7 @@ def perform_new(request: Request) -> Path:
             "lab": request.config.lab,
             "sha256": request.config.sha256,
             "effect": request.effect,
-            **carried_by_session(
-                study_dir(request.config.data_root, request.study.name, is_simulated=simulated),
-                request.study,
-                experiment,
-                request.seed,
-            ),
+            **carried_by_session(folder, request.study, experiment, request.seed),
         },
         devices=(),
         consent_version=consent[1]
@@ -82,10 +95,6 @@ def perform_new(request: Request) -> Path:
         created_wall_iso=request.clock.wall_iso(),
         provenance=provenance(),
     )
-    store = prepared_films(request)
-    with create_session(request.config.data_root, manifest) as folder:
-        _perform_part(request, experiment, store, folder, None, _new_key(request), 0)
-        return folder.path
 
 
 def perform_rest(request: Request, session_path: Path) -> Path:
@@ -94,28 +103,37 @@ def perform_rest(request: Request, session_path: Path) -> Path:
     Raises:
         ConfigError: the plan in the manifest is not the one this version would make.
     """
-    experiment = _experiment(request)
+    experiment = experiment_of(request)
     store = prepared_films(request)
     folder, _ = open_session(session_path)
     with folder:
         recording = Recording(session_path)
         plan = experiment.plan(request.participant_index, request.seed, request.group)
-        if as_json(plan) != recording.manifest.plan:
-            raise ConfigError(
-                f"{session_path}: the plan recorded with this session differs from the plan this "
-                "version of Visavis makes; check out the version named in manifest.json "
-                "(provenance) and resume with that"
-            )
-        key, port = _served_before(recording)
+        refuse_other_plan(recording, plan)
+        key, port = served_before(recording)
         _perform_part(
             request, experiment, store, folder, past_of(recording), key or _new_key(request), port
         )
         return folder.path
 
 
+def refuse_other_plan(recording: Recording, plan: SessionPlan) -> None:
+    """Refuse to go on with a session whose plan this version would not make.
+
+    Raises:
+        ConfigError: naming the session.
+    """
+    if as_json(plan) != recording.manifest.plan:
+        raise ConfigError(
+            f"{recording.path}: the plan recorded with this session differs from the plan this "
+            "version of Visavis makes; check out the version named in manifest.json "
+            "(provenance) and resume with that"
+        )
+
+
 def prepared_films(request: Request, told: Callable[[int, int], None] = untold) -> FilmStore:
     """Return a session's films, built where people will look at them."""
-    experiment = _experiment(request)
+    experiment = experiment_of(request)
     store = film_store(experiment)
     if not request.clock.is_virtual:
         store.build(experiment.films, told)
@@ -161,7 +179,8 @@ def simulated_visitor(request: Request, experiment: StudyExperiment, store: Film
     return visitor_of(person, experiment, store)
 
 
-def _experiment(request: Request) -> StudyExperiment:
+def experiment_of(request: Request) -> StudyExperiment:
+    """Return what is performed; ConfigError where the study is not declared on the kit."""
     experiment = request.experiment
     if not isinstance(experiment, StudyExperiment):
         raise ConfigError(f"{request.study.name} is not declared on the kit; it shows no page")
@@ -173,11 +192,51 @@ def _new_key(request: Request) -> str:
     return "simulated" if request.clock.is_virtual else secrets.token_urlsafe(24)
 
 
-def _served_before(recording: Recording) -> tuple[str, int]:
+def served_before(recording: Recording) -> tuple[str, int]:
     """Return key and port of the address under which a session was served last."""
     events = recording.events()
     found = list(events.loc[events["name"] == SERVED, "payload"])
     return (str(found[-1]["key"]), int(found[-1]["port"])) if found else ("", 0)
+
+
+def recorder_of(part_dir: Path, clock: Clock, *, is_simulated: bool) -> Recorder:
+    """Return the recorder of a part of a session on a page."""
+    return Recorder(
+        part_dir,
+        clock,
+        threaded=not clock.is_virtual,
+        max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
+        is_simulated=is_simulated,
+    )
+
+
+def held_of(
+    request: Request, experiment: StudyExperiment, store: FilmStore, folder: SessionFolder,
+    recorder: Recorder, past: Past | None, key: str,
+) -> Held:  # fmt: skip
+    """Return a session ready to be served: its desk, where it was left, and its films.
+
+    Raises:
+        ConfigError: the study is not declared on the kit.
+    """
+    study, virtual = request.study, request.clock.is_virtual
+    if not isinstance(study, OpenedStudy):
+        raise ConfigError(f"{study.name} is not declared on the kit; it shows no page")
+    config = request.config.model_copy(update={"language": experiment.language})
+    notes = Notes()
+    told = lru_cache(maxsize=None)(lambda film: store.told(film, is_simulated=virtual))
+    plan = experiment.plan(request.participant_index, request.seed, request.group)
+    visit_of = Visit(
+        experiment, plan, request.participant_label, request.session,
+        folder.manifest.parts[-1].number, study.questionnaires(config), told,
+        request.clock.now_ns, notes,
+    )  # fmt: skip
+    desk = PageDesk(course(visit_of), recorder, request.clock, notes, past, key=key)
+    files = {} if virtual else {
+        told(film)["film"]: found.path
+        for film in experiment.films if (found := store.file_of(film)) is not None
+    }  # fmt: skip
+    return Held(desk, _about(experiment, folder.manifest.is_simulated), files)
 
 
 def _perform_part(
@@ -193,25 +252,14 @@ def _perform_part(
     part_dir = folder.begin_part(clock)
     recorder: Recorder | None = None
     try:
-        recorder = Recorder(
-            part_dir,
-            clock,
-            threaded=not clock.is_virtual,
-            max_batch_ns=VIRTUAL_TIME_BATCH_NS if clock.is_virtual else REAL_TIME_BATCH_NS,
-            is_simulated=simulated,
-        )
+        recorder = recorder_of(part_dir, clock, is_simulated=simulated)
         outcome = asyncio.run(
             _served(request, experiment, store, folder, recorder, past, key, port)
         )
-        if outcome == DECLINED:
-            raise SessionAborted("consent was declined; nothing was asked")
-        if outcome == STOPPED:
-            raise SessionAborted("the participant stopped; what is finished is kept")
-        if outcome == WITHDRAWN:
-            raise SessionAborted(
-                "the participant stopped and wants everything deleted; do it now: visavis "
-                f"participant withdraw {request.study.name} {request.participant_label}"
-            )
+        if outcome in ENDINGS:
+            todo = f"; do it now: visavis participant withdraw {request.study.name} " \
+                   f"{request.participant_label}"  # fmt: skip
+            raise SessionAborted(ENDINGS[outcome] + (todo if outcome == WITHDRAWN else ""))
     except KeyboardInterrupt as error:
         reason = "interrupted from the keyboard or by the system"
         end_part(clock, folder, recorder, "aborted", reason, error)
@@ -235,30 +283,16 @@ async def _served(
     key: str,
     port: int,
 ) -> str:
-    study, virtual = request.study, request.clock.is_virtual
-    if not isinstance(study, OpenedStudy):
-        raise ConfigError(f"{study.name} is not declared on the kit; it shows no page")
-    config = request.config.model_copy(update={"language": experiment.language})
-    notes = Notes()
-    told = lru_cache(maxsize=None)(lambda film: store.told(film, is_simulated=virtual))
-    plan = experiment.plan(request.participant_index, request.seed, request.group)
-    visit_of = Visit(
-        experiment, plan, request.participant_label, request.session,
-        folder.manifest.parts[-1].number, study.questionnaires(config), told,
-        request.clock.now_ns, notes,
-    )  # fmt: skip
+    virtual = request.clock.is_virtual
     server = PageServer()
     address = request.page or PageAddress()
     await server.start(port=address.port or port)
     try:
         recorder.event(SERVED, request.clock.now_ns(), key=key, port=0 if virtual else server.port)
-        desk = PageDesk(course(visit_of), recorder, request.clock, notes, past, key=key)
+        held = held_of(request, experiment, store, folder, recorder, past, key)
+        desk = held.desk
+        plan = experiment.plan(request.participant_index, request.seed, request.group)
         desk.on_trial = lambda: _tell(request, desk, len(plan.trials))
-        files = {} if virtual else {
-            told(film)["film"]: found.path
-            for film in experiment.films if (found := store.file_of(film)) is not None
-        }  # fmt: skip
-        held = Held(desk, _about(experiment, folder.manifest.is_simulated), files)
         server.add(held)
         if virtual:
             visitor = simulated_visitor(request, experiment, store)

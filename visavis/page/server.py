@@ -1,10 +1,11 @@
 """Serve pages of sessions over HTTP: static files, films, and the wire of numbered events."""
 
 import asyncio
+import hmac
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from aiohttp import web
 
@@ -15,8 +16,10 @@ from visavis.page.errors import OpenElsewhereError, PageError
 SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {"/": "index.html", "/page.js": "page.js", "/store.js": "store.js",
                 "/film.js": "film.js", "/page.css": "page.css"}  # fmt: skip
+BOARD_FILES: Final = {"/board": "board.html", "/board.js": "board.js"}
 KEY: Final = "X-Visavis-Key"
 MAX_REQUEST_BYTES: Final = 1 << 20
+MAX_TOLD: Final = 20
 LOCAL: Final = "127.0.0.1"
 HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
@@ -41,7 +44,27 @@ class Held:
     films: Mapping[str, Path] = field(default_factory=dict)
     lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     over: asyncio.Event = field(default_factory=asyncio.Event)
+    closed: asyncio.Event = field(default_factory=asyncio.Event)
+    """Set once the recording is closed: the page is told its end, and nothing is written."""
     failures: list[Exception] = field(default_factory=list)
+
+
+class Reception(Protocol):
+    """What receives people who come with no session yet, and those whose session is not open."""
+
+    board_key: str
+
+    async def arrive(self, told: Mapping[str, str]) -> Mapping[str, Any]:
+        """Return the key of a session for somebody who comes, or why there is none."""
+        ...
+
+    async def held(self, key: str) -> Held | None:
+        """Return the session of a key, gone on with where it was left."""
+        ...
+
+    async def board(self) -> Mapping[str, Any]:
+        """Return what the researcher's page shows."""
+        ...
 
 
 class LocalServer:
@@ -117,14 +140,24 @@ class LocalServer:
 
 
 class PageServer(LocalServer):
-    """Own the server of participants' pages; sessions are added by their keys."""
+    """Own the server of participants' pages.
 
-    def __init__(self, hosts: tuple[str, ...] = (LOCAL, "localhost")) -> None:
+    Sessions are added by their keys, or received by a `reception`.
+    """
+
+    def __init__(
+        self, hosts: tuple[str, ...] = (LOCAL, "localhost"), reception: Reception | None = None
+    ) -> None:
+        self._reception = reception
         self._held: dict[str, Held] = {}
-        posts: Mapping[str, Handler] = {
+        files = dict(FILES)
+        posts: dict[str, Handler] = {
             "/api/hello": self._hello, "/api/events": self._events, "/api/leave": self._leave,
         }  # fmt: skip
-        super().__init__(SITE, FILES, posts, hosts)
+        if reception is not None:
+            files |= BOARD_FILES
+            posts |= {"/api/arrive": self._arrive, "/api/board": self._board}
+        super().__init__(SITE, files, posts, hosts)
         self._app.router.add_get("/films/{name}", self._film)
 
     def add(self, held: Held) -> None:
@@ -140,7 +173,7 @@ class PageServer(LocalServer):
     # ---- within ------------------------------------------------------------------------------
 
     async def _film(self, request: web.Request) -> web.StreamResponse:
-        held = self._of(request.headers.get(KEY, ""))
+        held = await self._of(request.headers.get(KEY, ""))
         path = held.films.get(request.match_info["name"])
         if path is None:
             raise PageError("there is no such film")
@@ -148,7 +181,7 @@ class PageServer(LocalServer):
 
     async def _hello(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        held, tab = self._of(request.headers.get(KEY, "")), text_of(body, "tab")
+        held, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
         about = body.get("about")
         at_ms = body.get("at_ms")
 
@@ -165,16 +198,30 @@ class PageServer(LocalServer):
 
     async def _events(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        held, tab = self._of(request.headers.get(KEY, "")), text_of(body, "tab")
+        held, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
         events = body.get("events", [])
         if not isinstance(events, list):
             raise PageError("events are a list")
         told = await self._done(held, lambda: held.desk.take(tab, events), is_empty=not events)
         return web.json_response(told)
 
+    async def _arrive(self, request: web.Request) -> web.StreamResponse:
+        told = (await body_of(request)).get("told", {})
+        if not isinstance(told, Mapping) or len(told) > MAX_TOLD:
+            raise PageError("told is a few short texts")
+        assert self._reception is not None  # noqa: S101  # the route is there with it alone
+        said = {str(name): text_of(told, str(name), is_needed=False) for name in told}
+        return web.json_response(await self._reception.arrive(said))
+
+    async def _board(self, request: web.Request) -> web.StreamResponse:
+        assert self._reception is not None  # noqa: S101  # as above
+        if not hmac.compare_digest(request.headers.get(KEY, ""), self._reception.board_key):
+            raise PageError("this address shows no board; take the one that was printed")
+        return web.json_response(await self._reception.board())
+
     async def _leave(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        self._of(text_of(body, "key")).desk.leave(text_of(body, "tab"))
+        (await self._of(text_of(body, "key"))).desk.leave(text_of(body, "tab"))
         return web.json_response({})
 
     async def _done(
@@ -183,6 +230,8 @@ class PageServer(LocalServer):
         """Act, wait until everything is on the disk, and return what the page is told."""
 
         def whole() -> dict[str, Any]:
+            if held.closed.is_set():
+                return held.desk.told()
             act()
             if not is_empty:
                 held.desk.recorder.checkpoint()
@@ -207,8 +256,10 @@ class PageServer(LocalServer):
                 held.over.set()
             return told
 
-    def _of(self, key: str) -> Held:
+    async def _of(self, key: str) -> Held:
         held = self._held.get(key)
+        if held is None and self._reception is not None:
+            held = await self._reception.held(key)
         if held is None:
             raise PageError("this address leads to no session; ask for a new one")
         return held

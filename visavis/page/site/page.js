@@ -8,7 +8,10 @@ const BEAT_MS = 4000;
 const RETRY_MS = [200, 400, 800, 1500, 2000];
 const REPEAT_ASKING_MS = 2500;
 
-const key = location.hash.slice(1);
+const SESSION = "visavis-session";
+const ONWARD_MS = 4000;
+
+let key = location.hash.slice(1);
 const headers = { "X-Visavis-Key": key };
 const tab = globalThis.crypto?.randomUUID?.() || `${Date.now()}-${Math.random().toString(36).slice(2)}`;
 const main = document.getElementById("main");
@@ -388,7 +391,11 @@ const steps = {
 
   end(step) {
     isOver = true;
-    put("narrow", element("h1", {}, say({ done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks")));
+    localStorage.removeItem(SESSION);
+    const goesOn = completion && step.outcome === "done";
+    put("narrow", element("h1", {}, say({ done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks")),
+      goesOn ? element("p", {}, element("a", { href: completion }, say("onward"))) : null);
+    if (goesOn) setTimeout(() => location.assign(completion), ONWARD_MS);
   },
 };
 
@@ -414,10 +421,33 @@ function alone() {
   });
 }
 
+// Somebody who comes to a served study gets a session; who comes again gets the one they had.
+async function arrive() {
+  const told = Object.fromEntries([...new URLSearchParams(location.search)].slice(0, 20).map(([n, v]) => [n, v.slice(0, 200)]));
+  const before = localStorage.getItem(SESSION);
+  if (before && !location.search) key = before;
+  else {
+    let answer;
+    try {
+      answer = await post("/api/arrive", { told });
+    } catch {
+      put("narrow", paragraph("This address is not complete. Please open it again as you were given it."));
+      return;
+    }
+    if (!answer.told.key) { put("narrow", element("h1", {}, answer.told.text || answer.told.refused)); return; }
+    key = answer.told.key;
+  }
+  localStorage.setItem(SESSION, key);
+  headers["X-Visavis-Key"] = key;
+  history.replaceState(null, "", `/#${key}`);
+}
+
 let isLocked = false;
+let completion = "";
 
 async function begin(takesOver) {
-  if (!key) { put("narrow", paragraph("This address is not complete. Please open it again as you were given it.")); return; }
+  if (!key) await arrive();
+  if (!key) return;
   isLocked = isLocked || await alone();
   if (!isLocked) {
     put("narrow", element("h1", {}, say("elsewhere") || "This study is open in another tab."));
@@ -441,10 +471,15 @@ async function begin(takesOver) {
       element("div", { class: "buttons" }, button("Go on here", () => begin(true))));
     return;
   }
-  if (answer.status !== 200 || answer.told.failed) { broken(answer.told.refused || answer.told.failed); return; }
+  if (answer.status !== 200 || answer.told.failed) {
+    if (localStorage.getItem(SESSION) === key) localStorage.removeItem(SESSION);
+    broken(answer.told.refused || answer.told.failed);
+    return;
+  }
   tell("");
   const told = answer.told;
   words = told.words;
+  completion = told.completion || "";
   document.documentElement.lang = told.language;
   document.title = told.title;
   document.getElementById("title").textContent = told.title;

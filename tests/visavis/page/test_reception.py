@@ -1,0 +1,232 @@
+"""Many people come to one study: everybody gets a session, the same one again, and may leave it."""
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lab.clock import SimClock
+from lab.errors import DataError, UsageError
+from protocol.ledger import Ledger
+from protocol.operator import UnattendedOperator
+from recording.reader import Recording
+from tests.visavis.page.pages import SEED, config, experiment, study
+from visavis.page.arrivals import arrival_of, check_completion, completion_of, least_filled
+from visavis.page.client import arrive, visit
+from visavis.page.film_store import film_store
+from visavis.page.reception import IDLE_NS, Reception, Rules
+from visavis.page.server import KEY, PageServer
+from visavis.page.steps import PageStep
+from visavis.page.visitor import Visitor, visitor_of
+from visavis.sessions.perform import Request
+
+
+class Somebody(Visitor):
+    """A visitor who may stop at the first page of text."""
+
+    stop = ""
+
+    def reply(self, step: PageStep) -> dict[str, Any]:
+        if self.stop and step.kind == "watch":
+            return {"stop": self.stop, "hidden_ms": 0.0}
+        return super().reply(step)
+
+
+class Place:
+    """A study that is served, with its ledger and the identities it keeps elsewhere."""
+
+    def __init__(self, root: Path, rules: Rules) -> None:
+        self.clock = SimClock()
+        self.lab = config(root)
+        self.folder = self.lab.data_root / "simulated" / "films"
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.ledger = Ledger(self.folder, self.clock, prefix="S")
+        self.who: dict[str, Mapping[str, str]] = {}
+        self.rules = rules
+
+    def reception(self) -> Reception:
+        base = Request(
+            study=study(), experiment=experiment(), config=self.lab, participant_label="",
+            participant_index=0, group="", session=1, seed=SEED, clock=self.clock,
+            operator=UnattendedOperator(), on="browser",
+        )  # fmt: skip
+        return Reception(
+            base, film_store(experiment()), self.ledger, self.rules,
+            identify=self.who.__setitem__, known=self.who.get,
+            withdraw=lambda label: void(self.ledger.withdraw(label, [self.folder])),
+        )  # fmt: skip
+
+    def visitor(self, stop: str = "") -> Somebody:
+        person = study().participant(0, SEED, effect=True, experiment=experiment())
+        made = visitor_of(person, experiment(), film_store(experiment()))
+        somebody = Somebody(made.person, made.films, made.responses, made.views)
+        somebody.stop = stop
+        somebody.now_ms = self.clock.now_ns() / 1e6
+        return somebody
+
+    def sessions(self) -> list[Path]:
+        return sorted(self.folder.glob("sub-*/ses-001"))
+
+
+def void(_: object) -> None:
+    """Return nothing of something."""
+
+
+def served(place: Place, act: Callable[[str, Reception], Awaitable[Any]]) -> Any:
+    """Serve a study while somebody acts, then end the server."""
+
+    async def whole() -> Any:
+        reception = place.reception()
+        server = PageServer(reception=reception)
+        await server.start()
+        until = asyncio.Event()
+        serving = asyncio.create_task(reception.serve(server, until))
+        try:
+            return await act(f"http://127.0.0.1:{server.port}", reception)
+        finally:
+            until.set()
+            await serving
+            await server.stop()
+
+    return asyncio.run(whole())
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Place:
+    return Place(tmp_path, Rules())
+
+
+def test_three_at_once_have_a_whole_session_each(place: Place) -> None:
+    async def act(base: str, _: Reception) -> tuple[str, ...]:
+        async def one() -> str:
+            return await visit(await arrive(base, {}), place.visitor(), place.clock)
+
+        return await asyncio.gather(one(), one(), one())
+
+    assert ("done",) * 3 == served(place, act)
+    assert ["complete"] * 3 == [Recording(p).status for p in place.sessions()]
+    assert [0, 1, 2] == [entry.index for entry in place.ledger.list()]
+
+
+def test_who_comes_again_gets_the_session_they_had_also_of_a_new_server(place: Place) -> None:
+    told = {"PROLIFIC_PID": "5f3a", "STUDY_ID": "77", "other": "x"}
+
+    async def first(base: str, _: Reception) -> str:
+        address = await arrive(base, told)
+        await visit(
+            address, place.visitor(), place.clock, ends=lambda s: s.content.get("trial") == 2
+        )
+        return address.partition("#")[2]
+
+    async def again(base: str, _: Reception) -> tuple[str, str]:
+        address = await arrive(base, told)
+        return address.partition("#")[2], await visit(address, place.visitor(), place.clock)
+
+    key = served(place, first)
+    (session,) = place.sessions()
+    assert "aborted" == Recording(session).status
+    assert (key, "done") == served(place, again)
+    assert [session] == place.sessions()
+    recording = Recording(session)
+    assert 2 == len(recording.manifest.parts)
+    trials = recording.trials()
+    assert not trials["trial_id"].duplicated().any()
+    assert "server restarted" in ";".join(trials["flags"].dropna())
+
+
+def test_who_somebody_is_to_a_panel_never_lies_with_the_data(place: Place) -> None:
+    async def act(base: str, _: Reception) -> None:
+        await visit(await arrive(base, {"PROLIFIC_PID": "5f3a99c"}), place.visitor(), place.clock)
+
+    served(place, act)
+    (label,) = place.who
+    assert {"panel": "Prolific", "identifier": "5f3a99c"} == dict(place.who[label])
+    for path in place.lab.data_root.rglob("*"):
+        if path.is_file():
+            content = path.read_bytes()
+            assert b"5f3a99c" not in content
+            assert b"127.0.0.1" not in content
+
+
+def test_stop_and_delete_leaves_a_tombstone_and_stop_and_keep_the_answers(place: Place) -> None:
+    async def act(base: str, _: Reception) -> list[str]:
+        return [
+            await visit(await arrive(base, {}), place.visitor(stop), place.clock)
+            for stop in ("delete", "keep")
+        ]
+
+    assert ["withdrawn", "stopped"] == served(place, act)
+    gone, stays = place.ledger.list()
+    assert ("withdrawn", "active") == (gone.status, stays.status)
+    assert [place.folder / f"sub-{stays.label}" / "ses-001"] == place.sessions()
+
+
+def test_when_enough_are_at_it_others_are_told_and_who_leaves_makes_room(tmp_path: Path) -> None:
+    place = Place(tmp_path, Rules(quota=1, completion="https://panel.example/?cc=1&id={id}"))
+
+    async def act(base: str, reception: Reception) -> list[Any]:
+        await arrive(base, {})
+        with pytest.raises(DataError, match="enough participants"):
+            await arrive(base, {})
+        place.clock.sleep_until_ns(place.clock.now_ns() + IDLE_NS + 1)
+        await reception._leave_idle()
+        address = await arrive(base, {"survey_code": "a-1"})
+        async with aiohttp.ClientSession(base) as http:
+            headers = {KEY: address.partition("#")[2]}
+            async with http.post("/api/hello", json={"tab": "t"}, headers=headers) as response:
+                told = await response.json()
+        return [told["completion"], (await reception.board())["counts"]]
+
+    completion, counts = served(place, act)
+    assert "https://panel.example/?cc=1&id=a-1" == completion
+    assert {"left": 1, "running": 1} == counts
+
+
+def test_the_board_tells_who_is_where_to_its_key_alone(place: Place) -> None:
+    async def act(base: str, reception: Reception) -> tuple[int, dict[str, Any]]:
+        await visit(await arrive(base, {}), place.visitor(), place.clock)
+        await visit(await arrive(base, {}), place.visitor("keep"), place.clock)
+        async with aiohttp.ClientSession(base) as http:
+            async with http.post("/api/board", json={}, headers={KEY: "x"}) as response:
+                status = response.status
+            headers = {KEY: reception.board_key}
+            async with http.post("/api/board", json={}, headers=headers) as response:
+                return status, await response.json()
+
+    status, told = served(place, act)
+    assert 400 == status
+    assert {"complete": 1, "stopped": 1} == told["counts"]
+    done, stopped = told["places"]
+    assert (2, 2) == (done["trials_done"], done["trials_planned"])
+    assert 0 == stopped["trials_done"]
+    assert told["median_minutes"] == done["minutes"] > 0
+    json.dumps(told)
+
+
+@given(st.lists(st.booleans(), max_size=40), st.integers(1, 8))
+def test_orders_stay_even_over_those_who_complete(stays: list[bool], n_orders: int) -> None:
+    taken: list[int] = []
+    counting: list[int] = []
+    for completes in stays:
+        index = least_filled(taken, counting, lambda i: (i % n_orders,))
+        assert index not in taken
+        taken.append(index)
+        counting += [index] if completes else []
+        filled = [sum(i % n_orders == k for i in counting) for k in range(n_orders)]
+        assert max(filled) - min(filled) <= 1
+
+
+def test_only_what_can_be_an_identifier_is_taken() -> None:
+    assert ("", "") == (arrival_of({"PROLIFIC_PID": "<b>"}).panel, arrival_of({}).identifier)
+    somebody = arrival_of({"survey_code": "12345"})
+    assert "https://sona/x?survey_code=12345" == completion_of(
+        "https://sona/x?survey_code={id}", somebody
+    )
+    with pytest.raises(UsageError, match="web address"):
+        check_completion("javascript:alert(1)")

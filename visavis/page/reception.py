@@ -1,0 +1,325 @@
+"""Receive the participants of a study: everybody a session of their own, all at the same time."""
+
+import asyncio
+import secrets
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+from lab.clock import NS_PER_S
+from lab.errors import LabError
+from protocol.ledger import Ledger, Participant
+from recording.folder import SessionFolder, create_session, open_session, session_dir
+from recording.reader import Recording
+from recording.writer import CloseStatus, Recorder
+from visavis.page.arrivals import (
+    Arrival,
+    Order,
+    arrival_of,
+    completion_of,
+    least_filled,
+    order_of,
+)
+from visavis.page.board import COUNTING, Board, Place, board_of
+from visavis.page.course import WITHDRAWN, texts_of_page
+from visavis.page.film_store import FilmStore
+from visavis.page.perform import (
+    ENDINGS,
+    SERVED,
+    experiment_of,
+    held_of,
+    manifest_of,
+    past_of,
+    recorder_of,
+    refuse_other_plan,
+    served_before,
+)
+from visavis.page.server import Held, PageServer
+from visavis.sessions.perform import Request, end_part
+from visavis.sessions.rig import is_simulated
+
+IDLE_NS: Final = 30 * 60 * NS_PER_S
+"""A page that was not heard for so long was left; its place is filled again, its session kept."""
+ROUND_S: Final = 5.0
+MAX_OPEN: Final = 500
+"""Sessions that are open at once."""
+SQUARES: Final = ("latin_square", "williams")
+LEFT: Final = "the page was left"
+ENDED: Final = "the server was ended"
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How a study is served: how many people are wanted, and where they go afterwards."""
+
+    quota: int | None = None
+    completion: str = ""
+
+
+@dataclass(eq=False)
+class _Open:
+    """A session that is open: what serves it, and what it is written by."""
+
+    entry: Participant
+    held: Held
+    folder: SessionFolder
+    recorder: Recorder
+    begun_ns: int
+    stack: ExitStack = field(default_factory=ExitStack)
+
+
+class Reception:
+    """Own the sessions of everybody who comes to a served study.
+
+    `base` is a request that is completed for each person. `identify` keeps who somebody is apart
+    from the data, `known` returns what was kept; `withdraw` deletes what somebody wants deleted.
+    """
+
+    def __init__(
+        self,
+        base: Request,
+        store: FilmStore,
+        ledger: Ledger,
+        rules: Rules,
+        *,
+        identify: Callable[[str, Mapping[str, str]], None],
+        known: Callable[[str], Mapping[str, str] | None],
+        withdraw: Callable[[str], None],
+        said: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self.board_key = secrets.token_urlsafe(24)
+        self._base, self._store, self._ledger, self._rules = base, store, ledger, rules
+        self._experiment = experiment_of(base)
+        self._identify, self._known, self._withdraw, self._said = identify, known, withdraw, said
+        self._simulated = is_simulated(base.config)
+        self._root = base.config.data_root
+        self._open: dict[str, _Open] = {}
+        self._keys: dict[str, str] = {}
+        self._of_panel: dict[tuple[str, str], str] = {}
+        self._orders: dict[int, Order] = {}
+        self._places: dict[str, Place] = {}
+        self._turn = asyncio.Lock()
+        self._closing: set[asyncio.Task[None]] = set()
+        self._port = 0
+        for entry in ledger.list():
+            self._read(entry)
+        self._states = {place.label: place.state for place in self._board().places}
+        """Where everybody is, without a look at the disk."""
+
+    # ---- what the server asks ----------------------------------------------------------------
+
+    async def arrive(self, told: Mapping[str, str]) -> Mapping[str, Any]:
+        """Return the key of a session for somebody who comes, or why there is none."""
+        arrival = arrival_of(told)
+        async with self._turn:
+            key = self._of_panel.get((arrival.panel, arrival.identifier))
+            if arrival.identifier and key is not None:
+                return {"key": key}
+            busy = sum(state in COUNTING for state in self._states.values())
+            is_open = sum(not opened.held.closed.is_set() for opened in self._open.values())
+            wanted = self._rules.quota
+            words = dict(texts_of_page(self._experiment))
+            if is_open >= MAX_OPEN or (wanted is not None and busy >= wanted):
+                return {"refused": "full", "text": words.get("full", "")}
+            try:
+                opened = await self._run(self._begin, arrival)
+            except LabError as error:
+                self._said(f"somebody came and got no session: {error}")
+                return {"refused": "failed", "text": words.get("failed", "")}
+            self._keep(opened)
+            return {"key": opened.held.desk.key}
+
+    async def held(self, key: str) -> Held | None:
+        """Return the session of a key, gone on with where it was left; None without one."""
+        if key in self._open:
+            return self._open[key].held
+        async with self._turn:
+            if key not in self._open and key in self._keys:
+                self._keep(await self._run(self._go_on, key))
+        return self._open[key].held if key in self._open else None
+
+    async def board(self) -> Mapping[str, Any]:
+        """Return what the researcher's page shows."""
+        board = await self._run(self._board)
+        return {"title": self._experiment.study.title, **board.told()}
+
+    # ---- what whoever serves asks --------------------------------------------------------------
+
+    async def serve(self, server: PageServer, until: asyncio.Event) -> None:
+        """Look after the sessions until the end, then close every one; answers stay."""
+        self._port = server.port
+        try:
+            while not until.is_set():
+                await self._leave_idle()
+                try:
+                    await asyncio.wait_for(until.wait(), ROUND_S)
+                except TimeoutError:
+                    continue
+        finally:
+            for opened in list(self._open.values()):
+                await self._close(opened, "aborted", ENDED)
+            if self._closing:
+                await asyncio.gather(*self._closing)
+
+    # ---- within ------------------------------------------------------------------------------
+
+    async def _run(self, act: Callable[..., Any], *given: Any) -> Any:
+        if self._base.clock.is_virtual:
+            return act(*given)
+        return await asyncio.to_thread(act, *given)
+
+    def _path(self, entry: Participant) -> Path:
+        return session_dir(
+            self._root, self._base.study.name, entry.label, 1, is_simulated=self._simulated
+        )
+
+    def _board(self) -> Board:
+        folder = self._path_of_study()
+        return board_of(self._ledger.list(), folder, quota=self._rules.quota, known=self._places)
+
+    def _path_of_study(self) -> Path:
+        return self._ledger.path.parent
+
+    def _order(self, index: int) -> Order:
+        if index not in self._orders:
+            plan = self._experiment.plan(index, self._base.seed)
+            in_squares = self._experiment.study.order in SQUARES
+            self._orders[index] = order_of(plan, trials_too=in_squares)
+        return self._orders[index]
+
+    def _read(self, entry: Participant) -> None:
+        """Learn the key of a session of an earlier time, and whose it is."""
+        path = self._path(entry)
+        if entry.status != "active" or not (path / "manifest.json").exists():
+            return
+        key, _ = served_before(Recording(path))
+        if not key:
+            return
+        self._keys[key] = entry.label
+        who = self._known(entry.label)
+        if who and who.get("identifier"):
+            self._of_panel[who.get("panel", ""), who["identifier"]] = key
+
+    def _begin(self, arrival: Arrival) -> _Open:
+        entries = [e for e in self._ledger.list() if not e.has_freed_place]
+        counting = [e.index for e in entries if self._states.get(e.label) in COUNTING]
+        index = least_filled([e.index for e in entries], counting, self._order)
+        plan = self._experiment.plan(index, self._base.seed)
+        entry = self._ledger.add(index=index, group=plan.group)
+        if arrival.identifier:
+            self._identify(entry.label, arrival.identity)
+        request = self._request(entry)
+        stack = ExitStack()
+        with stack:
+            folder = stack.enter_context(
+                create_session(self._root, manifest_of(request, self._experiment))
+            )
+            opened = self._part(request, entry, folder, None, secrets.token_urlsafe(24), arrival)
+            opened.stack = stack.pop_all()
+        self._keys[opened.held.desk.key] = entry.label
+        if arrival.identifier:
+            self._of_panel[arrival.panel, arrival.identifier] = opened.held.desk.key
+        return opened
+
+    def _go_on(self, key: str) -> _Open:
+        entry = self._ledger.resolve(self._keys[key])
+        path, request = self._path(entry), self._request(entry)
+        who = self._known(entry.label) or {}
+        arrival = Arrival(who.get("panel", ""), who.get("identifier", ""))
+        stack = ExitStack()
+        with stack:
+            folder, _ = open_session(path)
+            stack.enter_context(folder)
+            recording = Recording(path)
+            plan = self._experiment.plan(entry.index, request.seed, entry.group)
+            refuse_other_plan(recording, plan)
+            opened = self._part(request, entry, folder, past_of(recording), key, arrival)
+            opened.stack = stack.pop_all()
+        return opened
+
+    def _request(self, entry: Participant) -> Request:
+        return replace(
+            self._base, participant_label=entry.label, participant_index=entry.index,
+            group=entry.group, consent_version=entry.consent_version,
+        )  # fmt: skip
+
+    def _part(
+        self, request: Request, entry: Participant, folder: SessionFolder, past: Any, key: str,
+        arrival: Arrival,
+    ) -> _Open:  # fmt: skip
+        clock = request.clock
+        part_dir = folder.begin_part(clock)
+        recorder: Recorder | None = None
+        try:
+            recorder = recorder_of(part_dir, clock, is_simulated=self._simulated)
+            recorder.event(SERVED, clock.now_ns(), key=key, port=self._port)
+            held = held_of(request, self._experiment, self._store, folder, recorder, past, key)
+        except BaseException as error:
+            end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
+            raise
+        if self._rules.completion:
+            where = completion_of(self._rules.completion, arrival)
+            held = replace(held, about={**held.about, "completion": where})
+        return _Open(entry, held, folder, recorder, clock.now_ns())
+
+    def _keep(self, opened: _Open) -> None:
+        key = opened.held.desk.key
+        self._states[opened.entry.label] = "running"
+        self._open[key] = opened
+        task = asyncio.get_running_loop().create_task(self._end_when_over(opened))
+        self._closing.add(task)
+        task.add_done_callback(self._closing.discard)
+        if opened.held.desk.is_over:
+            opened.held.over.set()
+
+    async def _end_when_over(self, opened: _Open) -> None:
+        over = asyncio.ensure_future(opened.held.over.wait())
+        closed = asyncio.ensure_future(opened.held.closed.wait())
+        try:
+            await asyncio.wait({over, closed}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            over.cancel()
+            closed.cancel()
+        if opened.held.closed.is_set():
+            return
+        if opened.held.failures:
+            await self._close(opened, "aborted", str(opened.held.failures[0]))
+            return
+        outcome = opened.held.desk.outcome
+        why = ENDINGS.get(outcome, "")
+        self._states[opened.entry.label] = outcome if why else "complete"
+        await self._close(opened, "aborted" if why else "complete", why.partition(";")[0])
+        if outcome == WITHDRAWN:
+            try:
+                await self._run(self._withdraw, opened.entry.label)
+            except LabError as error:
+                self._said(f"{opened.entry.label} wants everything deleted: {error}")
+
+    async def _leave_idle(self) -> None:
+        now_ns = self._base.clock.now_ns()
+        for opened in list(self._open.values()):
+            if now_ns - max(opened.held.desk.heard_ns, opened.begun_ns) > IDLE_NS:
+                if not opened.held.desk.is_over:
+                    self._states[opened.entry.label] = "left"
+                    await self._close(opened, "aborted", LEFT)
+
+    async def _close(self, opened: _Open, status: CloseStatus, reason: str) -> None:
+        """Close a recording; its page is told where it stands until it says hello again."""
+        key = opened.held.desk.key
+        async with opened.held.lock:
+            if opened.held.closed.is_set():
+                return
+            opened.held.closed.set()
+
+            def end() -> None:
+                with opened.stack:
+                    end_part(self._base.clock, opened.folder, opened.recorder, status, reason, None)
+
+            try:
+                await self._run(end)
+            except LabError as error:
+                self._said(f"{opened.entry.label}: {error}")
+        if not opened.held.desk.is_over:
+            self._open.pop(key, None)

@@ -1,0 +1,52 @@
+// The researcher's page: who is where, asked again every few seconds.
+
+const AGAIN_MS = 5000;
+const headers = { "X-Visavis-Key": location.hash.slice(1), "Content-Type": "application/json" };
+const main = document.getElementById("main");
+const notice = document.getElementById("notice");
+
+function element(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) if (value !== undefined) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
+}
+
+const minutes = (m) => (m === null ? "–" : m < 10 ? m.toFixed(1) : String(Math.round(m)));
+
+function table(caption, heads, rows) {
+  return element("div", { class: "wide" }, element("table", {}, element("caption", {}, caption),
+    element("thead", {}, element("tr", {}, ...heads.map((h) => element("th", { scope: "col" }, h)))),
+    element("tbody", {}, ...rows.map((row) => element("tr", {}, ...row.map((cell, i) => element(i ? "td" : "th", i ? {} : { scope: "row" }, cell)))))));
+}
+
+function show(told) {
+  document.title = `${told.title}: board`;
+  document.getElementById("title").textContent = told.title;
+  document.getElementById("when").textContent = new Date().toLocaleTimeString();
+  const known = Object.entries(told.states).filter(([state]) => told.counts[state]);
+  const complete = told.counts.complete || 0;
+  const summary = [`${complete}${told.quota ? ` of ${told.quota}` : ""} complete`];
+  if (told.median_minutes !== null) summary.push(`median time ${minutes(told.median_minutes)} min`);
+  main.replaceChildren(
+    element("h1", {}, summary.join(", ")),
+    element("p", { class: "hint" }, known.map(([state, words]) => `${told.counts[state]} ${words}`).join(" · ") || "Nobody has come yet."),
+    table("Participants", ["Participant", "Where", "Trials", "Minutes", "Group", "Flags"], told.places.map((p) => [
+      p.label, told.states[p.state] || p.state, p.trials_planned ? `${p.trials_done} of ${p.trials_planned}` : "–",
+      minutes(p.minutes), p.group || "–", p.flags.join(", ") || "–"])));
+}
+
+async function ask() {
+  try {
+    const response = await fetch("/api/board", { method: "POST", headers, body: "{}" });
+    const told = await response.json();
+    if (response.status !== 200) { notice.textContent = told.refused || "The board is not to be had."; return; }
+    notice.textContent = "";
+    show(told);
+  } catch {
+    notice.textContent = "The server does not answer; asked again in a moment.";
+  }
+  setTimeout(ask, AGAIN_MS);
+}
+
+ask();
