@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from cli.app import ConfigOption, OfParticipant, SessionArgument, app, new_file, say_written
+from cli.app import ConfigOption, OfParticipant, SessionArgument, app, new_file, say, say_written
 from cli.preview.pictures import SIMULATED, check_picture_name, write_below
 from cli.studies import session_of
 from recording.kept import KeptRecording
@@ -21,15 +21,17 @@ def redraw(
     participant: OfParticipant = "",
     config: ConfigOption = None,
 ) -> None:
-    """Draw what a participant was shown in one frame, as it was.
+    """Draw what a participant was shown in one frame, as it was; boards and own body with it.
 
-    Below a simulated participant's a line says so; the picture itself is left as it was.
+    Where nothing was drawn in the session, the frame is drawn as it would have been. Below a
+    simulated participant's a line says so; the picture itself is left as it was.
 
     Example: visavis redraw data/simulated/stare/sub-S07H/ses-001 --frame 4711 --png frame.png
     """
     from PIL import Image
 
     from cli.redraw import redraw as draw_again
+    from cli.redraw import was_drawn
 
     session_path = session_of(session_path, config, participant)
     check_picture_name(png)
@@ -42,3 +44,5 @@ def redraw(
     else:
         Image.fromarray(both).save(png)
     say_written(png)
+    if not was_drawn(recording):
+        say("nothing was drawn in this session; the picture is what would have been")
