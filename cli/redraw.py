@@ -1,35 +1,50 @@
 """Draw a frame of a recording again, from what the recording alone says."""
 
 import bisect
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from lab.clock import SimClock
 from lab.errors import DataError, UsageError
+from lab.frame import FrameInfo
+from lab.geometry import Pose
+from protocol.plan import Trial
 from protocol.shown import Shown, of_part, shown_in
 from recording.reader import Recording
-from stage.drawn_stage import Display, DrawnStage
+from stage.drawn_stage import Display, DrawnStage, default_views
 from stage.frame_truth import read_views
+from stage.own_body import OwnBody
 from stage.renderer import Image, Renderer
+from stimuli.dressing.casting import default_casting
 from stimuli.dressing.picture_of import picture_of
+from stimuli.panels import SIZE_M, PanelFrame, placed_before
+from stimuli.picture import Panel
 from stimuli.scene import SceneFrame
+from visavis.opened import OpenedStudy, overrides_of
 from visavis.sessions.study_folder import study_of_folder
+from visavis.trial import TrialScript
+
+UNDRAWN_PX: Final = (720, 800)
+FIRST_SAMPLES, LAST_SAMPLES = 3, 3
+"""How many samples of a tracker may have been the first that was taken, and the last."""
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedFrame:
     """A drawn frame as recorded: what it may have shown (the row's checksum tells which), what was
-    lit last if its light was still going, its row of `drawn` and that of `drawn_views`.
+    lit last if its light was still going, its row of `drawn` and that of `drawn_views`, and what
+    the participant may have seen as their own body.
     """
 
     views_shown: tuple[SceneFrame, ...]
     views_lit: tuple[SceneFrame, ...]
     drawn: np.void
     views: np.void
+    bodies: tuple[OwnBody, ...] = ()
 
 
 def recorded_frame(recording: Recording, frame: int, *, part: int | None = None) -> RecordedFrame:
@@ -39,7 +54,7 @@ def recorded_frame(recording: Recording, frame: int, *, part: int | None = None)
         UsageError: nothing was drawn in this frame, or the study's file is gone.
     """
     study, _ = study_of_folder(recording.path.resolve().parent.parent, recording.manifest.study)
-    if "drawn" not in recording.stream_names:
+    if not was_drawn(recording):
         raise UsageError(
             f"{recording.path}: nothing was drawn in this session (display.show was none)"
         )
@@ -59,13 +74,17 @@ def recorded_frame(recording: Recording, frame: int, *, part: int | None = None)
         return shown_in(recording, wanted, int(drawn["frame"][i]), t_scene_ns, place)
 
     here = shown(int(at[0]))
+    drawn_ns = int(drawn["t_host_ns"][at[0]])
+    bare = tuple(study.views_of(here))
+    boards = boards_at(recording, study, wanted, here.t_ns)
     is_fading = here.scene.brightness_01 <= 0.0 < drawn["brightness_01"][at[0]]
     before = _last_lit(drawn["brightness_01"], int(at[0]), shown) if is_fading else None
     return RecordedFrame(
-        tuple(study.views_of(here)),
+        (*bare, *(with_board(view, board) for board in boards for view in bare)),
         () if before is None else tuple(study.views_of(before)),
         row,
         _row(recording, "drawn_views", views, latest),
+        _bodies(recording, wanted, drawn_ns),
     )
 
 
@@ -84,10 +103,15 @@ def _last_lit(
 def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list[Image]:
     """Draw a recorded frame again; return its images, left first, equal within rounding.
 
+    Where nothing was drawn in the session, it is drawn as it would have been, by two eyes that see
+    90° up and down.
+
     Raises:
         UsageError: see `recorded_frame`.
         StageError: nothing can draw here, or this version dresses the scene in another way.
     """
+    if not was_drawn(recording):
+        return _drawn_now(recording, frame, part)
     found = recorded_frame(recording, frame, part=part)
     views, size_px, quality = read_views(found.views)
     people = len(found.drawn["level"])
@@ -98,9 +122,146 @@ def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list
         SimClock(),
     )
     try:
-        return stage.redraw(found.views_shown, found.drawn, found.views_lit)
+        return stage.redraw(found.views_shown, found.drawn, found.views_lit, found.bodies)
     finally:
         stage.close()
+
+
+def was_drawn(recording: Recording) -> bool:
+    """Tell whether anything was drawn in a session."""
+    return "drawn" in recording.stream_names
+
+
+def _drawn_now(recording: Recording, frame: int, part: int | None) -> list[Image]:
+    """Draw a frame of a session in which nothing was drawn."""
+    study, _ = study_of_folder(recording.path.resolve().parent.parent, recording.manifest.study)
+    wanted = recording.manifest.parts[0].number if part is None else part
+    if "frames" not in recording.stream_names:
+        raise UsageError(f"{recording.path} has no frames; `visavis film` films its pages")
+    frames = of_part(recording, "frames", wanted)
+    at = np.flatnonzero(frames["frame_index"] == frame)
+    if not len(at):
+        numbers = frames["frame_index"]
+        known = f"{numbers[0]} to {numbers[-1]}" if len(numbers) else "none"
+        raise UsageError(f"part {wanted} has no frame {frame}; it has {known}")
+    t_ns = int(frames["t_host_ns"][at[0]])
+    head = _head_at(recording, wanted, t_ns)
+    shown = shown_in(recording, wanted, frame, t_ns, head.position_m)
+    view = next(iter(study.views_of(shown)))
+    board = next(iter(boards_at(recording, study, wanted, t_ns)), None)
+    if board is not None:
+        view = with_board(view, board)
+    stage = DrawnStage(
+        picture_of,
+        Renderer,
+        Display(default_views, lambda: UNDRAWN_PX, 0),
+        SimClock(),
+    )
+    try:
+        stage.draw(view, FrameInfo(frame, t_ns, t_ns), head)
+        if (trouble := stage.trouble()) is not None:
+            raise trouble
+        return stage.images()
+    finally:
+        stage.close()
+
+
+# ---- what stands in a frame besides its scene -------------------------------------------------
+
+
+def boards_at(recording: Recording, study: OpenedStudy, part: int, t_ns: int) -> Iterator[Panel]:
+    """Yield the boards that may have stood before the participant, each choice lit in turn."""
+    for panel in (*_questionnaire_board(recording, part, t_ns),
+                  *_trial_boards(recording, study, part, t_ns)):  # fmt: skip
+        for lit in (None, *range(len(panel.choices))):
+            yield replace(panel, highlighted=lit)
+
+
+def with_board(view: SceneFrame, board: Panel) -> PanelFrame:
+    """Return a view with a board in it."""
+    return PanelFrame(
+        view.scene, view.t_ns, view.gaze_direction, view.eye_openness_01, view.people,
+        view.gaze_distance_m, panels=(board,),
+    )  # fmt: skip
+
+
+def _questionnaire_board(recording: Recording, part: int, t_ns: int) -> Iterator[Panel]:
+    """Yield the board of a questionnaire that had been shown and not yet answered."""
+    shown, answered = (
+        recording.events_named(name, part) for name in ("panel_shown", "panel_answered")
+    )
+    before = shown[shown["t_ns"] <= t_ns]
+    if not len(before):
+        return
+    begun_ns, told = int(before.iloc[-1]["t_ns"]), before.iloc[-1]["payload"]
+    gone = answered[(answered["t_ns"] >= begun_ns) & (answered["t_ns"] < t_ns)]
+    if len(gone) or "position_m" not in told:
+        return
+    pose = Pose(np.array(told["position_m"]), np.array(told["orientation_wxyz"]))
+    yield Panel(told["prompt"], tuple(told["choices"]), pose, SIZE_M)
+
+
+def _trial_boards(
+    recording: Recording, study: OpenedStudy, part: int, t_ns: int
+) -> Iterator[Panel]:
+    """Yield the boards on which a trial may have asked then: those at their usual place."""
+    answered = recording.events_named("answered", part)
+    for told in answered["payload"]:
+        if "asked_ns" not in told or not told["asked_ns"] <= t_ns <= told["answered_ns"]:
+            continue
+        plan = recording.manifest.plan
+        experiment = study.experiment(overrides_of(plan))
+        planned = next(
+            t for b in plan["blocks"] for t in b["trials"] if t["trial_id"] == told["trial_id"]
+        )
+        response = experiment.responses.get(told["question"])
+        if response is None:
+            continue
+        words = TrialScript(Trial(**planned), experiment.settings).words_of(response)
+        for head in _heads_at(recording, part, int(told["asked_ns"])):
+            yield Panel(*words, placed_before(head), SIZE_M)
+
+
+def _bodies(recording: Recording, part: int, drawn_ns: int) -> tuple[OwnBody, ...]:
+    """Return what participants may have seen as their own: of either sex, of a size measured in one
+    of the first samples, as in one of the last before the frame.
+    """
+    schema = recording.stream_schema("body") if "body" in recording.stream_names else None
+    if schema is None:
+        return ()
+    segments = tuple(
+        next(f for f in schema.fields if f.name == "position_m")
+        .description.partition(": ")[2].split()
+    )  # fmt: skip
+    body = of_part(recording, "body", part)
+    last = int(np.searchsorted(body["t_host_ns"], drawn_ns, side="right")) - 1
+    found = []
+    for gender in ("female", "male"):
+        for first in range(min(FIRST_SAMPLES, last + 1)):
+            for newest in range(last, max(first, last - LAST_SAMPLES), -1):
+                own = OwnBody(default_casting(f"{gender}_01"), segments)
+                for i in (first, newest):
+                    own.take_row(_row(recording, "body", body, i))
+                found.append(own)
+    return tuple(found)
+
+
+def _head_at(recording: Recording, part: int, t_ns: int) -> Pose:
+    return _heads_at(recording, part, t_ns)[0]
+
+
+def _heads_at(recording: Recording, part: int, t_ns: int) -> list[Pose]:
+    """Return where the head was, and in the samples before that, newest first."""
+    head = of_part(recording, "head", part)
+    known = np.flatnonzero(head["valid"] & (head["t_host_ns"] <= t_ns))[::-1][:LAST_SAMPLES]
+    poses = [
+        Pose(
+            head["position_m"][i].astype(np.float64),
+            head["orientation_wxyz"][i].astype(np.float64),
+        )
+        for i in known
+    ]
+    return poses or [Pose(np.array([0.0, 1.6, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))]
 
 
 def _row(recording: Recording, name: str, arrays: dict[str, Any], i: int) -> np.void:

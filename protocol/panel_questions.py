@@ -92,7 +92,13 @@ class PanelRespondent:
         self._take_keys()
         loop.show(_before(scene, loop.t_ns, panel))
         self._recorder.event(
-            "panel_shown", loop.t_ns, question=question_id, choices=list(panel.choices)
+            "panel_shown",
+            loop.t_ns,
+            question=question_id,
+            choices=list(panel.choices),
+            prompt=panel.text,
+            position_m=panel.pose.position_m.tolist(),
+            orientation_wxyz=panel.pose.orientation_wxyz.tolist(),
         )
         asking = ask_on_board(panel, self._ways, None, show)
         step = next(asking)

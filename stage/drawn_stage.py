@@ -174,18 +174,27 @@ class DrawnStage:
         return [target.texture for target in self._targets]
 
     def redraw(
-        self, views: Iterable[SceneFrame], row: np.void, lit: Iterable[SceneFrame] = ()
+        self,
+        views: Iterable[SceneFrame],
+        row: np.void,
+        lit: Iterable[SceneFrame] = (),
+        bodies: Sequence[OwnBody] = (),
     ) -> list[Image]:
         """Draw a recorded frame again from its row and the first of `views` whose checksum is the
         row's; return the images, left first.
 
         `lit` are what may have been shown last before darkness, at their own moments: their light
-        may still be going.
+        may still be going. `bodies` are what participants may have seen as their own.
 
         Raises:
             StageError: no view is the one that was drawn, or the driver fails.
         """
-        pictures = self._pictures(views, row, lit)
+        head, levels = read_row(row)
+        pictures = (
+            picture
+            for bare in self._pictures(views, row, lit)
+            for picture in (bare, *(body.worn(bare, head) for body in bodies))
+        )
         same = (p for p in pictures if picture_crc32(p) == int(row["picture_crc32"]))
         picture = next(same, None)
         if picture is None:
@@ -193,7 +202,6 @@ class DrawnStage:
                 f"frame {int(row['frame'])} was drawn from another picture than this scene gives",
                 remedy="draw it with the version, cast and configuration of its recording",
             )
-        head, levels = read_row(row)
         renderer = self._ready()
         cameras = [eye_camera(head, eye) for eye in self._views]
         renderer.draw(picture, cameras, self._targets, levels=levels)

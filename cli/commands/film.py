@@ -13,6 +13,7 @@ from cli.app import (
     SessionArgument,
     app,
     console,
+    new_file,
     verbatim,
 )
 from cli.commands.preview import picture_size
@@ -42,6 +43,10 @@ def film(
         str, typer.Option(help="Of gaze, contacts and clock, with commas; none for none.")
     ] = "gaze,contacts,clock",
     seed: Annotated[int, typer.Option(help="Draws the lengths of shots.")] = 0,
+    sheet: Annotated[
+        Path | None,
+        typer.Option("--sheet", help="Write the film's objective measures (.json) here."),
+    ] = None,
     participant: OfParticipant = "",
     seconds: Annotated[
         float | None, typer.Option("--seconds", help="At most so long; the whole when left out.")
@@ -59,7 +64,7 @@ def film(
     Example: visavis film data/simulated/crowd/sub-S01B/ses-001 --trial T02 -o T02.mp4
     """
     from cli.film.cameras import Cuts
-    from cli.film.film import sheet_of, write_film
+    from cli.film.film import write_film
     from stimuli.camera.shots import ShotSize
 
     looks = _camera_named(camera)
@@ -72,6 +77,8 @@ def film(
     decided = output.with_suffix(".json")
     if decided.exists() and camera == "topology":
         raise UsageError(f"{decided} exists already; choose another name for the film")
+    if sheet is not None:
+        new_file(sheet)
     session_path = session_of(session_path, config, participant)
     require_whole(session_path, accept=accept_damage)
     recording = KeptRecording(session_path)
@@ -95,17 +102,15 @@ def film(
     console.print(f"written [b]{verbatim(output)}[/], {made.pictures / rate:.1f} s", soft_wrap=True)
     if made.decisions is not None:
         made.decisions.write(decided)
+        console.print(f"written [b]{verbatim(decided)}[/]", soft_wrap=True)
+    if made.sheet is not None:
+        console.print(made.sheet.sentence(), soft_wrap=True)
+        if sheet is not None:
+            made.sheet.write(sheet)
+            console.print(f"written [b]{verbatim(sheet)}[/]", soft_wrap=True)
     files = [output] if made.decisions is None else [output, decided]
+    files += [] if made.sheet is None or sheet is None else [sheet]
     leave("film", [session_path], output.parent, files)
-    if made.decisions is not None:
-        sheet = sheet_of(made.decisions, rate)
-        console.print(
-            f"written [b]{verbatim(decided)}[/]: {sheet['shots']} shots of "
-            f"{sheet['median_shot_s']:.1f} s (median), participant seen "
-            f"{100 * (sheet['subject_seen_01'] or 0):.0f} % of the time, "
-            f"{sheet['cuts_below_30_deg']} cuts below 30°",
-            soft_wrap=True,
-        )
 
 
 def _one_of(option: str, wanted: str, known: list[str]) -> str:

@@ -13,6 +13,7 @@ from cli.app import (
     SessionArgument,
     app,
     new_file,
+    say,
     say_written,
 )
 from cli.leaving import leave, require_whole
@@ -31,15 +32,17 @@ def redraw(
     accept_damage: AcceptDamage = False,
     config: ConfigOption = None,
 ) -> None:
-    """Draw what a participant was shown in one frame, as it was.
+    """Draw what a participant was shown in one frame, as it was; boards and own body with it.
 
-    Below a simulated participant's a line says so; the picture itself is left as it was.
+    Where nothing was drawn in the session, the frame is drawn as it would have been. Below a
+    simulated participant's a line says so; the picture itself is left as it was.
 
     Example: visavis redraw data/simulated/stare/sub-S07H/ses-001 --frame 4711 --png frame.png
     """
     from PIL import Image
 
     from cli.redraw import redraw as draw_again
+    from cli.redraw import was_drawn
 
     session_path = session_of(session_path, config, participant)
     check_picture_name(png)
@@ -54,3 +57,5 @@ def redraw(
         Image.fromarray(both).save(png)
     say_written(png)
     leave("picture", [session_path], png.parent, [png])
+    if not was_drawn(recording):
+        say("nothing was drawn in this session; the picture is what would have been")

@@ -156,7 +156,7 @@ class ByTopology:
         head = self._head_at(t_ns).position_m
         number = t_ns // PEOPLE_EVERY_NS
         if number != self._people[0]:
-            self._people = number, _capsules(self._people_at(number * PEOPLE_EVERY_NS))
+            self._people = number, capsules(self._people_at(number * PEOPLE_EVERY_NS))
         floor = np.array([head[0], 0.0, head[2]])
         return Moment(floor, float(head[1]) * HEAD_ABOVE_EYES, self._people[1])
 
@@ -181,7 +181,7 @@ def _place_of(room: Room) -> FilmedPlace:
     return _PLACES[id(room)][1]
 
 
-def _capsules(picture: Picture) -> Vector:
+def capsules(picture: Picture) -> Vector:
     """Return one upright capsule (n, 7) for everybody."""
     root = picture.people.root_m
     low, high = root.copy(), root.copy()

@@ -5,7 +5,7 @@ drawn in the session. From outside the participant is there, too: as the body tr
 standing under their head.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from enum import StrEnum
@@ -27,9 +27,11 @@ from cli.film.cameras import (
     Decisions,
     FilmCamera,
     FromViewpoint,
+    capsules,
     style_of,
 )
 from cli.film.on_page import write_page_film
+from cli.film.sheet import SEEN_FROM_01, FilmLog, Sheet
 from cli.film.stand_in import StandIn
 from cli.preview.pictures import SIMULATED, Viewpoint, labelled
 from cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
@@ -38,6 +40,8 @@ from lab.clock import NS_PER_S
 from lab.errors import UsageError
 from lab.geometry import Vector, quat_conjugate, rotate
 from recording.reader import Recording
+from stage.identity import IdentityBuffer
+from stage.renderer import Renderer
 from stimuli.camera.shots import ShotSize
 from stimuli.dressing.picture_of import picture_of
 from stimuli.picture import Camera, Picture
@@ -47,6 +51,9 @@ from visavis.page.seen import is_on_page
 RING_PX: Final = 16
 RING: Final = (255, 190, 40)
 DARK_PX: Final = (16, 16, 18)
+LOOK_EVERY_NS: Final = NS_PER_S // 4
+LOOK_PX: Final = (256, 144)
+"""How often, and in how large a picture, the participant is looked for."""
 GAZE_AT_M: Final = 2.5
 """How far along gaze a ring stands where nobody's head was hit."""
 COLOURS: Final = {"contact": (255, 107, 94), "vibration": (94, 200, 255)}
@@ -65,10 +72,13 @@ ALL_OVERLAYS: Final = tuple(Overlay)
 
 @dataclass(frozen=True, eq=False)
 class Filmed:
-    """What was made: the number of pictures, and the decisions of a camera that takes any."""
+    """What was made: the number of pictures, the decisions of a camera that takes any, and the
+    film's objective sheet; none of a page, which no camera films.
+    """
 
     pictures: int
     decisions: Decisions | None
+    sheet: Sheet | None = None
 
 
 def write_film(
@@ -119,9 +129,11 @@ def write_film(
         return picture_of(next(iter(study.views_of(trial.shown_at(t_ns)))))
 
     looks = _camera(camera, shot, cuts, aspect, start_ns, seed, trial, shown_at)
-    scene = _FilmedTrial(trial, shown_at, looks, overlays, size_px)
+    log = FilmLog(None if isinstance(camera, Path) or camera is CameraKind.EYES else shot)
+    scene = _FilmedTrial(trial, shown_at, looks, overlays, size_px, log)
     with ExitStack() as stack:
         renderer = stack.enter_context(film_renderer())
+        scene.looks_from(renderer)
         pictures = scene.pictures(times, renderer.image)
         first = next(pictures)  # a camera that finds no place says so before there is a file
         film = stack.enter_context(open_movie(video, size_px, rate_hz))
@@ -131,7 +143,8 @@ def write_film(
             if on_frame is not None:
                 on_frame(k + 1, len(times))
     decided = looks.decisions() if isinstance(looks, ByTopology) else None
-    return Filmed(len(times), decided)
+    cut_ns = None if decided is None else np.array([cut["t_ns"] for cut in decided.cuts])
+    return Filmed(len(times), decided, log.sheet(cut_ns))
 
 
 def _camera(
@@ -163,13 +176,31 @@ class _FilmedTrial:
         looks: FilmCamera,
         overlays: Sequence[Overlay],
         size_px: tuple[int, int],
+        log: FilmLog,
     ) -> None:
+        self._log = log
+        self._identity: IdentityBuffer | None = None
+        self._looked_ns = -LOOK_EVERY_NS
         self._trial, self._shown_at, self._looks = trial, shown_at, looks
         self._overlays, self._size_px = overlays, size_px
         self._from_eyes = isinstance(looks, FromViewpoint) and looks.view is Viewpoint.EYES
         self._stand_in = None if self._from_eyes else StandIn(trial)
         wants = Overlay.CONTACTS in overlays
         self._lanes = lanes_of(trial.recording, trial.part) if wants else []
+
+    def looks_from(self, renderer: Renderer) -> None:
+        """Look for the participant in identity images of this renderer."""
+        self._identity = IdentityBuffer(renderer)
+
+    def _noted(self, t_ns: int, picture: Picture, camera: Camera, head_m: Vector) -> None:
+        """Note where the camera is and, now and then, whether it sees the participant."""
+        self._log.add(t_ns, camera, head_m, picture.room, capsules(picture))
+        if self._from_eyes or self._identity is None or t_ns < self._looked_ns + LOOK_EVERY_NS:
+            return
+        self._looked_ns = t_ns
+        seen = self._identity.views(picture, [camera], LOOK_PX, level=1).person
+        share = float((seen == len(picture.cast)).mean())  # who stands in comes last
+        self._log.seen.append((t_ns, share >= SEEN_FROM_01))
 
     def pictures(
         self, times: list[int], image: Callable[..., npt.NDArray[np.uint8]]
@@ -185,6 +216,7 @@ class _FilmedTrial:
                 continue
             if self._stand_in is not None:
                 picture = self._stand_in.in_picture(picture, t_ns, head)
+            self._noted(t_ns, picture, camera, head.position_m)
             drawn = image(picture, camera, self._size_px)
             if Overlay.GAZE in self._overlays:
                 drawn = self._with_gaze(drawn, camera, t_ns, head.position_m)
@@ -235,18 +267,3 @@ def _listed(drawn: npt.NDArray[np.uint8], lanes: Sequence[Any]) -> npt.NDArray[n
         pen.rectangle((6, y - 2, right + 6, bottom + 3), fill=(0, 0, 0, 140))
         pen.text((12, y), lane.name, fill=COLOURS[lane.kind], font=font)
     return np.asarray(marked)
-
-
-def sheet_of(decisions: Decisions, rate_hz: int) -> Mapping[str, float | int | None]:
-    """Return a film's objective measures: how long the subject was seen, how long shots last."""
-    times = np.array([view[0] for view in decisions.views]) / NS_PER_S
-    begins = [cut["t_ns"] / NS_PER_S for cut in decisions.cuts]
-    lengths = np.diff([*begins, times[-1] + 1 / rate_hz])
-    angles = [cut["angle_deg"] for cut in decisions.cuts if cut["angle_deg"] is not None]
-    return {
-        "subject_seen_01": float(np.mean(decisions.seen)),
-        "shots": len(lengths),
-        "median_shot_s": float(np.median(lengths)),
-        "shortest_shot_s": float(lengths.min()),
-        "cuts_below_30_deg": sum(angle < 30.0 for angle in angles),
-    }

@@ -36,7 +36,7 @@ from stimuli.camera.shots import (
     view_angle_deg,
 )
 from stimuli.camera.skeleton import medial_axis
-from stimuli.camera.tracks import RayRules, TrackRules, camera_places, tracks_through
+from stimuli.camera.tracks import RayRules, TrackRules, camera_places, tracks_through, wall_tracks
 from stimuli.picture import Room
 
 DECISIONS_PER_S: Final = 30
@@ -153,6 +153,8 @@ def prepare(
         )
         for f in floors
     ]
+    if not any(len(of_floor) for of_floor in lines):
+        lines = [wall_tracks(f, obstacles, rays, tracks) for f in floors]
     graph = track_graph(np.concatenate(lines), obstacles, joins)
     triangles = np.concatenate([small_triangles(f, triangle_m2) for f in floors])
     table = floor_table(graph, triangles, obstacles, seed)

@@ -6,9 +6,11 @@ passes through something.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from lab.compiled import compiled
 from lab.errors import DesignError
@@ -18,6 +20,8 @@ from stimuli.camera.obstacles import Obstacles
 from stimuli.camera.skeleton import Skeleton
 
 Ints = npt.NDArray[np.int64]
+WALL_HEIGHTS = np.array([1.0, 1.4])
+"""Heights of tracks along walls, as shares of that of the rays."""
 
 
 @dataclass(frozen=True)
@@ -183,6 +187,38 @@ def tracks_through(
             used.append(piece)
             tracks += _filtered(here[piece], places.origin_m[left[piece]], obstacles, rules)
         left = np.delete(left, np.concatenate(used) if used else near)
+    return np.array(tracks).reshape(-1, 2, 3)
+
+
+def wall_tracks(
+    floor: Floor,
+    obstacles: Obstacles,
+    rays: RayRules | None = None,
+    rules: TrackRules | None = None,
+) -> Vector:
+    """Return tracks (n, 2 ends, 3) along the rim of a floor, at two heights.
+
+    For rooms so compact that their middle line is next to none: from a room's middle, every ray
+    ends before a wall.
+    """
+    rays, rules = rays or RayRules(), rules or TrackRules()
+    tracks: list[tuple[Vector, Vector]] = []
+    for polygon in shapely.get_parts(floor.area.simplify(rules.within_m)):
+        for ring in (polygon.exterior, *polygon.interiors):
+            corners = np.array(ring.coords)
+            for (ax, az), (bx, bz) in pairwise(corners.tolist()):
+                n = max(2, int(np.hypot(bx - ax, bz - az) / rules.within_m))
+                for height_m in WALL_HEIGHTS * rays.from_height_m:
+                    places = np.linspace(
+                        [ax, floor.height_m + height_m, az],
+                        [bx, floor.height_m + height_m, bz],
+                        n,
+                    )
+                    tracks += [
+                        (p + low * d, p + high * d)
+                        for low, high, (p, d) in _clear_parts(places, obstacles, rules)
+                        if high - low >= rules.min_length_m
+                    ]
     return np.array(tracks).reshape(-1, 2, 3)
 
 

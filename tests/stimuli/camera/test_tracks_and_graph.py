@@ -1,10 +1,14 @@
 """Tracks keep clear of the place, graphs join what sees each other, tables tell what is seen."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import shapely
 
 from lab.errors import DesignError
 from lab.geometry import Vector
+from stimuli.camera.director import Director, Moment, Style, prepare
 from stimuli.camera.floors import Floor, walkable_floors
 from stimuli.camera.graph import (
     CameraGraph,
@@ -16,9 +20,11 @@ from stimuli.camera.graph import (
     track_graph,
 )
 from stimuli.camera.obstacles import Obstacles
+from stimuli.camera.shots import ShotSize
 from stimuli.camera.skeleton import medial_axis
-from stimuli.camera.tracks import TrackRules, camera_places, tracks_through
+from stimuli.camera.tracks import TrackRules, camera_places, tracks_through, wall_tracks
 from stimuli.rooms.outlined import outlined_room
+from stimuli.rooms.plain import plain_room
 
 L_SHAPE = [[0, 0], [14, 0], [14, 3], [3, 3], [3, 12], [0, 12]]
 NEAR = 1e-6
@@ -55,6 +61,26 @@ def test_no_edge_is_longer_than_allowed(place: Place) -> None:
     a, b = graph.nodes_m[graph.edges].transpose(1, 0, 2)
 
     assert np.linalg.norm(b - a, axis=1).max() <= GraphRules().max_edge_m + NEAR
+
+
+def test_a_room_without_a_middle_line_has_tracks_along_its_walls() -> None:
+    room = plain_room()
+    walls, (floor,) = Obstacles.of_room(room), walkable_floors(room)
+    along = tracks_through(camera_places(floor, medial_axis(floor.area), walls), walls, seed=2)
+    tracks = wall_tracks(floor, walls)
+
+    assert 0 == len(along)
+    assert 8 == len(tracks)
+    assert all(is_clear_way(walls, a, b, TrackRules().clear_m - NEAR) for a, b in tracks)
+    rim = floor.area.boundary
+    assert all(rim.distance(shapely.Point(p[0], p[2])) < 0.02 for p in tracks.reshape(-1, 3))
+    assert {1.6, 2.24} == set(tracks[:, :, 1].ravel().round(6))
+    place = prepare(room)
+    assert len(place.graph.nodes_m) > 8
+    where = Moment(np.zeros(3), 1.7)
+    for shot in ShotSize:
+        director = Director(place, replace(Style(), shot=shot), lambda t: where)
+        assert director.sees_subject
 
 
 def test_same_seed_gives_the_same_tracks(place: Place) -> None:

@@ -1,0 +1,96 @@
+"""Boards and own bodies are drawn again with a frame; what was never drawn is drawn, too."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import visavis.sessions.perform
+from cli.redraw import redraw
+from devices.registry import OPTION_MODELS
+from lab.config import load_config
+from lab.errors import UsageError
+from recording.folder import study_dir
+from recording.kept import KeptRecording
+from recording.reader import Recording
+from stage.drawn_stage import Display, default_views
+from stage.errors import StageError
+from stage.own_body import OwnBody
+from stage.renderer import LIGHTEST, Renderer
+from stimuli.dressing.casting import default_casting
+from stimuli.dressing.picture_of import picture_of
+from tests.faults.sessions import CONFIG
+from tests.stage.sessions import NowAndThen
+from tests.visavis.sessions import opened, perform
+from visavis.sessions.perform import perform_new, simulated_request
+from visavis.sessions.study_folder import settle, wanted_settings
+
+
+@pytest.fixture(autouse=True)
+def draws() -> None:
+    """Skip where nothing draws."""
+    try:
+        Renderer(quality=LIGHTEST).close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+
+
+def settled(folder: Path, study: Any) -> None:
+    at = study_dir(folder, study.name, is_simulated=True)
+    settle(at, wanted_settings(at, study, is_simulated=True), seed_given=False)
+
+
+@pytest.mark.parametrize("every", [7])
+def test_boards_and_own_body_are_drawn_again(
+    every: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[NowAndThen] = []
+
+    def build(config: Any, experiment: Any, rig: Any, clock: Any, viewers: Any) -> NowAndThen:
+        body = OwnBody(default_casting("male_01"), rig.others["body_tracker"].segments)
+        display = Display(default_views, lambda: (48, 54), experiment.people_count)
+        stage = NowAndThen(
+            picture_of, lambda: Renderer(quality=LIGHTEST), display, clock, viewers=viewers,
+            every=every, own_body=body,
+        )  # fmt: skip
+        made.append(stage)
+        return stage
+
+    monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
+    study = opened("duel")
+    config = load_config(CONFIG, OPTION_MODELS).model_copy(update={"data_root": tmp_path})
+    settled(tmp_path, study)
+    request = simulated_request(
+        study, study.experiment({"repetitions": 1, "practice": 0}), config, label="S01B", index=0,
+        seed=3,
+    )  # fmt: skip
+    recording = KeptRecording(perform_new(request))
+    (stage,) = made
+    drawn = recording.stream_arrays("drawn")
+    stage.close()
+    frames = drawn["frame"].tolist()
+    asked = [e for e in recording.events()["payload"] if "asked_ns" in e]
+    boards = [
+        i for i, t in enumerate(drawn["t_scene_ns"])
+        if any(e["asked_ns"] < t < e["answered_ns"] for e in asked)
+    ]  # fmt: skip
+    assert len(boards) > 2
+    rows = [*boards[:2], boards[-1], *np.linspace(3, len(frames) - 1, 4).astype(int).tolist()]
+    for i in rows:
+        again = redraw(recording, frames[i])
+        for old, new in zip(stage.kept[i][1], again, strict=True):
+            assert np.abs(old.astype(int) - new.astype(int)).max() <= 1
+
+
+def test_a_frame_of_a_session_in_which_nothing_was_drawn_is_drawn(tmp_path: Path) -> None:
+    settled(tmp_path, opened("duel"))
+    recording = perform("duel", tmp_path, repetitions=1, practice=0)
+    start_ns = int(recording.trials().iloc[0]["t_start_ns"])
+    frames = recording.stream_arrays("frames")
+    at = int(np.searchsorted(frames["t_host_ns"], start_ns)) + 20
+    left, right = redraw(recording, int(frames["frame_index"][at]))
+    assert left.shape == right.shape
+    assert len(np.unique(left.reshape(-1, 3), axis=0)) > 500
+    with pytest.raises(UsageError, match="has no frame 999999"):
+        redraw(Recording(recording.path), 999_999)
