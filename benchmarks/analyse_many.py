@@ -60,6 +60,8 @@ def main() -> int:
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--keep", type=Path, help="keep the sessions here, and use them again")
     options = parser.parse_args()
+    if options.participants < 8:
+        parser.error("a quarter, half and all of them are analysed: eight at least")
     sizes = [options.participants // 4, options.participants // 2, options.participants]
     with tempfile.TemporaryDirectory(dir=options.keep) as scratch:
         root = options.keep or Path(scratch)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import (
@@ -15,7 +16,11 @@ from rich.progress import (
 
 from cli.app import console, say_plainly
 from lab.clock import StopWatch
-from protocol.experiment import Experiment, Preparing
+
+if TYPE_CHECKING:
+    from lab.config import LabConfig
+    from visavis.experiment import StudyExperiment
+    from visavis.opened import OpenedStudy
 
 MEASURED_PICTURES = 8
 """A film says how long it takes once so many are drawn after the first, which loads everything."""
@@ -52,11 +57,14 @@ class TerminalTelling:
 TELLING = TerminalTelling()
 
 
-def make_ready(experiment: Experiment) -> None:
+def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "LabConfig") -> None:
     """Do what would hold up a frame before anything is shown; done already, it takes no time."""
-    if isinstance(experiment, Preparing):
-        with TELLING.progress(f"getting {experiment.name} ready") as told:
-            experiment.prepare(told)
+    from visavis.sessions.perform import get_ready
+
+    with TELLING.progress(f"getting {experiment.name} ready") as told:
+        trouble = get_ready(study, experiment, config, told)
+    if trouble:
+        TELLING.warn(trouble)
 
 
 class Forecast:

@@ -1,6 +1,6 @@
 """What a study gives the session."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -110,18 +110,6 @@ def spare_roles_of(experiment: Experiment) -> tuple[str, ...]:
 
 def untold(done: int, of: int) -> None:
     """Hear how much is done, and tell nobody."""
-
-
-@runtime_checkable
-class Preparing(Protocol):
-    """An experiment that loads or computes something which would hold up a frame."""
-
-    def prepare(self, told: Callable[[int, int], None] = untold) -> None:
-        """Do it now: nothing is shown and nothing is measured yet.
-
-        `told` hears how much of how much is done. What is prepared already takes no time.
-        """
-        ...
 
 
 def demands_of(experiment: Experiment) -> Demands:

@@ -14,12 +14,13 @@ def prepare(
     """Compute what a study needs beforehand, such as the evening before.
 
     run does what is left of it before the first trial. What takes long is kept in your cache
-    folder.
+    folder; a few trials are rehearsed unseen, so that all code is compiled.
 
     Example: visavis prepare waving
     """
     watch = StopWatch()
     lab = load_lab(config, only_simulates=True)
     here = study_here(study, lab)
-    make_ready(here.study.experiment(here.wanted(assignments=assignments).parameters))
+    experiment = here.study.experiment(here.wanted(assignments=assignments).parameters)
+    make_ready(here.study, experiment, lab)
     console.print(f"[b]{verbatim(here.study.name)}[/] is ready after {watch.elapsed_s():.0f} s")

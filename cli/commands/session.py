@@ -376,7 +376,9 @@ def _perform(
         with TELLING.progress("building films") as told:
             film_store(experiment).build(experiment.films, told)
     if not fast and on == "lab":
-        make_ready(experiment)  # before the operator's screen, which would stand empty meanwhile
+        make_ready(
+            here.study, experiment, here.lab
+        )  # before the operator's screen, which would stand empty meanwhile
     with ExitStack() as stack:
         operator: Operator = UnattendedOperator()
         respondent = None

@@ -80,7 +80,7 @@ def test_a_session_on_the_system_clock_over_sockets_is_complete(
     assert len(events(recording, "clock_exchanges")[0]["send_device_receive_ns"]) >= 20
     assert () == recording.verify().problems
     assert "2 of 2 planned trials complete" in findings(recording)
-    (capture,) = captures
+    (capture,) = (c for c in captures if c.recordings)  # others heard the rehearsal
     assert ["stare_S01_001_01"] == list(capture.recordings)
     (marks,) = capture.recordings.values()
     words = [mark["label"].split()[:2] for mark in marks]

@@ -5,15 +5,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Protocol
+from weakref import WeakSet
 
 from devices.contracts import Armband, Device, DeviceInfo, OwnRecording, SessionName
 from devices.haptic_safety import HapticGuard
 from devices.shared_body import SharedBody
 from lab.clock import Clock, SimClock, require_fine_clock
-from lab.config import LabConfig
-from lab.errors import ConfigError, RecordingError, SessionAborted
-from protocol.experiment import Respondent
+from lab.config import LabConfig, with_devices
+from lab.errors import ConfigError, LabError, RecordingError, SessionAborted
+from protocol.experiment import Respondent, untold
 from protocol.gaze_setup import TargetTiming
 from protocol.operator import Operator, UnattendedOperator
 from protocol.participants import SimulatedParticipant
@@ -32,6 +34,7 @@ from stage.contracts import Stage, Viewer
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
 from visavis.sessions.plan_lock import carried_by_session
+from visavis.sessions.rehearsal import FewTrials
 from visavis.sessions.rig import build_rig, check_room, devices_for, is_simulated
 from visavis.sessions.stages import build_stage
 from visavis.texts import read_texts
@@ -213,6 +216,55 @@ def _screen(config: LabConfig) -> dict[str, Any]:
     return {} if screen is None else {"screen": screen.model_dump()}
 
 
+_READY: WeakSet[StudyExperiment] = WeakSet()
+
+
+def get_ready(
+    study: OpenedStudy,
+    experiment: StudyExperiment,
+    config: LabConfig,
+    told: Callable[[int, int], None] = untold,
+) -> str:
+    """Do what would hold up a frame of a session; return why a part was left out, mostly "".
+
+    What the study prepares, then a rehearsal of a few trials by a simulated person on simulated
+    devices, unseen and forgotten: code is compiled for what it is called with, so nothing finds
+    all of it but calling it. `told` hears how much of how much is done. Done already, it takes no
+    time.
+    """
+    if experiment in _READY:
+        return ""
+
+    few = FewTrials(experiment.study, experiment.overrides)
+    trials, steps = len(few.plan(0, 0).trials), 0
+
+    def prepared(done: int, of: int) -> None:
+        nonlocal steps
+        steps = of
+        told(done, steps + trials)
+
+    def rehearsed(_: str, done: int, __: int) -> None:
+        told(steps + done, steps + trials)
+
+    experiment.prepare(prepared)
+    trouble = ""
+    with TemporaryDirectory(prefix="visavis-rehearsal-") as folder:
+        unseen = config.display.model_copy(update={"show": "none"})
+        lab = with_devices(config, "sim").model_copy(
+            update={"data_root": Path(folder), "display": unseen}
+        )
+        request = simulated_request(
+            study, few, lab, label="REHEARSAL", index=0, seed=0, on_trial=rehearsed
+        )
+        try:
+            perform_new(replace(request, on="lab"))
+        except LabError as problem:
+            trouble = f"not rehearsed, so the first frames may be late: {problem}"
+    told(steps + trials, steps + trials)
+    _READY.add(experiment)
+    return trouble
+
+
 @dataclass(frozen=True)
 class _Devices:
     """What a session is performed on; made before anything is written, as it may be refused."""
@@ -230,7 +282,7 @@ def _equip(request: Request, stack: ExitStack) -> _Devices:
         raise ConfigError("nobody is there to answer the questionnaires; run it in a terminal")
     seed = device_seed(behaviour_seed(request), request.participant_index)
     if not request.clock.is_virtual:
-        request.experiment.prepare()
+        get_ready(request.study, request.experiment, request.config)
         stack.enter_context(request.experiment.settings.beside.in_process())
     rig = build_rig(request.config, request.clock, participant, seed, stack, request.without)
     return _Devices(rig, participant, respondent)

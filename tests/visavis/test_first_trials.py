@@ -1,0 +1,47 @@
+"""Nothing is computed or loaded for the first time while somebody looks."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from visavis.catalogue import SHIPPED
+
+ROOT = Path(__file__).parents[2]
+
+
+def met_in_trials(reference: str, root: Path, how: str, **variables: Path) -> list[str]:
+    """Return what a fresh process compiled, opened and imported during a study's first trials."""
+    command = [
+        sys.executable,
+        "-m",
+        "tests.visavis.first_trials_child",
+        reference,
+        root / "data",
+        how,
+    ]
+    set_to = {name: str(folder) for name, folder in variables.items()}
+    result = subprocess.run(
+        [str(word) for word in command],
+        cwd=ROOT, env={**os.environ, **set_to}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    met: list[str] = json.loads(result.stdout)
+    return met
+
+
+@pytest.mark.slow  # a minute: every kernel of every study is compiled, as on a new computer
+@pytest.mark.timeout(900)
+def test_trials_meet_nothing_new_even_where_nothing_is_kept_yet(tmp_path: Path) -> None:
+    empty = {"NUMBA_CACHE_DIR": tmp_path / "numba", "XDG_CACHE_HOME": tmp_path / "kept"}
+    met = {name: met_in_trials(name, tmp_path / name, "ready", **empty) for name in SHIPPED}
+    assert {name: [] for name in SHIPPED} == met
+
+
+@pytest.mark.slow  # a process that loads everything
+def test_what_is_met_in_a_trial_for_the_first_time_is_heard(tmp_path: Path) -> None:
+    met = met_in_trials("stare", tmp_path, "unready")
+    assert any("see_gaze" in what for what in met)
