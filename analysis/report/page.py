@@ -32,6 +32,12 @@ _ANSWER = {
     "undecided": "?",
 }
 _STYLE = Path(__file__).with_name("page.css")
+_SCRIPT = Path(__file__).with_name("page.js")
+WIDE_PT = 480.0
+"""Figures wider than this keep their size on a phone and are moved sideways."""
+
+
+_VIEW_BOX = re.compile(r'<svg[^>]*\bviewBox="\S+ \S+ ([\d.]+) ')
 
 
 def render_page(page: Page) -> str:
@@ -56,7 +62,8 @@ def render_page(page: Page) -> str:
         f'<body class="{kind}">\n{banner}<header>\n<h1>{escape(page.title)}</h1>\n'
         f'<p class="subtitle">{escape(page.subtitle)}</p>\n{_facts(page.facts)}</header>\n'
         f'<nav aria-label="Sections">{links}</nav>\n<main>\n{sections}\n</main>\n'
-        f"<footer>{escape(page.footer)}</footer>\n</body>\n</html>\n"
+        f"<footer>{escape(page.footer)}</footer>\n"
+        f"<script>\n{_SCRIPT.read_text(encoding='utf-8')}</script>\n</body>\n</html>\n"
     )
 
 
@@ -125,8 +132,11 @@ def _verdict(verdict: Verdict) -> str:
 
 def _picture(picture: Picture) -> str:
     label = escape(picture.alternative, quote=True)
+    box = _VIEW_BOX.search(picture.svg)
+    wide = box is not None and float(box[1]) > WIDE_PT
+    shape = 'class="plot wide" tabindex="0"' if wide else 'class="plot"'
     return (
-        f'<figure><div class="plot" role="img" aria-label="{label}">{picture.svg}</div>'
+        f'<figure><div {shape} role="img" aria-label="{label}">{picture.svg}</div>'
         f"<figcaption><strong>{escape(picture.title)}.</strong> "
         f"{escape(picture.caption)}</figcaption></figure>"
     )

@@ -1,6 +1,7 @@
 """desk: a page beside the terminal that shows the lab's session and commands it."""
 
 import asyncio
+import contextlib
 import importlib
 import webbrowser
 from typing import Annotated, Any
@@ -30,7 +31,8 @@ def desk(
     """
     lab = load_lab(config, devices)
     server = _desk_server()(lab)
-    asyncio.run(_serve(server, lab, port, show=show))
+    with contextlib.suppress(KeyboardInterrupt):  # which is how a desk is closed
+        asyncio.run(_serve(server, lab, port, show=show))
 
 
 async def _serve(server: Any, lab: LabConfig, port: int, *, show: bool) -> None:

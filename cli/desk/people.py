@@ -14,6 +14,7 @@ from lab.config import LabConfig
 from lab.errors import LabError
 from protocol.ledger import Ledger, Participant
 from recording.folder import REAL_ROOT, SIMULATED_ROOT
+from recording.manifest import read_manifest
 from recording.reader import Recording
 from visavis.sessions.rig import is_simulated
 from visavis.sessions.study_check import SIMULATED_PREFIX, is_study
@@ -36,7 +37,7 @@ class Verdicts:
 
 
 def people_today(lab: LabConfig, verdicts: Verdicts, running: str = "") -> list[dict[str, Any]]:
-    """Return per study who was here today, who is still to come, and how many came before.
+    """Return per study who was here today, who is still to come or to go on, and how many are done.
 
     `running` is the folder of the session that goes on: no other is judged meanwhile, as that
     takes the computer's time.
@@ -79,7 +80,7 @@ def verdict_of(verdict: SessionCheck) -> dict[str, Any]:
 def _person(
     folder: Path, entry: Participant, verdicts: Verdicts, running: str
 ) -> dict[str, Any] | None:
-    """Return how somebody is today; None for who was here on other days."""
+    """Return how somebody is today; None for who was here on other days and is done."""
     sessions = sorted(
         path.parent for path in (folder / f"sub-{entry.label}").glob("ses-*/manifest.json")
     )
@@ -88,19 +89,21 @@ def _person(
         command = f"visavis run {shlex.quote(folder.name)} --participant {entry.label}"
         return {**told, "state": "to come", "command": command, "order": 1}
     session = sessions[-1]
-    told["path"] = str(session)
-    if str(session) == running:
+    told["path"] = str(session.resolve())  # as the session itself says it
+    if told["path"] == running:
         return {**told, "state": "running", "command": "", "order": 0}
     try:
-        if not _is_today((session / "manifest.json").stat().st_mtime):
+        parts = read_manifest(session).parts
+        is_whole = bool(parts) and parts[-1].status == "complete"
+        if is_whole and not _is_today((session / "manifest.json").stat().st_mtime):
             return None
         if running:
-            return {**told, "state": "was here", "command": "", "order": 2}
-        verdict = verdicts.of(session)
-        status = Recording(session).status
+            verdict, status = None, "complete" if is_whole else "aborted"
+        else:
+            verdict, status = verdict_of(verdicts.of(session)), Recording(session).status
     except LabError as error:
         return {**told, "state": f"damaged: {error}", "command": "", "order": 0}
-    told["verdict"] = verdict_of(verdict)
+    told["verdict"] = verdict
     if status == "complete":
         return {**told, "state": "complete", "command": "", "order": 2}
     if status == "running":

@@ -152,6 +152,22 @@ def test_a_blinded_condition_stays_hidden(address: str, browser: Any, tmp_path: 
         shown(opened(browser, address), "#f-condition", "hidden")
 
 
+def test_a_session_on_a_participants_page_is_shown_and_not_commanded(
+    address: str, browser: Any, tmp_path: Path
+) -> None:
+    about = About("films", "S07H", 1, str(tmp_path), is_simulated=True, is_blind=False, commands=())
+    told = replace(STATUS, health={}, faults=(), accuracy_deg=None, session_left_s=0.0)
+    with SessionLink(UnattendedOperator(), about, tmp_path) as link:
+        link.show(told)
+        page = opened(browser, address)
+        shown(page, "#f-done", "5 of 73")
+        shown(page, "#session", "goes on at the participant's page")
+        assert 0 == page.locator("#session button").count()
+        page.keyboard.press("f")
+        page.wait_for_timeout(300)
+        assert [] == list(link.poll())
+
+
 def test_every_button_and_key_asks_for_what_the_terminals_keys_do(
     address: str, browser: Any, tmp_path: Path
 ) -> None:

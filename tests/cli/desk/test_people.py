@@ -74,11 +74,21 @@ def test_a_whole_session_of_today_is_judged_and_one_of_another_day_counted(
     assert ("S01B" in found, 1) == (False, found["before"])
 
 
+def test_a_session_broken_off_on_another_day_still_waits_to_be_gone_on_with(
+    config: LabConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(SessionAborted):
+        perform(config, ScriptedOperator((SessionState.TRIAL, 3, 5, Command(Action.ABORT))))
+    monkeypatch.setattr("cli.desk.people._is_today", lambda changed_s: False)
+    found = today(config)
+    assert ("interrupted", 0) == (found["S01B"]["state"], found["before"])
+
+
 def test_while_a_session_goes_on_no_other_is_judged(config: LabConfig) -> None:
     perform(config, trial_s=1.0)
     found = today(config, running="elsewhere")["S01B"]
-    assert ("was here", None) == (found["state"], found["verdict"])
-    assert "running" == today(config, running=str(session_of(config)))["S01B"]["state"]
+    assert ("complete", None) == (found["state"], found["verdict"])
+    assert "running" == today(config, running=str(session_of(config).resolve()))["S01B"]["state"]
 
 
 def test_a_ledger_that_cannot_be_read_is_told_and_hides_no_other_study(config: LabConfig) -> None:

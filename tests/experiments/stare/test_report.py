@@ -92,7 +92,7 @@ def test_verdict_comes_before_any_table(html):
 
 def test_report_is_one_file_without_requests(html):
     assert not re.search(r'(?:src|href)="(?!#|data:)', html)
-    for word in ("<script", "<link", "@import", "url(http"):
+    for word in ("<script ", "fetch(", "<link", "@import", "url(http"):
         assert word not in html
 
 

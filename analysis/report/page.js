@@ -1,0 +1,96 @@
+// Copies and downloads of a report's tables and answers; without JavaScript the page lacks nothing else.
+(() => {
+  const isSimulated = document.body.classList.contains("simulated");
+  const MARK = "Simulated data: no human took part.";
+
+  function button(label, act) {
+    const made = document.createElement("button");
+    made.type = "button";
+    made.textContent = label;
+    made.addEventListener("click", () => {
+      act();
+      made.textContent = "✓ " + label;
+      setTimeout(() => { made.textContent = label; }, 2000);
+    });
+    return made;
+  }
+
+  function tools(...buttons) {
+    const made = document.createElement("div");
+    made.className = "tools";
+    made.append(...buttons);
+    return made;
+  }
+
+  function copy(plain, html) {
+    const fill = (event) => {
+      event.preventDefault();
+      event.clipboardData.setData("text/plain", plain);
+      event.clipboardData.setData("text/html", html);
+    };
+    document.addEventListener("copy", fill);
+    document.execCommand("copy");
+    document.removeEventListener("copy", fill);
+  }
+
+  const safe = (text) => text.replace(/&/g, "&amp;").replace(/</g, "&lt;");
+  const text = (cell) => cell.textContent.replace(/\u00a0/g, " ").trim();
+
+  function grid(table) {
+    return [...table.rows].map((row) => [...row.cells].flatMap((cell) =>
+      [text(cell), ...Array(cell.colSpan - 1).fill("")]));
+  }
+
+  // Rows of headings become one: "group, name".
+  function flat(table) {
+    const rows = grid(table);
+    const heads = table.tHead.rows.length;
+    let group = "";
+    const above = heads > 1 ? [...table.tHead.rows[0].cells].flatMap((cell) => Array(cell.colSpan).fill(text(cell))) : [];
+    const names = rows[heads - 1].map((name, i) => { group = above[i] || ""; return group ? `${group}, ${name}` : name; });
+    return [names, ...rows.slice(heads)];
+  }
+
+  function csv(table) {
+    const quoted = (value) => (/[",\n]/.test(value) ? `"${value.replace(/"/g, '""')}"` : value);
+    return flat(table).map((row, i) => [...row, i ? String(isSimulated) : "is_simulated"].map(quoted).join(",")).join("\n") + "\n";
+  }
+
+  // Three rules, the number and the title above, the note below (APA 7, section 7).
+  function asApa(table, number, title, note) {
+    const last = table.rows.length - 1, heads = table.tHead.rows.length;
+    const rows = [...table.rows].map((row, i) => {
+      const line = (i === 0 ? "border-top:1pt solid;" : "") + (i === heads - 1 || i === last ? "border-bottom:1pt solid;" : "");
+      return "<tr>" + [...row.cells].map((cell) => `<td colspan="${cell.colSpan}" style="${line}padding:2pt 6pt;text-align:${getComputedStyle(cell).textAlign}">${safe(text(cell))}</td>`).join("") + "</tr>";
+    });
+    const below = [isSimulated ? MARK : "", note].filter(Boolean).join(" ");
+    return `<p><b>Table ${number}</b></p><p><i>${safe(title)}</i></p><table style="border-collapse:collapse">${rows.join("")}</table>` +
+      (below ? `<p><i>Note.</i> ${safe(below)}</p>` : "");
+  }
+
+  document.querySelectorAll("div.table").forEach((place, i) => {
+    const table = place.querySelector("table");
+    const title = text(place.querySelector(".caption"));
+    const note = place.querySelector(".note") ? text(place.querySelector(".note")) : "";
+    const below = [isSimulated ? MARK : "", note].filter(Boolean).join(" ");
+    const plain = `Table ${i + 1}\n${title}\n${grid(table).map((row) => row.join("\t")).join("\n")}\n${below ? `Note. ${below}\n` : ""}`;
+    place.append(tools(
+      button("Copy as APA", () => copy(plain, asApa(table, i + 1, title, note))),
+      button("Download CSV", () => {
+        const link = document.createElement("a");
+        link.href = URL.createObjectURL(new Blob(["\ufeff" + csv(table)], { type: "text/csv" }));
+        const name = title.toLowerCase().replace(/[^\p{L}\p{N}]+/gu, "_").slice(0, 60);
+        link.download = `${isSimulated ? "simulated_" : ""}table_${i + 1}_${name}.csv`;
+        link.click();
+        URL.revokeObjectURL(link.href);
+      }),
+    ));
+  });
+
+  document.querySelectorAll(".verdict").forEach((place) => {
+    const said = text(place.querySelector("p"));
+    if (!said) return;
+    const whole = isSimulated ? `${said} ${MARK}` : said;
+    place.append(tools(button("Copy", () => copy(whole, safe(whole)))));
+  });
+})();
