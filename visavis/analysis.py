@@ -31,6 +31,7 @@ from visavis.pairs import (
     compare_pairs,
     results_of,
 )
+from visavis.responses import Rating
 from visavis.sensitivity import SensitivityRow, sensitivity
 from visavis.study import Study
 
@@ -273,7 +274,9 @@ def measures_of(study: Study, responses: Mapping[str, Any]) -> tuple[Measure, ..
     for name, response in responses.items():
         words = name.replace("_", " ").capitalize()
         if response.aggregate == "mean":
-            found.setdefault(name, Measure(name, getattr(response, "unit", "1"), words))
+            ends = (response.low, response.high) if isinstance(response, Rating) else None
+            unit = getattr(response, "unit", "1")
+            found.setdefault(name, Measure(name, unit, words, scale=ends))
         if getattr(response, "right", None) is not None and response.aggregate == "share":
             right = f"{name}_is_right"
             found.setdefault(right, Measure(right, "1", f"{words} right", None, "share"))

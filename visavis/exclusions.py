@@ -27,6 +27,19 @@ REPEATED: Final = "performed again later"
 UNREADABLE: Final = "the recording is damaged"
 
 
+COLUMN_WORDS: Final[Mapping[str, str]] = {
+    LOST_COLUMN: "share of the scene without usable gaze",
+    HEAD_LOST_COLUMN: "share of the trial without a tracked head",
+    "bad_trials_01": "share of trials left out",
+    "calibration_error_deg": "mean calibration error in degrees",
+    "completed_01": "share of planned trials finished",
+    "smallest_cell_trials": "trials in the emptiest cell",
+    "smallest_cell_01": "share of planned trials in the emptiest cell",
+    ANSWERED: "share of required questions answered",
+}
+"""What the standard rules hold against their limits, in words."""
+
+
 @dataclass(frozen=True)
 class Exclusion:
     """A rule: `column` above (or below) a `limit` leaves a trial or a participant out.
@@ -45,6 +58,13 @@ class Exclusion:
     above: bool = True
     if_missing: bool = False
     missing_is_out: bool = False
+    what: str = ""
+    """The column in words, as in "trials with WHAT above 0.5"."""
+
+    @property
+    def column_words(self) -> str:
+        """What is held against the limit, in words."""
+        return self.what or COLUMN_WORDS.get(self.column, self.column.replace("_", " "))
 
     def breaks(self, value: Any, limit: float | None) -> bool:
         """Tell whether a value is out; a missing one is judged by rules about missing ones only."""
@@ -62,7 +82,7 @@ class Exclusion:
         if self.if_missing:
             return f"{whom} without {self.column} ({self.name})"
         side = "above" if self.above else "below"
-        return f"{whom} with {self.column} ({self.name}) {side} {limit:g}"
+        return f"{whom} with {self.column_words} ({self.name}) {side} {limit:g}"
 
     def said(self, value: Any, limit: float | None) -> str:
         """Return why a value is out, in words."""
@@ -180,7 +200,7 @@ def rule_words(selection: Selection, rules: Sequence[Exclusion], name: str) -> s
     if rule.if_missing:
         return rule.words
     limit = selection.limits[name]
-    what = rule.column.replace("_", " ")
+    what = rule.column_words
     return f"{what} {'above' if rule.above else 'below'} {limit:g}"
 
 

@@ -12,10 +12,10 @@ from analysis.plots.panels import Values, differences, no_data, paired_lines, pu
 from analysis.report.notation import counted, fraction, probability, threshold
 from analysis.statistics.ranks import average_ranks
 from visavis.analysis import StudyAnalysis
-from visavis.figures import COLOURS, label_of
+from visavis.figures import COLOURS
 from visavis.measures import Measure, aggregated
 from visavis.pairs import Correlate, Pairs, scores_of
-from visavis.texts import Texts
+from visavis.texts import Texts, label_of
 
 COLUMNS = 3
 """At most how many panels stand side by side."""

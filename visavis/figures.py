@@ -33,8 +33,10 @@ from visavis.analysis import Finding, StudyAnalysis
 from visavis.exclusions import Exclusion, Selection, rule_words
 from visavis.measures import aggregated
 from visavis.quality import QUALITY_COLUMNS, Quality
-from visavis.texts import Texts
+from visavis.texts import Texts, label_of
 
+SCALE_MARGIN_01: Final = 0.04
+"""Room beyond the ends of a rating's scale, of its length."""
 COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
 
 
@@ -57,11 +59,6 @@ def figure_name(finding: Finding) -> str:
     """Return the file stem of a comparison's figure."""
     words = (*_factors(finding), *map(str, finding.compare.only.values()))
     return re.sub(r"\W+", "_", f"{finding.measure.column}_by_" + "_".join(words))
-
-
-def label_of(texts: Texts, name: str) -> str:
-    """Return what a factor or a level is called in figures and tables."""
-    return texts.find(f"labels.{name}") or name.replace("_", " ")
 
 
 def _factors(finding: Finding) -> tuple[str, ...]:
@@ -119,6 +116,10 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
                 if str(level) in printed:
                     published_mark(ax, i + 0.22, *printed[str(level)])
     axes[0].set_ylabel(finding.measure.axis)
+    if finding.measure.scale is not None:
+        low, high = finding.measure.scale
+        beyond = SCALE_MARGIN_01 * (high - low)
+        axes[0].set_ylim(low - beyond, high + beyond)
     return figure
 
 

@@ -12,7 +12,7 @@ from analysis.gaze.targets import gaze_delay_ms
 from analysis.own_streams import OwnStream, own_streams
 from analysis.report import SessionSource
 from analysis.report.sources import source_of
-from lab.clock import NS_PER_MS
+from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import DataError
 from protocol.gaze_setup import TARGETS
 from protocol.questionnaires import (
@@ -244,13 +244,16 @@ def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
         if not calibrated
         else (
             f"tracker's own 3-D calibration, then validation at {len(TARGETS)} points up to 15°, "
-            "before every block and at the end; accepted up to 1.5° mean and 3° at the worst point"
+            f"{_when_calibrated(recording.manifest.plan)}; validation again at the end; accepted "
+            "up to 1.5° mean and 3° at the worst point"
         ),
         "filter": "none; raw samples with the tracker's own validity",
     }
     facts |= _timing_facts(recording, rows)
     tracked = [d for role, d in devices.items() if role in ("headset", "body_tracker")]
-    facts["tracking"] = "; ".join(f"{d['vendor']} {d['model']} ({d['role']})" for d in tracked)
+    facts["tracking"] = "; ".join(
+        f"{d['vendor']} {d['model']} ({_role_with_rate(recording, d['role'])})" for d in tracked
+    )
     if tracker:
         made_up = " (SIMULATED)" if tracker.get("is_simulated") else ""
         facts["eye_tracker"] = f"{tracker['vendor']} {tracker['model']}{made_up}"
@@ -259,13 +262,41 @@ def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
         rate = f", {frames.nominal_rate_hz:g} Hz" if frames is not None else ""
         facts["display"] = f"{headset['vendor']} {headset['model']}{rate}"
     done = rows[rows["status"] == "complete"]
-    if gaze is not None and len(done) and "gaze_samples" in done:
-        duration_s = float((done["t_end_ns"] - done["t_start_ns"]).sum()) / 1e9
-        effective = float(done["gaze_samples"].sum()) / duration_s if duration_s else float("nan")
+    if gaze is not None and len(done):
         facts["sampling_rate"] = (
-            f"{gaze.nominal_rate_hz:g} Hz nominal, {effective:.1f} Hz effective"
+            f"{gaze.nominal_rate_hz:g} Hz nominal, "
+            f"{_rate_in_trials_hz(recording, 'gaze', done):.1f} Hz effective"
         )
     return facts
+
+
+def _when_calibrated(plan: Mapping[str, Any]) -> str:
+    """Return before which blocks of a recorded plan the tracker was calibrated, in words."""
+    blocks = plan.get("blocks", ())
+    often = sum(bool(block.get("calibrate")) for block in blocks)
+    return "before the first block" if often < max(len(blocks), 2) else "before every block"
+
+
+def _role_with_rate(recording: Recording, role: str) -> str:
+    """Return the role of what follows the head or the body, with its nominal rate if it has one."""
+    stream = {"headset": "head", "body_tracker": "body"}[role]
+    schema = recording.stream_schema(stream) if stream in recording.stream_names else None
+    rate_hz = 0.0 if schema is None else schema.nominal_rate_hz
+    return role.replace("_", " ") + (f", {rate_hz:g} Hz" if rate_hz else "")
+
+
+def _rate_in_trials_hz(recording: Recording, stream: str, done: pd.DataFrame) -> float:
+    """Return how many samples of a stream came in a second of finished trials."""
+    columns = recording.stream_arrays(stream)
+    parts, at_ns = columns["recording_part"], columns["t_host_ns"]
+    count = duration_s = 0.0
+    for part, start_ns, end_ns in zip(
+        done["recording_part"], done["t_start_ns"], done["t_end_ns"], strict=True
+    ):
+        in_trial = (parts == part) & (at_ns >= start_ns) & (at_ns < end_ns)
+        count += float(in_trial.sum())
+        duration_s += float(end_ns - start_ns) / NS_PER_S
+    return count / duration_s if duration_s else float("nan")
 
 
 def _timing_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:

@@ -117,6 +117,8 @@ class Measure:
     needs_gaze: bool = False
     role: str = ""
     """Whose: a role of a scene, where it is about somebody."""
+    scale: tuple[float, float] | None = None
+    """The ends of a rating's scale, which figures show whole."""
 
     @property
     def axis(self) -> str:

@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 
 from analysis.report.notation import decimal, threshold
-from visavis.analysis import StudyAnalysis
+from visavis.analysis import Finding, StudyAnalysis
 from visavis.experiment import StudyExperiment
 from visavis.looks import MeasureParameters
 from visavis.pairs import Correlate, Pairs
-from visavis.reporting_list import confidence_rule, stamp_rule
-from visavis.texts import shown
+from visavis.reporting_list import STAMPS_COUNTED, confidence_rule, stamp_rule
+from visavis.texts import Texts, label_of, shown
 
 
 def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> tuple[str, ...]:
@@ -16,7 +16,7 @@ def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> t
     study = experiment.study
     looks = [_looks(on.rules({"parameters": experiment.parameters})) for on in study.looks[:1]]
     every = (*own_methods(experiment), _measured(analysis), *looks, _excluded(analysis),
-             _compared(analysis), *_families(analysis))  # fmt: skip
+             _compared(analysis, experiment.texts), *_families(analysis))  # fmt: skip
     return tuple(filter(None, every))
 
 
@@ -36,8 +36,9 @@ def _design(experiment: StudyExperiment) -> str:
     factors = []
     for factor in experiment.study.design(experiment.parameters).factors:
         kind = "between" if factor.between else "within"
-        levels = ", ".join(map(str, factor.levels))
-        factors.append(f"{factor.name} ({levels}; {kind} participants)")
+        levels = ", ".join(label_of(experiment.texts, str(v)) for v in factor.levels)
+        name = label_of(experiment.texts, factor.name)
+        factors.append(f"{name} ({levels}; {kind} participants)")
     repeated = int(experiment.parameters["repetitions"])
     times = "once" if repeated == 1 else f"{repeated} times"
     order = str(experiment.parameters["order"]).replace("_", " ")
@@ -77,7 +78,8 @@ def _looks(rules: MeasureParameters) -> str:
         "fixations, shorter ones glances. Dwell time is the time of valid samples on the head, "
         "glances included; fixation count, and time and duration of the first and second fixation, "
         "follow from the fixations. A trial without the fixation in question has no value for it. "
-        f"Validity of samples – {confidence_rule()}. Time stamps – {stamp_rule(looks)}."
+        f"Validity of samples – {confidence_rule()}. Time stamps – {stamp_rule(looks)}"
+        f"{STAMPS_COUNTED}."
     )
 
 
@@ -91,13 +93,13 @@ def _excluded(analysis: StudyAnalysis) -> str:
     )
 
 
-def _compared(analysis: StudyAnalysis) -> str:
+def _compared(analysis: StudyAnalysis, texts: Texts) -> str:
     said = []
     for finding in analysis.findings:
         title = "not tested" if finding.outcome is None else finding.outcome.title
         how = finding.compare.correction
         family = f", {how} over the family {finding.compare.family}" if how != "none" else ""
-        said.append(f"{finding.compare.name}: {title} (α = {finding.compare.alpha:g}{family})")
+        said.append(f"{spoken(finding, texts)}: {title} (α = {finding.compare.alpha:g}{family})")
     if not said:
         return "" if analysis.results else "No comparison was planned."
     return f"Comparisons: {'; '.join(said)}."
@@ -126,3 +128,13 @@ def _families(analysis: StudyAnalysis) -> Iterator[str]:
             said.append(f"{words}: Bonferroni, {alpha}/{n} = {threshold(rules.alpha / n)}")
     if said:
         yield f"Families of tests: {'; '.join(dict.fromkeys(said))}."
+
+
+def spoken(finding: Finding, texts: Texts) -> str:
+    """Return what a comparison is called in sentences: measure, factors, and of whom."""
+    words = finding.measure.words
+    factors = " × ".join(
+        label_of(texts, name) for name in (*finding.compare.within, *finding.compare.between)
+    )
+    levels = ", ".join(label_of(texts, str(v)) for v in finding.compare.only.values())
+    return f"{words[:1].lower()}{words[1:]} by {factors}" + (f" ({levels})" if levels else "")

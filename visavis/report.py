@@ -40,12 +40,13 @@ from visavis.family_report import (
     fitted_note,
     verdict_cell,
 )
-from visavis.figures import figure_name, label_of
+from visavis.figures import figure_name
 from visavis.looks import LooksOn
 from visavis.measures import aggregated
-from visavis.methods import method_paragraphs
+from visavis.methods import method_paragraphs, spoken
 from visavis.quality import LOSS_COLUMNS, Quality, quality_table
 from visavis.reporting_list import Kept, reporting_table
+from visavis.texts import Texts, label_of
 
 REPORT_NAME: Final = "report.html"
 Pictures = Mapping[str, Picture]
@@ -200,7 +201,7 @@ def _sentence(finding: Finding, term: Term) -> str:
     if outcome is None:
         return ""
     for said in outcome.sentences:
-        if said.startswith(f"{term.name}:"):
+        if said.startswith(f"{term.name.replace(':', ' × ')}:"):
             return said
     return " ".join(outcome.sentences)
 
@@ -302,7 +303,7 @@ def _measures(
         for finding in findings:
             picture = pictures.get(figure_name(finding))
             blocks += [] if picture is None else [picture]
-            blocks += _tests(finding)
+            blocks += _tests(finding, experiment.texts)
         if column in analysis.selection.counted:
             blocks.append(_means_table(analysis, measure.column, experiment))
         sections.append(Section(column, measure.words, tuple(blocks)))
@@ -317,8 +318,8 @@ def _measures(
     return sections
 
 
-def _tests(finding: Finding) -> list[Block]:
-    name = finding.compare.name
+def _tests(finding: Finding, texts: Texts) -> list[Block]:
+    name = spoken(finding, texts)
     if finding.outcome is None:
         return [Paragraph(f"{name}: not tested, {finding.why_not}.")]
     outcome = finding.outcome
@@ -346,7 +347,7 @@ def _means_table(analysis: StudyAnalysis, column: str, experiment: StudyExperime
         levels = key if isinstance(key, tuple) else (key,)
         names = ", ".join(label_of(experiment.texts, str(v)) for v in levels)
         values = group[column].to_numpy(float)
-        rows.append((names, _mean_sd(values), str(int(np.isfinite(values).sum()))))
+        rows.append((names, _mean_sd(values, measure.digits), str(int(np.isfinite(values).sum()))))
     unit = "" if measure.unit in ("", "1") else f" in {measure.unit}"
     heads = ", ".join(label_of(experiment.texts, f) for f in factors)
     return Table(
@@ -367,7 +368,10 @@ def _quality(
     looks = analysis.study.looks
     rules = looks[0].rules({"parameters": experiment.parameters}) if looks else LooksOn().rules({})
     selection, kept = analysis.selection, kept_of(analysis)
-    listed = reporting_table(kept, quality, provenance, rules, _losses(analysis))
+    listed = reporting_table(
+        kept, quality, provenance, rules, _losses(analysis, experiment.texts),
+        counts_stamps="repeated_samples" in selection.rows,
+    )  # fmt: skip
     blocks: list[Block] = [pictures["quality"], listed,
                            Fold("Every participant", (quality_table(quality),))]  # fmt: skip
     heads = tuple(Column(h) for h in ("Participant", "What", "Why"))
@@ -383,7 +387,7 @@ def _quality(
     return Section("quality", "Quality of gaze data", tuple(blocks))
 
 
-def _losses(analysis: StudyAnalysis) -> list[tuple[str, str]]:
+def _losses(analysis: StudyAnalysis, texts: Texts) -> list[tuple[str, str]]:
     """Return every level of the factors compared with the share of gaze lost in its trials."""
     rows = analysis.selection.finished
     lost = next((c for c in LOSS_COLUMNS if c in rows), None)
@@ -394,7 +398,7 @@ def _losses(analysis: StudyAnalysis) -> list[tuple[str, str]]:
         for level in analysis.levels[factor]:
             share = pd.to_numeric(rows.loc[rows[factor] == level, lost], errors="coerce").mean()
             said = "not recorded" if share != share else percentage(float(share))
-            found.append((f"{factor} {level}", said))
+            found.append((f"{label_of(texts, factor)} {label_of(texts, str(level))}", said))
     return found
 
 

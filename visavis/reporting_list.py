@@ -20,6 +20,9 @@ from visavis.quality import DRIFT, END_ACCURACY, REJECTED, Quality
 OPEN = "not recorded, because "
 """How the answer begins to an item of which nothing is known; the reason follows."""
 
+STAMPS_COUNTED = ". Counted by trial (repeated_samples, conflicting_samples, backward_samples)"
+WHO_WAS_LEFT_OUT = "Participants"
+"""The section of the report that shows what was left out."""
 FILL_IN = "to be filled in by the lab"
 
 PARTLY: Mapping[str, str] = {
@@ -97,10 +100,7 @@ def stamp_rule(looks: LookParameters) -> str:
         if looks.backward == "sort"
         else "samples stamped earlier than the one before are refused"
     )
-    return (
-        f"samples that repeat a stamp are left out, {repeated}; {backward}. Counted by trial "
-        "(repeated_samples, conflicting_samples, backward_samples)"
-    )
+    return f"samples that repeat a stamp are left out, {repeated}; {backward}"
 
 
 def reporting_table(
@@ -109,10 +109,13 @@ def reporting_table(
     provenance: ReportProvenance,
     measures: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
     losses: Sequence[tuple[str, str]] = (),
+    *,
+    counts_stamps: bool = True,
 ) -> Table:
     """Return the list with every answer the data give, and why there is none to others.
 
-    `losses` are conditions with the share of gaze that was lost in them.
+    `losses` are conditions with the share of gaze that was lost in them; `counts_stamps` says
+    whether the trial table counts samples that repeat a stamp.
     """
     rows: list[tuple[Cell | str, ...]] = [
         (label, _setup_cell(key, quality.facts, provenance.setup)) for key, label in SETUP_ITEMS
@@ -129,11 +132,11 @@ def reporting_table(
         *((f"Data loss with {name}", share) for name, share in losses),
         (
             "Participants excluded, with reasons",
-            f"{kept.people_out} of {kept.people}; see Exclusions",
+            f"{kept.people_out} of {kept.people}; see {WHO_WAS_LEFT_OUT}",
         ),
         (
             "Trials excluded, with reasons",
-            f"{kept.trials_out} of {kept.trials}; see Exclusions",
+            f"{kept.trials_out} of {kept.trials}; see {WHO_WAS_LEFT_OUT}",
         ),
         (
             "Areas of interest",
@@ -152,7 +155,7 @@ def reporting_table(
         ),
         (
             "Time stamps that repeat or go back",
-            stamp_rule(measures.looks),
+            stamp_rule(measures.looks) + (STAMPS_COUNTED if counts_stamps else ""),
         ),
         (
             "Exclusion limits, set before analysis",
@@ -213,7 +216,8 @@ def _at_the_end(table: pd.DataFrame) -> list[tuple[Cell | str, ...]]:
     if REJECTED in table:
         known = table[REJECTED].dropna().astype(float)
         people = counted(int((known > 0).sum()), "participant")
-        text = f"{int(known.sum())}, of {people}" if len(known) else "not recorded"
+        text = f"{int(known.sum())}, of {people}" if known.any() else "none"
+        text = text if len(known) else "not recorded"
         rows.append(("Validations rejected", text))
     return rows
 

@@ -134,3 +134,8 @@ def _flat(raw: Mapping[Any, Any], path: Path, prefix: str = "") -> Iterator[tupl
             yield name, str(value).strip()
         else:
             raise ConfigError(f"{path}: {name} is {value!r}; write a text")
+
+
+def label_of(texts: Texts, name: str) -> str:
+    """Return what a factor or a level is called in figures and tables."""
+    return texts.find(f"labels.{name}") or name.replace("_", " ")

@@ -15,9 +15,9 @@ from experiments.waving.study import DIRECTIONS, PLACES
 from protocol.columns import Column as Described
 from visavis.analysis import StudyAnalysis
 from visavis.experiment import StudyExperiment
-from visavis.figures import label_of
 from visavis.report import picture_of
 from visavis.sections import Extra
+from visavis.texts import label_of
 
 ENOUGH_ON_TARGET_01: Final = 0.8
 """Share of frames on target below which the report says that warping missed its target."""

@@ -118,7 +118,9 @@ def test_whole_person_is_left_in_and_nothing_is_said() -> None:
 
 def test_trials_left_out_are_told_by_rule_with_the_number() -> None:
     found = standard(sides(4, 4, head_lost_01=[0.9, *[0.0] * 7]), 8, 1.0)
-    assert ["left out: 1 trial, head lost 01 above 0.5"] == left_out_lines(found, STANDARD_RULES)
+    assert [
+        "left out: 1 trial, share of the trial without a tracked head above 0.5"
+    ] == left_out_lines(found, STANDARD_RULES)
 
 
 def test_cell_that_a_damaged_recording_emptied_in_part_is_judged_by_the_rest() -> None:

@@ -182,7 +182,7 @@ def study_experiment(parameters):
 def test_methods_are_written_from_the_thresholds_in_force():
     text = methods(max_trial_lost_01=0.4, alpha=0.01)
 
-    assert "lost_01 (max_trial_lost_01) above 0.4" in text
+    assert "lost 01 (max_trial_lost_01) above 0.4" in text
     assert ".01/30 = .000333" in text
 
 
