@@ -19,7 +19,9 @@ from analysis.statistics.contrasts import (
 from analysis.statistics.design import Design, Frame, read_design
 from analysis.statistics.effects import partial_eta_squared, rank_effect
 from analysis.statistics.errors import ConstantResponse
+from analysis.statistics.inputs import is_constant
 from analysis.statistics.linear import model_matrix, residual_ss
+from analysis.statistics.rank_sum import mann_whitney
 from analysis.statistics.ranks import average_ranks, tie_sizes
 from analysis.statistics.results import (
     MINUS,
@@ -32,6 +34,7 @@ from analysis.statistics.results import (
     number,
     p_text,
 )
+from analysis.statistics.t_tests import independent_t
 
 
 @dataclass(frozen=True)
@@ -117,13 +120,16 @@ class DunnPair(Result):
     p: float
     p_adjusted: float
     adjustment: Adjustment
+    effect: Effect | None = None
+    """Rank-biserial correlation of the two groups alone."""
 
     def sentence(self) -> str:
         """Return the comparison as an APA sentence."""
+        effect = "" if self.effect is None else f", {self.effect}"
         return (
             f"{self.level_1} {MINUS} {self.level_2}: mean ranks differ by {number(self.estimate)}, "
             f"z = {number(self.z)}, {p_text(self.p_adjusted, 'adjusted p')} "
-            f"({ADJUSTMENT_NAME[self.adjustment]})"
+            f"({ADJUSTMENT_NAME[self.adjustment]}){effect}"
         )
 
     def row(self) -> Row:
@@ -137,6 +143,7 @@ class DunnPair(Result):
             "p": self.p,
             "p_adjusted": self.p_adjusted,
             "adjustment": self.adjustment,
+            **({} if self.effect is None else self.effect.row()),
         }
 
 
@@ -229,7 +236,22 @@ def games_howell(
             "Games-Howell" if adjust == "tukey" else "pairwise Welch t",
             sum(g.size for g in groups), unit="rows", error_term="separate variances",
         ),
+        effects=_differences(groups),
     )  # fmt: skip
+
+
+def _differences(groups: Sequence[Array]) -> list[Effect | None]:
+    """Return Cohen's d of every pair, each by its own two groups; None where neither varies."""
+    return [
+        None if is_constant(x) and is_constant(y) else independent_t(x, y).effect
+        for x, y in combinations(groups, 2)
+    ]
+
+
+def _rank_difference(x: Array, y: Array) -> Effect | None:
+    if is_constant(np.concatenate([x, y])):
+        return None
+    return mann_whitney(x, y, method="normal").effect
 
 
 def dunn(
@@ -256,7 +278,7 @@ def dunn(
     return tuple(
         DunnPair(
             names[a], names[b], float(off[i]), float(ses[i]), float(z[i]), float(p[i]),
-            float(adjusted[i]), adjust,
+            float(adjusted[i]), adjust, _rank_difference(groups[a], groups[b]),
         )
         for i, (a, b) in enumerate(pairs)
     )  # fmt: skip
@@ -403,4 +425,5 @@ def _pooled(
         k=len(groups),
         provenance=Provenance(name, int(ns.sum()), unit="rows", error_term="pooled within groups"),
         adjustment=adjust,
+        effects=_differences(groups),
     )

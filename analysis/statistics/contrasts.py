@@ -78,7 +78,7 @@ class Contrast(Result):
             "adjustment": self.adjustment,
             "ci_low": None if self.interval is None else self.interval.low,
             "ci_high": None if self.interval is None else self.interval.high,
-            "effect_size": None if self.effect is None else self.effect.value,
+            **({"effect_size": None} if self.effect is None else self.effect.row()),
         }
 
 
@@ -157,7 +157,7 @@ def contrast_family(
     k: int,
     provenance: Provenance,
     adjustment: ContrastAdjustment,
-    effects: Sequence[Effect] | None = None,
+    effects: Sequence[Effect | None] | None = None,
 ) -> Contrasts:
     """Assemble contrasts from estimates, standard errors and df, all of shape (m,)."""
     t = estimates / ses
@@ -193,7 +193,12 @@ def reverse(contrast: Contrast) -> Contrast:
         interval = Interval(-interval.high, -interval.low, interval.level)
     if effect is not None and effect.interval is not None:
         inner = effect.interval
-        effect = Effect(effect.name, -effect.value, Interval(-inner.high, -inner.low, inner.level))
+        if effect.name.endswith("ratio"):
+            turned = Interval(1 / inner.high, 1 / inner.low, inner.level)
+            effect = Effect(effect.name, 1 / effect.value, turned)
+        else:
+            turned = Interval(-inner.high, -inner.low, inner.level)
+            effect = Effect(effect.name, -effect.value, turned)
     first, *rest = contrast.pairs
     return replace(
         contrast,

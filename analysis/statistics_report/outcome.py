@@ -54,6 +54,15 @@ class Question:
             raise UsageError(f"missing takes {', '.join(get_args(Missing))}, not {self.missing!r}")
         if not 0 < self.alpha < 1:
             raise UsageError(f"alpha lies between 0 and 1, not {self.alpha:g}")
+        if self.bayes and self.test != "t":
+            raise UsageError(
+                f"a Bayes factor stands beside the test t, not {self.test}; take --test t, or "
+                "leave --bayes out"
+            )
+        if (self.low is not None or self.high is not None) and self.test not in ("t", "tost"):
+            raise UsageError(
+                f"bounds of equivalence (low, high) go with the tests tost and t, not {self.test}"
+            )
 
     def need(self, *roles: str) -> None:
         """Raise UsageError for a role this test needs and nobody named."""

@@ -32,6 +32,7 @@ EFFECT_COLUMNS = (
     "F",
     "df1",
     "df2",
+    "p",
     "p_used",
     "effect_size",
     "effect_ci_low",
@@ -53,6 +54,8 @@ CONTRAST_COLUMNS = (
     "p",
     "p_adjusted",
     "effect_size",
+    "effect_ci_low",
+    "effect_ci_high",
     "alpha_without",
 )
 HEADINGS = {
@@ -274,7 +277,8 @@ def print_outcome(outcome: Outcome, chosen: Sequence[str] = ()) -> None:
     if outcome.cells:
         _print_rows("", outcome.cells, tuple(outcome.cells[0]))
     if "term" in outcome.rows[0]:
-        _print_rows("", outcome.rows, EFFECT_COLUMNS)
+        other = "p" if "p_used" in outcome.rows[0] else "p_used"
+        _print_rows("", outcome.rows, [c for c in EFFECT_COLUMNS if c != other])
     elif len(outcome.rows) > 1:
         names = [n for n in outcome.rows[0] if n not in OF_PROVENANCE]
         _print_rows("", outcome.rows, tuple(names[:10]))
@@ -299,7 +303,7 @@ def _print_lines(heading: str, lines: Sequence[str]) -> None:
 
 def _print_rows(title: str, rows: Sequence[Row], columns: Sequence[str]) -> None:
     shown = [c for c in columns if any(row.get(c) is not None for row in rows)]
-    table = Table(title=title or None, title_justify="left", box=None)
+    table = Table(title=title or None, title_justify="left", box=None, pad_edge=not title)
     for column in shown:
         is_text = any(isinstance(row.get(column), str) for row in rows)
         table.add_column(

@@ -6,6 +6,7 @@ from scipy import stats
 
 from analysis import statistics
 from analysis.statistics.errors import UnknownMethod
+from analysis.statistics.gee import gee
 from tests.analysis.statistics.designs import mixed_frame, within_frame
 
 WITHIN = {"subject": "subject", "within": ("A", "B")}
@@ -238,3 +239,37 @@ def test_anova_prints_one_sentence_per_effect() -> None:
     assert lines[1].startswith("A: F(1, 7) = ")
     assert "A × B: F(" in lines[3]
     assert ["A", "B", "A:B"] == [row["term"] for row in table.rows()]
+
+
+def of_groups(sizes: tuple[int, ...] = (5, 9, 14)) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(9)
+    g = np.repeat(["a", "b", "c"][: len(sizes)], sizes)
+    return {"g": g, "y": rng.normal(0, 2, size=len(g)) + (g == "b")}
+
+
+def test_contrasts_of_groups_have_the_effect_of_their_two_groups_with_its_interval() -> None:
+    frame = of_groups()
+    a, b = (frame["y"][frame["g"] == name] for name in "ab")
+    expected = statistics.independent_t(a, b).effect
+    for test in (statistics.tukey_hsd, statistics.games_howell, statistics.pairwise_t):
+        row = test(frame, "y", factor="g").contrast("a", "b").row()
+        found = [row[name] for name in ("effect_size", "effect_ci_low", "effect_ci_high")]
+        assert [expected.value, expected.interval.low, expected.interval.high] == pytest.approx(
+            found
+        )
+        assert "d" == row["effect"]
+    pair = statistics.dunn(frame, "y", factor="g")[0]
+    assert statistics.mann_whitney(a, b).effect == pair.effect
+    assert pair.effect.interval.low < pair.effect.value < pair.effect.interval.high
+
+
+def test_a_contrast_turned_round_turns_a_difference_and_inverts_a_ratio() -> None:
+    rng = np.random.default_rng(2)
+    n = 200
+    frame = {"s": np.repeat(np.arange(20), 10), "c": np.tile(["x", "z"], n // 2)}
+    frame["y"] = (rng.random(n) < np.where(frame["c"] == "x", 0.3, 0.7)).astype(float)
+    made = gee(frame, "y", subject="s", within=("c",), family="binomial")
+    there, back = (made.contrasts("c").contrast(*pair) for pair in (("x", "z"), ("z", "x")))
+    assert 1 == pytest.approx(there.effect.value * back.effect.value)
+    assert 1 == pytest.approx(there.effect.interval.low * back.effect.interval.high)
+    assert 0 < back.effect.interval.low < back.effect.value

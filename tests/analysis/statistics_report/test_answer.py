@@ -203,3 +203,10 @@ def test_groups_whose_changes_spread_unequally_bring_a_warning_about_pooling_the
     told = [n for n in answer(frame, question).notes if "differences between conditions" in n]
     assert 1 == len(told)
     assert "in a group of 6 and" in told[0]
+
+
+def test_options_of_another_test_are_refused_and_not_passed_over() -> None:
+    with pytest.raises(UsageError, match="a Bayes factor stands beside the test t, not rm"):
+        Question("rm", dv="y", within=("A",), subject="s", bayes=True)
+    with pytest.raises(UsageError, match="bounds of equivalence"):
+        Question("wilcoxon", dv="y", within=("A",), subject="s", low=-1.0)
