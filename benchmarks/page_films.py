@@ -3,7 +3,7 @@
     python -m benchmarks.page_films [--json]
 
 Twelve films of 720 x 720 pixels at 60 pictures a second, drawn and encoded in one process. Prints
-CPU seconds, and whether the film built again is the same to the byte; exits with 1 where it is not.
+CPU seconds, and whether the film built again is the same to the byte; exits 1 where it is not.
 """
 
 import argparse

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from protocol.orders import no_more_than as no_more_than
     from protocol.parameters import Within as Within
     from visavis.analysis import Conclusion as Conclusion
+    from visavis.careless import Careless as Careless
     from visavis.compare import Compare as Compare
     from visavis.deriving import derive as derive
     from visavis.exclusions import COMPLETENESS_RULES as COMPLETENESS_RULES
@@ -67,6 +68,7 @@ _NAMES = {
     "protocol.orders": ("never_next_to", "no_more_than"),
     "protocol.parameters": ("Within",),
     "visavis.analysis": ("Conclusion",),
+    "visavis.careless": ("Careless",),
     "visavis.compare": ("Compare",),
     "visavis.deriving": ("derive",),
     "visavis.exclusions": ("COMPLETENESS_RULES", "STANDARD_RULES", "Exclusion"),

@@ -3,11 +3,11 @@
 from typing import Final
 
 import pandas as pd
-from scipy import stats
 
 from analysis.report import Block, Paragraph, Section
 from analysis.report.blocks import Column, Table
 from analysis.report.notation import fraction
+from analysis.statistics.binomial import binomial_test
 from experiments.hybrid.clips import CLIPS
 from visavis.analysis import StudyAnalysis
 from visavis.experiment import StudyExperiment
@@ -54,7 +54,7 @@ def sign_test_p(own: pd.DataFrame) -> float:
     above, below = int((means > 0).sum()), int((means < 0).sum())
     if above + below == 0:
         return 1.0
-    return float(stats.binomtest(above, above + below).pvalue)
+    return binomial_test(above, above + below).p
 
 
 def consistency(rows: pd.DataFrame) -> str:

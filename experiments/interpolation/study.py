@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pandas as pd
 
 from experiments.interpolation import published
 from experiments.interpolation.gestures import (
@@ -19,13 +18,13 @@ from experiments.interpolation.gestures import (
     motion_of,
     seconds_of,
 )
-from protocol.columns import Column
 from protocol.design import Factor
 from stimuli.motion.clip import Motion, placed_joints
 from stimuli.motion.kinds import Recorded
 from stimuli.scenes.gathering import GatheringScene, Standing
+from visavis.careless import Careless
 from visavis.compare import Compare
-from visavis.exclusions import COMPLETENESS_RULES, Exclusion
+from visavis.exclusions import COMPLETENESS_RULES
 from visavis.films import Film, Lens
 from visavis.person import Seen
 from visavis.responses import Rating, Response
@@ -42,7 +41,6 @@ AWAY_M: Final = 2.6
 LENS: Final = Lens(eye_m=(0.95, 1.30, 0.0), aim_m=(0.0, 1.16, -AWAY_M), half_height_01=0.30)
 """From the front and a little from the side, from above the head to the knee."""
 MAX_SAME: Final = 10
-MAX_PATTERN: Final = 3
 
 # The simulated rater: latent = LEVEL - UNEASE × log10(unevenness), fitted to the printed means.
 LEVEL: Final = 5.70
@@ -53,13 +51,8 @@ WRISTS: Final = ("right_hand", "left_hand")
 EYES_HZ: Final = 120.0
 """How finely a simulated rater sees the movement."""
 
-RULES: Final = (
-    Exclusion("max_same_answers", "participant", "same_answers", MAX_SAME - 0.5,
-              "{value:.0f} answers the same (limit {limit:.0f})"),
-    Exclusion("max_patterned_01", "participant", "patterned_01", 0.95,
-              "{value:.0%} of the answers repeat a pattern of at most three (limit {limit:.0%})"),
-    *COMPLETENESS_RULES,
-)  # fmt: skip
+CARELESS: Final = Careless("naturalness", max_same=MAX_SAME - 0.5, max_patterned_01=0.95)
+RULES: Final = (*CARELESS.rules, *COMPLETENESS_RULES)
 
 study = Study(
     "interpolation",
@@ -78,10 +71,7 @@ study = Study(
     validate=False,
     questionnaires=("about_raters",),
     exclusions=RULES,
-    columns=[
-        Column("same_answers", "1", "how often the person gave the answer they gave most"),
-        Column("patterned_01", "1", "share of answers that repeat those two or three before"),
-    ],
+    columns=CARELESS.columns,
     compare=[
         Compare(
             "naturalness",
@@ -128,6 +118,9 @@ def gesture(staging: Staging, *, gesture: str, method: Any) -> Staged:
     return gathered(staging, "gesture", (one,), "person", "averted")
 
 
+study.facts(CARELESS.facts)
+
+
 @study.trial
 def trial(t: TrialScript) -> Iterator[Action]:
     """Show a gesture and have it rated."""
@@ -163,34 +156,6 @@ def unevenness_per_s(motion: Motion, seconds: float) -> float:
     speed = np.diff(placed_joints(motion, t_s).position_m[:, joints], axis=0) / step_s
     change = np.diff(speed, axis=0) / step_s
     return float(np.sqrt((change**2).sum(-1).mean() / (speed**2).sum(-1).mean()))
-
-
-@study.facts
-def facts(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return of each person how alike their answers are, and how much they repeat a pattern."""
-    done = rows[(rows["status"] == "complete") & ~rows["is_practice"]]
-    found = []
-    for participant, own in done.groupby("participant"):
-        given = own.sort_values("t_start_ns")["naturalness"].to_numpy(np.float64)
-        counts = np.unique(given[np.isfinite(given)], return_counts=True)[1]
-        found.append(
-            {
-                "participant": participant,
-                "same_answers": float(counts.max()) if counts.size else np.nan,
-                "patterned_01": patterned_01(given),
-            }
-        )
-    return pd.DataFrame(found, columns=["participant", "same_answers", "patterned_01"])
-
-
-def patterned_01(given: "np.ndarray[Any, np.dtype[np.float64]]") -> float:
-    """Return the share of answers that repeat those two or three before, whichever is more.
-
-    Missing for fewer than twice as many answers as the longest pattern.
-    """
-    if given.size < 2 * MAX_PATTERN:
-        return float("nan")
-    return max(float(np.mean(given[k:] == given[:-k])) for k in range(2, MAX_PATTERN + 1))
 
 
 @cache

@@ -16,7 +16,7 @@ from experiments.interpolation.gestures import (
     seconds_of,
     source_of,
 )
-from experiments.interpolation.study import patterned_01, study
+from experiments.interpolation.study import study
 from stimuli.motion.clip import placed_joints
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_study
@@ -77,12 +77,3 @@ def test_the_source_s_analysis_finds_squad_above_both_and_no_more(judged: pd.Dat
     assert found[frozenset(("squad", "slerp"))] < 0.05
     assert found[frozenset(("squad", "lineuler"))] < 0.05
     assert found[frozenset(("slerp", "lineuler"))] > 0.05
-
-
-@pytest.mark.parametrize(
-    ("given", "expected"),
-    [([1, 2, 1, 2, 1, 2], 1.0), ([1, 2, 3, 1, 2, 3], 1.0), ([1, 2, 3, 4, 5, 1], 0.0),
-     ([1, 2], float("nan"))],
-)  # fmt: skip
-def test_patterns_of_two_and_three_are_noticed(given: list[float], expected: float) -> None:
-    assert pytest.approx(expected, nan_ok=True) == patterned_01(np.array(given, np.float64))
