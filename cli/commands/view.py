@@ -38,6 +38,10 @@ def view(
         list[str] | None,
         typer.Option("--trial", help="Show this trial in space; give it again for more."),
     ] = None,
+    rerun: Annotated[
+        Path | None,
+        typer.Option("--rerun", help="Write a file for the Rerun viewer (.rrd) instead."),
+    ] = None,
     show: Annotated[bool, typer.Option("--show", help="Open it in the browser.")] = False,
     participant: OfParticipant = "",
     accept_damage: AcceptDamage = False,
@@ -58,7 +62,7 @@ def view(
     recording = KeptRecording(session_path)
     manifest = recording.manifest
     name = f"{manifest.study}_{manifest.participant}_ses-{manifest.session:03}.html"
-    path = Path(name) if output is None else output
+    path = rerun or (Path(name) if output is None else output)
     if path.exists():
         raise UsageError(f"{path} exists already; choose another name with -o")
     if not path.parent.is_dir():
@@ -71,6 +75,15 @@ def view(
     wanted, left_out = (trial, []) if trial else _first_of(lengths)
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("looking at trials", total=len(wanted))
+        if rerun is not None:
+            from cli.viewer.rerun_file import write_rerun
+
+            write_rerun(
+                study, recording, wanted, path,
+                lambda done, of: bar.update(line, completed=done, total=of),
+            )  # fmt: skip
+            console.print(f"written [b]{verbatim(path)}[/]; rerun {verbatim(path)} shows it")
+            return
         header, bundle = page_content(
             study, recording, wanted, lambda done, of: bar.update(line, completed=done, total=of)
         )

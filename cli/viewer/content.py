@@ -49,12 +49,13 @@ MAX_TEXT: Final = 400
 
 
 @dataclass(frozen=True)
-class _Times:
+class Times:
     """Session times of all parts on one line of seconds."""
 
     offset_s: Mapping[int, float]
 
     def s(self, part: int, t_ns: int) -> float:
+        """Return the second on the page of a part's session time."""
         return round(self.offset_s[part] + t_ns / NS_PER_S, 6)
 
 
@@ -70,15 +71,15 @@ def page_content(
         UsageError: the session has no such trial.
     """
     bundle = Bundle()
-    times = _times_of(recording)
+    times = times_of(recording)
     on_page = is_on_page(recording)
     pages, films = (
         pages_of(study, recording, wanted, bundle, times.s, on_trial) if on_page else ([], [])
     )
     trials = [] if on_page else [recorded_trial(recording, name) for name in wanted]
-    sampled: list[tuple[RecordedTrial, list[_Sample]]] = []
+    sampled: list[tuple[RecordedTrial, list[Sample]]] = []
     for k, trial in enumerate(trials):
-        sampled.append((trial, _sampled(study, trial)))
+        sampled.append((trial, samples_of(study, trial)))
         if on_trial is not None:
             on_trial(k + 1, len(trials))
     most = max((len(s.picture.cast) for _, found in sampled for s in found), default=0)
@@ -128,7 +129,8 @@ def trial_lengths_ns(recording: KeptRecording) -> dict[str, int]:
 # ---- time line --------------------------------------------------------------------------------
 
 
-def _times_of(recording: KeptRecording) -> _Times:
+def times_of(recording: KeptRecording) -> Times:
+    """Return where every part of a session lies on one line of seconds."""
     offset_s, begun_s = {}, 0.0
     for part in recording.manifest.parts:
         offset_s[part.number] = begun_s
@@ -138,10 +140,10 @@ def _times_of(recording: KeptRecording) -> _Times:
             t_ns = recording.stream_arrays(name, part=part.number).get("t_host_ns")
             last_ns = max(last_ns, 0 if t_ns is None or not len(t_ns) else int(t_ns[-1]))
         begun_s += last_ns / NS_PER_S + GAP_S
-    return _Times(offset_s)
+    return Times(offset_s)
 
 
-def _trials(recording: KeptRecording, times: _Times, shown: set[str]) -> Iterator[dict[str, Any]]:
+def _trials(recording: KeptRecording, times: Times, shown: set[str]) -> Iterator[dict[str, Any]]:
     rows = recording.trials()
     if "trial_id" not in rows:
         return
@@ -163,7 +165,7 @@ def _trials(recording: KeptRecording, times: _Times, shown: set[str]) -> Iterato
         }
 
 
-def _events(recording: KeptRecording, times: _Times) -> Iterator[dict[str, Any]]:
+def _events(recording: KeptRecording, times: Times) -> Iterator[dict[str, Any]]:
     for event in recording.events().to_dict("records"):
         part, t_ns, name, payload = (
             event[k] for k in ("recording_part", "t_ns", "name", "payload")
@@ -182,7 +184,7 @@ def _findings(recording: KeptRecording) -> list[dict[str, Any]]:
     ]
 
 
-def _lanes(recording: KeptRecording, times: _Times) -> list[dict[str, Any]]:
+def _lanes(recording: KeptRecording, times: Times) -> list[dict[str, Any]]:
     """Return what touched and what vibrated, all parts in one lane."""
     found: dict[str, dict[str, Any]] = {}
     for part in recording.manifest.parts:
@@ -209,7 +211,7 @@ def _stream(
     recording: KeptRecording,
     name: str,
     bundle: Bundle,
-    times: _Times,
+    times: Times,
     trials: Sequence[RecordedTrial],
 ) -> dict[str, Any]:
     """Take a stream in: all of it, or every so many rows and all of those in the shown trials."""
@@ -268,27 +270,29 @@ def _column_name(field: Field, flat: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sample:
+class Sample:
+    """What was shown at a moment of a trial."""
+
     t_ns: int
     picture: Picture
     agents: tuple[Agent, ...]
 
 
-def _sampled(study: OpenedStudy, trial: RecordedTrial) -> list[_Sample]:
+def samples_of(study: OpenedStudy, trial: RecordedTrial) -> list[Sample]:
     """Return what was shown at even times of a trial."""
     start_ns, end_ns = trial.span_ns
     found = []
     for t_ns in range(start_ns, end_ns + 1, NS_PER_S // SAMPLES_PER_S):
         shown = trial.shown_at(t_ns)
         view = next(iter(study.views_of(shown)))
-        found.append(_Sample(t_ns, picture_of(view), shown.scene.agents))
+        found.append(Sample(t_ns, picture_of(view), shown.scene.agents))
     return found
 
 
-def _runs(samples: list[_Sample]) -> Iterator[list[_Sample]]:
+def _runs(samples: list[Sample]) -> Iterator[list[Sample]]:
     """Yield samples that show the same people and things in the same room."""
 
-    def same(a: _Sample, b: _Sample) -> bool:
+    def same(a: Sample, b: Sample) -> bool:
         return (
             a.picture.room is b.picture.room
             and a.picture.cast is b.picture.cast
@@ -304,10 +308,10 @@ def _runs(samples: list[_Sample]) -> Iterator[list[_Sample]]:
 
 def _scene(
     trial: RecordedTrial,
-    samples: list[_Sample],
+    samples: list[Sample],
     models: Models,
     bundle: Bundle,
-    times: _Times,
+    times: Times,
 ) -> dict[str, Any]:
     first = samples[0].picture
     n = len(samples)
@@ -352,9 +356,7 @@ def _scene(
     }  # fmt: skip
 
 
-def _topology(
-    trial: RecordedTrial, samples: list[_Sample], bundle: Bundle
-) -> dict[str, Any] | None:
+def _topology(trial: RecordedTrial, samples: list[Sample], bundle: Bundle) -> dict[str, Any] | None:
     """Return where a camera that knows the room would film from, and at what; None in a room that
     has no such place.
     """

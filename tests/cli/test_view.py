@@ -192,3 +192,22 @@ def test_a_light_mesh_has_the_eyes_last_and_fewer_triangles_where_there_are_many
     light = many.people[0]["light"]
     assert light["index"]["s"][0] < 0.5 * len(built.indices)
     assert light["place"]["s"][0] < 0.5 * len(built.vertices)
+
+
+def test_a_file_for_rerun_holds_people_gaze_and_every_column(tmp_path: Path) -> None:
+    chunk = pytest.importorskip("rerun.chunk", reason="rerun-sdk is not installed")
+    study = opened("duel")
+    settings_at = study_dir(tmp_path, study.name, is_simulated=True)
+    settle(settings_at, wanted_settings(settings_at, study, is_simulated=True), seed_given=False)
+    recording = perform("duel", tmp_path, repetitions=1, practice=0)
+    path = tmp_path / "duel.rrd"
+    asked = ["view", str(recording.path), "--trial", "T01", "--rerun", str(path)]
+    done = CliRunner().invoke(app, asked)
+    assert done.exit_code == 0, done.output
+    rows: dict[str, int] = {}
+    for piece in chunk.RrdReader(path).stream().to_chunks():
+        where = str(piece.entity_path)
+        rows[where] = rows.get(where, 0) + piece.num_rows
+    assert {"/world/people", "/world/gaze", "/world/room/0", "/events"} <= set(rows)
+    gaze = len(recording.stream_arrays("gaze")["seq"])
+    assert gaze == rows["/streams/gaze/left_pupil_mm"]

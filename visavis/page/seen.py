@@ -4,8 +4,9 @@ The recorded replies lead the trial's own script through its steps once more, so
 page is what the script put there, and times are those that the trial's row was made of.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from protocol.plan import Trial
@@ -77,7 +78,9 @@ def is_on_page(recording: Recording) -> bool:
 
 
 def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any]) -> SeenTrial:
-    """Return a trial, by its recorded row, as its page showed it."""
+    """Return a trial, by its recorded row, as its page showed it; of one that a restart of the
+    server broke into, what came after.
+    """
     plan = recording.manifest.plan
     experiment: StudyExperiment = study.experiment(overrides_of(plan))
     told = next(
@@ -99,17 +102,18 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
                 shown.append(wanted.watched)
             reply = yield wanted
 
-    replies = _replies(recording, str(row["trial_id"]), int(row["recording_part"]))
+    replies = _replies(recording, str(row["trial_id"]))
     performing = perform_on_page(script, watched, lambda film: {"film": "", "sha256": ""})
     found: list[SeenStep] = []
     reply: Reply | None = None
     try:
-        for t_ns, payload, t_ns_of in replies:
+        for part, t_ns, payload, t_ns_of in replies:
             out = performing.send(reply)
             while isinstance(out, Mark):
                 out = performing.send(None)
             reply = Reply(payload["reply"], t_ns, t_ns_of)
-            found.append(_step(out, shown[-1], reply))
+            if part == int(row["recording_part"]):
+                found.append(_step(out, shown[-1], reply))
     except (StopIteration, FilmFailed):
         pass
     return SeenTrial(row, tuple(found), film_store(experiment))
@@ -148,19 +152,27 @@ def _step(step: PageStep, watched: Watched | None, reply: Reply) -> SeenStep:
     )
 
 
-def _replies(recording: Recording, trial_id: str, part: int) -> Any:
-    """Yield replies from a trial's beginning on: session time, payload, and the page's clock."""
-    least_ns: dict[str, int] = {}
+def _replies(
+    recording: Recording, trial_id: str
+) -> Iterator[tuple[int, int, Mapping[str, Any], Callable[[float], int]]]:
+    """Yield replies from a trial's beginning on, which may lie in an earlier part than its end:
+    part, session time, payload, and what leads from the page's clock to session time.
+    """
     is_here = False
-    for event in recording.journal(part).events:
-        payload, t_ns = event["payload"], int(event["t_ns"])
-        if event["name"] == "trial_start":
-            is_here = payload["trial_id"] == trial_id
-        if event["name"] != "page_event":
-            continue
-        tab = str(payload["tab"])
-        offset_ns = t_ns - ns_of_ms(float(payload["at_ms"]))
-        least_ns[tab] = min(offset_ns, least_ns.get(tab, offset_ns))
-        if is_here and payload["kind"] == "reply":
-            origin_ns = least_ns[tab]
-            yield t_ns, payload, lambda ms, origin_ns=origin_ns: origin_ns + ns_of_ms(ms)
+    for part in recording.manifest.parts:
+        least_ns: dict[str, int] = {}
+        for event in recording.journal(part.number).events:
+            payload, t_ns = event["payload"], int(event["t_ns"])
+            if event["name"] == "trial_start":
+                is_here = payload["trial_id"] == trial_id
+            if event["name"] != "page_event":
+                continue
+            tab = str(payload["tab"])
+            offset_ns = t_ns - ns_of_ms(float(payload["at_ms"]))
+            least_ns[tab] = min(offset_ns, least_ns.get(tab, offset_ns))
+            if is_here and payload["kind"] == "reply":
+                yield part.number, t_ns, payload, partial(_page_ns, least_ns[tab])
+
+
+def _page_ns(origin_ns: int, at_ms: float) -> int:
+    return origin_ns + ns_of_ms(at_ms)
