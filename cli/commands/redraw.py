@@ -10,6 +10,7 @@ from cli.app import ConfigOption, OfParticipant, SessionArgument, app, new_file,
 from cli.preview.pictures import SIMULATED, check_picture_name, write_below
 from cli.studies import session_of
 from recording.kept import KeptRecording
+from visavis.sessions.cast import use_recorded_cast
 
 
 @app.command()
@@ -35,6 +36,7 @@ def redraw(
     check_picture_name(png)
     new_file(png)
     recording = KeptRecording(session_path)
+    use_recorded_cast(recording)
     images = draw_again(recording, frame, part=part)
     both = np.concatenate(images, axis=1)
     if recording.is_simulated:
