@@ -39,6 +39,10 @@ OptionModels: TypeAlias = Mapping[str, type[BaseModel]]
 """Option models by driver name; only these drivers are then known."""
 
 
+CHARACTERS = "characters"
+"""Folder of a lab's own people below its data root."""
+
+
 class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
@@ -196,7 +200,11 @@ class DeviceConfig(BaseModel):
 
 
 class LabConfig(BaseModel):
-    """One lab. Paths are absolute; `text` is the file as read and `sha256` its hash (hex)."""
+    """One lab. Paths are absolute; `text` is the file as read and `sha256` its hash (hex).
+
+    `cast` names who plays the studies' people (nobody: those who come with Visavis), from those
+    imported into `characters`, which stays the lab's when a command writes its data elsewhere.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -211,6 +219,8 @@ class LabConfig(BaseModel):
     devices: Mapping[str, DeviceConfig]
     wording: Mapping[str, Path]
     studies: Mapping[str, Path] = Field(default_factory=dict)
+    cast: tuple[str, ...] = ()
+    characters: Path
     language: str = "en"
     path: Path
     text: str
@@ -235,6 +245,7 @@ class _File(_Part):
     devices: dict[str, Any] = Field(min_length=1)
     wording: dict[str, str] = Field(default_factory=dict)
     studies: dict[str, str] = Field(default_factory=dict)
+    cast: list[str] = Field(default_factory=list)
     language: str = Field(default="en", min_length=2)
 
 
@@ -309,6 +320,8 @@ def _validated(
         devices=entries,
         wording={name: _absolute(folder, text) for name, text in file.wording.items()},
         studies={name: _absolute(folder, text) for name, text in file.studies.items()},
+        cast=tuple(file.cast),
+        characters=paths["data_root"] / CHARACTERS,
         language=file.language,
         path=document.path.absolute(),
         text=document.text,

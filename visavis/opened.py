@@ -30,6 +30,7 @@ from visavis.person import StudyPerson
 from visavis.picture_delay import SETTING, delay_of
 from visavis.pieces import MeasuredTrial, Pieces
 from visavis.scenes import Scene, Staging, stage
+from visavis.sessions.cast import use_recorded_cast
 from visavis.slips import line_saying
 from visavis.study import Study
 from visavis.validation import judge_validation
@@ -171,6 +172,7 @@ class OpenedStudy:
         measured: Mapping[str, MeasuredTrial] | None = None,
     ) -> SessionIntake:
         """Take in one session; `measured` are trials that were measured one by one before."""
+        use_recorded_cast(recording)
         study, pieces = self.study, self.pieces
         experiment = self.experiment(overrides_of(recording.manifest.plan))
         taken = take_in(

@@ -54,7 +54,7 @@ LibraryOption = Annotated[
 
 def library_of(config: LabConfig) -> Path:
     """Return the folder in which a lab keeps its characters."""
-    return config.data_root / "characters"
+    return config.characters
 
 
 def _row(character: Character, origin: str) -> dict[str, object]:

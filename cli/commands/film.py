@@ -22,6 +22,7 @@ from cli.studies import session_of
 from cli.telling import TELLING, Forecast
 from lab.errors import UsageError
 from recording.kept import KeptRecording
+from visavis.sessions.cast import use_recorded_cast
 from visavis.sessions.study_folder import study_of_folder
 
 if TYPE_CHECKING:
@@ -82,6 +83,7 @@ def film(
     session_path = session_of(session_path, config, participant)
     require_whole(session_path, accept=accept_damage)
     recording = KeptRecording(session_path)
+    use_recorded_cast(recording)
     study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
     if changed:
         console.print(f"[yellow]{verbatim(changed)}[/]", soft_wrap=True)

@@ -101,10 +101,12 @@ def preview(
         say_written(sheet)
         return
     from stimuli.dressing.picture_of import picture_of
+    from visavis.sessions.cast import use_cast_of
 
     here = study_here(study, load_lab(config, only_simulates=True))
     shown = who_is_shown(here, participant, seed, assignments, language)
     lab = load_lab(config, "sim", only_simulates=True, quiet=True)
+    use_cast_of(lab)
     following = FOLLOWING if video is not None else 0
     capture = Capture(
         here.study, lab, number=trial, index=shown.index, seed=shown.seed, group=shown.group,

@@ -20,6 +20,7 @@ from cli.leaving import leave, require_whole
 from cli.preview.pictures import SIMULATED, check_picture_name, write_below
 from cli.studies import session_of
 from recording.kept import KeptRecording
+from visavis.sessions.cast import use_recorded_cast
 
 
 @app.command()
@@ -49,6 +50,7 @@ def redraw(
     new_file(png)
     require_whole(session_path, accept=accept_damage)
     recording = KeptRecording(session_path)
+    use_recorded_cast(recording)
     images = draw_again(recording, frame, part=part)
     both = np.concatenate(images, axis=1)
     if recording.is_simulated:

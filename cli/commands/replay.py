@@ -20,6 +20,7 @@ from cli.studies import session_of
 from lab.errors import UsageError
 from recording.kept import KeptRecording
 from visavis.opened import OpenedStudy
+from visavis.sessions.cast import use_recorded_cast
 from visavis.sessions.study_folder import study_of_folder
 
 
@@ -49,6 +50,7 @@ def replay(
         )
     session_path = session_of(session_path, config, participant)
     recording = KeptRecording(session_path)
+    use_recorded_cast(recording)
     study, changed = study_of_folder(session_path.resolve().parent.parent, recording.manifest.study)
     if changed:
         say(f"[yellow]{verbatim(changed)}[/]")

@@ -21,6 +21,7 @@ from cli.studies import session_of
 from lab.clock import NS_PER_S
 from lab.errors import UsageError
 from recording.kept import KeptRecording
+from visavis.sessions.cast import use_recorded_cast
 from visavis.sessions.study_folder import study_of_folder
 
 MAX_SHOWN_S = 300.0
@@ -60,6 +61,7 @@ def view(
 
     session_path = session_of(session_path, config, participant)
     recording = KeptRecording(session_path)
+    use_recorded_cast(recording)
     manifest = recording.manifest
     name = f"{manifest.study}_{manifest.participant}_ses-{manifest.session:03}.html"
     path = rerun or (Path(name) if output is None else output)

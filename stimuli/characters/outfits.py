@@ -43,12 +43,18 @@ def in_other_clothes(character: Character, outfit: int) -> Character:
         "shoe": _other(character, "shoe", SHOES, order, outfit),
     }
     factors: dict[int, Vector] = {}
+    known = {material.name for material in character.materials}
     materials = list(character.materials)
     for i, material in enumerate(materials):
         if material.name in wear:
             own = _mean_colour(character, i)
             factors[i] = np.asarray(wear[material.name]) / np.maximum(own, 12.0)
             materials[i] = _grey(material)
+        elif material.kind == "cloth" and not known & set(wear):
+            # Somebody imported: one cloth, whose picture may cover the skin, too.
+            materials[i] = _all_grey(material)
+            own = _worn_colour(character, materials[i], i)
+            factors[i] = np.asarray(wear["top"]) / np.maximum(own, 12.0)
         elif material.kind == "hair":
             factors[i] = np.full(3, HAIR_LIGHTER[(outfit - 1) % len(HAIR_LIGHTER)])
     return replace(
@@ -97,6 +103,30 @@ def _grey(material: Material) -> Material:
     grey = np.repeat(picture[..., :3].mean(axis=2, keepdims=True), 3, axis=2)
     pixels: npt.NDArray[np.uint8] = np.round(grey).astype(np.uint8)
     return replace(material, texture_srgb=pixels)
+
+
+@cache
+def _all_grey(material: Material) -> Material:
+    """Return a material without colour in its picture; the same one for every outfit."""
+    return _grey(material)
+
+
+def _worn_colour(character: Character, material: Material, number: int) -> Vector:
+    """Return the mean sRGB (3,) of the triangles of a material, where they lie on its picture."""
+    mesh = character.levels[0]
+    used = np.unique(mesh.triangles[mesh.triangle_material == number])
+    if not len(used):
+        return np.full(3, 128.0)
+    colour = mesh.colour_srgb[used].astype(np.float64)
+    picture = material.texture_srgb
+    if picture is not None and mesh.uv is not None:
+        height, width = picture.shape[:2]
+        u, v = (mesh.uv[used] % 1.0).T
+        row = np.minimum((v * height).astype(np.int64), height - 1)
+        column = np.minimum((u * width).astype(np.int64), width - 1)
+        colour *= picture[row, column, :3] / 255
+    mean: Vector = colour.mean(axis=0)
+    return mean
 
 
 def _recoloured(mesh: SkinnedMesh, factors: dict[int, Vector]) -> SkinnedMesh:

@@ -96,6 +96,10 @@ def _of_part(mesh: SkinnedMesh, *parts: str) -> Vector:
     return places
 
 
+MAX_SAT_ON_M = 0.13
+"""Of what is behind a thigh the rest is cloth, such as the tails of a jacket, and gives way."""
+
+
 def _behind_thigh_m(thigh: Vector, hip: Vector, knee: Vector, first: float, last: float) -> float:
     """Return how far the flesh behind a thigh reaches, between two shares of its length."""
     share = (hip[1] - thigh[:, 1]) / (hip[1] - knee[1])
@@ -127,7 +131,9 @@ def build_of_character(character: Character) -> Build:
     if len(middle):
         joint_z = 0.5 * (hip[2] + knee[2])
         b[p.B_THIGH_RADIUS] = joint_z - np.quantile(middle[:, 2], 0.02)
-        b[p.B_SEAT_GAP] = b[p.B_HIP_Y] + max(0.05, _behind_thigh_m(thigh, hip, knee, 0.10, 0.40))
+        b[p.B_SEAT_GAP] = b[p.B_HIP_Y] + float(
+            np.clip(_behind_thigh_m(thigh, hip, knee, 0.10, 0.40), 0.05, MAX_SAT_ON_M)
+        )
         b[p.B_KNEE_GAP] = 0.010 + max(0.03, _behind_thigh_m(thigh, hip, knee, 0.40, 0.62))
     trunk = _of_part(mesh, "torso")
     belly = trunk[np.abs(trunk[:, 1] - 0.35 * b[p.B_TRUNK]) < 0.08]

@@ -21,6 +21,9 @@ def eyes_of(build: Build, sit: Sit, seed: int) -> Vector:
     return middle
 
 
+MIN_SEAT_M, MAX_SEAT_M = 0.2, 1.0
+
+
 def seated_under_eyes(
     build: Build, eyes_m: Vector, *, facing: Vector, seed: int, sit: Sit | None = None,
     floor_m: float | None = None,
@@ -38,7 +41,7 @@ def seated_under_eyes(
     floor = float(eyes_m[1] - at[1])
     if floor_m is not None:
         seat_m = sit.seat_m + floor - floor_m
-        if not 0.25 <= seat_m <= 1.0:
+        if not MIN_SEAT_M <= seat_m <= MAX_SEAT_M:
             raise MotionError(
                 f"eyes {eyes_m[1] - floor_m:.2f} m above the floor would need a seat at "
                 f"{seat_m:.2f} m; raise or lower the floor, or seat somebody of another size"

@@ -33,6 +33,7 @@ from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseSta
 from stage.contracts import Stage, Viewer
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
+from visavis.sessions.cast import use_cast_of, use_recorded_cast
 from visavis.sessions.plan_lock import carried_by_session
 from visavis.sessions.rehearsal import FewTrials
 from visavis.sessions.rig import build_rig, check_room, devices_for, is_simulated
@@ -129,6 +130,7 @@ def perform_new(request: Request) -> Path:
     if request.is_on_page:
         made: Path = _pages().perform_new(request)
         return made
+    cast = use_cast_of(request.config)
     plan = request.experiment.plan(request.participant_index, request.seed, request.group)
     config = devices_for(request.config, request.experiment, request.without)
     request = replace(request, config=config)
@@ -147,6 +149,7 @@ def perform_new(request: Request) -> Path:
             "effect": request.effect,
             **_screen(config),
             **_locked(request, config),
+            **cast,
         },
         devices=(),
         consent_version=request.consent_version or config.privacy.consent_version,
@@ -169,6 +172,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
     if request.is_on_page:
         rest: Path = _pages().perform_rest(request, session_path)
         return rest
+    use_recorded_cast(Recording(session_path))
     config = devices_for(request.config, request.experiment, request.without)
     request = replace(request, config=config)
     check_room(config, request.experiment)

@@ -16,6 +16,7 @@ from visavis.catalogue import find_study, reference_of
 from visavis.intake import SessionIntake
 from visavis.opened import OpenedStudy
 from visavis.pieces import MeasuredTrial, Pieces
+from visavis.sessions.cast import use_recorded_cast
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,9 @@ def measure_job(job: TrialJob) -> MeasuredTrial:
     pieces = find_study(job.study).pieces
     if pieces is None:
         raise DataError(f"trials of {job.study} are not measured one by one")
-    return pieces.measure(Recording(path), job.trial_id, job.how)
+    recording = Recording(path)
+    use_recorded_cast(recording)
+    return pieces.measure(recording, job.trial_id, job.how)
 
 
 def measure_sessions(

@@ -1,0 +1,92 @@
+"""Who plays goes from the lab's configuration into the session, and to whatever reads it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from devices.registry import OPTION_MODELS
+from lab.config import LabConfig, parse_config
+from lab.config_files import EXAMPLE
+from lab.errors import DataError, UsageError
+from recording.reader import Recording
+from stimuli.characters.library import import_characters
+from stimuli.dressing import casting
+from stimuli.dressing.casting import default_casting
+from tests.stimuli.glb_figure import write_glb
+from visavis.sessions.cast import use_cast_of, use_recorded_cast
+
+
+@pytest.fixture(autouse=True)
+def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(casting, "_in_force", casting._InForce())
+    default_casting.cache_clear()
+    casting._person.cache_clear()
+    yield
+    default_casting.cache_clear()
+    casting._person.cache_clear()
+
+
+def _lab(folder: Path, line: str) -> LabConfig:
+    text = EXAMPLE.read_text("utf-8") + line
+    return parse_config(text, EXAMPLE, OPTION_MODELS, folder=folder)
+
+
+@dataclass(frozen=True)
+class _Kept:
+    path: Path
+    manifest: Any
+
+    @staticmethod
+    def of(path: Path, configuration: dict[str, Any]) -> Recording:
+        """Return what reads of a session ask: its folder and what it keeps of the lab."""
+        manifest = SimpleNamespace(configuration=configuration)
+        return cast("Recording", _Kept(path, manifest))
+
+
+def _imported(tmp_path: Path) -> None:
+    write_glb(tmp_path / "one_F.glb")
+    assert all(r.character for r in import_characters(tmp_path, tmp_path / "data" / "characters"))
+
+
+def test_session_keeps_names_and_hashes_and_what_reads_it_shows_the_same(tmp_path: Path) -> None:
+    _imported(tmp_path)
+    lab = _lab(tmp_path, "cast: [one_F, anna]\n")
+    elsewhere = lab.model_copy(update={"data_root": tmp_path / "out"})
+    kept = use_cast_of(elsewhere)
+    assert [entry["name"] for entry in kept["cast"]] == ["one_F", "anna"]
+    assert default_casting("female_01").name == "one_F"
+    beside = tmp_path / "out" / "characters" / "one_F.npz"
+    assert beside.read_bytes() == (tmp_path / "data" / "characters" / "one_F.npz").read_bytes()
+
+    casting._in_force.__init__()  # type: ignore[misc]
+    default_casting.cache_clear()
+    casting._person.cache_clear()
+    session = tmp_path / "out" / "simulated" / "stare" / "sub-S01" / "ses-001"
+    use_recorded_cast(_Kept.of(session, kept))
+    assert default_casting("female_01").name == "one_F"
+
+
+def test_without_a_cast_nothing_is_kept_and_nobody_changes(tmp_path: Path) -> None:
+    assert use_cast_of(_lab(tmp_path, "")) == {}
+    use_recorded_cast(_Kept.of(tmp_path, {}))
+    assert default_casting("female_01").name == "anna"
+
+
+def test_another_file_beside_the_data_is_not_overwritten(tmp_path: Path) -> None:
+    _imported(tmp_path)
+    beside = tmp_path / "out" / "characters"
+    beside.mkdir(parents=True)
+    (beside / "one_F.npz").write_bytes(b"another")
+    lab = _lab(tmp_path, "cast: [one_F]\n").model_copy(update={"data_root": tmp_path / "out"})
+    with pytest.raises(UsageError, match="another file"):
+        use_cast_of(lab)
+    assert (beside / "one_F.npz").read_bytes() == b"another"
+
+
+def test_cast_that_a_session_does_not_tell_whole_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="cast cannot be read"):
+        use_recorded_cast(_Kept.of(tmp_path, {"cast": [{"name": "one_F"}]}))
