@@ -103,10 +103,11 @@ def preview(
     from stimuli.dressing.picture_of import picture_of
     from visavis.sessions.cast import use_cast_of
 
-    here = study_here(study, load_lab(config, only_simulates=True))
+    as_configured = load_lab(config, only_simulates=True)
+    use_cast_of(as_configured)
+    here = study_here(study, as_configured)
     shown = who_is_shown(here, participant, seed, assignments, language)
     lab = load_lab(config, "sim", only_simulates=True, quiet=True)
-    use_cast_of(lab)
     following = FOLLOWING if video is not None else 0
     capture = Capture(
         here.study, lab, number=trial, index=shown.index, seed=shown.seed, group=shown.group,
