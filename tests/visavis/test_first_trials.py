@@ -8,7 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from visavis.catalogue import SHIPPED
+from lab.config import load_config
+from lab.config_files import EXAMPLE
+from lab.errors import DeviceError, LabError, SessionAborted
+from visavis.catalogue import SHIPPED, find_study
+from visavis.sessions import perform
+from visavis.sessions.perform import get_ready
 
 ROOT = Path(__file__).parents[2]
 
@@ -45,3 +50,29 @@ def test_trials_meet_nothing_new_even_where_nothing_is_kept_yet(tmp_path: Path) 
 def test_what_is_met_in_a_trial_for_the_first_time_is_heard(tmp_path: Path) -> None:
     met = met_in_trials("stare", tmp_path, "unready")
     assert any("see_gaze" in what for what in met)
+
+
+def rehearsed(monkeypatch: pytest.MonkeyPatch, problem: LabError) -> str:
+    """Get stare ready where the rehearsal ends with a problem; return what is said of it."""
+
+    def ends(_: object) -> Path:
+        raise problem
+
+    monkeypatch.setattr(perform, "perform_new", ends)
+    study = find_study("stare")
+    return get_ready(study, study.experiment({}), load_config(EXAMPLE))
+
+
+def test_a_rehearsal_that_fails_is_told_and_keeps_no_session_from_being_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    said = rehearsed(monkeypatch, DeviceError("no such wire", role="eye_tracker"))
+    assert "not rehearsed" in said
+    assert "no such wire" in said
+
+
+def test_whoever_ends_a_rehearsal_from_the_keyboard_ends_the_command(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        rehearsed(monkeypatch, SessionAborted("interrupted from the keyboard"))

@@ -238,7 +238,6 @@ def get_ready(
     """
     if experiment in _READY:
         return ""
-
     few = FewTrials(experiment.study, experiment.overrides)
     trials, steps = len(few.plan(0, 0).trials), 0
 
@@ -262,6 +261,8 @@ def get_ready(
         )
         try:
             perform_new(replace(request, on="lab"))
+        except SessionAborted as ended:  # nobody is there to end it but from the keyboard
+            raise KeyboardInterrupt from ended
         except LabError as problem:
             trouble = f"not rehearsed, so the first frames may be late: {problem}"
     told(steps + trials, steps + trials)
