@@ -228,6 +228,8 @@ def analyse_study(
         )
     else:
         ordered = _measured(reference_of(chosen), sessions, processes, scheduler, settings, telling)
+    # One manifest of each session is held, not two: of a hundred people it is what takes most.
+    ordered = [replace(one, manifest=m) for one, m in zip(ordered, manifests, strict=True)]
     report_path = replace(chosen, tell=telling.warn).analyse(
         ordered,
         out_dir,
