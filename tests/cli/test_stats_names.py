@@ -14,7 +14,8 @@ from cli.main import app
 
 RNG = np.random.default_rng(3)
 SIZES, SDS = {"a": 6, "b": 9, "c": 18}, {"a": 3.0, "b": 2.0, "c": 1.0}
-GROUPS = {k: RNG.normal(1.5, SDS[k], n).round(1) for k, n in SIZES.items()}
+GROUPS = {k: (2 * RNG.normal(1.5, SDS[k], n)).round() / 2 for k, n in SIZES.items()}
+"""In halves, so that there are ties."""
 A, C = GROUPS["a"], GROUPS["c"]
 FIRST, SECOND = RNG.normal(0, 1, 14), RNG.normal(0.9, 3, 14)
 
@@ -86,7 +87,8 @@ def test_pairs_of_unequal_spread_get_the_test_that_is_named(test: str, tmp_path:
 
 
 def test_students_and_welchs_p_lie_apart_on_these_groups() -> None:
-    """Or the name could not be told from the numbers."""
+    """Or the name could not be told from the numbers; and some values are tied."""
+    assert len({*A, *GROUPS["b"]}) < len(A) + len(GROUPS["b"])
     student, welch = stats.ttest_ind(A, C).pvalue, EXPECTED["t"][3][1]
     assert abs(student - welch) > 0.05
     assert abs(EXPECTED["anova"][3][1] - EXPECTED["welch"][3][1]) > 0.01
