@@ -34,6 +34,7 @@ GAZE_KEPT: Final = 3
 MAX_LINE_BYTES: Final = 1 << 16
 MAX_TEXT: Final = 500
 PATIENCE_S: Final = 5.0
+FORGOTTEN_S: Final = 7 * 86400.0
 ACTIONS: Final = tuple(action for action in Action if action is not Action.ANSWER)
 """What a desk can ask for: the same that the keys of the terminal do."""
 
@@ -320,4 +321,9 @@ def _write_meeting(name: str, content: Mapping[str, Any]) -> Path:
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(handle, "w", encoding="utf-8") as file:
         json.dump(content, file)
+    now_s = path.stat().st_mtime
+    for left in folder.glob("*.json"):  # by sessions that were killed, and that no desk looked for
+        with contextlib.suppress(OSError):
+            if now_s - left.stat().st_mtime > FORGOTTEN_S:
+                left.unlink()
     return path

@@ -182,6 +182,18 @@ def _all_of(stranger: socket.socket) -> bytes:
         return b""
 
 
+def test_what_killed_sessions_left_is_cleared_after_a_week(cache: Path, tmp_path: Path) -> None:
+    meeting_folder().mkdir(parents=True)
+    old, new = (meeting_folder() / f"{name}-1.json" for name in ("old", "new"))
+    for left, age_s in ((old, 8 * 86400), (new, 0)):
+        left.write_text("{}", "utf-8")
+        changed_s = left.stat().st_mtime - age_s
+        os.utime(left, (changed_s, changed_s))
+    about = About("stare", "S07H", 1, str(tmp_path), is_simulated=True, is_blind=False)
+    with SessionLink(UnattendedOperator(), about, tmp_path):
+        assert (False, True) == (old.exists(), new.exists())
+
+
 def test_a_killed_sessions_way_is_forgotten(cache: Path, tmp_path: Path) -> None:
     from cli.desk.link import meeting_name
 
