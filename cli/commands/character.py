@@ -77,7 +77,9 @@ def list_characters(
 
     Example: visavis character list
     """
-    folder = library or library_of(load_lab(config, only_simulates=True, quiet=as_json))
+    folder = library or library_of(
+        load_lab(config, only_simulates=True, quiet=as_json, with_cast=False)
+    )
     rows = [_row(load_character(name), "Visavis") for name in cast_names()]
     rows += [_row(load_character(folder / f"{n}.npz"), "imported") for n in library_names(folder)]
     if as_json:
@@ -112,7 +114,7 @@ def sheet_command(
 
     check_picture_name(png)
     new_file(png)
-    folder = library or library_of(load_lab(config, only_simulates=True))
+    folder = library or library_of(load_lab(config, only_simulates=True, with_cast=False))
     imported = library_names(folder)
     wanted = tuple(names or imported)
     if not wanted:
@@ -148,7 +150,7 @@ def import_command(
     """
     if gender not in (None, "female", "male"):
         raise UsageError(f"--gender takes female or male, not {gender!r}")
-    folder = library or library_of(load_lab(config, quiet=as_json))
+    folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     known = cast("Literal['female', 'male'] | None", gender)
     said = None if joint_map is None else _joints_said(joint_map)
     _import(source, folder, known, said, as_json=as_json)
@@ -179,7 +181,7 @@ def fetch_command(
         else:
             say(VALID_TOLD)
         return
-    folder = library or library_of(load_lab(config, quiet=as_json))
+    folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     with people_in(download, only) as found:
         _import(found, folder, None, None, as_json=as_json)
 

@@ -97,10 +97,8 @@ def preview(
         say_written(sheet)
         return
     from stimuli.dressing.picture_of import picture_of
-    from visavis.sessions.cast import use_cast_of
 
     lab = load_lab(config, "sim", only_simulates=True)
-    use_cast_of(lab)
     chosen = study_of_lab(study, lab)
     following = FOLLOWING if video is not None else 0
     capture = Capture(chosen, lab, number=trial, index=participant, seed=seed, following=following)
