@@ -148,14 +148,16 @@ def load_lab(
     *,
     only_simulates: bool = False,
     quiet: bool = False,
+    with_cast: bool = True,
 ) -> "LabConfig":
     """Read the configuration in force and say on stderr which one that is, unless `quiet`.
 
     Without a path it is looked for in the current folder and those above. Where there is none, a
     command that `only_simulates` takes the example that comes with Visavis, with its folders in
-    the current one.
+    the current one. `with_cast` lets the lab's own people play from now on.
 
     Raises:
+        DesignError: somebody of the lab's cast is not there.
         ConfigError: there is no configuration, or everything that is wrong in it.
         UsageError: `devices` is neither sim nor real.
     """
@@ -183,6 +185,10 @@ def load_lab(
         said = f"{config.path} ({config.lab})"
     if not quiet:
         errors.print(f"[dim]configuration: {escape(said)}[/]", soft_wrap=True, highlight=False)
+    if config.cast and with_cast:
+        from visavis.sessions.cast import use_cast_of
+
+        use_cast_of(config)
     if devices is None:
         return config
     return with_devices(config, "sim" if devices == "sim" else "real")

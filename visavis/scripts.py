@@ -25,6 +25,7 @@ from visavis.analysis import StudyAnalysis
 from visavis.catalogue import find_study
 from visavis.opened import OpenedStudy
 from visavis.picture_delay import SETTING
+from visavis.sessions.cast import use_recorded_cast
 from visavis.sessions.damage import require_intact
 from visavis.sessions.plan_lock import read_lock, refuse_to_peek
 from visavis.sessions.studies import analyse_study, simulate_study
@@ -186,6 +187,7 @@ def open_study(path: str | Path, *, accept_damage: bool = False) -> StudyData:
     """
     folder = Path(path).resolve()
     first = Recording(sessions_of(folder)[0])
+    use_recorded_cast(first)
     study, _ = study_of_folder(folder, first.manifest.study)
     return StudyData(folder, study, accept_damage)
 

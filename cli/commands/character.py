@@ -77,7 +77,9 @@ def list_characters(
 
     Example: visavis character list
     """
-    folder = library or library_of(load_lab(config, only_simulates=True, quiet=as_json))
+    folder = library or library_of(
+        load_lab(config, only_simulates=True, quiet=as_json, with_cast=False)
+    )
     rows = [_row(load_character(name), "Visavis") for name in cast_names()]
     rows += [_row(load_character(folder / f"{n}.npz"), "imported") for n in library_names(folder)]
     if as_json:
@@ -100,6 +102,12 @@ def sheet_command(
     names: Annotated[
         list[str] | None, typer.Argument(help="Whom to draw; all imported ones when left out.")
     ] = None,
+    at: Annotated[
+        str, typer.Option(help="Distances in metres, such as 1,2,3.5,5,8: a row of them each.")
+    ] = "",
+    px_per_deg: Annotated[
+        float, typer.Option(help="Pixels a degree of the display, for --at.")
+    ] = 12.0,
     config: ConfigOption = None,
     library: LibraryOption = None,
 ) -> None:
@@ -107,12 +115,15 @@ def sheet_command(
 
     Example: visavis character sheet imported.png
     """
-    from cli.preview.people import people_sheet
+    from cli.preview.people import distance_sheet, people_sheet
     from cli.preview.pictures import check_picture_name
 
     check_picture_name(png)
     new_file(png)
-    folder = library or library_of(load_lab(config, only_simulates=True))
+    distances_m = _distances_m(at)
+    if not 1 <= px_per_deg <= 120:
+        raise UsageError("--px-per-deg goes from 1 to 120")
+    folder = library or library_of(load_lab(config, only_simulates=True, with_cast=False))
     imported = library_names(folder)
     wanted = tuple(names or imported)
     if not wanted:
@@ -122,7 +133,12 @@ def sheet_command(
         known = ", ".join((*imported, *cast_names()))
         raise UsageError(f"there is no {', '.join(strangers)} in {folder}; known: {known}")
     people = [load_character(folder / f"{n}.npz" if n in imported else n) for n in wanted]
-    people_sheet(SHEET_TILE_PX, people).save(png)
+    drawn = (
+        distance_sheet(people, distances_m, px_per_deg)
+        if distances_m
+        else people_sheet(SHEET_TILE_PX, people)
+    )
+    drawn.save(png)
     say_written(png)
 
 
@@ -148,7 +164,7 @@ def import_command(
     """
     if gender not in (None, "female", "male"):
         raise UsageError(f"--gender takes female or male, not {gender!r}")
-    folder = library or library_of(load_lab(config, quiet=as_json))
+    folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     known = cast("Literal['female', 'male'] | None", gender)
     said = None if joint_map is None else _joints_said(joint_map)
     _import(source, folder, known, said, as_json=as_json)
@@ -179,9 +195,24 @@ def fetch_command(
         else:
             say(VALID_TOLD)
         return
-    folder = library or library_of(load_lab(config, quiet=as_json))
+    folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     with people_in(download, only) as found:
         _import(found, folder, None, None, as_json=as_json)
+
+
+def _distances_m(text: str) -> tuple[float, ...]:
+    """Return the distances of "1,2,3.5"; none of an empty text.
+
+    Raises:
+        UsageError: they are no numbers from 0.3 to 30.
+    """
+    try:
+        found = tuple(float(part) for part in text.split(",") if part.strip())
+    except ValueError:
+        found = (0.0,)
+    if not all(0.3 <= d <= 30 for d in found):
+        raise UsageError(f"--at {text!r}; write metres from 0.3 to 30, such as 1,2,3.5,5,8")
+    return found
 
 
 def _joints_said(path: Path) -> dict[str, str]:

@@ -101,11 +101,8 @@ def preview(
         say_written(sheet)
         return
     from stimuli.dressing.picture_of import picture_of
-    from visavis.sessions.cast import use_cast_of
 
-    as_configured = load_lab(config, only_simulates=True)
-    use_cast_of(as_configured)
-    here = study_here(study, as_configured)
+    here = study_here(study, load_lab(config, only_simulates=True))
     shown = who_is_shown(here, participant, seed, assignments, language)
     lab = load_lab(config, "sim", only_simulates=True, quiet=True)
     following = FOLLOWING if video is not None else 0

@@ -44,6 +44,7 @@ from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from recording.reader import Recording
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
+from visavis.sessions.cast import use_recorded_cast
 from visavis.sessions.data_root import require_space
 from visavis.sessions.perform import PageAddress, Request, perform_new, perform_rest
 from visavis.sessions.rig import check_rig, devices_for, is_simulated, require_picture
@@ -326,6 +327,7 @@ def resume(
         raise UsageError(f"{session_path} is complete; nothing is left to do")
     if fast and not recording.is_simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot")
+    use_recorded_cast(recording)
     folder = session_path.resolve().parent.parent
     chosen, changed = study_of_folder(folder, manifest.study)
     if changed:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image
 
-from cli.preview.pictures import contact_sheet, face_camera, labelled
+from cli.preview.pictures import contact_sheet, face_camera, framed, labelled, looking
 from lab.geometry import Vector, unit
 from stage.stills import Stills
 from stimuli.characters.cast import load_cast
@@ -20,6 +20,9 @@ from stimuli.rooms.portrait import portrait_studio
 
 TURNED_DEG = 32.0
 COLUMNS = 6
+FRAME_M = 0.42
+"""What is shown round a face, from side to side."""
+TILE_PX = 240
 
 
 def people_sheet(size_px: tuple[int, int], people: Sequence[Character] = ()) -> Image.Image:
@@ -35,6 +38,29 @@ def people_sheet(size_px: tuple[int, int], people: Sequence[Character] = ()) -> 
                 image = stills.image(picture, camera, size_px)
                 tiles.append(labelled(image, f"{character.name}, {character.stature_m:.2f} m"))
     return contact_sheet(tiles, "everybody at 1.1 m, looking at the camera", COLUMNS)
+
+
+def distance_sheet(
+    people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
+) -> Image.Image:
+    """Return faces as a display of so many pixels a degree shows them, a row each, enlarged."""
+    tiles = []
+    with Stills() as stills:
+        for character in people:
+            picture, eyes_m = portrait(character, 0.0)
+            for distance_m in distances_m:
+                at = eyes_m + distance_m * np.array([0.0, 0.04, 1.0])
+                half = FRAME_M / 2 / distance_m
+                camera = framed(looking(at, eyes_m - at), half, 1.0)
+                side_px = max(round(2 * float(np.degrees(np.arctan(half))) * px_per_deg), 8)
+                image = stills.image(picture, camera, (side_px, side_px))
+                shown = Image.fromarray(np.asarray(image)).resize(
+                    (TILE_PX, TILE_PX), Image.Resampling.NEAREST
+                )
+                label = f"{character.name}  {distance_m:g} m"
+                tiles.append(labelled(np.asarray(shown), label))
+    title = f"faces as {px_per_deg:g} pixels a degree show them"
+    return contact_sheet(tiles, title, len(distances_m))
 
 
 def portrait(character: Character, yaw_deg: float) -> tuple[Picture, Vector]:

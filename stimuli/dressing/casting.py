@@ -86,8 +86,8 @@ def use_cast(members: Sequence[Member], library: Path) -> None:
         return
     if _in_force.is_used:
         raise DesignError(
-            "sessions with different casts cannot be shown or measured by one command; "
-            "take those of each cast apart"
+            "sessions with different casts cannot be shown or measured by one command; take those "
+            "of each cast apart, where the lab_config.yaml in force names that cast or none"
         )
     _in_force.members, _in_force.library = chosen, library
 

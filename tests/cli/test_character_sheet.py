@@ -1,5 +1,6 @@
 """visavis character sheet: faces of those named; refusals before anything is drawn."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ from typer.testing import CliRunner
 
 from cli.commands.character import SHEET_TILE_PX
 from cli.main import app
+from cli.preview.people import TILE_PX
 from cli.preview.pictures import TITLE_PX
 from lab.errors import LabError, UsageError
 from stage.errors import StageError
@@ -32,6 +34,27 @@ def test_sheet_holds_two_faces_of_everybody_named(tmp_path: Path) -> None:
         left, right = (drawn.crop((x, TITLE_PX, x + 480, TITLE_PX + 260)) for x in (0, 960))
         assert len(left.convert("RGB").getcolors(10**6) or ()) > 500
         assert left.tobytes() != right.tobytes()
+
+
+def test_faces_at_distances_are_shown_in_the_display_s_own_pixels(tmp_path: Path) -> None:
+    try:
+        Renderer().close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    sheet(tmp_path / "far.png", "anna", "--at", "1,5", "--library", tmp_path)
+    with Image.open(tmp_path / "far.png") as drawn:
+        assert drawn.width >= 2 * TILE_PX
+        row = [drawn.getpixel((x, TITLE_PX + TILE_PX // 2)) for x in range(drawn.width)]
+    near, far = row[:TILE_PX], row[TILE_PX : 2 * TILE_PX]
+    changes = [sum(a != b for a, b in pairwise(tile)) for tile in (near, far)]
+    # 0.42 m are 4.8° at 5 m, 58 pixels of 12 a degree; at 1 m more than the tile has.
+    assert changes[1] <= 57 < changes[0]
+
+
+def test_distances_that_are_none_are_refused(tmp_path: Path) -> None:
+    for wrong in ("near", "0", "1,400"):
+        with pytest.raises(UsageError, match="--at"):
+            sheet(tmp_path / "far.png", "anna", "--at", wrong, "--library", tmp_path)
 
 
 def test_nobody_imported_is_said_with_what_to_do(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import pytest
 
+from cli.app import load_lab
 from devices.registry import OPTION_MODELS
 from lab.config import LabConfig, parse_config
 from lab.config_files import EXAMPLE
@@ -17,6 +18,7 @@ from stimuli.characters.library import import_characters
 from stimuli.dressing import casting
 from stimuli.dressing.casting import default_casting
 from tests.stimuli.glb_figure import write_glb
+from visavis.sessions import simulation
 from visavis.sessions.cast import use_cast_of, use_recorded_cast
 
 
@@ -90,3 +92,33 @@ def test_another_file_beside_the_data_is_not_overwritten(tmp_path: Path) -> None
 def test_cast_that_a_session_does_not_tell_whole_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="cast cannot be read"):
         use_recorded_cast(_Kept.of(tmp_path, {"cast": [{"name": "one_F"}]}))
+
+
+class _Made(Exception):
+    """A study was asked for."""
+
+
+def _asked(_: object) -> None:
+    raise _Made
+
+
+def test_cast_is_chosen_before_a_study_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The crowd lays its people out by stature as soon as its trials are read.
+    _imported(tmp_path)
+    monkeypatch.setattr(simulation, "find_study", _asked)
+    task = cast("Any", SimpleNamespace(config=_lab(tmp_path, "cast: [one_F]\n"), study="crowd"))
+    with pytest.raises(_Made):
+        simulation.simulate_one(task)
+    assert default_casting("female_01").name == "one_F"
+
+
+def test_commands_have_the_cast_of_the_configuration_in_force(tmp_path: Path) -> None:
+    _imported(tmp_path)
+    path = tmp_path / "lab_config.yaml"
+    path.write_text(EXAMPLE.read_text("utf-8") + "cast: [one_F]\n", "utf-8")
+    load_lab(path, quiet=True, with_cast=False)
+    assert casting._in_force.members == ()
+    load_lab(path, quiet=True)
+    assert default_casting("female_01").name == "one_F"

@@ -46,11 +46,11 @@ def measure_job(job: TrialJob) -> MeasuredTrial:
         raise DataError(
             f"{path} is not there; every worker must see the study's folder under the same path"
         )
+    recording = Recording(path)
+    use_recorded_cast(recording)
     pieces = find_study(job.study).pieces
     if pieces is None:
         raise DataError(f"trials of {job.study} are not measured one by one")
-    recording = Recording(path)
-    use_recorded_cast(recording)
     return pieces.measure(recording, job.trial_id, job.how)
 
 

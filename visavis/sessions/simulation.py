@@ -11,6 +11,7 @@ from lab.config import LabConfig
 from recording.folder import session_dir
 from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.sessions.cast import use_cast_of, use_recorded_cast
 from visavis.sessions.perform import perform_new, perform_rest, simulated_request
 
 
@@ -42,6 +43,7 @@ def worker_count(asked: int | None) -> int:
 
 def simulate_one(task: SimulationTask) -> Path:
     """Simulate one participant's session, or what is left of it; return its folder."""
+    use_cast_of(task.config)
     study = find_study(task.study)
     request = simulated_request(
         study,
@@ -60,4 +62,6 @@ def simulate_one(task: SimulationTask) -> Path:
 def measure_one(job: tuple[str, Path, Mapping[str, Any]]) -> Any:
     """Take in one session of a study; what comes back is for the study's `analyse`."""
     reference, session, settings = job
-    return find_study(reference).measure(Recording(session), settings)
+    recording = Recording(session)
+    use_recorded_cast(recording)
+    return find_study(reference).measure(recording, settings)

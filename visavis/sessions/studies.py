@@ -27,6 +27,7 @@ from visavis.locked.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.opened import OpenedStudy, overrides_of
 from visavis.picture_delay import SETTING, read_sync_test, required_for
 from visavis.pieces import Pieces
+from visavis.sessions.cast import use_recorded_cast
 from visavis.sessions.damage import counted_damage, describe, require_intact, write_damage
 from visavis.sessions.data_root import prepare_data_root
 from visavis.sessions.piecewise import measure_sessions
@@ -207,6 +208,7 @@ def analyse_study(
     out_dir = output.resolve() if output is not None else folder / DERIVED
     is_ours = output is None or not out_dir.exists()
     make_folder(out_dir, exist_ok=True)
+    use_recorded_cast(Recording(sessions[0]))  # before anything of the study is made
     chosen, changed = study_of_folder(folder, study)
     if changed:
         telling.warn(changed)
