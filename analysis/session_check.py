@@ -24,6 +24,10 @@ from recording.integrity import damage_of
 from recording.reader import Recording
 
 RESTORE = "restore the damaged files from a copy; `visavis analyse` leaves damaged trials out"
+REDO_BLOCK = (
+    "look how the headset sits and validate again while they are here; redo the last block in a "
+    "further session (`visavis run` with --session) where it rests on gaze"
+)
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -285,7 +289,9 @@ def _drift_finding(
     if end_deg is None and end["accepted"] and not end.get("points"):
         return Finding(Level.GREEN, "calibration", str(end["reason"]))
     if end_deg is None:
-        return Finding(Level.RED, "calibration", "all gaze was lost in the final validation")
+        return Finding(
+            Level.RED, "calibration", "all gaze was lost in the final validation", REDO_BLOCK
+        )
     start_deg = starts[-1]["accuracy_deg"] if starts else None
     drift_deg = 0.0 if start_deg is None else end_deg - start_deg
     level = Level.GREEN
@@ -294,7 +300,7 @@ def _drift_finding(
     if end_deg > limits.accuracy_red_deg or drift_deg > limits.drift_red_deg:
         level = Level.RED
     message = f"accuracy {end_deg:.2f}° at the end, drift {drift_deg:+.2f}° over the last block"
-    return Finding(level, "calibration", message)
+    return Finding(level, "calibration", message, REDO_BLOCK if level is Level.RED else "")
 
 
 # ---- questionnaires and deviations -----------------------------------------------------------

@@ -16,6 +16,7 @@ from cli.keyboard import KeyReader
 from devices.contracts import Health
 from lab.clock import NS_PER_S
 from protocol.operator import KEYS, Action, Command, SessionStatus
+from protocol.states import SessionState
 from visavis.sessions.rig import ESSENTIAL_ROLES
 
 STATUS_PERIOD_NS = NS_PER_S // 4
@@ -107,6 +108,7 @@ class TerminalOperator:
         self._live: Live | None = None
         self.abort_requested = False
         self.is_suspended = False
+        self._told = ""
 
     def __enter__(self) -> "TerminalOperator":
         self._keys.__enter__()
@@ -142,16 +144,32 @@ class TerminalOperator:
         return self._interpreter.feed(keys) if keys else ()
 
     def show(self, status: SessionStatus) -> None:
-        """Redraw the screen."""
+        """Redraw the screen; where there is no terminal, say in a line what has changed."""
         if self._live is not None:
             self._live.update(
                 render(status, self._interpreter.entry_line, is_simulated=self._is_simulated),
                 refresh=True,
             )
+        elif not self._console.is_terminal and (line := told(status)) not in ("", self._told):
+            self._told = line
+            self._console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def waits_for_advance(self, prompt: str) -> bool:
         """Wait for the space bar unless this is a rehearsal."""
         return self._confirm_waits
+
+
+def told(status: SessionStatus) -> str:
+    """Return a line on what the session is doing; "" in the moments between trials."""
+    if status.state in (SessionState.IDLE, SessionState.INTERTRIAL) and not status.prompt:
+        return ""
+    what = f"trial {status.trial_id}" if status.state is SessionState.TRIAL else status.state.value
+    done = f"{status.trials_done} of {status.trials_planned} done"
+    waits = f"; waiting for you (space): {' '.join(status.prompt.split())}" if status.prompt else ""
+    blocking = "".join(
+        f"; {f.role}: {f.message} → {f.remedy}" for f in status.faults if f.severity == "blocking"
+    )
+    return f"{what}, {done}{waits}{blocking}"
 
 
 def render(status: SessionStatus, entry_line: str, *, is_simulated: bool) -> Panel:

@@ -14,7 +14,7 @@ from protocol.questionnaires import available
 from recording.folder import study_dir
 from recording.manifest import read_manifest
 from recording.sealed import copy_path
-from visavis.catalogue import SHIPPED, find_study
+from visavis.catalogue import SHIPPED, find_study, is_file
 from visavis.opened import OpenedStudy
 from visavis.sessions.data_root import prepare_data_root
 from visavis.sessions.rig import is_simulated
@@ -148,12 +148,9 @@ def folder_of(wanted: Path, config: Path | None) -> Path:
     from cli.app import load_lab  # late: it loads the models of all devices' options
 
     lab = load_lab(config, only_simulates=True)
-    name = study_of_lab(str(wanted), lab).name
-    there = [
-        folder
-        for simulated in (False, True)
-        if (folder := study_dir(lab.data_root, name, is_simulated=simulated)).is_dir()
-    ]
+    there = [] if is_file(str(wanted)) else _data_of(str(wanted), lab)
+    name = str(wanted) if there else study_of_lab(str(wanted), lab).name
+    there = there or _data_of(name, lab)
     if not there:
         raise UsageError(
             f"there are no data of {name} under {lab.data_root}; give the study's folder, or "
@@ -165,6 +162,12 @@ def folder_of(wanted: Path, config: Path | None) -> Path:
             f"{' or '.join(map(str, there))}"
         )
     return there[0]
+
+
+def _data_of(name: str, lab: LabConfig) -> list[Path]:
+    """Return the folders, real and simulated, that hold data of a study of this name."""
+    folders = [study_dir(lab.data_root, name, is_simulated=made_up) for made_up in (False, True)]
+    return [folder for folder in folders if folder.is_dir()]
 
 
 def session_of(wanted: Path, config: Path | None, participant: str = "") -> Path:

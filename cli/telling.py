@@ -51,7 +51,8 @@ class TerminalTelling:
         """Show a bar."""
         with counting(console) as bar:
             line = bar.add_task(what, total=None)
-            yield lambda done, of: bar.update(line, completed=done, total=of)
+            # Of nothing to do nothing is said.
+            yield lambda done, of: bar.update(line, completed=done, total=of, visible=of > 0)
 
 
 TELLING = TerminalTelling()

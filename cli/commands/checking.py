@@ -1,5 +1,6 @@
 """check, recover: what a session left behind."""
 
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -24,6 +25,7 @@ from cli.app import (
     verbatim,
 )
 from cli.studies import folder_of, require_session, session_of
+from lab.errors import RecordingError
 from recording.reader import Recording
 from recording.recovery import recover as recover_session
 from visavis.sessions.study_check import is_study, repair_study, study_problems
@@ -64,7 +66,7 @@ def check(
     elif not session_path.is_dir():
         session_path = folder_of(session_path, config)
     if is_study(session_path):
-        _check_study(session_path, as_json=as_json)
+        _check_study(session_path, as_json=as_json, list_trials=trials)
         return
     require_session(session_path)
     verdict = check_session(Recording(session_path))
@@ -96,11 +98,21 @@ def _check_foreign(path: Path, *, as_json: bool) -> None:
         raise typer.Exit(EXIT_RED)
 
 
-def _check_study(folder: Path, *, as_json: bool) -> None:
+def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> None:
     problems = study_problems(folder)
-    count = len(session_folders(folder))
+    sessions = session_folders(folder)
+    count = len(sessions)
+    verdicts: dict[Path, SessionCheck] = {}
+    for session in sessions if list_trials else ():
+        with suppress(RecordingError):  # told among the problems
+            verdicts[session] = check_session(Recording(session))
     if as_json:
         content = {"sessions": count, "problems": problems}
+        if list_trials:
+            content["trials"] = {
+                str(s.relative_to(folder)): [asdict(t) for t in verdict.trials]
+                for s, verdict in verdicts.items()
+            }
         say_json(content)
     elif problems:
         for problem in problems:
@@ -111,7 +123,10 @@ def _check_study(folder: Path, *, as_json: bool) -> None:
         )
     else:
         console.print(f"[green]{counted(count, 'session')}, every file verified[/]")
-    if problems:
+    if not as_json:
+        for session, verdict in verdicts.items():
+            print_check(verdict, session, list_trials=True)
+    if problems or any(verdict.level is Level.RED for verdict in verdicts.values()):
         raise typer.Exit(EXIT_RED)
 
 

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from analysis.report.notation import counted
 from analysis.session_check import check_session
+from analysis.session_verdict import Level
 from cli.app import (
     ConfigOption,
     DevicesOption,
@@ -25,7 +26,7 @@ from cli.app import (
     say_json,
     verbatim,
 )
-from cli.commands.checking import print_check
+from cli.commands.checking import EXIT_RED, print_check
 from cli.desk.link import ACTIONS, About, SessionLink
 from cli.lab_companion import LabCompanion
 from cli.operator_screen import TerminalOperator
@@ -435,7 +436,10 @@ def _perform(
             errors.print(f"[yellow]{verbatim(error)}[/]", soft_wrap=True)
             _print_way_on(path, fast=fast)
             raise typer.Exit(error.exit_code) from error
-    print_check(check_session(Recording(path)), path)
+    verdict = check_session(Recording(path))
+    print_check(verdict, path)
+    if verdict.level is Level.RED:
+        raise typer.Exit(EXIT_RED)
 
 
 def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> None:

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 from rich.console import Console
 
-from cli.operator_screen import KeyInterpreter, render
+from cli.operator_screen import KeyInterpreter, TerminalOperator, render
 from devices.contracts import DeviceState, Fault, Health
 from protocol.operator import Action, Command, SessionStatus
 from protocol.states import SessionState
@@ -108,3 +108,21 @@ def test_a_forgotten_note_leaves_the_keys_as_they_were() -> None:
     assert [] == keys.feed("nabc\x1b")
     assert "" == keys.entry_line
     assert [Command(Action.FLAG)] == keys.feed("f")
+
+
+def test_without_a_terminal_every_change_is_one_line_that_says_what_is_waited_for() -> None:
+    console = Console(file=io.StringIO(), width=60, color_system=None)
+    operator = TerminalOperator(console, is_simulated=False, confirm_waits=True)
+    calm = replace(STATUS, faults=())
+
+    operator.show(replace(calm, state=SessionState.INSTRUCTING, prompt="Hand over the\nheadset."))
+    for left_s in (9.0, 8.0):
+        operator.show(replace(calm, trial_left_s=left_s))
+    operator.show(replace(calm, state=SessionState.INTERTRIAL))
+    operator.show(STATUS)
+
+    assert [
+        "instructing, 5 of 73 done; waiting for you (space): Hand over the headset.",
+        "trial T05, 5 of 73 done",
+        "trial T05, 5 of 73 done; eye_tracker: disconnected → check the cable",
+    ] == console.file.getvalue().splitlines()  # type: ignore[attr-defined]  # a StringIO

@@ -1,5 +1,6 @@
 """Every changed byte of a study's folder is named, and what has an intact copy comes back."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,11 @@ from typer.testing import CliRunner
 
 from cli.main import app
 from lab.clock import SimClock
+from lab.config_files import EXAMPLE
 from lab.errors import DataError
 from protocol.ledger import Ledger
 from tests.recording.sessions import record_session
+from tests.visavis.sessions import perform
 from visavis.sessions.study_check import repair_study, study_problems
 from visavis.sessions.study_folder import StudySettings, read_settings, settle
 
@@ -127,3 +130,28 @@ def test_exchanged_manifests_go_back_to_their_sessions(study: Path) -> None:
     assert 2 == len(repair_study(study))
     assert data == (first.read_bytes(), second.read_bytes())
     assert () == study_problems(study)
+
+
+def test_trials_of_every_session_of_a_study_are_listed_on_demand(tmp_path: Path) -> None:
+    folder = perform("asking", tmp_path).path.parents[1]
+    settle(folder, StudySettings("asking", 1, True), seed_given=True)
+
+    listed = CliRunner().invoke(app, ["check", str(folder), "--trials"]).output
+    as_json = CliRunner().invoke(app, ["check", str(folder), "--trials", "--json"])
+
+    assert 1 == listed.count("attempts")
+    trials = json.loads(as_json.stdout)["trials"]["sub-S01/ses-001"]
+    assert {"complete"} == {trial["status"] for trial in trials}
+
+
+def test_data_are_found_by_the_name_of_their_study_alone(
+    study: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    lab = tmp_path_factory.mktemp("lab") / "lab_config.yaml"
+    text = EXAMPLE.read_text("utf-8")
+    assert "data_root: data" in text
+    lab.write_text(text.replace("data_root: data", f"data_root: {study.parents[1]}"), "utf-8")
+
+    checked = CliRunner().invoke(app, ["check", "probe", "--config", str(lab)])
+
+    assert "2 sessions, every file verified" in checked.output
