@@ -15,7 +15,7 @@ tables with their dictionaries, statistics, figures, report, power.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -61,6 +61,7 @@ SETTABLE: Final = ("repetitions", "practice", "blocks", "order", "intertrial_s",
 """Parameters that every study has."""
 
 On: TypeAlias = Literal["lab", "browser"]
+Screening: TypeAlias = Literal["card"]
 IntertrialPlan = Callable[[TrialScript], Iterator[Step]]
 """What happens before a trial: a generator over its script."""
 PersonOf: TypeAlias = Callable[[int, int, bool, "StudyExperiment"], SimulatedParticipant]
@@ -132,6 +133,7 @@ class Study:
     row besides. Where `validate` is no, gaze is recorded along and nothing rests on it.
     `dressed_by` names what dresses scenes that a trial makes itself ("module:function"). The eye
     tracker is calibrated at the beginning, and before every block with `calibrate_blocks`.
+    `screening` is what a page measures before its first trial: "card", how large the screen is.
     `setup` answers items of the reporting list for eye tracking that follow from the study.
     `thresholds` is a dataclass of numbers of its own analysis, `pieces` how trials are measured
     one by one ("module:name" of it): `analyse --set` replaces fields of both by name.
@@ -170,6 +172,7 @@ class Study:
     uses: Sequence[str] | RolesOf | None = None
     spares: Sequence[str] | None = None
     on: On = "lab"
+    screening: Sequence[Screening] = ()
     people: int | PeopleOf = 0
     calibrate: bool = True
     calibrate_blocks: bool = False
@@ -222,6 +225,8 @@ class Study:
         problems += [f"{n!r} is a factor and a parameter" for n in names if n in self.parameters]
         problems += [f"{n!r} is a parameter of every study" for n in self.parameters
                      if n in SETTABLE]  # fmt: skip
+        problems += [f"screening knows no {n!r}; it knows {', '.join(get_args(Screening))}"
+                     for n in self.screening if n not in get_args(Screening)]  # fmt: skip
         if problems:
             raise DesignError(f"study {self.name}: {'; '.join(problems)}")
         self.title = self.title or self.name.replace("_", " ").capitalize()

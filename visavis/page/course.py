@@ -18,6 +18,9 @@ from visavis.page.trial import FilmFailed, FilmFiles, perform_on_page
 from visavis.trial import TrialScript
 
 QUESTIONS_A_PAGE: Final = 8
+CARD_MM: Final = (85.6, 53.98)
+"""A bank card (ISO/IEC 7810, ID-1), which everybody has at hand."""
+SCREEN_MEASURED: Final = "screen_measured"
 STOPPED: Final = "stopped"
 WITHDRAWN: Final = "withdrawn"
 """Stopped, and what was recorded is to be deleted."""
@@ -110,6 +113,9 @@ def course(visit: Visit) -> Course:
             yield Event("consent", {"version": version, "agreed": agreed})
             if not agreed:
                 return DECLINED
+        if "card" in experiment.study.screening:
+            reply = yield from _step(PageStep("card", {"card_mm": CARD_MM}))
+            yield Event(SCREEN_MEASURED, {"px_per_mm": reply.content["px_per_mm"]})
         films = [visit.files(film) for film in experiment.films]
         if films:
             reply = yield from _step(PageStep("preload", {"films": films}))

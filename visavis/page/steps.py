@@ -15,6 +15,8 @@ WAYS: Final = ("keys", "mouse", "touch", "pen")
 NUMBER: Final = re.compile(r"-?\d{1,12}([.,]\d{1,12})?")
 MAX_TEXT: Final = 10_000
 """Characters of an answer in words that are kept."""
+MIN_PX_PER_MM: Final = 0.5
+MAX_PX_PER_MM: Final = 40.0
 FILM_COLUMNS: Final = (
     ("wait_ms", "ms", "from the page's step to the first picture that was presented"),
     ("rounds", "1", "whole rounds that were shown (of a pair: of the one with fewer)"),
@@ -150,6 +152,8 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
     number(content.get("hidden_ms", 0), "hidden_ms")
     if step.kind == "consent" and not isinstance(content.get("agreed"), bool):
         raise PageError("consent was neither given nor declined")
+    if step.kind == "card":
+        _check_size(content.get("px_per_mm", ""))
     if step.kind == "preload":
         mapping(content.get("films", {}), "films")
     if step.kind not in ("watch", "questions"):
@@ -168,6 +172,12 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
     answers = mapping(content.get("answers"), "answers")
     for question in step.content["questions"]:
         _check_answer(question, answers.get(question["name"]), is_timed=step.kind == "watch")
+
+
+def _check_size(told: Any) -> None:
+    """Refuse a size of the screen that none has; None is that of somebody without a card."""
+    if told is not None and not MIN_PX_PER_MM <= number(told, "px_per_mm") <= MAX_PX_PER_MM:
+        raise PageError(f"px_per_mm is {told}")
 
 
 def _check_answer(question: Mapping[str, Any], given: Any, *, is_timed: bool) -> None:

@@ -26,6 +26,8 @@ READING_S: Final = 4.0
 """How long a page of text is read."""
 FIRST_FRAME_MS: Final = 40.0
 """From a step to the first picture that a simulated browser presents."""
+PX_PER_MM: Final = 96 / 25.4
+"""How large a page's pixels are by its standard."""
 PRACTICE_STRETCH: Final = 100_000
 SHOWN: Final = "keys"
 
@@ -55,6 +57,9 @@ class Visitor:
             case "consent":
                 self.now_ms += READING_S * 1000
                 return {"agreed": True}
+            case "card":
+                self.now_ms += READING_S * 1000
+                return {"px_per_mm": PX_PER_MM}
             case "preload":
                 return {"films": {f["film"]: "simulated" for f in content["films"]}}
             case "text":

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from analysis.statistics import oneway_anova, tukey_hsd
 from benchmarks.simulated_tracker import tracker_of
@@ -16,7 +17,7 @@ from experiments.interpolation.gestures import (
     seconds_of,
     source_of,
 )
-from experiments.interpolation.study import study
+from experiments.interpolation.study import ERROR_SD, PERSON_SD, naturalness_of, study
 from stimuli.motion.clip import placed_joints
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_study
@@ -61,6 +62,16 @@ def test_no_method_strays_from_slerp_as_angles_taken_pose_by_pose_would(gesture:
 def judged() -> pd.DataFrame:
     opened = OpenedStudy(study)
     return quick_study(opened, opened.experiment({}), tracker_of, range(97), seed=3).trials
+
+
+@pytest.mark.parametrize("gesture", GESTURES)
+def test_simulated_raters_expect_the_printed_means_of_every_gesture(gesture: str) -> None:
+    (printed,) = (s for s in published.SUBSETS if s.gesture == gesture)
+    sd = float(np.hypot(PERSON_SD, ERROR_SD))
+    for method, mean in zip(METHODS, printed.means, strict=True):
+        latent = naturalness_of(motion_of(gesture, method), round(seconds_of(gesture), 3))
+        expected = 5 - stats.norm.cdf((np.arange(1.5, 5.0) - latent) / sd).sum()
+        assert float(mean) == pytest.approx(expected, abs=0.2)
 
 
 def test_simulated_raters_give_means_near_the_printed_ones(judged: pd.DataFrame) -> None:

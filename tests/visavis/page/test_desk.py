@@ -1,13 +1,15 @@
 """What is acknowledged is on the disk, and a session that broke off goes on at the same step."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from lab.clock import NS_PER_S
+from lab.errors import DesignError
 from recording.reader import Recording
-from tests.visavis.page.pages import TAB, begun, gone_on
+from tests.visavis.page.pages import TAB, begun, gone_on, study
 from visavis.page.desk import LEASE_NS, RELOADED, RESTARTED
 from visavis.page.errors import OpenElsewhereError, PageError
 
@@ -178,3 +180,27 @@ def test_response_time_runs_from_the_first_picture_that_was_presented(tmp_path: 
     assert pytest.approx(1234.5, abs=1e-6) == row["lively_ms"]
     assert pytest.approx(100.0, abs=1e-6) == row["film_wait_ms"]
     assert 1_500_000_000 == row["film_off_ns"] - row["film_on_ns"]
+
+
+def test_the_width_of_a_card_tells_how_large_a_screen_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(study().study, "screening", ("card",))
+    with begun(tmp_path) as (page, path):
+        while page.desk.told()["step"]["kind"] != "card":
+            page.answer()
+        assert (85.6, 53.98) == tuple(page.desk.told()["step"]["card_mm"])
+        sent = page.event()
+        for wrong in (0.0, 1e3, "large", float("nan")):
+            with pytest.raises(PageError):
+                page.desk.take(TAB, [{**sent, "reply": {"px_per_mm": wrong}}])
+        page.answer_all()
+        page.desk.recorder.close("complete")
+    events = Recording(path).events()
+    (measured,) = events.loc[events["name"] == "screen_measured", "payload"]
+    assert pytest.approx(96 / 25.4) == measured["px_per_mm"]
+
+
+def test_a_study_says_what_is_measured_of_a_screen() -> None:
+    with pytest.raises(DesignError, match="screening knows no 'ruler'"):
+        replace(study().study, screening=("ruler",))

@@ -286,6 +286,21 @@ const steps = {
       element("div", { class: "buttons" }, go, button(say("decline"), () => reply({ agreed: false, version: step.version }), true)));
   },
 
+  // The width of a card held against the screen says how large its pixels are.
+  card(step) {
+    const [width, height] = step.card_mm;
+    const card = element("div", { class: "card" });
+    const most = Math.max(200, Math.min(main.clientWidth - 8, 900));
+    const slider = element("input", { type: "range", min: 120, max: most, step: 1, value: 220, "aria-label": say("card_title") });
+    const go = button(say("next"), () => reply({ px_per_mm: Number(slider.value) / width }));
+    go.disabled = true;
+    const draw = () => { card.style.width = `${slider.value}px`; card.style.height = `${slider.value * height / width}px`; };
+    slider.addEventListener("input", () => { go.disabled = false; draw(); });
+    put("narrow", element("h1", {}, say("card_title")), paragraph(say("card_text")), card, element("div", { class: "slider" }, slider),
+      element("div", { class: "buttons" }, go, button(say("card_none"), () => reply({ px_per_mm: null }), true)));
+    draw();
+  },
+
   async preload(step) {
     const bar = element("progress", { max: step.films.length, value: 0, "aria-label": say("loading", { n: 0, m: step.films.length }) });
     const line = paragraph(say("loading", { n: 0, m: step.films.length }));
@@ -402,7 +417,7 @@ const steps = {
 function show(step) {
   cleanUp();
   current = step;
-  stop.hidden = !["preload", "text", "watch", "questions"].includes(step.kind);
+  stop.hidden = !["card", "preload", "text", "watch", "questions"].includes(step.kind);
   const progress = document.getElementById("progress");
   progress.textContent = step.trial ? (step.is_practice ? `${say("practice")} ` : "") + say("progress", { n: step.trial, m: step.trials }) : "";
   steps[step.kind](step);
