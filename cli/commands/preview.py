@@ -33,7 +33,7 @@ from stimuli.picture import Camera, Picture
 from stimuli.scene import SceneFrame
 
 if TYPE_CHECKING:
-    from stage.renderer import Renderer
+    from stage.renderer import Quality, Renderer
 
 PEOPLE = "people"
 """Said instead of a study: everybody's face."""
@@ -205,14 +205,17 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
 
 
 @contextmanager
-def film_renderer() -> "Iterator[Renderer]":
-    """Open a renderer; where a processor draws, without the smoothing that takes it so long."""
+def film_renderer(on_processor: "Quality | None" = None) -> "Iterator[Renderer]":
+    """Open a renderer; where a processor draws, of that quality, or without the smoothing that
+    takes it so long.
+    """
     from stage.context import draws_on_processor, offscreen_context
     from stage.renderer import Quality, Renderer
 
     context = offscreen_context()
     try:
-        quality = Quality(samples=0) if draws_on_processor(context) else Quality()
+        lighter = Quality(samples=0) if on_processor is None else on_processor
+        quality = lighter if draws_on_processor(context) else Quality()
         with Renderer(context, quality=quality) as renderer:
             yield renderer
     finally:

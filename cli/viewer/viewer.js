@@ -213,7 +213,7 @@ class Viewer {
   share(now) {
     const passed = now - this.paced;
     this.paced = now;
-    if (passed < REST_MS) this.pace += 0.2 * (passed - this.pace);
+    if (passed < 3 * REST_MS) this.pace += 0.2 * (Math.min(passed, REST_MS) - this.pace); // longer is a rest
     if (this.pace > LATE_MS && this.coarse < SHARES.length - 1) { this.coarse++; this.pace = ON_TIME_MS; }
     return SHARES[this.coarse];
   }
