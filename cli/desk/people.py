@@ -16,6 +16,7 @@ from protocol.ledger import Ledger, Participant
 from recording.folder import REAL_ROOT, SIMULATED_ROOT
 from recording.manifest import read_manifest
 from recording.reader import Recording
+from visavis.catalogue import SHIPPED
 from visavis.sessions.rig import is_simulated
 from visavis.sessions.study_check import SIMULATED_PREFIX, is_study
 
@@ -46,6 +47,8 @@ def people_today(lab: LabConfig, verdicts: Verdicts, running: str = "") -> list[
     prefix = SIMULATED_PREFIX if is_simulated(lab) else ""
     studies = []
     for folder in sorted(path for path in root.glob("*") if is_study(path)):
+        is_known = folder.name in SHIPPED or folder.name in lab.studies
+        study = folder.name if is_known else f"./{folder.name}.py"
         told: dict[str, Any] = {"study": folder.name, "people": [], "before": 0, "problem": ""}
         try:
             entries = Ledger(folder, SystemClock(), prefix=prefix).list()
@@ -55,7 +58,7 @@ def people_today(lab: LabConfig, verdicts: Verdicts, running: str = "") -> list[
         for entry in entries:
             if entry.status != "active":
                 continue
-            person = _person(folder, entry, verdicts, running)
+            person = _person(folder, study, entry, verdicts, running)
             if person is None:
                 told["before"] += 1
             else:
@@ -78,7 +81,7 @@ def verdict_of(verdict: SessionCheck) -> dict[str, Any]:
 
 
 def _person(
-    folder: Path, entry: Participant, verdicts: Verdicts, running: str
+    folder: Path, study: str, entry: Participant, verdicts: Verdicts, running: str
 ) -> dict[str, Any] | None:
     """Return how somebody is today; None for who was here on other days and is done."""
     sessions = sorted(
@@ -86,7 +89,7 @@ def _person(
     )
     told: dict[str, Any] = {"label": entry.label, "session": len(sessions), "verdict": None}
     if not sessions:
-        command = f"visavis run {shlex.quote(folder.name)} --participant {entry.label}"
+        command = f"visavis run {shlex.quote(study)} --participant {entry.label}"
         return {**told, "state": "to come", "command": command, "order": 1}
     session = sessions[-1]
     told["path"] = str(session.resolve())  # as the session itself says it

@@ -352,7 +352,10 @@ async function follow() {
         showToday().then(session ? look : undefined).catch(() => {});
       }
       if (session && status) showStatus();
-      else if (session) put("f-state", SAY.preflight);
+      else if (session) {
+        put("f-state", SAY.preflight);
+        put("f-participant", session.participant);
+      }
       if (isOffline) { isOffline = false; tell(""); }
     } catch (error) {
       isOffline = true;

@@ -49,6 +49,15 @@ def test_somebody_still_to_come_is_shown_with_the_command(config: LabConfig) -> 
     assert "visavis run stare --participant S02C" == found["S02C"]["command"]
 
 
+def test_a_study_that_the_lab_knows_by_no_name_is_run_by_its_file(config: LabConfig) -> None:
+    own = study_dir(config.data_root, "duel", is_simulated=True)
+    settle(own, StudySettings("duel", 1, is_simulated=True), seed_given=False, fits=bool)
+    Ledger(own, SystemClock(), prefix=SIMULATED_PREFIX).add(1)
+    found = {study["study"]: study for study in people_today(config, Verdicts())}
+    (person,) = found["duel"]["people"]
+    assert "visavis run ./duel.py --participant S01B" == person["command"]
+
+
 def test_a_session_broken_off_says_what_to_redo_and_a_whole_one_that_they_can_leave(
     config: LabConfig,
 ) -> None:
