@@ -406,7 +406,7 @@ const steps = {
 
   end(step) {
     isOver = true;
-    localStorage.removeItem(SESSION);
+    remembered((kept) => kept.removeItem(SESSION));
     const goesOn = completion && step.outcome === "done";
     put("narrow", element("h1", {}, say({ done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks")),
       goesOn ? element("p", {}, element("a", { href: completion }, say("onward"))) : null);
@@ -436,10 +436,15 @@ function alone() {
   });
 }
 
+// A browser that keeps nothing for us throws; then a page without its key begins anew.
+function remembered(change) {
+  try { return change(localStorage); } catch { return null; }
+}
+
 // Somebody who comes to a served study gets a session; who comes again gets the one they had.
 async function arrive() {
   const told = Object.fromEntries([...new URLSearchParams(location.search)].slice(0, 20).map(([n, v]) => [n, v.slice(0, 200)]));
-  const before = localStorage.getItem(SESSION);
+  const before = remembered((kept) => kept.getItem(SESSION));
   if (before && !location.search) key = before;
   else {
     let answer;
@@ -452,7 +457,7 @@ async function arrive() {
     if (!answer.told.key) { put("narrow", element("h1", {}, answer.told.text || answer.told.refused)); return; }
     key = answer.told.key;
   }
-  localStorage.setItem(SESSION, key);
+  remembered((kept) => kept.setItem(SESSION, key));
   headers["X-Visavis-Key"] = key;
   history.replaceState(null, "", `/#${key}`);
 }
@@ -487,7 +492,7 @@ async function begin(takesOver) {
     return;
   }
   if (answer.status !== 200 || answer.told.failed) {
-    if (localStorage.getItem(SESSION) === key) localStorage.removeItem(SESSION);
+    remembered((kept) => kept.removeItem(SESSION));
     broken(answer.told.refused || answer.told.failed);
     return;
   }

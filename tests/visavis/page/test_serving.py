@@ -1,0 +1,97 @@
+"""A served study whose server is killed goes on at the same step, for whoever was at it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from recording.reader import Recording
+from visavis.page.server import KEY
+
+STUDY = """
+from visavis import Factor, Rating, Study
+
+study = Study("many", factors=[Factor("number", [1, 2, 3, 4])], on="browser", uses=(),
+              calibrate=False)
+
+
+@study.trial
+def trial(t):
+    yield t.ask(Rating("answer", 1, 9))
+"""
+COMMAND = [sys.executable, "-c", "from cli.main import main; main()"]
+
+
+def begun(root: Path, port: str = "0") -> tuple[subprocess.Popen[str], str]:
+    """Begin a server; return it with its address."""
+    server = subprocess.Popen(
+        [*COMMAND, "serve", "./many.py", "--port", port, "--devices", "sim"],
+        cwd=root,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    assert server.stdout is not None
+    for line in server.stdout:
+        if "/board#" in line:
+            return server, line.strip().partition("/board#")[0]
+    raise AssertionError("the server told no address")
+
+
+def post(base: str, path: str, body: dict[str, Any], key: str = "") -> dict[str, Any]:
+    request = urllib.request.Request(  # noqa: S310  # an address of this computer
+        f"{base}{path}", json.dumps(body).encode(), {KEY: key, "Content-Type": "application/json"}
+    )
+    with urllib.request.urlopen(request) as response:  # noqa: S310  # as above
+        told: dict[str, Any] = json.load(response)
+    return told
+
+
+def answered(base: str, key: str, steps: int) -> dict[str, Any]:
+    """Answer so many steps; return what the page is told then."""
+    told = post(base, "/api/hello", {"tab": "t", "at_ms": 0.0, "about": {}}, key)
+    for _ in range(steps):
+        step = told["step"]
+        if step["kind"] == "end":
+            break
+        given = {"option": "5", "at_ms": 0.0, "by": "keys"}
+        reply = {
+            "shown_ms": 0.0, "off_ms": 0.0, "hidden_ms": 0.0, "films": {},
+            "answers": {q["name"]: given for q in step["questions"]},
+        } if step["kind"] == "watch" else {}  # fmt: skip
+        event = {"n": told["ack"] + 1, "kind": "reply", "at_ms": 0.0, "step": told["number"],
+                 "reply": reply}  # fmt: skip
+        told = post(base, "/api/events", {"tab": "t", "events": [event]}, key)
+    return told
+
+
+@pytest.mark.slow
+def test_a_killed_server_goes_on_at_the_same_step(tmp_path: Path) -> None:
+    (tmp_path / "many.py").write_text(STUDY, encoding="utf-8")
+    subprocess.run([*COMMAND, "init"], cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    server, base = begun(tmp_path)
+    try:
+        key = post(base, "/api/arrive", {"told": {}})["key"]
+        before = answered(base, key, 3)
+    finally:
+        server.kill()
+        server.communicate()
+    server, base = begun(tmp_path, base.rpartition(":")[2])
+    try:
+        assert before == {k: v for k, v in answered(base, key, 0).items() if k in before}
+        assert {"kind": "end", "outcome": "done"} == answered(base, key, 99)["step"]
+    finally:
+        server.send_signal(signal.SIGINT)
+        server.communicate(timeout=60)
+    assert 0 == server.returncode
+    (path,) = tmp_path.glob("**/ses-001")
+    recording = Recording(path)
+    assert "complete" == recording.status
+    assert ["5"] * 4 == [str(int(v)) for v in recording.trials()["answer"]]
+    assert "server restarted" in ";".join(recording.trials()["flags"].dropna())
