@@ -110,9 +110,16 @@ def _clean_export(label: str, names: Sequence[str], export: Export, removal: Rem
     if not export.where.is_dir():
         return
     if set(export.labels) != {label}:
-        _clean_derived(names, export.where, removal)
-    else:
-        _remove_emptied(export)
+        # Its own files alone: the folder may be a desk on which other studies lie.
+        named, rest = _named(names), []
+        for name in export.files:
+            path = export.where / name
+            if path.is_file() and named.search(name):
+                _remove(path, removal)
+            elif path.is_file():
+                rest.append(path)
+        _cut_rows(names, rest, removal)
+    _remove_emptied(export)
 
 
 def _remove_emptied(export: Export) -> None:
@@ -189,14 +196,22 @@ def _make_writable(folder: Path) -> None:
 
 
 def _clean_derived(names: Sequence[str], root: Path, removal: Removal) -> None:
-    any_name = "|".join(map(re.escape, names))
-    own = re.compile(rf"(?<![A-Za-z0-9])(sub-)?({any_name})(?![A-Za-z0-9])", re.IGNORECASE)
-    rest: list[Path] = []
+    own, rest = _named(names), []
     for path in _walk(root, own):
         if own.search(path.name):
             _remove(path, removal)
         else:
             rest.append(path)
+    _cut_rows(names, rest, removal)
+
+
+def _named(names: Sequence[str]) -> re.Pattern[str]:
+    """Return what finds one of these names in a path."""
+    any_name = "|".join(map(re.escape, names))
+    return re.compile(rf"(?<![A-Za-z0-9])(sub-)?({any_name})(?![A-Za-z0-9])", re.IGNORECASE)
+
+
+def _cut_rows(names: Sequence[str], rest: Sequence[Path], removal: Removal) -> None:
     touched = False
     for path in rest:
         try:

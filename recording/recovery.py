@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lab.errors import RecordingError
-from recording.durable import sha256_of
+from recording.durable import protect_files, sha256_of
 from recording.journal import JOURNAL_NAME
 from recording.journal_file import read_journal
 from recording.lock import SessionLock
@@ -98,14 +98,18 @@ def recover_held(session_dir: Path) -> RecoveryReport:
 
 
 def other_files(folder: Path) -> tuple[FileSummary, ...]:
-    """Return the files of a part that are neither stream nor journal."""
+    """Return the files of a part that are neither stream nor journal, kept from others' eyes.
+
+    They were written by others: what the doctor found, a tracker's own recording.
+    """
     known = (".arrows", ".jsonl")
-    paths = sorted(folder.iterdir()) if folder.is_dir() else []
-    return tuple(
-        FileSummary(path.name, path.stat().st_size, sha256_of(path))
-        for path in paths
+    paths = [
+        path
+        for path in (sorted(folder.iterdir()) if folder.is_dir() else ())
         if path.is_file() and path.suffix not in known and not path.name.startswith(".")
-    )
+    ]
+    protect_files(paths)
+    return tuple(FileSummary(p.name, p.stat().st_size, sha256_of(p)) for p in paths)
 
 
 def _manifest_or_copy(session_dir: Path) -> tuple[Manifest, tuple[str, ...]]:

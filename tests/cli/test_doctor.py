@@ -3,6 +3,7 @@
 import json
 import shutil
 import socket
+import stat
 from collections import namedtuple
 from dataclasses import replace
 from pathlib import Path
@@ -192,6 +193,7 @@ def test_session_in_real_time_keeps_what_the_doctor_found(tmp_path: Path) -> Non
     with pytest.raises(SessionAborted):
         perform_new(wanted)
     (kept,) = tmp_path.rglob("doctor.json")
+    assert 0o600 == stat.S_IMODE(kept.stat().st_mode)
     report = json.loads(kept.read_text("utf-8"))
     assert kept.parent.name == "part-01"
     assert {"headset", "eye_tracker", "responses"} == {t["role"] for t in report["trials"]}

@@ -309,6 +309,21 @@ def test_a_film_goes_and_leaves_what_lies_beside_it(book, data, tmp_path, monkey
     assert alone.parent.is_dir()
 
 
+def test_what_lies_beside_an_export_of_several_is_not_touched(book, data, tmp_path):
+    study, desk = data / "real" / "stare", tmp_path / "desk"
+    of_both = [desk / "sub-07H" / "eye.tsv", desk / "sub-08J" / "eye.tsv", desk / "people.csv"]
+    others = [desk / "data" / "real" / "waving" / "sub-07H" / "gaze.arrows", desk / "mine.csv"]
+    for path in (*of_both, *others):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("participant,x\n07H,1\n08J,2\n")
+    register_export(study, SimClock(), "parquet", desk, ["07H", "08J"], of_both)
+    removal = book.withdraw("7", [data])
+    assert ["participant,x\n07H,1\n08J,2\n"] * 2 == [path.read_text() for path in others]
+    assert not (desk / "sub-07H").exists()
+    assert "participant,x\n08J,2\n" == (desk / "people.csv").read_text()
+    assert {desk / "people.csv"} == set(removal.rows)
+
+
 def test_exports_that_moved_or_changed_are_listed(book, data, out):
     (out / "bids" / "participants.tsv").rename(out / "elsewhere.tsv")
     (out / "bids" / "sub-x" / "eye.tsv").write_text("2\n")
