@@ -47,12 +47,14 @@ MIN_N = 3
 class KitPower:
     """Implement `analysis.power.PowerStudy` for a study on the kit.
 
-    `reference` finds the study again in any process; `make_tracker` gives each person a tracker.
+    `reference` finds the study again in any process; `make_tracker` gives each person a tracker;
+    `overrides` replace parameters of the study.
     """
 
     reference: str
     make_tracker: MakeTracker = field(repr=False)
     smallest_n: int = MIN_N
+    overrides: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def _opened(self) -> OpenedStudy:
@@ -72,7 +74,7 @@ class KitPower:
         """
         study = self._opened.study
         found = {}
-        compared = self._opened.experiment({}).compare
+        compared = self._opened.experiment(self.overrides).compare
         for compare in (c for c in compared if not c.exploratory):
             for term in compare.terms:
                 claim = compare.claim or f"{compare.dv} depends on {term.replace(':', ' × ')}"
@@ -92,7 +94,7 @@ class KitPower:
         """The F tests of effects within people, and paired t tests, that the source prints."""
         study = self._opened.study
         found = {name: test for of in families_of(study) for name, test in _printed_t(study, of)}
-        for compare in self._opened.experiment({}).compare:
+        for compare in self._opened.experiment(self.overrides).compare:
             for term in compare.terms:
                 printed = compare.published_of(term)
                 if compare.between or printed is None or printed.statistic is None:
@@ -168,7 +170,7 @@ class KitPower:
             UsageError: the study's people cannot be given such an effect.
         """
         opened = self._opened
-        experiment = opened.experiment({})
+        experiment = opened.experiment(self.overrides)
         made = quick_study(opened, experiment, self.make_tracker, indices, seed=seed, effect=effect)
         kept = _counted(opened, experiment, made.trials)
         return _needed(opened, experiment, kept, made.people)
@@ -205,7 +207,7 @@ class KitPower:
             )
         answers = _table(folder, "participants.csv")
         people = None if answers is None else pd.read_csv(answers, dtype={"participant": str})
-        needed = _needed(opened, opened.experiment({}), kept, people)
+        needed = _needed(opened, opened.experiment(self.overrides), kept, people)
         for of in (of for of in families if isinstance(of, Pairs)):
             needed = _scaled(needed, of, effect)
         return needed, bool(simulated.any())
@@ -228,7 +230,7 @@ class KitPower:
     ) -> dict[int, Verdicts]:
         """Test the first n names for every n; a person left out by the rules leaves a gap."""
         opened = self._opened
-        experiment = opened.experiment({})
+        experiment = opened.experiment(self.overrides)
         place = rows["participant"].astype(int).to_numpy()
         return {
             n: self._verdicts(rows[place < n], tests, alpha, opened, experiment) for n in numbers

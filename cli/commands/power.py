@@ -1,7 +1,7 @@
 """power: how many participants a study needs, by simulation."""
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -50,17 +50,23 @@ from visavis.opened import OpenedStudy
 from visavis.power import KitPower
 from visavis.sessions.runners import on_scheduler, on_this_machine
 from visavis.sessions.simulation import worker_count
-from visavis.sessions.study_folder import DEFAULT_SEED
+from visavis.sessions.study_folder import DEFAULT_SEED, read_parameters
 
 TESTS_PER_TABLE = 5
 POOL_PEOPLE = 240
 """People simulated for --fast: as many as five large studies."""
+POOL_TIMES = 5
+"""Studies drawn from fewer people than this many of them share too many."""
 POOL_PART = 8
 FAST_JOB = 10
 POOL_SEED_STEP = 1_000_003
 
 
-def power_study(name: str, of_lab: Mapping[str, Path] | None = None) -> PowerStudy:
+def power_study(
+    name: str,
+    of_lab: Mapping[str, Path] | None = None,
+    assignments: Sequence[str] | None = None,
+) -> PowerStudy:
     """Return a study's power simulation.
 
     Raises:
@@ -69,7 +75,9 @@ def power_study(name: str, of_lab: Mapping[str, Path] | None = None) -> PowerStu
     found = find_study(name, of_lab)
     if not isinstance(found, OpenedStudy):
         raise UsageError(f"{name} offers no power simulation yet; studies on the kit do")
-    return KitPower(reference_of(found), tracker_of)
+    overrides = read_parameters(list(assignments or ()))
+    found.experiment(overrides)  # so that what does not fit is said before anything begins
+    return KitPower(reference_of(found), tracker_of, overrides=overrides)
 
 
 @app.command()
@@ -116,6 +124,10 @@ def power(
         Path | None, typer.Option("--output", "-o", help="Folder; a new power_STUDY when left out.")
     ] = None,
     config: ConfigOption = None,
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Replace a parameter of the study: --set repetitions=8"),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Find the number of participants a study needs, by simulating it many times.
@@ -125,7 +137,7 @@ def power(
     Example: visavis power stare --participants 8:32:8 --replicates 200 --fast
     """
     of_lab = load_lab(config, "sim", only_simulates=True, quiet=True).studies
-    chosen = power_study(study, of_lab)
+    chosen = power_study(study, of_lab, assignments)
     if tests and "list" in tests:
         for name, claim in chosen.tests.items():
             typer.echo(f"{name:40} {claim}")
@@ -143,6 +155,8 @@ def power(
     adequacy = read_rule(rule)
     run = _Run(chosen, request, worker_count(processes), scheduler, quiet=as_json)
     people, kind, are_simulated, notes = run.people(source, fast=fast, pool=pool)
+    if assignments:
+        notes = (f"the study with {', '.join(assignments)}", *notes)
     jobs = jobs_of(chosen, request, size=1 if people is None else FAST_JOB, people=people)
     done = [r for _, part in run.jobs(run_job, jobs, "replicates") for r in part]
     summary = summarise(
@@ -228,6 +242,14 @@ class _Run:
             f"drawn from one pool of {pool} simulated people: all replicates share its chance "
             "differences; whole studies (without --fast) do not"
         )
+        largest = max(self._request.numbers)
+        if pool < POOL_TIMES * largest:
+            small = (
+                f"{pool} people are few to draw studies of {largest} from: the same ones come "
+                f"again and again, and the curve may lie far off; give --pool "
+                f"{POOL_TIMES * largest} or more, or leave --fast out"
+            )
+            return people, "simulated pool", True, (small, note)
         return people, "simulated pool", True, (note,)
 
 
@@ -367,10 +389,16 @@ def print_power(summary: PowerSummary) -> None:
     for first in range(0, len(summary.tests), TESTS_PER_TABLE):
         console.print(_table(summary, summary.tests[first : first + TESTS_PER_TABLE]))
     curve = summary.tests[0].curve
+    of_pairs = any(np.isfinite(t.difference) or np.isfinite(t.standardised) for t in summary.tests)
     say(
         f"In brackets the 95 % Monte-Carlo interval. Enough: "
-        f"{target_text(curve.target, curve.rule)}. Difference and dz: as found at "
-        f"n = {numbers[-1]}, mean of replicates."
+        f"{target_text(curve.target, curve.rule)}."
+        + (
+            f" Difference and dz, of comparisons of two levels: as found at n = {numbers[-1]}, "
+            "mean of replicates."
+            if of_pairs
+            else ""
+        )
     )
     say(f"{summary.effect_meaning}.")
     say(f"[b]{summary.sentence()}[/]".replace("CI [", "CI \\["))
@@ -397,7 +425,8 @@ def _table(summary: PowerSummary, tests: tuple[TestPower, ...]) -> Table:
         ("difference", [t.difference for t in tests]),
         ("dz", [t.standardised for t in tests]),
     ):
-        table.add_row(label, *(number(v) if np.isfinite(v) else "" for v in values))
+        if np.isfinite(values).any():  # effects of several levels or factors have none
+            table.add_row(label, *(number(v) if np.isfinite(v) else "–" for v in values))
     return table
 
 

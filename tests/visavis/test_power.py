@@ -21,6 +21,11 @@ def power() -> KitPower:
     return KitPower(DUEL, tracker_of)
 
 
+def test_parameters_of_a_study_hold_for_its_power() -> None:
+    few = KitPower(DUEL, tracker_of, overrides={"repetitions": 1})
+    assert 4 == len(few.simulate_people([0], effect=1.0, seed=1))
+
+
 @pytest.fixture(scope="module")
 def people(power: KitPower) -> pd.DataFrame:
     return power.simulate_people(range(6), effect=1, seed=1)
