@@ -66,7 +66,10 @@ COMMANDS: Mapping[str, Entry] = {
         "preview",
         "Show a trial as its participant sees it: a simulated participant performs it.",
     ),
-    "redraw": Entry("redraw", "Draw what a participant was shown in one frame, as it was."),
+    "redraw": Entry(
+        "redraw",
+        "Draw what a participant was shown in one frame, as it was; boards and own body with it.",
+    ),
     "demo": Entry("study", "Simulate a small stare-in-the-crowd study and analyse it."),
     "simulate": Entry("study", "Simulate a whole study on the virtual clock, on all cores."),
     "view": Entry(

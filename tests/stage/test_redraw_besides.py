@@ -59,7 +59,9 @@ def test_boards_and_own_body_are_drawn_again(
 
     monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
     study = opened("duel")
-    config = load_config(CONFIG, OPTION_MODELS).model_copy(update={"data_root": tmp_path})
+    config = load_config(CONFIG, OPTION_MODELS)
+    worn = config.display.model_copy(update={"own_body": "male"})
+    config = config.model_copy(update={"data_root": tmp_path, "display": worn})
     settled(tmp_path, study)
     request = simulated_request(
         study, study.experiment({"repetitions": 1, "practice": 0}), config, label="S01B", index=0,

@@ -107,7 +107,7 @@ def test_three_at_once_have_a_whole_session_each(place: Place) -> None:
         async def one() -> str:
             return await visit(await arrive(base, {}), place.visitor(), place.clock)
 
-        return await asyncio.gather(one(), one(), one())
+        return tuple(await asyncio.gather(one(), one(), one()))
 
     assert ("done",) * 3 == served(place, act)
     assert ["complete"] * 3 == [Recording(p).status for p in place.sessions()]
