@@ -109,6 +109,23 @@ def pose_capsules(
 
 
 @compiled
+def _any_near(
+    starts: Vector, ends: Vector, radii: Vector, x_m: float, z_m: float, reach_m: float
+) -> bool:
+    """Tell whether any part comes within reach of where somebody stands, seen from above."""
+    for k in range(starts.shape[0]):
+        ux, uz = ends[k, 0] - starts[k, 0], ends[k, 2] - starts[k, 2]
+        px, pz = x_m - starts[k, 0], z_m - starts[k, 2]
+        along = ux * ux + uz * uz
+        t = min(max((px * ux + pz * uz) / along, 0.0), 1.0) if along > 0.0 else 0.0
+        dx, dz = px - t * ux, pz - t * uz
+        far = reach_m + radii[k]
+        if dx * dx + dz * dz <= far * far:
+            return True
+    return False
+
+
+@compiled
 def find_touches(
     part_starts: Vector,
     part_ends: Vector,
@@ -145,6 +162,8 @@ def find_touches(
         dx = max(low_x - people[i, 0], 0.0, people[i, 0] - high_x)
         dz = max(low_z - people[i, 1], 0.0, people[i, 1] - high_z)
         if not dx * dx + dz * dz <= reach_m * reach_m:
+            continue
+        if not _any_near(part_starts, part_ends, part_radii, people[i, 0], people[i, 1], reach_m):
             continue
         place_person(people[i], t_s, figures, root, local, position, world)
         person = int(people[i, 15])
