@@ -73,7 +73,8 @@ class SubjectBlocks:
     def mean_diagonal(self) -> Array:
         """The mean of the diagonal of every G_i over all rows, (r,)."""
         sums = [np.einsum("sraa->r", batch.G) for batch in self._batches]
-        return np.asarray(np.sum(sums, axis=0), dtype=np.float64) / self.n
+        mean: Array = np.sum(sums, axis=0) / self.n
+        return mean
 
     def _solve(self, theta: Array) -> tuple[Array, Array, float, list[Array]] | None:
         XX, Xy, yy = np.zeros((self.p, self.p)), np.zeros(self.p), 0.0
