@@ -1,11 +1,19 @@
 """ART-C: contrasts of main effects and joined factors on ranks aligned for them."""
 
 from collections.abc import Sequence
+from functools import reduce
 from itertools import combinations, product
 
 import numpy as np
 
-from analysis.statistics.art import ArtAnova, ArtError, aligned_columns, aligned_ranks, require_art
+from analysis.statistics.art import (
+    ALIGNED_DECIMALS,
+    ArtAnova,
+    ArtError,
+    aligned_columns,
+    aligned_ranks,
+    require_art,
+)
 from analysis.statistics.contrasts import (
     ContrastAdjustment,
     Contrasts,
@@ -14,10 +22,12 @@ from analysis.statistics.contrasts import (
     pair_matrix,
 )
 from analysis.statistics.design import Design, Factor
-from analysis.statistics.errors import UnknownMethod
+from analysis.statistics.errors import ConstantResponse, TooFewSubjects, UnknownMethod
 from analysis.statistics.marginal import FittedModel
 from analysis.statistics.mixed import RandomIntercept, fit_mixed, level_rows
-from analysis.statistics.results import Array, Provenance
+from analysis.statistics.rank_sum import mann_whitney
+from analysis.statistics.results import Array, Effect, Provenance
+from analysis.statistics.signed_rank import signed_rank_effect
 from analysis.statistics.strata import Strata
 
 
@@ -33,6 +43,9 @@ def art_contrasts(
     The joined factor is aligned and ranked in the model (joined × remaining factors), after
     Elkin et al. (2021). `error` defaults to that of the ANOVA; "strata" is the joined factor's
     own error. Joining between and within factors needs "mixed" and takes it by default.
+
+    The effect size is the rank-biserial correlation of people's mean ranks: matched where the same
+    people have both levels, of two groups where they do not.
     """
     require_art(table)
     design = table.design
@@ -67,6 +80,7 @@ def art_contrasts(
         k=len(labels),
         provenance=_provenance(table, text, fit),
         adjustment=adjust,
+        effects=_pair_effects(joined, ranks, label),
     )
 
 
@@ -77,7 +91,11 @@ def art_interaction_contrasts(
     adjust: ContrastAdjustment = "holm",
     error: ArtError | None = None,
 ) -> Contrasts:
-    """Compare differences of differences of an interaction on its own aligned ranks."""
+    """Compare differences of differences of an interaction on its own aligned ranks.
+
+    The effect size is the rank-biserial correlation of people's double differences, or of their
+    differences in two groups; a double difference of groups has none.
+    """
     require_art(table)
     design = table.design
     names = design.term(term)
@@ -105,6 +123,7 @@ def art_interaction_contrasts(
         k=L.shape[1],
         provenance=_provenance(table, text, fit),
         adjustment=adjust,
+        effects=_double_effects(design, ranks, names),
     )
 
 
@@ -197,6 +216,75 @@ def _interaction(
     per_cell = np.repeat(per_group, within_k)
     variance = ss / df / repeats * (L**2 @ per_cell)
     return L @ means, np.sqrt(variance), np.full(L.shape[0], float(df)), text
+
+
+def _pair_effects(design: Design, ranks: Array, name: str) -> list[Effect | None]:
+    """Return the rank-biserial correlation of every pair of levels of a factor."""
+    cells = _person_cells(design, ranks, (name,))
+    effects = []
+    for a, b in combinations(range(design.factor(name).k), 2):
+        differences = _person_means(cells[:, a] - cells[:, b])
+        if differences.size:
+            effects.append(_of_differences(differences))
+        else:
+            effects.append(_of_groups(_person_means(cells[:, a]), _person_means(cells[:, b])))
+    return effects
+
+
+def _double_effects(design: Design, ranks: Array, names: tuple[str, ...]) -> list[Effect | None]:
+    """Return the rank-biserial correlation of every double difference of an interaction."""
+    cells = _person_cells(design, ranks, names)
+    factors = [design.factor(n) for n in names]
+    groups = [f for f in factors if not f.is_within]
+    effects: list[Effect | None] = []
+    for pairs in product(*(combinations(range(f.k), 2) for f in factors)):
+        if len(groups) > 1:
+            effects.append(None)
+            continue
+        sides = [cells[:, level] for level in pairs[0]] if groups else [cells]
+        inner = pairs[1:] if groups else pairs
+        made = [
+            _person_means(reduce(lambda c, pair: c[:, pair[0]] - c[:, pair[1]], inner, side))
+            for side in sides
+        ]
+        effects.append(_of_groups(*made) if groups else _of_differences(made[0]))
+    return effects
+
+
+def _person_cells(design: Design, values: Array, names: Sequence[str]) -> Array:
+    """Return one value per person, level of each named factor and cell of the other within factors.
+
+    NaN where a person has none, as in the levels of a between factor that are not theirs.
+    """
+    others = np.zeros(values.size, dtype=np.intp)
+    count = 1
+    for factor in (f for f in design.within if f.name not in names):
+        others = others * factor.k + factor.codes
+        count *= factor.k
+    factors = [design.factor(n) for n in names]
+    cells = np.full((design.n, *(f.k for f in factors), count), np.nan)
+    cells[(design.subject, *(f.codes for f in factors), others)] = values
+    return cells
+
+
+def _person_means(cells: Array) -> Array:
+    """Return the mean of every person who has any of the cells (people, cells)."""
+    there = np.isfinite(cells)
+    has_any = there.any(axis=1)
+    sums = np.where(there, cells, 0.0).sum(axis=1)[has_any]
+    means: Array = np.round(sums / there.sum(axis=1)[has_any], ALIGNED_DECIMALS)
+    return means
+
+
+def _of_differences(differences: Array) -> Effect | None:
+    return signed_rank_effect(differences) if differences.any() else None
+
+
+def _of_groups(first: Array, second: Array) -> Effect | None:
+    try:
+        return mann_whitney(first, second, method="normal").effect
+    except (ConstantResponse, TooFewSubjects):
+        return None
 
 
 def _fit(design: Design, ranks: Array, table: ArtAnova) -> tuple[FittedModel, str]:

@@ -15,6 +15,7 @@ from analysis.statistics.contrasts import (
     contrast_family,
     pair_labels,
     pair_matrix,
+    pairs_text,
 )
 from analysis.statistics.design import Codes, Frame, Missing, column_of
 from analysis.statistics.errors import (
@@ -28,9 +29,9 @@ from analysis.statistics.errors import (
 )
 from analysis.statistics.gee import hotelling
 from analysis.statistics.inputs import numbers, rows_text
+from analysis.statistics.marginal import estimate_effect
 from analysis.statistics.results import (
     Array,
-    Effect,
     Interval,
     Provenance,
     Result,
@@ -311,7 +312,11 @@ def bradley_terry(
     terms: dict[tuple[str, ...], range] = {(first, second): range(k - 1)}
     if between:
         terms[first, second, between] = range(int(ends[1 + side]), int(ends[-1]))
-    effects = tuple(_effect(term, list(at), votes, model) for term, at in terms.items())
+    groups_of_two = tuple(str(kind) for kind in kinds[:2])
+    pairs = {(first, second): (known[:2],), (first, second, between): (known[:2], groups_of_two)}
+    effects = tuple(
+        _effect(term, list(at), votes, model, pairs[term]) for term, at in terms.items()
+    )
     notes = [f"{rows.size} choices of {persons.size} people between {k} items"]
     if votes.has_ties:
         share = float((sign == 0).mean())
@@ -350,13 +355,23 @@ def _model(votes: _Votes, n: int, groups: int) -> PairModel:
     return PairModel(beta, robust, covariance, log_likelihood, n - groups)
 
 
-def _effect(term: tuple[str, ...], at: list[int], votes: _Votes, model: PairModel) -> ClmmEffect:
+def _effect(
+    term: tuple[str, ...], at: list[int], votes: _Votes, model: PairModel,
+    pairs: Sequence[tuple[str, ...]],
+) -> ClmmEffect:  # fmt: skip
     F, df = model.test(np.eye(model.beta.size)[at])
     without = replace(votes, X=np.delete(votes.X, at, axis=1))
     chi2 = max(0.0, 2 * (model.log_likelihood - without.fit()[1]))
     q = len(at)
     p, chi2_p = float(special.fdtrc(q, df, F)), float(special.chdtrc(q, chi2))
-    return ClmmEffect(term, F, q, df, p, chi2, chi2_p)
+    effect, compared = None, ""
+    if q == 1:  # the coefficient is of the second item above the first, groups are sum-coded
+        times = -(2 ** (len(pairs) - 1))
+        se = abs(times) * float(np.sqrt(model.robust[at[0], at[0]]))
+        ratio = "odds" if len(pairs) == 1 else "odds ratio"
+        compared = pairs_text([(a, b) for a, b in pairs])
+        effect = estimate_effect(times * float(model.beta[at[0]]), se, df, ratio=ratio)
+    return ClmmEffect(term, F, q, df, p, effect, compared, chi2, chi2_p)
 
 
 def _abilities_of(k: int, p: int) -> Array:
@@ -391,10 +406,9 @@ def _odds(
     estimates = L @ made.model.beta
     ses = np.sqrt(np.einsum("ij,jk,ik->i", L, made.model.robust, L))
     dfs = np.full(estimates.size, float(made.model.df))
-    reach = special.stdtrit(dfs, 0.975) * ses
     effects = [
-        Effect("odds", float(np.exp(e)), Interval(float(np.exp(e - r)), float(np.exp(e + r))))
-        for e, r in zip(estimates, reach, strict=True)
+        estimate_effect(float(e), float(s), float(d), ratio="odds")
+        for e, s, d in zip(estimates, ses, dfs, strict=True)
     ]
     return contrast_family(
         term, pairs, estimates, ses, dfs, k=k, adjustment=adjust, effects=effects,

@@ -17,7 +17,7 @@ from analysis.statistics.errors import (
     TooFewSubjects,
     UnknownColumn,
 )
-from analysis.statistics.gee import GeeEffect, hotelling
+from analysis.statistics.gee import GeeEffect, hotelling, term_effect
 from analysis.statistics.marginal import marginal_contrasts
 from analysis.statistics.mixed import design_matrix
 from analysis.statistics.results import Array, Provenance, Row, number, p_text
@@ -134,7 +134,8 @@ def clmm(
         without = log_likelihood(category, fewer, design.subject, has_intercept=has_intercept)
         chi2 = max(0.0, 2 * (fit.log_likelihood - without))
         p, chi2_p = float(special.fdtrc(q, df, F)), float(special.chdtrc(q, chi2))
-        effects.append(ClmmEffect(term, F, q, df, p, chi2, chi2_p))
+        size = term_effect(design, model, term, L, df, ratio="odds ratio")
+        effects.append(ClmmEffect(term, F, q, df, p, *size, chi2, chi2_p))
     notes = [f"{design.y.size} rows of {design.n} subjects"] if design.is_repeated else []
     notes.append(f"{categories.size} categories of {dv}, {_shown(categories)}")
     if has_intercept:

@@ -51,18 +51,19 @@ class Contrast(Result):
     @property
     def label(self) -> str:
         """The contrast as text: 'left − right'."""
-        return ", ".join(f"{a} {MINUS} {b}" for a, b in self.pairs)
+        return pairs_text(self.pairs)
 
     def sentence(self) -> str:
         """Return the contrast as an APA sentence."""
-        effect = "" if self.effect is None else f", {self.effect}"
+        effect = self.effect or "no effect size"
         adjusted = ""
         if self.adjustment != "none":
             how = "Tukey" if self.adjustment == "tukey" else ADJUSTMENT_NAME[self.adjustment]
             adjusted = f" ({how})"
         return (
             f"{self.label}: estimate {number(self.estimate, 3)}, SE {number(self.se, 3)}, "
-            f"t({degrees(self.df)}) = {number(self.t)}, {p_text(self.p_adjusted)}{adjusted}{effect}"
+            f"t({degrees(self.df)}) = {number(self.t)}, {p_text(self.p_adjusted)}{adjusted}, "
+            f"{effect}"
         )
 
     def row(self) -> Row:
@@ -180,6 +181,11 @@ def pair_matrix(k: int) -> Array:
     return L
 
 
+def pairs_text(pairs: Sequence[tuple[str, str]]) -> str:
+    """Return pairs of levels as text: 'left − right', one pair per factor."""
+    return ", ".join(f"{a} {MINUS} {b}" for a, b in pairs)
+
+
 def pair_labels(labels: Sequence[str]) -> list[tuple[tuple[str, str], ...]]:
     """Return the level pairs of `pair_matrix` rows."""
     return [(pair,) for pair in combinations(labels, 2)]
@@ -193,7 +199,7 @@ def reverse(contrast: Contrast) -> Contrast:
         interval = Interval(-interval.high, -interval.low, interval.level)
     if effect is not None and effect.interval is not None:
         inner = effect.interval
-        if effect.name.endswith("ratio"):
+        if effect.name.endswith(("ratio", "odds")):
             turned = Interval(1 / inner.high, 1 / inner.low, inner.level)
             effect = Effect(effect.name, 1 / effect.value, turned)
         else:

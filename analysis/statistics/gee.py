@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from scipy import special
 
-from analysis.statistics.contrasts import ContrastAdjustment, Contrasts
+from analysis.statistics.contrasts import ContrastAdjustment, Contrasts, pairs_text
 from analysis.statistics.design import Design, Frame, Levels, Missing, read_design
 from analysis.statistics.effect_table import EffectTable
 from analysis.statistics.errors import (
@@ -19,9 +19,18 @@ from analysis.statistics.errors import (
     UnknownColumn,
     UnknownMethod,
 )
-from analysis.statistics.marginal import marginal_contrasts
+from analysis.statistics.marginal import FittedModel, estimate_effect, marginal_contrasts
 from analysis.statistics.mixed import design_matrix
-from analysis.statistics.results import Array, Provenance, Result, Row, f_text, number, p_text
+from analysis.statistics.results import (
+    Array,
+    Effect,
+    Provenance,
+    Result,
+    Row,
+    f_text,
+    number,
+    p_text,
+)
 
 Family: TypeAlias = Literal["gaussian", "binomial", "poisson"]
 LINK = {"gaussian": "identity", "binomial": "logit", "poisson": "log"}
@@ -37,7 +46,8 @@ class GeeModel:
     """Fitted estimating equations.
 
     `covariance` (p, p) is Mancl and DeRouen's (2001), `robust` the uncorrected sandwich;
-    `correlation` that of any two rows of a subject; `df` subjects − groups.
+    `correlation` that of any two rows of a subject; `df` subjects − groups; `sd` that of scores
+    about their fitted means (0 in the other families).
     """
 
     beta: Array
@@ -45,6 +55,7 @@ class GeeModel:
     robust: Array
     correlation: float
     df: int
+    sd: float
 
     def test(self, L: Array) -> tuple[float, float]:
         """Return F and denominator df of Lβ = 0 (q, p): Hotelling's T² of the subjects' scores.
@@ -74,13 +85,19 @@ def hotelling(L: Array, beta: Array, covariance: Array, df: int) -> tuple[float,
 
 @dataclass(frozen=True)
 class GeeEffect(Result):
-    """The test of one term."""
+    """The test of one term.
+
+    With one df it has an effect size, of the difference `compared` ("left − right"; of differences
+    of differences for an interaction). Several df together have none.
+    """
 
     term: tuple[str, ...]
     F: float
     df1: int
     df2: float
     p: float
+    effect: Effect | None
+    compared: str
 
     @property
     def name(self) -> str:
@@ -94,13 +111,18 @@ class GeeEffect(Result):
 
     def sentence(self) -> str:
         """Return the effect as an APA sentence."""
-        return f"{' × '.join(self.term)}: {f_text(self.F, self.df1, self.df2)}, {p_text(self.p)}"
+        size = f"no effect size for {self.df1} df together"
+        if self.effect is not None:
+            size = f"{self.effect} ({self.compared})"
+        test = f"{f_text(self.F, self.df1, self.df2)}, {p_text(self.p)}"
+        return f"{' × '.join(self.term)}: {test}, {size}"
 
     def row(self) -> Row:
         """Return the effect as one flat table row."""
         return {
             "term": self.name, "F": self.F, "df1": self.df1, "df2": self.df2, "p": self.p,
-            "p_used": self.p,
+            "p_used": self.p, "contrast": self.compared or None,
+            **({"effect_size": None} if self.effect is None else self.effect.row()),
         }  # fmt: skip
 
 
@@ -114,9 +136,10 @@ class Gee(EffectTable[GeeEffect]):
     def contrasts(
         self, term: str | Sequence[str], *, adjust: ContrastAdjustment = "holm"
     ) -> Contrasts:
-        """Compare marginal means on the scale of the link; the effect is their ratio there."""
+        """Compare marginal means on the scale of the link; the effect is a ratio, or d."""
         return marginal_contrasts(
             self.design, self.model, term, adjust=adjust, ratio=RATIO[self.family],
+            sd=self.model.sd,
             provenance=replace(
                 self.provenance, test=f"marginal means ({LINK[self.family]} scale)", notes=()
             ),
@@ -158,7 +181,8 @@ def gee(
         L = np.eye(X.shape[1])[columns]
         F, df = model.test(L)
         p = float(special.fdtrc(L.shape[0], df, F))
-        effects.append(GeeEffect(term, F, L.shape[0], df, p))
+        size = term_effect(design, model, term, L, df, ratio=RATIO[family], sd=model.sd)
+        effects.append(GeeEffect(term, F, L.shape[0], df, p, *size))
     notes = [f"{design.y.size} rows of {design.n} subjects"] if design.is_repeated else []
     notes.append(f"working correlation of two rows of a subject {number(model.correlation)}")
     provenance = Provenance(
@@ -167,6 +191,24 @@ def gee(
         dropped=design.dropped, notes=tuple(notes),
     )  # fmt: skip
     return Gee(tuple(effects), design, provenance, model, family)
+
+
+def term_effect(
+    design: Design, model: FittedModel, term: tuple[str, ...], L: Array, df: float, *,
+    ratio: str = "", sd: float = 0.0,
+) -> tuple[Effect | None, str]:  # fmt: skip
+    """Return the effect size of a term of one df and what it compares; None and "" with more.
+
+    In sum coding a difference of two levels is twice the coefficient, one of differences four
+    times. `ratio` and `sd` are those of `estimate_effect`.
+    """
+    if L.shape[0] > 1:
+        return None, ""
+    estimate = 2 ** len(term) * float(L[0] @ model.beta)
+    se = 2 ** len(term) * float(np.sqrt(L[0] @ model.covariance @ L[0]))
+    pairs = [(str(a), str(b)) for a, b in (design.factor(name).levels for name in term)]
+    of = f"ratio of {'ratios of ' * (len(term) - 2)}{ratio}s" if len(term) > 1 else ratio
+    return estimate_effect(estimate, se, df, ratio=ratio and of, sd=sd), pairs_text(pairs)
 
 
 def _refuse_responses(design: Design, family: Family) -> None:
@@ -229,7 +271,9 @@ def _fit(design: Design, X: Array, family: Family) -> GeeModel:
             f"the estimating equations of {design.dv} did not converge; "
             "take fewer factors, or compare subject means"
         )
+    away = design.y - X @ beta if family == "gaussian" else np.zeros(0)
+    sd = float(np.sqrt(away @ away / max(1, away.size - beta.size)))
     return GeeModel(
         beta, covariance, np.asarray(fit.cov_robust, dtype=np.float64) * unit**2,
-        float(fit.cov_struct.dep_params), design.n - design.group_sizes.size,
+        float(fit.cov_struct.dep_params), design.n - design.group_sizes.size, sd,
     )  # fmt: skip

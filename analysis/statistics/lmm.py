@@ -44,12 +44,16 @@ class LinearMixed(Anova):
     def contrasts(
         self, term: str | Sequence[str], *, adjust: ContrastAdjustment = "holm"
     ) -> Contrasts:
-        """Compare marginal means in units of the response, each with its own Kenward-Roger df."""
+        """Compare marginal means in units of the response, each with its own Kenward-Roger df.
+
+        The effect size is d with the SD of single responses from all sources.
+        """
         assert self.model is not None  # noqa: S101  # every constructor below passes it
         provenance = replace(self.provenance, test="marginal means", notes=())
         return marginal_contrasts(
-            self.design, self.model, term, provenance=provenance, adjust=adjust
-        )
+            self.design, self.model, term, provenance=provenance, adjust=adjust,
+            sd=self.model.total_sd,
+        )  # fmt: skip
 
 
 def linear_mixed(

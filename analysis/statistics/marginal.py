@@ -15,6 +15,7 @@ from analysis.statistics.contrasts import (
     pair_matrix,
 )
 from analysis.statistics.design import Design
+from analysis.statistics.effects import standardised_mean
 from analysis.statistics.mixed import level_rows
 from analysis.statistics.results import Array, Effect, Interval, Provenance
 
@@ -42,11 +43,12 @@ def marginal_contrasts(
     provenance: Provenance,
     adjust: ContrastAdjustment = "holm",
     ratio: str = "",
+    sd: float = 0.0,
 ) -> Contrasts:
     """Compare all pairs of levels of a factor, or of cells of several, on the model's scale.
 
-    Cells of the other factors count alike. `ratio` names the effect that exp(estimate) is, for
-    models of a logarithm ("odds ratio").
+    Cells of the other factors count alike. `ratio` and `sd` say what the effect size is, as in
+    `estimate_effect`.
     """
     names = design.term(term)
     labels = [",".join(map(str, v)) for v in product(*(design.factor(n).levels for n in names))]
@@ -54,14 +56,29 @@ def marginal_contrasts(
     estimates = L @ model.beta
     ses = np.sqrt(np.einsum("ij,jk,ik->i", L, model.covariance, L))
     dfs = np.array([model.test(row[None, :])[1] for row in L])
-    effects = None
-    if ratio:
-        reach = special.stdtrit(dfs, 0.975) * ses
-        effects = [
-            Effect(ratio, float(np.exp(e)), Interval(float(np.exp(e - r)), float(np.exp(e + r))))
-            for e, r in zip(estimates, reach, strict=True)
-        ]
+    effects = [
+        estimate_effect(float(e), float(s), float(d), ratio=ratio, sd=sd)
+        for e, s, d in zip(estimates, ses, dfs, strict=True)
+    ]
     return contrast_family(
         names, pair_labels(labels), estimates, ses, dfs,
         k=len(labels), provenance=provenance, adjustment=adjust, effects=effects,
     )  # fmt: skip
+
+
+def estimate_effect(
+    estimate: float, se: float, df: float, *, ratio: str = "", sd: float = 0.0
+) -> Effect:
+    """Return the effect size of a difference on a model's scale, with an interval from its t.
+
+    `ratio` names what exp(estimate) is, for models of a logarithm ("odds ratio"). Otherwise it is
+    d = estimate / `sd`, the SD of a single response from all sources together (Westfall, Kenny and
+    Judd 2014), with the noncentral t interval, in which `sd` is taken for known.
+    """
+    if ratio:
+        reach = float(special.stdtrit(df, 0.975)) * se
+        low, value, high = (
+            float(np.exp(v)) for v in (estimate - reach, estimate, estimate + reach)
+        )
+        return Effect(ratio, value, Interval(low, high))
+    return standardised_mean("d_total", estimate / se, df, se / sd, value=estimate / sd)

@@ -35,6 +35,8 @@ def posthoc(
     "pooled" uses the error of the factor's own stratum, df (k − 1)(n − groups), and trusts
     sphericity. The two, and their Tukey forms (`adjust="tukey"`), differ: the provenance says
     which this is.
+
+    Per pair the effect size is dz, with groups by the SD of the differences within them.
     """
     if error not in get_args(PosthocError):
         raise UnknownMethod(f"no error {error!r}; use 'per_pair' or 'pooled'")
@@ -68,8 +70,8 @@ def posthoc(
             )
     ses = np.sqrt(spread * weight)
     effects = None
-    if error == "per_pair" and n_groups == 1:
-        root = 1 / np.sqrt(design.n)
+    if error == "per_pair":
+        root = float(np.sqrt(weight))
         effects = [
             standardised_mean("dz", float(e / s), df, root, value=float(e / s) * root)
             for e, s in zip(estimates, ses, strict=True)

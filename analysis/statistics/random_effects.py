@@ -69,6 +69,13 @@ class SubjectBlocks:
         solved = self._solve(theta)
         return -np.inf if solved is None else solved[2]
 
+    @cached_property
+    def mean_diagonal(self) -> Array:
+        """The mean of the diagonal of every G_i over all rows, (r,)."""
+        sums = [np.einsum("sraa->r", batch.G) for batch in self._batches]
+        mean: Array = np.sum(sums, axis=0) / self.n
+        return mean
+
     def _solve(self, theta: Array) -> tuple[Array, Array, float, list[Array]] | None:
         XX, Xy, yy = np.zeros((self.p, self.p)), np.zeros(self.p), 0.0
         log_det, inverses = 0.0, []
@@ -148,6 +155,14 @@ class LinearMixedModel:
     def log_likelihood(self) -> float:
         """The restricted log-likelihood."""
         return self.state.log_likelihood
+
+    @cached_property
+    def total_sd(self) -> float:
+        """SD of a response about its cell's mean from all sources, people and residual alike.
+
+        The root of the mean variance of a row, where slopes make rows differ in it.
+        """
+        return float(np.sqrt(self.theta @ self.blocks.mean_diagonal))
 
     @cached_property
     def _parameter_covariance(self) -> Array:

@@ -100,7 +100,6 @@ def wilcoxon_signed_rank(
         p = _exact_p(positive, ranks)
     else:
         p = float(min(1.0, 2 * special.ndtr(-abs(_z(positive, ranks, corrected=corrected)))))
-    plain = _signed_ranks(d, "wilcoxon")
     return SignedRank(
         V=positive,
         T=min(positive, negative),
@@ -111,12 +110,7 @@ def wilcoxon_signed_rank(
         has_ties=has_ties,
         method=label,
         zeros=zeros,
-        effect=rank_biserial(
-            float(plain[1][plain[0] > 0].sum()),
-            float(plain[1][plain[0] < 0].sum()),
-            len(ranks),
-            level=level,
-        ),
+        effect=signed_rank_effect(d, level=level),
         r_pairs=abs(z) / float(np.sqrt(d.size)),
         r_nonzero=abs(z) / float(np.sqrt(len(ranks))),
         median_difference=float(np.median(d)),
@@ -128,6 +122,13 @@ def wilcoxon_signed_rank(
             notes=(f"zero differences: {zeros}",) if len(ranks) < d.size else (),
         ),
     )
+
+
+def signed_rank_effect(d: Array, *, level: float = 0.95) -> Effect:
+    """Return the matched rank-biserial correlation of differences, not all of them zero."""
+    signs, ranks = _signed_ranks(d, "wilcoxon")
+    positive, negative = (float(ranks[signs == sign].sum()) for sign in (1, -1))
+    return rank_biserial(positive, negative, len(ranks), level=level)
 
 
 def signed_rank_p_from_t(T: float, n: int, *, continuity: bool = False) -> float:

@@ -34,6 +34,7 @@ EFFECT_COLUMNS = (
     "df2",
     "p",
     "p_used",
+    "contrast",
     "effect_size",
     "effect_ci_low",
     "effect_ci_high",
@@ -287,7 +288,8 @@ def print_outcome(outcome: Outcome, chosen: Sequence[str] = ()) -> None:
     _print_lines("How it was decided", numbered)
     for family in dict.fromkeys(str(row["family"]) for row in outcome.contrasts):
         rows = [row for row in outcome.contrasts if row["family"] == family]
-        _print_rows(f"\n[b]Contrasts of {verbatim(family)}[/]", rows, CONTRAST_COLUMNS)
+        title = f"\n[b]Contrasts of {verbatim(family)}[/]{_sizes(rows)}"
+        _print_rows(title, rows, CONTRAST_COLUMNS)
     if outcome.error_rates:
         title = "\n[b]Found where it is not, in simulated studies like this one[/]"
         _print_rows(title, outcome.error_rates, ERROR_RATE_COLUMNS)
@@ -314,6 +316,12 @@ def _print_rows(title: str, rows: Sequence[Row], columns: Sequence[str]) -> None
     for row in rows:
         table.add_row(*(_cell(column, row.get(column)) for column in shown))
     console.print(table)
+
+
+def _sizes(rows: Sequence[Row]) -> str:
+    """Return which effect sizes the rows have, in brackets; empty where they have none."""
+    names = dict.fromkeys(str(row["effect"]) for row in rows if row.get("effect") is not None)
+    return f" (effect size: {verbatim(', '.join(names))})" if names else ""
 
 
 def _cell(column: str, value: object) -> str:

@@ -54,6 +54,10 @@ class Former:
 
 
 EFFECTS: Final = ("technique", "direction", "technique:direction")
+NO_EFFECT_SIZES: Final = dict.fromkeys(
+    ("effect", "effect_size", "effect_ci_low", "effect_ci_high"), ""
+)
+"""Contrasts of aligned ranks had none then."""
 WAVING: Final = Former(
     {
         "trials": (Part("trials"),),
@@ -63,7 +67,8 @@ WAVING: Final = Former(
         "statistics": (
             Part("statistics", {"published_F": "published_statistic"}, {"kind": "effect"},
                  {"term": EFFECTS}),
-            Part("contrasts", {}, {"kind": "contrast", "error_term": ""}, {"term": EFFECTS}),
+            Part("contrasts", {}, {"kind": "contrast", "error_term": "", **NO_EFFECT_SIZES},
+                 {"term": EFFECTS}),
         ),
     },
     {("measure", "is_right"): "accuracy", ("measure", "who_ms"): "response_ms"},

@@ -58,6 +58,20 @@ def test_every_column_of_a_test_is_described(test: str, dv: str, trials: pd.Data
     assert bool(made) != (test in NOT_OF_MEANS)
 
 
+@pytest.mark.parametrize("test", ["lmm", "gee", "clmm"])
+def test_every_column_of_a_model_is_described(test: str, trials: pd.DataFrame) -> None:
+    rated = trials.assign(even=np.clip(np.round(trials["even"]), -1, 1))
+    compare = Compare("even", within=("a", "b"), model=test)
+    found = answered(
+        compare, rated, {"even": Measure("even", "1", "even")}, LEVELS, is_simulated=True
+    )
+    assert found.outcome is not None
+    assert any(row["effect_size"] is not None for row in found.outcome.contrasts)
+    known = {column.name for column in (*STATISTICS, *PEOPLE)}
+    rows = (*found.outcome.rows, *found.outcome.contrasts)
+    assert set() == {n for row in rows for n in row if n != "family"} - known
+
+
 def test_a_comparison_of_choices_names_one_term_and_the_odds_of_items() -> None:
     rng = np.random.default_rng(1)
     pairs = [f"{a}|{b}" for a in "uvw" for b in "uvw" if a != b]
