@@ -108,7 +108,7 @@ def test_three_at_once_have_a_whole_session_each(place: Place) -> None:
         async def one() -> str:
             return await visit(await arrive(base, {}), place.visitor(), place.clock)
 
-        return await asyncio.gather(one(), one(), one())
+        return list(await asyncio.gather(one(), one(), one()))
 
     assert ["done"] * 3 == served(place, act)
     assert ["complete"] * 3 == [Recording(p).status for p in place.sessions()]
@@ -271,11 +271,11 @@ def test_a_session_that_cannot_be_gone_on_with_is_refused_in_words(
 
 
 def test_one_damaged_session_leaves_the_board_of_all_others(place: Place) -> None:
-    async def act(base: str, reception: Reception) -> Mapping[str, int]:
+    async def act(base: str, reception: Reception) -> dict[str, int]:
         for _ in range(2):
             await visit(await arrive(base, {}), place.visitor(), place.clock, ends=lambda s: True)
         (place.sessions()[0] / "manifest.json").write_text("{", "utf-8")
-        return (await reception.board())["counts"]
+        return dict((await reception.board())["counts"])
 
     assert {"damaged": 1, "running": 1} == served(place, act)
     place.reception()  # which begins with the damaged one, too
