@@ -3,7 +3,7 @@
 import asyncio
 import signal
 from contextlib import suppress
-from typing import Annotated
+from typing import Annotated, Final
 from urllib.parse import urlsplit
 
 import typer
@@ -30,6 +30,8 @@ from protocol.operator import UnattendedOperator
 from visavis.experiment import StudyExperiment
 from visavis.sessions.data_root import require_space
 from visavis.sessions.perform import Request
+
+EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104  # refused without a name to come under
 
 
 @app.command()
@@ -75,6 +77,15 @@ def serve(
     parts = urlsplit(public)
     if public and (parts.scheme not in ("http", "https") or not parts.hostname):
         raise UsageError(f"--public takes an address, https://…, not {public!r}")
+    if parts.path.strip("/") or parts.query or parts.fragment:
+        raise UsageError(
+            f"--public takes the name of a server alone, not {public!r}: pages lie at its root"
+        )
+    if host in EVERYWHERE and not public:
+        raise UsageError(
+            f"--host {host} listens to other computers; say with --public under which address "
+            "they come, such as http://192.168.1.5:8080"
+        )
     lab = load_lab(config, devices)
     chosen = study_of_lab(study, lab)
     if devices != "sim":

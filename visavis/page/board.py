@@ -8,6 +8,7 @@ from statistics import median
 from typing import Any, Final
 
 from lab.clock import NS_PER_S
+from lab.errors import LabError
 from protocol.ledger import Participant
 from recording.lock import is_held
 from recording.reader import Recording
@@ -21,6 +22,7 @@ STATES: Final = {
     WITHDRAWN: "wants deletion",
     DECLINED: "declined",
     "deleted": "deleted",
+    "damaged": "cannot be read",
     "expected": "has not come",
 }
 """Where somebody can be, and how the board says it."""
@@ -121,7 +123,10 @@ def board_of(
     for entry in entries:
         place = kept.get(entry.label)
         if place is None or entry.status != "active":
-            place = place_of(entry, folder / f"sub-{entry.label}" / "ses-001")
+            try:
+                place = place_of(entry, folder / f"sub-{entry.label}" / "ses-001")
+            except LabError:
+                place = Place(entry.label, entry.index, entry.group, "damaged")
         if place.state in ("complete", STOPPED, DECLINED, "deleted"):
             kept[entry.label] = place
         places.append(place)

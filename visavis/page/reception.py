@@ -24,6 +24,7 @@ from visavis.page.arrivals import (
 )
 from visavis.page.board import COUNTING, Board, Place, board_of
 from visavis.page.course import WITHDRAWN, texts_of_page
+from visavis.page.errors import PageError
 from visavis.page.film_store import FilmStore
 from visavis.page.perform import (
     ENDINGS,
@@ -48,6 +49,7 @@ MAX_OPEN: Final = 500
 SQUARES: Final = ("latin_square", "williams")
 LEFT: Final = "the page was left"
 ENDED: Final = "the server was ended"
+CANNOT_GO_ON: Final = "this session cannot go on; please tell the researchers"
 
 
 @dataclass(frozen=True)
@@ -132,24 +134,39 @@ class Reception:
             return {"key": opened.held.desk.key}
 
     async def held(self, key: str) -> Held | None:
-        """Return the session of a key, gone on with where it was left; None without one."""
+        """Return the session of a key, gone on with where it was left; None without one.
+
+        Raises:
+            PageError: it cannot go on; whoever serves is told why.
+        """
         if key in self._open:
             return self._open[key].held
         async with self._turn:
             if key not in self._open and key in self._keys:
-                self._keep(await self._run(self._go_on, key))
+                try:
+                    self._keep(await self._run(self._go_on, key))
+                except LabError as error:
+                    self._said(f"{self._keys[key]} came again and could not go on: {error}")
+                    raise PageError(CANNOT_GO_ON) from error
         return self._open[key].held if key in self._open else None
 
     async def board(self) -> Mapping[str, Any]:
         """Return what the researcher's page shows."""
         board = await self._run(self._board)
-        return {"title": self._experiment.study.title, **board.told()}
+        title = self._experiment.study.title
+        return {"title": title, "is_simulated": self._simulated, **board.told()}
 
     # ---- what whoever serves asks --------------------------------------------------------------
 
     async def serve(self, server: PageServer, until: asyncio.Event) -> None:
-        """Look after the sessions until the end, then close every one; answers stay."""
+        """Look after the sessions until the end, then stop the server and close every one.
+
+        Answers stay. Who wanted everything deleted as an earlier server was killed is deleted now.
+        """
         self._port = server.port
+        for label, state in list(self._states.items()):
+            if state == WITHDRAWN:  # the server was killed before it was done
+                await self._delete(label)
         try:
             while not until.is_set():
                 await self._leave_idle()
@@ -158,6 +175,7 @@ class Reception:
                 except TimeoutError:
                     continue
         finally:
+            await server.stop()  # a page that is heard now would open its session again
             for opened in list(self._open.values()):
                 await self._close(opened, "aborted", ENDED)
             if self._closing:
@@ -194,7 +212,11 @@ class Reception:
         path = self._path(entry)
         if entry.status != "active" or not (path / "manifest.json").exists():
             return
-        key, _ = served_before(Recording(path))
+        try:
+            key, _ = served_before(Recording(path))
+        except LabError as error:
+            self._said(f"{entry.label} is passed over: {error}")
+            return
         if not key:
             return
         self._keys[key] = entry.label
@@ -285,6 +307,7 @@ class Reception:
         if opened.held.closed.is_set():
             return
         if opened.held.failures:
+            self._states[opened.entry.label] = "left"
             await self._close(opened, "aborted", str(opened.held.failures[0]))
             return
         outcome = opened.held.desk.outcome
@@ -292,10 +315,13 @@ class Reception:
         self._states[opened.entry.label] = outcome if why else "complete"
         await self._close(opened, "aborted" if why else "complete", why.partition(";")[0])
         if outcome == WITHDRAWN:
-            try:
-                await self._run(self._withdraw, opened.entry.label)
-            except LabError as error:
-                self._said(f"{opened.entry.label} wants everything deleted: {error}")
+            await self._delete(opened.entry.label)
+
+    async def _delete(self, label: str) -> None:
+        try:
+            await self._run(self._withdraw, label)
+        except LabError as error:
+            self._said(f"{label} wants everything deleted: {error}")
 
     async def _leave_idle(self) -> None:
         now_ns = self._base.clock.now_ns()

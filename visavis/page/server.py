@@ -20,6 +20,8 @@ BOARD_FILES: Final = {"/board": "board.html", "/board.js": "board.js"}
 KEY: Final = "X-Visavis-Key"
 MAX_REQUEST_BYTES: Final = 1 << 20
 MAX_TOLD: Final = 20
+SHUTDOWN_S: Final = 5.0
+"""How long a film that is on its way is waited for when the server ends."""
 LOCAL: Final = "127.0.0.1"
 HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
@@ -90,7 +92,7 @@ class LocalServer:
             self._app.router.add_get(path, self._file)
         for path, answer in posts.items():
             self._app.router.add_post(path, answer)
-        self._runner = web.AppRunner(self._app, access_log=None)
+        self._runner = web.AppRunner(self._app, access_log=None, shutdown_timeout=SHUTDOWN_S)
         self.port = 0
 
     async def start(self, host: str = LOCAL, port: int = 0) -> None:
@@ -215,7 +217,8 @@ class PageServer(LocalServer):
 
     async def _board(self, request: web.Request) -> web.StreamResponse:
         assert self._reception is not None  # noqa: S101  # as above
-        if not hmac.compare_digest(request.headers.get(KEY, ""), self._reception.board_key):
+        given, wanted = request.headers.get(KEY, ""), self._reception.board_key
+        if not hmac.compare_digest(given.encode(errors="replace"), wanted.encode()):
             raise PageError("this address shows no board; take the one that was printed")
         return web.json_response(await self._reception.board())
 

@@ -144,6 +144,18 @@ def playwright_error() -> type[Exception]:
     return Error
 
 
+def test_a_browser_that_remembers_a_session_of_another_study_begins_anew(
+    server: Server, browser: Any
+) -> None:
+    address = server.start("serve", str(STUDY), "--port", "0")
+    page = browser.new_context().new_page()
+    page.goto(f"{address}/page.css")
+    page.evaluate("localStorage.setItem('visavis-session', 'of-another-study')")
+    page.goto(address)
+    page.wait_for_selector("#agree", timeout=PATIENCE_S * 1000)
+    assert "of-another-study" not in page.url
+
+
 def recorded(server: Server) -> Recording:
     return Recording(session_dir(server.root / "data", "films", "S01B", 1, is_simulated=True))
 

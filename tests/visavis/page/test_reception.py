@@ -1,6 +1,7 @@
 """Many people come to one study: everybody gets a session, the same one again, and may leave it."""
 
 import asyncio
+import contextlib
 import json
 from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
@@ -103,13 +104,13 @@ def place(tmp_path: Path) -> Place:
 
 
 def test_three_at_once_have_a_whole_session_each(place: Place) -> None:
-    async def act(base: str, _: Reception) -> tuple[str, ...]:
+    async def act(base: str, _: Reception) -> list[str]:
         async def one() -> str:
             return await visit(await arrive(base, {}), place.visitor(), place.clock)
 
-        return tuple(await asyncio.gather(one(), one(), one()))
+        return list(await asyncio.gather(one(), one(), one()))
 
-    assert ("done",) * 3 == served(place, act)
+    assert ["done"] * 3 == served(place, act)
     assert ["complete"] * 3 == [Recording(p).status for p in place.sessions()]
     assert [0, 1, 2] == [entry.index for entry in place.ledger.list()]
 
@@ -201,12 +202,118 @@ def test_the_board_tells_who_is_where_to_its_key_alone(place: Place) -> None:
 
     status, told = served(place, act)
     assert 400 == status
+    assert told["is_simulated"]
     assert {"complete": 1, "stopped": 1} == told["counts"]
     done, stopped = told["places"]
     assert (2, 2) == (done["trials_done"], done["trials_planned"])
     assert 0 == stopped["trials_done"]
     assert told["median_minutes"] == done["minutes"] > 0
     json.dumps(told)
+
+
+def test_a_page_that_is_heard_as_the_server_ends_opens_no_session_again(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def act(base: str, reception: Reception) -> None:
+        key, close = (await arrive(base, {})).partition("#")[2], reception._close
+
+        async def closed_and_heard(opened: Any, status: Any, reason: str) -> None:
+            await close(opened, status, reason)
+            with contextlib.suppress(aiohttp.ClientError):
+                async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+                    await http.post("/api/hello", json={"tab": "t"})
+
+        monkeypatch.setattr(reception, "_close", closed_and_heard)
+
+    served(place, act)
+    assert ["aborted"] == [p.status for p in Recording(place.sessions()[0]).manifest.parts]
+
+
+def test_who_wanted_deletion_as_the_server_was_killed_is_deleted_by_the_next(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def stops(base: str, reception: Reception) -> None:
+        monkeypatch.setattr(reception, "_withdraw", void)  # the kill comes before the deletion
+        await visit(await arrive(base, {}), place.visitor("delete"), place.clock)
+
+    async def nothing(base: str, _: Reception) -> None:
+        return None
+
+    served(place, stops)
+    assert 1 == len(place.sessions())
+    served(place, nothing)
+    assert [] == place.sessions()
+    assert ["withdrawn"] == [entry.status for entry in place.ledger.list()]
+
+
+def test_a_session_that_cannot_be_gone_on_with_is_refused_in_words(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def leaves(base: str, _: Reception) -> str:
+        address = await arrive(base, {})
+        await visit(address, place.visitor(), place.clock, ends=lambda s: s.kind == "watch")
+        return address.partition("#")[2]
+
+    key = served(place, leaves)
+    said: list[str] = []
+
+    async def again(base: str, reception: Reception) -> tuple[int, str]:
+        monkeypatch.setattr(reception, "_said", said.append)
+        path = place.sessions()[0] / "manifest.json"
+        path.write_text(path.read_text("utf-8").replace('"seed"', '"sown"'), "utf-8")
+        async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+            async with http.post("/api/hello", json={"tab": "t"}) as response:
+                return response.status, (await response.json())["refused"]
+
+    status, refused = served(place, again)
+    assert (400, "this session cannot go on; please tell the researchers") == (status, refused)
+    assert 1 == len(said)
+
+
+def test_one_damaged_session_leaves_the_board_of_all_others(place: Place) -> None:
+    async def act(base: str, reception: Reception) -> dict[str, int]:
+        for _ in range(2):
+            await visit(await arrive(base, {}), place.visitor(), place.clock, ends=lambda s: True)
+        (place.sessions()[0] / "manifest.json").write_text("{", "utf-8")
+        return dict((await reception.board())["counts"])
+
+    assert {"damaged": 1, "running": 1} == served(place, act)
+    place.reception()  # which begins with the damaged one, too
+
+
+def test_a_key_that_no_header_can_hold_is_a_refusal(place: Place) -> None:
+    async def act(base: str, reception: Reception) -> int:
+        async with aiohttp.ClientSession(base) as http:
+            async with http.post("/api/board", json={}, headers={KEY: "schlüssel"}) as response:
+                return response.status
+
+    assert 400 == served(place, act)
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        {"kind": "resize", "view_px": "\ud800"},
+        {"kind": "resize", "view_px": float("nan")},
+        {"kind": "visibility", "at_ms": 9e14},
+    ],
+)
+def test_nothing_that_a_page_sends_ends_the_server(place: Place, event: dict[str, Any]) -> None:
+    async def act(base: str, reception: Reception) -> list[str]:
+        key = (await arrive(base, {})).partition("#")[2]
+        async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+            async with http.post("/api/hello", json={"tab": "t"}) as response:
+                told = await response.json()
+            sent = {"n": 1, "at_ms": 1.0, **event}
+            body = json.dumps({"tab": "t", "events": [sent]})
+            async with http.post("/api/events", data=body) as response:
+                assert response.status in (200, 400)
+            assert told["ack"] == 0
+        await visit(f"{base}/#{key}", place.visitor(), place.clock)
+        return [await visit(await arrive(base, {}), place.visitor(), place.clock)]
+
+    assert ["done"] == served(place, act)
+    assert ["complete"] * 2 == [Recording(p).status for p in place.sessions()]
 
 
 @given(st.lists(st.booleans(), max_size=40), st.integers(1, 8))

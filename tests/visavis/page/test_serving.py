@@ -95,3 +95,19 @@ def test_a_killed_server_goes_on_at_the_same_step(tmp_path: Path) -> None:
     assert "complete" == recording.status
     assert ["5"] * 4 == [str(int(v)) for v in recording.trials()["answer"]]
     assert "server restarted" in ";".join(recording.trials()["flags"].dropna())
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [(("--host", "0.0.0.0"), "--public"), (("--public", "https://a.example/x"), "root")],  # noqa: S104  # refused
+)
+def test_an_address_at_which_nobody_could_come_is_refused(
+    tmp_path: Path, given: tuple[str, str], said: str
+) -> None:
+    (tmp_path / "many.py").write_text(STUDY, "utf-8")
+    told = subprocess.run(
+        [*COMMAND, "serve", "./many.py", "--devices", "sim", *given],
+        cwd=tmp_path, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert 0 != told.returncode
+    assert said in told.stdout + told.stderr

@@ -23,6 +23,7 @@ function table(caption, heads, rows) {
 function show(told) {
   document.title = `${told.title}: board`;
   document.getElementById("title").textContent = told.title;
+  document.getElementById("rehearsal").hidden = !told.is_simulated;
   document.getElementById("when").textContent = new Date().toLocaleTimeString();
   const known = Object.entries(told.states).filter(([state]) => told.counts[state]);
   const complete = told.counts.complete || 0;

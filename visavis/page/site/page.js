@@ -103,7 +103,7 @@ async function flush() {
       if (failures) tell("");
       failures = 0;
       await take(answer.told);
-    } while (queue.length);
+    } while (queue.length && !isOver); // what happens after the end is recorded nowhere
   } finally {
     isSending = false;
   }
@@ -445,7 +445,8 @@ function remembered(change) {
 async function arrive() {
   const told = Object.fromEntries([...new URLSearchParams(location.search)].slice(0, 20).map(([n, v]) => [n, v.slice(0, 200)]));
   const before = remembered((kept) => kept.getItem(SESSION));
-  if (before && !location.search) key = before;
+  isRemembered = Boolean(before) && !location.search;
+  if (isRemembered) key = before;
   else {
     let answer;
     try {
@@ -463,6 +464,7 @@ async function arrive() {
 }
 
 let isLocked = false;
+let isRemembered = false;
 let completion = "";
 
 async function begin(takesOver) {
@@ -493,6 +495,11 @@ async function begin(takesOver) {
   }
   if (answer.status !== 200 || answer.told.failed) {
     remembered((kept) => kept.removeItem(SESSION));
+    if (isRemembered && answer.status === 400) { // of another study, or another lab's time
+      [key, store, queue, isLocked] = ["", null, [], false];
+      await begin(false);
+      return;
+    }
     broken(answer.told.refused || answer.told.failed);
     return;
   }
