@@ -14,7 +14,7 @@ from lab.clock import NS_PER_S
 from lab.errors import DesignError
 from lab.geometry import Pose
 from protocol.plan import Trial
-from protocol.steps import Answered, Ask, FrameView, GazeView, NextFrame, Prompt, Show
+from protocol.steps import Answered, Ask, FrameView, GazeView, Mark, NextFrame, Prompt, Show
 from stimuli.scene import SceneFrame
 from visavis.asking import Answer
 from visavis.films import Shown
@@ -28,6 +28,10 @@ ANSWER_S: Final = 2.5
 """What a question is taken to need where only its answer ends it."""
 FRAME_S: Final = 0.25
 """Time between frames that a trial asks for itself: enough to run through it."""
+
+
+STEPS_OF_A_PAGE: Final = ("ask", "dark", "wait", "mark")
+"""What a page can perform besides films."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,8 @@ class TrialRead:
     films: tuple[Shown, ...] = ()
     roles: frozenset[str] = frozenset()
     """Who is who in any of the scenes."""
+    fits_a_page: bool = True
+    """No step of it needs a display frame by frame, or another device."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -64,7 +70,7 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
     """
     script = TrialScript(trial, settings)
     script.is_read = True
-    seconds, agents, vibrates = 0.0, 0, False
+    seconds, agents, vibrates, fits_a_page = 0.0, 0, False, True
     lit: SceneFrame | None = None
     responses: list[Response] = []
     scenes: list[Scene] = []
@@ -76,7 +82,10 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
         for _ in range(MAX_STEPS):
             step = steps.send(reply)
             reply = None
+            if not isinstance(step, Action | Mark):
+                fits_a_page = False
             if isinstance(step, Action):
+                fits_a_page &= step.watched is not None or step.name in STEPS_OF_A_PAGE
                 seconds += step.seconds
                 script.view = still_view(round(seconds * NS_PER_S))
                 vibrates = vibrates or step.name == "vibrate"
@@ -113,7 +122,7 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
     except StopIteration:
         return TrialRead(
             seconds, tuple(responses), tuple(scenes), agents, vibrates, lit, tuple(films),
-            frozenset(roles),
+            frozenset(roles), fits_a_page,
         )  # fmt: skip
     except (DesignError, TypeError) as error:
         told = in_words(error)

@@ -19,7 +19,7 @@ import numpy as np
 import platformdirs
 
 from lab.clock import NS_PER_S
-from lab.errors import ConfigError
+from lab.errors import ConfigError, DesignError
 from lab.geometry import Pose
 from lab.version import version
 from stimuli.dressing.picture_of import picture_of
@@ -163,7 +163,17 @@ class FilmStore:
 
 
 def film_store(experiment: StudyExperiment) -> FilmStore:
-    """Return the films of a study."""
+    """Return the films of a study.
+
+    Raises:
+        DesignError: its trials have steps that no page can show.
+    """
+    if not all(read.fits_a_page for read in experiment.read.values()):
+        raise DesignError(
+            f"{experiment.name} cannot be performed on a page: its trials show scenes frame by "
+            "frame, or vibrate, and a page shows t.watch, t.ask, t.wait and t.dark. Perform it in "
+            "the laboratory (visavis run), or show its scenes as films (t.watch)"
+        )
     return FilmStore(experiment.settings.makers, experiment.settings.folder)
 
 

@@ -345,7 +345,7 @@ class Reception:
 
             try:
                 await self._run(end)
-            except LabError as error:
+            except (LabError, OSError) as error:  # one session's trouble ends nobody else's
                 self._said(f"{opened.entry.label}: {error}")
         if not opened.held.desk.is_over:
             self._open.pop(key, None)

@@ -7,8 +7,9 @@ import pytest
 
 from lab.errors import DesignError
 from stage.errors import StageError
+from visavis.catalogue import find_study
 from visavis.films import Film, Lens
-from visavis.page.film_store import FilmStore
+from visavis.page.film_store import FilmStore, film_store
 from visavis.scenes import Scene
 
 SHORT = Film(Scene("person", motion="wave"), 0.1, size_px=(64, 64), rate_hz=30)
@@ -61,3 +62,9 @@ def test_a_film_damaged_in_the_cache_is_built_anew(tmp_path: Path) -> None:
 def test_films_that_cannot_be_made_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(DesignError):
         replace(SHORT, **wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["stare", "crowd", "waving"])
+def test_a_study_of_the_laboratory_is_refused_before_anybody_is_let_in(name: str) -> None:
+    with pytest.raises(DesignError, match=f"{name} cannot be performed on a page"):
+        film_store(find_study(name).experiment({}))
