@@ -11,6 +11,8 @@ from cli.desk.link import LOCAL, line_of, meeting_folder, meeting_name
 from protocol.operator import Command
 
 LOOK_AGAIN_S: Final = 0.5
+HELLO_S: Final = 5.0
+"""For so long a session may keep silent before another is looked for."""
 MAX_LINE_BYTES: Final = 1 << 20
 
 
@@ -74,14 +76,16 @@ class SessionWatch:
             return
         try:
             writer.write(str(how["token"]).encode() + b"\n")
-            about = await reader.readline()
-            if not about:
+            about = _about(await asyncio.wait_for(reader.readline(), HELLO_S))
+            if about is None:
                 meeting.unlink(missing_ok=True)  # another program has that port now
                 return
             self._writer = writer
-            await self._note(about=json.loads(about), status=None)
+            await self._note(about=about, status=None)
             while line := await reader.readline():
                 await self._note(about=self.about, status=json.loads(line))
+        except TimeoutError:
+            return  # a busy session, or another program that waits to be spoken to
         except (OSError, ValueError):
             return  # it has ended, or is no session
         finally:
@@ -98,3 +102,12 @@ class SessionWatch:
             self.about, self.status = about, status
             self.number += 1
             self._changed.notify_all()
+
+
+def _about(line: bytes) -> Mapping[str, Any] | None:
+    """Return what a session says of itself first; None from whoever is no session."""
+    try:
+        found = json.loads(line)
+    except ValueError:
+        return None
+    return found if isinstance(found, Mapping) else None

@@ -6,6 +6,7 @@ import math
 import os
 import socket
 import stat
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from cli.desk.link import (
     command_of,
     line_of,
     meeting_folder,
+    meeting_name,
     told,
 )
 from cli.desk.watch import SessionWatch
@@ -195,8 +197,6 @@ def test_what_killed_sessions_left_is_cleared_after_a_week(cache: Path, tmp_path
 
 
 def test_a_killed_sessions_way_is_forgotten(cache: Path, tmp_path: Path) -> None:
-    from cli.desk.link import meeting_name
-
     folder = meeting_folder()
     folder.mkdir(parents=True)
     left = folder / f"{meeting_name(tmp_path)}-1.json"
@@ -209,6 +209,36 @@ def test_a_killed_sessions_way_is_forgotten(cache: Path, tmp_path: Path) -> None
             await asyncio.sleep(0.01)
 
     with_desk(tmp_path, act)
+
+
+@pytest.mark.parametrize("says", [b"", b"220 no session of ours\r\n"], ids=["nothing", "no JSON"])
+def test_a_stranger_at_a_killed_sessions_port_hides_no_session(
+    says: bytes, link: SessionLink, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cli.desk.watch.HELLO_S", 0.05)
+    left = meeting_folder() / f"{meeting_name(tmp_path)}-0.json"  # comes before the session's
+    link.show(STATUS)
+
+    async def act(watch: SessionWatch) -> Any:
+        await until(watch, lambda: watch.status is not None)
+        return watch.status
+
+    with socket.create_server(("127.0.0.1", 0)) as stranger:
+
+        def speak() -> None:
+            visitor, _ = stranger.accept()
+            with visitor:
+                visitor.sendall(says)
+                visitor.recv(1 << 10)
+                visitor.recv(1 << 10)  # until the desk goes away
+
+        left.write_text(json.dumps({"port": stranger.getsockname()[1], "token": "x"}), "utf-8")
+        speaking = threading.Thread(target=speak)
+        speaking.start()
+        status = with_desk(tmp_path, act)
+        speaking.join()
+    assert "trial" == status["state"]
+    assert bool(says) != left.exists()  # a silent one may be a session that is busy
 
 
 def test_a_desk_can_ask_for_what_the_keys_do_and_for_no_answer_of_a_participant() -> None:
