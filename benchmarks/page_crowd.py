@@ -94,9 +94,12 @@ def main() -> int:
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
         command = "from cli.main import main; main()"
         subprocess.run(
-            [sys.executable, "-c", command, "init"], cwd=root, check=True, env=environment,
+            [sys.executable, "-c", command, "init"],
+            cwd=root,
+            check=True,
+            env=environment,
             stdout=subprocess.DEVNULL,
-        )  # fmt: skip
+        )
         server = subprocess.Popen(
             [sys.executable, "-c", command, "serve", "./many.py", "--port", "0",
              "--devices", "sim"],
@@ -120,15 +123,20 @@ def main() -> int:
         answers = sum(len(r.trials()) for r in whole)
     p50, p99 = np.percentile(steps_ms, [50, 99])
     told = {
-        "people": options.people, "steps": len(steps_ms), "p50_ms": round(float(p50), 1),
-        "p99_ms": round(float(p99), 1), "worst_ms": round(max(steps_ms), 1),
-        "sessions_complete": done, "answers": answers,
+        "people": options.people,
+        "steps": len(steps_ms),
+        "p50_ms": round(float(p50), 1),
+        "p99_ms": round(float(p99), 1),
+        "worst_ms": round(max(steps_ms), 1),
+        "sessions_complete": done,
+        "answers": answers,
         "client_cpu_s": round(used.user - cpu_before.user, 1),
-    }  # fmt: skip
+    }
     sys.stdout.write(
-        json.dumps(told) + "\n" if options.json
+        json.dumps(told) + "\n"
+        if options.json
         else "\n".join(f"{name:20} {value}" for name, value in told.items()) + "\n"
-    )  # fmt: skip
+    )
     is_fine = p99 < MAX_P99_MS and done == options.people
     return 0 if is_fine and answers == options.people * options.trials else 1
 

@@ -84,7 +84,7 @@ class Server:
                 os.close(read)
                 self._serve(write)
                 status = 0
-            except Exception:
+            except Exception:  # of the forked process: told here, and by its status
                 traceback.print_exc()
             finally:
                 os._exit(status)

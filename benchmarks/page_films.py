@@ -41,14 +41,19 @@ def main() -> int:
         is_equal = built.sha256 == rebuilt.sha256
     frames = sum(film.frame_count for film in films)
     told = {
-        "films": len(films), "frames": frames, "cpu_s": round(cpu_s, 1),
-        "wall_s": round(wall_s, 1), "cpu_ms_a_frame": round(1000 * cpu_s / frames, 1),
-        "megabytes": round(size / 1e6, 1), "same_when_rebuilt": is_equal,
-    }  # fmt: skip
+        "films": len(films),
+        "frames": frames,
+        "cpu_s": round(cpu_s, 1),
+        "wall_s": round(wall_s, 1),
+        "cpu_ms_a_frame": round(1000 * cpu_s / frames, 1),
+        "megabytes": round(size / 1e6, 1),
+        "same_when_rebuilt": is_equal,
+    }
     sys.stdout.write(
-        json.dumps(told) + "\n" if options.json
+        json.dumps(told) + "\n"
+        if options.json
         else "\n".join(f"{name:20} {value}" for name, value in told.items()) + "\n"
-    )  # fmt: skip
+    )
     return 0 if is_equal else 1
 
 

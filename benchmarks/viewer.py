@@ -149,8 +149,10 @@ def main() -> None:
     print(f"{options.study:42s}{'value':>10s}{'limit':>10s}{'ratio':>9s}")
     for row in rows:
         value, limit, ratio = (row.get(k) for k in ("value", "limit", "ratio"))
-        told = "".join(f"{x:>{w}.4g}" if x is not None else " " * w
-                       for x, w in ((value, 10), (limit, 10), (ratio, 9)))  # fmt: skip
+        told = "".join(
+            f"{x:>{w}.4g}" if x is not None else " " * w
+            for x, w in ((value, 10), (limit, 10), (ratio, 9))
+        )
         print(f"{row['what']:42s}{told}")
 
 

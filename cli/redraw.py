@@ -171,8 +171,10 @@ def _drawn_now(recording: Recording, frame: int, part: int | None) -> list[Image
 
 def boards_at(recording: Recording, study: OpenedStudy, part: int, t_ns: int) -> Iterator[Panel]:
     """Yield the boards that may have stood before the participant, each choice lit in turn."""
-    for panel in (*_questionnaire_board(recording, part, t_ns),
-                  *_trial_boards(recording, study, part, t_ns)):  # fmt: skip
+    for panel in (
+        *_questionnaire_board(recording, part, t_ns),
+        *_trial_boards(recording, study, part, t_ns),
+    ):
         for lit in (None, *range(len(panel.choices))):
             yield replace(panel, highlighted=lit)
 
@@ -231,8 +233,9 @@ def _bodies(recording: Recording, part: int, drawn_ns: int) -> tuple[OwnBody, ..
         return ()
     segments = tuple(
         next(f for f in schema.fields if f.name == "position_m")
-        .description.partition(": ")[2].split()
-    )  # fmt: skip
+        .description.partition(": ")[2]
+        .split()
+    )
     body = of_part(recording, "body", part)
     last = int(np.searchsorted(body["t_host_ns"], drawn_ns, side="right")) - 1
     found = []

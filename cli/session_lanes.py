@@ -12,7 +12,7 @@ from recording.reader import Recording
 
 SET, PATTERN, SILENCE = 0, 1, 2
 """Commands of a band that begin or end a vibration."""
-SHORTEST_NS: Final = 80 * NS_PER_MS
+MIN_SHOWN_NS: Final = 80 * NS_PER_MS
 """What is shorter is shown for so long."""
 
 
@@ -29,7 +29,7 @@ class Lane:
 
     def is_on(self, t_ns: int) -> bool:
         """Tell whether it lasts at a time."""
-        return any(a <= t_ns < max(b, a + SHORTEST_NS) for a, b, _ in self.spans)
+        return any(a <= t_ns < max(b, a + MIN_SHOWN_NS) for a, b, _ in self.spans)
 
 
 def lanes_of(recording: Recording, part: int) -> list[Lane]:

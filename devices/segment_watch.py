@@ -24,7 +24,7 @@ Flags = npt.NDArray[np.bool_]
 Moved = frozenset[tuple[str, int]]
 """Segments that moved, each with 0 (its position) or 1 (its orientation)."""
 
-REPEATS_AT_MOST_NS: Final = 150 * NS_PER_MS
+MAX_REPEAT_NS: Final = 150 * NS_PER_MS
 HELD_BY_FLOOR: Final = ("left_foot", "left_toes", "right_foot", "right_toes")
 _STRIDE_M: Final = 1.0
 _LIMB: Final = 4
@@ -44,7 +44,7 @@ class SegmentWatch:
         self,
         segments: Sequence[str],
         *,
-        limit_ns: int = REPEATS_AT_MOST_NS,
+        limit_ns: int = MAX_REPEAT_NS,
         moved: Iterable[tuple[str, int]] = (),
     ) -> None:
         n = len(segments)

@@ -32,7 +32,7 @@ _QUEUE_S = 10.0
 _QUEUE_LEAST_ROWS = 2048
 _QUEUE_GROWS = 16
 """How many times its usual length a queue may reach, after a pause of the computer."""
-_QUEUE_MOST_EVENTS = 100_000
+_MAX_QUEUED_EVENTS = 100_000
 
 
 class Recorder:
@@ -285,9 +285,9 @@ class Recorder:
                 "flags or None"
             ) from error
         with self._journal_lock:
-            if len(self._lines) >= _QUEUE_MOST_EVENTS:
+            if len(self._lines) >= _MAX_QUEUED_EVENTS:
                 raise RecordingError(
-                    f"{self._journal.path}: {_QUEUE_MOST_EVENTS} events wait for the disk; "
+                    f"{self._journal.path}: {_MAX_QUEUED_EVENTS} events wait for the disk; "
                     "check the disk before going on"
                 )
             if not self._lines:

@@ -1,7 +1,11 @@
-"""Settings for all tests."""
+"""Settings for all tests, and the browser that some of them look at pages with."""
 
 import os
+import shutil
+from collections.abc import Iterator
+from typing import Any
 
+import pytest
 from hypothesis import settings
 
 # A landing must not depend on the luck of a draw; a developer's own run goes on exploring. Nor may
@@ -9,3 +13,16 @@ from hypothesis import settings
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("exploring", deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "exploring")
+
+
+@pytest.fixture
+def browser() -> Iterator[Any]:
+    """A browser without a window; the test is skipped where there is none."""
+    program = shutil.which("chromium") or shutil.which("chromium-browser")
+    if program is None:
+        pytest.skip("there is no chromium; apt install chromium")
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as started:
+        opened = started.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield opened
+        opened.close()

@@ -133,13 +133,17 @@ class Finding:
         told = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
         return tuple(
             Contrast(
-                *(pair := _levels_of(row)), float(p := row["p_adjusted"]),  # type: ignore[arg-type]  # a number, as tests write it
+                *(pair := _levels_of(row)),
+                float(p := row["p_adjusted"]),  # type: ignore[arg-type]  # a number, as tests write it
                 self.terms[0].is_significant and float(p) < compare.alpha,  # type: ignore[arg-type]  # as above
-                float(row["estimate"]), said, row, compare.pairs.get(pair),  # type: ignore[arg-type]  # as above
+                float(row["estimate"]),  # type: ignore[arg-type]  # as above
+                said,
+                row,
+                compare.pairs.get(pair),
             )
             for row, said in told
             if row["family"] == "items"
-        )  # fmt: skip
+        )
 
     def contrast(self, pair: tuple[str, str]) -> Contrast | None:
         """Return the contrast of two levels; None where it was not tested."""

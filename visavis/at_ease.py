@@ -111,9 +111,16 @@ def _reflected(row: Vector, start: int, v: Triple) -> None:
 
 @compiled
 def _body_rows(
-    ease: Vector, parents: Index, offsets: Vector, eyes_m: Vector, head_wxyz: Vector,
-    hand_m: Vector, hand_wxyz: Vector, positions: Vector, turns: Vector,
-) -> None:  # fmt: skip
+    ease: Vector,
+    parents: Index,
+    offsets: Vector,
+    eyes_m: Vector,
+    head_wxyz: Vector,
+    hand_m: Vector,
+    hand_wxyz: Vector,
+    positions: Vector,
+    turns: Vector,
+) -> None:
     facing, root = np.empty((1, 3)), np.empty((1, 3))
     local = np.empty((1, p.JOINTS, 4))
     own = offsets[0]

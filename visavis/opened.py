@@ -77,9 +77,12 @@ class OpenedStudy:
         factors = (*(f.name for f in self.study.factors), *self.study.derived)
         slips = [
             *((c.dv, "measure", measured) for c in self.study.compare),
-            *((name, "factor", factors) for c in self.study.compare
-              for name in (*c.within, *c.between, *c.only)),
-        ]  # fmt: skip
+            *(
+                (name, "factor", factors)
+                for c in self.study.compare
+                for name in (*c.within, *c.between, *c.only)
+            ),
+        ]
         roles = frozenset().union(*(t.roles for t in made.read.values()))
         if roles:
             who = tuple(sorted(roles))

@@ -72,9 +72,11 @@ def build_report(
         subtitle=study.question,
         facts=Facts(
             (
-                ("Participants analysed",
-                 f"{analysis.n_participants} of {len(analysis.selection.people)}"
-                 f"{_by_group(analysis)}"),
+                (
+                    "Participants analysed",
+                    f"{analysis.n_participants} of {len(analysis.selection.people)}"
+                    f"{_by_group(analysis)}",
+                ),
                 ("Trials analysed", str(len(analysis.selection.counted))),
                 *([("Measured by", analysis.measured_by)] if analysis.measured_by else []),
                 ("Data", "simulated" if analysis.is_simulated else "real"),
@@ -95,7 +97,7 @@ def build_report(
             provenance_section(provenance),
         ),
         footer="" if study.source is None else f"Published values: {study.source.citation}",
-    )  # fmt: skip
+    )
     return write_page(page, path)
 
 
@@ -173,7 +175,7 @@ def _verdict(
         "found" if significant else "not_found",
         headline,
         f"{_sentence(finding, term)}{corrected}{published}",
-    )  # fmt: skip
+    )
 
 
 def _direction(
@@ -351,11 +353,14 @@ def _means_table(analysis: StudyAnalysis, column: str, experiment: StudyExperime
     unit = "" if measure.unit in ("", "1") else f" in {measure.unit}"
     heads = ", ".join(label_of(experiment.texts, f) for f in factors)
     return Table(
-        (Column(heads[:1].upper() + heads[1:]), Column("Mean (SD)", "right"),
-         Column("People", "right")),
+        (
+            Column(heads[:1].upper() + heads[1:]),
+            Column("Mean (SD)", "right"),
+            Column("People", "right"),
+        ),
         tuple(rows),
         f"{measure.words}{unit}: mean over participants (SD)",
-    )  # fmt: skip
+    )
 
 
 def _quality(
@@ -369,9 +374,13 @@ def _quality(
     rules = looks[0].rules({"parameters": experiment.parameters}) if looks else LooksOn().rules({})
     selection, kept = analysis.selection, kept_of(analysis)
     listed = reporting_table(
-        kept, quality, provenance, rules, _losses(analysis, experiment.texts),
+        kept,
+        quality,
+        provenance,
+        rules,
+        _losses(analysis, experiment.texts),
         counts_stamps="repeated_samples" in selection.rows,
-    )  # fmt: skip
+    )
     blocks: list[Block] = [pictures["quality"], listed,
                            Fold("Every participant", (quality_table(quality),))]  # fmt: skip
     heads = tuple(Column(h) for h in ("Participant", "What", "Why"))

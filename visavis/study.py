@@ -225,8 +225,11 @@ class Study:
         problems += [f"{n!r} is a factor and a parameter" for n in names if n in self.parameters]
         problems += [f"{n!r} is a parameter of every study" for n in self.parameters
                      if n in SETTABLE]  # fmt: skip
-        problems += [f"screening knows no {n!r}; it knows {', '.join(get_args(Screening))}"
-                     for n in self.screening if n not in get_args(Screening)]  # fmt: skip
+        problems += [
+            f"screening knows no {n!r}; it knows {', '.join(get_args(Screening))}"
+            for n in self.screening
+            if n not in get_args(Screening)
+        ]
         if problems:
             raise DesignError(f"study {self.name}: {'; '.join(problems)}")
         self.title = self.title or self.name.replace("_", " ").capitalize()

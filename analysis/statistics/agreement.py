@@ -292,10 +292,13 @@ def cohen_kappa(
         Interval(value - reach, value + reach, level),
         scale,
         Provenance(
-            "Cohen's kappa", n, unit="things rated", dropped=dropped,
+            "Cohen's kappa",
+            n,
+            unit="things rated",
+            dropped=dropped,
             notes=(f"both raters alike in {100 * float(np.trace(joint)):.0f} % of {n} things",),
         ),
-    )  # fmt: skip
+    )
 
 
 def _table(ratings: npt.ArrayLike) -> Array:

@@ -98,6 +98,10 @@ def _signs(off: npt.NDArray[np.float64], what: str, level: float) -> Binomial:
     equal = off.size - above - below
     notes = (f"{equal} of {off.size} equal, left out",) if equal else ()
     return Binomial(
-        made.hits, made.n, made.expected, made.p, made.effect,
+        made.hits,
+        made.n,
+        made.expected,
+        made.p,
+        made.effect,
         Provenance("Sign test", int(off.size), unit="pairs", notes=notes),
-    )  # fmt: skip
+    )

@@ -356,9 +356,12 @@ def _model(votes: _Votes, n: int, groups: int) -> PairModel:
 
 
 def _effect(
-    term: tuple[str, ...], at: list[int], votes: _Votes, model: PairModel,
+    term: tuple[str, ...],
+    at: list[int],
+    votes: _Votes,
+    model: PairModel,
     pairs: Sequence[tuple[str, ...]],
-) -> ClmmEffect:  # fmt: skip
+) -> ClmmEffect:
     F, df = model.test(np.eye(model.beta.size)[at])
     without = replace(votes, X=np.delete(votes.X, at, axis=1))
     chi2 = max(0.0, 2 * (model.log_likelihood - without.fit()[1]))
@@ -399,9 +402,13 @@ def _described(
 
 
 def _odds(
-    made: BradleyTerry, term: tuple[str, ...], pairs: Sequence[tuple[tuple[str, str], ...]],
-    L: Array, k: int, adjust: ContrastAdjustment,
-) -> Contrasts:  # fmt: skip
+    made: BradleyTerry,
+    term: tuple[str, ...],
+    pairs: Sequence[tuple[tuple[str, str], ...]],
+    L: Array,
+    k: int,
+    adjust: ContrastAdjustment,
+) -> Contrasts:
     """Return contrasts of log odds with the odds as their effect."""
     estimates = L @ made.model.beta
     ses = np.sqrt(np.einsum("ij,jk,ik->i", L, made.model.robust, L))

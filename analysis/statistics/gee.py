@@ -194,9 +194,15 @@ def gee(
 
 
 def term_effect(
-    design: Design, model: FittedModel, term: tuple[str, ...], L: Array, df: float, *,
-    ratio: str = "", sd: float = 0.0,
-) -> tuple[Effect | None, str]:  # fmt: skip
+    design: Design,
+    model: FittedModel,
+    term: tuple[str, ...],
+    L: Array,
+    df: float,
+    *,
+    ratio: str = "",
+    sd: float = 0.0,
+) -> tuple[Effect | None, str]:
     """Return the effect size of a term of one df and what it compares; None and "" with more.
 
     In sum coding a difference of two levels is twice the coefficient, one of differences four

@@ -51,9 +51,13 @@ class LinearMixed(Anova):
         assert self.model is not None  # noqa: S101  # every constructor below passes it
         provenance = replace(self.provenance, test="marginal means", notes=())
         return marginal_contrasts(
-            self.design, self.model, term, provenance=provenance, adjust=adjust,
+            self.design,
+            self.model,
+            term,
+            provenance=provenance,
+            adjust=adjust,
             sd=self.model.total_sd,
-        )  # fmt: skip
+        )
 
 
 def linear_mixed(

@@ -49,15 +49,22 @@ def _wide(table: DataTable, q: Question, *, named: bool) -> tuple[Array, pd.Data
 
 
 def _outcome(
-    table: DataTable, q: Question, title: str, made: tuple[Result, ...], tested: pd.DataFrame,
+    table: DataTable,
+    q: Question,
+    title: str,
+    made: tuple[Result, ...],
+    tested: pd.DataFrame,
     notes: tuple[str, ...],
-) -> Outcome:  # fmt: skip
+) -> Outcome:
     return Outcome(
-        question=q, title=title, rows=tuple(m.row() for m in made),
+        question=q,
+        title=title,
+        rows=tuple(m.row() for m in made),
         sentences=tuple(f"{m.sentence()}." for m in made),
-        notes=tuple(dict.fromkeys((*table.notes, *notes))), is_simulated=table.is_simulated,
+        notes=tuple(dict.fromkeys((*table.notes, *notes))),
+        is_simulated=table.is_simulated,
         data=tested,
-    )  # fmt: skip
+    )
 
 
 def _icc(table: DataTable, q: Question) -> Outcome:

@@ -370,9 +370,11 @@ def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
         lines.append("X <- cbind(X, 1); term <- c(term, 0)")
     if groups:
         lines.append(f"G <- model.matrix(~ {groups[0]})[, -1, drop = FALSE]; own <- X[, term == 1]")
-        lines.append("X <- cbind(X, do.call(cbind, lapply(seq_len(ncol(G)), "
-                     "function(j) own * G[, j]))); "
-                     "term <- c(term, rep(2, ncol(own) * ncol(G)))")  # fmt: skip
+        lines.append(
+            "X <- cbind(X, do.call(cbind, lapply(seq_len(ncol(G)), "
+            "function(j) own * G[, j]))); "
+            "term <- c(term, rep(2, ncol(own) * ncol(G)))"
+        )
     lines += [
         "# Davidson's likelihood (Bradley and Terry's where there are no ties), by optim.",
         "fit <- function(X) {",
@@ -412,8 +414,9 @@ def _sign(outcome: Outcome, names: Mapping[str, str]) -> Body:
 def _binomial(outcome: Outcome, names: Mapping[str, str]) -> Body:
     expected = outcome.question.mu or 0.5
     return [
-        f"t <- binom.test(sum(d$y), nrow(d), {expected!r})", 'line("hits", t$statistic, t$p.value)'
-    ], ()  # fmt: skip
+        f"t <- binom.test(sum(d$y), nrow(d), {expected!r})",
+        'line("hits", t$statistic, t$p.value)',
+    ], ()
 
 
 WIDE = "wide <- with(d, tapply(y, list(s, f1), function(v) v))"
@@ -450,9 +453,7 @@ def _krippendorff(outcome: Outcome, names: Mapping[str, str]) -> Body:
 
 
 def _friedman(outcome: Outcome, names: Mapping[str, str]) -> Body:
-    return [
-        "t <- friedman.test(y ~ f1 | s, data = d)", 'line("f1", t$statistic, t$p.value)'
-    ], ()  # fmt: skip
+    return ["t <- friedman.test(y ~ f1 | s, data = d)", 'line("f1", t$statistic, t$p.value)'], ()
 
 
 def _conditions(outcome: Outcome, names: Mapping[str, str]) -> Body:

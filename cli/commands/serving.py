@@ -106,9 +106,14 @@ def serve(
 
 
 async def _serve(
-    here: StudyHere, base: Request, public: str, host: str, port: int, quota: int | None,
+    here: StudyHere,
+    base: Request,
+    public: str,
+    host: str,
+    port: int,
+    quota: int | None,
     completion: str,
-) -> None:  # fmt: skip
+) -> None:
     from visavis.page.film_store import film_store
     from visavis.page.perform import experiment_of
     from visavis.page.reception import Reception, Rules
@@ -124,12 +129,15 @@ async def _serve(
         here.ledger.withdraw(label, [here.folder], reason="asked on the page", key_file=key_file)
 
     reception = Reception(
-        base, store, here.ledger, Rules(quota, completion),
+        base,
+        store,
+        here.ledger,
+        Rules(quota, completion),
         identify=lambda label, who: None if key_file is None else key_file.identify(label, who),
         known=lambda label: None if key_file is None else key_file.identity(label),
         withdraw=withdraw,
         said=lambda text: errors.print(f"[yellow]{verbatim(text)}[/]", soft_wrap=True),
-    )  # fmt: skip
+    )
     hosts = dict.fromkeys((LOCAL, "localhost", host, urlsplit(public).hostname or LOCAL))
     server = PageServer(tuple(hosts), reception)
     await server.start(host, port)
@@ -181,11 +189,13 @@ def board(
         table.add_column(name, justify="right" if name in ("trials", "minutes") else "left")
     for place in made.places:
         table.add_row(
-            place.label, STATES.get(place.state, place.state),
+            place.label,
+            STATES.get(place.state, place.state),
             f"{place.trials_done} of {place.trials_planned}" if place.trials_planned else "–",
             "–" if place.minutes is None else f"{place.minutes:.1f}",
-            place.group or "–", ", ".join(place.flags) or "–",
-        )  # fmt: skip
+            place.group or "–",
+            ", ".join(place.flags) or "–",
+        )
     console.print(table)
     told = ", ".join(f"{n} {STATES.get(state, state)}" for state, n in made.counts.items())
     median = made.median_minutes

@@ -81,9 +81,12 @@ def view(
             from cli.viewer.rerun_file import write_rerun
 
             write_rerun(
-                study, recording, wanted, path,
+                study,
+                recording,
+                wanted,
+                path,
                 lambda done, of: bar.update(line, completed=done, total=of),
-            )  # fmt: skip
+            )
             console.print(f"written [b]{verbatim(path)}[/]; rerun {verbatim(path)} shows it")
             return
         header, bundle = page_content(

@@ -26,7 +26,7 @@ from visavis.sessions.rig import is_simulated
 
 SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {"/": "desk.html", "/desk.js": "desk.js", "/desk.css": "desk.css"}
-LONGEST_WAIT_S: Final = 5.0
+MAX_WAIT_S: Final = 5.0
 
 
 class DeskServer:
@@ -41,9 +41,11 @@ class DeskServer:
         self._examining = asyncio.Lock()
         self._listing = asyncio.Lock()
         posts = {
-            "/api/live": self._live, "/api/today": self._today, "/api/doctor": self._look,
+            "/api/live": self._live,
+            "/api/today": self._today,
+            "/api/doctor": self._look,
             "/api/command": self._command,
-        }  # fmt: skip
+        }
         self._server = LocalServer(SITE, FILES, posts)
 
     async def start(self, port: int = 0) -> str:
@@ -66,7 +68,7 @@ class DeskServer:
         body = await self._body(request)
         after = body.get("after")
         if isinstance(after, int):
-            await self._watch.wait(after, LONGEST_WAIT_S)
+            await self._watch.wait(after, MAX_WAIT_S)
         watch = self._watch
         return web.json_response(
             {

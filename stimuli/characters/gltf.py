@@ -213,8 +213,10 @@ def _worn_apart(
     hair = head & ~alike & ((middle[:, 1] > 0.5 * between) | (middle[:, 2] > 1.2 * between))
     skin = (alike | head) & ~hair
     kinds: tuple[tuple[npt.NDArray[np.bool_], MaterialKind], ...] = (
-        (skin, "skin"), (hair, "hair"), (~skin & ~hair, "cloth"),
-    )  # fmt: skip
+        (skin, "skin"),
+        (hair, "hair"),
+        (~skin & ~hair, "cloth"),
+    )
     return [
         (replace(surface, triangles=surface.triangles[some]), kind, True)
         for some, kind in kinds

@@ -217,9 +217,12 @@ def _said_by_vrm(file: GltfFile, names: tuple[str, ...]) -> dict[str, str]:
 
 
 def _matched(
-    file: GltfFile, names: tuple[str, ...], parents: Indices, bones: list[int],
+    file: GltfFile,
+    names: tuple[str, ...],
+    parents: Indices,
+    bones: list[int],
     known: Mapping[str, str],
-) -> dict[str, int]:  # fmt: skip
+) -> dict[str, int]:
     """Return the node of each canonical joint, eyes among them.
 
     Raises:

@@ -46,9 +46,12 @@ def _slot(entry: dict[str, Any] | None) -> _Slot | None:
     ox, oy = moved.get("offset", (0.0, 0.0))
     sx, sy = moved.get("scale", (1.0, 1.0))
     return _Slot(
-        int(entry["index"]), coordinates, (float(ox), float(oy)), (float(sx), float(sy)),
+        int(entry["index"]),
+        coordinates,
+        (float(ox), float(oy)),
+        (float(sx), float(sy)),
         float(moved.get("rotation", 0.0)),
-    )  # fmt: skip
+    )
 
 
 def _slots(entry: dict[str, Any]) -> dict[str, _Slot]:

@@ -138,8 +138,10 @@ def test_a_trial_on_a_page_is_led_again_through_what_was_on_the_page(on_page: Pa
     seen = seen_trial(opened("films"), recording, row)
     first, pair, effort = seen.steps
     assert (["film"], ["left", "right"], []) == (
-        list(first.films), list(pair.films), list(effort.films)
-    )  # fmt: skip
+        list(first.films),
+        list(pair.films),
+        list(effort.films),
+    )
     assert (row["film_on_ns"], row["film2_on_ns"]) == (first.films_on_ns, pair.films_on_ns)
     wanted = [str(row["lively"]), row["livelier"], row["effort_typed"]]
     assert wanted == [step.questions[0].answer for step in seen.steps]

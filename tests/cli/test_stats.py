@@ -515,8 +515,11 @@ def test_the_printed_answer_holds_table_sentence_path_and_contrasts(table: Path)
 
 
 def test_effect_sizes_are_named_and_a_term_without_one_says_so(table: Path) -> None:
-    for test, dv, name in (("clmm", "rating", "odds ratio"), ("lmm", "accuracy", "d_total"),
-                           ("art", "accuracy", "r_rb")):  # fmt: skip
+    for test, dv, name in (
+        ("clmm", "rating", "odds ratio"),
+        ("lmm", "accuracy", "d_total"),
+        ("art", "accuracy", "r_rb"),
+    ):
         printed = stats(table, "--test", test, "--dv", dv, *TWO[2:]).output
         assert f"Contrasts of technique (effect size: {name})" in printed
         assert (test == "clmm") == ("no effect size for 2 df together" in printed)

@@ -75,9 +75,13 @@ def test_groups_of_unequal_size_and_spread_get_the_test_that_is_named(
 @pytest.mark.parametrize("test", PAIRED)
 def test_pairs_of_unequal_spread_get_the_test_that_is_named(test: str, tmp_path: Path) -> None:
     name, column, (statistic, p) = PAIRED[test]
-    frame = pd.DataFrame({
-        "s": np.tile(np.arange(14), 2), "c": ["x"] * 14 + ["z"] * 14, "y": [*FIRST, *SECOND],
-    })  # fmt: skip
+    frame = pd.DataFrame(
+        {
+            "s": np.tile(np.arange(14), 2),
+            "c": ["x"] * 14 + ["z"] * 14,
+            "y": [*FIRST, *SECOND],
+        }
+    )
     words = ("--test", test, "--dv", "y", "--within", "c", "--subject", "s")
     printed, row = answered(frame, tmp_path, *words)
     assert name in printed.splitlines()[0]

@@ -24,9 +24,13 @@ LEAKS = [
     ("groups of 6 and 18, SD 3 and 1", "g", "mannwhitney", ["--test", "mannwhitney", *GROUPS]),
     ("groups of 6, 10, 18, SD 3, 2, 1", "g", "anova", ["--test", "anova", *GROUPS]),
     ("groups of 6, 10, 18, SD 3, 2, 1", "g", "kruskal", ["--test", "kruskal", *GROUPS]),
-    ("the same, SD 3 and 1", "c:g", "rm",
-     ["--test", "rm", "--dv", "y", "--within", "c", "--between", "g", "--subject", "s"]),
-]  # fmt: skip
+    (
+        "the same, SD 3 and 1",
+        "c:g",
+        "rm",
+        ["--test", "rm", "--dv", "y", "--within", "c", "--between", "g", "--subject", "s"],
+    ),
+]
 """Situation, null effect, test of the table that `benchmarks.false_positives` prints, command."""
 
 

@@ -73,8 +73,11 @@ def measured(absent: set[str]) -> subprocess.CompletedProcess[str]:
     """Run the benchmark where some modules are not installed."""
     return subprocess.run(
         [sys.executable, "-c", CHILD.format(absent=sorted(absent), modules=MODULES)],
-        cwd=ROOT, capture_output=True, text=True, encoding="utf-8",
-    )  # fmt: skip
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+    )
 
 
 def test_statistics_are_measured_and_benchmarks_found_in_a_fresh_development_install() -> None:

@@ -273,8 +273,11 @@ def test_fibres_shine_towards_the_edge_of_what_is_seen(show: Show) -> None:
 def test_pictures_keep_their_size_and_are_kept_once(tmp_path: Path) -> None:
     large = np.zeros((4, 2048, 3), np.uint8)
     look = {"baseColorTexture": {"index": 0}, "metallicFactor": 0}
-    material = {"pbrMetallicRoughness": look, "emissiveTexture": {"index": 0},
-                "emissiveFactor": [1, 1, 1]}  # fmt: skip
+    material = {
+        "pbrMetallicRoughness": look,
+        "emissiveTexture": {"index": 0},
+        "emissiveFactor": [1, 1, 1],
+    }
     person = _wearer(tmp_path, Plate(material, (large,)))
     worn = next(m for m in person.materials if m.texture_srgb is not None)
     assert worn.texture_srgb is not None

@@ -64,9 +64,13 @@ def test_boards_and_own_body_are_drawn_again(
     config = config.model_copy(update={"data_root": tmp_path, "display": worn})
     settled(tmp_path, study)
     request = simulated_request(
-        study, study.experiment({"repetitions": 1, "practice": 0}), config, label="S01B", index=0,
+        study,
+        study.experiment({"repetitions": 1, "practice": 0}),
+        config,
+        label="S01B",
+        index=0,
         seed=3,
-    )  # fmt: skip
+    )
     recording = KeptRecording(perform_new(request))
     (stage,) = made
     drawn = recording.stream_arrays("drawn")
@@ -74,9 +78,10 @@ def test_boards_and_own_body_are_drawn_again(
     frames = drawn["frame"].tolist()
     asked = [e for e in recording.events()["payload"] if "asked_ns" in e]
     boards = [
-        i for i, t in enumerate(drawn["t_scene_ns"])
+        i
+        for i, t in enumerate(drawn["t_scene_ns"])
         if any(e["asked_ns"] < t < e["answered_ns"] for e in asked)
-    ]  # fmt: skip
+    ]
     assert len(boards) > 2
     rows = [*boards[:2], boards[-1], *np.linspace(3, len(frames) - 1, 4).astype(int).tolist()]
     for i in rows:

@@ -77,8 +77,12 @@ def test_the_free_arm_hangs_or_lies_and_no_bone_is_stretched(eye_m):
     rest = canonical_skeleton()
     bone = {name: float(np.linalg.norm(rest.offsets_m[rest.index(name)])) for name in BODY_JOINTS}
     scale = apart_m(body, "left_lower_arm", "left_hand") / bone["left_hand"]
-    limbs = (("lower_leg", "upper_leg"), ("foot", "lower_leg"), ("hand", "lower_arm"),
-             ("lower_arm", "upper_arm"))  # fmt: skip
+    limbs = (
+        ("lower_leg", "upper_leg"),
+        ("foot", "lower_leg"),
+        ("hand", "lower_arm"),
+        ("lower_arm", "upper_arm"),
+    )
 
     assert body["left_hand"][1] < body["left_shoulder"][1] - 0.25
     assert abs(body["left_hand"][0]) < 0.4

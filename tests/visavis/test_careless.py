@@ -12,9 +12,13 @@ from visavis.careless import Careless, patterned_01
 
 @pytest.mark.parametrize(
     ("given", "expected"),
-    [([1, 2, 1, 2, 1, 2], 1.0), ([1, 2, 3, 1, 2, 3], 1.0), ([1, 2, 3, 4, 5, 1], 0.0),
-     ([1, 2], float("nan"))],
-)  # fmt: skip
+    [
+        ([1, 2, 1, 2, 1, 2], 1.0),
+        ([1, 2, 3, 1, 2, 3], 1.0),
+        ([1, 2, 3, 4, 5, 1], 0.0),
+        ([1, 2], float("nan")),
+    ],
+)
 def test_patterns_of_two_and_three_are_noticed(given: list[float], expected: float) -> None:
     assert pytest.approx(expected, nan_ok=True) == patterned_01(np.array(given, np.float64))
 
@@ -29,9 +33,12 @@ def trials(given: list[float | None], **columns: list[object]) -> pd.DataFrame:
 
 def test_signs_are_counted_over_trials_that_count() -> None:
     rows = trials(
-        [3, 3, 3, 4, None], rating_ms=[100, 900, 250, 800, None], clip=["a", "b", "a", "b", "c"],
-        check=[None, "2", None, "1", None], check_is_right=[None, True, None, False, None],
-    )  # fmt: skip
+        [3, 3, 3, 4, None],
+        rating_ms=[100, 900, 250, 800, None],
+        clip=["a", "b", "a", "b", "c"],
+        check=[None, "2", None, "1", None],
+        check_is_right=[None, True, None, False, None],
+    )
     practice = trials([3], rating_ms=[1], clip=["a"], check=["1"], check_is_right=[False])
     practice["is_practice"] = True
     careless = Careless(

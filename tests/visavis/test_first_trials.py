@@ -31,8 +31,12 @@ def met_in_trials(reference: str, root: Path, how: str, **variables: Path) -> li
     set_to = {name: str(folder) for name, folder in variables.items()}
     result = subprocess.run(
         [str(word) for word in command],
-        cwd=ROOT, env={**os.environ, **set_to}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        cwd=ROOT,
+        env={**os.environ, **set_to},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert result.returncode == 0, result.stderr
     met: list[str] = json.loads(result.stdout)
     return met

@@ -40,9 +40,12 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> str:
     study = opened(str(path))
     recordings = [perform(str(path), folder / "data", index, intertrial_s=0.1) for index in (0, 1)]
     page = study.analyse(
-        [study.measure(r) for r in recordings], folder / "out", is_simulated=True, commands=(),
+        [study.measure(r) for r in recordings],
+        folder / "out",
+        is_simulated=True,
+        commands=(),
         example=recordings[0],
-    ).read_text("utf-8")  # fmt: skip
+    ).read_text("utf-8")
     return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", page)))
 
 

@@ -19,9 +19,7 @@ DESIGNS: tuple[dict[str, Any], ...] = (
     {"within": "a", "between": "g"}, {"within": "b", "between": "g"},
 )  # fmt: skip
 MODELS = ("lmm", "gee", "clmm", "bradleyterry")
-NOT_OF_MEANS = (
-    "spearman", "pearson", "tost", "cronbach", "binomial", "krippendorff"
-)  # fmt: skip
+NOT_OF_MEANS = ("spearman", "pearson", "tost", "cronbach", "binomial", "krippendorff")
 """Tests that ask for more than a measure and its factors."""
 
 
@@ -77,13 +75,17 @@ def test_a_comparison_of_choices_names_one_term_and_the_odds_of_items() -> None:
     pairs = [f"{a}|{b}" for a in "uvw" for b in "uvw" if a != b]
     votes = pd.DataFrame(
         {"participant": f"P{i:02d}", "pair": p, "vote": float(np.sign(rng.normal(p < "v", 1)))}
-        for i in range(15) for p in pairs
-    )  # fmt: skip
+        for i in range(15)
+        for p in pairs
+    )
     compare = Compare("vote", within="pair", model="bradleyterry", options=[("side", True)])
     found = answered(
-        compare, votes, {"vote": Measure("vote", "1", "Vote")}, {"pair": tuple(pairs)},
+        compare,
+        votes,
+        {"vote": Measure("vote", "1", "Vote")},
+        {"pair": tuple(pairs)},
         is_simulated=True,
-    )  # fmt: skip
+    )
     assert ("pair",) == compare.terms == tuple(t.name for t in found.terms)
     assert ["u \N{EN DASH} v", "u \N{EN DASH} w", "v \N{EN DASH} w"] == [
         c.name for c in found.contrasts

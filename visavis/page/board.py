@@ -114,9 +114,12 @@ def _state(recording: Recording, events: Any, session: Path) -> str:
 
 
 def board_of(
-    entries: Iterable[Participant], folder: Path, *, quota: int | None = None,
+    entries: Iterable[Participant],
+    folder: Path,
+    *,
+    quota: int | None = None,
     known: dict[str, Place] | None = None,
-) -> Board:  # fmt: skip
+) -> Board:
     """Return where everybody of a study is; `known` keeps places that do not change any more."""
     kept = {} if known is None else known
     places = []

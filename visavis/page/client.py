@@ -29,9 +29,12 @@ async def arrive(base: str, told: Mapping[str, str]) -> str:
 
 
 async def visit(
-    address: str, visitor: Visitor, clock: Clock, *,
+    address: str,
+    visitor: Visitor,
+    clock: Clock,
+    *,
     ends: Callable[[PageStep], bool] = lambda step: False,
-) -> str:  # fmt: skip
+) -> str:
     """Answer every step of the page at an address (http://…/#KEY) to its end, which is returned.
 
     `ends` says before which step the page is closed, as if its battery had run out.

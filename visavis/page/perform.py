@@ -211,9 +211,14 @@ def recorder_of(part_dir: Path, clock: Clock, *, is_simulated: bool) -> Recorder
 
 
 def held_of(
-    request: Request, experiment: StudyExperiment, store: FilmStore, folder: SessionFolder,
-    recorder: Recorder, past: Past | None, key: str,
-) -> Held:  # fmt: skip
+    request: Request,
+    experiment: StudyExperiment,
+    store: FilmStore,
+    folder: SessionFolder,
+    recorder: Recorder,
+    past: Past | None,
+    key: str,
+) -> Held:
     """Return a session ready to be served: its desk, where it was left, and its films.
 
     Raises:
@@ -257,8 +262,10 @@ def _perform_part(
             _served(request, experiment, store, folder, recorder, past, key, port)
         )
         if outcome in ENDINGS:
-            todo = f"; do it now: visavis participant withdraw {request.study.name} " \
-                   f"{request.participant_label}"  # fmt: skip
+            todo = (
+                f"; do it now: visavis participant withdraw {request.study.name} "
+                f"{request.participant_label}"
+            )
             raise SessionAborted(ENDINGS[outcome] + (todo if outcome == WITHDRAWN else ""))
     except KeyboardInterrupt as error:
         reason = "interrupted from the keyboard or by the system"

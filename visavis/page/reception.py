@@ -263,14 +263,22 @@ class Reception:
 
     def _request(self, entry: Participant) -> Request:
         return replace(
-            self._base, participant_label=entry.label, participant_index=entry.index,
-            group=entry.group, consent_version=entry.consent_version,
-        )  # fmt: skip
+            self._base,
+            participant_label=entry.label,
+            participant_index=entry.index,
+            group=entry.group,
+            consent_version=entry.consent_version,
+        )
 
     def _part(
-        self, request: Request, entry: Participant, folder: SessionFolder, past: Any, key: str,
+        self,
+        request: Request,
+        entry: Participant,
+        folder: SessionFolder,
+        past: Any,
+        key: str,
         arrival: Arrival,
-    ) -> _Open:  # fmt: skip
+    ) -> _Open:
         clock = request.clock
         part_dir = folder.begin_part(clock)
         recorder: Recorder | None = None

@@ -154,8 +154,10 @@ class PageServer(LocalServer):
         self._held: dict[str, Held] = {}
         files = dict(FILES)
         posts: dict[str, Handler] = {
-            "/api/hello": self._hello, "/api/events": self._events, "/api/leave": self._leave,
-        }  # fmt: skip
+            "/api/hello": self._hello,
+            "/api/events": self._events,
+            "/api/leave": self._leave,
+        }
         if reception is not None:
             files |= BOARD_FILES
             posts |= {"/api/arrive": self._arrive, "/api/board": self._board}

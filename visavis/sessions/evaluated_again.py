@@ -121,9 +121,13 @@ def _offsets_ns(recording: Recording, part: int) -> list[tuple[int, int, int, in
         row = entry["row"]
         if row.get("clock_offset_ns") is not None and row.get("t_start_ns") is not None:
             found.append(
-                (int(row["number"]), int(row["t_start_ns"]), int(row["t_end_ns"]),
-                 int(row["clock_offset_ns"]))
-            )  # fmt: skip
+                (
+                    int(row["number"]),
+                    int(row["t_start_ns"]),
+                    int(row["t_end_ns"]),
+                    int(row["clock_offset_ns"]),
+                )
+            )
     return found
 
 

@@ -37,8 +37,10 @@ def _of_other_levels(trials: Sequence[Trial], met_in: Sequence[Trial], most: int
     met = {level for trial in met_in for level in trial.factors.items()}
     chosen: list[Trial] = []
     while len(chosen) < most and met != everything:
-        best = max(trials, key=lambda t: sum(1 / worth[k] for k, v in t.factors.items()
-                                             if (k, v) not in met))  # fmt: skip
+        best = max(
+            trials,
+            key=lambda t: sum(1 / worth[k] for k, v in t.factors.items() if (k, v) not in met),
+        )
         chosen.append(best)
         met |= set(best.factors.items())
     return chosen

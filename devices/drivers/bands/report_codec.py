@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from devices.drivers.bands.language import Condition, Notice, level
 
 TTL_STEP_MS = 10
-TTL_LONGEST_MS = 255 * TTL_STEP_MS
+MAX_REPORT_TTL_MS = 255 * TTL_STEP_MS
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class ReportLanguage:
 
     def lasts_ms(self, ttl_ms: int) -> int | None:
         """Return the time to live the report can carry; None when it carries none."""
-        return None if self._layout.ttl_byte is None else min(ttl_ms, TTL_LONGEST_MS)
+        return None if self._layout.ttl_byte is None else min(ttl_ms, MAX_REPORT_TTL_MS)
 
     def opening(self) -> Sequence[bytes]:
         """Return nothing."""

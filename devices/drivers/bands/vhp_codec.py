@@ -33,7 +33,7 @@ SLEEVE_RATE_HZ = 16e6 / (512 * 2 * 64)
 OP_END, OP_SET_ALL_GAIN, OP_PLAY, OP_SET_WAVEFORM, OP_SET_GAIN = 0x00, 0x02, 0x80, 0xA0, 0xB0
 TONES_HZ = (25, 30, 35, 45, 50, 60, 70, 90, 100, 125, 150, 175, 200, 250, 300, 350)
 DEFAULT_TONE_HZ = 125.0
-PLAY_STEP_MS, PLAY_LONGEST_MS = 20, 640
+PLAY_STEP_MS, MAX_PLAY_MS = 20, 640
 
 
 class VhpMessage(NamedTuple):
@@ -98,7 +98,7 @@ def ex_pattern(
     ops = bytes((OP_SET_ALL_GAIN, 0)) + gains
     steps = -(-duration_ms // PLAY_STEP_MS)
     while steps > 0 and len(ops) + len(waves) + 2 <= MAX_PAYLOAD:
-        now = min(steps, PLAY_LONGEST_MS // PLAY_STEP_MS)
+        now = min(steps, MAX_PLAY_MS // PLAY_STEP_MS)
         ops += waves + bytes((OP_PLAY | now - 1,))
         steps -= now
     return ops + bytes((OP_END,))
@@ -107,7 +107,7 @@ def ex_pattern(
 def longest_pattern_ms(motors: int) -> int:
     """Return how long `ex_pattern` can run that many motors."""
     room = MAX_PAYLOAD - 3 - 2 * motors
-    return room // (2 * motors + 1) * PLAY_LONGEST_MS
+    return room // (2 * motors + 1) * MAX_PLAY_MS
 
 
 def nearest_tone(rate_hz: float) -> int:

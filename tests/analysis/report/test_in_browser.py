@@ -1,8 +1,6 @@
 """A report in a real browser: every width, tables to take along, and the mark they bear."""
 
 import csv
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +19,10 @@ from analysis.report.blocks import (
 )
 from analysis.report.page import write_page
 
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 SVG = '<svg viewBox="0 0 {0} 200" width="{0}pt" xmlns="http://www.w3.org/2000/svg"></svg>'
 
 pytestmark = [
     pytest.mark.slow,  # a browser
-    pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed here"),
 ]
 
 
@@ -44,15 +40,6 @@ def report(folder: Path, *, is_simulated: bool) -> str:
     )
     made = Page("A study", "?", Facts(()), is_simulated, (Section("one", "One", blocks),))
     return write_page(made, folder / "report.html").as_uri()
-
-
-@pytest.fixture
-def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as started:
-        opened = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.mark.parametrize("width", [1366, 820, 390])

@@ -10,8 +10,9 @@ from analysis.statistics import errors
 from analysis.statistics.agreement import cohen_kappa, icc, krippendorff_alpha
 from analysis.statistics.binomial import binomial_test, sign_test, sign_test_of_one
 
-RATINGS = arrays.arrays(np.int64, st.tuples(st.integers(4, 12), st.integers(2, 4)),
-                        elements=st.integers(1, 5))  # fmt: skip
+RATINGS = arrays.arrays(
+    np.int64, st.tuples(st.integers(4, 12), st.integers(2, 4)), elements=st.integers(1, 5)
+)
 
 
 @pytest.mark.parametrize("scale", ["nominal", "ordinal", "interval", "ratio"])

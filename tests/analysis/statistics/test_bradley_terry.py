@@ -17,9 +17,14 @@ ROLES = {"first": "first", "second": "second", "subject": "who"}
 
 
 def choices(
-    n: int, likes: Mapping[str, float] = LIKES, *, seed: int = 1, differ: float = 0.0,
-    tie: float = 0.0, place: float = 0.0,
-) -> dict[str, Any]:  # fmt: skip
+    n: int,
+    likes: Mapping[str, float] = LIKES,
+    *,
+    seed: int = 1,
+    differ: float = 0.0,
+    tie: float = 0.0,
+    place: float = 0.0,
+) -> dict[str, Any]:
     """Return every ordered pair judged by n people; `differ` is the SD of what they like."""
     rng = np.random.default_rng(seed)
     rows = []
@@ -89,9 +94,11 @@ def test_groups_that_like_opposite_things_are_told() -> None:
 def test_preferences_in_a_circle_do_not_fit_one_scale() -> None:
     rows = [("ab", 1), ("bc", 1), ("ca", 1)] * 9 + [("ab", -1), ("bc", -1), ("ca", -1)]
     frame = {
-        "first": [p[0] for p, _ in rows], "second": [p[1] for p, _ in rows],
-        "y": [v for _, v in rows], "who": [f"S{i}" for i in range(len(rows))],
-    }  # fmt: skip
+        "first": [p[0] for p, _ in rows],
+        "second": [p[1] for p, _ in rows],
+        "y": [v for _, v in rows],
+        "who": [f"S{i}" for i in range(len(rows))],
+    }
     fit = bradley_terry(frame, "y", **ROLES).fit
     assert fit is not None
     assert 1 == fit.df

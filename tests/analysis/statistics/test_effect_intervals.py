@@ -79,15 +79,20 @@ def test_scores_in_estimating_equations_have_d_by_the_pooled_sd_of_their_conditi
 def test_a_term_of_one_df_has_the_ratio_that_treatment_coding_gives(family: str) -> None:
     """The interaction's coefficient in treatment coding is the log of the ratio of ratios."""
     frame = within_frame(5, 16, (2, 2))
-    frame["y"] = np.round(np.clip(frame["y"] + 2, 0, 8)) if family == "poisson" else (
-        np.asarray(frame["y"]) > 0.5
-    ).astype(float)  # fmt: skip
+    frame["y"] = (
+        np.round(np.clip(frame["y"] + 2, 0, 8))
+        if family == "poisson"
+        else (np.asarray(frame["y"]) > 0.5).astype(float)
+    )
     made = gee(frame, "y", family=family, **TWO)
     a, b = (frame["A"] == "a0").astype(float), (frame["B"] == "b0").astype(float)
     fit = sm.GEE(
-        frame["y"], np.column_stack([np.ones(64), a, b, a * b]), groups=frame["subject"],
-        family=getattr(sm.families, family.title())(), cov_struct=sm.cov_struct.Exchangeable(),
-    ).fit(cov_type="bias_reduced", ctol=1e-10, maxiter=200, ddof_scale=0)  # fmt: skip
+        frame["y"],
+        np.column_stack([np.ones(64), a, b, a * b]),
+        groups=frame["subject"],
+        family=getattr(sm.families, family.title())(),
+        cov_struct=sm.cov_struct.Exchangeable(),
+    ).fit(cov_type="bias_reduced", ctol=1e-10, maxiter=200, ddof_scale=0)
     reach = stats.t.ppf(0.975, 15) * fit.bse[3]
     expected = np.exp([fit.params[3], fit.params[3] - reach, fit.params[3] + reach])
     effect = made.effect("A:B")
@@ -134,8 +139,12 @@ def test_the_odds_of_groups_who_answered_once_have_the_interval_of_their_counts(
 
 def test_two_items_have_the_odds_of_their_counts_also_turned_round() -> None:
     vote = np.repeat([1.0, -1.0], [21, 9])
-    frame = {"who": [f"S{i}" for i in range(30)], "first": ["u"] * 30, "second": ["v"] * 30,
-             "y": vote}  # fmt: skip
+    frame = {
+        "who": [f"S{i}" for i in range(30)],
+        "first": ["u"] * 30,
+        "second": ["v"] * 30,
+        "y": vote,
+    }
     made = bradley_terry(frame, "y", first="first", second="second", subject="who")
     reach = stats.t.ppf(0.975, 29) * np.sqrt((1 / 21 + 1 / 9) * 30 / 29)
     expected = 21 / 9 * np.exp([0, -reach, reach])

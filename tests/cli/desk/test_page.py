@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -29,7 +28,6 @@ from tests.cli.test_operator_screen import STATUS
 from tests.faults.sessions import lab
 
 REPOSITORY = Path(__file__).resolve().parents[3]
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 PATIENCE_S = 120.0
 WIDTHS_PX = (1366, 820, 390)
 FINDINGS = [
@@ -45,17 +43,7 @@ DOCTOR = {
 pytestmark = [
     pytest.mark.slow,  # a browser
     pytest.mark.timeout(600),
-    pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed here"),
 ]
-
-
-@pytest.fixture
-def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as started:
-        opened = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.fixture
@@ -246,12 +234,12 @@ def started(root: Path, *arguments: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(
         [sys.executable, "-u", "-m", "cli.main", *arguments],
         cwd=root,
-        env=os.environ | {"XDG_CACHE_HOME": str(root / "cache"), "PYTHONPATH": str(REPOSITORY),
-                          "COLUMNS": "200"},
+        env=os.environ
+        | {"XDG_CACHE_HOME": str(root / "cache"), "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"},
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-    )  # fmt: skip
+    )
 
 
 def address_told(process: "subprocess.Popen[str]") -> str:

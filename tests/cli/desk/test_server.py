@@ -133,9 +133,10 @@ def test_the_doctor_leaves_devices_of_a_session_alone(
             finding = {"level": "warning", "subject": "disk", "found": "3 GB", "remedy": "free"}
             note.write_text(
                 '{"made_wall_iso": "2026-01-02T00:00:00+00:00", "findings": ['
-                + str(finding).replace("'", '"') + "]}",
+                + str(finding).replace("'", '"')
+                + "]}",
                 "utf-8",
-            )  # fmt: skip
+            )
             _, told = await post("/api/doctor", {})
             assert {"missing": 0, "warning": 1, "ok": 0} == told["doctor"]["count"]
 

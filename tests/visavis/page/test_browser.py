@@ -3,7 +3,6 @@
 import contextlib
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -22,14 +21,12 @@ from tests.visavis.page.pages import STUDY
 from visavis.page.desk import RELOADED, RESTARTED
 
 REPOSITORY = Path(__file__).resolve().parents[3]
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 PATIENCE_S = 120.0
 POLL_S = 0.05
 
 pytestmark = [
     pytest.mark.slow,  # a browser, and films that are drawn
     pytest.mark.timeout(600),
-    pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed here"),
 ]
 
 
@@ -86,15 +83,6 @@ def server(tmp_path: Path) -> Iterator[Server]:
     yield made
     if made.process is not None:
         made.kill()
-
-
-@pytest.fixture
-def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as started:
-        opened = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 def state_of(page: Any) -> dict[str, Any]:

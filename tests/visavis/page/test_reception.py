@@ -58,10 +58,14 @@ class Place:
             operator=UnattendedOperator(), on="browser",
         )  # fmt: skip
         return Reception(
-            base, film_store(experiment()), self.ledger, self.rules,
-            identify=self.who.__setitem__, known=self.who.get,
+            base,
+            film_store(experiment()),
+            self.ledger,
+            self.rules,
+            identify=self.who.__setitem__,
+            known=self.who.get,
             withdraw=lambda label: void(self.ledger.withdraw(label, [self.folder])),
-        )  # fmt: skip
+        )
 
     def visitor(self, stop: str = "") -> Somebody:
         person = study().participant(0, SEED, effect=True, experiment=experiment())

@@ -107,7 +107,10 @@ def test_an_address_at_which_nobody_could_come_is_refused(
     (tmp_path / "many.py").write_text(STUDY, "utf-8")
     told = subprocess.run(
         [*COMMAND, "serve", "./many.py", "--devices", "sim", *given],
-        cwd=tmp_path, capture_output=True, text=True, timeout=60,
-    )  # fmt: skip
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert 0 != told.returncode
     assert said in told.stdout + told.stderr
