@@ -215,8 +215,11 @@ def _notice(mind: Records, person: Records, targets: Records, t_ns: int) -> None
         g.believed = 0
         g.lost_ns = t_ns
         m.arousal_01 = 0.5
-        stays_ns = log_normal_ns(mind, p.startle_s, p.hold_log_sd)
-        m.visit_end_ns = max(m.visit_end_ns, t_ns + stays_ns)
+        stays_ns = log_normal_ns(mind, abs(p.startle_s), p.hold_log_sd)
+        if p.startle_s < 0.0:
+            m.visit_end_ns = max(t_ns, m.visit_end_ns - stays_ns)
+        else:
+            m.visit_end_ns = max(m.visit_end_ns, t_ns + stays_ns)
 
 
 @compiled

@@ -8,8 +8,11 @@ import numpy.typing as npt
 from lab.errors import UsageError
 from visavis.observer.state import PERSON_DTYPE
 
-MIN_RETURN_GAIN = 0.1
-"""What contact leaves of a head's attraction in those whom it repels most."""
+MIN_RETURN_GAIN, MAX_RETURN_GAIN = 0.1, 90.0
+"""What contact leaves of a head's attraction in those whom it repels most, and makes of it in those
+whom it draws most."""
+MIN_RECHECK_GAIN = -0.9
+"""What an agent that looked away loses of its attraction, in those who avoid it most."""
 
 
 @dataclass(frozen=True)
@@ -88,33 +91,36 @@ class Population:
     """C: mean time to notice that the agent looked at begins or ends contact."""
     notice_log_sd: float = 0.35
     """C: log spread of both."""
-    hold_s: float = 0.34
+    hold_s: float = 0.29
     """F: mean prolongation of a visit by contact."""
     hold_log_sd: float = 0.60
     """C: its within-person log spread."""
     hold_between_share: float = 0.76
     """F: its between-person spread, a share of the mean; people below zero cut a visit short when
     they are looked at."""
-    startle_s: float = 0.46
+    startle_s: float = 0.50
     """F: mean time a visit goes on after contact was seen to end."""
-    startle_between_log_sd: float = 0.6
-    """F: its between-person log spread."""
+    startle_between_share: float = 1.3
+    """F: its between-person spread, a share of the mean; people below zero leave at once."""
     hold_growth: float = 1.0
     """F: factor on `hold_s` at each further visit to an agent in contact."""
     caught_hold: float = 1.15
     """F: factor on `hold_s` for an agent seen to look elsewhere before, ..."""
     caught_return: float = 2.5
     """F: ... and on `return_gain`: being caught staring asks for another look."""
-    return_gain: float = 21.0
-    """F: mean factor by which an agent known to be in contact draws gaze back."""
-    return_between_share: float = 1.0
-    """F: its between-person spread, a share of the mean; below one, contact repels."""
+    return_gain: float = 11.0
+    """F: median factor by which an agent known to be in contact draws gaze back."""
+    return_between_log_sd: float = 1.9
+    """F: its between-person log spread; below one, contact repels."""
+    response_levels: float = 0.35
+    """F: how much less those most held and drawn exceed the mean than others stay below it, so that
+    differences of looking are as normal as the source's t tests take them to be."""
     return_habituation: float = 0.42
     """F: factor on the former at each further visit."""
     recheck_gain: float = 3.7
     """F: extra attraction of an agent that was seen to look away, ..."""
-    recheck_between_log_sd: float = 0.75
-    """F: its between-person log spread."""
+    recheck_between_share: float = 1.0
+    """F: its between-person spread, a share of the mean; below zero it is avoided."""
     recheck_s: float = 5.0
     """F: ... and the time constant with which it fades."""
     parafovea_p: float = 0.10
@@ -135,7 +141,7 @@ class Population:
     """F: correlation of the trait with the log of `return_gain`."""
     anxiety_on_visit: float = -0.55
     """F: correlation of the trait with the log of `head_visit_s` (published: A rs -.40)."""
-    hold_with_return: float = -0.3
+    hold_with_return: float = 0.9
     """F: correlation of the two gains through what is not anxiety."""
 
     # ---- eye movements ----
@@ -223,6 +229,14 @@ def _correlated(z: float, fresh: float, r: float) -> float:
     return float(r * z + np.sqrt(1 - r * r) * fresh)
 
 
+def _levelled(z: float, by: float) -> float:
+    """Return a standard normal with its upper side drawn in by `by`; mean 0 and SD 1 stay."""
+    square = by * by
+    mean = (1 - np.exp(square / 2)) / by
+    sd = np.sqrt(np.exp(2 * square) - np.exp(square)) / by
+    return float(((1 - np.exp(-by * z)) / by - mean) / sd)
+
+
 def draw_temperament(population: Population, rng: np.random.Generator) -> Temperament:
     """Draw one person; the seat is left at the origin."""
     q = population
@@ -232,23 +246,27 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
     rest = _correlated(z[1], z[2], q.hold_with_return)
     come_back = _correlated(anxiety, rest, q.anxiety_on_return)
     visit = _correlated(anxiety, z[3], q.anxiety_on_visit)
+    held, drawn = _levelled(hold, q.response_levels), _levelled(come_back, q.response_levels)
     values = {
         "head_visit_s": q.head_visit_s * np.exp(q.head_visit_between_log_sd * visit),
         "head_visit_log_sd": q.head_visit_log_sd,
         "other_visit_s": q.other_visit_s * np.exp(0.10 * z[4]),
         "other_visit_log_sd": q.other_visit_log_sd,
-        "hold_s": q.hold_s * (1 + q.hold_between_share * hold),
+        "hold_s": q.hold_s * (1 + q.hold_between_share * held),
         "hold_log_sd": q.hold_log_sd,
-        "startle_s": q.startle_s
-        * np.exp(q.startle_between_log_sd * hold - q.startle_between_log_sd**2 / 2),
+        "startle_s": q.startle_s * (1 + q.startle_between_share * hold),
         "hold_growth": q.hold_growth,
         "caught_hold": q.caught_hold,
         "caught_return": q.caught_return,
-        "return_gain": max(
-            MIN_RETURN_GAIN, q.return_gain * (1 + q.return_between_share * come_back)
+        "return_gain": np.clip(
+            q.return_gain * np.exp(q.return_between_log_sd * drawn),
+            MIN_RETURN_GAIN,
+            MAX_RETURN_GAIN,
         ),
         "return_habituation": q.return_habituation,
-        "recheck_gain": q.recheck_gain * np.exp(q.recheck_between_log_sd * come_back),
+        "recheck_gain": max(
+            MIN_RECHECK_GAIN, q.recheck_gain * (1 + q.recheck_between_share * come_back)
+        ),
         "recheck_s": q.recheck_s,
         "novelty_gain": q.novelty_gain,
         "recovery_s": q.recovery_s,
@@ -332,6 +350,6 @@ def scaled_population(population: Population, effect: float) -> Population:
         caught_hold=p.caught_hold**effect,
         caught_return=p.caught_return**effect,
         return_gain=p.return_gain**effect,
-        return_between_share=p.return_between_share * effect,
+        return_between_log_sd=p.return_between_log_sd * effect,
         return_habituation=p.return_habituation**effect,
     )

@@ -11,9 +11,9 @@ from visavis.observer.temperament import DEFAULT_POPULATION, draw_temperament
 from visavis.power import KitPower
 
 
-def printed_dz(measure: str) -> float:
-    """Return the standardised difference of A and D that the printed t implies."""
-    t = TESTS["A", "D", measure].statistic
+def printed_dz(first: str, second: str, measure: str) -> float:
+    """Return the standardised difference of two conditions that the printed t implies."""
+    t = TESTS[first, second, measure].statistic
     assert t is not None
     return float(abs(t) / np.sqrt(PARTICIPANTS))
 
@@ -21,18 +21,38 @@ def printed_dz(measure: str) -> float:
 def test_as_many_people_avert_their_eyes_as_normal_differences_imply() -> None:
     rng = np.random.default_rng(0)
     people = [draw_temperament(DEFAULT_POPULATION, rng).constants[0] for _ in range(3000)]
-    implied = special.ndtr(-printed_dz(DWELL_MS))
+    implied = special.ndtr(-printed_dz("A", "D", DWELL_MS))
     assert 0.109 == pytest.approx(implied, abs=0.001)
-    assert implied == pytest.approx(np.mean([p["hold_s"] < 0 for p in people]), abs=0.03)
-    assert implied < np.mean([p["return_gain"] < 1 for p in people]) < 0.25
+    assert implied == pytest.approx(np.mean([p["hold_s"] < 0 for p in people]), abs=0.04)
+    assert implied == pytest.approx(np.mean([p["return_gain"] < 1 for p in people]), abs=0.04)
+    leaving = special.ndtr(-printed_dz("A", "DA", DWELL_MS))
+    assert leaving == pytest.approx(np.mean([p["startle_s"] < 0 for p in people]), abs=0.04)
+
+
+def test_nobody_is_held_so_long_that_differences_are_skewed() -> None:
+    rng = np.random.default_rng(1)
+    held = [draw_temperament(DEFAULT_POPULATION, rng).constants[0]["hold_s"] for _ in range(3000)]
+    assert np.mean(held) == pytest.approx(DEFAULT_POPULATION.hold_s, rel=0.05)
+    sd = DEFAULT_POPULATION.hold_s * DEFAULT_POPULATION.hold_between_share
+    assert sd == pytest.approx(np.std(held), rel=0.05)
+    assert max(held) < np.mean(held) + 2.5 * sd < np.mean(held) - min(held) + np.mean(held)
 
 
 @pytest.mark.slow
-def test_differences_have_the_published_size_and_spread_and_both_signs() -> None:
-    rows = KitPower("stare", tracker_of).simulate_people(range(20), effect=1.0, seed=5)
-    for measure in (DWELL_MS, FIXATION_COUNT):
+def test_differences_have_the_published_size_and_spread_both_signs_and_little_skew() -> None:
+    rows = KitPower("stare", tracker_of).simulate_people(range(40), effect=1.0, seed=5)
+    for first, second, measure in (
+        ("A", "D", DWELL_MS),
+        ("A", "D", FIXATION_COUNT),
+        ("A", "DA", DWELL_MS),
+        ("D", "DA", DWELL_MS),
+    ):
         wide = rows.pivot_table(index="participant", columns="condition", values=measure)
-        off = (wide["D"] - wide["A"]).to_numpy()
-        assert printed_dz(measure) == pytest.approx(off.mean() / off.std(ddof=1), abs=0.35)
-        assert 0.02 <= (off < 0).mean() <= 0.3
-        assert abs(stats.skew(np.sort(off)[:-1])) < 1.2  # was 2.5 with nobody reversed
+        off = (wide[second] - wide[first]).to_numpy()
+        if (first, second) == ("D", "DA"):
+            off = -off
+        dz = printed_dz(first, second, measure)
+        assert dz == pytest.approx(off.mean() / off.std(ddof=1), abs=0.25)
+        assert special.ndtr(-dz) == pytest.approx((off < 0).mean(), abs=0.1)
+        # But for the one farthest out: it was 2.5 with nobody reversed, then 1.2.
+        assert abs(stats.skew(np.sort(off)[:-1])) < 0.9
