@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from visavis.analysis import Conclusion as Conclusion
     from visavis.careless import Careless as Careless
     from visavis.compare import Compare as Compare
+    from visavis.confusion import Confusion as Confusion
     from visavis.deriving import derive as derive
     from visavis.exclusions import COMPLETENESS_RULES as COMPLETENESS_RULES
     from visavis.exclusions import STANDARD_RULES as STANDARD_RULES
@@ -70,6 +71,7 @@ _NAMES = {
     "visavis.analysis": ("Conclusion",),
     "visavis.careless": ("Careless",),
     "visavis.compare": ("Compare",),
+    "visavis.confusion": ("Confusion",),
     "visavis.deriving": ("derive",),
     "visavis.exclusions": ("COMPLETENESS_RULES", "STANDARD_RULES", "Exclusion"),
     "visavis.films": ("Film", "Lens", "Pair"),
