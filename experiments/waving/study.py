@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from dataclasses import asdict, astuple, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -68,6 +68,10 @@ from visavis.responses import Choice, Rating
 from visavis.scenes import WithEyes, places
 from visavis.study import Source, Study
 from visavis.trial import TrialScript
+
+if TYPE_CHECKING:
+    from experiments.waving.participant import WavingParticipant
+    from visavis.quick import TrackerModel
 
 DIRECTIONS: Final = ("self", "left", "right")
 """Who is waved at: the participant, the customer to the left, the customer to the right."""
@@ -430,6 +434,14 @@ def person(
 
     asked = {text: response.name for text, response in experiment.words.items()}
     return WavingParticipant(index, seed, effect, asked=asked)
+
+
+@study.quick
+def quick(experiment: StudyExperiment, person: "WavingParticipant", tracker: "TrackerModel") -> Any:
+    """Return what performs a plan in a moment, once what can be seen of each wave is known."""
+    from experiments.waving.quick_study import quick_trials  # late: it imports this module
+
+    return partial(quick_trials, person, making=making_of(experiment.parameters))
 
 
 def _office_shown(
