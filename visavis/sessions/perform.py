@@ -109,6 +109,10 @@ class Companion(Protocol):
         """Hear that the devices are open and their streams declared."""
         ...
 
+    def closed(self) -> None:
+        """Hear that the session's part has ended, however it did; its files are closed."""
+        ...
+
 
 def behaviour_seed(request: "Request") -> int:
     """Return the seed of what is simulated: another one in every further session of a person."""
@@ -294,6 +298,20 @@ def _equip(request: Request, stack: ExitStack) -> _Devices:
 
 
 def _perform_part(
+    request: Request,
+    devices: _Devices,
+    folder: SessionFolder,
+    plan: SessionPlan,
+    progress: Progress,
+) -> None:
+    try:
+        _perform_companied(request, devices, folder, plan, progress)
+    finally:
+        if request.companion is not None and not request.clock.is_virtual:
+            request.companion.closed()
+
+
+def _perform_companied(
     request: Request,
     devices: _Devices,
     folder: SessionFolder,
