@@ -46,6 +46,13 @@ class KeyFile:
         salt = bytes.fromhex(self._read()["salt"])
         return hmac.new(salt, label.encode(), hashlib.sha256).hexdigest()[:12]
 
+    def page_key(self, label: str, session: int) -> str:
+        """Return the secret in the address of a session's page, the same whenever it is asked."""
+        salt = bytes.fromhex(self._read()["salt"])
+        # a label has letters and digits alone, so that no pseudonym is made of the same text
+        told = f"page/{label}/{session}".encode()
+        return hmac.new(salt, told, hashlib.sha256).hexdigest()
+
     def identify(self, label: str, identity: Mapping[str, str]) -> None:
         """Store who is behind a label (name, contact); replaces what was stored."""
         with locked(self._lock_path):
