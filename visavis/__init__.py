@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from protocol.orders import never_next_to as never_next_to
     from protocol.orders import no_more_than as no_more_than
     from protocol.parameters import Within as Within
+    from stimuli.sound import Sound as Sound
     from visavis.analysis import Conclusion as Conclusion
     from visavis.careless import Careless as Careless
     from visavis.compare import Compare as Compare
@@ -70,6 +71,7 @@ _NAMES = {
     "protocol.design": ("Factor",),
     "protocol.orders": ("never_next_to", "no_more_than"),
     "protocol.parameters": ("Within",),
+    "stimuli.sound": ("Sound",),
     "visavis.analysis": ("Conclusion",),
     "visavis.careless": ("Careless",),
     "visavis.compare": ("Compare",),
