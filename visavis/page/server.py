@@ -15,7 +15,7 @@ from visavis.page.errors import OpenElsewhereError, PageError
 
 SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {"/": "index.html", "/page.js": "page.js", "/store.js": "store.js",
-                "/film.js": "film.js", "/page.css": "page.css"}  # fmt: skip
+                "/film.js": "film.js", "/wire.js": "wire.js", "/page.css": "page.css"}  # fmt: skip
 BOARD_FILES: Final = {"/board": "board.html", "/board.js": "board.js"}
 KEY: Final = "X-Visavis-Key"
 MAX_REQUEST_BYTES: Final = 1 << 20
