@@ -52,7 +52,7 @@ COMMANDS: Mapping[str, Entry] = {
         "elsewhere", "Write a study as files for JATOS or any web host, where no server can run."
     ),
     "import-web": Entry(
-        "elsewhere", "Record what people did with a study that was written by export-web."
+        "elsewhere", "Record what people did with a study that was written for another host."
     ),
     "resume": Entry(
         "session",

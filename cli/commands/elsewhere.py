@@ -39,7 +39,7 @@ def export_web(
     assignments: SetOption = None,
     language: LanguageOption = None,
 ) -> None:
-    """Write a study as files for JATOS or any web host, where no server of ours can run.
+    """Write a study as files for JATOS or any web host, where no server can run.
 
     Every place of the plan is written down beforehand, so what a study shows may not depend on
     answers. Without JATOS or --results people save their answers as a file at the end.
@@ -86,7 +86,7 @@ def import_web(
     assignments: SetOption = None,
     language: LanguageOption = None,
 ) -> None:
-    """Record what people did with a study that was written by export-web.
+    """Record what people did with a study that was written for another host.
 
     Everybody gets an identifier and a session like any other, once, however often a file is read.
     Identifiers of a panel go to the key file.
