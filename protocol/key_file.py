@@ -3,6 +3,7 @@
 import hashlib
 import hmac
 import os
+import re
 import secrets
 import stat
 from collections.abc import Mapping, Sequence
@@ -90,7 +91,9 @@ class KeyFile:
                 f"the key file {self.path} can be read by others (mode {mode:04o}); "
                 f"protect it: chmod 600 '{self.path}'"
             )
-        if not {"salt", "identities"} <= content.keys():
+        salt, identities = content.get("salt"), content.get("identities")
+        is_whole = isinstance(salt, str) and re.fullmatch(r"([0-9a-f]{2})+", salt) is not None
+        if not is_whole or not isinstance(identities, dict):
             raise LedgerError(
                 f"the key file {self.path} lacks its salt or identities; restore it from its backup"
             )
