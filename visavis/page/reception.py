@@ -15,8 +15,8 @@ from recording.folder import SessionFolder, create_session, open_session, sessio
 from recording.reader import Recording
 from recording.writer import CloseStatus, Recorder
 from visavis.page.arrivals import (
-    Arrival,
     LINK,
+    Arrival,
     Order,
     arrival_of,
     completion_of,
@@ -64,7 +64,7 @@ class Rules:
 
 @dataclass
 class Brake:
-    """Lets so many new people in at once, and then so many a second; addresses are not looked at."""
+    """Lets so many new people in at once, then so many a second; no address is looked at."""
 
     at_once: float = 60.0
     a_second: float = 2.0
@@ -283,7 +283,7 @@ class Reception:
         return opened
 
     def _named(self, arrival: Arrival) -> Arrival:
-        """Return who comes, under their label where a link (?participant=07) means one of the ledger.
+        """Return who comes, by their label where a link (participant=07) means one of the ledger.
 
         It does so where that one has no session yet, or came by such a link.
         """
