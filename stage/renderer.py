@@ -1,6 +1,6 @@
 """Draw pictures: people, room, lamps and shadows, fade, mark and panels."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -23,11 +23,11 @@ from stage.shadow_maps import ShadowMaps
 from stage.targets import EyeTarget
 from stage.vertex_light import lamp_rows
 from stage.vertices import Run
-from stimuli.characters.character import Character
 from stimuli.picture import Camera, Picture, Room
 
 FRAME_BYTES = 96
 LIT_STEP_M = 0.5
+UNSEEN_PX = 64, 64
 MAX_OLD_ERRORS = 8
 TEXTURED_PX_PER_M = 55.0
 """The fast quality leaves textures out where vertices lie closer than pixels."""
@@ -133,10 +133,20 @@ class Renderer:
             )
         return drawn
 
-    def prepare(self, cast: tuple[Character, ...], room: Room) -> None:
-        """Send a cast and a room to the card now, so that the first frame is not late."""
-        self._buffers.crowd(cast)
-        self._buffers.room(room)
+    def prepare(self, picture: Picture, cameras: Sequence[Camera]) -> Iterator[None]:
+        """Send what a picture is drawn from to the card, piece by piece, and draw it unseen once.
+
+        What is chosen by what was drawn before is chosen as if this had not been.
+        """
+        crowd = self._buffers.crowd(picture.cast)
+        yield
+        self._buffers.room(picture.room)
+        yield
+        before, drawn = crowd.level_before, self.drawn
+        for camera in cameras[:1]:
+            self.image(picture, camera, UNSEEN_PX)
+        crowd.level_before, self.drawn = before, drawn
+        yield
 
     def close(self) -> None:
         """Free everything; idempotent."""

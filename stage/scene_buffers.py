@@ -5,7 +5,7 @@ import moderngl
 from stage.crowd_buffers import CharacterMeshes, CrowdBuffers
 from stage.processor_crowd import ProcessorCrowd
 from stage.room_buffers import PropBuffers
-from stage.textures import Textures
+from stage.textures import Layers, SharedLayers, Textures
 from stimuli.characters.character import Character
 from stimuli.picture import Prop, Room
 
@@ -22,6 +22,7 @@ class SceneBuffers:
         self._context, self._fast, self._finest = context, fast, finest
         self._textures = Textures(context, fast=fast)
         self._meshes = CharacterMeshes()
+        self._layers = SharedLayers(context)
         self._crowds: dict[tuple[int, ...], Crowd] = {}
         self._rooms: dict[int, tuple[Room, PropBuffers]] = {}
         self._things: dict[int, tuple[Prop, PropBuffers]] = {}
@@ -34,13 +35,17 @@ class SceneBuffers:
             while len(self._crowds) >= CASTS_KEPT:
                 self._crowds.pop(next(iter(self._crowds))).release()
             if self._fast:
-                found = ProcessorCrowd(self._context, cast, self._meshes)
+                found = ProcessorCrowd(self._context, cast, self._meshes, self._layers_of(cast))
             else:
                 found = CrowdBuffers(
                     self._context, cast, self._meshes, self._textures, self._finest
                 )
             self._crowds[key] = found
         return found
+
+    def _layers_of(self, cast: tuple[Character, ...]) -> Layers:
+        drawn = [c.layers for c in self._crowds.values() if isinstance(c, ProcessorCrowd)]
+        return self._layers.of(cast, drawn)
 
     def room(self, room: Room) -> PropBuffers:
         """Return the room's buffers."""
@@ -67,4 +72,5 @@ class SceneBuffers:
             crowd.release()
         for _, props in (*self._rooms.values(), *self._things.values()):
             props.release()
+        self._layers.release()
         self._textures.release()

@@ -13,6 +13,7 @@ from devices.contracts import Armband, Device, DeviceInfo, OwnRecording, Session
 from devices.haptic_safety import HapticGuard
 from devices.shared_body import SharedBody
 from lab.clock import Clock, SimClock, require_fine_clock
+from lab.compiled import forget_old_kernels
 from lab.config import LabConfig, with_devices
 from lab.errors import ConfigError, LabError, RecordingError, SessionAborted
 from protocol.experiment import Respondent, untold
@@ -269,6 +270,7 @@ def get_ready(
             raise KeyboardInterrupt from ended
         except LabError as problem:
             trouble = f"not rehearsed, so the first frames may be late: {problem}"
+    forget_old_kernels()
     told(steps + trials, steps + trials)
     _READY.add(experiment)
     return trouble
