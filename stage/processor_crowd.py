@@ -4,9 +4,10 @@ One buffer holds everybody and a few calls draw them, nearest first, so that who
 rejected before it is shaded.
 """
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import moderngl
@@ -14,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.geometry import Vector
-from stage.crowd_buffers import CharacterMeshes, triangles_of
+from stage.crowd_buffers import triangles_of
 from stage.joint_rows import JointRows
+from stage.models_on_card import CharacterMeshes
 from stage.processor_layout import Counts, FreeRows, JoinedModels
 from stage.processor_models import (
     PLAIN,
@@ -27,7 +29,7 @@ from stage.processor_models import (
     model,
 )
 from stage.programs import UNITS
-from stage.textures import Layers
+from stage.textures import MAX_LAYER_PX, Layers, code_layers
 from stage.vertex_light import (
     CODES_OF_ROOT,
     FACTORS_OF_ROOT,
@@ -94,7 +96,9 @@ class ProcessorCrowd:
         self.level_count = np.array([len(c.levels) for c in cast], np.int64)
         self.triangles = triangles_of(cast)
         pictures = (m.texture_srgb for c in cast for m in c.materials if m.kind != "eye")
-        self._layers = Layers(context, (p for p in pictures if p is not None))
+        self._layers = Layers(
+            (p for p in pictures if p is not None), partial(code_layers, context), MAX_LAYER_PX
+        )
         self.level_before = np.full(len(cast), -1, np.int64)
         self._models: dict[tuple[int, int, bool], int] = {}
         self._joined = JoinedModels(_rank(self._layers))
@@ -166,7 +170,7 @@ class ProcessorCrowd:
             if count:
                 room.indices.write(room.corners[first : first + count], offset=12 * first)
 
-    def draw(self, program_of: Callable[[Run], moderngl.Program], key: Hashable) -> None:
+    def draw(self, program_of: Callable[[Run], moderngl.Program]) -> None:
         """Draw everyone skinned."""
         room, drawing = self._room, self._drawing
         if room is None or drawing is None:
