@@ -5,6 +5,7 @@ section 5 (trial out above 30 % loss, validation accepted up to 1.5°).
 """
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -407,10 +408,15 @@ def _deviation_findings(events: pd.DataFrame, recording: Recording) -> list[Find
         if count:
             level = Level.GREEN if name == "pause_start" else Level.AMBER
             found.append(Finding(level, "deviation", f"{text}: {count}"))
-    flags = sum(p["action"] == "flag" for p in _payloads(events, "operator"))
+    asked = _payloads(events, "operator")
+    given = Counter(str(p["code"]) for p in asked if p.get("code"))
+    if given:
+        listed = ", ".join(f"{code} {count}" for code, count in sorted(given.items()))
+        found.append(Finding(Level.AMBER, "reasons", f"given by the operator: {listed}"))
+    flags = sum(p["action"] == "flag" for p in asked)
     if flags:
         found.append(Finding(Level.AMBER, "flag", f"moments flagged by the operator: {flags}"))
-    notes = [p["text"] for p in _payloads(events, "operator") if p["action"] == "note"]
+    notes = [p["text"] for p in asked if p["action"] in ("note", "reason")]
     found += [Finding(Level.AMBER, "note", str(text)) for text in notes if text]
     return found
 

@@ -25,7 +25,14 @@ if TYPE_CHECKING:
     from lab.clock import Clock
 
 Kind = Literal[
-    "eye tracker", "headset", "responses", "body tracker", "armband", "triggers", "other"
+    "eye tracker",
+    "headset",
+    "responses",
+    "body tracker",
+    "armband",
+    "sound output",
+    "triggers",
+    "other",
 ]
 O = TypeVar("O", bound=Options)  # noqa: E741 - of options
 

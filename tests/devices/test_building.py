@@ -140,4 +140,5 @@ def test_option_that_no_file_was_checked_for_is_refused_by_name():
 
 def test_only_devices_without_a_wire_carry_nothing():
     bare = {name for name, spec in built_in().items() if spec.simulated is no_wire}
+    bare |= {"sound_card"}  # a library that calls back, which no log could play again
     assert bare == {name for name, spec in built_in().items() if spec.carries == "nothing"}

@@ -245,7 +245,7 @@ def held_of(
         told(film)["film"]: found.path
         for film in experiment.films if (found := store.file_of(film)) is not None
     }  # fmt: skip
-    return Held(desk, _about(experiment, folder.manifest.is_simulated), files)
+    return Held(desk, about_of(experiment, folder.manifest.is_simulated), files)
 
 
 def _perform_part(
@@ -332,7 +332,7 @@ def _tell(request: Request, desk: PageDesk, planned: int) -> None:
         )  # fmt: skip
 
 
-def _about(experiment: StudyExperiment, simulated: bool) -> dict[str, Any]:
+def about_of(experiment: StudyExperiment, simulated: bool) -> dict[str, Any]:
     """Return what a page is told once: its words, and whether it is a rehearsal."""
     return {
         "title": experiment.study.title,

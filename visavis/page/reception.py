@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from lab.clock import NS_PER_S
-from lab.errors import LabError
+from lab.errors import LabError, LedgerError
 from protocol.ledger import Ledger, Participant
 from recording.folder import SessionFolder, create_session, open_session, session_dir
 from recording.manifest import read_manifest
 from recording.reader import Recording
 from recording.writer import CloseStatus, Recorder
 from visavis.page.arrivals import (
+    LINK,
     Arrival,
     Order,
     arrival_of,
@@ -24,12 +25,13 @@ from visavis.page.arrivals import (
     order_of,
 )
 from visavis.page.board import COUNTING, Board, Place, board_of
-from visavis.page.course import WITHDRAWN, texts_of_page
+from visavis.page.course import DONE, WITHDRAWN, texts_of_page
 from visavis.page.errors import PageError
 from visavis.page.film_store import FilmStore
 from visavis.page.perform import (
     ENDINGS,
     SERVED,
+    about_of,
     experiment_of,
     held_of,
     key_of,
@@ -38,7 +40,7 @@ from visavis.page.perform import (
     recorder_of,
     refuse_other_plan,
 )
-from visavis.page.server import Held, PageServer
+from visavis.page.server import Ended, Held, PageServer
 from visavis.sessions.perform import Request, end_part
 from visavis.sessions.rig import is_simulated
 
@@ -60,6 +62,26 @@ class Rules:
 
     quota: int | None = None
     completion: str = ""
+
+
+@dataclass
+class Brake:
+    """Lets so many new people in at once, then so many a second; no address is looked at."""
+
+    at_once: float = 60.0
+    a_second: float = 2.0
+    _left: float = 60.0
+    _seen_ns: int | None = None
+
+    def lets_pass(self, now_ns: int) -> bool:
+        """Tell whether one more may come at a time."""
+        passed_s = 0.0 if self._seen_ns is None else (now_ns - self._seen_ns) / NS_PER_S
+        self._seen_ns = now_ns
+        self._left = min(self.at_once, self._left + self.a_second * passed_s)
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
 
 
 @dataclass(eq=False)
@@ -108,6 +130,7 @@ class Reception:
         self._closing: set[asyncio.Task[None]] = set()
         self._port = 0
         self._noticed = self._ledger_changed()
+        self._brake = Brake()
         for entry in ledger.list():
             self._read(entry)
         self._states = {place.label: place.state for place in self._board().places}
@@ -115,20 +138,36 @@ class Reception:
 
     # ---- what the server asks ----------------------------------------------------------------
 
-    async def arrive(self, told: Mapping[str, str]) -> Mapping[str, Any]:
-        """Return the key of a session for somebody who comes, or why there is none."""
-        arrival = arrival_of(told)
+    async def arrive(self, told: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
+        """Return the key of a session for somebody who comes, or why there is none.
+
+        `before` is the key that their browser remembers: who comes with an identifier that others
+        could guess goes on with a session only in the browser that began it.
+        """
+        words = dict(texts_of_page(self._experiment))
+        try:
+            arrival = self._named(arrival_of(told))
+        except PageError as error:
+            self._said(f"somebody came and got no session: {error}")
+            return {"refused": "address", "text": words.get("address", "")}
         await self._notice_withdrawals()
         async with self._turn:
             key = self._of_panel.get((arrival.panel, arrival.identifier))
             if arrival.identifier and key is not None:
+                if arrival.can_be_guessed and key != before:
+                    self._said(
+                        f"{arrival.panel} {arrival.identifier} has a session and came again from "
+                        "another browser, with an identifier that others could guess: refused"
+                    )
+                    return {"refused": "begun", "text": words.get("begun_elsewhere", "")}
                 return {"key": key}
             busy = sum(state in COUNTING for state in self._states.values())
             is_open = sum(not opened.held.closed.is_set() for opened in self._open.values())
             wanted = self._rules.quota
-            words = dict(texts_of_page(self._experiment))
             if is_open >= MAX_OPEN or (wanted is not None and busy >= wanted):
                 return {"refused": "full", "text": words.get("full", "")}
+            if not self._brake.lets_pass(self._base.clock.now_ns()):
+                return {"refused": "busy", "text": words.get("busy", "")}
             try:
                 opened = await self._run(self._begin, arrival)
             except LabError as error:
@@ -137,7 +176,7 @@ class Reception:
             self._keep(opened)
             return {"key": opened.held.desk.key}
 
-    async def held(self, key: str) -> Held | None:
+    async def held(self, key: str) -> Held | Ended | None:
         """Return the session of a key, gone on with where it was left; None without one.
 
         Raises:
@@ -148,6 +187,8 @@ class Reception:
         await self._notice_withdrawals()
         async with self._turn:
             if key not in self._open and key in self._keys:
+                if (ended := self._ended(key)) is not None:
+                    return ended
                 try:
                     self._keep(await self._run(self._go_on, key))
                 except LabError as error:
@@ -232,11 +273,7 @@ class Reception:
             self._of_panel[who.get("panel", ""), who["identifier"]] = key
 
     def _begin(self, arrival: Arrival) -> _Open:
-        entries = [e for e in self._ledger.list() if not e.has_freed_place]
-        counting = [e.index for e in entries if self._states.get(e.label) in COUNTING]
-        index = least_filled([e.index for e in entries], counting, self._order)
-        plan = self._experiment.plan(index, self._base.seed)
-        entry = self._ledger.add(index=index, group=plan.group)
+        entry = self._registered(arrival) or self._added()
         if arrival.identifier:
             self._identify(entry.label, arrival.identity)
         request = self._request(entry)
@@ -252,11 +289,41 @@ class Reception:
             self._of_panel[arrival.panel, arrival.identifier] = opened.held.desk.key
         return opened
 
+    def _named(self, arrival: Arrival) -> Arrival:
+        """Return who comes, by their label where a link (participant=07) means one of the ledger.
+
+        It does so where that one has no session yet, or came by such a link.
+        """
+        if arrival.panel != LINK:
+            return arrival
+        try:
+            entry = self._ledger.resolve(arrival.identifier)
+        except LedgerError:
+            return arrival
+        is_theirs = (LINK, entry.label) in self._of_panel or not self._has_session(entry)
+        return replace(arrival, identifier=entry.label) if is_theirs else arrival
+
+    def _has_session(self, entry: Participant) -> bool:
+        return (self._path(entry) / "manifest.json").exists()
+
+    def _registered(self, arrival: Arrival) -> Participant | None:
+        """Return who of the ledger has this label and no session yet."""
+        entries = self._ledger.list() if arrival.panel == LINK else ()
+        found = [e for e in entries if e.label == arrival.identifier and e.status == "active"]
+        return found[0] if found and not self._has_session(found[0]) else None
+
+    def _added(self) -> Participant:
+        """Return somebody new in the ledger, at the place whose order the fewest people have."""
+        entries = [e for e in self._ledger.list() if not e.has_freed_place]
+        counting = [e.index for e in entries if self._states.get(e.label) in COUNTING]
+        index = least_filled([e.index for e in entries], counting, self._order)
+        plan = self._experiment.plan(index, self._base.seed)
+        return self._ledger.add(index=index, group=plan.group)
+
     def _go_on(self, key: str) -> _Open:
         entry = self._ledger.resolve(self._keys[key])
         path, request = self._path(entry), self._request(entry)
-        who = self._known(entry.label) or {}
-        arrival = Arrival(who.get("panel", ""), who.get("identifier", ""))
+        arrival = self._arrival(entry.label)
         stack = ExitStack()
         with stack:
             folder, _ = open_session(path)
@@ -267,6 +334,22 @@ class Reception:
             opened = self._part(request, entry, folder, past_of(recording), key, arrival)
             opened.stack = stack.pop_all()
         return opened
+
+    def _ended(self, key: str) -> Ended | None:
+        """Return a session that is over, to which nothing may be added; None where it goes on."""
+        label = self._keys[key]
+        state = self._states.get(label, "")
+        outcome = DONE if state == "complete" else state
+        if outcome not in (DONE, *ENDINGS):
+            return None
+        arrival = self._arrival(label)
+        about = about_of(self._experiment, self._simulated)
+        where = self._rules.completion
+        return Ended(outcome, {**about, "completion": completion_of(where, arrival)})
+
+    def _arrival(self, label: str) -> Arrival:
+        who = self._known(label) or {}
+        return Arrival(who.get("panel", ""), who.get("identifier", ""))
 
     def _request(self, entry: Participant) -> Request:
         return replace(
