@@ -121,6 +121,7 @@ class DrawnStage:
         self._fades = Fades(FadeTimes() if fades is None else fades)
         self._renderer: Renderer | None = None
         self._targets: list[EyeTarget] = []
+        self._expected: tuple[SceneFrame, ...] = ()
         self._views: Sequence[EyeView] = ()
         self._schema = drawn_schema(display.people_count, display.rate_hz)
         self._sink: Callable[[SampleBatch], None] | None = None
@@ -157,12 +158,10 @@ class DrawnStage:
         if self._own_body is not None:
             picture = self._own_body.worn(picture, head)
         try:
-            renderer = self._ready()
+            renderer = self._ready(head)
             self._look_from(head, renderer)
             cameras = [eye_camera(head, eye) for eye in self._views]
             drawn = renderer.draw(picture, cameras, self._targets)
-            if self._mirror is not None:
-                self._mirror.show(renderer.context, self._targets[0].texture)
         except StageError as problem:
             self._fail(problem, now_ns)
             self._log(view, frame, head, picture, np.zeros(0, np.int64), failed=True)
@@ -172,6 +171,21 @@ class DrawnStage:
         if not self._display.hands_over:
             return ()
         return [target.texture for target in self._targets]
+
+    def expect(self, views: Sequence[SceneFrame]) -> None:
+        """Draw scenes like these unseen when drawing begins: what they take is sent and compiled
+        before somebody looks.
+        """
+        self._expected = tuple(views)
+
+    def handed_over(self) -> None:
+        """Show the operator the left eye, now that the headset has its images."""
+        if self._mirror is None or self._renderer is None or self._trouble is not None:
+            return
+        try:
+            self._mirror.show(self._renderer.context, self._targets[0].texture)
+        except StageError as problem:
+            self._fail(problem, self._clock.now_ns())
 
     def redraw(
         self,
@@ -264,7 +278,8 @@ class DrawnStage:
             mark_m=scene.mark_m,
         )
 
-    def _ready(self) -> Renderer:
+    def _ready(self, head: Pose | None = None) -> Renderer:
+        """Return the renderer; opened now, it draws what is expected from a `head`."""
         if self._renderer is None:
             self._views = tuple(self._display.views())
             size_px = self._display.size_px()
@@ -278,6 +293,10 @@ class DrawnStage:
                     remedy="close other graphics programs and resume the session",
                 ) from problem
             self._tell_views(self._renderer)
+            if head is not None:
+                cameras = [eye_camera(head, eye) for eye in self._views]
+                for view in self._expected:
+                    self._renderer.draw(self._picture(view), cameras, self._targets)
         return self._renderer
 
     def _look_from(self, head: Pose, renderer: Renderer) -> None:

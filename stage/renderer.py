@@ -23,7 +23,6 @@ from stage.shadow_maps import ShadowMaps
 from stage.targets import EyeTarget
 from stage.vertex_light import lamp_rows
 from stage.vertices import Run
-from stimuli.characters.character import Character
 from stimuli.picture import Camera, Picture, Room
 
 FRAME_BYTES = 96
@@ -131,11 +130,6 @@ class Renderer:
                 remedy="close other graphics programs, update the driver, and resume the session",
             )
         return drawn
-
-    def prepare(self, cast: tuple[Character, ...], room: Room) -> None:
-        """Send a cast and a room to the card now, so that the first frame is not late."""
-        self._buffers.crowd(cast)
-        self._buffers.room(room)
 
     def close(self) -> None:
         """Free everything; idempotent."""

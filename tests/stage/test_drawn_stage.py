@@ -18,6 +18,7 @@ from stage.renderer import Renderer
 from stimuli.picture import Picture
 from stimuli.scene import Agent, Scene, SceneFrame
 from tests.stage import figures
+from tests.stage.gl_counts import counted
 from tests.stage.test_own_body import SEGMENTS, sample
 
 SIZE = (60, 72)
@@ -164,6 +165,57 @@ def test_driver_that_cannot_even_begin_pauses_the_session() -> None:
 
 def _failing(*_: object, **__: object) -> None:
     raise StageError("the graphics driver refused to draw", remedy="resume")
+
+
+class _Mirror:
+    def __init__(self, problem: StageError | None = None) -> None:
+        self.shown: list[moderngl.Texture] = []
+        self._problem = problem
+
+    def show(self, _: moderngl.Context, texture: moderngl.Texture) -> None:
+        self.shown.append(texture)
+        if self._problem is not None:
+            raise self._problem
+
+    def close(self) -> None:
+        pass
+
+
+def test_operator_s_picture_waits_until_the_images_are_handed_over() -> None:
+    mirror = _Mirror()
+    display = Display(default_views, lambda: SIZE, people_count=4)
+    stage = DrawnStage(_dressed, _renderer, display, SimClock(), mirror=mirror)
+    left, _ = stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
+    assert mirror.shown == []
+    stage.handed_over()
+    assert mirror.shown == [left]
+    stage.close()
+
+
+def test_mirror_that_fails_is_trouble_of_the_display() -> None:
+    mirror = _Mirror(StageError("the window is gone", remedy="resume"))
+    display = Display(default_views, lambda: SIZE, people_count=4)
+    stage = DrawnStage(_dressed, _renderer, display, SimClock(), mirror=mirror)
+    stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
+    stage.handed_over()
+    assert "window is gone" in str(stage.trouble())
+    stage.close()
+
+
+def test_first_lit_scene_makes_nothing_where_it_was_expected() -> None:
+    dark = SceneFrame(Scene("dark", (), brightness_01=0.0), 0, np.zeros((0, 3)), np.zeros(0))
+    made = []
+    for expected in ([], [_scene()]):
+        stage = _stage([], _Watcher(), SimClock())
+        stage.expect(expected)
+        stage.draw(dark, FrameInfo(0, 0, 0), HEAD)
+        with counted() as counts:
+            stage.draw(_scene(), FrameInfo(1, 1, 1), HEAD)
+        made.append(counts["made"])
+        assert stage.trouble() is None
+        stage.close()
+    without, with_it = made
+    assert with_it == 0 < without
 
 
 def test_eyes_stand_either_side_of_the_head() -> None:

@@ -6,14 +6,19 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from lab.config import load_config
 from lab.config_files import EXAMPLE
 from lab.errors import DeviceError, LabError, SessionAborted
+from lab.frame import FrameInfo
+from lab.geometry import Pose
+from stimuli.scene import Scene, SceneFrame
 from visavis.catalogue import SHIPPED, find_study
 from visavis.sessions import perform
 from visavis.sessions.perform import get_ready
+from visavis.sessions.rehearsal import ScenesMet
 
 ROOT = Path(__file__).parents[2]
 
@@ -80,3 +85,24 @@ def test_whoever_ends_a_rehearsal_from_the_keyboard_ends_the_command(
 ) -> None:
     with pytest.raises(KeyboardInterrupt):
         rehearsed(monkeypatch, SessionAborted("interrupted from the keyboard"))
+
+
+def test_a_rehearsal_keeps_every_lit_scene_once() -> None:
+    head, frame = Pose(np.zeros(3), np.array([1.0, 0, 0, 0])), FrameInfo(0, 0, 0)
+    nobody = np.zeros((0, 3)), np.zeros(0)
+    lit = SceneFrame(Scene("lit", ()), 0, *nobody)
+    again = SceneFrame(Scene("lit", ()), 9, *nobody)
+    dark = SceneFrame(Scene("dark", (), brightness_01=0.0), 5, *nobody)
+    stage = ScenesMet()
+    for view in (dark, lit, again):
+        stage.draw(view, frame, head)
+    assert list(stage.met.values()) == [lit]
+
+
+@pytest.mark.slow  # half a minute: a whole rehearsal
+def test_what_a_rehearsal_showed_is_expected_by_the_session_s_stage() -> None:
+    study = find_study("stare")
+    experiment = study.experiment({})
+    assert get_ready(study, experiment, load_config(EXAMPLE)) == ""
+    shown = perform._READY[experiment]
+    assert [11] == [len(view.scene.agents) for view in shown]

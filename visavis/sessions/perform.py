@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Protocol
-from weakref import WeakSet
+from weakref import WeakKeyDictionary
 
 from devices.contracts import Armband, Device, DeviceInfo, OwnRecording, SessionName
 from devices.haptic_safety import HapticGuard
@@ -31,11 +31,12 @@ from recording.provenance import provenance
 from recording.reader import Recording
 from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseStatus, Recorder
 from stage.contracts import Stage, Viewer
+from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
 from visavis.sessions.cast import use_cast_of, use_recorded_cast
 from visavis.sessions.plan_lock import carried_by_session
-from visavis.sessions.rehearsal import FewTrials
+from visavis.sessions.rehearsal import FewTrials, ScenesMet
 from visavis.sessions.rig import build_rig, check_room, devices_for, is_simulated
 from visavis.sessions.stages import build_stage
 from visavis.texts import read_texts
@@ -220,7 +221,8 @@ def _screen(config: LabConfig) -> dict[str, Any]:
     return {} if screen is None else {"screen": screen.model_dump()}
 
 
-_READY: WeakSet[StudyExperiment] = WeakSet()
+_READY: WeakKeyDictionary[StudyExperiment, tuple[SceneFrame, ...]] = WeakKeyDictionary()
+"""Experiments that were rehearsed, with the scenes met in it."""
 
 
 def get_ready(
@@ -251,6 +253,13 @@ def get_ready(
 
     experiment.prepare(prepared)
     trouble = ""
+    stage = ScenesMet(asks=config.display.questions != "terminal")
+
+    def stage_for(viewers: Sequence[Viewer]) -> Stage:
+        nonlocal stage
+        stage = ScenesMet(viewers, asks=stage.asks)
+        return stage
+
     with TemporaryDirectory(prefix="visavis-rehearsal-") as folder:
         unseen = config.display.model_copy(update={"show": "none"})
         lab = with_devices(config, "sim").model_copy(
@@ -260,13 +269,13 @@ def get_ready(
             study, few, lab, label="REHEARSAL", index=0, seed=0, on_trial=rehearsed
         )
         try:
-            perform_new(replace(request, on="lab"))
+            perform_new(replace(request, on="lab", stage_for=stage_for))
         except SessionAborted as ended:  # nobody is there to end it but from the keyboard
             raise KeyboardInterrupt from ended
         except LabError as problem:
             trouble = f"not rehearsed, so the first frames may be late: {problem}"
     told(steps + trials, steps + trials)
-    _READY.add(experiment)
+    _READY[experiment] = tuple(stage.met.values())
     return trouble
 
 
@@ -419,7 +428,9 @@ def _stage(request: Request, devices: _Devices) -> Stage:
     viewers = [devices.participant] if devices.participant else []
     if request.stage_for is not None:
         return request.stage_for(viewers)
-    return build_stage(request.config, request.experiment, devices.rig, request.clock, viewers)
+    stage = build_stage(request.config, request.experiment, devices.rig, request.clock, viewers)
+    stage.expect(_READY.get(request.experiment, ()))
+    return stage
 
 
 def end_part(
