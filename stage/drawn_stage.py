@@ -310,8 +310,10 @@ class DrawnStage:
 
     def _tell_views(self, renderer: Renderer) -> None:
         if self._sink is not None:
-            size_px, now_ns = self._targets[0].size_px, self._clock.now_ns()
-            self._sink(views_row(self._views_seq, self._views, size_px, renderer.quality, now_ns))
+            target, now_ns = self._targets[0], self._clock.now_ns()
+            # A card may have fewer samples than are asked for.
+            quality = replace(renderer.quality, samples=target.samples)
+            self._sink(views_row(self._views_seq, self._views, target.size_px, quality, now_ns))
             self._views_seq += 1
 
     def _fail(self, problem: StageError, now_ns: int) -> None:

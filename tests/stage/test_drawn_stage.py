@@ -14,7 +14,7 @@ from stage.drawn_stage import Display, DrawnStage, as_drawn, default_views, eye_
 from stage.errors import StageError
 from stage.frame_truth import read_views
 from stage.own_body import OwnBody
-from stage.renderer import Renderer
+from stage.renderer import Quality, Renderer
 from stimuli.picture import Picture
 from stimuli.scene import Agent, Scene, SceneFrame
 from tests.stage import figures
@@ -259,9 +259,22 @@ def test_how_pictures_are_made_is_logged_when_drawing_begins() -> None:
     for i in range(2):
         stage.draw(_scene(), FrameInfo(i, i, i), HEAD)
     quality = stage._renderer.quality
+    assert stage._targets[0].samples == quality.samples
     stage.close()
     (batch,) = views
     eyes, size_px, recorded = read_views(batch.values[0])
     assert default_views() == eyes
     assert size_px == SIZE
     assert replace(recorded, detail=quality.detail) == quality
+
+
+def test_samples_are_recorded_as_the_driver_gives_them() -> None:
+    views: list[SampleBatch] = []
+    display = Display(default_views, lambda: SIZE, people_count=4)
+    most = _renderer().context.max_samples
+    asked = Quality(samples=2 * most, shadows="none")
+    stage = DrawnStage(_dressed, lambda: Renderer(quality=asked), display, SimClock())
+    stage.start(lambda batch: views.append(batch) if batch.schema.name == "drawn_views" else None)
+    stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
+    stage.close()
+    assert most == views[0].values[0]["samples"]
