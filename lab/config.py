@@ -22,7 +22,7 @@ from lab.yaml_lines import (
     read_document,
 )
 
-ROLES = ("headset", "eye_tracker", "responses", "body_tracker")
+ROLES = ("headset", "eye_tracker", "responses", "body_tracker", "sound")
 ARMBAND_ROLE = re.compile(r"armband_[a-z0-9_]+")
 TAKEN_STREAMS = frozenset(
     {

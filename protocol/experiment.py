@@ -12,6 +12,7 @@ from lab.geometry import Vector
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
 from stimuli.scene import Scene, SceneFrame
+from stimuli.sound import Sound
 
 
 class Experiment(Protocol):
@@ -74,13 +75,15 @@ class Demands:
     """What a study asks of a lab beyond devices being there; looked at before anything is shown.
 
     `segments` the body tracker must deliver, `vibrations` the band of each role must be able to
-    play on `motors`, `floor_side_m` the side of the square that is walked on.
+    play on `motors`, `floor_side_m` the side of the square that is walked on; `sounds` are what it
+    plays, made ready beforehand.
     """
 
     segments: tuple[str, ...] = ()
     vibrations: Mapping[str, VibrationPattern] = field(default_factory=dict)
     motors: tuple[int, ...] = ()
     floor_side_m: float = 0.0
+    sounds: tuple[Sound, ...] = ()
 
 
 @runtime_checkable

@@ -4,7 +4,7 @@ One buffer holds everybody and a few calls draw them, nearest first, so that who
 rejected before it is shaded.
 """
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.geometry import Vector
-from stage.crowd_buffers import CharacterMeshes, triangles_of
+from stage.crowd_buffers import triangles_of
 from stage.joint_rows import JointRows
+from stage.models_on_card import CharacterMeshes
 from stage.processor_layout import Counts, FreeRows, JoinedModels
 from stage.processor_models import (
     PLAIN,
@@ -170,7 +171,7 @@ class ProcessorCrowd:
             if count:
                 room.indices.write(room.corners[first : first + count], offset=12 * first)
 
-    def draw(self, program_of: Callable[[Run], moderngl.Program], key: Hashable) -> None:
+    def draw(self, program_of: Callable[[Run], moderngl.Program]) -> None:
         """Draw everyone skinned."""
         room, drawing = self._room, self._drawing
         if room is None or drawing is None:

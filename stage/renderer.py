@@ -80,8 +80,7 @@ class Renderer:
         self.quality = Quality() if quality is None else quality
         self.drawn = Drawn(np.zeros(0, np.int64), np.zeros(0))
         ctx = self.context
-        fast, finest = self.quality.fast, self.quality.detail.finest
-        self._buffers = SceneBuffers(ctx, fast=fast, finest=finest)
+        self._buffers = SceneBuffers(ctx, fast=self.quality.fast)
         self._frame = ctx.buffer(reserve=FRAME_BYTES, dynamic=True)
         self._lighting = ctx.buffer(reserve=LIGHTING_BYTES, dynamic=True)
         self._programs = LitPrograms(ctx, fast=self.quality.fast, shadows=self._with_maps())
@@ -302,7 +301,7 @@ class Renderer:
 
         # People first: they hide much of the room, which is then not computed.
         if crowd.cast:
-            crowd.draw(program("lit_people" if fast else "people"), (light, identity))
+            crowd.draw(program("lit_people" if fast else "people"))
         in_codes = fast and not identity
         self._buffers.room(picture.room).draw(program("baked_room" if in_codes else "room"))
         for placed in picture.moving:

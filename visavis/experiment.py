@@ -18,6 +18,7 @@ from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
 from stimuli.scene import Scene as StageScene
 from stimuli.scene import SceneFrame
+from stimuli.sound import Sound
 from visavis.asking import frame
 from visavis.compare import Compare, possible
 from visavis.films import Film, films_of
@@ -155,7 +156,8 @@ class StudyExperiment:
     @property
     def needed_roles(self) -> tuple[str, ...]:
         """Devices the study cannot do without, beside the headset."""
-        return tuple(self.study.needs)
+        plays = ("sound",) if any(t.sounds for t in self.read.values()) else ()
+        return tuple(dict.fromkeys((*self.study.needs, *plays)))
 
     @property
     def useful_roles(self) -> tuple[str, ...]:
@@ -178,7 +180,19 @@ class StudyExperiment:
     def demands(self) -> Demands:
         """What the study asks of a lab beyond devices being there."""
         of = self.study.demands_of
-        return Demands() if of is None else of(self.parameters)
+        found = Demands() if of is None else of(self.parameters)
+        return replace(found, sounds=self.sounds) if self.sounds else found
+
+    @cached_property
+    def sounds(self) -> tuple[Sound, ...]:
+        """Everything that a condition plays, each once.
+
+        Raises:
+            DesignError: a file cannot be played.
+        """
+        of = self.settings.sound_of
+        played = (of(sound) for trial in self.read.values() for sound in trial.sounds)
+        return tuple({sound.sha256: sound for sound in played}.values())
 
     def prepare(self, told: Callable[[int, int], None] = untold) -> None:
         """Load and compute what would hold up a frame; `told` hears how many of how many."""

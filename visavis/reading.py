@@ -6,6 +6,7 @@ that what the study needs (agents, responses, devices, time) is known before any
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -16,6 +17,7 @@ from lab.geometry import Pose
 from protocol.plan import Trial
 from protocol.steps import Answered, Ask, FrameView, GazeView, Mark, NextFrame, Prompt, Show
 from stimuli.scene import SceneFrame
+from stimuli.sound import Sound
 from visavis.asking import Answer
 from visavis.beside import Beside
 from visavis.films import Shown
@@ -25,6 +27,7 @@ from visavis.slips import in_words, line_of, line_reached
 from visavis.trial import (
     SCENE_STREAM,
     Action,
+    PlayedSound,
     Settings,
     ShownScene,
     TrialPlan,
@@ -58,6 +61,10 @@ class TrialRead:
     """Who is who in any of the scenes."""
     fits_a_page: bool = True
     """No step of it needs a display frame by frame, or another device."""
+    sounds: tuple[Sound | Path, ...] = ()
+    """What it plays."""
+    sound_columns: tuple[str, ...] = ()
+    """The columns of when that began."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -94,6 +101,8 @@ def read_trial(
     responses: list[Response] = []
     scenes: list[Scene] = []
     films: list[Shown] = []
+    sounds: list[Sound | Path] = []
+    sound_columns: list[str] = []
     roles: set[str] = set()
     reply: Any = None
     steps: Any = plan(script)
@@ -108,6 +117,13 @@ def read_trial(
                 seconds += step.seconds
                 script.view = still_view(round(seconds * NS_PER_S))
                 vibrates = vibrates or step.name == "vibrate"
+                if step.sound is not None:
+                    sounds.append(step.sound)
+                    sound_columns.append(f"{script.numbered(step.column)}_on_ns")
+                    script.row[sound_columns[-1]] = script.now_ns
+                    lasts_s = _seconds_of(step, settings)
+                    reply = PlayedSound(script.now_ns, lasts_s)
+                    seconds += lasts_s if step.waits_for_end else 0.0
                 if step.scene is not None:
                     scenes.append(step.scene)
                     chance = trial.rng(SCENE_STREAM + len(scenes) - 1)  # as it is performed
@@ -149,7 +165,8 @@ def read_trial(
     except StopIteration:
         return TrialRead(
             seconds, tuple(responses), tuple(scenes), agents, vibrates, lit, tuple(films),
-            frozenset(roles), fits_a_page,
+            frozenset(roles), fits_a_page, tuple(sounds),
+            tuple(sound_columns),
         )  # fmt: skip
     except (DesignError, TypeError) as error:
         told = in_words(error)
@@ -171,6 +188,14 @@ def read_trials(
         if key not in found:
             found[key] = read_trial(plan, trial, settings)
     return found
+
+
+def _seconds_of(step: Action, settings: Settings) -> float:
+    """Return how long a sound lasts; 0 where its file is not here, as in an analysis elsewhere."""
+    try:
+        return 0.0 if step.sound is None else settings.sound_of(step.sound).duration_s
+    except DesignError:
+        return 0.0
 
 
 def _made_up(response: Response, view: FrameView) -> Answer:
