@@ -1,7 +1,7 @@
 """completion: let a shell complete commands and options."""
 
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -30,17 +30,17 @@ def completion(
 
     Example: visavis completion
     """
-    from typer.completion import get_completion_script, install
+    from typer import completion as of_typer
 
+    made: Any = of_typer  # which does not say what it exports
     if show:
-        named = str(shell or Shell.BASH)
-        script = get_completion_script(
-            prog_name="visavis", complete_var="_VISAVIS_COMPLETE", shell=named
+        script = made.get_completion_script(
+            prog_name="visavis", complete_var="_VISAVIS_COMPLETE", shell=str(shell or Shell.BASH)
         )
         console.print(script, markup=False, highlight=False, soft_wrap=True)
         return
     try:
-        found, path = install(
+        found, path = made.install(
             shell=None if shell is None else str(shell),
             prog_name="visavis",
             complete_var="_VISAVIS_COMPLETE",
