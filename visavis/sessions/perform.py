@@ -426,14 +426,9 @@ def _stage(request: Request, devices: _Devices) -> Stage:
     viewers = [devices.participant] if devices.participant else []
     if request.stage_for is not None:
         return request.stage_for(viewers)
-    return build_stage(
-        request.config,
-        request.experiment,
-        devices.rig,
-        request.clock,
-        viewers,
-        body=body_of(request),
-    )
+    display = request.config.display.model_copy(update={"own_body": body_of(request)})
+    config = request.config.model_copy(update={"display": display})
+    return build_stage(config, request.experiment, devices.rig, request.clock, viewers)
 
 
 def body_of(request: Request) -> str:

@@ -35,8 +35,6 @@ def build_stage(
     rig: Rig,
     clock: Clock,
     viewers: Sequence[Viewer],
-    *,
-    body: str = "none",
 ) -> Stage:
     """Build the stage `display.show` asks for; without drawing, no graphics library is loaded.
 
@@ -69,11 +67,11 @@ def build_stage(
             clock,
             viewers=viewers,
             asks=asks,
-            own_body=_own_body(body, rig),
+            own_body=_own_body(config, rig),
             fades=fades,
         )
     if show == "screen":
-        return _on_screen(config, experiment, rig, clock, viewers, body)
+        return _on_screen(config, experiment, rig, clock, viewers)
     window_px = (config.display.window_width_px, config.display.window_height_px)
     if show == "window":
         display = Display(_one_eye(window_px), lambda: window_px, n, rate_hz, hands_over=False)
@@ -92,7 +90,7 @@ def build_stage(
         viewers=viewers,
         mirror=Mirror(window),
         asks=asks,
-        own_body=_own_body(body, rig),
+        own_body=_own_body(config, rig),
         fades=fades,
     )
 
@@ -103,7 +101,6 @@ def _on_screen(
     rig: Rig,
     clock: Clock,
     viewers: Sequence[Viewer],
-    body: str,
 ) -> Stage:
     """Open the participant's window on their monitor, and let the session keep its pace."""
     from stage.context import draws_on_processor
@@ -126,7 +123,7 @@ def _on_screen(
         viewers=viewers,
         window=window,
         asks=config.display.questions != "terminal",
-        own_body=_own_body(body, rig),
+        own_body=_own_body(config, rig),
         fades=FadeTimes(config.display.fade_out_ms, config.display.fade_in_ms),
     )
 
@@ -192,9 +189,10 @@ def _show_images(rig: Rig) -> bool:
     return prepare is not None
 
 
-def _own_body(gender: str, rig: Rig) -> "OwnBody | None":
+def _own_body(config: LabConfig, rig: Rig) -> "OwnBody | None":
     """Return the body participants see as their own; None without a tracker, or if not wanted."""
     tracker = rig.others.get("body_tracker")
+    gender = config.display.own_body
     if gender == "none" or not isinstance(tracker, BodyTracker):
         return None
     from stage.own_body import OwnBody
