@@ -11,7 +11,7 @@ from devices.contracts import VibrationPattern
 from lab.geometry import Vector
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
-from stimuli.scene import Scene
+from stimuli.scene import Scene, SceneFrame
 from stimuli.sound import Sound
 
 
@@ -104,6 +104,15 @@ class Sparing(Protocol):
     @property
     def spare_roles(self) -> tuple[str, ...]:
         """Devices without which a session may go on where the operator says so."""
+        ...
+
+
+@runtime_checkable
+class Foreseeing(Protocol):
+    """An experiment that knows what a trial will show first."""
+
+    def first_lit(self, trial: Trial) -> SceneFrame | None:
+        """Return the first lit frame of a trial before it is performed; None where it has none."""
         ...
 
 

@@ -194,6 +194,30 @@ class Ledger:
             )
         return replace(found, body=body, stature_m=stature_m)
 
+    def begin_withdrawal(
+        self, text: str, data_roots: Sequence[Path], *, reason: str = ""
+    ) -> Participant:
+        """Note that somebody withdraws, so that whoever serves their page ends it and deletes it.
+
+        Nothing is removed yet; `withdraw` goes on from here.
+        """
+        with self._held():
+            found = self._find(text, self._read())
+            if found.status == "withdrawn":
+                raise WithdrawnParticipant(
+                    f"participant {found.label} of {self.study} has withdrawn already, on "
+                    f"{found.withdrawn_at}; nothing is left to remove"
+                )
+            if found.status == "active":
+                self._append(
+                    "withdrawing",
+                    label=found.label,
+                    at=self._clock.wall_iso(),
+                    reason=reason,
+                    had_data=may_have_data(self.study, found.label, data_roots),
+                )
+        return found
+
     def withdraw(
         self,
         text: str,
@@ -212,21 +236,7 @@ class Ledger:
         a LedgerError; the ledger then says "withdrawing" and the call can be repeated. What was
         done, and what could not be reached, is kept in the ledger.
         """
-        with self._held():
-            found = self._find(text, self._read())
-            if found.status == "withdrawn":
-                raise WithdrawnParticipant(
-                    f"participant {found.label} of {self.study} has withdrawn already, on "
-                    f"{found.withdrawn_at}; nothing is left to remove"
-                )
-            if found.status == "active":
-                self._append(
-                    "withdrawing",
-                    label=found.label,
-                    at=self._clock.wall_iso(),
-                    reason=reason,
-                    had_data=may_have_data(self.study, found.label, data_roots),
-                )
+        found = self.begin_withdrawal(text, data_roots, reason=reason)
         # not under the lock: removing hours of recordings must not stop other rooms
         default = self._derived_folders()
         aliases = () if key_file is None else (key_file.pseudonym(found.label),)
@@ -473,6 +483,11 @@ def _apply(record: dict[str, Any], entries: dict[str, Participant], ledger: Ledg
                 # a ledger from before this was noted keeps the place
                 "has_freed_place": record.get("had_data", True) is False,
             },
-            "withdrawn": lambda: {"status": "withdrawn", "withdrawn_at": at},
+            "withdrawn": lambda: {
+                "status": "withdrawn",
+                "withdrawn_at": at,
+                "body": "",
+                "stature_m": None,
+            },  # fmt: skip
         }
         entries[label] = replace(entries[label], **changes[event]())

@@ -17,12 +17,13 @@ from protocol.experiment import Demands, untold
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
 from stimuli.scene import Scene as StageScene
+from stimuli.scene import SceneFrame
 from stimuli.sound import Sound
 from visavis.asking import frame
 from visavis.compare import Compare, possible
 from visavis.films import Film, films_of
 from visavis.parameters import parameters_in_force
-from visavis.reading import TrialRead, read_trials
+from visavis.reading import TrialRead, first_lit, read_trials
 from visavis.responses import Keys, Pointing, Rating, Response
 from visavis.study import Study
 from visavis.texts import DEFAULT_LANGUAGE, Texts, read_texts
@@ -96,6 +97,10 @@ class StudyExperiment:
             for i, cell in enumerate(combinations_of(design.factors), start=1)
         )
         return read_trials(self.study.trial_plan, trials, self.settings)
+
+    def first_lit(self, trial: Trial) -> SceneFrame | None:
+        """Return the first lit frame of a trial before it is performed; None where it has none."""
+        return first_lit(self.study.trial_plan, trial, self.settings)
 
     @cached_property
     def responses(self) -> dict[str, Response]:

@@ -5,7 +5,7 @@ that what the study needs (agents, responses, devices, time) is known before any
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,11 +19,20 @@ from protocol.steps import Answered, Ask, FrameView, GazeView, Mark, NextFrame, 
 from stimuli.scene import SceneFrame
 from stimuli.sound import Sound
 from visavis.asking import Answer
+from visavis.beside import Beside
 from visavis.films import Shown
 from visavis.responses import Response
 from visavis.scenes import Scene, Staging, stage
 from visavis.slips import in_words, line_of, line_reached
-from visavis.trial import Action, PlayedSound, Settings, ShownScene, TrialPlan, TrialScript
+from visavis.trial import (
+    SCENE_STREAM,
+    Action,
+    PlayedSound,
+    Settings,
+    ShownScene,
+    TrialPlan,
+    TrialScript,
+)
 
 MAX_STEPS: Final = 100_000
 ANSWER_S: Final = 2.5
@@ -68,8 +77,19 @@ def still_view(t_ns: int = 0) -> FrameView:
     return FrameView(0, t_ns, head, True, gaze)
 
 
-def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
-    """Run through a trial with made-up replies.
+def first_lit(plan: TrialPlan, trial: Trial, settings: Settings) -> SceneFrame | None:
+    """Return the first lit frame of a trial before it is performed; None where it shows none.
+
+    What earlier trials left is not known to it.
+    """
+    apart = replace(settings, memory={}, beside=Beside())
+    return read_trial(plan, trial, apart, stops_when_lit=True).lit
+
+
+def read_trial(
+    plan: TrialPlan, trial: Trial, settings: Settings, *, stops_when_lit: bool = False
+) -> TrialRead:
+    """Run through a trial with made-up replies; with `stops_when_lit` no further than its light.
 
     Raises:
         DesignError: the trial cannot be run through, with its condition and the reason.
@@ -106,8 +126,11 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
                     seconds += lasts_s if step.waits_for_end else 0.0
                 if step.scene is not None:
                     scenes.append(step.scene)
-                    staging = Staging(np.random.default_rng(0), step.seconds, 0, settings.folder)
+                    chance = trial.rng(SCENE_STREAM + len(scenes) - 1)  # as it is performed
+                    staging = Staging(chance, step.seconds, 0, settings.folder)
                     staged = stage(step.scene, staging, settings.makers)
+                    if stops_when_lit and staged.scene.brightness_01 > 0:
+                        lit = staged.frame(script.view, 0)
                     agents = max(agents, len(staged.scene.agents))
                     roles |= set(staged.roles)
                     reply = ShownScene(0, round(step.seconds * NS_PER_S), staged.roles, script.view)
@@ -133,7 +156,12 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
                 reply = Answered(step.options[0] if step.options else "", 0)
             elif isinstance(step, Prompt):
                 reply = Answered(None, 0)
-        raise DesignError(f"after {MAX_STEPS} steps it has not ended")
+            if stops_when_lit and lit is not None:
+                break
+        else:
+            raise DesignError(f"after {MAX_STEPS} steps it has not ended")
+        steps.close()
+        return TrialRead(seconds, (), tuple(scenes), agents, vibrates, lit)
     except StopIteration:
         return TrialRead(
             seconds, tuple(responses), tuple(scenes), agents, vibrates, lit, tuple(films),
