@@ -488,6 +488,6 @@ def _apply(record: dict[str, Any], entries: dict[str, Participant], ledger: Ledg
                 "withdrawn_at": at,
                 "body": "",
                 "stature_m": None,
-            },  # fmt: skip
+            },
         }
         entries[label] = replace(entries[label], **changes[event]())
