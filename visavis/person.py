@@ -60,6 +60,8 @@ class Seen:
     """A standard normal number of this person's own: whether they rather say much or little."""
     felt: tuple[str, ...] = ()
     """The armbands (roles) that vibrated since the trial began, in that order."""
+    experience_01: float = 0.0
+    """How experienced this person is; what a questionnaire asks of experience is answered by it."""
 
 
 AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
@@ -197,6 +199,7 @@ class StudyPerson(Observer):
         return Seen(
             self._first, self._last, passed / NS_PER_S, self._contact_ns / passed,
             self.notices_contact, self._leaning, tuple(self._felt),
+            (self.temperament.vr_experience - 1) / 4,
         )  # fmt: skip
 
     def _said(self, response: Response) -> str | None:
