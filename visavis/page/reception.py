@@ -12,6 +12,7 @@ from lab.clock import NS_PER_S
 from lab.errors import LabError, LedgerError
 from protocol.ledger import Ledger, Participant
 from recording.folder import SessionFolder, create_session, open_session, session_dir
+from recording.manifest import read_manifest
 from recording.reader import Recording
 from recording.writer import CloseStatus, Recorder
 from visavis.page.arrivals import (
@@ -33,11 +34,11 @@ from visavis.page.perform import (
     about_of,
     experiment_of,
     held_of,
+    key_of,
     manifest_of,
     past_of,
     recorder_of,
     refuse_other_plan,
-    served_before,
 )
 from visavis.page.server import Ended, Held, PageServer
 from visavis.sessions.perform import Request, end_part
@@ -51,6 +52,7 @@ MAX_OPEN: Final = 500
 SQUARES: Final = ("latin_square", "williams")
 LEFT: Final = "the page was left"
 ENDED: Final = "the server was ended"
+WITHDRAWN_ELSEWHERE: Final = "the researchers withdrew the participant"
 CANNOT_GO_ON: Final = "this session cannot go on; please tell the researchers"
 
 
@@ -127,6 +129,7 @@ class Reception:
         self._turn = asyncio.Lock()
         self._closing: set[asyncio.Task[None]] = set()
         self._port = 0
+        self._noticed = self._ledger_changed()
         self._brake = Brake()
         for entry in ledger.list():
             self._read(entry)
@@ -147,6 +150,7 @@ class Reception:
         except PageError as error:
             self._said(f"somebody came and got no session: {error}")
             return {"refused": "address", "text": words.get("address", "")}
+        await self._notice_withdrawals()
         async with self._turn:
             key = self._of_panel.get((arrival.panel, arrival.identifier))
             if arrival.identifier and key is not None:
@@ -180,6 +184,7 @@ class Reception:
         """
         if key in self._open:
             return self._open[key].held
+        await self._notice_withdrawals()
         async with self._turn:
             if key not in self._open and key in self._keys:
                 if (ended := self._ended(key)) is not None:
@@ -210,6 +215,7 @@ class Reception:
                 await self._delete(label)
         try:
             while not until.is_set():
+                await self._notice_withdrawals()
                 await self._leave_idle()
                 try:
                     await asyncio.wait_for(until.wait(), ROUND_S)
@@ -254,12 +260,13 @@ class Reception:
         if entry.status != "active" or not (path / "manifest.json").exists():
             return
         try:
-            key, _ = served_before(Recording(path))
+            is_of_page = read_manifest(path).configuration.get("on") == "browser"
         except LabError as error:
             self._said(f"{entry.label} is passed over: {error}")
             return
-        if not key:
+        if not is_of_page:
             return
+        key = key_of(self._request(entry))
         self._keys[key] = entry.label
         who = self._known(entry.label)
         if who and who.get("identifier"):
@@ -275,7 +282,7 @@ class Reception:
             folder = stack.enter_context(
                 create_session(self._root, manifest_of(request, self._experiment))
             )
-            opened = self._part(request, entry, folder, None, secrets.token_urlsafe(24), arrival)
+            opened = self._part(request, entry, folder, None, key_of(request), arrival)
             opened.stack = stack.pop_all()
         self._keys[opened.held.desk.key] = entry.label
         if arrival.identifier:
@@ -367,7 +374,7 @@ class Reception:
         recorder: Recorder | None = None
         try:
             recorder = recorder_of(part_dir, clock, is_simulated=self._simulated)
-            recorder.event(SERVED, clock.now_ns(), key=key, port=self._port)
+            recorder.event(SERVED, clock.now_ns(), port=self._port)
             held = held_of(request, self._experiment, self._store, folder, recorder, past, key)
         except BaseException as error:
             end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
@@ -413,6 +420,35 @@ class Reception:
             await self._run(self._withdraw, label)
         except LabError as error:
             self._said(f"{label} wants everything deleted: {error}")
+
+    def _ledger_changed(self) -> tuple[int, int]:
+        """Return what differs once somebody wrote into the ledger."""
+        try:
+            found = self._ledger.path.stat()
+        except FileNotFoundError:
+            return 0, 0
+        return found.st_mtime_ns, found.st_size
+
+    async def _notice_withdrawals(self) -> None:
+        """Forget whom the researchers withdrew meanwhile; who is at a page is deleted here."""
+        changed = self._ledger_changed()
+        if changed == self._noticed:
+            return
+        self._noticed = changed
+        for entry in await self._run(self._ledger.list):
+            state = self._states.get(entry.label, WITHDRAWN)
+            if entry.status == "active" or state == WITHDRAWN:  # which a page asked for itself
+                continue
+            self._states[entry.label] = WITHDRAWN
+            self._places.pop(entry.label, None)
+            key = next((key for key, label in self._keys.items() if label == entry.label), "")
+            self._keys.pop(key, None)
+            self._of_panel = {who: of for who, of in self._of_panel.items() if of != key}
+            opened = self._open.pop(key, None)
+            if opened is not None and not opened.held.closed.is_set():
+                await self._close(opened, "aborted", WITHDRAWN_ELSEWHERE)
+                await self._delete(entry.label)
+                self._said(f"{entry.label} was at a page, and is withdrawn and deleted")
 
     async def _leave_idle(self) -> None:
         now_ns = self._base.clock.now_ns()

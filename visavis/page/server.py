@@ -87,7 +87,8 @@ class Reception(Protocol):
 class LocalServer:
     """Own a server of this computer's pages: the files of a site, and what is posted to it.
 
-    `files` leads from paths to files of the folder `site`, `posts` from paths to who answers.
+    `files` leads from paths to files of the folder `site`, `posts` and `gets` from paths to who
+    answers.
     `hosts` are the names under which it may be asked for, so that no other site's page can be
     pointed at it. No address of a visitor is kept or logged.
     """
@@ -98,6 +99,7 @@ class LocalServer:
         files: Mapping[str, str],
         posts: Mapping[str, Handler],
         hosts: tuple[str, ...] = (LOCAL, "localhost"),
+        gets: Mapping[str, Handler] | None = None,
     ) -> None:
         self._hosts = hosts
         self._site = site
@@ -107,6 +109,8 @@ class LocalServer:
             self._app.router.add_get(path, self._file)
         for path, answer in posts.items():
             self._app.router.add_post(path, answer)
+        for path, answer in (gets or {}).items():
+            self._app.router.add_get(path, answer)
         self._runner = web.AppRunner(self._app, access_log=None, shutdown_timeout=SHUTDOWN_S)
         self.port = 0
 

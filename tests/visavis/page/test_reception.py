@@ -71,7 +71,7 @@ class Place:
     def visitor(self, stop: str = "") -> Somebody:
         person = study().participant(0, SEED, effect=True, experiment=experiment())
         made = visitor_of(person, experiment(), film_store(experiment()))
-        somebody = Somebody(made.person, made.films, made.responses, made.views)
+        somebody = Somebody(made.person, made.films, made.responses, made.views, made.store)
         somebody.stop = stop
         somebody.now_ms = self.clock.now_ns() / 1e6
         return somebody
@@ -344,6 +344,63 @@ def test_only_what_can_be_an_identifier_is_taken() -> None:
     )
     with pytest.raises(UsageError, match="web address"):
         check_completion("javascript:alert(1)")
+
+
+def test_the_secret_of_a_page_lies_with_no_data_and_is_the_same_of_another_server(
+    place: Place,
+) -> None:
+    async def act(base: str, _: Reception) -> str:
+        address = await arrive(base, {})
+        await visit(address, place.visitor(), place.clock, ends=lambda s: s.kind == "watch")
+        return address.partition("#")[2]
+
+    key = served(place, act)
+    assert 64 == len(key)
+    for path in place.lab.data_root.rglob("*"):
+        assert not (path.is_file() and key.encode() in path.read_bytes()), path
+
+    async def again(base: str, reception: Reception) -> bool:
+        return await reception.held(key) is not None
+
+    assert served(place, again)
+
+
+def test_who_is_withdrawn_beside_the_server_is_ended_deleted_and_forgotten(place: Place) -> None:
+    told = {"PROLIFIC_PID": "5f3a"}
+
+    async def act(base: str, reception: Reception) -> tuple[Any, ...]:
+        key = (await arrive(base, told)).partition("#")[2]
+        (entry,) = place.ledger.list()
+        place.ledger.begin_withdrawal(entry.label, [place.folder])  # as its command does
+        await reception._notice_withdrawals()
+        was_deleted = [] == place.sessions()
+        async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+            async with http.post("/api/hello", json={"tab": "t"}) as response:
+                refused = (await response.json())["refused"]
+        again = (await arrive(base, told)).partition("#")[2]
+        return was_deleted, refused, again != key, (await reception.board())["counts"]
+
+    was_deleted, refused, is_another, counts = served(place, act)
+    assert was_deleted
+    assert "this address leads to no session; ask for a new one" == refused
+    assert is_another
+    assert {"deleted": 1, "running": 1} == counts
+    assert ["withdrawn", "active"] == [entry.status for entry in place.ledger.list()]
+
+
+def test_who_left_and_is_withdrawn_beside_the_server_makes_room(tmp_path: Path) -> None:
+    place = Place(tmp_path, Rules(quota=1))
+
+    async def act(base: str, reception: Reception) -> str:
+        await visit(await arrive(base, {}), place.visitor(), place.clock)
+        with pytest.raises(DataError, match="enough participants"):
+            await arrive(base, {})
+        (entry,) = place.ledger.list()
+        place.ledger.withdraw(entry.label, [place.folder])
+        return await arrive(base, {})
+
+    assert "#" in served(place, act)
+    assert 1 == len(place.sessions())
 
 
 async def posted(base: str, path: str, body: dict[str, Any], key: str = "") -> dict[str, Any]:
