@@ -87,8 +87,8 @@ def scattered_places(
 class Follower:
     """Follows behind somebody without a cut, nearer where a surface stands between.
 
-    It is `back_m` behind, `above_m` over the head and `right_m` to their right; `front_at` tells the unit
-    direction (3,) to which the subject's body faces.
+    It is `back_m` behind, `above_m` over the head and `right_m` to their right; `front_at` tells
+    the unit direction (3,) to which the subject's body faces.
     """
 
     def __init__(
