@@ -12,9 +12,8 @@ subject, is free and turns it by more; the camera collides where its way between
 passes a surface or ends within 9 cm of one, or in somebody. The roadmap is the comparison: places
 scattered at random (1.5 a square metre, linked within 5 m), filmed by the same code. "Ratio" is
 limit / value, or value / limit where more is better; "paper" is what chapter 5 of Jovane's thesis
-(2023, tables 5.1 and 5.2) prints for its trench scene on a laptop, which is another one: its asset is
-not ours to ship, so that the trenches here are drawn to be like it in kind, length and number of
-triangles.
+(2023, tables 5.1 and 5.2) prints for its trench scene on a laptop. That scene is not ours to ship:
+the trenches here are drawn to be like it in kind, length and number of triangles.
 """
 
 import argparse
@@ -224,7 +223,7 @@ def rates_apart_m(place: FilmedPlace, style: Style, moment_at: Callable[[int], M
 
 
 def triangles_walked(room: Room) -> int:
-    """Return how many triangles the walkable floor of a room has before it is cut into small ones."""
+    """Return how many triangles a room's walkable floor has before they are cut small."""
     import shapely
 
     return sum(
