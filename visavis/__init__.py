@@ -20,9 +20,11 @@ if TYPE_CHECKING:
     from protocol.orders import never_next_to as never_next_to
     from protocol.orders import no_more_than as no_more_than
     from protocol.parameters import Within as Within
+    from stimuli.sound import Sound as Sound
     from visavis.analysis import Conclusion as Conclusion
     from visavis.careless import Careless as Careless
     from visavis.compare import Compare as Compare
+    from visavis.confusion import Confusion as Confusion
     from visavis.deriving import derive as derive
     from visavis.exclusions import COMPLETENESS_RULES as COMPLETENESS_RULES
     from visavis.exclusions import STANDARD_RULES as STANDARD_RULES
@@ -69,9 +71,11 @@ _NAMES = {
     "protocol.design": ("Factor",),
     "protocol.orders": ("never_next_to", "no_more_than"),
     "protocol.parameters": ("Within",),
+    "stimuli.sound": ("Sound",),
     "visavis.analysis": ("Conclusion",),
     "visavis.careless": ("Careless",),
     "visavis.compare": ("Compare",),
+    "visavis.confusion": ("Confusion",),
     "visavis.deriving": ("derive",),
     "visavis.exclusions": ("COMPLETENESS_RULES", "STANDARD_RULES", "Exclusion"),
     "visavis.films": ("Directed", "Film", "Following", "Lens", "Pair", "Placed"),

@@ -13,6 +13,7 @@ from devices.contracts import Armband, Device, DeviceInfo, OwnRecording, Session
 from devices.haptic_safety import HapticGuard
 from devices.shared_body import SharedBody
 from lab.clock import Clock, SimClock, require_fine_clock
+from lab.compiled import forget_old_kernels
 from lab.config import LabConfig, with_devices
 from lab.errors import ConfigError, LabError, RecordingError, SessionAborted
 from protocol.experiment import Respondent, untold
@@ -107,6 +108,10 @@ class Companion(Protocol):
         is_simulated: bool,
     ) -> None:
         """Hear that the devices are open and their streams declared."""
+        ...
+
+    def closed(self) -> None:
+        """Hear that the session's part has ended, however it did; its files are closed."""
         ...
 
 
@@ -265,6 +270,7 @@ def get_ready(
             raise KeyboardInterrupt from ended
         except LabError as problem:
             trouble = f"not rehearsed, so the first frames may be late: {problem}"
+    forget_old_kernels()
     told(steps + trials, steps + trials)
     _READY.add(experiment)
     return trouble
@@ -294,6 +300,20 @@ def _equip(request: Request, stack: ExitStack) -> _Devices:
 
 
 def _perform_part(
+    request: Request,
+    devices: _Devices,
+    folder: SessionFolder,
+    plan: SessionPlan,
+    progress: Progress,
+) -> None:
+    try:
+        _perform_companied(request, devices, folder, plan, progress)
+    finally:
+        if request.companion is not None and not request.clock.is_virtual:
+            request.companion.closed()
+
+
+def _perform_companied(
     request: Request,
     devices: _Devices,
     folder: SessionFolder,
