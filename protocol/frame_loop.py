@@ -4,23 +4,31 @@ import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 
-from devices.contracts import GAZE, HEAD, POINTER, Fault, OnScreen
+from devices.contracts import GAZE, HEAD, POINTER, SOUND_EVENTS, Fault, OnScreen
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceError
 from lab.frame import FrameInfo
 from lab.geometry import Pose
 from lab.schema import SampleBatch
 from protocol.experiment import Experiment
-from protocol.observation import GazeObserver
+from protocol.observation import MAX_WAITING, GazeObserver
 from protocol.rig import RunningRig
 from protocol.row_buffer import RowBuffer
 from protocol.screen_gaze import seen_on_screen
 from protocol.states import SessionState, StateMachine
-from protocol.steps import BodyView, FrameView, Play, Silence
+from protocol.steps import (
+    BodyView,
+    FrameView,
+    GazeView,
+    Play,
+    PlaySound,
+    Silence,
+    Sounded,
+)
 from protocol.streams import FRAMES, gaze_targets_schema, scene_states_schema
 from recording.writer import Recorder
 from stage.contracts import Stage
@@ -32,6 +40,7 @@ HOLD_VIRTUAL_NS = NS_PER_S
 BEFORE_FRAME_NS = NS_PER_MS // 10
 """A frame is not kept waiting for a body sample that comes with it."""
 Answer: TypeAlias = Callable[[BodyView], Sequence[Play | Silence]]
+BEGAN = SOUND_EVENTS.index("began")
 UPRIGHT = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
@@ -94,6 +103,8 @@ class FrameLoop:
         self._head_inbox: deque[SampleBatch] = deque()
         self._press_inbox: deque[SampleBatch] = deque()
         self._body_inbox: deque[SampleBatch] = deque()
+        self._sound_keys: dict[int, str] = {}
+        self._sounded: list[Sounded] = []
         self._answered: tuple[SampleBatch, BodyView] | None = None
         self._reflex: Answer | None = None
         self._reflex_lock = threading.Lock()
@@ -109,6 +120,11 @@ class FrameLoop:
         self.head_valid = False
         self.head_seen = False
         self.gaze_tap: list[SampleBatch] | None = None
+        # Without a screen to place gaze on, or a mirror to show it, a frame needs none by itself.
+        self._can_wait = clock.is_virtual and self.screen is None and not stage.schemas
+        self._waiting: list[tuple[tuple[object, ...], int]] = []
+        self.gaze_may_wait = False
+        """Whether gaze that no plan looks at may be left for later: see `catch_up`."""
         self.trial_number = -1
         self.frames_done = 0
         self.frames_dropped = 0
@@ -131,6 +147,8 @@ class FrameLoop:
                 self._take_rays(batch)
             else:
                 self._press_inbox.append(batch)
+        elif role == "sound":
+            self._take_sounds(batch)
         elif role == "body_tracker":
             self._stage.watch(role, batch)
             self._body_inbox.append(batch)
@@ -144,6 +162,20 @@ class FrameLoop:
     def shown(self) -> SceneFrame | None:
         """What stands before the participant."""
         return self._view
+
+    def play_sound(self, step: PlaySound) -> None:
+        """Play a sound and note in the recording which it is."""
+        number = self._rig.play_sound(step)
+        x_m, y_m, z_m = step.at_m or (None, None, None)
+        self._recorder.event(
+            "sound", self.t_ns, number=number, sound=step.sound.name,
+            sound_sha256=step.sound.sha256, seconds=step.sound.duration_s, gain_db=step.gain_db,
+            loops=step.loops, x_m=x_m, y_m=y_m, z_m=z_m,
+        )  # fmt: skip
+        if number is None:
+            self._sounded.append(Sounded(step.key, None))
+        else:
+            self._sound_keys[number] = step.key
 
     def show(self, view: SceneFrame) -> None:
         """Show this from the coming frame on."""
@@ -163,11 +195,20 @@ class FrameLoop:
                 self._log_view(view)
             self._display(view)
         frame = self._wait_frame()
-        self._rig.step()
+        is_put_off = self._rig.step(gaze_may_wait=self.gaze_may_wait and self._can_wait)
         self._take_head()
-        gaze = self.observer.observe(frame.index, frame.t_ns)
+        self._rig.hear_from(self.head)
         pressed, pressed_ns = self._take_presses()
-        self._log_frame(frame, gaze.t_ns.shape[0])
+        gaze: GazeView
+        if is_put_off or self._waiting:
+            late = self.observer.wait(frame.index, frame.t_ns, self.catch_up)
+            self._waiting.append((self._frame_row(frame), frame.t_ns))
+            if not is_put_off or len(self._waiting) == MAX_WAITING:
+                self.catch_up()
+            gaze = cast(GazeView, late)
+        else:
+            gaze = self.observer.observe(frame.index, frame.t_ns)
+            self._frames.add((*self._frame_row(frame), gaze.t_ns.shape[0]), frame.t_ns)
         return FrameView(
             frame.index,
             frame.t_ns,
@@ -179,6 +220,7 @@ class FrameLoop:
             tuple(self._rays[hand] for hand in sorted(self._rays, reverse=True)),
             head_points=self.screen is None,
             pressed_ns=pressed_ns,
+            sounded=self._told_sounds() if self._sounded else (),
         )
 
     def _display(self, view: SceneFrame) -> None:
@@ -187,6 +229,7 @@ class FrameLoop:
         try:
             images = self._stage.draw(view, self._frame, self.head)
             self._rig.headset.submit(self._frame, images)
+            self._stage.handed_over()
             trouble = self._stage.trouble()
         except DeviceError as problem:
             trouble = problem
@@ -200,8 +243,20 @@ class FrameLoop:
         else:
             self.display_fault = None
 
+    def catch_up(self) -> None:
+        """Take in the gaze left for later, frame by frame as each would have.
+
+        On the virtual clock alone, where nobody waits for it: what is recorded is the same.
+        """
+        if self._waiting:
+            self._rig.catch_up()
+            waiting, self._waiting = self._waiting, []
+            for (row, t_ns), n in zip(waiting, self.observer.observe_waiting(), strict=True):
+                self._frames.add((*row, n), t_ns)
+
     def flush(self) -> None:
         """Hand every held row to the recorder."""
+        self.catch_up()
         self._frames.flush()
         self._targets.flush()
         self._scene_states.flush()
@@ -292,6 +347,16 @@ class FrameLoop:
             else:
                 self._rays.pop(hand, None)
 
+    def _take_sounds(self, batch: SampleBatch) -> None:
+        for row in batch.values[batch.values["event"] == BEGAN]:
+            key = self._sound_keys.pop(int(row["sound"]), None)
+            if key is not None:
+                self._sounded.append(Sounded(key, int(row["t_sounding_ns"])))
+
+    def _told_sounds(self) -> tuple[Sounded, ...]:
+        sounded, self._sounded = tuple(self._sounded), []
+        return sounded
+
     def _take_body(self) -> BodyView:
         batches = []
         while self._body_inbox:
@@ -319,6 +384,7 @@ class FrameLoop:
         before = self._logged_view
         if before is None or view.scene is not before.scene:
             self._scene_number += 1
+            self.catch_up()  # with the scene it was seen in
             self.observer.show(view.scene)
             self._recorder.event("scene", self.t_ns, **self._describe(view.scene))
         elif (
@@ -365,14 +431,13 @@ class FrameLoop:
             ],
         }
 
-    def _log_frame(self, frame: FrameInfo, gaze_samples: int) -> None:
-        row = (
+    def _frame_row(self, frame: FrameInfo) -> tuple[object, ...]:
+        """Return a row of frames but its last column, the number of gaze samples."""
+        return (
             frame.index,
             frame.predicted_display_ns,
             STATE_CODES[self._states.state],
             self.trial_number,
             self._scene_states.rows - 1,
             frame.dropped,
-            gaze_samples,
         )
-        self._frames.add(row, frame.t_ns)

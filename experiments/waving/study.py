@@ -59,6 +59,7 @@ from stimuli.scenes.office import (
     shift_m,
 )
 from visavis.compare import Compare, published_f
+from visavis.confusion import Confusion
 from visavis.exclusions import STANDARD_RULES, needs_answer
 from visavis.experiment import StudyExperiment
 from visavis.measures import column
@@ -191,7 +192,10 @@ study = Study(
         replace(COMPARED, dv="who_ms", published=None, exploratory=True),
     ],
     sections=[
-        "experiments.waving.sections:places_section",
+        Confusion(
+            "target_place", "who", by="technique", title="Who was waved at, and who answered"
+        ),
+        "experiments.waving.sections:relative_section",
         "experiments.waving.sections:warping_section",
     ],
     source=Source(

@@ -1,4 +1,4 @@
-"""Build a Pupil Core driver on a simulated wire, and drive it through virtual time."""
+"""A driver on a simulated wire driven through virtual time, and such a Pupil Core."""
 
 import numpy as np
 
@@ -11,7 +11,36 @@ from lab.clock import NS_PER_S, SimClock
 from tests.devices.bodies import FixatingBody
 
 
-class Rig:
+class PumpedRig:
+    """One `driver` on the virtual `clock`; a subclass sets both, then calls `listen`."""
+
+    def listen(self):
+        self.batches = []
+        self.pump = Pump(self.driver, self.batches.append, self.clock)
+
+    def start(self):
+        self.driver.open(2.0)
+        self.pump.start()
+        return self
+
+    def run(self, seconds, *, may_wait=False):
+        end_ns = self.clock.now_ns() + round(seconds * NS_PER_S)
+        while self.clock.now_ns() < end_ns:
+            self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_S // 90)
+            self.pump.step(may_wait=may_wait)
+        return self
+
+    def column(self, name):
+        return np.concatenate([batch.values[name] for batch in self.batches])
+
+    def stamps(self, name):
+        return np.concatenate([getattr(batch, name) for batch in self.batches])
+
+    def messages(self):
+        return " | ".join(fault.message for fault in self.pump.faults())
+
+
+class Rig(PumpedRig):
     """One eye tracker, pumped at 90 Hz on a virtual clock."""
 
     def __init__(self, *faults, seed=1, body=None, wrap=None, **simulator):
@@ -23,20 +52,7 @@ class Rig:
         )
         wire = MemoryTransport(self.simulator, self.clock)
         self.driver = PupilCore("eyes", wrap(wire, self.clock) if wrap else wire, self.clock)
-        self.batches = []
-        self.pump = Pump(self.driver, self.batches.append, self.clock)
-
-    def start(self):
-        self.driver.open(2.0)
-        self.pump.start()
-        return self
-
-    def run(self, seconds):
-        end_ns = self.clock.now_ns() + round(seconds * NS_PER_S)
-        while self.clock.now_ns() < end_ns:
-            self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_S // 90)
-            self.pump.step()
-        return self
+        self.listen()
 
     def calibrate(self, *, looks=True):
         self.driver.begin_calibration()
@@ -49,12 +65,3 @@ class Rig:
                 t_ns = self.clock.now_ns() - j * 30_000_000
                 self.driver.add_reference(target.direction, t_ns)
         return self.driver.end_calibration(3.0)
-
-    def column(self, name):
-        return np.concatenate([batch.values[name] for batch in self.batches])
-
-    def stamps(self, name):
-        return np.concatenate([getattr(batch, name) for batch in self.batches])
-
-    def messages(self):
-        return " | ".join(fault.message for fault in self.pump.faults())
