@@ -25,8 +25,8 @@ INLINE = re.compile(r"`(?:\.venv/bin/)?(visavis [^`]+)`")
 TYPED = re.compile(r"^(?:\$ )?(?:\.venv/bin/)?(visavis .+)$", re.MULTILINE)
 SECTION = re.compile(r"^(?=#{1,2} )", re.MULTILINE)
 MEASURED = re.compile(
-    r"\b((took|came to)\b[^.|]{0,20}\d|(was|were) measured|[Pp]roven\b|processor seconds|CPU s\b|p99"
-    r"|percentile|on a (quiet|busy|shared) computer|(samples|frames) a second|F1 of)"
+    r"\b((took|came to)\b[^.|]{0,20}\d|(was|were) measured|[Pp]roven\b|processor seconds|CPU s\b"
+    r"|p99|percentile|on a (quiet|busy|shared) computer|(samples|frames) a second|F1 of)"
     r"|[|] (simulated|measured) [|]"
 )
 """Words that go with a figure that somebody found rather than chose."""
