@@ -34,8 +34,16 @@ class Stage(Protocol):
         """Return what keeps it from drawing now; the session pauses while there is something."""
         ...
 
+    def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
+        """Make ready, beside the frames, what `coming` finds, so that its first is not late."""
+        ...
+
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
         """Return the images to submit for this frame, left eye first; empty when none."""
+        ...
+
+    def handed_over(self) -> None:
+        """Do what can wait until the images are handed over: the operator's picture of them."""
         ...
 
     @property
@@ -69,6 +77,12 @@ class GeometryStage:
 
     def trouble(self) -> None:
         """Nothing can fail."""
+
+    def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
+        """Make nothing ready: nothing is drawn."""
+
+    def handed_over(self) -> None:
+        """Nothing was."""
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
         """Tell every viewer what stands there."""

@@ -1,6 +1,7 @@
 """Show a study's scenes as pictures: both eyes of a headset, a window, or nobody's screen."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import moderngl
@@ -8,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.clock import NS_PER_S, Clock
+from lab.errors import LabError
 from lab.frame import EyeView, FrameInfo
 from lab.geometry import Pose, Vector, quat_multiply, rotate
 from lab.schema import SampleBatch, StreamSchema
@@ -127,6 +129,10 @@ class DrawnStage:
         self._seq = self._views_seq = 0
         self._retry_ns = 0
         self._trouble: StageError | None = None
+        self._beside = ThreadPoolExecutor(1, "dress")
+        self._coming: Future[Picture | None] | None = None
+        self._pieces: Iterator[None] | None = None
+        self._has_drawn = False
 
     @property
     def schemas(self) -> tuple[StreamSchema, ...]:
@@ -141,6 +147,20 @@ class DrawnStage:
         """Return what keeps frames from being drawn, None while all is well."""
         return self._trouble
 
+    def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
+        """Dress what comes beside the frames; it is sent to the card while nobody can be seen.
+
+        A piece a frame; at the first frame of all, before anybody looks, everything at once.
+        """
+
+        def dressed() -> Picture | None:
+            view = coming()
+            return None if view is None else self._picture(view)
+
+        if self._coming is not None:
+            self._coming.cancel()
+        self._pieces, self._coming = None, self._beside.submit(dressed)
+
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[moderngl.Texture]:
         """Draw both eyes and return their textures, left first; none while the driver fails.
 
@@ -154,6 +174,7 @@ class DrawnStage:
             return ()
         view = as_drawn(view, frame.predicted_display_ns)
         picture = self._fades.faded(self._picture(view))
+        is_calm = picture.brightness_01 <= 0.0 or not picture.cast
         if self._own_body is not None:
             picture = self._own_body.worn(picture, head)
         try:
@@ -161,8 +182,8 @@ class DrawnStage:
             self._look_from(head, renderer)
             cameras = [eye_camera(head, eye) for eye in self._views]
             drawn = renderer.draw(picture, cameras, self._targets)
-            if self._mirror is not None:
-                self._mirror.show(renderer.context, self._targets[0].texture)
+            if is_calm or not self._has_drawn:
+                self._make_ready(renderer, cameras)
         except StageError as problem:
             self._fail(problem, now_ns)
             self._log(view, frame, head, picture, np.zeros(0, np.int64), failed=True)
@@ -172,6 +193,15 @@ class DrawnStage:
         if not self._display.hands_over:
             return ()
         return [target.texture for target in self._targets]
+
+    def handed_over(self) -> None:
+        """Show the operator the left eye, now that the headset has its images."""
+        if self._mirror is None or self._renderer is None or self._trouble is not None:
+            return
+        try:
+            self._mirror.show(self._renderer.context, self._targets[0].texture)
+        except StageError as problem:
+            self._fail(problem, self._clock.now_ns())
 
     def redraw(
         self,
@@ -220,12 +250,29 @@ class DrawnStage:
 
     def close(self) -> None:
         """Release textures, renderer and mirror; idempotent."""
+        self._beside.shutdown(cancel_futures=True)
         self._drop()
         for shown in (self._mirror, self._window):
             if shown is not None:
                 shown.close()
 
     # ---- private --------------------------------------------------------------------------
+
+    def _make_ready(self, renderer: Renderer, cameras: Sequence[Camera]) -> None:
+        """Send the next piece of what comes to the card; at the first frame all of it."""
+        at_once, self._has_drawn = not self._has_drawn, True
+        if self._coming is not None and (at_once or self._coming.done()):
+            coming, self._coming = self._coming, None
+            try:
+                picture = coming.result()
+            except LabError:
+                return  # the trial itself will say what is wrong
+            self._pieces = None if picture is None else renderer.prepare(picture, cameras)
+        while self._pieces is not None:
+            if next(self._pieces, self) is self:
+                self._pieces = None
+            if not at_once:
+                return
 
     def _pictures(
         self, views: Iterable[SceneFrame], row: np.void, lit: Iterable[SceneFrame]
@@ -291,8 +338,10 @@ class DrawnStage:
 
     def _tell_views(self, renderer: Renderer) -> None:
         if self._sink is not None:
-            size_px, now_ns = self._targets[0].size_px, self._clock.now_ns()
-            self._sink(views_row(self._views_seq, self._views, size_px, renderer.quality, now_ns))
+            target, now_ns = self._targets[0], self._clock.now_ns()
+            # A card may have fewer samples than are asked for.
+            quality = replace(renderer.quality, samples=target.samples)
+            self._sink(views_row(self._views_seq, self._views, target.size_px, quality, now_ns))
             self._views_seq += 1
 
     def _fail(self, problem: StageError, now_ns: int) -> None:
@@ -308,7 +357,7 @@ class DrawnStage:
     def _drop(self) -> None:
         for target in self._targets:
             target.release()
-        self._targets = []
+        self._targets, self._pieces = [], None
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None

@@ -1,4 +1,4 @@
-"""Skin, eyes, hair and cloth, in GLSL: skinning from a texture of joint matrices, and shading."""
+"""Skin, eyes, hair and cloth, in GLSL: skinning from textures of vertices and joints; shading."""
 
 from stage.glsl_lighting import DECODED, LIGHTING
 
@@ -12,68 +12,71 @@ SHADERS = {
 KINDS = ("skin", "eye", "hair", "lash", "teeth", "cloth", "leather", "other")
 """Surface kinds by the number the shader knows them by."""
 
-SKINNING = """
-uniform sampler2D joint_rows;   // per person: 3 texels a joint, then 2 of face weights
-uniform sampler2D morph_deltas; // per vertex that moves: 6 displacements
-
-in vec3 in_rest_m;
-in vec4 in_normal;
-in uvec4 in_joints;
-in vec4 in_weights;
-in int in_morph;
-in int in_person;
-
-void skinned(out vec3 place, out vec3 normal) {
-    vec3 rest = in_rest_m;
-#ifdef MORPHS
-    if (in_morph >= 0) {
-        int face = textureSize(joint_rows, 0).x - 2;
-        vec4 a = texelFetch(joint_rows, ivec2(face, in_person), 0);
-        vec4 b = texelFetch(joint_rows, ivec2(face + 1, in_person), 0);
-        rest += a.x * texelFetch(morph_deltas, ivec2(0, in_morph), 0).xyz
-              + a.y * texelFetch(morph_deltas, ivec2(1, in_morph), 0).xyz
-              + a.z * texelFetch(morph_deltas, ivec2(2, in_morph), 0).xyz
-              + a.w * texelFetch(morph_deltas, ivec2(3, in_morph), 0).xyz
-              + b.x * texelFetch(morph_deltas, ivec2(4, in_morph), 0).xyz
-              + b.y * texelFetch(morph_deltas, ivec2(5, in_morph), 0).xyz;
-    }
-#endif
-    vec4 x = vec4(0.0), y = vec4(0.0), z = vec4(0.0);
-    for (int i = 0; i < 4; ++i) {
-        float weight = in_weights[i];
-        int column = int(in_joints[i]) * 3;
-        x += weight * texelFetch(joint_rows, ivec2(column, in_person), 0);
-        y += weight * texelFetch(joint_rows, ivec2(column + 1, in_person), 0);
-        z += weight * texelFetch(joint_rows, ivec2(column + 2, in_person), 0);
-    }
-    vec4 p = vec4(rest, 1.0);
-    place = vec3(dot(x, p), dot(y, p), dot(z, p));
-    vec3 n = in_normal.xyz;
-    normal = vec3(dot(x.xyz, n), dot(y.xyz, n), dot(z.xyz, n));
-}
-"""
+CHUNK_VERTICES = 256
+"""Skinned at a time: a chunk holds vertices of one person, its last repeated until it is full."""
+CHUNKS_WIDE, SOURCES_WIDE, DELTAS_WIDE = 64, 800, 200
+"""How many lie in a row of each texture: chunks, vertices, displaced vertices."""
 
 SKIN_VERTEX = (
     LIGHTING
     + DECODED
-    + SKINNING
+    + f"""
+const int CHUNK = {CHUNK_VERTICES}, CHUNKS_WIDE = {CHUNKS_WIDE};
+const int SOURCES_WIDE = {SOURCES_WIDE}, DELTAS_WIDE = {DELTAS_WIDE};
+"""
     + """
-in vec4 in_colour;
-in uvec4 in_surface;
-in vec3 in_detail;
+uniform sampler2D joint_rows;   // per person: 3 texels a joint, then 2 of face weights
+uniform sampler2D morph_deltas; // per vertex that moves: 6 displacements, 2 spare
+uniform usampler2D sources;     // per vertex: place and morph, normal and surface, detail and
+                                // joints, weights, colour
+uniform isampler2D chunks;      // first vertex, how many, person, first displacement
+
 out vec3 out_place;
 out vec3 out_normal;
 out vec3 out_detail;
 out vec3 out_albedo;
 flat out uint out_surface;
 flat out uint out_person;
+
+vec3 delta(int row, int which) {
+    return texelFetch(morph_deltas, ivec2(row % DELTAS_WIDE * 8 + which, row / DELTAS_WIDE), 0).xyz;
+}
+
 void main() {
-    skinned(out_place, out_normal);
-    out_detail = in_detail;
-    out_normal = normalize(out_normal);
-    out_albedo = decoded(in_colour.rgb);
-    out_surface = in_surface.x | in_surface.y << 8 | in_surface.z << 16 | in_surface.w << 24;
-    out_person = uint(in_person) + 1u;
+    int number = gl_VertexID / CHUNK;
+    ivec4 chunk = texelFetch(chunks, ivec2(number % CHUNKS_WIDE, number / CHUNKS_WIDE), 0);
+    int vertex = chunk.x + min(gl_VertexID % CHUNK, chunk.y - 1), person = chunk.z;
+    ivec2 at = ivec2(vertex % SOURCES_WIDE * 5, vertex / SOURCES_WIDE);
+    uvec4 first = texelFetch(sources, at, 0);
+    uvec4 second = texelFetch(sources, at + ivec2(1, 0), 0);
+    uvec4 third = texelFetch(sources, at + ivec2(2, 0), 0);
+    vec4 weights = uintBitsToFloat(texelFetch(sources, at + ivec2(3, 0), 0));
+    vec3 colour = uintBitsToFloat(texelFetch(sources, at + ivec2(4, 0), 0).xyz);
+
+    vec3 rest = uintBitsToFloat(first.xyz);
+    int morph = int(first.w);
+    if (morph >= 0) {
+        int face = textureSize(joint_rows, 0).x - 2, row = chunk.w + morph;
+        vec4 a = texelFetch(joint_rows, ivec2(face, person), 0);
+        vec4 b = texelFetch(joint_rows, ivec2(face + 1, person), 0);
+        rest += a.x * delta(row, 0) + a.y * delta(row, 1) + a.z * delta(row, 2)
+              + a.w * delta(row, 3) + b.x * delta(row, 4) + b.y * delta(row, 5);
+    }
+    vec4 x = vec4(0.0), y = vec4(0.0), z = vec4(0.0);
+    for (int i = 0; i < 4; ++i) {
+        int column = int(third.w >> (8 * i) & 255u) * 3;
+        x += weights[i] * texelFetch(joint_rows, ivec2(column, person), 0);
+        y += weights[i] * texelFetch(joint_rows, ivec2(column + 1, person), 0);
+        z += weights[i] * texelFetch(joint_rows, ivec2(column + 2, person), 0);
+    }
+    vec4 p = vec4(rest, 1.0);
+    vec3 n = uintBitsToFloat(second.xyz);
+    out_place = vec3(dot(x, p), dot(y, p), dot(z, p));
+    out_normal = normalize(vec3(dot(x.xyz, n), dot(y.xyz, n), dot(z.xyz, n)));
+    out_detail = uintBitsToFloat(third.xyz);
+    out_albedo = decoded(colour);
+    out_surface = second.w;
+    out_person = uint(person) + 1u;
     gl_Position = vec4(0.0);
 }
 """
@@ -160,13 +163,7 @@ FRAGMENT = (
     LIGHTING
     + DECODED
     + """
-#ifdef LAYERED
-uniform sampler2DArray picture;
-#define PICTURED_AT detail
-#else
-uniform sampler2D picture;
-#define PICTURED_AT detail.xy
-#endif
+uniform sampler2DArray picture;  // of textured surfaces the layer is the last of detail
 in vec3 place;
 in vec3 normal;
 in vec3 detail;
@@ -245,10 +242,10 @@ vec3 hair_surface(vec3 albedo, vec3 n, vec3 view, float roughness) {
 #endif
 
 #ifdef MAPPED
-uniform sampler2D normal_map;
-uniform sampler2D surface_map;  // occlusion, roughness, metalness
-uniform sampler2D glow_map;
-uniform sampler2D sheen_map;
+uniform sampler2DArray normal_map;
+uniform sampler2DArray surface_map;  // occlusion, roughness, metalness
+uniform sampler2DArray glow_map;
+uniform sampler2DArray sheen_map;
 
 // The normal leant as the map says. Axes of the picture on the surface come from how place and
 // coordinates change from pixel to pixel; y of the map is up, v runs down.
@@ -260,7 +257,7 @@ vec3 leant(vec3 n, vec2 at) {
     vec3 down = a * uv_x.y + b * uv_y.y;
     float most = max(dot(tangent, tangent), dot(down, down));
     if (most <= 0.0) return n;
-    vec3 map = texture(normal_map, at).xyz * (255.0 / 127.0) - 128.0 / 127.0;
+    vec3 map = texture(normal_map, vec3(at, detail.z)).xyz * (255.0 / 127.0) - 128.0 / 127.0;
     return normalize((tangent * map.x - down * map.y) * inversesqrt(most)
                      + n * max(map.z, 0.05));
 }
@@ -278,7 +275,7 @@ vec3 as_authored(vec3 albedo, vec3 wrap, vec3 n, vec3 view, float roughness, flo
 #endif
     vec3 matte = albedo * (1.0 - metalness);
     vec3 spread = 1.0 / ((1.0 + wrap) * (1.0 + wrap));
-    vec3 fuzz = texture(sheen_map, detail.xy).rgb;
+    vec3 fuzz = texture(sheen_map, detail).rgb;
     // What the surroundings mirror: the split sum of microfacets, as fitted by Lazarov (2013).
     vec4 fit = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
     float low = min(fit.x * fit.x, exp2(-9.28 * facing)) * fit.x + fit.y;
@@ -309,7 +306,7 @@ vec3 as_authored(vec3 albedo, vec3 wrap, vec3 n, vec3 view, float roughness, flo
 #ifdef VERTEX_LIT
 void main() {
 #ifdef TEXTURED
-    vec4 texel = texel_of(texture(picture, PICTURED_AT));
+    vec4 texel = texel_of(texture(picture, detail));
     CUT(texel.a)
     deliver_lit(albedo_here, texel, person, surface.z, length(eye_m.xyz - place));
 #else
@@ -327,7 +324,7 @@ void main() {
     vec3 albedo = albedo_here;
     float alpha = 1.0;
 #ifdef TEXTURED
-    vec4 texel = texel_of(texture(picture, PICTURED_AT));
+    vec4 texel = texel_of(texture(picture, detail));
     albedo *= texel.rgb;
     alpha = texel.a;
     CUT(alpha)
@@ -336,7 +333,7 @@ void main() {
     n = leant(n, detail.xy);
     float open = 1.0, metalness = 0.0;
 #ifdef SURFACE_MAP
-    vec3 surface_here = texture(surface_map, detail.xy).rgb;
+    vec3 surface_here = texture(surface_map, detail).rgb;
     open = surface_here.r;
     roughness = surface_here.g;
     metalness = surface_here.b;
@@ -349,7 +346,7 @@ void main() {
     vec3 wrap = vec3(0.0);
 #endif
     vec3 result = as_authored(albedo, wrap, n, view, roughness, metalness, open)
-                  + texture(glow_map, detail.xy).rgb;
+                  + texture(glow_map, detail).rgb;
 #elif defined(KIND_SKIN)
     float grazing = 1.0 - max(dot(n, view), 0.0);
     vec3 result = lit(albedo, vec3(0.34, 0.17, 0.11), place, n, view, 14.0 + 40.0 * smoothness,
@@ -360,7 +357,7 @@ void main() {
 #elif defined(KIND_HAIR)
     vec3 result = hair_surface(albedo, n, view, roughness);
 #ifdef MAPPED
-    result = result * open + texture(glow_map, detail.xy).rgb;
+    result = result * open + texture(glow_map, detail).rgb;
 #endif
 #elif defined(KIND_CLOTH)
 #ifndef TEXTURED

@@ -18,8 +18,8 @@ in vec3 in_light;
 out vec3 place;
 out vec3 normal;
 out vec3 albedo_here;
-out vec2 uv;
 flat out vec2 look;
+out vec3 pictured_at;
 void main() {
     vec4 world = world_from_prop * vec4(in_place_m, 1.0);
     place = world.xyz;
@@ -39,7 +39,7 @@ void main() {
 #if defined(IN_CODES) && !defined(TEXTURED)
     albedo_here *= tone.w;
 #endif
-    uv = in_uv;
+    pictured_at = vec3(in_uv, floor(in_look.z * 255.0 + 0.5 + 65280.0 * in_look.w));
     gl_Position = view_projection * world;
 }
 """
@@ -56,11 +56,11 @@ FRAGMENT = (
     LIGHTING
     + DECODED
     + """
-uniform sampler2D picture;
+uniform sampler2DArray picture;
 in vec3 place;
 in vec3 normal;
 in vec3 albedo_here;
-in vec2 uv;
+in vec3 pictured_at;  // the layer last
 flat in vec2 look;
 """
     + "//OUTPUT//"
@@ -70,7 +70,7 @@ void main() {
     float distance_m = length(path);
     vec4 texel = vec4(1.0);
 #ifdef TEXTURED
-    texel = texel_of(texture(picture, uv));
+    texel = texel_of(texture(picture, pictured_at));
     CUT(texel.a)
 #endif
 #ifdef VERTEX_LIT

@@ -49,7 +49,6 @@ class LitPrograms:
                 self._context,
                 glsl_people.SKIN_VERTEX,
                 None,
-                "MORPHS",
                 "NO_SHINE",
                 constants=glsl_lighting.lamp_constants((), ()),
                 varyings=glsl_people.SKINNED_VARYINGS,
@@ -71,8 +70,6 @@ class LitPrograms:
             defines.append("TEXTURED")
             if run.texture.shape[2] == 4:
                 defines.append("CUT_OUT")
-            if family == "lit_people":
-                defines.append("LAYERED")
         if run.maps is not None and not self._fast:
             defines.append("MAPPED")
             if run.maps.surface is not None:

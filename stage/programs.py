@@ -15,6 +15,8 @@ UNITS: Mapping[str, int] = {
     "surface_map": 6,
     "glow_map": 7,
     "sheen_map": 8,
+    "sources": 9,
+    "chunks": 10,
 }
 """Texture unit of every sampler, the same in all shaders."""
 BLOCKS: Mapping[str, int] = {"Frame": 0, "Lighting": 1}

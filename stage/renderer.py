@@ -1,6 +1,6 @@
 """Draw pictures: people, room, lamps and shadows, fade, mark and panels."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -23,11 +23,11 @@ from stage.shadow_maps import ShadowMaps
 from stage.targets import EyeTarget
 from stage.vertex_light import lamp_rows
 from stage.vertices import Run
-from stimuli.characters.character import Character
 from stimuli.picture import Camera, Picture, Room
 
 FRAME_BYTES = 96
 LIT_STEP_M = 0.5
+UNSEEN_PX = 64, 64
 MAX_OLD_ERRORS = 8
 TEXTURED_PX_PER_M = 55.0
 """The fast quality leaves textures out where vertices lie closer than pixels."""
@@ -80,8 +80,7 @@ class Renderer:
         self.quality = Quality() if quality is None else quality
         self.drawn = Drawn(np.zeros(0, np.int64), np.zeros(0))
         ctx = self.context
-        fast, finest = self.quality.fast, self.quality.detail.finest
-        self._buffers = SceneBuffers(ctx, fast=fast, finest=finest)
+        self._buffers = SceneBuffers(ctx, fast=self.quality.fast)
         self._frame = ctx.buffer(reserve=FRAME_BYTES, dynamic=True)
         self._lighting = ctx.buffer(reserve=LIGHTING_BYTES, dynamic=True)
         self._programs = LitPrograms(ctx, fast=self.quality.fast, shadows=self._with_maps())
@@ -133,10 +132,20 @@ class Renderer:
             )
         return drawn
 
-    def prepare(self, cast: tuple[Character, ...], room: Room) -> None:
-        """Send a cast and a room to the card now, so that the first frame is not late."""
-        self._buffers.crowd(cast)
-        self._buffers.room(room)
+    def prepare(self, picture: Picture, cameras: Sequence[Camera]) -> Iterator[None]:
+        """Send what a picture is drawn from to the card, piece by piece, and draw it unseen once.
+
+        What is chosen by what was drawn before is chosen as if this had not been.
+        """
+        crowd = self._buffers.crowd(picture.cast)
+        yield
+        self._buffers.room(picture.room)
+        yield
+        before, drawn = crowd.level_before, self.drawn
+        for camera in cameras[:1]:
+            self.image(picture, camera, UNSEEN_PX)
+        crowd.level_before, self.drawn = before, drawn
+        yield
 
     def close(self) -> None:
         """Free everything; idempotent."""
@@ -292,7 +301,7 @@ class Renderer:
 
         # People first: they hide much of the room, which is then not computed.
         if crowd.cast:
-            crowd.draw(program("lit_people" if fast else "people"), (light, identity))
+            crowd.draw(program("lit_people" if fast else "people"))
         in_codes = fast and not identity
         self._buffers.room(picture.room).draw(program("baked_room" if in_codes else "room"))
         for placed in picture.moving:

@@ -1,11 +1,15 @@
 """Casts, rooms and things on the graphics card, kept while pictures ask for them."""
 
+from functools import partial
+
 import moderngl
 
-from stage.crowd_buffers import CharacterMeshes, CrowdBuffers
+from stage.crowd_buffers import CrowdBuffers
+from stage.gl_calls import GlCalls
+from stage.models_on_card import CharacterMeshes, ModelsOnCard
 from stage.processor_crowd import ProcessorCrowd
 from stage.room_buffers import PropBuffers
-from stage.textures import Textures
+from stage.textures import Layers, Looks, SharedLayers, code_layers, srgb_layers
 from stimuli.characters.character import Character
 from stimuli.picture import Prop, Room
 
@@ -18,10 +22,16 @@ Crowd = CrowdBuffers | ProcessorCrowd
 class SceneBuffers:
     """Build at first use, keep the latest; `fast` has people and rooms lit by the processor."""
 
-    def __init__(self, context: moderngl.Context, *, fast: bool, finest: int) -> None:
-        self._context, self._fast, self._finest = context, fast, finest
-        self._textures = Textures(context, fast=fast)
+    def __init__(self, context: moderngl.Context, *, fast: bool) -> None:
+        self._context, self._fast = context, fast
+        self._calls = GlCalls(context)
+        self._layered = (
+            partial(code_layers, context) if fast else partial(srgb_layers, context, self._calls)
+        )
         self._meshes = CharacterMeshes()
+        self._layers = SharedLayers(context)
+        self._looks = Looks(context, self._calls)
+        self._models = ModelsOnCard(context, self._meshes, self._looks)
         self._crowds: dict[tuple[int, ...], Crowd] = {}
         self._rooms: dict[int, tuple[Room, PropBuffers]] = {}
         self._things: dict[int, tuple[Prop, PropBuffers]] = {}
@@ -34,13 +44,15 @@ class SceneBuffers:
             while len(self._crowds) >= CASTS_KEPT:
                 self._crowds.pop(next(iter(self._crowds))).release()
             if self._fast:
-                found = ProcessorCrowd(self._context, cast, self._meshes)
+                found = ProcessorCrowd(self._context, cast, self._meshes, self._layers_of(cast))
             else:
-                found = CrowdBuffers(
-                    self._context, cast, self._meshes, self._textures, self._finest
-                )
+                found = CrowdBuffers(self._context, cast, self._models, self._calls)
             self._crowds[key] = found
         return found
+
+    def _layers_of(self, cast: tuple[Character, ...]) -> Layers:
+        drawn = [c.layers for c in self._crowds.values() if isinstance(c, ProcessorCrowd)]
+        return self._layers.of(cast, drawn)
 
     def room(self, room: Room) -> PropBuffers:
         """Return the room's buffers."""
@@ -49,17 +61,18 @@ class SceneBuffers:
             while len(self._rooms) >= ROOMS_KEPT:
                 self._rooms.pop(next(iter(self._rooms)))[1].release()
             lit_by = room if self._fast else None
-            buffers = PropBuffers(self._context, room.props, self._textures, lit_by)
-            found = self._rooms[id(room)] = (room, buffers)
+            found = self._rooms[id(room)] = (room, self._props(room.props, lit_by))
         return found[1]
 
     def thing(self, prop: Prop) -> PropBuffers:
         """Return the buffers of a thing that moves."""
         found = self._things.get(id(prop))
         if found is None:
-            found = (prop, PropBuffers(self._context, (prop,), self._textures))
-            self._things[id(prop)] = found
+            found = self._things[id(prop)] = (prop, self._props((prop,)))
         return found[1]
+
+    def _props(self, props: tuple[Prop, ...], lit_by: Room | None = None) -> PropBuffers:
+        return PropBuffers(self._context, props, self._layered, lit_by)
 
     def release(self) -> None:
         """Free the card's memory."""
@@ -67,4 +80,6 @@ class SceneBuffers:
             crowd.release()
         for _, props in (*self._rooms.values(), *self._things.values()):
             props.release()
-        self._textures.release()
+        self._layers.release()
+        self._models.release()
+        self._looks.release()

@@ -1,83 +1,152 @@
-"""Pictures on surfaces, sent to the graphics card once."""
+"""Pictures on surfaces, sent to the graphics card once, as layers of a few arrays."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
 
 import moderngl
 import numpy as np
 from PIL import Image
 
+from stage.gl_calls import GlCalls
 from stage.programs import UNITS
-from stage.vertices import TextureArray
-from stimuli.characters.character import Maps
+from stage.vertices import Run, TextureArray
+from stimuli.characters.character import Character
 
 PLAIN_NORMAL: TextureArray = np.array([[[128, 128, 255]]], np.uint8)
 BLACK: TextureArray = np.zeros((1, 1, 3), np.uint8)
-GL_SRGB8, GL_SRGB8_ALPHA8 = 0x8C41, 0x8C43
 MAX_LAYER_PX = 512
+MAX_SHARED = 8
+ANISOTROPY = 8.0
 
 
-class Textures:
-    """Textures by the array they come from; kept while the renderer lives.
+@dataclass(frozen=True, eq=False)
+class Look:
+    """Arrays whose layers lie on surfaces together; `maps` are by the names of their samplers."""
 
-    Fast ones hold the display's codes, so that no tap is decoded, and are read from one size.
+    picture: moderngl.TextureArray
+    maps: tuple[tuple[str, moderngl.TextureArray], ...] = ()
+
+    def use(self) -> None:
+        """Bind them for the coming draw calls."""
+        self.picture.use(UNITS["picture"])
+        for name, array in self.maps:
+            array.use(UNITS[name])
+
+
+class Looks:
+    """Pictures of runs with their maps, decoded from sRGB where they are colours. Those that come
+    together and have the same shapes share arrays, so that one call draws them.
     """
 
-    def __init__(self, context: moderngl.Context, *, fast: bool) -> None:
-        self._context = context
-        self._fast = fast
-        self._made: dict[int, tuple[TextureArray, moderngl.Texture]] = {}
+    def __init__(self, context: moderngl.Context, calls: GlCalls) -> None:
+        self._context, self._calls = context, calls
+        self._place: dict[tuple[int, ...], tuple[Look, int]] = {}
+        self._kept: list[Run] = []
+        self._made: list[moderngl.TextureArray] = []
+        self._normal = self._array([PLAIN_NORMAL], is_colour=False)
+        self._black = self._array([BLACK], is_colour=True)
 
-    def use(self, picture: TextureArray | None, unit: int) -> None:
-        """Bind a picture, if there is one, for the coming draw call."""
-        if picture is not None:
-            self._of(picture).use(unit)
+    def add(self, runs: Iterable[Run]) -> None:
+        """Send what runs show, as far as it is not there yet."""
+        fresh = {_pictures(r): r for r in runs if r.texture is not None}
+        alike: dict[tuple[object, ...], list[Run]] = {}
+        for ids, run in fresh.items():
+            if ids not in self._place:
+                alike.setdefault(_shapes(run), []).append(run)
+        for together in alike.values():
+            look = self._look(together)
+            for layer, run in enumerate(together):
+                self._place[_pictures(run)] = look, layer
+                self._kept.append(run)
 
-    def use_maps(self, maps: Maps | None) -> None:
-        """Bind the maps of a surface, where it has any; those it lacks change nothing."""
-        if maps is None:
-            return
-        self._of(PLAIN_NORMAL if maps.normal is None else maps.normal, codes=False).use(
-            UNITS["normal_map"]
-        )
-        if maps.surface is not None:
-            self._of(maps.surface, codes=False).use(UNITS["surface_map"])
-        self._of(BLACK if maps.glow_srgb is None else maps.glow_srgb).use(UNITS["glow_map"])
-        self._of(BLACK if maps.sheen_srgb is None else maps.sheen_srgb).use(UNITS["sheen_map"])
+    def of(self, run: Run) -> Look | None:
+        """Return what a run shows; None where it has no picture."""
+        return None if run.texture is None else self._place[_pictures(run)][0]
 
-    def _of(self, picture: TextureArray, *, codes: bool = True) -> moderngl.Texture:
-        found = self._made.get(id(picture))
-        if found is None:
-            height, width, channels = picture.shape
-            decoding = GL_SRGB8 if channels == 3 else GL_SRGB8_ALPHA8
-            texture = self._context.texture(
-                (width, height),
-                channels,
-                np.ascontiguousarray(picture).tobytes(),
-                alignment=1,
-                internal_format=None if self._fast or not codes else decoding,
-            )
-            texture.build_mipmaps()
-            smaller = (
-                moderngl.LINEAR_MIPMAP_NEAREST if self._fast else moderngl.LINEAR_MIPMAP_LINEAR
-            )
-            texture.filter = (smaller, moderngl.LINEAR)
-            texture.anisotropy = 1.0 if self._fast else 8.0
-            found = self._made[id(picture)] = (picture, texture)
-        return found[1]
+    def layer(self, run: Run) -> int:
+        """Return the layer of a run's pictures in their arrays."""
+        return self._place[_pictures(run)][1]
 
     def release(self) -> None:
         """Free the card's memory."""
-        for _, texture in self._made.values():
-            texture.release()
+        for array in self._made:
+            array.release()
         self._made.clear()
+
+    def _look(self, together: list[Run]) -> Look:
+        pictures = [run.texture for run in together if run.texture is not None]
+        picture = self._array(pictures, is_colour=True)
+        if together[0].maps is None:
+            return Look(picture)
+
+        def stacked(
+            name: str, otherwise: moderngl.TextureArray | None, *, is_colour: bool
+        ) -> moderngl.TextureArray | None:
+            found = [getattr(run.maps, name) for run in together]
+            if found[0] is None:
+                return otherwise
+            return self._array(found, is_colour=is_colour)
+
+        maps = (
+            ("normal_map", stacked("normal", self._normal, is_colour=False)),
+            ("surface_map", stacked("surface", None, is_colour=False)),
+            ("glow_map", stacked("glow_srgb", self._black, is_colour=True)),
+            ("sheen_map", stacked("sheen_srgb", self._black, is_colour=True)),
+        )
+        return Look(picture, tuple((name, array) for name, array in maps if array is not None))
+
+    def _array(self, stack: list[TextureArray], *, is_colour: bool) -> moderngl.TextureArray:
+        made = srgb_layers(self._context, self._calls, stack, is_colour=is_colour)
+        self._made.append(made)
+        return made
+
+
+def srgb_layers(
+    context: moderngl.Context, calls: GlCalls, stack: list[TextureArray], *, is_colour: bool = True
+) -> moderngl.TextureArray:
+    """Return pictures of one shape as layers for a card; colours are decoded when read."""
+    height, width, channels = stack[0].shape
+    pixels = b"".join(np.ascontiguousarray(layer).tobytes() for layer in stack)
+    size = (width, height, len(stack))
+    if is_colour:
+        array = context.texture_array(size, channels)
+        calls.fill_srgb(array, pixels)
+    else:
+        array = context.texture_array(size, channels, pixels, alignment=1)
+    array.build_mipmaps()
+    array.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    array.anisotropy = ANISOTROPY
+    return array
+
+
+def _pictures(run: Run) -> tuple[int, ...]:
+    """Return which pictures a run shows."""
+    maps = run.maps
+    if maps is None:
+        return (id(run.texture),)
+    return tuple(map(id, (run.texture, maps.normal, maps.surface, maps.glow_srgb, maps.sheen_srgb)))
+
+
+def _shapes(run: Run) -> tuple[object, ...]:
+    maps = run.maps
+    found = [run.texture]
+    if maps is not None:
+        found += [maps.normal, maps.surface, maps.glow_srgb, maps.sheen_srgb]
+    return (maps is None, *(None if picture is None else picture.shape for picture in found))
 
 
 class Layers:
-    """Pictures in the display's codes as layers of a few arrays, one per shape, so that many
-    surfaces are drawn by one call. Sides beyond 512 pixels are halved until they fit.
+    """Pictures as layers of a few arrays, one per shape, so that many surfaces are drawn by one
+    call; `layered` makes an array. Sides beyond `max_px` pixels are halved until they fit.
     """
 
-    def __init__(self, context: moderngl.Context, pictures: Iterable[TextureArray]) -> None:
+    def __init__(
+        self,
+        pictures: Iterable[TextureArray],
+        layered: Callable[[list[TextureArray]], moderngl.TextureArray],
+        max_px: int | None = None,
+    ) -> None:
         self._place: dict[int, tuple[int, int]] = {}
         self._kept: list[TextureArray] = []
         shapes: list[tuple[int, ...]] = []
@@ -85,7 +154,7 @@ class Layers:
         for picture in pictures:
             if id(picture) in self._place:
                 continue
-            small = _at_most(picture, MAX_LAYER_PX)
+            small = picture if max_px is None else _at_most(picture, max_px)
             if small.shape not in shapes:
                 shapes.append(small.shape)
                 stacks.append([])
@@ -93,7 +162,7 @@ class Layers:
             self._place[id(picture)] = at, len(stacks[at])
             stacks[at].append(small)
             self._kept.append(picture)
-        self.arrays = [_layered(context, stack) for stack in stacks]
+        self.arrays = [layered(stack) for stack in stacks]
         self.channels = [shape[2] for shape in shapes]
 
     def place(self, picture: TextureArray) -> tuple[int, int]:
@@ -106,6 +175,38 @@ class Layers:
             array.release()
 
 
+class SharedLayers:
+    """Layers by whose pictures they hold, so that the same people in other places need no others.
+
+    A cast within a larger one that is there takes its layers; of those nobody uses the latest stay.
+    """
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._made: dict[frozenset[int], Layers] = {}
+
+    def of(self, cast: Iterable[Character], in_use: Iterable[Layers]) -> Layers:
+        """Return the layers of a cast's pictures; `in_use` are kept whatever comes."""
+        materials = [m for c in cast for m in c.materials if m.kind != "eye"]
+        pictures = [m.texture_srgb for m in materials if m.texture_srgb is not None]
+        key = frozenset(map(id, pictures))
+        for there, layers in self._made.items():
+            if key <= there:
+                return layers
+        used = {id(layers) for layers in in_use}
+        spare = [there for there, layers in self._made.items() if id(layers) not in used]
+        for there in spare[: max(0, len(self._made) + 1 - MAX_SHARED)]:
+            self._made.pop(there).release()
+        made = Layers(pictures, partial(code_layers, self._context), MAX_LAYER_PX)
+        return self._made.setdefault(key, made)
+
+    def release(self) -> None:
+        """Free the card's memory."""
+        for layers in self._made.values():
+            layers.release()
+        self._made.clear()
+
+
 def _at_most(picture: TextureArray, side_px: int) -> TextureArray:
     factor = 1
     while max(picture.shape[:2]) > side_px * factor:
@@ -115,7 +216,10 @@ def _at_most(picture: TextureArray, side_px: int) -> TextureArray:
     return np.asarray(Image.fromarray(picture).reduce(factor))
 
 
-def _layered(context: moderngl.Context, stack: list[TextureArray]) -> moderngl.TextureArray:
+def code_layers(context: moderngl.Context, stack: list[TextureArray]) -> moderngl.TextureArray:
+    """Return pictures of one shape as layers for a processor: codes that no tap decodes, read from
+    one size.
+    """
     height, width, channels = stack[0].shape
     pixels = b"".join(np.ascontiguousarray(layer).tobytes() for layer in stack)
     array = context.texture_array((width, height, len(stack)), channels, pixels, alignment=1)

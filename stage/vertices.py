@@ -22,9 +22,6 @@ PERSON_VERTEX = np.dtype(
         ("morph", "<i4"),
     ]
 )
-PERSON_LAYOUT = ("3f4 4f2 3f4 4f1 4u1 4u1 4f2 1i4", "in_rest_m", "in_normal", "in_detail",
-                 "in_colour", "in_surface", "in_joints", "in_weights", "in_morph")  # fmt: skip
-
 ROOM_VERTEX = np.dtype(
     [
         ("place_m", "<f4", (3,)),
@@ -204,7 +201,8 @@ def room_vertices(props: tuple[Prop, ...]) -> RoomVertices:
         groups.setdefault(key, []).append(prop)
     vertices, indices, runs, casting = [], [], [], []
     base = first = 0
-    for (texture_id, double_sided), members in groups.items():
+    # Those whose pictures have one shape follow one another, so that one call can draw them.
+    for (texture_id, double_sided), members in sorted(groups.items(), key=_shape_of):
         count = 0
         for prop in members:
             mesh = prop.mesh
@@ -232,6 +230,12 @@ def room_vertices(props: tuple[Prop, ...]) -> RoomVertices:
         tuple(runs),
         _joined(casting),
     )
+
+
+def _shape_of(group: tuple[tuple[int, bool], list[Prop]]) -> tuple[bool, tuple[int, ...]]:
+    (texture_id, double_sided), members = group
+    texture = members[0].material.texture_srgb if texture_id else None
+    return double_sided, () if texture is None else texture.shape
 
 
 def _joined(stretches: list[tuple[int, int]]) -> tuple[tuple[int, int], ...]:

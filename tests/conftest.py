@@ -3,10 +3,17 @@
 import os
 import shutil
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
+from platformdirs import user_cache_path
+
+# Tests give processes of their own another cache folder; kernels need not be compiled again for it.
+os.environ.setdefault(
+    "NUMBA_CACHE_DIR", str(user_cache_path("visavis", appauthor=False) / "kernels" / "tests")
+)
 
 # A landing must not depend on the luck of a draw; a developer's own run goes on exploring. Nor may
 # any test depend on how busy the machine is.
@@ -26,3 +33,17 @@ def browser() -> Iterator[Any]:
         opened = started.chromium.launch(executable_path=program, args=["--no-sandbox"])
         yield opened
         opened.close()
+
+
+@pytest.fixture
+def other_browser(tmp_path: Path) -> Iterator[Any]:
+    """Debian's Firefox without a window (tests.firefox); skipped where there is none."""
+    pytest.importorskip("websockets")
+    from tests.firefox import firefox, program
+
+    if program() is None:
+        pytest.skip("there is no Firefox; apt install firefox-esr")
+    profile = tmp_path / "firefox"
+    profile.mkdir()
+    with firefox(profile) as window:
+        yield window

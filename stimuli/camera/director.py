@@ -105,7 +105,8 @@ class Style:
 
 
 STYLES: Final = {
-    "medium-no-cuts": Style(ShotSize.MEDIUM, cuts=False),
+    # Without a cut to help, a camera among people must hold sight dearer than the exact size.
+    "medium-no-cuts": Style(ShotSize.MEDIUM, cuts=False, weights=Weights(direct=6.0)),
     "long-cuts": Style(ShotSize.LONG),
     "extreme-long-static": Style(ShotSize.EXTREME_LONG, moves=False),
 }
@@ -240,6 +241,11 @@ class Director:
             raise DesignError(f"the camera was asked for {t_ns} ns after a later time; go forward")
         position, _, look, _ = self._moved(t_ns)
         return CameraView(position, look)
+
+    @property
+    def cut_ns(self) -> tuple[int, ...]:
+        """When it cut so far; the beginning is no cut."""
+        return tuple(cut.t_ns for cut in self.cuts[1:])
 
     @property
     def sees_subject(self) -> bool:

@@ -1,5 +1,6 @@
 """A stage that draws: what it hands over, what it logs, what it does when the driver fails."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import moderngl
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from lab.clock import NS_PER_S, SimClock
+from lab.errors import DesignError
 from lab.frame import FrameInfo
 from lab.geometry import Pose, quat_from_yaw_pitch_deg
 from lab.schema import SampleBatch
@@ -14,10 +16,11 @@ from stage.drawn_stage import Display, DrawnStage, as_drawn, default_views, eye_
 from stage.errors import StageError
 from stage.frame_truth import read_views
 from stage.own_body import OwnBody
-from stage.renderer import Renderer
-from stimuli.picture import Picture
+from stage.renderer import ON_PROCESSOR, Quality, Renderer
+from stimuli.picture import Camera, Picture
 from stimuli.scene import Agent, Scene, SceneFrame
 from tests.stage import figures
+from tests.stage.gl_counts import counted
 from tests.stage.test_own_body import SEGMENTS, sample
 
 SIZE = (60, 72)
@@ -166,6 +169,41 @@ def _failing(*_: object, **__: object) -> None:
     raise StageError("the graphics driver refused to draw", remedy="resume")
 
 
+class _Mirror:
+    def __init__(self, problem: StageError | None = None) -> None:
+        self.shown: list[moderngl.Texture] = []
+        self._problem = problem
+
+    def show(self, _: moderngl.Context, texture: moderngl.Texture) -> None:
+        self.shown.append(texture)
+        if self._problem is not None:
+            raise self._problem
+
+    def close(self) -> None:
+        pass
+
+
+def test_operator_s_picture_waits_until_the_images_are_handed_over() -> None:
+    mirror = _Mirror()
+    display = Display(default_views, lambda: SIZE, people_count=4)
+    stage = DrawnStage(_dressed, _renderer, display, SimClock(), mirror=mirror)
+    left, _ = stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
+    assert mirror.shown == []
+    stage.handed_over()
+    assert mirror.shown == [left]
+    stage.close()
+
+
+def test_mirror_that_fails_is_trouble_of_the_display() -> None:
+    mirror = _Mirror(StageError("the window is gone", remedy="resume"))
+    display = Display(default_views, lambda: SIZE, people_count=4)
+    stage = DrawnStage(_dressed, _renderer, display, SimClock(), mirror=mirror)
+    stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
+    stage.handed_over()
+    assert "window is gone" in str(stage.trouble())
+    stage.close()
+
+
 def test_eyes_stand_either_side_of_the_head() -> None:
     left, right = (eye_camera(HEAD, eye) for eye in default_views())
     middle = (left.pose.position_m + right.pose.position_m) / 2
@@ -207,9 +245,98 @@ def test_how_pictures_are_made_is_logged_when_drawing_begins() -> None:
     for i in range(2):
         stage.draw(_scene(), FrameInfo(i, i, i), HEAD)
     quality = stage._renderer.quality
+    assert stage._targets[0].samples == quality.samples
     stage.close()
     (batch,) = views
     eyes, size_px, recorded = read_views(batch.values[0])
     assert default_views() == eyes
     assert size_px == SIZE
     assert replace(recorded, detail=quality.detail) == quality
+
+
+@pytest.mark.parametrize("quality", [None, ON_PROCESSOR], ids=["card", "processor"])
+def test_nothing_is_sent_to_the_card_with_the_first_lit_frame_of_a_scene_that_was_foreseen(
+    quality: Quality | None,
+) -> None:
+    people = figures.picture(3)
+
+    def dress(view: SceneFrame) -> Picture:
+        return replace(people, t_ns=view.t_ns)
+
+    def opened() -> Renderer:
+        try:
+            return Renderer(quality=quality)
+        except StageError as problem:
+            pytest.skip(str(problem))
+
+    def sent(foreseen: bool) -> list[int]:
+        """Return how much the first frame makes, those of darkness, and the first lit one."""
+        display = Display(default_views, lambda: SIZE, people_count=4)
+        stage = DrawnStage(dress, opened, display, SimClock())
+        dark = replace(_scene(), scene=replace(_scene().scene, brightness_01=0.0))
+        if foreseen:
+            stage.foresee(_scene)
+        found = []
+        for i, view in enumerate((dark, dark, _scene())):
+            with counted() as counts:
+                stage.draw(view, FrameInfo(i, i, i), HEAD)
+            found.append(counts["made"])
+        stage.close()
+        return found
+
+    assert 0 < sent(foreseen=False)[2]
+    assert 0 == sent(foreseen=True)[2]
+
+
+def test_a_scene_foreseen_later_is_made_ready_a_piece_a_frame_and_never_in_the_light() -> None:
+    pieces: list[str] = []
+
+    class Preparing(Renderer):
+        def prepare(self, picture: Picture, cameras: Sequence[Camera]) -> Iterator[None]:
+            for _ in super().prepare(picture, cameras):
+                pieces.append("piece")
+                yield
+
+    def opened() -> Renderer:
+        try:
+            return Preparing()
+        except StageError as problem:
+            pytest.skip(str(problem))
+
+    stage = DrawnStage(_dressed, opened, Display(default_views, lambda: SIZE, 4), SimClock())
+    dark = replace(_scene(), scene=replace(_scene().scene, brightness_01=0.0))
+    stage.draw(dark, FrameInfo(0, 0, 0), HEAD)
+    stage.foresee(_scene)
+    assert stage._coming is not None
+    stage._coming.result()
+    seen = []
+    for i, view in enumerate((_scene(), dark, dark, dark, dark), start=1):
+        stage.draw(view, FrameInfo(i, i, i), HEAD)
+        seen.append(len(pieces))
+    stage.close()
+    assert [0, 1, 2, 3, 3] == seen
+
+
+def test_what_cannot_be_foreseen_is_left_to_the_trial() -> None:
+    def fails() -> SceneFrame:
+        raise DesignError("no such scene")
+
+    stage = DrawnStage(_dressed, _renderer, Display(default_views, lambda: SIZE, 4), SimClock())
+    dark = replace(_scene(), scene=replace(_scene().scene, brightness_01=0.0))
+    for coming in (fails, lambda: None):
+        stage.foresee(coming)
+        stage.draw(dark, FrameInfo(0, 0, 0), HEAD)
+    assert stage.trouble() is None
+    stage.close()
+
+
+def test_samples_are_recorded_as_the_driver_gives_them() -> None:
+    views: list[SampleBatch] = []
+    display = Display(default_views, lambda: SIZE, people_count=4)
+    most = _renderer().context.max_samples
+    asked = Quality(samples=2 * most, shadows="none")
+    stage = DrawnStage(_dressed, lambda: Renderer(quality=asked), display, SimClock())
+    stage.start(lambda batch: views.append(batch) if batch.schema.name == "drawn_views" else None)
+    stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
+    stage.close()
+    assert most == views[0].values[0]["samples"]

@@ -24,7 +24,8 @@ from stimuli.dressing.audience import audience_picture
 from stimuli.dressing.station import station_picture
 from stimuli.picture import Camera, Picture
 from stimuli.scene import SceneFrame
-from stimuli.scenes import audience, station_crowd
+from stimuli.scenes import audience as seats
+from stimuli.scenes import station_crowd
 from tests.stage import figures
 
 FOLDER = Path(__file__).parent.parent / "golden" / "stage"
@@ -47,16 +48,16 @@ def _people() -> tuple[Picture, Camera]:
     return figures.picture(5), figures.camera(aspect=1.5)
 
 
-def _audience() -> tuple[Picture, Camera]:
+def audience() -> tuple[Picture, Camera]:
     names = [f"{g}_{i:02d}" for g, n in (("female", 6), ("male", 5)) for i in range(1, n + 1)]
-    scene = audience.audience_scene(names)
-    towards = np.array([audience.PARTICIPANT_EYE_M - a.eye_centre_m for a in scene.agents])
+    scene = seats.audience_scene(names)
+    towards = np.array([seats.PARTICIPANT_EYE_M - a.eye_centre_m for a in scene.agents])
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     frame = SceneFrame(scene, 2_000_000_000, towards, np.ones(len(names)))
-    return audience_picture(frame), _seen_from(*audience.PARTICIPANT_EYE_M, 4.0, -4.0)
+    return audience_picture(frame), _seen_from(*seats.PARTICIPANT_EYE_M, 4.0, -4.0)
 
 
-def _station() -> tuple[Picture, Camera]:
+def station() -> tuple[Picture, Camera]:
     scene = station_crowd.CrowdScene("station", (), crowd=station_crowd.station_crowd(1))
     frame = station_crowd.CrowdFrame(
         scene, 0, np.zeros((0, 3)), np.zeros(0), crowd_t_ns=3_000_000_000, track=None
@@ -68,8 +69,8 @@ def _station() -> tuple[Picture, Camera]:
 CASES: dict[str, tuple[Callable[[], tuple[Picture, Camera]], Quality]] = {
     "people": (_people, PLAIN),
     "people_lightest": (_people, LIGHTEST),
-    "audience": (_audience, ON_PROCESSOR),
-    "station": (_station, ON_PROCESSOR),
+    "audience": (audience, ON_PROCESSOR),
+    "station": (station, ON_PROCESSOR),
 }
 
 

@@ -1,0 +1,91 @@
+"""What the binding to OpenGL leaves out: many stretches drawn by one call, pictures in layers that
+hold sRGB. Everything else that draws goes through moderngl.
+"""
+
+import ctypes
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from stage.errors import StageError
+
+GL_TRIANGLES, GL_UNSIGNED_BYTE, GL_UNSIGNED_INT = 0x0004, 0x1401, 0x1405
+GL_TEXTURE_2D_ARRAY, GL_UNPACK_ALIGNMENT = 0x8C1A, 0x0CF5
+GL_RGB, GL_RGBA, GL_SRGB8, GL_SRGB8_ALPHA8 = 0x1907, 0x1908, 0x8C41, 0x8C43
+
+_u, _i, _p = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
+_FUNCTIONS: dict[str, tuple[Any, ...]] = {
+    "glUseProgram": (_u,),
+    "glBindVertexArray": (_u,),
+    "glMultiDrawElementsBaseVertex": (_u, _p, _u, _p, _i, _p),
+    "glPixelStorei": (_u, _i),
+    "glTexImage3D": (_u, _i, _i, _i, _i, _i, _i, _u, _u, _p),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Stretches:
+    """Stretches (k,) of an index buffer of 4-byte indices, in triangles' corners: `first` and
+    `count`; `base` is added to the indices of each.
+    """
+
+    count: npt.NDArray[np.int32]
+    first_byte: npt.NDArray[np.intp]
+    base: npt.NDArray[np.int32]
+
+    @staticmethod
+    def of(
+        first: npt.NDArray[np.int64], count: npt.NDArray[np.int64], base: npt.NDArray[np.int64]
+    ) -> "Stretches":
+        """Return stretches as the driver reads them."""
+        return Stretches(count.astype(np.int32), (4 * first).astype(np.intp), base.astype(np.int32))
+
+
+class GlCalls:
+    """Functions of the context's driver, by which it is called itself; all are in OpenGL 3.3."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        loader = context.mglo._context  # noqa: SLF001 - the binding's own, without another door
+        self._functions: dict[str, Any] = {}
+        for name, arguments in _FUNCTIONS.items():
+            address = loader.load(name)
+            if not address:
+                raise StageError(
+                    f"the graphics driver lacks {name}", remedy="update the graphics driver"
+                )
+            self._functions[name] = ctypes.CFUNCTYPE(None, *arguments)(address)
+
+    def draw(self, array: moderngl.VertexArray, stretches: Stretches) -> None:
+        """Draw stretches of triangles of an array's index buffer by one call."""
+        call = self._functions
+        call["glUseProgram"](array.program.glo)
+        call["glBindVertexArray"](array.glo)
+        call["glMultiDrawElementsBaseVertex"](
+            GL_TRIANGLES,
+            stretches.count.ctypes.data,
+            GL_UNSIGNED_INT,
+            stretches.first_byte.ctypes.data,
+            len(stretches.count),
+            stretches.base.ctypes.data,
+        )
+
+    def fill_srgb(self, array: moderngl.TextureArray, pixels: bytes) -> None:
+        """Give an array of 3 or 4 channels its pixels as sRGB, which is decoded when read."""
+        with_alpha = array.components == 4
+        array.use(0)
+        self._functions["glPixelStorei"](GL_UNPACK_ALIGNMENT, 1)
+        self._functions["glTexImage3D"](
+            GL_TEXTURE_2D_ARRAY,
+            0,
+            GL_SRGB8_ALPHA8 if with_alpha else GL_SRGB8,
+            array.width,
+            array.height,
+            array.layers,
+            0,
+            GL_RGBA if with_alpha else GL_RGB,
+            GL_UNSIGNED_BYTE,
+            pixels,
+        )
