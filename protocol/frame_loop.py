@@ -2,7 +2,8 @@
 
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TypeAlias, cast
 
@@ -123,8 +124,7 @@ class FrameLoop:
         # Without a screen to place gaze on, or a mirror to show it, a frame needs none by itself.
         self._can_wait = clock.is_virtual and self.screen is None and not stage.schemas
         self._waiting: list[tuple[tuple[object, ...], int]] = []
-        self.gaze_may_wait = False
-        """Whether gaze that no plan looks at may be left for later: see `catch_up`."""
+        self._gaze_may_wait = False
         self.trial_number = -1
         self.frames_done = 0
         self.frames_dropped = 0
@@ -195,7 +195,7 @@ class FrameLoop:
                 self._log_view(view)
             self._display(view)
         frame = self._wait_frame()
-        is_put_off = self._rig.step(gaze_may_wait=self.gaze_may_wait and self._can_wait)
+        is_put_off = self._rig.step(gaze_may_wait=self._gaze_may_wait)
         self._take_head()
         self._rig.hear_from(self.head)
         pressed, pressed_ns = self._take_presses()
@@ -242,6 +242,16 @@ class FrameLoop:
             )
         else:
             self.display_fault = None
+
+    @contextmanager
+    def leaving_gaze(self) -> Iterator[None]:
+        """Leave gaze that nobody looks at for later, but not beyond this block."""
+        self._gaze_may_wait = self._can_wait
+        try:
+            yield
+        finally:
+            self._gaze_may_wait = False
+            self.catch_up()
 
     def catch_up(self) -> None:
         """Take in the gaze left for later, frame by frame as each would have.

@@ -230,8 +230,9 @@ class GazeSetup:
 
     def _frames_for(self, duration_ms: int) -> None:
         end_ns = self._loop.t_ns + duration_ms * NS_PER_MS
-        while self._loop.t_ns < end_ns:
-            self._next_frame()
+        with self._loop.leaving_gaze():
+            while self._loop.t_ns < end_ns:
+                self._next_frame()
 
 
 def _point(

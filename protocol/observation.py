@@ -208,7 +208,7 @@ def _evaluate(
 class _Waiting(NamedTuple):
     """A frame whose gaze is evaluated later: what it knew, and what shall hold its gaze."""
 
-    index: int
+    frame_index: int
     t_ns: int
     newest: int
     poses: int
@@ -332,7 +332,9 @@ class GazeObserver:
         there_ns = np.maximum.accumulate(batch.t_host_ns)
         ends = np.searchsorted(there_ns, [one.t_ns for one in waiting], side="right")
         ends[-1] = batch.seq.shape[0]
-        frames = np.array([(0, one.index, one.newest, one.poses) for one in waiting], np.int64)
+        frames = np.array(
+            [(0, one.frame_index, one.newest, one.poses) for one in waiting], np.int64
+        )
         frames[:, 0] = ends
         gaze = self._evaluated(batch, self._geometry, frames)
         counts = np.diff(ends, prepend=0)

@@ -179,25 +179,22 @@ class TrialRunner:
         desk = self._desk
         reply: FrameView | Answered | None = None
         interrupted: str | None = None
-        self._loop.gaze_may_wait = True
-        try:
-            step = next(plan)
-            while True:
-                kind = type(step)
-                if kind is NextFrame:
-                    reply = desk.next_frame()
-                    if interruptible and desk.interrupt_reason is not None:
-                        interrupted = desk.interrupt_reason
-                        self._unwind(plan, interrupted)
-                        return {}, interrupted
-                else:
-                    reply = self._do(step)
-                step = plan.send(reply)
-        except StopIteration as end:
-            return (end.value or {}), interrupted
-        finally:
-            self._loop.gaze_may_wait = False
-            self._loop.catch_up()
+        with self._loop.leaving_gaze():
+            try:
+                step = next(plan)
+                while True:
+                    kind = type(step)
+                    if kind is NextFrame:
+                        reply = desk.next_frame()
+                        if interruptible and desk.interrupt_reason is not None:
+                            interrupted = desk.interrupt_reason
+                            self._unwind(plan, interrupted)
+                            return {}, interrupted
+                    else:
+                        reply = self._do(step)
+                    step = plan.send(reply)
+            except StopIteration as end:
+                return (end.value or {}), interrupted
 
     def _unwind(self, plan: Plan, reason: str) -> None:
         try:
