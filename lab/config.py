@@ -133,12 +133,28 @@ class Screen(_Part):
         }
 
 
+class DrawingQuality(_Part):
+    """How much work pictures are worth; what is left out suits the computer.
+
+    `samples` a pixel smooth edges. `render_scale` is how many pixels are drawn for one that the
+    headset asks for, along each side. Faces of at least `full_detail_px` pixels have all their
+    triangles. `shadows` are maps of `shadow_map_px`, soft blobs under the feet, or none; a
+    processor draws blobs where maps are asked for.
+    """
+
+    samples: Literal[0, 2, 4, 8] | None = None
+    render_scale: float = Field(default=1.0, ge=0.5, le=2.0)
+    full_detail_px: float | None = Field(default=None, ge=1, le=1000)
+    shadows: Literal["maps", "blobs", "none"] | None = None
+    shadow_map_px: Literal[512, 1024, 2048, 4096] | None = None
+
+
 class Display(_Part):
     """Where the scene is drawn: nowhere (geometry only), in a window, in the headset, on a screen
     participants sit before, or as pictures that nobody sees (offscreen); where questionnaires are
     asked; as whom participants see themselves where a body tracker follows them; and how long
-    light takes to go when a scene ends and to come when one begins. A scene that comes slowly has
-    no onset to time from.
+    light takes to go when a scene ends and to come when one begins; what pictures are worth. A
+    scene that comes slowly has no onset to time from.
     """
 
     show: Literal["none", "window", "headset", "screen", "offscreen"] = "none"
@@ -149,6 +165,7 @@ class Display(_Part):
     fade_in_ms: float = Field(default=0.0, ge=0, le=3000)
     window_width_px: int = Field(default=1280, ge=160, le=16384)
     window_height_px: int = Field(default=720, ge=120, le=16384)
+    quality: DrawingQuality = DrawingQuality()
 
     @model_validator(mode="after")
     def _has_a_screen(self) -> "Display":

@@ -229,6 +229,7 @@ class FrameLoop:
         try:
             images = self._stage.draw(view, self._frame, self.head)
             self._rig.headset.submit(self._frame, images)
+            self._stage.handed_over()
             trouble = self._stage.trouble()
         except DeviceError as problem:
             trouble = problem

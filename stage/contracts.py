@@ -42,6 +42,10 @@ class Stage(Protocol):
         """Return the images to submit for this frame, left eye first; empty when none."""
         ...
 
+    def handed_over(self) -> None:
+        """Do what can wait until the images are handed over: the operator's picture of them."""
+        ...
+
     @property
     def asks(self) -> bool:
         """Whether questions with options are asked on a board in the scene."""
@@ -76,6 +80,9 @@ class GeometryStage:
 
     def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
         """Make nothing ready: nothing is drawn."""
+
+    def handed_over(self) -> None:
+        """Nothing was."""
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
         """Tell every viewer what stands there."""

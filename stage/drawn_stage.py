@@ -182,8 +182,6 @@ class DrawnStage:
             self._look_from(head, renderer)
             cameras = [eye_camera(head, eye) for eye in self._views]
             drawn = renderer.draw(picture, cameras, self._targets)
-            if self._mirror is not None:
-                self._mirror.show(renderer.context, self._targets[0].texture)
             if is_calm or not self._has_drawn:
                 self._make_ready(renderer, cameras)
         except StageError as problem:
@@ -195,6 +193,15 @@ class DrawnStage:
         if not self._display.hands_over:
             return ()
         return [target.texture for target in self._targets]
+
+    def handed_over(self) -> None:
+        """Show the operator the left eye, now that the headset has its images."""
+        if self._mirror is None or self._renderer is None or self._trouble is not None:
+            return
+        try:
+            self._mirror.show(self._renderer.context, self._targets[0].texture)
+        except StageError as problem:
+            self._fail(problem, self._clock.now_ns())
 
     def redraw(
         self,
@@ -331,8 +338,10 @@ class DrawnStage:
 
     def _tell_views(self, renderer: Renderer) -> None:
         if self._sink is not None:
-            size_px, now_ns = self._targets[0].size_px, self._clock.now_ns()
-            self._sink(views_row(self._views_seq, self._views, size_px, renderer.quality, now_ns))
+            target, now_ns = self._targets[0], self._clock.now_ns()
+            # A card may have fewer samples than are asked for.
+            quality = replace(renderer.quality, samples=target.samples)
+            self._sink(views_row(self._views_seq, self._views, target.size_px, quality, now_ns))
             self._views_seq += 1
 
     def _fail(self, problem: StageError, now_ns: int) -> None:

@@ -42,6 +42,8 @@ class EyeTarget:
 
     def release(self) -> None:
         """Free the card's memory."""
+        # What is bound when it is freed would be bound again after the next thing is made.
+        self._context.detect_framebuffer(0).use()
         if self._many is not None:
             self._many.release()
             self._colour.release()

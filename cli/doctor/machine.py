@@ -15,6 +15,7 @@ from devices.registry import driver_spec, driver_specs
 from devices.states import is_installed
 from lab.clock import MAX_STEP_NS, NS_PER_MS, Clock, clock_step_ns
 from lab.config import LabConfig, Screen
+from lab.errors import LabError
 from recording.provenance import provenance
 from visavis.sessions.data_root import data_disk
 from visavis.sessions.rig import (
@@ -52,6 +53,7 @@ def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
         _disk(lab),
         _clock(clock),
         _screens(lab),
+        *_drawing(lab, clock),
         *_keyboards(lab),
         *_lsl_session(lab),
     )
@@ -209,6 +211,19 @@ def _screens(lab: LabConfig) -> Finding:
         remedy = "log in on a desktop, or set display.show to none or offscreen"
         return Finding(COMPUTER, "display", "missing", text, remedy)
     return Finding(COMPUTER, "display", "ok", text)
+
+
+def _drawing(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
+    """Say what a stereo frame costs, and what to ask of pictures, where a headset shows them."""
+    if lab.display.show != "headset" or clock.is_virtual:
+        return ()
+    try:
+        from cli.doctor.drawing import measured
+
+        return (measured(lab, clock),)
+    except (ImportError, LabError) as problem:
+        text = f"no frame could be measured: {problem}"
+        return (Finding(COMPUTER, "drawing", "warning", text, "update the graphics driver"),)
 
 
 def _of_screen(screen: Screen, shown: Sequence["Monitor"], text: str) -> Finding:

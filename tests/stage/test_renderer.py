@@ -38,6 +38,13 @@ def test_errors_that_others_left_behind_are_not_this_frame_s(renderer: Renderer)
         target.release()
 
 
+def test_another_cast_is_drawn_after_targets_were_released(renderer: Renderer) -> None:
+    for count in (1, 2):  # what is made for the second cast is made while drawing
+        target = EyeTarget(renderer.context, (64, 48), 4)
+        renderer.draw(figures.picture(count), [figures.camera()], [target])
+        target.release()
+
+
 def test_black_scene_shows_only_the_mark(renderer: Renderer) -> None:
     camera = figures.camera()
     black = replace(figures.picture(3), brightness_01=0.0)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -89,6 +90,42 @@ class _Failing(GeometryStage):
 
     def start(self, sink: object) -> None:
         pass
+
+
+class _Noting(GeometryStage):
+    """A stage that notes when it draws and when it hears that the images went."""
+
+    def __init__(self, viewers: Sequence[Viewer], order: list[str]) -> None:
+        super().__init__(viewers)
+        self._order = order
+
+    def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
+        self._order.append("draw")
+        return super().draw(view, frame, head)
+
+    def handed_over(self) -> None:
+        self._order.append("handed over")
+
+
+def test_images_go_to_the_headset_before_anything_else_is_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order: list[str] = []
+
+    def build(_: object, __: object, rig: Any, *arguments: Any) -> _Noting:
+        submit = rig.headset.submit
+
+        def submitted(*images: Any) -> None:
+            order.append("submit")
+            submit(*images)
+
+        monkeypatch.setattr(rig.headset, "submit", submitted)
+        return _Noting(arguments[-1], order)
+
+    monkeypatch.setattr(visavis.sessions.perform, "build_stage", build)
+    perform(lab(tmp_path))
+    assert order[:3] * (len(order) // 3) == order
+    assert ["draw", "submit", "handed over"] == order[:3]
 
 
 @pytest.mark.parametrize("by_raising", [True, False])

@@ -1,6 +1,7 @@
 """Put together what shows a session's scenes: nothing, a window, the headset, or pictures."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from devices.contracts import BodyTracker, KeyListener, OnScreen
@@ -19,6 +20,7 @@ from visavis.sessions.rig import is_simulated
 if TYPE_CHECKING:
     from stage.drawn_stage import Display
     from stage.own_body import OwnBody
+    from stage.renderer import Quality
     from stage.window import Window
 
 OFFSCREEN_PX = (480, 540)
@@ -49,7 +51,7 @@ def build_stage(
     from stage.drawn_stage import Display, DrawnStage, default_views
     from stage.fades import FadeTimes
     from stage.mirror import Mirror
-    from stage.renderer import ON_PROCESSOR, Renderer
+    from stage.renderer import Renderer
     from stage.window import Window
 
     n, rate_hz = experiment.people_count + EXTRA_PEOPLE, rig.headset.display_rate_hz
@@ -59,7 +61,7 @@ def build_stage(
         context = offscreen_context() if _show_images(rig) else None
         return DrawnStage(
             picture_of,
-            lambda: Renderer(context, quality=ON_PROCESSOR),
+            lambda: Renderer(context, quality=quality_of(config, on_processor=True)),
             _through_screen(rig, n)
             or Display(
                 getattr(rig.headset, "eye_views", default_views), lambda: OFFSCREEN_PX, n, rate_hz
@@ -81,7 +83,7 @@ def build_stage(
     window = Window(window_title(config, experiment), window_px)
     if show == "window":
         _hear(window, rig)
-    quality = ON_PROCESSOR if draws_on_processor(window.context) else None
+    quality = quality_of(config, on_processor=draws_on_processor(window.context))
     return DrawnStage(
         picture_of,
         lambda: Renderer(window.context, quality=quality),
@@ -92,6 +94,26 @@ def build_stage(
         asks=asks,
         own_body=_own_body(config, rig),
         fades=fades,
+    )
+
+
+def quality_of(config: LabConfig, *, on_processor: bool) -> "Quality":
+    """Return how pictures are drawn: as suits the computer, but for what the lab asks."""
+    from stage.renderer import ON_PROCESSOR, Quality
+
+    usual, asked = ON_PROCESSOR if on_processor else Quality(), config.display.quality
+    detail = usual.detail
+    if asked.full_detail_px is not None:
+        finest, *coarser = detail.faces_px
+        share = asked.full_detail_px / finest
+        detail = replace(detail, faces_px=(finest * share, *(px * share for px in coarser)))
+    shadows = asked.shadows or usual.shadows
+    return replace(
+        usual,
+        samples=usual.samples if asked.samples is None else asked.samples,
+        shadows="blobs" if on_processor and shadows == "maps" else shadows,
+        shadow_map_px=asked.shadow_map_px or usual.shadow_map_px,
+        detail=detail,
     )
 
 
@@ -106,7 +128,7 @@ def _on_screen(
     from stage.context import draws_on_processor
     from stage.drawn_stage import DrawnStage
     from stage.fades import FadeTimes
-    from stage.renderer import ON_PROCESSOR, Renderer
+    from stage.renderer import Renderer
 
     screen, display = config.display.on_screen, rig.headset
     picture = _through_screen(rig, experiment.people_count + EXTRA_PEOPLE)
@@ -114,7 +136,7 @@ def _on_screen(
         raise ConfigError(f"{config.path}: display.show is screen, but no screen is described")
     window = open_on_monitor(screen, display, clock, window_title(config, experiment))
     _hear(window, rig)
-    quality = ON_PROCESSOR if draws_on_processor(window.context) else None
+    quality = quality_of(config, on_processor=draws_on_processor(window.context))
     return DrawnStage(
         picture_of,
         lambda: Renderer(window.context, quality=quality),
@@ -222,6 +244,7 @@ def _of_headset(config: LabConfig, rig: Rig, people_count: int) -> "Display":
 
     def size_px() -> tuple[int, int]:
         width, height = getattr(headset, "render_size_px", USUAL_EYE_PX)
-        return width, height
+        scale = config.display.quality.render_scale
+        return round(scale * width), round(scale * height)
 
     return Display(views, size_px, people_count, headset.display_rate_hz)

@@ -1,0 +1,70 @@
+"""What doctor says of drawing: whether frames are in time, and what to ask of pictures if not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cli.doctor.drawing import advice, measured
+from lab.clock import SystemClock
+from lab.config import LabConfig, load_config
+from lab.config_files import EXAMPLE
+from lab.geometry import Pose, quat_from_yaw_pitch_deg
+from stage.context import draws_on_processor
+from stage.errors import StageError
+from stage.frame_cost import CHOICES, Choice, best_choice, stereo_frame_ms
+from stage.renderer import Quality, Renderer
+from tests.stage import figures
+
+HEAD = Pose(np.array([0.0, 1.5, 1.0]), quat_from_yaw_pitch_deg(0.0))
+
+
+@pytest.fixture
+def lab() -> LabConfig:
+    return load_config(EXAMPLE)
+
+
+def costing(ms_per_sample: float) -> dict[Choice, float]:
+    """Return what choices cost where samples and pixels cost alike."""
+    every = (*CHOICES, Choice(4, 1.0))
+    return {c: ms_per_sample * max(c.samples, 1) * c.render_scale**2 for c in every}
+
+
+def test_frames_in_time_need_no_advice(lab: LabConfig) -> None:
+    said = advice(lab, "card", 90.0, costing(1.9).__getitem__)
+    assert ("ok", "") == (said.level, said.remedy)
+    assert "7.6 ms a stereo frame" in said.found
+
+
+def test_the_best_that_is_in_time_is_advised(lab: LabConfig) -> None:
+    said = advice(lab, "card", 90.0, costing(3.0).__getitem__)
+    assert said.level == "warning"
+    assert "samples: 2, render_scale: 1 (6.0 ms)" in said.remedy
+
+
+def test_a_card_too_slow_for_anything_is_told_so(lab: LabConfig) -> None:
+    said = advice(lab, "card", 90.0, costing(100.0).__getitem__)
+    assert "samples: 0, render_scale: 0.6" in said.remedy
+    assert "faster card" in said.remedy
+
+
+def test_choices_get_cheaper_and_the_first_in_time_is_taken() -> None:
+    costs = costing(1.0)
+    assert sorted(costs[c] for c in CHOICES) == [costs[c] for c in reversed(CHOICES)]
+    assert (Choice(8, 1.0), 7.0) == best_choice(lambda _: 7.0, 90.0)
+    assert (CHOICES[-1], 9.0) == best_choice(lambda _: 9.0, 90.0)
+
+
+def test_a_frame_is_measured_by_what_draws(lab: LabConfig) -> None:
+    try:
+        renderer = Renderer(quality=Quality(samples=0, shadows="none"))
+    except StageError as problem:
+        pytest.skip(str(problem))
+    with renderer:
+        clock, picture = SystemClock(), replace(figures.picture(1))
+        assert stereo_frame_ms(renderer, picture, HEAD, (32, 36), Choice(2, 0.5), clock) > 0.0
+        if not draws_on_processor(renderer.context):
+            pytest.skip("a card draws here")
+    said = measured(lab, SystemClock())
+    assert said.level == "warning"
+    assert "no graphics card draws" in said.found
