@@ -25,7 +25,7 @@ const SAY = {
 };
 
 const at = (id) => document.getElementById(id);
-let session = null, status = null, ended = null, allowed = [], asked = null, heardAt = performance.now(), today = null, bounds = null, isOffline = false, which = "";
+let session = null, status = null, ended = null, allowed = [], asked = null, heardAt = performance.now(), today = null, bounds = null, isOffline = false, which = "", wanted = "";
 
 function el(name, content = {}, ...inner) {
   const made = document.createElement(name);
@@ -342,7 +342,7 @@ function showSessions(sessions) {
   renew("sessions", [sessions, which], () => sessions.map((one) =>
     el("button", { type: "button", class: one.which === which ? "" : "quiet", "aria-pressed": String(one.which === which),
       text: `${one.participant} · ${one.study}${one.session > 1 ? `, session ${one.session}` : ""}`,
-      on: () => { which = one.which; } })));
+      on: () => { wanted = one.which; } })));
 }
 
 // ---- what is new ------------------------------------------------------------------------------
@@ -351,11 +351,12 @@ async function follow() {
   let after = null;
   for (;;) {
     try {
-      const told = await post("/api/live", after === null ? { which } : { after, which });
+      const told = await post("/api/live", after === null || wanted !== which ? { which: wanted } : { after, which });
       if (told.number !== after) heardAt = performance.now();
       after = told.number;
       const before = session && session.path + session.participant;
       session = told.session;
+      if (!wanted || !told.sessions.some((one) => one.which === wanted)) wanted = told.which;
       which = told.which;
       showSessions(told.sessions);
       status = told.status;

@@ -187,11 +187,32 @@ def test_every_button_and_key_asks_for_what_the_terminals_keys_do(
         page.fill("#ask-text", "fell asleep")
         page.click("#ask-yes")
         assert Command(Action.SKIP, "fell asleep") == command(link)
+        page.keyboard.press("w")
+        page.get_by_label("the participant is unwell").check()
+        page.fill("#ask-text", "dizzy")
+        page.click("#ask-yes")
+        assert Command(Action.REASON, "dizzy", "unwell") == command(link)
         page.click("#do-abort")
         page.click("#ask-no")
         page.keyboard.press("Escape")
         page.click("#ask-yes")
         assert Command(Action.ABORT) == command(link)
+
+
+def test_one_of_two_sessions_is_chosen_and_commanded(
+    address: str, browser: Any, tmp_path: Path
+) -> None:
+    other = About("stare", "S08J", 1, str(tmp_path), is_simulated=True, is_blind=False)
+    with session(tmp_path) as link, SessionLink(UnattendedOperator(), other, tmp_path) as second:
+        link.show(STATUS)
+        second.show(replace(STATUS, trial_id="T09"))
+        page = opened(browser, address)
+        for label, trial, its in (("S08J", "T09", second), ("S07H", "T05", link)):
+            page.get_by_role("button", name=f"{label} · stare").click()
+            shown(page, "#f-trial", trial)
+            shown(page, "#f-participant", label)
+            page.click("#do-pause")
+            assert Command(Action.PAUSE) == command(its)
 
 
 def test_a_page_may_be_closed_and_the_next_session_appears_by_itself(
