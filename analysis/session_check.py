@@ -5,6 +5,7 @@ section 5 (trial out above 30 % loss, validation accepted up to 1.5°).
 """
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -20,6 +21,7 @@ from analysis.session_verdict import (
     StreamCheck,
     TrialCheck,
 )
+from lab.errors import DataError
 from recording.integrity import damage_of
 from recording.reader import Recording
 
@@ -32,8 +34,22 @@ _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 def check_session(recording: Recording, limits: CheckLimits | None = None) -> SessionCheck:
-    """Compare plan and recording of a session in any state."""
-    limits = limits or CheckLimits()
+    """Compare plan and recording of a session in any state.
+
+    Raises:
+        DataError: trials or events hold, under checksums that agree, what no session writes.
+    """
+    try:
+        return _checked(recording, limits or CheckLimits())
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise DataError(
+            f"{recording.path}: its trials or events hold what no session of this Visavis writes "
+            f"({type(error).__name__}: {error}); another program made or changed it: restore it "
+            "from a copy"
+        ) from error
+
+
+def _checked(recording: Recording, limits: CheckLimits) -> SessionCheck:
     plan: Mapping[str, Any] = recording.manifest.plan
     events = recording.events()
     trials = _check_trials(plan, recording.trials(), events, limits)
@@ -100,11 +116,12 @@ def _check_trials(
     last: dict[str, Mapping[str, Any]] = {}
     for row in rows.to_dict("records"):
         kept = last.get(str(row["trial_id"]))
-        if kept is None or row["status"] != "interrupted" or kept["status"] == "interrupted":
+        broke_off = row.get("status") == "interrupted"
+        if kept is None or not broke_off or kept.get("status") == "interrupted":
             last[str(row["trial_id"])] = {str(k): v for k, v in row.items()}
     return [
         _check_trial(trial, last.get(trial["trial_id"]), started, limits)
-        for block in plan["blocks"]
+        for block in plan.get("blocks", ())
         for trial in block["trials"]
     ]
 
@@ -319,8 +336,12 @@ def _questionnaire_findings(plan: Mapping[str, Any], events: pd.DataFrame) -> li
             "continue with `visavis resume`; it asks what is missing",
         )
         for name in (
-            *(f"{n}@{b['index']}" for b in plan["blocks"] for n in b.get("questionnaires", ())),
-            *plan["questionnaires"],
+            *(
+                f"{n}@{b['index']}"
+                for b in plan.get("blocks", ())
+                for n in b.get("questionnaires", ())
+            ),
+            *plan.get("questionnaires", ()),
         )
         if name not in complete
     ]
@@ -346,7 +367,8 @@ def _deviation_findings(events: pd.DataFrame, recording: Recording) -> list[Find
         for part in recording.manifest.parts[:-1]
     ]
     rows = recording.trials()
-    for row in rows[rows["status"] == "interrupted"].to_dict("records") if len(rows) else []:
+    broken_off = rows[rows["status"] == "interrupted"] if "status" in rows else rows[:0]
+    for row in broken_off.to_dict("records"):
         message = f"{row['trial_id']}, attempt {row['attempt']}, was interrupted"
         found.append(Finding(Level.AMBER, "trials", message + _because(row["reason"])))
     repeated = [p["trial_id"] for p in _payloads(events, "trial_repeat")]
@@ -386,10 +408,15 @@ def _deviation_findings(events: pd.DataFrame, recording: Recording) -> list[Find
         if count:
             level = Level.GREEN if name == "pause_start" else Level.AMBER
             found.append(Finding(level, "deviation", f"{text}: {count}"))
-    flags = sum(p["action"] == "flag" for p in _payloads(events, "operator"))
+    asked = _payloads(events, "operator")
+    given = Counter(str(p["code"]) for p in asked if p.get("code"))
+    if given:
+        listed = ", ".join(f"{code} {count}" for code, count in sorted(given.items()))
+        found.append(Finding(Level.AMBER, "reasons", f"given by the operator: {listed}"))
+    flags = sum(p["action"] == "flag" for p in asked)
     if flags:
         found.append(Finding(Level.AMBER, "flag", f"moments flagged by the operator: {flags}"))
-    notes = [p["text"] for p in _payloads(events, "operator") if p["action"] == "note"]
+    notes = [p["text"] for p in asked if p["action"] in ("note", "reason")]
     found += [Finding(Level.AMBER, "note", str(text)) for text in notes if text]
     return found
 

@@ -36,7 +36,7 @@ from scipy.optimize import Bounds, differential_evolution
 from scipy.stats import f as f_distribution
 from scipy.stats import rankdata, skew
 
-from benchmarks.waving_quick import STIMULI, evidence_for, quick_analysis, quick_study
+from benchmarks.waving_quick import quick_analysis, quick_study
 from cli.quick_tracker import tracker_of
 from experiments.waving.clips import TECHNIQUES
 from experiments.waving.judgement import (
@@ -46,6 +46,7 @@ from experiments.waving.judgement import (
     noise_deg,
     worth_of,
 )
+from experiments.waving.quick_study import STIMULI, evidence_for
 from experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY, PLACES
 from lab.errors import UsageError
 from lab.geometry import Vector

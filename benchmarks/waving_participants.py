@@ -2,7 +2,7 @@
 
     python -m benchmarks.waving_participants [--seeds 100] [--participants 16] [--session]
 
-Over the quick path (`benchmarks.waving_quick`): what can be seen of the 54 waves is
+Over the quick path (`experiments.waving.quick_study`): what can be seen of the 54 waves is
 rendered once, people and answers are drawn anew for every seed. Prints mean accuracies beside
 the published ones and how often each effect is significant, with the closed-form power of the F
 that the source prints; `--session` also times a whole
@@ -18,9 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.waving_quick import STIMULI, evidence_for, quick_analysis, quick_study
+from benchmarks.waving_quick import quick_analysis, quick_study
 from cli.quick_tracker import tracker_of
 from experiments.waving.clips import TECHNIQUES
+from experiments.waving.quick_study import STIMULI, evidence_for
 from experiments.waving.study import COMPARED, DIRECTIONS, MEAN_ACCURACY
 from lab.clock import cpu_time_s
 from lab.config_files import EXAMPLE

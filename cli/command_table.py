@@ -48,6 +48,12 @@ COMMANDS: Mapping[str, Entry] = {
         "serving",
         "Show who of a study on pages is where: trials, time, flags, who left, who stopped.",
     ),
+    "export-web": Entry(
+        "elsewhere", "Write a study as files for JATOS or any web host, where no server can run."
+    ),
+    "import-web": Entry(
+        "elsewhere", "Record what people did with a study that was written for another host."
+    ),
     "resume": Entry(
         "session",
         "Go on with an interrupted session: instructions, calibration, then the trials left.",

@@ -1,16 +1,21 @@
 """What the command line lets go along with a session: LSL streams, and the doctor's note."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from cli.doctor.report import save_with_session
+from cli.lab_recorder import LabRecorder
 from devices.contracts import Device
 from recording.writer import Recorder
 from visavis.sessions.perform import Request
 
 
 class LabCompanion:
-    """Follow `visavis.sessions.perform.Companion`."""
+    """Follow `visavis.sessions.perform.Companion`; `warn` hears what did not end as it should."""
+
+    def __init__(self, warn: Callable[[str], None] = lambda _: None) -> None:
+        self._warn = warn
+        self._lab_recorder: LabRecorder | None = None
 
     def recorder(self, request: Request, part_dir: Path, *, is_simulated: bool) -> Recorder | None:
         """Return one that streams to LSL too, where the lab wants that."""
@@ -41,4 +46,20 @@ class LabCompanion:
                 source=f"{request.study.name}-{request.participant_label}-{request.session:03d}",
                 is_simulated=is_simulated,
             )
+        if request.config.sync.lab_recorder:
+            self._lab_recorder = LabRecorder(request.config.sync.lab_recorder)
+            part = int(part_dir.name.rpartition("-")[2])
+            self._lab_recorder.start(
+                study=request.study.name,
+                participant=request.participant_label,
+                session=request.session,
+                part=part,
+            )
+            recorder.event("lab_recorder_start", request.clock.now_ns(), part=part)
         save_with_session(part_dir, request.config, request.clock, devices)
+
+    def closed(self) -> None:
+        """End LabRecorder's file after ours: it has what we recorded last."""
+        if self._lab_recorder is not None and (trouble := self._lab_recorder.stop()):
+            self._warn(trouble)
+        self._lab_recorder = None

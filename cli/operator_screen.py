@@ -1,7 +1,7 @@
 """The operator's screen and keys while a session runs."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 
 from rich.console import Console, Group, RenderableType
@@ -15,6 +15,7 @@ from cli.app import verbatim
 from cli.keyboard import KeyReader
 from devices.contracts import Health
 from lab.clock import NS_PER_S
+from lab.config import INCIDENTS
 from protocol.operator import KEYS, Action, Command, SessionStatus
 from protocol.states import SessionState
 from visavis.sessions.rig import ESSENTIAL_ROLES
@@ -22,19 +23,32 @@ from visavis.sessions.rig import ESSENTIAL_ROLES
 STATUS_PERIOD_NS = NS_PER_S // 4
 KEY_LINE = (
     "[b]space[/b] go on  [b]P[/b]ause  [b]R[/b]epeat  [b]S[/b]kip  re[b]C[/b]alibrate  "
-    "[b]N[/b]ote  [b]F[/b]lag  [b]X[/b] silence haptics  [b]Esc[/b] end"
+    "[b]N[/b]ote  [b]F[/b]lag  [b]W[/b]hy  [b]X[/b] silence haptics  [b]Esc[/b] end"
 )
-NEEDS_TEXT = {Action.SKIP: "Reason for skipping", Action.NOTE: "Note"}
+NEEDS_TEXT = {
+    Action.SKIP: "Reason for skipping",
+    Action.NOTE: "Note",
+    Action.REASON: "Reason for the last flag or pause",
+}
+NEEDS_REASON = (Action.SKIP, Action.REASON)
+"""A code may be chosen for these before words are added."""
+MAY_HAVE_REASON = {Action.FLAG: "Flagged", Action.PAUSE: "Pausing"}
 DIGITS = frozenset("0123456789")
 LATE_MS = 1000.0
 
 
 class KeyInterpreter:
-    """Turn keys into commands; a skip or note collects its text, Escape asks first."""
+    """Turn keys into commands; a skip, note or reason collects its text, Escape asks first.
 
-    def __init__(self) -> None:
+    `incidents` are the reasons that may be given, by code; digits choose among them where a reason
+    is asked for, and nowhere else: they are the participant's answers.
+    """
+
+    def __init__(self, incidents: Mapping[str, str] = INCIDENTS) -> None:
+        self._incidents = dict(incidents)
         self._collecting: Action | None = None
-        self._text = ""
+        self._text = self._code = ""
+        self._done: Action | None = None
         self._asking_to_end = False
 
     @property
@@ -43,7 +57,17 @@ class KeyInterpreter:
         if self._asking_to_end:
             return "End the session? Finished trials are kept.  y ends, any other key goes on"
         if self._collecting is not None:
-            return f"{NEEDS_TEXT[self._collecting]} (Enter ends, Esc forgets): {self._text}▏"
+            asked = f"{NEEDS_TEXT[self._collecting]} (Enter ends, Esc forgets): "
+            if self._collecting not in NEEDS_REASON:
+                return f"{asked}{self._text}▏"
+            if self._code:
+                return f"{asked}{self._incidents[self._code]}; note: {self._text}▏"
+            listed = "   ".join(
+                f"{number} {words}" for number, words in enumerate(self._incidents.values(), 1)
+            )
+            return f"{asked}{self._text}▏" + ("" if self._text else f"\n{listed}")
+        if self._done is not None:
+            return f"{MAY_HAVE_REASON[self._done]}. W says why; every other key goes on"
         return ""
 
     def feed(self, keys: str) -> list[Command]:
@@ -61,26 +85,33 @@ class KeyInterpreter:
         return commands
 
     def _begin(self, key: str) -> list[Command]:
+        self._done = None
         if key in DIGITS:
             return [Command(Action.ANSWER, key)]
         action = KEYS.get(key.lower())
         if action is None:
             return []
+        if action in MAY_HAVE_REASON:
+            self._done = action
         if action is Action.ABORT:
             self._asking_to_end = True
             return []
         if action in NEEDS_TEXT:
             self._collecting = action
-            self._text = ""
+            self._text = self._code = ""
             return []
         return [Command(action)]
 
     def _collect(self, key: str) -> list[Command]:
         assert self._collecting is not None  # noqa: S101 - only called while collecting
         if key in "\r\n":
-            command = Command(self._collecting, self._text.strip())
+            command = Command(self._collecting, self._text.strip(), self._code)
             self._collecting = None
-            return [command]
+            is_empty = command.action is Action.REASON and not command.why
+            return [] if is_empty else [command]
+        if self._collecting in NEEDS_REASON and not (self._text or self._code) and key in DIGITS:
+            self._code = dict(enumerate(self._incidents, 1)).get(int(key), "")
+            return []
         if key == "\x1b":
             self._collecting = None
         elif key in "\x7f\b":
@@ -99,12 +130,19 @@ class TerminalOperator:
 
     status_period_ns = STATUS_PERIOD_NS
 
-    def __init__(self, console: Console, *, is_simulated: bool, confirm_waits: bool) -> None:
+    def __init__(
+        self,
+        console: Console,
+        *,
+        is_simulated: bool,
+        confirm_waits: bool,
+        incidents: Mapping[str, str] = INCIDENTS,
+    ) -> None:
         self._console = console
         self._is_simulated = is_simulated
         self._confirm_waits = confirm_waits
         self._keys = KeyReader()
-        self._interpreter = KeyInterpreter()
+        self._interpreter = KeyInterpreter(incidents)
         self._live: Live | None = None
         self.abort_requested = False
         self.is_suspended = False

@@ -59,10 +59,7 @@ def checked_device(device: DeviceConfig) -> tuple[Any, FaultSchedule]:
     if device.simulated:
         given |= spec.understood
     options = spec.checked_options(role, given)
-    try:
-        return options, FaultSchedule.from_config(getattr(options, "faults", ()))
-    except ConfigError as error:
-        raise ConfigError(f"devices.{role}.faults in lab_config.yaml: {error}") from error
+    return options, FaultSchedule.from_config(getattr(options, "faults", ()))
 
 
 def _wire(spec: AnySpec, site: Site[Any], wires: Wires, *, is_simulated: bool) -> Any:

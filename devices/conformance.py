@@ -15,6 +15,7 @@ from devices.contracts import (
     HAPTICS,
     HEAD,
     RESPONSES,
+    SOUND_EVENTS,
     Armband,
     BodyTracker,
     Device,
@@ -22,11 +23,15 @@ from devices.contracts import (
     EyeTracker,
     Headset,
     ResponseInput,
+    SoundOutput,
     TriggerOutput,
     body_schema,
 )
+from lab.clock import NS_PER_MS
 from lab.errors import DeviceError
+from lab.geometry import Pose
 from lab.schema import SampleBatch, StreamSchema
+from stimuli.sound import Sound
 
 LetPass = Callable[[float], None]
 
@@ -248,6 +253,43 @@ def check_trigger_output(
     _promise(bool((rows["t_after_ns"] < rows["t_released_ns"]).all()), "a pulse has a width")
     later = rows["t_before_ns"][1:] >= rows["t_released_ns"][:-1]
     _promise(bool(later.all()), "a pulse waits for the one before")
+    device.close()
+
+
+def check_sound_output(make: Callable[[], SoundOutput], let_pass: LetPass) -> None:
+    """Check that every sound begins once, lasts as long as it is, and ends on command.
+
+    A click of 100 ms is heard three times: alone, ended early, and again and again until hushed.
+    """
+    device = make()
+    device.open(OPEN_DEADLINE_S)
+    batches: list[SampleBatch] = []
+    device.start(batches.append)
+    click = Sound("click", np.full((800, 1), 0.1, np.float32), 8000)
+    device.prepare(click)
+    device.hear_from(Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])))
+    _refuses_value(lambda: device.play(click, gain_db=1000.0), "a gain of 1000 dB is refused")
+    numbers = []
+    for case in range(3):
+        at_m = np.array([1.0, 1.2, 0.0]) if case == 1 else None
+        numbers.append(device.play(click, at_m=at_m, gain_db=-20.0, loops=case == 2))
+        for step in range(40):
+            let_pass(STEP_S)
+            device.poll(0.0)
+            if (case, step) in ((1, 4), (2, 30)):
+                device.hush(numbers[-1])
+    _promise(numbers == [0, 1, 2], "sounds are numbered from 0")
+    rows = np.concatenate([batch.values for batch in batches])
+    began, ended, stopped = (
+        rows[rows["event"] == SOUND_EVENTS.index(name)] for name in ("began", "ended", "stopped")
+    )
+    _promise(began["sound"].tolist() == numbers, "every sound begins once, in order")
+    _promise(bool((began["t_sounding_ns"] > began["t_commanded_ns"]).all()), "begins when asked")
+    _promise(ended["sound"].tolist() == numbers[:1], "a sound ends by itself")
+    _promise(stopped["sound"].tolist() == numbers[1:], "a sound ends when it is told to")
+    lasted_ns = int(ended["t_sounding_ns"][0] - began["t_sounding_ns"][0])
+    _promise(abs(lasted_ns - 100 * NS_PER_MS) < NS_PER_MS, "a sound lasts as long as it is")
+    device.stop()
     device.close()
 
 

@@ -23,11 +23,14 @@ from devices.streams import HEAD as HEAD
 from devices.streams import NO_DEVICE_TIME as NO_DEVICE_TIME
 from devices.streams import POINTER as POINTER
 from devices.streams import RESPONSES as RESPONSES
+from devices.streams import SOUND as SOUND
+from devices.streams import SOUND_EVENTS as SOUND_EVENTS
 from devices.streams import body_schema as body_schema
 from lab.frame import FrameInfo
 from lab.geometry import Pose, Vector
 from lab.schema import SampleBatch, StreamSchema
 from lab.screen import FlatScreen
+from stimuli.sound import Sound
 
 Sink = Callable[[SampleBatch], None]
 
@@ -384,6 +387,33 @@ class BodyTracker(Device, Protocol):
     @property
     def segments(self) -> tuple[str, ...]:
         """Names of the segments, joints of the canonical skeleton ("left_lower_arm")."""
+        ...
+
+
+@runtime_checkable
+class SoundOutput(Device, Protocol):
+    """What plays sounds to the participant; delivers one stream with the fields of `SOUND`."""
+
+    def prepare(self, sound: Sound) -> None:
+        """Make ready what takes longer than a frame; once open."""
+        ...
+
+    def play(
+        self, sound: Sound, *, at_m: Vector | None = None, gain_db: float = 0.0, loops: bool = False
+    ) -> int:
+        """Play a sound as soon as may be; return the number under which `SOUND` tells of it.
+
+        `at_m` (3,) is its place in the world, heard from the head's: as recorded at 1 m. Never
+        raises because the output is away: such a sound is told by `check`.
+        """
+        ...
+
+    def hush(self, number: int | None = None) -> None:
+        """End a sound, or all of them; never raises."""
+        ...
+
+    def hear_from(self, head: Pose) -> None:
+        """Say where the participant's head is now."""
         ...
 
 

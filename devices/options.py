@@ -6,7 +6,10 @@ their names carry their units.
 
 from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from devices.faults import FaultSchedule
+from lab.errors import ConfigError
 
 
 class Options(BaseModel):
@@ -42,6 +45,15 @@ class SimulatedOptions(Options):
 
     faults: list[dict[str, Any]] = Field(default_factory=list)
     """What goes wrong on the simulated wire; docs/devices.md lists the kinds."""
+
+    @field_validator("faults")
+    @classmethod
+    def _are_known(cls, faults: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        try:
+            FaultSchedule.from_config(faults)
+        except ConfigError as error:  # so that it is told with the file and the line
+            raise ValueError(str(error)) from error
+        return faults
 
 
 class StreamOptions(SimulatedOptions):

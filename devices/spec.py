@@ -25,7 +25,14 @@ if TYPE_CHECKING:
     from lab.clock import Clock
 
 Kind = Literal[
-    "eye tracker", "headset", "responses", "body tracker", "armband", "triggers", "other"
+    "eye tracker",
+    "headset",
+    "responses",
+    "body tracker",
+    "armband",
+    "sound output",
+    "triggers",
+    "other",
 ]
 O = TypeVar("O", bound=Options)  # noqa: E741 - of options
 
@@ -235,9 +242,7 @@ class DriverSpec(Generic[O]):
             return self.options.model_validate(dict(given))
         except ValidationError as wrong:
             told = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in wrong.errors())
-            raise ConfigError(
-                f"devices.{role} ({self.name}): {told}; correct it in lab_config.yaml"
-            ) from wrong
+            raise ConfigError(f"devices.{role} ({self.name}): {told}; correct it") from wrong
 
     def on_wire(self, role: str, clock: "Clock", wire: Any = None, /, **options: Any) -> "Device":
         """Return the device on a wire that is given, or on its real one: for scripts and tests."""

@@ -64,7 +64,10 @@ def role_states(lab: LabConfig) -> tuple[RoleState, ...]:
 
 def driver_states() -> tuple[DriverState, ...]:
     """Return every driver known here, eye trackers first."""
-    order = ("eye tracker", "headset", "responses", "body tracker", "armband", "triggers", "other")
+    order = (
+        "eye tracker", "headset", "responses", "body tracker", "armband", "sound output",
+        "triggers", "other",
+    )  # fmt: skip
     states = []
     for facts in driver_specs():
         missing = _missing(facts)

@@ -100,6 +100,24 @@ HAPTICS = StreamSchema(
 of the acknowledgement (or the giving up), `t_device_ns` the band's own time of applying it, or
 `NO_DEVICE_TIME` when that is unknown."""
 
+SOUND = StreamSchema(
+    name="sound",
+    nominal_rate_hz=0.0,
+    fields=(
+        Field("sound", "i4", "", description="number of the sound, from 0, per start; -1: none"),
+        Field("event", "u1", "", description="index into SOUND_EVENTS"),
+        Field("t_commanded_ns", "i8", "ns", description="when the experiment asked"),
+        Field("t_sounding_ns", "i8", "ns", description="when that sample leaves the card"),
+        Field("stamped", "?", "", description="the card said when; else its usual latency"),
+    ),
+)
+"""What became of every sound; `t_device_ns` is the card's own time of the event, `t_sounding_ns`
+the same on the session's clock. What comes behind the card is not in it."""
+
+SOUND_EVENTS = ("began", "ended", "stopped", "underflow")
+"""Events of the `SOUND` stream by code: first sample, last sample, ended on command, and a hole in
+everything that sounded."""
+
 NO_DEVICE_TIME = -(2**63)
 """Stands in `t_device_ns` where the device told no time, in `t_sent_ns` of what was never sent."""
 

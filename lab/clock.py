@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Callable
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import Protocol
 
 from lab.errors import ConfigError
@@ -98,6 +98,35 @@ class SimClock:
     def wall_iso(self) -> str:
         """Return the epoch every simulated session claims."""
         return SIMULATED_EPOCH_ISO
+
+
+class ToldClock:
+    """A clock that goes by what others' stamps tell, for what was recorded elsewhere; never back.
+
+    Session time is the time since 1970 that the stamps give.
+    """
+
+    is_virtual = False
+
+    def __init__(self, start_unix_ms: float) -> None:
+        self._now_ns = round(start_unix_ms * NS_PER_MS)
+
+    def tell(self, unix_ms: float) -> None:
+        """Go on to a stamp."""
+        self.sleep_until_ns(round(unix_ms * NS_PER_MS))
+
+    def now_ns(self) -> int:
+        """Return the time told last."""
+        return self._now_ns
+
+    def sleep_until_ns(self, deadline_ns: int) -> None:
+        """Jump to the deadline; never backwards."""
+        self._now_ns = max(self._now_ns, deadline_ns)
+
+    def wall_iso(self) -> str:
+        """Return the time told last, in UTC."""
+        told = datetime.fromtimestamp(self._now_ns / NS_PER_S, tz=UTC)
+        return told.isoformat(timespec="milliseconds")
 
 
 def clock_step_ns(clock: Clock) -> int:

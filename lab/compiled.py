@@ -1,20 +1,34 @@
-"""Compile numeric kernels with numba, typed."""
+"""Compile numeric kernels with numba, typed, and keep the machine code in the user's cache folder.
+
+numba keys it by module, source, types and processor; here also by the versions of Python and numba.
+`NUMBA_CACHE_DIR` puts it elsewhere.
+"""
 
 import hashlib
+import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 import numba
 import numpy as np
 from numba.core.registry import CPUDispatcher
+from platformdirs import user_cache_path
 
 F = TypeVar("F", bound=Callable[..., object])
 _STAMP = "visavis_stamp"
+MAX_KERNEL_BYTES: Final = 500_000_000
+"""Some ten versions of Visavis, each with every kernel."""
+KERNELS: Final = user_cache_path("visavis", appauthor=False) / "kernels"
+if not numba.config.CACHE_DIR:
+    _versions = f"py{sys.version_info.major}{sys.version_info.minor}-numba{numba.__version__}"
+    numba.config.CACHE_DIR = str(KERNELS / _versions)
 
 
 def compiled(function: F) -> F:
-    """Compile a function of arrays and scalars; the machine code is cached beside the module.
+    """Compile a function of arrays and scalars; the machine code is kept for the next process.
 
     No fast-math: results must repeat bit for bit. Code cached before another kernel or a number
     that its module imports has changed is not used again.
@@ -29,6 +43,26 @@ def compiled(function: F) -> F:
     file._source_stamp = stamp  # noqa: SLF001 - as above
     setattr(kernel, _STAMP, stamp)
     return cast(F, kernel)
+
+
+def forget_old_kernels(folder: Path = KERNELS, max_bytes: int = MAX_KERNEL_BYTES) -> None:
+    """Delete the machine code that was made first, beyond so many bytes; a lost one is made again.
+
+    That of one module goes together, as numba's index and its files belong to each other.
+    """
+    kept: list[tuple[int, int, list[Path]]] = []
+    for module in folder.glob("*/*"):
+        with suppress(OSError):  # another process deletes it, too
+            files = [path for path in module.iterdir() if path.suffix in (".nbi", ".nbc")]
+            found = [path.stat() for path in files]
+            newest_ns = max((one.st_mtime_ns for one in found), default=0)
+            kept.append((newest_ns, sum(one.st_size for one in found), files))
+    total_bytes = 0
+    for _, size_bytes, files in sorted(kept, key=lambda one: one[0], reverse=True):
+        total_bytes += size_bytes
+        for path in files if total_bytes > max_bytes else ():
+            with suppress(OSError):
+                path.unlink()
 
 
 def _imported(names: dict[str, Any]) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from lab.model_problems import model_problems
 from lab.screen import FlatScreen
@@ -22,7 +22,7 @@ from lab.yaml_lines import (
     read_document,
 )
 
-ROLES = ("headset", "eye_tracker", "responses", "body_tracker")
+ROLES = ("headset", "eye_tracker", "responses", "body_tracker", "sound")
 ARMBAND_ROLE = re.compile(r"armband_[a-z0-9_]+")
 TAKEN_STREAMS = frozenset(
     {
@@ -37,6 +37,23 @@ MISSPELT_01 = 0.8
 
 OptionModels: TypeAlias = Mapping[str, type[BaseModel]]
 """Option models by driver name; only these drivers are then known."""
+
+
+INCIDENTS: Mapping[str, str] = {
+    "unwell": "the participant is unwell",
+    "wish": "the participant asked for it",
+    "inattentive": "the participant did not do the task",
+    "misunderstood": "the task was misunderstood",
+    "fit": "headset, tracker or band slipped",
+    "device": "a device did not work",
+    "disturbance": "noise, or somebody came in",
+    "operator": "the operator made a mistake",
+    "other": "something else",
+}
+"""Why trials are skipped or flagged and sessions paused, by code; a lab may list its own."""
+MAX_INCIDENTS = 9
+"""Each has a key from 1 to 9."""
+INCIDENT = re.compile(r"[a-z][a-z0-9_]{1,30}")
 
 
 CHARACTERS = "characters"
@@ -168,12 +185,14 @@ class Sync(_Part):
     """Whether sessions stream to Lab Streaming Layer while they run, and who may meet them.
 
     Without `session_id` streams are in the session in which LSL's programs, LabRecorder among
-    them, look for them; a lab that wants its own sets it in those programs, too.
+    them, look for them; a lab that wants its own sets it in those programs, too. `lab_recorder`
+    (HOST or HOST:PORT) is started and stopped with every session.
     """
 
     lsl: bool = False
     this_computer_only: bool = False
     session_id: str = ""
+    lab_recorder: str = ""
 
 
 class Privacy(_Part):
@@ -221,6 +240,7 @@ class LabConfig(BaseModel):
 
     `cast` names who plays the studies' people (nobody: those who come with Visavis), from those
     imported into `characters`, which stays the lab's when a command writes its data elsewhere.
+    `incidents` are the reasons an operator may give, in words by their codes.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -239,6 +259,7 @@ class LabConfig(BaseModel):
     cast: tuple[str, ...] = ()
     characters: Path
     language: str = "en"
+    incidents: Mapping[str, str] = Field(default_factory=lambda: dict(INCIDENTS))
     path: Path
     text: str
 
@@ -264,6 +285,21 @@ class _File(_Part):
     studies: dict[str, str] = Field(default_factory=dict)
     cast: list[str] = Field(default_factory=list)
     language: str = Field(default="en", min_length=2)
+    incidents: dict[str, str] = Field(
+        default_factory=lambda: dict(INCIDENTS), min_length=1, max_length=MAX_INCIDENTS
+    )
+
+    @field_validator("incidents")
+    @classmethod
+    def _are_codes(cls, found: dict[str, str]) -> dict[str, str]:
+        for code, words in found.items():
+            if not INCIDENT.fullmatch(code):
+                raise ValueError(
+                    f"{code!r} is no code: small letters, digits and _, such as participant_late"
+                )
+            if not words.strip():
+                raise ValueError(f"{code} says nothing; write in words what it stands for")
+        return found
 
 
 def load_config(path: Path, option_models: OptionModels | None = None) -> LabConfig:
@@ -340,6 +376,7 @@ def _validated(
         cast=tuple(file.cast),
         characters=paths["data_root"] / CHARACTERS,
         language=file.language,
+        incidents=file.incidents,
         path=document.path.absolute(),
         text=document.text,
         **paths,

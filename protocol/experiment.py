@@ -11,7 +11,8 @@ from devices.contracts import VibrationPattern
 from lab.geometry import Vector
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
-from stimuli.scene import Scene
+from stimuli.scene import Scene, SceneFrame
+from stimuli.sound import Sound
 
 
 class Experiment(Protocol):
@@ -74,13 +75,15 @@ class Demands:
     """What a study asks of a lab beyond devices being there; looked at before anything is shown.
 
     `segments` the body tracker must deliver, `vibrations` the band of each role must be able to
-    play on `motors`, `floor_side_m` the side of the square that is walked on.
+    play on `motors`, `floor_side_m` the side of the square that is walked on; `sounds` are what it
+    plays, made ready beforehand.
     """
 
     segments: tuple[str, ...] = ()
     vibrations: Mapping[str, VibrationPattern] = field(default_factory=dict)
     motors: tuple[int, ...] = ()
     floor_side_m: float = 0.0
+    sounds: tuple[Sound, ...] = ()
 
 
 @runtime_checkable
@@ -100,6 +103,15 @@ class Sparing(Protocol):
     @property
     def spare_roles(self) -> tuple[str, ...]:
         """Devices without which a session may go on where the operator says so."""
+        ...
+
+
+@runtime_checkable
+class Foreseeing(Protocol):
+    """An experiment that knows what a trial will show first."""
+
+    def first_lit(self, trial: Trial) -> SceneFrame | None:
+        """Return the first lit frame of a trial before it is performed; None where it has none."""
         ...
 
 

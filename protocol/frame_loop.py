@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from devices.contracts import GAZE, HEAD, POINTER, Fault, OnScreen
+from devices.contracts import GAZE, HEAD, POINTER, SOUND_EVENTS, Fault, OnScreen
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceError
 from lab.frame import FrameInfo
@@ -20,7 +20,7 @@ from protocol.rig import RunningRig
 from protocol.row_buffer import RowBuffer
 from protocol.screen_gaze import seen_on_screen
 from protocol.states import SessionState, StateMachine
-from protocol.steps import BodyView, FrameView, Play, Silence
+from protocol.steps import BodyView, FrameView, Play, PlaySound, Silence, Sounded
 from protocol.streams import FRAMES, gaze_targets_schema, scene_states_schema
 from recording.writer import Recorder
 from stage.contracts import Stage
@@ -32,6 +32,7 @@ HOLD_VIRTUAL_NS = NS_PER_S
 BEFORE_FRAME_NS = NS_PER_MS // 10
 """A frame is not kept waiting for a body sample that comes with it."""
 Answer: TypeAlias = Callable[[BodyView], Sequence[Play | Silence]]
+BEGAN = SOUND_EVENTS.index("began")
 UPRIGHT = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
@@ -94,6 +95,8 @@ class FrameLoop:
         self._head_inbox: deque[SampleBatch] = deque()
         self._press_inbox: deque[SampleBatch] = deque()
         self._body_inbox: deque[SampleBatch] = deque()
+        self._sound_keys: dict[int, str] = {}
+        self._sounded: list[Sounded] = []
         self._answered: tuple[SampleBatch, BodyView] | None = None
         self._reflex: Answer | None = None
         self._reflex_lock = threading.Lock()
@@ -131,6 +134,8 @@ class FrameLoop:
                 self._take_rays(batch)
             else:
                 self._press_inbox.append(batch)
+        elif role == "sound":
+            self._take_sounds(batch)
         elif role == "body_tracker":
             self._stage.watch(role, batch)
             self._body_inbox.append(batch)
@@ -144,6 +149,20 @@ class FrameLoop:
     def shown(self) -> SceneFrame | None:
         """What stands before the participant."""
         return self._view
+
+    def play_sound(self, step: PlaySound) -> None:
+        """Play a sound and note in the recording which it is."""
+        number = self._rig.play_sound(step)
+        x_m, y_m, z_m = step.at_m or (None, None, None)
+        self._recorder.event(
+            "sound", self.t_ns, number=number, sound=step.sound.name,
+            sound_sha256=step.sound.sha256, seconds=step.sound.duration_s, gain_db=step.gain_db,
+            loops=step.loops, x_m=x_m, y_m=y_m, z_m=z_m,
+        )  # fmt: skip
+        if number is None:
+            self._sounded.append(Sounded(step.key, None))
+        else:
+            self._sound_keys[number] = step.key
 
     def show(self, view: SceneFrame) -> None:
         """Show this from the coming frame on."""
@@ -165,6 +184,7 @@ class FrameLoop:
         frame = self._wait_frame()
         self._rig.step()
         self._take_head()
+        self._rig.hear_from(self.head)
         gaze = self.observer.observe(frame.index, frame.t_ns)
         pressed, pressed_ns = self._take_presses()
         self._log_frame(frame, gaze.t_ns.shape[0])
@@ -179,6 +199,7 @@ class FrameLoop:
             tuple(self._rays[hand] for hand in sorted(self._rays, reverse=True)),
             head_points=self.screen is None,
             pressed_ns=pressed_ns,
+            sounded=self._told_sounds() if self._sounded else (),
         )
 
     def _display(self, view: SceneFrame) -> None:
@@ -292,6 +313,16 @@ class FrameLoop:
                 self._rays[hand] = Pose(place, row["orientation_wxyz"].astype(np.float64))
             else:
                 self._rays.pop(hand, None)
+
+    def _take_sounds(self, batch: SampleBatch) -> None:
+        for row in batch.values[batch.values["event"] == BEGAN]:
+            key = self._sound_keys.pop(int(row["sound"]), None)
+            if key is not None:
+                self._sounded.append(Sounded(key, int(row["t_sounding_ns"])))
+
+    def _told_sounds(self) -> tuple[Sounded, ...]:
+        sounded, self._sounded = tuple(self._sounded), []
+        return sounded
 
     def _take_body(self) -> BodyView:
         batches = []

@@ -3,6 +3,7 @@
 import hashlib
 import hmac
 import os
+import re
 import secrets
 import stat
 from collections.abc import Mapping, Sequence
@@ -46,6 +47,13 @@ class KeyFile:
         salt = bytes.fromhex(self._read()["salt"])
         return hmac.new(salt, label.encode(), hashlib.sha256).hexdigest()[:12]
 
+    def page_key(self, label: str, session: int) -> str:
+        """Return the secret in the address of a session's page, the same whenever it is asked."""
+        salt = bytes.fromhex(self._read()["salt"])
+        # a label has letters and digits alone, so that no pseudonym is made of the same text
+        told = f"page/{label}/{session}".encode()
+        return hmac.new(salt, told, hashlib.sha256).hexdigest()
+
     def identify(self, label: str, identity: Mapping[str, str]) -> None:
         """Store who is behind a label (name, contact); replaces what was stored."""
         with locked(self._lock_path):
@@ -83,7 +91,9 @@ class KeyFile:
                 f"the key file {self.path} can be read by others (mode {mode:04o}); "
                 f"protect it: chmod 600 '{self.path}'"
             )
-        if not {"salt", "identities"} <= content.keys():
+        salt, identities = content.get("salt"), content.get("identities")
+        is_whole = isinstance(salt, str) and re.fullmatch(r"([0-9a-f]{2})+", salt) is not None
+        if not is_whole or not isinstance(identities, dict):
             raise LedgerError(
                 f"the key file {self.path} lacks its salt or identities; restore it from its backup"
             )

@@ -178,6 +178,30 @@ class Ledger:
                 )
         return replace(found, consent_version=version)
 
+    def begin_withdrawal(
+        self, text: str, data_roots: Sequence[Path], *, reason: str = ""
+    ) -> Participant:
+        """Note that somebody withdraws, so that whoever serves their page ends it and deletes it.
+
+        Nothing is removed yet; `withdraw` goes on from here.
+        """
+        with self._held():
+            found = self._find(text, self._read())
+            if found.status == "withdrawn":
+                raise WithdrawnParticipant(
+                    f"participant {found.label} of {self.study} has withdrawn already, on "
+                    f"{found.withdrawn_at}; nothing is left to remove"
+                )
+            if found.status == "active":
+                self._append(
+                    "withdrawing",
+                    label=found.label,
+                    at=self._clock.wall_iso(),
+                    reason=reason,
+                    had_data=may_have_data(self.study, found.label, data_roots),
+                )
+        return found
+
     def withdraw(
         self,
         text: str,
@@ -196,21 +220,7 @@ class Ledger:
         a LedgerError; the ledger then says "withdrawing" and the call can be repeated. What was
         done, and what could not be reached, is kept in the ledger.
         """
-        with self._held():
-            found = self._find(text, self._read())
-            if found.status == "withdrawn":
-                raise WithdrawnParticipant(
-                    f"participant {found.label} of {self.study} has withdrawn already, on "
-                    f"{found.withdrawn_at}; nothing is left to remove"
-                )
-            if found.status == "active":
-                self._append(
-                    "withdrawing",
-                    label=found.label,
-                    at=self._clock.wall_iso(),
-                    reason=reason,
-                    had_data=may_have_data(self.study, found.label, data_roots),
-                )
+        found = self.begin_withdrawal(text, data_roots, reason=reason)
         # not under the lock: removing hours of recordings must not stop other rooms
         default = self._derived_folders()
         aliases = () if key_file is None else (key_file.pseudonym(found.label),)

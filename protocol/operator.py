@@ -24,6 +24,7 @@ class Action(StrEnum):
     SILENCE = "silence"
     ABORT = "abort"
     ANSWER = "answer"
+    REASON = "reason"
 
 
 KEYS = {
@@ -33,20 +34,30 @@ KEYS = {
     "s": Action.SKIP,
     "c": Action.RECALIBRATE,
     "n": Action.NOTE,
+    "w": Action.REASON,
     "f": Action.FLAG,
     "x": Action.SILENCE,
     "\x1b": Action.ABORT,
 }
-"""Run-time keys; SKIP and NOTE ask for text, ABORT asks whether it is meant. Digits are ANSWER,
-with the digit as text: the participant's choice on a board, said aloud."""
+"""Run-time keys; SKIP, NOTE and REASON ask for text, ABORT asks whether it is meant. Digits are
+ANSWER, with the digit as text: the participant's choice on a board, said aloud. REASON says why the
+last flag or pause was."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """One finished request of the operator; `text` is the reason or note."""
+    """One finished request of the operator; `text` is the reason or note, `code` the reason among
+    those of the lab (`lab.config.INCIDENTS`).
+    """
 
     action: Action
     text: str = ""
+    code: str = ""
+
+    @property
+    def why(self) -> str:
+        """Code and words in one."""
+        return ": ".join(part for part in (self.code, self.text) if part)
 
 
 @dataclass(frozen=True)

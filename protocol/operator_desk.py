@@ -275,7 +275,11 @@ class OperatorDesk:
     def _act(self, command: Command) -> None:
         action = command.action
         self._recorder.event(
-            "operator", self._loop.t_ns, action=action.value, text=command.text or None
+            "operator",
+            self._loop.t_ns,
+            action=action.value,
+            text=command.text or None,
+            **({"code": command.code} if command.code else {}),
         )
         if action is Action.ADVANCE:
             self._advance = True
@@ -292,7 +296,8 @@ class OperatorDesk:
         elif action is Action.ANSWER:
             self._answers.append(command.text)
         elif action is Action.SKIP:
-            self._skip(command.text or "no reason given")
+            self._skip(command.why or "no reason given")
+            self._flag_code(command)
         elif action is Action.REPEAT:
             self._repeat()
         elif action is Action.SILENCE:
@@ -301,8 +306,15 @@ class OperatorDesk:
             if self._in_trial:
                 self._flag("operator_flag")
             self.say(f"flagged{self._within()}")
+        elif action is Action.REASON:
+            self._flag_code(command)
+            self.say(f"reason noted{self._within()}: {command.why}")
         elif action is Action.NOTE:
             self.say(f"noted{self._within()}: {command.text}")
+
+    def _flag_code(self, command: Command) -> None:
+        if self._in_trial and command.code:
+            self._flag(command.code)
 
     def _within(self) -> str:
         return f" in {self.trial.trial_id}" if self._in_trial and self.trial else ""

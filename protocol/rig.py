@@ -4,6 +4,8 @@ import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from devices.contracts import (
     Armband,
     BodyTracker,
@@ -16,15 +18,17 @@ from devices.contracts import (
     Health,
     OnScreen,
     ResponseInput,
+    SoundOutput,
     TriggerOutput,
 )
 from devices.pump import Pump
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceError
+from lab.geometry import Pose
 from lab.schema import SampleBatch, StreamSchema
 from protocol.demands import unmet
 from protocol.experiment import Demands
-from protocol.steps import Play, Vibrate
+from protocol.steps import Play, PlaySound, Vibrate
 
 OPEN_DEADLINE_S = 10.0
 
@@ -70,6 +74,8 @@ class RunningRig:
         self._devices = rig.by_role()
         self._bands = {r: d for r, d in self._devices.items() if isinstance(d, Armband)}
         self._triggers = [d for d in self._devices.values() if isinstance(d, TriggerOutput)]
+        sound = self._devices.get("sound")
+        self._sound = sound if isinstance(sound, SoundOutput) else None
         tracker = self._devices.get("body_tracker")
         self._segments = tracker.segments if isinstance(tracker, BodyTracker) else ()
         self._pumps = {
@@ -193,6 +199,16 @@ class RunningRig:
         """
         faults = tuple(f for d in self._devices.values() for f in d.check())
         faults += tuple(unmet(demands, self._segments, self._bands, self._rig.without))
+        if self._sound is not None:
+            for sound in demands.sounds:
+                self._sound.prepare(sound)
+        elif demands.sounds and "sound" not in self._rig.without:
+            faults += (
+                Fault(
+                    "sound", "blocking", "the study plays sounds, which this device does not",
+                    "give the role sound a device that does, such as sound_card",
+                ),
+            )  # fmt: skip
         blocking = [f for f in faults if f.severity == "blocking"]
         if len(blocking) == 1:
             raise DeviceError(blocking[0].message, role=blocking[0].role, remedy=blocking[0].remedy)
@@ -270,6 +286,33 @@ class RunningRig:
         self.has_vibrated = True
         if not self.is_muted:
             band.play(step.pattern, step.motors, step.amplitude_01)
+
+    def play_sound(self, step: PlaySound) -> int | None:
+        """Play a sound; return its number, None where the operator goes on without sound.
+
+        Raises:
+            DeviceError: nothing of this session plays sounds.
+        """
+        if "sound" in self._rig.without:
+            return None
+        if self._sound is None:
+            raise DeviceError(
+                "the trial wants to play a sound, but no such device is configured",
+                role="sound",
+                remedy="name it under devices in lab_config.yaml: sound: {driver: sound_card}",
+            )
+        place = None if step.at_m is None else np.array(step.at_m)
+        return self._sound.play(step.sound, at_m=place, gain_db=step.gain_db, loops=step.loops)
+
+    def hear_from(self, head: Pose) -> None:
+        """Say where the participant hears from."""
+        if self._sound is not None:
+            self._sound.hear_from(head)
+
+    def hush(self) -> None:
+        """End everything that sounds."""
+        if self._sound is not None:
+            self._sound.hush()
 
     def silence(self, role: str = "") -> None:
         """Stop every motor of a haptic role, or of all bands."""

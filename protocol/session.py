@@ -6,7 +6,7 @@ from devices.contracts import CalibrationOutcome
 from lab.clock import NS_PER_S
 from lab.errors import ConfigError, DeviceError, LabError, RecordingError, SessionAborted
 from protocol.calibration_record import CalibrationInForce
-from protocol.experiment import Respondent, demands_of, spare_roles_of
+from protocol.experiment import Foreseeing, Respondent, demands_of, spare_roles_of
 from protocol.frame_loop import FrameLoop
 from protocol.gaze_setup import GazeSetup
 from protocol.operator import Action
@@ -151,6 +151,9 @@ class Session:
     def _perform(self) -> None:
         setup = self._setup
         self._loop.show_scene(setup.experiment.blank(None))
+        left = [t for block in setup.plan.blocks for t in left_of(block, setup.progress)]
+        for trial in left[:1]:
+            self._foresee(trial)
         self._recorder.event(
             "session_start",
             self._loop.t_ns,
@@ -183,6 +186,12 @@ class Session:
         self._questioning.ask_at_end()
         self._states.move(SessionState.FINISHED)
         self._recorder.event("session_end", self._loop.t_ns)
+
+    def _foresee(self, trial: Trial) -> None:
+        """Let the stage make ready what the trial shows first; on a virtual clock nobody waits."""
+        experiment = self._setup.experiment
+        if isinstance(experiment, Foreseeing) and not self._setup.clock.is_virtual:
+            self._setup.stage.foresee(lambda: experiment.first_lit(trial))
 
     def _begin_questions(self, after: int) -> None:
         """Answers do not hang on whether the session was resumed before they were given."""
@@ -243,6 +252,7 @@ class Session:
             if self._runner.memory and isinstance(self._participant, Learner):
                 self._participant.remember(self._runner.memory)
             self._participant.prepare(stretch, self._loop.t_ns)
+        self._foresee(trial)
         outcome = self._runner.run(trial, self._calibration)
         if outcome.status != "postponed" and self._setup.on_trial is not None:
             self._setup.on_trial(

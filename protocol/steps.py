@@ -17,6 +17,7 @@ import numpy.typing as npt
 from devices.contracts import VibrationPattern
 from lab.geometry import Pose
 from stimuli.scene import SceneFrame
+from stimuli.sound import Sound
 
 Scalar: TypeAlias = str | int | float | bool
 Row: TypeAlias = Mapping[str, Scalar | None]
@@ -59,6 +60,25 @@ class Play:
     pattern: VibrationPattern
     motors: tuple[int, ...]
     amplitude_01: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlaySound:
+    """Play a sound from now on; `FrameView.sounded` tells by its `key` when it began.
+
+    `at_m` is its place in the world; None plays it as it is. What still sounds ends with the trial.
+    """
+
+    key: str
+    sound: Sound
+    at_m: tuple[float, float, float] | None = None
+    gain_db: float = 0.0
+    loops: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Hush:
+    """End everything that sounds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +148,13 @@ class BodyView(NamedTuple):
     valid: npt.NDArray[np.bool_]
 
 
+class Sounded(NamedTuple):
+    """That a sound began: its first sample left the card at `on_ns`; None where nobody heard it."""
+
+    key: str
+    on_ns: int | None
+
+
 class FrameView(NamedTuple):
     """What one frame brought: time, head, gaze, buttons pressed, the body (None: no sample).
 
@@ -138,7 +165,8 @@ class FrameView(NamedTuple):
     frame before.
     `pointers` are the rays of the tracked controllers, right hand first: from the position along
     −z of the orientation, in world. `head_points` says whether turning the head points at things:
-    before a screen it does not.
+    before a screen it does not. `sounded` are the sounds of which it was told since the frame
+    before that they began.
     """
 
     index: int  # type: ignore[assignment]  # of the frame, not that of a tuple
@@ -152,6 +180,7 @@ class FrameView(NamedTuple):
     went_on: bool = False
     head_points: bool = True
     pressed_ns: tuple[int, ...] = ()
+    sounded: tuple[Sounded, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +203,9 @@ class Reflex:
     answer: Callable[[BodyView], Sequence[Play | Silence]] | None
 
 
-Step: TypeAlias = Show | Mark | Vibrate | Play | Silence | Reflex | Ask | Prompt | NextFrame
+Step: TypeAlias = (
+    Show | Mark | Vibrate | Play | PlaySound | Hush | Silence | Reflex | Ask | Prompt | NextFrame
+)
 Plan: TypeAlias = Generator[Step, FrameView | Answered | None, Row]
 
 

@@ -21,10 +21,12 @@ from protocol.steps import (
     Answered,
     Ask,
     FrameView,
+    Hush,
     Mark,
     NextFrame,
     Plan,
     Play,
+    PlaySound,
     Prompt,
     Reflex,
     Row,
@@ -114,6 +116,7 @@ class TrialRunner:
         else:
             row, interrupted = {}, None
             desk.skip_reason = skip_reason
+        self._rig.hush()
         outcome = self._outcome(interrupted)
         self._rig.mark(f"trial_end {trial.trial_id} {attempt} {outcome.status}", loop.t_ns)
         loop.trial_number = -1
@@ -220,6 +223,10 @@ class TrialRunner:
                 self._rig.vibrate(step)
             case Play():
                 self._rig.play(step)
+            case PlaySound():
+                loop.play_sound(step)
+            case Hush():
+                self._rig.hush()
             case Silence(role):
                 self._rig.silence(role)
             case Reflex(answer):

@@ -34,8 +34,8 @@ class Stage(Protocol):
         """Return what keeps it from drawing now; the session pauses while there is something."""
         ...
 
-    def expect(self, views: Sequence[SceneFrame]) -> None:
-        """Get ready before the first frame to show scenes like these, as far as that takes time."""
+    def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
+        """Make ready, beside the frames, what `coming` finds, so that its first is not late."""
         ...
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
@@ -78,8 +78,8 @@ class GeometryStage:
     def trouble(self) -> None:
         """Nothing can fail."""
 
-    def expect(self, views: Sequence[SceneFrame]) -> None:
-        """Need nothing."""
+    def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
+        """Make nothing ready: nothing is drawn."""
 
     def handed_over(self) -> None:
         """Nothing was."""

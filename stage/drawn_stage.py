@@ -1,6 +1,7 @@
 """Show a study's scenes as pictures: both eyes of a headset, a window, or nobody's screen."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import moderngl
@@ -8,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.clock import NS_PER_S, Clock
+from lab.errors import LabError
 from lab.frame import EyeView, FrameInfo
 from lab.geometry import Pose, Vector, quat_multiply, rotate
 from lab.schema import SampleBatch, StreamSchema
@@ -121,13 +123,16 @@ class DrawnStage:
         self._fades = Fades(FadeTimes() if fades is None else fades)
         self._renderer: Renderer | None = None
         self._targets: list[EyeTarget] = []
-        self._expected: tuple[SceneFrame, ...] = ()
         self._views: Sequence[EyeView] = ()
         self._schema = drawn_schema(display.people_count, display.rate_hz)
         self._sink: Callable[[SampleBatch], None] | None = None
         self._seq = self._views_seq = 0
         self._retry_ns = 0
         self._trouble: StageError | None = None
+        self._beside = ThreadPoolExecutor(1, "dress")
+        self._coming: Future[Picture | None] | None = None
+        self._pieces: Iterator[None] | None = None
+        self._has_drawn = False
 
     @property
     def schemas(self) -> tuple[StreamSchema, ...]:
@@ -142,6 +147,20 @@ class DrawnStage:
         """Return what keeps frames from being drawn, None while all is well."""
         return self._trouble
 
+    def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
+        """Dress what comes beside the frames; it is sent to the card while nobody can be seen.
+
+        A piece a frame; at the first frame of all, before anybody looks, everything at once.
+        """
+
+        def dressed() -> Picture | None:
+            view = coming()
+            return None if view is None else self._picture(view)
+
+        if self._coming is not None:
+            self._coming.cancel()
+        self._pieces, self._coming = None, self._beside.submit(dressed)
+
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[moderngl.Texture]:
         """Draw both eyes and return their textures, left first; none while the driver fails.
 
@@ -155,13 +174,16 @@ class DrawnStage:
             return ()
         view = as_drawn(view, frame.predicted_display_ns)
         picture = self._fades.faded(self._picture(view))
+        is_calm = picture.brightness_01 <= 0.0 or not picture.cast
         if self._own_body is not None:
             picture = self._own_body.worn(picture, head)
         try:
-            renderer = self._ready(head)
+            renderer = self._ready()
             self._look_from(head, renderer)
             cameras = [eye_camera(head, eye) for eye in self._views]
             drawn = renderer.draw(picture, cameras, self._targets)
+            if is_calm or not self._has_drawn:
+                self._make_ready(renderer, cameras)
         except StageError as problem:
             self._fail(problem, now_ns)
             self._log(view, frame, head, picture, np.zeros(0, np.int64), failed=True)
@@ -171,12 +193,6 @@ class DrawnStage:
         if not self._display.hands_over:
             return ()
         return [target.texture for target in self._targets]
-
-    def expect(self, views: Sequence[SceneFrame]) -> None:
-        """Draw scenes like these unseen when drawing begins: what they take is sent and compiled
-        before somebody looks.
-        """
-        self._expected = tuple(views)
 
     def handed_over(self) -> None:
         """Show the operator the left eye, now that the headset has its images."""
@@ -234,12 +250,29 @@ class DrawnStage:
 
     def close(self) -> None:
         """Release textures, renderer and mirror; idempotent."""
+        self._beside.shutdown(cancel_futures=True)
         self._drop()
         for shown in (self._mirror, self._window):
             if shown is not None:
                 shown.close()
 
     # ---- private --------------------------------------------------------------------------
+
+    def _make_ready(self, renderer: Renderer, cameras: Sequence[Camera]) -> None:
+        """Send the next piece of what comes to the card; at the first frame all of it."""
+        at_once, self._has_drawn = not self._has_drawn, True
+        if self._coming is not None and (at_once or self._coming.done()):
+            coming, self._coming = self._coming, None
+            try:
+                picture = coming.result()
+            except LabError:
+                return  # the trial itself will say what is wrong
+            self._pieces = None if picture is None else renderer.prepare(picture, cameras)
+        while self._pieces is not None:
+            if next(self._pieces, self) is self:
+                self._pieces = None
+            if not at_once:
+                return
 
     def _pictures(
         self, views: Iterable[SceneFrame], row: np.void, lit: Iterable[SceneFrame]
@@ -278,8 +311,7 @@ class DrawnStage:
             mark_m=scene.mark_m,
         )
 
-    def _ready(self, head: Pose | None = None) -> Renderer:
-        """Return the renderer; opened now, it draws what is expected from a `head`."""
+    def _ready(self) -> Renderer:
         if self._renderer is None:
             self._views = tuple(self._display.views())
             size_px = self._display.size_px()
@@ -293,10 +325,6 @@ class DrawnStage:
                     remedy="close other graphics programs and resume the session",
                 ) from problem
             self._tell_views(self._renderer)
-            if head is not None:
-                cameras = [eye_camera(head, eye) for eye in self._views]
-                for view in self._expected:
-                    self._renderer.draw(self._picture(view), cameras, self._targets)
         return self._renderer
 
     def _look_from(self, head: Pose, renderer: Renderer) -> None:
@@ -329,7 +357,7 @@ class DrawnStage:
     def _drop(self) -> None:
         for target in self._targets:
             target.release()
-        self._targets = []
+        self._targets, self._pieces = [], None
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None

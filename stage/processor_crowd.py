@@ -7,7 +7,6 @@ rejected before it is shaded.
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import moderngl
@@ -29,7 +28,7 @@ from stage.processor_models import (
     model,
 )
 from stage.programs import UNITS
-from stage.textures import MAX_LAYER_PX, Layers, code_layers
+from stage.textures import Layers
 from stage.vertex_light import (
     CODES_OF_ROOT,
     FACTORS_OF_ROOT,
@@ -83,25 +82,27 @@ class _Drawing:
 class ProcessorCrowd:
     """Everyone of one cast; `choose` says who is drawn how, `skin` poses and lights them.
 
-    Each of n people is there twice: i is person i seen from near, n + i from far. Whoever changes
-    level moves to other rows; the others stay where they are until no rows are left.
+    `layers` hold their pictures, and belong to whoever made them. Each of n people is there twice:
+    i is person i seen from near, n + i from far. Whoever changes level moves to other rows; the
+    others stay where they are until no rows are left.
     """
 
     def __init__(
-        self, context: moderngl.Context, cast: tuple[Character, ...], meshes: CharacterMeshes
+        self,
+        context: moderngl.Context,
+        cast: tuple[Character, ...],
+        meshes: CharacterMeshes,
+        layers: Layers,
     ) -> None:
         self._context, self._meshes = context, meshes
         self.cast = cast
         self.joints = JointRows(cast)
         self.level_count = np.array([len(c.levels) for c in cast], np.int64)
         self.triangles = triangles_of(cast)
-        pictures = (m.texture_srgb for c in cast for m in c.materials if m.kind != "eye")
-        self._layers = Layers(
-            (p for p in pictures if p is not None), partial(code_layers, context), MAX_LAYER_PX
-        )
+        self.layers = layers
         self.level_before = np.full(len(cast), -1, np.int64)
         self._models: dict[tuple[int, int, bool], int] = {}
-        self._joined = JoinedModels(_rank(self._layers))
+        self._joined = JoinedModels(_rank(self.layers))
         self._room: _Room | None = None
         self._drawing: _Drawing | None = None
         self._levels: tuple[int, ...] = ()
@@ -180,10 +181,10 @@ class ProcessorCrowd:
             if not self._count[g]:
                 continue
             textured = group.array >= 0
-            channels = self._layers.channels[group.array] if textured else None
+            channels = self.layers.channels[group.array] if textured else None
             program = program_of(group.run(channels))
             if textured:
-                self._layers.arrays[group.array].use(UNITS["picture"])
+                self.layers.arrays[group.array].use(UNITS["picture"])
             (context.disable if group.double_sided else context.enable)(moderngl.CULL_FACE)
             self._array(program, room).render(
                 vertices=3 * int(self._count[g]), first=3 * int(drawing.first[g])
@@ -195,7 +196,6 @@ class ProcessorCrowd:
         if self._room is not None:
             self._room.release()
             self._room = None
-        self._layers.release()
 
     def _model(self, character: Character, level: int, *, far: bool) -> int:
         """Return the number of a character's level among the joined models."""
@@ -204,7 +204,7 @@ class ProcessorCrowd:
             self._models[key] = self._joined.add(
                 coarser(self._joined.models[self._model(character, level, far=False)], FAR_CELL_M)
                 if far
-                else model(self._meshes.of(character, level), self._layers)
+                else model(self._meshes.of(character, level), self.layers)
             )
         return self._models[key]
 
@@ -290,7 +290,7 @@ class ProcessorCrowd:
         groups, plain = joined.groups, joined.groups.index(PLAIN)
         own_group = np.arange(len(groups))
         opaque = [
-            g.array >= 0 and self._layers.channels[g.array] == 3 and not g.double_sided
+            g.array >= 0 and self.layers.channels[g.array] == 3 and not g.double_sided
             for g in groups
         ]
         plain_group = np.where(np.array(opaque), plain, own_group)

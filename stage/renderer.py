@@ -1,6 +1,6 @@
 """Draw pictures: people, room, lamps and shadows, fade, mark and panels."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -27,6 +27,7 @@ from stimuli.picture import Camera, Picture, Room
 
 FRAME_BYTES = 96
 LIT_STEP_M = 0.5
+UNSEEN_PX = 64, 64
 MAX_OLD_ERRORS = 8
 TEXTURED_PX_PER_M = 55.0
 """The fast quality leaves textures out where vertices lie closer than pixels."""
@@ -130,6 +131,21 @@ class Renderer:
                 remedy="close other graphics programs, update the driver, and resume the session",
             )
         return drawn
+
+    def prepare(self, picture: Picture, cameras: Sequence[Camera]) -> Iterator[None]:
+        """Send what a picture is drawn from to the card, piece by piece, and draw it unseen once.
+
+        What is chosen by what was drawn before is chosen as if this had not been.
+        """
+        crowd = self._buffers.crowd(picture.cast)
+        yield
+        self._buffers.room(picture.room)
+        yield
+        before, drawn = crowd.level_before, self.drawn
+        for camera in cameras[:1]:
+            self.image(picture, camera, UNSEEN_PX)
+        crowd.level_before, self.drawn = before, drawn
+        yield
 
     def close(self) -> None:
         """Free everything; idempotent."""

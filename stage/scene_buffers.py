@@ -9,7 +9,7 @@ from stage.gl_calls import GlCalls
 from stage.models_on_card import CharacterMeshes, ModelsOnCard
 from stage.processor_crowd import ProcessorCrowd
 from stage.room_buffers import PropBuffers
-from stage.textures import Looks, code_layers, srgb_layers
+from stage.textures import Layers, Looks, SharedLayers, code_layers, srgb_layers
 from stimuli.characters.character import Character
 from stimuli.picture import Prop, Room
 
@@ -29,6 +29,7 @@ class SceneBuffers:
             partial(code_layers, context) if fast else partial(srgb_layers, context, self._calls)
         )
         self._meshes = CharacterMeshes()
+        self._layers = SharedLayers(context)
         self._looks = Looks(context, self._calls)
         self._models = ModelsOnCard(context, self._meshes, self._looks)
         self._crowds: dict[tuple[int, ...], Crowd] = {}
@@ -43,11 +44,15 @@ class SceneBuffers:
             while len(self._crowds) >= CASTS_KEPT:
                 self._crowds.pop(next(iter(self._crowds))).release()
             if self._fast:
-                found = ProcessorCrowd(self._context, cast, self._meshes)
+                found = ProcessorCrowd(self._context, cast, self._meshes, self._layers_of(cast))
             else:
                 found = CrowdBuffers(self._context, cast, self._models, self._calls)
             self._crowds[key] = found
         return found
+
+    def _layers_of(self, cast: tuple[Character, ...]) -> Layers:
+        drawn = [c.layers for c in self._crowds.values() if isinstance(c, ProcessorCrowd)]
+        return self._layers.of(cast, drawn)
 
     def room(self, room: Room) -> PropBuffers:
         """Return the room's buffers."""
@@ -75,5 +80,6 @@ class SceneBuffers:
             crowd.release()
         for _, props in (*self._rooms.values(), *self._things.values()):
             props.release()
+        self._layers.release()
         self._models.release()
         self._looks.release()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 
 import moderngl
 import numpy as np
@@ -10,10 +11,12 @@ from PIL import Image
 from stage.gl_calls import GlCalls
 from stage.programs import UNITS
 from stage.vertices import Run, TextureArray
+from stimuli.characters.character import Character
 
 PLAIN_NORMAL: TextureArray = np.array([[[128, 128, 255]]], np.uint8)
 BLACK: TextureArray = np.zeros((1, 1, 3), np.uint8)
 MAX_LAYER_PX = 512
+MAX_SHARED = 8
 ANISOTROPY = 8.0
 
 
@@ -170,6 +173,38 @@ class Layers:
         """Free the card's memory."""
         for array in self.arrays:
             array.release()
+
+
+class SharedLayers:
+    """Layers by whose pictures they hold, so that the same people in other places need no others.
+
+    A cast within a larger one that is there takes its layers; of those nobody uses the latest stay.
+    """
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._made: dict[frozenset[int], Layers] = {}
+
+    def of(self, cast: Iterable[Character], in_use: Iterable[Layers]) -> Layers:
+        """Return the layers of a cast's pictures; `in_use` are kept whatever comes."""
+        materials = [m for c in cast for m in c.materials if m.kind != "eye"]
+        pictures = [m.texture_srgb for m in materials if m.texture_srgb is not None]
+        key = frozenset(map(id, pictures))
+        for there, layers in self._made.items():
+            if key <= there:
+                return layers
+        used = {id(layers) for layers in in_use}
+        spare = [there for there, layers in self._made.items() if id(layers) not in used]
+        for there in spare[: max(0, len(self._made) + 1 - MAX_SHARED)]:
+            self._made.pop(there).release()
+        made = Layers(pictures, partial(code_layers, self._context), MAX_LAYER_PX)
+        return self._made.setdefault(key, made)
+
+    def release(self) -> None:
+        """Free the card's memory."""
+        for layers in self._made.values():
+            layers.release()
+        self._made.clear()
 
 
 def _at_most(picture: TextureArray, side_px: int) -> TextureArray:

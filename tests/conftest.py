@@ -7,6 +7,12 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
+from platformdirs import user_cache_path
+
+# Tests give processes of their own another cache folder; kernels need not be compiled again for it.
+os.environ.setdefault(
+    "NUMBA_CACHE_DIR", str(user_cache_path("visavis", appauthor=False) / "kernels" / "tests")
+)
 
 # A landing must not depend on the luck of a draw; a developer's own run goes on exploring. Nor may
 # any test depend on how busy the machine is.

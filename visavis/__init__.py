@@ -20,14 +20,18 @@ if TYPE_CHECKING:
     from protocol.orders import never_next_to as never_next_to
     from protocol.orders import no_more_than as no_more_than
     from protocol.parameters import Within as Within
+    from stimuli.sound import Sound as Sound
     from visavis.analysis import Conclusion as Conclusion
     from visavis.careless import Careless as Careless
     from visavis.compare import Compare as Compare
+    from visavis.confusion import Confusion as Confusion
     from visavis.deriving import derive as derive
     from visavis.exclusions import COMPLETENESS_RULES as COMPLETENESS_RULES
     from visavis.exclusions import STANDARD_RULES as STANDARD_RULES
     from visavis.exclusions import Exclusion as Exclusion
+    from visavis.films import Directed as Directed
     from visavis.films import Film as Film
+    from visavis.films import Following as Following
     from visavis.films import Lens as Lens
     from visavis.films import Pair as Pair
     from visavis.looks import LooksOn as LooksOn
@@ -67,12 +71,14 @@ _NAMES = {
     "protocol.design": ("Factor",),
     "protocol.orders": ("never_next_to", "no_more_than"),
     "protocol.parameters": ("Within",),
+    "stimuli.sound": ("Sound",),
     "visavis.analysis": ("Conclusion",),
     "visavis.careless": ("Careless",),
     "visavis.compare": ("Compare",),
+    "visavis.confusion": ("Confusion",),
     "visavis.deriving": ("derive",),
     "visavis.exclusions": ("COMPLETENESS_RULES", "STANDARD_RULES", "Exclusion"),
-    "visavis.films": ("Film", "Lens", "Pair"),
+    "visavis.films": ("Directed", "Film", "Following", "Lens", "Pair", "Placed"),
     "visavis.looks": ("LooksOn",),
     "visavis.measures": (
         "Measure", "TrialRecord", "column", "dwell_on", "first_fixation_on", "fixations_on",

@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from devices.contracts import EYES_DTYPE
+from lab.body_joints import BODY_JOINTS
 from lab.clock import NS_PER_S
 from lab.errors import DataError
 from lab.geometry import Vector, quat_conjugate, rotate, unit
 from protocol.boards import ALONG_FINGERS, HAND
-from stimuli.contact.body import BODY_JOINTS
 from stimuli.motion.blending import eased
 from visavis.at_ease import at_ease, posed
 

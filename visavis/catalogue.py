@@ -23,6 +23,7 @@ SHIPPED: Final[Mapping[str, str]] = {
     "waving": "experiments.waving.study:study",
     "interpolation": "experiments.interpolation.study:study",
     "hybrid": "experiments.hybrid.study:study",
+    "cameras": "experiments.cameras.study:study",
 }
 """The studies Visavis comes with, as an entry point would name them."""
 GROUP: Final = "visavis.studies"

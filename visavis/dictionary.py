@@ -142,6 +142,11 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
         Column("walk_reached", "", "the place was reached in time"),
     ):
         found[walked.name] = walked
+    for name in dict.fromkeys(n for t in experiment.read.values() for n in t.sound_columns):
+        words = (
+            "session time at which the sound's first sample left the card; empty if nobody knows"
+        )
+        found[name] = Column(name, "ns", words)
     found |= film_columns(max((len(t.films) for t in experiment.read.values()), default=0))
     found |= {m.column: m.description() for m in measures}
     found |= {c.name: c for c in experiment.study.columns}

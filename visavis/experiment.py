@@ -17,11 +17,13 @@ from protocol.experiment import Demands, untold
 from protocol.plan import SessionPlan, Trial
 from protocol.steps import Plan
 from stimuli.scene import Scene as StageScene
+from stimuli.scene import SceneFrame
+from stimuli.sound import Sound
 from visavis.asking import frame
 from visavis.compare import Compare, possible
 from visavis.films import Film, films_of
 from visavis.parameters import parameters_in_force
-from visavis.reading import TrialRead, read_trials
+from visavis.reading import TrialRead, first_lit, read_trials
 from visavis.responses import Keys, Pointing, Rating, Response
 from visavis.study import Study
 from visavis.texts import DEFAULT_LANGUAGE, Texts, read_texts
@@ -96,6 +98,10 @@ class StudyExperiment:
         )
         return read_trials(self.study.trial_plan, trials, self.settings)
 
+    def first_lit(self, trial: Trial) -> SceneFrame | None:
+        """Return the first lit frame of a trial before it is performed; None where it has none."""
+        return first_lit(self.study.trial_plan, trial, self.settings)
+
     @cached_property
     def responses(self) -> dict[str, Response]:
         """Everything that is asked, by name."""
@@ -150,7 +156,8 @@ class StudyExperiment:
     @property
     def needed_roles(self) -> tuple[str, ...]:
         """Devices the study cannot do without, beside the headset."""
-        return tuple(self.study.needs)
+        plays = ("sound",) if any(t.sounds for t in self.read.values()) else ()
+        return tuple(dict.fromkeys((*self.study.needs, *plays)))
 
     @property
     def useful_roles(self) -> tuple[str, ...]:
@@ -173,7 +180,19 @@ class StudyExperiment:
     def demands(self) -> Demands:
         """What the study asks of a lab beyond devices being there."""
         of = self.study.demands_of
-        return Demands() if of is None else of(self.parameters)
+        found = Demands() if of is None else of(self.parameters)
+        return replace(found, sounds=self.sounds) if self.sounds else found
+
+    @cached_property
+    def sounds(self) -> tuple[Sound, ...]:
+        """Everything that a condition plays, each once.
+
+        Raises:
+            DesignError: a file cannot be played.
+        """
+        of = self.settings.sound_of
+        played = (of(sound) for trial in self.read.values() for sound in trial.sounds)
+        return tuple({sound.sha256: sound for sound in played}.values())
 
     def prepare(self, told: Callable[[int, int], None] = untold) -> None:
         """Load and compute what would hold up a frame; `told` hears how many of how many."""

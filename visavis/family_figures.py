@@ -4,15 +4,24 @@ from collections.abc import Callable, Sequence
 from math import ceil
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.plots import BLUE, Drawn, draw, new_figure
-from analysis.plots.panels import Values, differences, no_data, paired_lines, published_mark
+from analysis.plots.panels import (
+    Values,
+    differences,
+    dots,
+    left_out_lines,
+    no_data,
+    paired_lines,
+    published_mark,
+)
 from analysis.report.notation import counted, fraction, probability, threshold
 from analysis.statistics.ranks import average_ranks
 from visavis.analysis import StudyAnalysis
-from visavis.figures import COLOURS
+from visavis.figures import COLOURS, trials_of_who_is_out
 from visavis.measures import Measure, aggregated
 from visavis.pairs import Correlate, Pairs, scores_of
 from visavis.texts import Texts, label_of
@@ -91,12 +100,18 @@ def _grid(
     return figure
 
 
-def _values(analysis: StudyAnalysis, factor: str, measure: Measure, of: Sequence[str]) -> Values:
-    """Return a measure, one row per participant and one column per level, NaN where missing."""
-    means = aggregated(analysis.selection.counted, [measure], [factor])
+def _values(
+    trials: pd.DataFrame, factor: str, measure: Measure, of: Sequence[str]
+) -> tuple[Values, list[str]]:
+    """Return a measure, one row per participant and one column per level, NaN where missing, and
+    whose the rows are.
+    """
+    means = aggregated(trials, [measure], [factor])
     means[factor] = means[factor].astype(str)
+    if measure.column not in means or means.empty:
+        return np.empty((0, len(of))), []
     wide = means.pivot(index="participant", columns=factor, values=measure.column)
-    return wide.reindex(columns=list(of)).to_numpy(float)
+    return wide.reindex(columns=list(of)).to_numpy(float), [str(p) for p in wide.index]
 
 
 def _published(analysis: StudyAnalysis, measure: Measure) -> dict[str, tuple[float, float | None]]:
@@ -107,29 +122,33 @@ def _published(analysis: StudyAnalysis, measure: Measure) -> dict[str, tuple[flo
 def _levels(axes: Axes, analysis: StudyAnalysis, of: Pairs, measure: Measure) -> None:
     levels = [str(v) for v in analysis.levels[of.factor]]
     colours = [COLOURS[i % len(COLOURS)] for i in range(len(levels))]
-    paired_lines(axes, _values(analysis, of.factor, measure, levels), levels, colours)
+    table, people = _values(analysis.selection.counted, of.factor, measure, levels)
+    paired_lines(axes, table, levels, colours, people=people)
+    outside = trials_of_who_is_out(analysis)
     printed = _published(analysis, measure)
     for x, level in enumerate(levels):
         if level in printed:
             published_mark(axes, x + 0.26, *printed[level])
     axes.set_ylabel(measure.axis)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    left_out_lines(axes, *_values(outside, of.factor, measure, levels))
 
 
 def _offs(axes: Axes, analysis: StudyAnalysis, family: str, measure: Measure, panel: int) -> None:
     tests = [t for t in analysis.pairs_of(family) if t.measure == measure]
     printed = _published(analysis, measure)
     columns, labels = [], []
+    people: list[str] = []
     for j, test in enumerate(tests):
         pair = (test.first, test.second)
-        table = _values(analysis, test.of.factor, measure, pair)
+        table, people = _values(analysis.selection.counted, test.of.factor, measure, pair)
         columns.append(table[:, 1] - table[:, 0])
         name = f"{test.second} − {test.first} {test.stars:<3}"
         labels.append(name if panel % COLUMNS == 0 else test.stars)
         if set(pair) <= set(printed):
             first, second = (printed[level][0] for level in pair)
             published_mark(axes, j + 0.3, second - first, horizontal=True)
-    differences(axes, columns, labels, BLUE)
+    differences(axes, columns, labels, BLUE, people=people)
     axes.set_title(measure.words)
     axes.set_xlabel("Difference" + (f" ({measure.unit})" if measure.unit not in ("", "1") else ""))
 
@@ -168,9 +187,10 @@ def _score_panels(analysis: StudyAnalysis, of: Correlate, measure: Measure) -> F
             continue
         x, y = np.asarray(scores[both], np.float64), np.asarray(known[both], np.float64)
         colour = COLOURS[j % len(COLOURS)]
-        top.scatter(x, y, s=22, color=colour, alpha=0.8, linewidths=0)
+        people = [str(p) for p in both]
+        dots(top, x, y, people, s=22, color=colour, alpha=0.8, linewidths=0)
         ranks = average_ranks(x), average_ranks(y)
-        bottom.scatter(*ranks, s=22, color=colour, alpha=0.8, linewidths=0)
+        dots(bottom, *ranks, people, s=22, color=colour, alpha=0.8, linewidths=0)
         tests = analysis.correlations_of(of.family)
         found = next(c for c in tests if c.measure == measure and c.level == level)
         if found.outcome is not None:

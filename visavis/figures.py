@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.plots import (
@@ -21,8 +23,10 @@ from analysis.plots import (
 from analysis.plots.flow import Stage, flow_chart
 from analysis.plots.panels import (
     Values,
+    dots,
     dots_with_limit,
     draw_mean,
+    left_out_lines,
     no_data,
     paired_lines,
     published_mark,
@@ -30,7 +34,7 @@ from analysis.plots.panels import (
 )
 from analysis.report.notation import counted
 from visavis.analysis import Finding, StudyAnalysis
-from visavis.exclusions import Exclusion, Selection, rule_words
+from visavis.exclusions import COUNTED, Exclusion, Selection, rule_words
 from visavis.measures import aggregated
 from visavis.quality import QUALITY_COLUMNS, Quality
 from visavis.texts import Texts, label_of
@@ -95,18 +99,19 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
     labels = [label_of(texts, str(v)) for v in levels]
     counted_rows = finding.compare.chosen(analysis.selection.counted)
     cells = aggregated(counted_rows, [finding.measure], factors[:2])
+    outside = aggregated(
+        finding.compare.chosen(trials_of_who_is_out(analysis)), [finding.measure], factors[:2]
+    )
     for ax, panel in zip(axes, panel_levels, strict=True):
         mine = cells if not panels else cells[cells[panels[0]] == panel]
-        table = (
-            mine.pivot_table(index="participant", columns=x, values=finding.measure.column)
-            .reindex(columns=list(levels))
-            .to_numpy(float)
-        )
+        table, people = _wide(mine, x, finding.measure.column, levels)
         colours = [COLOURS[i % len(COLOURS)] for i in range(len(levels))]
         if analysis.study.factor(x).between:
-            _dots(ax, table, labels, colours)
+            _dots(ax, table, labels, colours, people)
         else:
-            paired_lines(ax, table, labels, colours)
+            paired_lines(ax, table, labels, colours, people=people)
+            theirs = outside if not panels else outside[outside[panels[0]] == panel]
+            left_out_lines(ax, *_wide(theirs, x, finding.measure.column, levels))
         ax.set_xlabel(label_of(texts, x))
         if panels:
             ax.set_title(f"{label_of(texts, panels[0])}: {label_of(texts, str(panel))}")
@@ -123,13 +128,41 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
     return figure
 
 
-def _dots(ax: object, table: Values, labels: Sequence[str], colours: Sequence[str]) -> None:
+def trials_of_who_is_out(analysis: StudyAnalysis) -> pd.DataFrame:
+    """Return the finished trials of participants who do not count."""
+    people = analysis.selection.people
+    out = people.loc[~people[COUNTED].astype(bool), "participant"]
+    finished = analysis.selection.finished
+    found: pd.DataFrame = finished[finished["participant"].isin(out)]
+    return found
+
+
+def _wide(
+    cells: pd.DataFrame, factor: str, column: str, levels: Sequence[object]
+) -> tuple[Values, list[str]]:
+    """Return a measure (participants, levels) and whose the rows are; NaN where missing."""
+    if column not in cells or cells.empty:
+        return np.empty((0, len(levels))), []
+    wide = cells.pivot_table(index="participant", columns=factor, values=column)
+    return wide.reindex(columns=list(levels)).to_numpy(float), [str(p) for p in wide.index]
+
+
+def _dots(
+    ax: Axes,
+    table: Values,
+    labels: Sequence[str],
+    colours: Sequence[str],
+    people: Sequence[str],
+) -> None:
     for i in range(table.shape[1]):
-        known = table[np.isfinite(table[:, i]), i]
-        ax.scatter(i + spread_out(known, 0.12), known, s=14, color=colours[i], alpha=0.5)  # type: ignore[attr-defined]  # matplotlib is untyped here
-        draw_mean(ax, i, known, colours[i])  # type: ignore[arg-type]  # as above
-    ax.set_xticks(range(len(labels)), labels)  # type: ignore[attr-defined]  # as above
-    ax.set_xlim(-0.5, len(labels) - 0.5)  # type: ignore[attr-defined]  # as above
+        there = np.isfinite(table[:, i])
+        known = table[there, i]
+        names = [p for p, is_there in zip(people, there, strict=True) if is_there]
+        x = i + spread_out(known, 0.12)
+        dots(ax, x, known, names, s=14, color=colours[i], alpha=0.5)
+        draw_mean(ax, i, known, colours[i])
+    ax.set_xticks(range(len(labels)), labels)
+    ax.set_xlim(-0.5, len(labels) - 0.5)
 
 
 def exclusions_figure(
@@ -182,7 +215,15 @@ def figure_of_quality(analysis: StudyAnalysis, quality: Quality) -> Drawn:
                 axes.set_xlabel(name)
                 continue
             scale = 100.0 if column == "lost_01" else 1.0
-            dots_with_limit(axes, scale * values, BLUE, over=over, limit=limit, name=name)
+            dots_with_limit(
+                axes,
+                scale * values,
+                BLUE,
+                over=over,
+                limit=limit,
+                name=name,
+                people=table["participant"].astype(str).tolist(),
+            )
         grid[0].set_yticks(np.arange(len(table)), table["participant"].astype(str).tolist())
         grid[0].set_ylabel("Participant")
         return figure

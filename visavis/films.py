@@ -1,17 +1,19 @@
 """Films as stimuli: a scene, for so long, seen by a camera; one alone, or two beside each other.
 
-A film is data. In a browser it is a file, drawn once and the same for everybody; before a headset
+A film is data: also where its camera moves, which then follows from the scene, from how it films
+and from a seed. In a browser it is a file, drawn once and the same for everybody; before a headset
 or a monitor its scene itself is shown.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
 from lab.errors import DesignError
 from lab.geometry import Vector, quat_from_yaw_pitch_deg, unit, yaw_pitch_deg_of
+from stimuli.camera.shots import ShotSize
 from visavis.responses import Response
 from visavis.scenes import PAIR, Scene
 
@@ -45,9 +47,77 @@ class Lens:
 
 
 @dataclass(frozen=True)
+class Directed:
+    """A director films whoever plays the `subject`: on the `tracks` that the room's own topology
+    gives, or between places `scattered` in it at random; with `cuts`, and moving or standing still
+    between them. `seed` draws the lengths of shots, and the scattered places.
+    """
+
+    over: Literal["tracks", "scattered"] = "tracks"
+    shot: ShotSize = ShotSize.LONG
+    cuts: bool = True
+    moves: bool = True
+    fov_v_deg: float = 40.0
+    seed: int = 0
+    subject: str = "active"
+
+    def __post_init__(self) -> None:
+        _check_view(self.fov_v_deg)
+        if self.over not in ("tracks", "scattered"):
+            raise DesignError(f"a director films over {self.over!r}; it is tracks or scattered")
+
+
+@dataclass(frozen=True)
+class Following:
+    """A camera that follows whoever plays the `subject`, so far behind them, above their head and
+    to their right, and never cuts.
+    """
+
+    back_m: float = 2.6
+    above_m: float = 0.35
+    right_m: float = 0.45
+    shot: ShotSize = ShotSize.LONG
+    fov_v_deg: float = 40.0
+    subject: str = "active"
+
+    def __post_init__(self) -> None:
+        _check_view(self.fov_v_deg)
+        if not 0.5 <= self.back_m <= 20.0:
+            raise DesignError(f"a camera follows {self.back_m} m behind; give 0.5 to 20 m")
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Cameras at places (x, y, z) in metres that turn to whoever plays the `subject`; the film
+    cuts to the one that shows them best.
+    """
+
+    places_m: tuple[tuple[float, float, float], ...]
+    shot: ShotSize = ShotSize.LONG
+    fov_v_deg: float = 40.0
+    min_shot_s: float = 2.0
+    subject: str = "active"
+
+    def __post_init__(self) -> None:
+        _check_view(self.fov_v_deg)
+        if not self.places_m:
+            raise DesignError("no camera was placed; name at least one place (x, y, z) in metres")
+
+
+def _check_view(fov_v_deg: float) -> None:
+    if not 5.0 <= fov_v_deg <= 120.0:
+        raise DesignError(f"a camera sees {fov_v_deg} degrees up and down; give 5 to 120")
+
+
+Moving: TypeAlias = Directed | Following | Placed
+"""Cameras that find their way by whom they film; every other one is a `Lens`."""
+
+
+@dataclass(frozen=True)
 class Film:
     """A scene from its onset on, `seconds` long, at `rate_hz` pictures a second.
 
+    `lens` is the camera: one that stands still, or one that films somebody wherever they go.
     `seed` is its chance (blinks): a film is the same for everybody and in every trial.
     """
 
@@ -56,7 +126,7 @@ class Film:
     size_px: tuple[int, int] = (720, 720)
     rate_hz: int = 60
     seed: int = 0
-    lens: Lens = Lens()
+    lens: Lens | Moving = Lens()
 
     def __post_init__(self) -> None:
         if not 1 <= self.rate_hz <= 120:
@@ -108,9 +178,14 @@ def films_of(shown: Shown) -> Mapping[str, Film]:
 
 
 def scene_of(shown: Shown) -> Scene:
-    """Return the scene that shows the same in a headset or on a monitor."""
+    """Return the scene that shows the same in a headset or on a monitor.
+
+    Two films of one scene by different cameras show that scene.
+    """
     if isinstance(shown, Film):
         return shown.scene
+    if shown.left.scene == shown.right.scene and shown.left.lens != shown.right.lens:
+        return shown.left.scene
     return Scene(PAIR, left=shown.left.scene, right=shown.right.scene)
 
 

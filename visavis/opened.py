@@ -20,6 +20,7 @@ from protocol.shown import Shown
 from recording.reader import Recording
 from stimuli.scene import SceneFrame
 from visavis.analysis import StudyAnalysis, analyse_rows, measures_of
+from visavis.confusion import Confusion
 from visavis.exclusions import ANSWERED, Selection, left_out_lines, limits_in_force, select
 from visavis.experiment import StudyExperiment
 from visavis.intake import SessionIntake, questionnaire, take_in
@@ -29,6 +30,7 @@ from visavis.pairs import DEFAULT_TEST_RULES, TestRules
 from visavis.person import StudyPerson
 from visavis.picture_delay import SETTING, delay_of
 from visavis.pieces import MeasuredTrial, Pieces
+from visavis.responses import Choice
 from visavis.scenes import Scene, Staging, stage
 from visavis.sessions.cast import use_recorded_cast
 from visavis.slips import line_saying
@@ -68,7 +70,7 @@ class OpenedStudy:
         return made
 
     def _refuse_slips(self, made: StudyExperiment) -> None:
-        """Refuse comparisons and measures of what the study does not have.
+        """Refuse comparisons, measures and sections of what the study does not have.
 
         Raises:
             DesignError: naming the line of the study file, and the nearest there is.
@@ -83,6 +85,13 @@ class OpenedStudy:
                 for name in (*c.within, *c.between, *c.only)
             ),
         ]
+        choices = tuple(n for n, r in made.responses.items() if isinstance(r, Choice))
+        columns = (*factors, *(c.name for c in self.study.columns))
+        for section in self.study.sections:
+            if isinstance(section, Confusion):
+                slips.append((section.answered, "choice", choices))
+                slips.append((section.shown, "factor or column", columns))
+                slips += [(section.by, "factor", factors)] if section.by else []
         roles = frozenset().union(*(t.roles for t in made.read.values()))
         if roles:
             who = tuple(sorted(roles))

@@ -6,8 +6,8 @@ by the study's own function of what was `Seen`, or by a person without opinions.
 
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,9 @@ from visavis.observer import DEFAULT_POPULATION, Observer, Population
 from visavis.observer.observer import Layout
 from visavis.observer.state import HEAD, ROOM, SPEAKER_SIDE
 from visavis.responses import Choice, Keys, Number, Pointing, Rating, Response, SideBySide, Text
+
+if TYPE_CHECKING:
+    from visavis.filmed import FilmSeen
 
 _MIND_STREAM, _LEANING_STREAM, _PACE_STREAM = 11, 12, 13
 HAND_AT_M: Final = (0.26, -0.42, -0.30)
@@ -60,6 +63,8 @@ class Seen:
     """A standard normal number of this person's own: whether they rather say much or little."""
     felt: tuple[str, ...] = ()
     """The armbands (roles) that vibrated since the trial began, in that order."""
+    films: "Mapping[str, FilmSeen]" = field(default_factory=dict)
+    """Films by moving cameras that ran on a page, by where they stood ("film", "left", "right")."""
 
 
 AnswerOf = Callable[[Seen, Response, np.random.Generator], Any]
@@ -72,6 +77,7 @@ class StudyPerson(Observer):
     """
 
     _panel_text: str
+    _films: "Mapping[str, FilmSeen]"
 
     def __init__(
         self,
@@ -143,6 +149,10 @@ class StudyPerson(Observer):
         _, eyes_m, turn = self.sense(t_ns)
         return segments_of(names, self._seat, eyes_m, turn, hand_m, pointed_m)
 
+    def watch(self, films: "Mapping[str, FilmSeen]") -> None:
+        """See films by moving cameras on a page, by where they stand."""
+        self._films = films
+
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
         """Feel a vibration, of which answers may tell."""
         if any(a > 0 for a in amplitudes_01) and role not in self._felt:
@@ -171,6 +181,7 @@ class StudyPerson(Observer):
         self._panel_text = ""
         self._hand = PointingHand(np.array(HAND_REST))
         self._felt: list[str] = []
+        self._films = {}
 
     def _take_in(self, view: SceneFrame, t_ns: int) -> None:
         n = len(view.scene.agents)
@@ -196,7 +207,7 @@ class StudyPerson(Observer):
         passed = max(self._last_ns - self._first_ns, 1)
         return Seen(
             self._first, self._last, passed / NS_PER_S, self._contact_ns / passed,
-            self.notices_contact, self._leaning, tuple(self._felt),
+            self.notices_contact, self._leaning, tuple(self._felt), self._films,
         )  # fmt: skip
 
     def _said(self, response: Response) -> str | None:

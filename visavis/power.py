@@ -6,7 +6,7 @@ their family. `effect` 0 gives people to whom what is shown makes no difference,
 is significant is false.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -149,6 +149,10 @@ class KitPower:
             f"Simulated people whose responses to what is shown are scaled by {effect:g} "
             "(durations multiplied, factors raised to that power)"
         )
+
+    def prepare(self, told: Callable[[int, int], None]) -> None:
+        """Do what the study does before a first trial: of waving, make the waves."""
+        self._opened.experiment(self.overrides).prepare(told)
 
     def simulate(
         self,

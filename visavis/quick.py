@@ -27,7 +27,18 @@ from protocol.participants import SimulatedParticipant
 from protocol.plan import Trial
 from protocol.questionnaires import Questionnaire, read_answers, score
 from protocol.row_buffer import RowBuffer
-from protocol.steps import Answered, Ask, BodyView, FrameView, NextFrame, Plan, Prompt, Show
+from protocol.steps import (
+    Answered,
+    Ask,
+    BodyView,
+    FrameView,
+    NextFrame,
+    Plan,
+    PlaySound,
+    Prompt,
+    Show,
+    Sounded,
+)
 from protocol.streams import gaze_targets_schema
 from stimuli.panels import PanelFrame
 from stimuli.scene import SceneFrame
@@ -224,6 +235,7 @@ class _Frames:
         self._index = 0
         self._samples = 0
         self._view: SceneFrame | None = None
+        self._sounded: list[Sounded] = []
         person.prepare(stretch, 0)
 
     def run(self, plan: Plan) -> dict[str, Any]:
@@ -238,6 +250,8 @@ class _Frames:
                 elif isinstance(step, Show):
                     self._view = step.view
                     self._observer.show(step.view.scene)
+                elif isinstance(step, PlaySound):
+                    self._sounded.append(Sounded(step.key, self._t_ns))
                 elif isinstance(step, Ask):
                     said = self._person.answer(step.question_id, step.prompt, step.options)
                     reply = Answered(said, self._t_ns)
@@ -269,10 +283,11 @@ class _Frames:
         self._observer.add_pose(t_ns, head)
         self._sample(t_ns - self._tracker.delay_ns)
         gaze = self._observer.observe(self._index, t_ns)
+        sounded, self._sounded = tuple(self._sounded), []
         downs = [(at_ns, c) for at_ns, c, value in self._person.presses(t_ns) if value > 0.5]
         return FrameView(
             self._index, t_ns, head, True, gaze, tuple(c for _, c in downs), self._hand(t_ns),
-            pressed_ns=tuple(at_ns for at_ns, _ in downs),
+            pressed_ns=tuple(at_ns for at_ns, _ in downs), sounded=sounded,
         )  # fmt: skip
 
     def _hand(self, t_ns: int) -> BodyView | None:

@@ -5,7 +5,8 @@ that what the study needs (agents, responses, devices, time) is known before any
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -16,12 +17,22 @@ from lab.geometry import Pose
 from protocol.plan import Trial
 from protocol.steps import Answered, Ask, FrameView, GazeView, Mark, NextFrame, Prompt, Show
 from stimuli.scene import SceneFrame
+from stimuli.sound import Sound
 from visavis.asking import Answer
+from visavis.beside import Beside
 from visavis.films import Shown
 from visavis.responses import Response
 from visavis.scenes import Scene, Staging, stage
 from visavis.slips import in_words, line_of, line_reached
-from visavis.trial import Action, Settings, ShownScene, TrialPlan, TrialScript
+from visavis.trial import (
+    SCENE_STREAM,
+    Action,
+    PlayedSound,
+    Settings,
+    ShownScene,
+    TrialPlan,
+    TrialScript,
+)
 
 MAX_STEPS: Final = 100_000
 ANSWER_S: Final = 2.5
@@ -50,6 +61,10 @@ class TrialRead:
     """Who is who in any of the scenes."""
     fits_a_page: bool = True
     """No step of it needs a display frame by frame, or another device."""
+    sounds: tuple[Sound | Path, ...] = ()
+    """What it plays."""
+    sound_columns: tuple[str, ...] = ()
+    """The columns of when that began."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -62,8 +77,19 @@ def still_view(t_ns: int = 0) -> FrameView:
     return FrameView(0, t_ns, head, True, gaze)
 
 
-def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
-    """Run through a trial with made-up replies.
+def first_lit(plan: TrialPlan, trial: Trial, settings: Settings) -> SceneFrame | None:
+    """Return the first lit frame of a trial before it is performed; None where it shows none.
+
+    What earlier trials left is not known to it.
+    """
+    apart = replace(settings, memory={}, beside=Beside())
+    return read_trial(plan, trial, apart, stops_when_lit=True).lit
+
+
+def read_trial(
+    plan: TrialPlan, trial: Trial, settings: Settings, *, stops_when_lit: bool = False
+) -> TrialRead:
+    """Run through a trial with made-up replies; with `stops_when_lit` no further than its light.
 
     Raises:
         DesignError: the trial cannot be run through, with its condition and the reason.
@@ -75,6 +101,8 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
     responses: list[Response] = []
     scenes: list[Scene] = []
     films: list[Shown] = []
+    sounds: list[Sound | Path] = []
+    sound_columns: list[str] = []
     roles: set[str] = set()
     reply: Any = None
     steps: Any = plan(script)
@@ -89,10 +117,20 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
                 seconds += step.seconds
                 script.view = still_view(round(seconds * NS_PER_S))
                 vibrates = vibrates or step.name == "vibrate"
+                if step.sound is not None:
+                    sounds.append(step.sound)
+                    sound_columns.append(f"{script.numbered(step.column)}_on_ns")
+                    script.row[sound_columns[-1]] = script.now_ns
+                    lasts_s = _seconds_of(step, settings)
+                    reply = PlayedSound(script.now_ns, lasts_s)
+                    seconds += lasts_s if step.waits_for_end else 0.0
                 if step.scene is not None:
                     scenes.append(step.scene)
-                    staging = Staging(np.random.default_rng(0), step.seconds, 0, settings.folder)
+                    chance = trial.rng(SCENE_STREAM + len(scenes) - 1)  # as it is performed
+                    staging = Staging(chance, step.seconds, 0, settings.folder)
                     staged = stage(step.scene, staging, settings.makers)
+                    if stops_when_lit and staged.scene.brightness_01 > 0:
+                        lit = staged.frame(script.view, 0)
                     agents = max(agents, len(staged.scene.agents))
                     roles |= set(staged.roles)
                     reply = ShownScene(0, round(step.seconds * NS_PER_S), staged.roles, script.view)
@@ -118,11 +156,17 @@ def read_trial(plan: TrialPlan, trial: Trial, settings: Settings) -> TrialRead:
                 reply = Answered(step.options[0] if step.options else "", 0)
             elif isinstance(step, Prompt):
                 reply = Answered(None, 0)
-        raise DesignError(f"after {MAX_STEPS} steps it has not ended")
+            if stops_when_lit and lit is not None:
+                break
+        else:
+            raise DesignError(f"after {MAX_STEPS} steps it has not ended")
+        steps.close()
+        return TrialRead(seconds, (), tuple(scenes), agents, vibrates, lit)
     except StopIteration:
         return TrialRead(
             seconds, tuple(responses), tuple(scenes), agents, vibrates, lit, tuple(films),
-            frozenset(roles), fits_a_page,
+            frozenset(roles), fits_a_page, tuple(sounds),
+            tuple(sound_columns),
         )  # fmt: skip
     except (DesignError, TypeError) as error:
         told = in_words(error)
@@ -144,6 +188,14 @@ def read_trials(
         if key not in found:
             found[key] = read_trial(plan, trial, settings)
     return found
+
+
+def _seconds_of(step: Action, settings: Settings) -> float:
+    """Return how long a sound lasts; 0 where its file is not here, as in an analysis elsewhere."""
+    try:
+        return 0.0 if step.sound is None else settings.sound_of(step.sound).duration_s
+    except DesignError:
+        return 0.0
 
 
 def _made_up(response: Response, view: FrameView) -> Answer:

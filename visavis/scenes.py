@@ -275,11 +275,22 @@ def _taken(name: str, maker: Maker, options: Mapping[str, Any]) -> tuple[str, ..
 
 
 def gathered(
-    staging: Staging, name: str, people: tuple[Standing, ...], active: str, eyes: str
+    staging: Staging,
+    name: str,
+    people: tuple[Standing, ...],
+    active: str,
+    eyes: str,
+    *,
+    room_by: str = "",
 ) -> Staged:
-    """Return people in a plain room; the gaze of whoever is at the place `active` is `eyes`."""
+    """Return people in a room; the gaze of whoever is at the place `active` is `eyes`.
+
+    `room_by` names what makes the room ("module:function"); a plain one is made without.
+    """
     agents = agents_of(people)
-    scene = GatheringScene(name=name, agents=agents, people=people, start_ns=staging.start_ns)
+    scene = GatheringScene(
+        name=name, agents=agents, people=people, start_ns=staging.start_ns, room_by=room_by
+    )
     past = np.array([_past(a.eye_centre_m, a.facing) for a in agents])
     blinks = draw_blinks(staging.rng, len(agents), staging.duration_s + BEYOND_S)
     behaviour = EyeBehaviour.of_scene(scene, target_m=np.zeros(3), blinks=blinks)

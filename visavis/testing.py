@@ -57,6 +57,7 @@ def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None 
     problems: list[str] = []
     try:
         experiment = opened.experiment(set_to)
+        _ = experiment.sounds  # files that cannot be played are told
         problems += plan_problems(experiment)
         problems += text_problems(opened.study)
         for language in languages_of(opened.study):

@@ -1,4 +1,4 @@
-"""The steps a study's trial is written in: dark, show, ask, wait, key, point, vibrate, mark, walk.
+"""The steps a study's trial is written in: dark, show, ask, wait, key, play, vibrate, mark, walk.
 
 A trial is a generator over a `TrialScript`: it yields what the script's methods return and gets
 back what came of it (an `Answer`, a `ShownScene`). Whatever one step is made of (frames, marks, a
@@ -10,26 +10,29 @@ import difflib
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from devices.contracts import VibrationPattern
 from lab.clock import NS_PER_MS, NS_PER_S
-from lab.errors import DesignError
+from lab.errors import DataError, DesignError
 from lab.geometry import Pose, Vector
 from protocol.boards import Ways
 from protocol.plan import Trial
 from protocol.steps import (
     Answered,
     FrameView,
+    Hush,
     Mark,
     NextFrame,
     Plan,
     Play,
+    PlaySound,
     Scalar,
     Show,
     Silence,
+    Sounded,
     Step,
     TrialInterrupted,
 )
@@ -37,6 +40,7 @@ from stimuli.panels import SIZE_M, PanelFrame, placed_before
 from stimuli.picture import Panel
 from stimuli.scene import Scene as StageScene
 from stimuli.scene import SceneFrame
+from stimuli.sound import Sound, read_sound
 from visavis.asking import (
     Answer,
     asked_elsewhere,
@@ -58,6 +62,10 @@ SCENE_STREAM: Final = 100
 OWN_STREAM: Final = 200
 DARK: Final = StageScene(name="dark", agents=(), brightness_01=0.0)
 
+MAX_GAIN_DB: Final = 20.0
+STAMP_LIMIT_S: Final = 1.0
+"""How long a trial waits to be told when a sound began."""
+Wait: TypeAlias = Literal["onset", "end", "no"]
 Performing: TypeAlias = Generator[Step, FrameView | Answered | None, Any]
 
 
@@ -76,12 +84,20 @@ class ShownScene:
         return (self.off_ns - self.on_ns) / NS_PER_MS
 
 
+@dataclass(frozen=True)
+class PlayedSound:
+    """What came of playing a sound: when it began; None where nobody was told."""
+
+    on_ns: int | None
+    seconds: float
+
+
 @dataclass(frozen=True, eq=False)
 class Action:
     """A step of the kit: `name` says what, `seconds` how long at least, `perform` does it.
 
-    `response` is what is asked, `scene` what is shown, for those who read a trial without
-    performing it.
+    `response` is what is asked, `scene` what is shown, `sound` what is played and under which name
+    its `column` begins, for those who read a trial without performing it.
     """
 
     name: str
@@ -90,6 +106,9 @@ class Action:
     response: Response | None = None
     scene: Scene | None = None
     watched: Watched | None = None
+    sound: Sound | Path | None = None
+    column: str = ""
+    waits_for_end: bool = False
 
     @property
     def responses(self) -> tuple[Response, ...]:
@@ -120,8 +139,24 @@ class Settings:
     folder: Path
     memory: dict[str, Any] = field(default_factory=dict)
     beside: Beside = field(default_factory=Beside)
+    sounds: dict[Path, Sound] = field(default_factory=dict)
     measured: frozenset[str] = frozenset()
     """Roles that something is measured of: a row names them where they are places, too."""
+
+    def sound_of(self, played: Sound | Path) -> Sound:
+        """Return what is played; files are read once.
+
+        Raises:
+            DesignError: the file cannot be played.
+        """
+        if isinstance(played, Sound):
+            return played
+        if played not in self.sounds:
+            try:
+                self.sounds[played] = read_sound(played)
+            except DataError as problem:
+                raise DesignError(f"t.play: {problem}") from problem
+        return self.sounds[played]
 
 
 @dataclass(frozen=True)
@@ -149,6 +184,7 @@ class TrialScript:
         self.is_read = False
         self._staged: Staged | None = None
         self._onset_ns = 0
+        self._sound_on_ns = 0
         self._names: dict[str, int] = {}
 
     def __getattr__(self, name: str) -> Any:
@@ -253,7 +289,10 @@ class TrialScript:
         )
 
     def key(self, response: Keys) -> Action:
-        """Wait for a press, timed from the last scene's onset; what is shown stays."""
+        """Wait for a press, timed from the onset of what came last, scene or sound.
+
+        What is shown stays, and what sounds goes on.
+        """
         return Action("key", lambda: self._key(response), 0.0, response=response)
 
     def wait(self, seconds: float) -> Action:
@@ -273,6 +312,47 @@ class TrialScript:
         _duration("vibrate", seconds)
         played = pattern or VibrationPattern("steady", round(seconds * 1000))
         return Action("vibrate", lambda: self._vibrate(role, played, motors, amplitude_01))
+
+    def play(
+        self,
+        sound: str | Path | Sound,
+        *,
+        at: str | tuple[float, float, float] | None = None,
+        gain_db: float = 0.0,
+        loops: bool = False,
+        wait: Wait = "onset",
+        name: str = "sound",
+    ) -> Action:
+        """Play a sound: a WAV file beside the study file, or a `Sound`.
+
+        `at` is where it comes from: a role or place of the scene that is shown (that person's
+        head), or a point in world (metres); recorded at 1 m, it is heard from wherever the head
+        is. None plays it to both ears as it is. The trial goes on with the sound's `onset` (a few
+        frames), its `end`, or at once (`no`); what still sounds ends with the trial. Column:
+        `NAME_on_ns`, when its first sample left the sound card, empty where nobody was told. The
+        step returns a `PlayedSound`.
+
+        Raises:
+            DesignError: a value is not possible; of files, when the session is prepared.
+        """
+        if wait not in get_args(Wait):
+            raise DesignError(f"t.play cannot wait for {wait!r}; {', '.join(get_args(Wait))}")
+        if wait == "end" and loops:
+            raise DesignError("t.play: a sound that loops has no end to wait for")
+        if not -120.0 <= gain_db <= MAX_GAIN_DB:
+            raise DesignError(f"t.play: gain_db is {gain_db:g}; from -120 to {MAX_GAIN_DB:g}")
+        played = sound if isinstance(sound, Sound) else self.settings.folder / sound
+        return Action(
+            "play",
+            lambda: self._play(self.settings.sound_of(played), at, gain_db, loops, wait, name),
+            sound=played,
+            column=name,
+            waits_for_end=wait == "end",
+        )
+
+    def hush(self) -> Action:
+        """End everything that sounds."""
+        return Action("hush", self._hush)
 
     def mark(self, name: str, **payload: Scalar | None) -> Action:
         """Write an event into the recording at the present frame's time."""
@@ -330,6 +410,7 @@ class TrialScript:
         name = self.numbered(name)
         staged = self._stage(wanted, seconds, len(self._names), before.t_ns)
         self._staged, self._onset_ns = staged, before.t_ns
+        self._sound_on_ns = 0
         yield from shown(staged.frame(before, 0))
         view = yield from self._frame()
         on_ns = self._onset_ns = view.t_ns
@@ -397,7 +478,7 @@ class TrialScript:
 
     def _key(self, response: Keys) -> Performing:
         view = yield from self._now()
-        from_ns = self._onset_ns or view.t_ns
+        from_ns = self._sound_on_ns or self._onset_ns or view.t_ns
         controls = tuple(response.options)
         answer = yield from pressed(controls, response.limit_s, view, from_ns, self._still)
         yield from self._answered(response, answer)
@@ -492,6 +573,64 @@ class TrialScript:
         yield Play(role, pattern, motors, amplitude_01)
         yield Mark("vibrated", {"trial_id": self.trial.trial_id, "role": role})
 
+    def _play(
+        self,
+        sound: Sound,
+        at: str | tuple[float, float, float] | None,
+        gain_db: float,
+        loops: bool,
+        wait: Wait,
+        name: str,
+    ) -> Performing:
+        view = yield from self._now()
+        column = f"{self.numbered(name)}_on_ns"
+        self.row[column] = None
+        yield PlaySound(column, sound, self._place_of(at), gain_db, loops)
+        if wait != "no":
+            until_ns = view.t_ns + round(STAMP_LIMIT_S * NS_PER_S)
+            while self.row[column] is None and view.t_ns < until_ns:
+                view = yield from self._on_to_next(view)
+        on_ns = self.row[column]
+        began_ns = on_ns if isinstance(on_ns, int) else None
+        self._sound_on_ns = began_ns or 0
+        if wait == "end" and began_ns is not None:
+            end_ns = began_ns + round(sound.duration_s * NS_PER_S)
+            yield from self._until(end_ns, self._still)
+        return PlayedSound(began_ns, sound.duration_s)
+
+    def _on_to_next(self, view: FrameView) -> Performing:
+        step = self._still(view)
+        if step is not None:
+            yield step
+        return (yield from self._frame())
+
+    def _place_of(
+        self, at: str | tuple[float, float, float] | None
+    ) -> tuple[float, float, float] | None:
+        if not isinstance(at, str):
+            return at
+        roles = {} if self._staged is None else self._staged.roles
+        agents = () if self._staged is None else self._staged.scene.agents
+        heads = {agent.place: agent for agent in agents} | {
+            role: agents[index] for role, index in roles.items()
+        }
+        if at not in heads:
+            raise DesignError(
+                f"t.play: nobody in what is shown is {at!r}; "
+                + (f"there are {', '.join(heads)}" if heads else "show a scene first")
+            )
+        x, y, z = (float(v) for v in heads[at].head_centre_m)
+        return x, y, z
+
+    def heard(self, sounded: tuple[Sounded, ...]) -> None:
+        """Take note of when sounds began."""
+        for sound in sounded:
+            self.row[sound.key] = sound.on_ns
+
+    def _hush(self) -> Performing:
+        yield from self._now()
+        yield Hush()
+
     def _mark(self, name: str, payload: Mapping[str, Scalar | None]) -> Performing:
         yield from self._now()
         yield Mark(name, {"trial_id": self.trial.trial_id, **payload})
@@ -535,17 +674,37 @@ def perform(script: TrialScript, plan: TrialPlan) -> Plan:
         while True:
             wanted = steps.send(reply)
             if isinstance(wanted, Action):
-                reply = yield from wanted.perform()
+                reply = yield from _listening(script, wanted.perform())
             else:
                 reply = yield wanted
                 if isinstance(wanted, NextFrame):
                     script.view = reply
+                    script.heard(reply.sounded)
     except StopIteration as end:
         return {**script.row, **(end.value or {})}
     except TrialInterrupted as stop:
         yield Silence()
         yield from _unwound(steps, stop)
         raise
+
+
+def _listening(script: TrialScript, steps: Performing) -> Performing:
+    """Perform a step's steps, taking note of sounds that began meanwhile."""
+    go_on: Callable[[Any], Any] = steps.send
+    value: Any = None
+    while True:
+        try:
+            wanted = go_on(value)
+        except StopIteration as end:
+            return end.value
+        try:
+            value = yield wanted
+        except TrialInterrupted as stop:
+            go_on, value = steps.throw, stop
+        else:
+            go_on = steps.send
+            if isinstance(value, FrameView) and value.sounded:
+                script.heard(value.sounded)
 
 
 def _unwound(steps: Any, stop: TrialInterrupted) -> Performing:

@@ -1,15 +1,21 @@
 """Panels that figures of any study are made of; each draws into axes it is given."""
 
 from collections.abc import Sequence
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from scipy import special
 
 from analysis.plots.style import BLACK, GREY
 
 Values = npt.NDArray[np.float64]
+WHO: Final = "who."
+"""How the identifier of what belongs to a participant begins."""
+OUT: Final = "out."
+"""The same of a participant who does not count."""
 
 
 def mean_interval(values: Values, level: float = 0.95) -> tuple[float, float, float]:
@@ -36,24 +42,44 @@ def spread_out(values: Values, width: float) -> Values:
 
 
 def paired_lines(
-    axes: Axes, table: Values, labels: Sequence[str], colours: Sequence[str], *, level: float = 0.95
+    axes: Axes,
+    table: Values,
+    labels: Sequence[str],
+    colours: Sequence[str],
+    *,
+    level: float = 0.95,
+    people: Sequence[str] = (),
 ) -> None:
     """Draw every participant across conditions, means with their interval on top.
 
-    `table` (participants, conditions), NaN where missing.
+    `table` (participants, conditions), NaN where missing; `people` say whose rows these are, so
+    that a page can show one through all panels.
     """
-    n, m = table.shape
+    m = table.shape[1]
     x = np.arange(m)
-    for row in table:
-        axes.plot(x, row, color=GREY, linewidth=0.7, alpha=0.45, zorder=1)
+    for i, row in enumerate(table):
+        one = people[i] if people else ""
+        line = axes.plot(x, row, color=GREY, linewidth=0.7, alpha=0.45, zorder=1)[0]
+        dots = axes.scatter(x, row, s=12, c=list(colours[:m]), alpha=0.45, linewidths=0, zorder=2)
+        name_after(one, line, dots)
     for j in range(m):
-        column = table[:, j]
-        axes.scatter(
-            np.full(n, j), column, s=12, color=colours[j], alpha=0.45, linewidths=0, zorder=2
-        )
-        draw_mean(axes, j, column, colours[j], level=level)
+        draw_mean(axes, j, table[:, j], colours[j], level=level)
     axes.set_xticks(x, labels)
     axes.set_xlim(-0.5, m - 0.5)
+
+
+def left_out_lines(axes: Axes, table: Values, people: Sequence[str]) -> None:
+    """Draw participants who do not count, (participants, conditions), for pages that can show them.
+
+    They are hidden until a page shows them, and leave the axes as they are.
+    """
+    limits = axes.get_xlim(), axes.get_ylim()
+    x = np.arange(table.shape[1])
+    for row, one in zip(table, people, strict=True):
+        drawn = axes.plot(x, row, "x--", color=BLACK, linewidth=0.8, markersize=5, alpha=0.7)[0]
+        name_after(one, drawn, is_out=True)
+    axes.set_xlim(limits[0])
+    axes.set_ylim(limits[1])
 
 
 def draw_mean(
@@ -77,6 +103,24 @@ def draw_mean(
     axes.plot([px], [py], "o", color=colour, markersize=8, mec=BLACK, mew=1.0, zorder=5)
 
 
+def dots(axes: Axes, x: Values, y: Values, people: Sequence[str], **look: Any) -> None:
+    """Draw dots, each named after whose it is where that is known."""
+    if not any(people):
+        axes.scatter(x, y, **look)
+        return
+    for i, one in enumerate(people):
+        name_after(one, axes.scatter(x[i : i + 1], y[i : i + 1], **look))
+
+
+def name_after(person: str, *drawn: Artist, is_out: bool = False) -> None:
+    """Say whose drawing this is, for pages; hidden where they do not count (`is_out`)."""
+    for artist in drawn:
+        if person:
+            artist.set_gid(f"{OUT if is_out else WHO}{person}")
+        if is_out:
+            artist.set_visible(False)
+
+
 def published_mark(
     axes: Axes,
     x: float,
@@ -98,14 +142,23 @@ def published_mark(
 
 
 def differences(
-    axes: Axes, columns: Sequence[Values], labels: Sequence[str], colour: str, level: float = 0.95
+    axes: Axes,
+    columns: Sequence[Values],
+    labels: Sequence[str],
+    colour: str,
+    level: float = 0.95,
+    people: Sequence[str] = (),
 ) -> None:
-    """Draw every participant's difference in one line per comparison, with mean and interval."""
+    """Draw every participant's difference in one line per comparison, with mean and interval.
+
+    `people` say whose each value of a column is.
+    """
     axes.axvline(0, color=BLACK, linewidth=0.8)
     for i, column in enumerate(columns):
         known = column[np.isfinite(column)]
         y = i + spread_out(known, 0.16)
-        axes.scatter(known, y, s=11, color=colour, alpha=0.4, linewidths=0, zorder=2)
+        names = [p for p, v in zip(people, column, strict=bool(people)) if np.isfinite(v)]
+        dots(axes, known, y, names, s=11, color=colour, alpha=0.4, linewidths=0, zorder=2)
         draw_mean(axes, i, known, colour, level=level, horizontal=True)
     axes.set_yticks(np.arange(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.5, -0.6)
@@ -126,12 +179,14 @@ def dots_with_limit(
     over: npt.NDArray[np.bool_],
     limit: float | None,
     name: str,
+    people: Sequence[str] = (),
 ) -> None:
-    """Draw one dot per row (top to bottom), a cross where `over`, and a limit."""
+    """Draw one dot per row (top to bottom), a cross where `over`, and a limit; `people` by row."""
     y = np.arange(values.size)
     axes.hlines(y, 0, np.nan_to_num(values), color=colour, alpha=0.25, linewidth=1.2)
-    axes.scatter(values[~over], y[~over], s=26, color=colour, zorder=3)
-    axes.scatter(values[over], y[over], s=34, marker="X", color=BLACK, zorder=3)
+    named = np.asarray(people if people else [""] * values.size)
+    dots(axes, values[~over], y[~over], list(named[~over]), s=26, color=colour, zorder=3)
+    dots(axes, values[over], y[over], list(named[over]), s=34, marker="X", color=BLACK, zorder=3)
     top = float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
     if limit is not None:
         axes.axvline(limit, color=BLACK, linestyle=(0, (4, 3)), linewidth=1)

@@ -10,9 +10,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from analysis.plots.panels import OUT, WHO
 from analysis.plots.style import figure_style, mark_simulated
 
 PNG_DPI = 160
+_OF_ONE = re.compile(rf'<g id="({re.escape(WHO)}|{re.escape(OUT)})([^"]*)">')
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,8 @@ def draw(
     return Drawn(name, title, caption, alternative, figure)
 
 
-def svg_text(drawn: Drawn) -> str:
-    """Return the figure as a whole SVG file."""
+def svg_text(drawn: Drawn, *, names_people: bool = False) -> str:
+    """Return the figure as a whole SVG file; in a file of its own nobody is named."""
     buffer = io.StringIO()
     with figure_style():
         FigureCanvasSVG(drawn.figure)
@@ -53,14 +55,30 @@ def svg_text(drawn: Drawn) -> str:
             format="svg",
             metadata={"Date": None, "Creator": "Visavis", "Title": drawn.title},
         )
-    return buffer.getvalue()
+    text = buffer.getvalue()
+    return text if names_people else _OF_ONE.sub("<g>", text)
+
+
+def _group(found: re.Match[str]) -> str:
+    kind = "who out" if found[1] == OUT else "who"
+    return f'<g class="{kind}" data-who="{found[2]}"><title>{found[2]}</title>'
 
 
 def svg_for_page(drawn: Drawn) -> str:
-    """Return the `<svg>` element for inlining: no prolog, identifiers unique to the figure."""
-    text = svg_text(drawn)
+    """Return the `<svg>` element for inlining: no prolog, identifiers unique to the figure.
+
+    What belongs to one participant is a group that says so (`data-who`); participants who do not
+    count are there, too, in groups of class "out", which the page hides until it is asked.
+    """
+    hidden = drawn.figure.findobj(lambda artist: (artist.get_gid() or "").startswith(OUT))
+    for artist in hidden:
+        artist.set_visible(True)
+    text = svg_text(drawn, names_people=True)
+    for artist in hidden:
+        artist.set_visible(False)
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+    text = _OF_ONE.sub(_group, text)
     text = re.sub(r'\bid="', f'id="{drawn.name}-', text)
     text = text.replace("url(#", f"url(#{drawn.name}-")
     text = re.sub(r'xlink:href="#', f'xlink:href="#{drawn.name}-', text)

@@ -1,7 +1,7 @@
 """What a study offers so that its power can be simulated."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
@@ -103,6 +103,13 @@ class PowerStudy(Protocol):
 
     def effect_meaning(self, effect: float, source: Source) -> str:
         """Return what the multiplier did to the data, in words."""
+        ...
+
+    def prepare(self, told: Callable[[int, int], None]) -> None:
+        """Compute and keep what every process would have to find for itself.
+
+        `told` hears how many steps of how many are done.
+        """
         ...
 
     def simulate(

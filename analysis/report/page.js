@@ -87,6 +87,71 @@
     ));
   });
 
+  // ---- one participant through all panels, and those who do not count --------------------------
+
+  const WHO = document.documentElement.lang.startsWith("de")
+    ? { label: "Person hervorheben", all: "alle", out: "Wer nicht zählt, mit zeigen", note: "Mittelwerte bleiben die derer, die zählen." }
+    : { label: "Highlight a participant", all: "everybody", out: "Show who was left out", note: "Means stay those of who counts." };
+  const drawn = [...document.querySelectorAll("svg [data-who]")];
+  const people = [...new Set(drawn.map((group) => group.dataset.who))].sort();
+  const of = (who) => drawn.filter((group) => group.dataset.who === who);
+  const rows = [...document.querySelectorAll("tbody tr")].filter((row) => people.includes(text(row.cells[0])));
+  let chosen = "";
+
+  function light(who) {
+    document.body.classList.toggle("lights-one", Boolean(who));
+    document.querySelectorAll(".lit").forEach((lit) => lit.classList.remove("lit"));
+    if (!who) return;
+    of(who).forEach((group) => group.classList.add("lit"));
+    rows.filter((row) => text(row.cells[0]) === who).forEach((row) => row.classList.add("lit"));
+  }
+
+  if (people.length) {
+    const isOut = new Set(drawn.filter((group) => group.classList.contains("out")).map((group) => group.dataset.who));
+    const place = document.createElement("div");
+    place.className = "people-bar";
+    place.setAttribute("role", "group");
+    place.setAttribute("aria-label", WHO.label);
+    const label = document.createElement("label");
+    const choice = document.createElement("select");
+    choice.append(new Option(WHO.all, ""), ...people.map((who) => new Option(isOut.has(who) ? `${who} ✕` : who, who)));
+    label.append(`${WHO.label} `, choice);
+    place.append(label);
+    const pick = (who) => {
+      chosen = who;
+      choice.value = who;
+      light(who);
+    };
+    choice.addEventListener("change", () => {
+      if (isOut.has(choice.value)) shows(true);
+      pick(choice.value);
+    });
+    const both = document.createElement("label"), box = document.createElement("input");
+    box.type = "checkbox";
+    const shows = (is) => { box.checked = is; document.body.classList.toggle("with-out", is); };
+    box.addEventListener("change", () => {
+      shows(box.checked);
+      if (!box.checked && isOut.has(chosen)) pick("");
+    });
+    if (isOut.size) {
+      both.append(box, ` ${WHO.out} (${isOut.size})`);
+      both.title = WHO.note;
+      place.append(both);
+    }
+    document.querySelector("nav").after(place);
+    const at = (event) => (event.target instanceof Element ? event.target.closest("[data-who]") : null);
+    document.addEventListener("pointerover", (event) => {
+      const group = at(event);
+      if (group && event.pointerType === "mouse") light(group.dataset.who);
+    });
+    document.addEventListener("pointerout", (event) => { if (at(event)) light(chosen); });
+    document.addEventListener("click", (event) => {
+      const group = at(event);
+      if (group) pick(group.dataset.who === chosen ? "" : group.dataset.who);
+    });
+    document.addEventListener("keydown", (event) => { if (event.key === "Escape" && chosen) pick(""); });
+  }
+
   document.querySelectorAll(".verdict").forEach((place) => {
     const said = text(place.querySelector("p"));
     if (!said) return;

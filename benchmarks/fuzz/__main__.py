@@ -3,12 +3,15 @@
 python -m benchmarks.fuzz [--inputs 1000000] [--seconds S] [--only TEXT] [--seed 1] [--json]
 
 Every input is a whole one of its format with one to three things done to it: bits flipped, cut,
-numbers at their edges, deep or endless words put in, two samples spliced, a stretch twice. A reader
-may return something or refuse with an error of ours; a codec may not raise at all. Counted are
-tracebacks (any other error), results accepted wrong (a ray that is no unit vector, a button the
+numbers at their edges, deep or endless words put in, two samples spliced, a stretch twice. Of files
+with checksums a target more ("sealed again") has values changed and the checksums made anew. A
+reader may return something or refuse with an error of ours; a codec may not raise at all. Counted
+are tracebacks (any other error), results accepted wrong (a ray that is no unit vector, a button the
 device has not, a checked frame that nobody sent), and hangs: an input that takes more than
 `LIMIT_S` of processor time.
-`--seconds` ends a target early; how many inputs it had is printed.
+`--seconds` ends a target early; how many inputs it had is printed. Files are written to memory
+where the system has such a place. With `--tally FILE` counts are kept and each run goes on where
+the last one stopped, with other inputs, until every target has had `--inputs`.
 """
 
 import argparse
@@ -26,13 +29,14 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.fuzz.codecs import codecs
-from benchmarks.fuzz.damage import damaged, draws
+from benchmarks.fuzz.damage import draws
 from benchmarks.fuzz.files import files
 from benchmarks.fuzz.target import Target
 from lab.clock import StopWatch
 
 LIMIT_S = 5.0
 MEMORY_BYTES = 6 << 30
+COUNTS = ("inputs", "refused", "wrong", "tracebacks", "hangs")
 SHOWN = 3
 LOOK_EVERY = 64
 
@@ -59,16 +63,19 @@ def _hang(number: int, frame: object) -> None:
     raise _Hang
 
 
-def fuzz(target: Target, inputs: int, seconds: float, seed: int) -> Outcome:
-    """Feed one target; stop after so many inputs or seconds."""
-    rng = np.random.default_rng([seed, *target.name.encode()])
+def fuzz(target: Target, inputs: int, seconds: float, seed: int, begun: int = 0) -> Outcome:
+    """Feed one target; stop after so many inputs or seconds.
+
+    `begun` is how many inputs it had with this seed before; it gets others than those.
+    """
+    rng = np.random.default_rng([seed, *target.name.encode(), *([begun] if begun else [])])
     drawn, watch = draws(rng), StopWatch()
     refused = wrong = hangs = done = 0
     where: Counter[str] = Counter()
     signal.signal(signal.SIGVTALRM, _hang)
     while done < inputs and (done % LOOK_EVERY or watch.elapsed_s() < seconds):
         samples = target.samples
-        data = damaged(
+        data = target.change(
             samples[next(drawn) % len(samples)], samples[next(drawn) % len(samples)], drawn
         )
         done += 1
@@ -98,6 +105,27 @@ def fuzz(target: Target, inputs: int, seconds: float, seed: int) -> Outcome:
     )  # fmt: skip
 
 
+def scratch_folder() -> str | None:
+    """Return where files lie in memory; None where the system has no such place."""
+    return "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108  # a folder of its own there
+
+
+def tallied(path: Path | None, seed: int) -> dict[str, dict[str, int]]:
+    """Return what each target had so far with a seed: counts by name of `COUNTS`."""
+    if path is None or not path.exists():
+        return {}
+    found: dict[str, dict[str, int]] = json.loads(path.read_text("utf-8")).get(str(seed), {})
+    return found
+
+
+def tally(path: Path, seed: int, counts: dict[str, dict[str, int]]) -> None:
+    """Keep counts of a seed beside those of others."""
+    every = json.loads(path.read_text("utf-8")) if path.exists() else {}
+    new = path.with_name(f"{path.name}.new")
+    new.write_text(json.dumps({**every, str(seed): counts}, indent=1), "utf-8")
+    new.replace(path)
+
+
 def keep(target: Target, data: bytes) -> None:
     """Keep an input that shows something wrong."""
     name = f"fuzz-{target.name.replace(' ', '-')}.bin"
@@ -111,17 +139,24 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=float("inf"))
     parser.add_argument("--only", default="", help="targets whose name holds this")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--tally", type=Path, help="keep counts per target here, and go on")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     outcomes = []
-    with tempfile.TemporaryDirectory() as scratch:
+    counts = tallied(options.tally, options.seed)
+    with tempfile.TemporaryDirectory(dir=scratch_folder()) as scratch:
         for target in (*codecs(), *files(Path(scratch))):
-            if options.only not in target.name:
+            had = counts.get(target.name, dict.fromkeys(COUNTS, 0))
+            left = options.inputs - had["inputs"]
+            if options.only not in target.name or left <= 0:
                 continue
-            outcome = fuzz(target, options.inputs, options.seconds, options.seed)
+            outcome = fuzz(target, left, options.seconds, options.seed, had["inputs"])
             outcomes.append(outcome)
+            if options.tally is not None:
+                counts[target.name] = {name: n + getattr(outcome, name) for name, n in had.items()}
+                tally(options.tally, options.seed, counts)
             if not options.json:
                 print(
                     f"{outcome.name:34} {outcome.inputs:9} inputs {outcome.refused:9} refused "
@@ -132,6 +167,9 @@ def main() -> int:
                 )
                 for place, n in list(outcome.where.items())[:SHOWN]:
                     print(f"    {n} × {place}", flush=True)
+    if options.tally is not None and not options.json:
+        least = min(counts.values(), key=lambda had: had["inputs"])["inputs"] if counts else 0
+        print(f"in all {sum(had['inputs'] for had in counts.values())} inputs, {least} at least")
     if options.json:
         print(json.dumps([asdict(outcome) for outcome in outcomes]))
     else:

@@ -1,15 +1,30 @@
-"""Damage bytes the way disks, wires and hands do, and some ways that only an enemy does."""
+"""Damage bytes the way disks, wires and hands do, and some ways that only an enemy does.
 
+Files with checksums refuse nearly every damaged byte at once; what reads them behind that is
+reached by values that are changed and then sealed again, as another version or an enemy would write
+them.
+"""
+
+import json
+import zlib
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+
+from recording.journal import encode_line
+from recording.sealed import seal
 
 EDGES = (b"\x00", b"\xff", b"\x7f", b"\x80", b"\xff\xff\xff\x7f", b"\x00\x00\xc0\x7f", b"\xff" * 8)
 WORDS = (
     b"[" * 3000, b'{"a":' * 500, b"1e999", b"-1", b"NaN", b"9" * 400, b"null", b'""', b"\n", b";",
     b"&a [*a,*a]", b"..", b"\xed\xa0\x80", b"18446744073709551616", b"<!DOCTYPE x>", b"[]", b"{}",
 )  # fmt: skip
-DRAWS = 32
+ODD: tuple[Any, ...] = (
+    None, True, -1, 0, 1, 1 << 63, 10**400, 1e308, 0.5, "", "../up", "/", "a\nb", "\0", "=1+1",
+    "NaN", "9" * 300, [], {}, [[]], [None, None], {"a": {"a": []}}, [[[[[[[[1]]]]]]]],
+)  # fmt: skip
+"""Values that stand where another was meant."""
 ONE_TO_THREE = (1, 1, 1, 2, 3)
 
 
@@ -46,3 +61,59 @@ def damaged(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
         else:
             data = data[at:]
     return data
+
+
+def changed(value: Any, drawn: Iterator[int]) -> Any:
+    """Return a JSON value with one to three places of it changed, doubled, renamed or gone."""
+    for _ in range(ONE_TO_THREE[next(drawn) % 5]):
+        value = _changed_once(value, drawn)
+    return value
+
+
+def _changed_once(value: Any, drawn: Iterator[int]) -> Any:
+    if not isinstance(value, dict | list) or not value or next(drawn) % 6 == 0:
+        return ODD[next(drawn) % len(ODD)]
+    found, kind = value.copy(), next(drawn) % 16
+    keys = list(found) if isinstance(found, dict) else range(len(found))
+    key = keys[next(drawn) % len(keys)]
+    if kind == 0:
+        del found[key]
+    elif kind == 1 and isinstance(found, dict):
+        found[f"{key}_"] = found.pop(key)
+    elif kind == 1 and isinstance(found, list):
+        found.append(found[key])
+    else:
+        found[key] = _changed_once(found[key], drawn)
+    return found
+
+
+def sealed_again(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
+    """Return a sealed file with values changed and a checksum that agrees."""
+    content = json.loads(data)
+    content.pop("sha256", None)
+    found = changed(content, drawn)
+    return seal(found if isinstance(found, dict) and found else {"a": found})
+
+
+def chained_again(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
+    """Return a file of chained lines with values changed, every line vouching for those before."""
+    written = b""
+    for record in _records(data, drawn):
+        written += encode_line({**record, "after": f"{zlib.crc32(written):08x}"})
+    return written
+
+
+def journal_again(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
+    """Return a journal with values changed, every line with a checksum that agrees."""
+    return b"".join(map(encode_line, _records(data, drawn)))
+
+
+def _records(data: bytes, drawn: Iterator[int]) -> list[dict[str, Any]]:
+    whole = [json.loads(line) for line in data.splitlines()]
+    found = changed(whole, drawn)
+    records = [r for r in found if isinstance(r, dict)] if isinstance(found, list) else []
+    bare = ({k: v for k, v in record.items() if k not in CHECKED} for record in records)
+    return [record for record in bare if record]
+
+
+CHECKED = ("crc32", "after")

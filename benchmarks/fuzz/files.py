@@ -1,7 +1,9 @@
 """What reads files: one target per reader, with a whole file of its format as sample."""
 
 import gzip
+import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +12,10 @@ from analysis.foreign_check import read_xdf_times
 from analysis.gaze.bids import read_bids
 from analysis.gaze.mapped_csv import mapping_of, read_csv, read_mapping
 from analysis.gaze.readers import read_pupil, read_vive
+from analysis.session_check import check_session
 from analysis.statistics_report.table_file import read_table
 from benchmarks.fuzz.codecs import WIRES
+from benchmarks.fuzz.damage import chained_again, journal_again, sealed_again
 from benchmarks.fuzz.target import Target
 from devices.wirelog import read_wire_log
 from lab.clock import SimClock
@@ -33,6 +37,8 @@ from recording.sealed import read_sealed
 from recording.stream_file import read_stream_file
 from recording.xdf import export_xdf
 from stimuli.characters.gltf import import_gltf
+from stimuli.characters.gltf_figure import read_figure
+from stimuli.characters.gltf_file import read_glb
 from stimuli.characters.storage import read_character
 from stimuli.motion.bvh import parse_bvh
 from stimuli.motion.clip import Clip
@@ -45,6 +51,11 @@ from tests.stimuli.glb_figure import write_glb
 from tests.stimuli.motion.motions import SMALL_BVH
 from visavis.sessions.study_folder import StudySettings, read_settings, settle
 
+TOLD_BY_IMPORT = (
+    LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError,
+    MemoryError,
+)  # fmt: skip
+"""What `import_gltf` tells as a broken file, whatever step of it raised it."""
 MAPPING = """time: {column: t, unit: s}
 space: head
 combined: {direction: [x, y, z]}
@@ -94,32 +105,55 @@ def files(scratch: Path) -> Iterator[Target]:
     def of_file(name: str, file: Path, read: Callable[[Path], object]) -> Target:
         return target(name, file.read_bytes(), at(file.name, read))
 
+    def again(found: Target, change: Callable[[bytes, bytes, Iterator[int]], bytes]) -> Target:
+        return replace(found, name=f"{found.name} sealed again", change=change)
+
+    def of_session(file: Path) -> Target:
+        """Return what opens and checks a whole session of which one file is written each time."""
+        whole = scratch / "read" / f"of-{file.name}"
+        shutil.copytree(session, whole)
+
+        def checked(data: bytes) -> object:
+            (whole / file).write_bytes(data)
+            return check_session(Recording(whole))
+
+        return target(f"analysis.session_check {file.name}", (session / file).read_bytes(), checked)
+
     yield Target("recording.journal line", tuple(journal.splitlines()), decode_line)
-    yield of_file("recording.journal_file", part / "events.jsonl", read_journal)
+    lines = of_file("recording.journal_file", part / "events.jsonl", read_journal)
+    yield from (lines, again(lines, journal_again))
     yield of_file("recording.stream_file", part / "probe.arrows", read_stream_file)
-    yield of_file(
+    manifest = of_file(
         "recording.manifest", session / "manifest.json", lambda p: read_with_seal(p.parent)
     )
+    yield from (manifest, again(manifest, sealed_again))
+    yield again(of_session(Path("manifest.json")), sealed_again)
+    yield again(of_session(Path(part.name, "events.jsonl")), journal_again)
+    yield of_session(Path(part.name, "probe.arrows"))
     yield target("recording.sealed", (study / "study.json").read_bytes(), at("x.json", _sealed))
     yield target(
         "recording.chained",
         (study / "participants.jsonl").read_bytes(),
         at("lines.jsonl", read_lines),
     )
-    yield of_file(
+    people = of_file(
         "protocol.ledger",
         study / "participants.jsonl",
         lambda p: Ledger(p.parent, SimClock()).list(),
     )
-    yield of_file(
+    yield from (people, again(people, chained_again))
+    exports = of_file(
         "protocol.exports_register", study / "exports.jsonl", lambda p: registered_exports(p.parent)
     )
-    yield target(
+    yield from (exports, again(exports, chained_again))
+    keys = target(
         "protocol.key_file",
         (made / "keys" / "stare.json").read_bytes(),
         at("keys/stare.json", _key_of),
     )
-    yield of_file("visavis.study_folder", study / "study.json", lambda p: read_settings(p.parent))
+    yield from (keys, again(keys, sealed_again))
+    begun = of_file("visavis.study_folder", study / "study.json", lambda p: read_settings(p.parent))
+    yield from (begun, again(begun, sealed_again))
     yield target("lab.plain_files parse_json", json_sample(session), parse_json_of)
     yield target("lab.yaml_lines", EXAMPLE.read_bytes(), _yaml)
     yield target("lab.config", EXAMPLE.read_bytes(), _config)
@@ -145,9 +179,13 @@ def files(scratch: Path) -> Iterator[Target]:
     yield target("analysis.statistics_report table", TABLE, at("t.csv", read_table))
     yield target("stimuli.motion.bvh", SMALL_BVH, lambda data: parse_bvh(data.decode("latin-1")))
     yield of_file("stimuli.motion.clip_file", made / "clip.npz", read_clip)
-    yield of_file(
-        "stimuli.characters glb", made / "figure.glb", lambda p: import_gltf(p, gender="male")
+    # All an import does takes a tenth of a second: what reads the file has inputs of its own.
+    figure = made / "figure.glb"
+    yield replace(
+        of_file("stimuli.characters glb read", figure, lambda p: read_figure(read_glb(p))),
+        refusals=(LabError, *TOLD_BY_IMPORT),
     )
+    yield of_file("stimuli.characters glb", figure, lambda p: import_gltf(p, gender="male"))
     yield of_file("stimuli.characters npz", made / "clip.npz", read_character)
 
 

@@ -1,7 +1,9 @@
 """One reader, what it is given, and what it may say."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+
+from benchmarks.fuzz.damage import damaged
 
 
 def anything(result: object) -> bool:
@@ -21,3 +23,5 @@ class Target:
     read: Callable[[bytes], object]
     refusals: tuple[type[Exception], ...] = ()
     is_sound: Callable[[object], bool] = anything
+    change: Callable[[bytes, bytes, Iterator[int]], bytes] = damaged
+    """What makes an input of a sample, another sample and drawn numbers."""

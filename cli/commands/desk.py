@@ -3,14 +3,17 @@
 import asyncio
 import contextlib
 import importlib
+import json
+import os
 import webbrowser
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from cli.app import ConfigOption, DevicesOption, app, console, load_lab, say, verbatim
 from lab.config import LabConfig
-from lab.errors import ConfigError
+from lab.errors import ConfigError, UsageError
 
 
 @app.command()
@@ -19,6 +22,14 @@ def desk(
         int, typer.Option("--port", min=0, max=65535, help="Port of the page; a free one left out.")
     ] = 0,
     show: Annotated[bool, typer.Option("--show", help="Open it in the browser.")] = False,
+    api: Annotated[
+        Path | None,
+        typer.Option("--api", help="Write address and key for other programs into this file."),
+    ] = None,
+    rcs: Annotated[
+        int | None,
+        typer.Option("--rcs", min=0, max=65535, help="Take LabRecorder's remote commands here."),
+    ] = None,
     devices: DevicesOption = None,
     config: ConfigOption = None,
 ) -> None:
@@ -32,17 +43,41 @@ def desk(
     lab = load_lab(config, devices)
     server = _desk_server()(lab)
     with contextlib.suppress(KeyboardInterrupt):  # which is how a desk is closed
-        asyncio.run(_serve(server, lab, port, show=show))
+        asyncio.run(_serve(server, lab, port, show=show, api=api, rcs=rcs))
 
 
-async def _serve(server: Any, lab: LabConfig, port: int, *, show: bool) -> None:
+async def _serve(
+    server: Any, lab: LabConfig, port: int, *, show: bool, api: Path | None, rcs: int | None
+) -> None:
     address = await server.start(port)
+    remote = None if rcs is None else await server.listen_as_lab_recorder(rcs)
+    if api is not None:
+        _write_api(api, address.partition("/#")[0], server.key)
     say(f"The desk of {verbatim(lab.lab)}, on this computer:")
     console.print(f"  [b]{verbatim(address)}[/]", soft_wrap=True, highlight=False)
+    if remote is not None:
+        console.print(f"LabRecorder's remote commands (start, stop) are taken at port {remote}.")
     console.print("Ctrl-C closes it; sessions go on without it.")
     if show:
         webbrowser.open(address)
-    await server.run()
+    try:
+        await server.run()
+    finally:
+        if api is not None:
+            api.unlink(missing_ok=True)
+
+
+def _write_api(path: Path, address: str, key: str) -> None:
+    """Write how the desk is asked, for this account's eyes alone."""
+    try:
+        path.unlink(missing_ok=True)
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            json.dump({"address": address, "key": key}, file)
+    except OSError as error:
+        raise UsageError(
+            f"{path} cannot be written ({error.strerror or error}); give another file with --api"
+        ) from error
 
 
 def _desk_server() -> Any:

@@ -21,6 +21,7 @@ from lab.errors import UsageError
 from protocol.exports_register import registered_exports
 from protocol.ledger import Ledger
 from recording.lock import is_held
+from recording.manifest import read_manifest
 
 participant_app = typer.Typer(help="Issue, list and withdraw participant identifiers.")
 app.add_typer(participant_app, name="participant")
@@ -121,12 +122,21 @@ def withdraw(
     label = _label_of(ledger, participant)
     sessions = sorted(folder.glob(f"sub-{label}/ses-*/manifest.json"))
     running = [p.parent for p in sessions if is_held(p.parent)]
-    if running:
+    at_page = bool(running) and read_manifest(running[0]).configuration.get("on") == "browser"
+    if running and not at_page:
         raise UsageError(f"{running[0]} is running; end it first (Esc). Nothing was changed")
     if not yes and not typer.confirm(
         f"Remove {label}: {len(sessions)} sessions in {folder}? This cannot be undone."
     ):
         raise UsageError("nothing was removed")
+    if at_page:
+        ledger.begin_withdrawal(label, [folder], reason=reason)
+        console.print(
+            f"[yellow]{label} is at a page now.[/] `visavis serve` ends it and deletes everything "
+            "within seconds; a page of `visavis run` is yours to end (Ctrl-C). Give this command "
+            "again afterwards: it tells whether it is done"
+        )
+        return
     key_file = None if here.is_simulated else here.key_file
     removal = ledger.withdraw(participant, [folder], reason=reason, key_file=key_file)
     console.print(

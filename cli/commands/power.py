@@ -154,6 +154,8 @@ def power(
     chosen.effect_meaning(request.effect, "studies")
     adequacy = read_rule(rule)
     run = _Run(chosen, request, worker_count(processes), scheduler, quiet=as_json)
+    if source is None:
+        run.prepare()
     people, kind, are_simulated, notes = run.people(source, fast=fast, pool=pool)
     if assignments:
         notes = (f"the study with {', '.join(assignments)}", *notes)
@@ -196,6 +198,14 @@ class _Run:
         self._processes = processes
         self._scheduler = scheduler
         self._quiet = quiet
+
+    def prepare(self) -> None:
+        """Compute once, before processes begin, what takes each of them long; kept afterwards."""
+        with counting(errors, quiet=self._quiet) as bar:
+            line = bar.add_task(f"getting {self._study.name} ready", total=None)
+            self._study.prepare(
+                lambda done, of: bar.update(line, completed=done, total=of, visible=of > 0)
+            )
 
     def jobs(self, work: Any, jobs: list[Any], what: str) -> Iterator[tuple[int, Any]]:
         """Yield (job number, result) as they finish, with progress."""

@@ -3,7 +3,8 @@
 import asyncio
 import signal
 from contextlib import suppress
-from typing import Annotated, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
 from urllib.parse import urlsplit
 
 import typer
@@ -30,6 +31,9 @@ from protocol.operator import UnattendedOperator
 from visavis.experiment import StudyExperiment
 from visavis.sessions.data_root import require_space
 from visavis.sessions.perform import Request
+
+if TYPE_CHECKING:
+    from visavis.page.film_store import FilmStore
 
 EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104  # refused without a name to come under
 
@@ -86,6 +90,23 @@ def serve(
             f"--host {host} listens to other computers; say with --public under which address "
             "they come, such as http://192.168.1.5:8080"
         )
+    here, base = page_study(study, devices, config, seed, assignments, language)
+    asyncio.run(_serve(here, base, public, host, port, participants, completion))
+
+
+def page_study(
+    study: str,
+    devices: str | None,
+    config: Path | None,
+    seed: int | None,
+    assignments: list[str] | None,
+    language: str | None,
+) -> tuple[StudyHere, Request]:
+    """Return a study for pages in a lab, and the request that is completed for each person.
+
+    Raises:
+        UsageError: it is not declared on the kit.
+    """
     lab = load_lab(config, devices)
     chosen = study_of_lab(study, lab)
     if devices != "sim":
@@ -102,7 +123,20 @@ def serve(
         participant_index=0, group="", session=1, seed=settings.seed, clock=SystemClock(),
         operator=UnattendedOperator(), effect=settings.effect, on="browser",
     )  # fmt: skip
-    asyncio.run(_serve(here, base, public, host, port, participants, completion))
+    return here, base
+
+
+def built_films(base: Request) -> "FilmStore":
+    """Return a study's films, built where they are not, with a bar that shows it."""
+    from visavis.page.film_store import film_store
+
+    experiment = base.experiment
+    assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has looked
+    store = film_store(experiment)
+    if experiment.films:
+        with TELLING.progress("building films") as told:
+            store.build(experiment.films, told)
+    return store
 
 
 async def _serve(
@@ -114,15 +148,10 @@ async def _serve(
     quota: int | None,
     completion: str,
 ) -> None:
-    from visavis.page.film_store import film_store
-    from visavis.page.perform import experiment_of
     from visavis.page.reception import Reception, Rules
     from visavis.page.server import LOCAL, PageServer
 
-    store = film_store(experiment_of(base))
-    if experiment_of(base).films:
-        with TELLING.progress("building films") as told:
-            store.build(experiment_of(base).films, told)
+    store = built_films(base)
     key_file = None if here.is_simulated else here.key_file
 
     def withdraw(label: str) -> None:

@@ -388,7 +388,12 @@ def _perform(
         if on == "browser":
             _let_signals_interrupt()
         elif not fast:
-            screen = TerminalOperator(console, is_simulated=simulated, confirm_waits=not simulated)
+            screen = TerminalOperator(
+                console,
+                is_simulated=simulated,
+                confirm_waits=not simulated,
+                incidents=here.lab.incidents,
+            )
             operator = stack.enter_context(screen)
             _let_signals_end(screen)
             if not simulated:
@@ -397,7 +402,7 @@ def _perform(
         if not fast:
             about = About(
                 here.study.name, entry.label, session, str(path.resolve()), simulated, blind,
-                ACTIONS if on == "lab" else (),
+                ACTIONS if on == "lab" else (), here.lab.incidents,
             )  # fmt: skip
             operator = stack.enter_context(SessionLink(operator, about, here.lab.data_root))
         request = Request(
@@ -415,7 +420,7 @@ def _perform(
             effect=settings.effect,
             blind=blind,
             consent_version=entry.consent_version,
-            companion=LabCompanion(),
+            companion=LabCompanion(lambda said: errors.print(f"[yellow]{verbatim(said)}[/]")),
             without=tuple(dict.fromkeys(without or ())),
             on=on,
             page=PageAddress(port, _tell_address),

@@ -11,7 +11,7 @@ import secrets
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
@@ -23,6 +23,7 @@ import platformdirs
 from cli.operator_screen import needs_look
 from devices.contracts import Health
 from lab.clock import NS_PER_MS, NS_PER_S
+from lab.config import INCIDENTS
 from lab.geometry import rotate
 from protocol.operator import Action, Command, Operator, SessionStatus
 
@@ -50,6 +51,8 @@ class About:
     is_simulated: bool
     is_blind: bool
     commands: tuple[str, ...] = ACTIONS
+    incidents: Mapping[str, str] = field(default_factory=lambda: dict(INCIDENTS))
+    """Reasons that may be given, by code."""
 
 
 def meeting_folder() -> Path:
@@ -173,7 +176,7 @@ class SessionLink:
             writer.write(line_of(asdict(self._about)))
             sending = asyncio.create_task(self._send(writer))
             while line := await reader.readline():
-                command = command_of(line, self._about.commands)
+                command = command_of(line, self._about.commands, self._about.incidents)
                 if command is not None:
                     self._commands.append(command)
         except (TimeoutError, OSError, ValueError):
@@ -200,17 +203,22 @@ def line_of(content: Mapping[str, Any]) -> bytes:
     return json.dumps(_finite(content), ensure_ascii=False).encode() + b"\n"
 
 
-def command_of(line: bytes, allowed: Sequence[str]) -> Command | None:
+def command_of(
+    line: bytes, allowed: Sequence[str], incidents: Mapping[str, str] = INCIDENTS
+) -> Command | None:
     """Return the command in a desk's message; None where it is none that may be given."""
     try:
         asked = json.loads(line)
         action, text = Action(asked["action"]), asked.get("text", "")
+        code = asked.get("code", "")
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
-    if action not in allowed or not isinstance(text, str):
+    if action not in allowed or not isinstance(text, str) or not isinstance(code, str):
+        return None
+    if code and code not in incidents:
         return None
     plain = "".join(c for c in text[:MAX_TEXT] if c.isprintable()).strip()
-    return Command(action, plain)
+    return Command(action, plain, code)
 
 
 def told(number: int, status: SessionStatus, ray: "_Ray | None") -> dict[str, Any]:
@@ -316,8 +324,8 @@ def _write_meeting(name: str, content: Mapping[str, Any]) -> Path:
     """Write how the session is reached, for its owner's eyes alone; return the file."""
     folder = meeting_folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    path = folder / f"{name}-{os.getpid()}.json"
-    path.unlink(missing_ok=True)  # of an earlier process with this number
+    path = folder / f"{name}-{os.getpid()}-{content['port']}.json"
+    path.unlink(missing_ok=True)  # of an earlier process with these numbers
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(handle, "w", encoding="utf-8") as file:
         json.dump(content, file)

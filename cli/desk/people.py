@@ -2,6 +2,7 @@
 
 import datetime
 import shlex
+from collections.abc import Collection
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -37,11 +38,13 @@ class Verdicts:
         return kept[1]
 
 
-def people_today(lab: LabConfig, verdicts: Verdicts, running: str = "") -> list[dict[str, Any]]:
+def people_today(
+    lab: LabConfig, verdicts: Verdicts, running: Collection[str] = ()
+) -> list[dict[str, Any]]:
     """Return per study who was here today, who is still to come or to go on, and how many are done.
 
-    `running` is the folder of the session that goes on: no other is judged meanwhile, as that
-    takes the computer's time.
+    `running` are the folders of sessions that go on: no other is judged meanwhile, as that takes
+    the computer's time.
     """
     root = lab.data_root / (SIMULATED_ROOT if is_simulated(lab) else REAL_ROOT)
     prefix = SIMULATED_PREFIX if is_simulated(lab) else ""
@@ -81,7 +84,7 @@ def verdict_of(verdict: SessionCheck) -> dict[str, Any]:
 
 
 def _person(
-    folder: Path, study: str, entry: Participant, verdicts: Verdicts, running: str
+    folder: Path, study: str, entry: Participant, verdicts: Verdicts, running: Collection[str]
 ) -> dict[str, Any] | None:
     """Return how somebody is today; None for who was here on other days and is done."""
     sessions = sorted(
@@ -93,7 +96,7 @@ def _person(
         return {**told, "state": "to come", "command": command, "order": 1}
     session = sessions[-1]
     told["path"] = str(session.resolve())  # as the session itself says it
-    if told["path"] == running:
+    if told["path"] in running:
         return {**told, "state": "running", "command": "", "order": 0}
     try:
         parts = read_manifest(session).parts

@@ -18,15 +18,17 @@ from cli.desk.watch import SessionWatch
 from cli.doctor.report import FILE_NAME, examine
 from lab.clock import SystemClock
 from lab.config import LabConfig
-from lab.errors import LabError
+from lab.errors import DeviceError, LabError
 from protocol.operator import Action, Command
 from visavis.page.errors import PageError
-from visavis.page.server import KEY, LocalServer, body_of
+from visavis.page.server import KEY, LOCAL, LocalServer, body_of
 from visavis.sessions.rig import is_simulated
 
 SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {"/": "desk.html", "/desk.js": "desk.js", "/desk.css": "desk.css"}
 MAX_WAIT_S: Final = 5.0
+REMOTE: Final = {b"start": Action.ADVANCE, b"stop": Action.ABORT}
+"""What LabRecorder's remote commands do to a session; its others are heard and change nothing."""
 
 
 class DeskServer:
@@ -45,19 +47,43 @@ class DeskServer:
             "/api/today": self._today,
             "/api/doctor": self._look,
             "/api/command": self._command,
+            "/api/v1/command": self._command,
         }
-        self._server = LocalServer(SITE, FILES, posts)
+        gets = {"/api/v1/sessions": self._sessions}
+        self._server = LocalServer(SITE, FILES, posts, gets=gets)
+        self._remote: asyncio.Server | None = None
 
     async def start(self, port: int = 0) -> str:
         """Begin to listen; return the page's address. Raises DeviceError: the port is taken."""
         await self._server.start(port=port)
         return self._server.address(self.key)
 
+    async def listen_as_lab_recorder(self, port: int) -> int:
+        """Take LabRecorder's remote commands on this computer; return the port.
+
+        `start` goes on where the first session waits, `stop` ends it, resumable. That protocol
+        knows no key: whoever is on this computer may speak.
+
+        Raises:
+            DeviceError: the port is taken.
+        """
+        try:
+            self._remote = await asyncio.start_server(self._told_remotely, LOCAL, port)
+        except OSError as error:
+            raise DeviceError(
+                f"cannot listen at {LOCAL}:{port} ({error.strerror or error})",
+                role="desk",
+                remedy="LabRecorder itself may have it; give another one with --rcs",
+            ) from error
+        return int(self._remote.sockets[0].getsockname()[1])
+
     async def run(self) -> None:
         """Follow the lab's sessions until cancelled."""
         try:
             await self._watch.run()
         finally:
+            if self._remote is not None:
+                self._remote.close()
             await self._watch.wake()  # pages that wait for news are answered, not waited for
             await self._server.stop()
 
@@ -66,23 +92,38 @@ class DeskServer:
     async def _live(self, request: web.Request) -> web.StreamResponse:
         """Answer once something is new: the session, or that there is none."""
         body = await self._body(request)
-        after = body.get("after")
+        after, which = body.get("after"), body.get("which")
         if isinstance(after, int):
             await self._watch.wait(after, MAX_WAIT_S)
         watch = self._watch
+        shown = watch.of(which if isinstance(which, str) else "")
         return web.json_response(
             {
                 "number": watch.number,
-                "session": watch.about,
-                "status": watch.status,
+                "which": next((name for name, one in watch.live.items() if one is shown), ""),
+                "session": None if shown is None else shown.about,
+                "status": None if shown is None else shown.status,
+                "sessions": _listed(watch),
                 "ended": None if watch.ended is None else watch.ended["path"],
+            }
+        )
+
+    async def _sessions(self, request: web.Request) -> web.StreamResponse:
+        """Answer another program: the sessions that go on, each with its status."""
+        self._known(request)
+        return web.json_response(
+            {
+                "sessions": [
+                    {"which": name, "about": one.about, "status": one.status}
+                    for name, one in self._watch.live.items()
+                ]
             }
         )
 
     async def _today(self, request: web.Request) -> web.StreamResponse:
         """Say whose lab it is, who takes part today, and what the doctor found last."""
         await self._body(request)
-        running = str(self._watch.about["path"]) if self._watch.about else ""
+        running = {str(one.about["path"]) for one in self._watch.live.values()}
         async with self._listing:  # one at a time: verdicts take the computer's time
             studies = await asyncio.to_thread(people_today, self._lab, self._verdicts, running)
         return web.json_response(
@@ -110,21 +151,56 @@ class DeskServer:
 
     async def _command(self, request: web.Request) -> web.StreamResponse:
         body = await self._body(request)
-        text = body.get("text", "")
+        text, code, which = (body.get(name, "") for name in ("text", "code", "which"))
         try:
             action = Action(body.get("action", ""))
         except ValueError as error:
             raise PageError("there is no such command") from error
         if not isinstance(text, str) or len(text) > MAX_TEXT:
             raise PageError(f"a note has at most {MAX_TEXT} characters")
-        if not await self._watch.tell(Command(action, text)):
+        if not isinstance(code, str) or not isinstance(which, str):
+            raise PageError("code and which are short texts")
+        live = self._watch.live.get(which) if which else self._watch.of()
+        if live is not None and action not in live.about["commands"]:
+            raise PageError(f"this session takes no {action.value}")
+        if live is not None and code and code not in live.about["incidents"]:
+            known = ", ".join(live.about["incidents"])
+            raise PageError(f"there is no reason {code[:40]!r}; there are {known}")
+        if not await self._watch.tell(Command(action, text, code), which):
             return web.json_response({"refused": "no session goes on"}, status=409)
         return web.json_response({})
 
+    async def _told_remotely(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        """Hear a program that speaks LabRecorder's protocol; every line is answered as there."""
+        try:
+            while line := await reader.readline():
+                action = REMOTE.get(line.strip())
+                if action is not None:
+                    await self._watch.tell(Command(action))
+                writer.write(b"OK")
+                await writer.drain()
+        except (OSError, ValueError):
+            return  # it has gone, or is no such program
+        finally:
+            writer.close()
+
     async def _body(self, request: web.Request) -> Mapping[str, Any]:
+        self._known(request)
+        return await body_of(request)
+
+    def _known(self, request: web.Request) -> None:
         if not hmac.compare_digest(request.headers.get(KEY, "").encode(), self.key.encode()):
             raise PageError("this address is of another desk; open the one the terminal shows")
-        return await body_of(request)
+
+
+def _listed(watch: SessionWatch) -> list[dict[str, Any]]:
+    """Return the sessions that go on, as a page lets them be chosen."""
+    return [
+        {"which": name, **{k: one.about[k] for k in ("study", "participant", "session")}}
+        for name, one in watch.live.items()
+    ]
 
 
 def _examined(lab: LabConfig) -> dict[str, Any]:

@@ -1,9 +1,10 @@
-"""The desk's side of the link: find the session that goes on, hear of it, and command it."""
+"""The desk's side of the link: find the sessions that go on, hear of them, and command them."""
 
 import asyncio
 import contextlib
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,32 +13,67 @@ from protocol.operator import Command
 
 LOOK_AGAIN_S: Final = 0.5
 HELLO_S: Final = 5.0
-"""For so long a session may keep silent before another is looked for."""
+"""For so long a session may keep silent before it is looked for again."""
 MAX_LINE_BYTES: Final = 1 << 20
 
 
-class SessionWatch:
-    """Own the connection to the session that records under a data root, when there is one.
+@dataclass(eq=False)
+class Live:
+    """A session that goes on: what it said of itself, how it is, and the line to it."""
 
-    `about` and `status` are what it said, `number` counts changes; `ended` is the session that
-    ended last while this desk looked on.
+    about: Mapping[str, Any]
+    writer: asyncio.StreamWriter
+    status: Mapping[str, Any] | None = None
+
+
+class SessionWatch:
+    """Own the connections to the sessions that record under a data root.
+
+    `live` are those that go on, by a name of their own, in the order in which they were met;
+    `number` counts changes; `ended` is the session that ended last while this desk looked on.
     """
 
     def __init__(self, data_root: Path) -> None:
         self._name = meeting_name(data_root)
-        self._writer: asyncio.StreamWriter | None = None
         self._changed = asyncio.Condition()
-        self.about: Mapping[str, Any] | None = None
-        self.status: Mapping[str, Any] | None = None
+        self._followed: dict[Path, asyncio.Task[None]] = {}
+        self.live: dict[str, Live] = {}
         self.ended: Mapping[str, Any] | None = None
         self.number = 0
 
+    @property
+    def about(self) -> Mapping[str, Any] | None:
+        """What the session met first says of itself; None while none goes on."""
+        found = self.of()
+        return None if found is None else found.about
+
+    @property
+    def status(self) -> Mapping[str, Any] | None:
+        """How the session met first is."""
+        found = self.of()
+        return None if found is None else found.status
+
+    def of(self, which: str = "") -> Live | None:
+        """Return a session by its name, the first where it has ended or none is named."""
+        return self.live.get(which) or next(iter(self.live.values()), None)
+
     async def run(self) -> None:
-        """Follow one session after the other, until cancelled."""
-        while True:
-            for meeting in sorted(meeting_folder().glob(f"{self._name}-*.json")):
-                await self._follow(meeting)
-            await asyncio.sleep(LOOK_AGAIN_S)
+        """Follow the sessions until cancelled."""
+        try:
+            while True:
+                for meeting in sorted(meeting_folder().glob(f"{self._name}-*.json")):
+                    if meeting not in self._followed:
+                        following = asyncio.create_task(self._follow(meeting))
+                        self._followed[meeting] = following
+                        following.add_done_callback(
+                            lambda _, meeting=meeting: self._followed.pop(meeting, None)
+                        )
+                await asyncio.sleep(LOOK_AGAIN_S)
+        finally:
+            following_all = list(self._followed.values())
+            for following in following_all:
+                following.cancel()
+            await asyncio.gather(*following_all, return_exceptions=True)
 
     async def wait(self, number: int, timeout_s: float) -> None:
         """Wait until something has changed since `number`, but no longer than so long."""
@@ -49,15 +85,22 @@ class SessionWatch:
 
     async def wake(self) -> None:
         """End everybody's waiting, though nothing has changed."""
-        await self._note(self.about, self.status)
+        async with self._changed:
+            self.number += 1
+            self._changed.notify_all()
 
-    async def tell(self, command: Command) -> bool:
-        """Send a command; tell whether a session was there to take it."""
-        if self._writer is None:
+    async def tell(self, command: Command, which: str = "") -> bool:
+        """Send a command to a session (the first, where none is named); tell whether it was there.
+
+        One that has ended meanwhile takes none, and no other does in its place.
+        """
+        found = self.live.get(which) if which else self.of()
+        if found is None:
             return False
         try:
-            self._writer.write(line_of({"action": command.action, "text": command.text}))
-            await self._writer.drain()
+            asked = {"action": command.action, "text": command.text, "code": command.code}
+            found.writer.write(line_of(asked))
+            await found.writer.drain()
         except OSError:
             return False
         return True
@@ -74,34 +117,28 @@ class SessionWatch:
         except (OSError, ValueError, KeyError, TypeError):
             meeting.unlink(missing_ok=True)  # of a process that was killed
             return
+        found: Live | None = None
         try:
             writer.write(str(how["token"]).encode() + b"\n")
             about = _about(await asyncio.wait_for(reader.readline(), HELLO_S))
             if about is None:
                 meeting.unlink(missing_ok=True)  # another program has that port now
                 return
-            self._writer = writer
-            await self._note(about=about, status=None)
+            found = self.live[meeting.stem] = Live(about, writer)
+            await self.wake()
             while line := await reader.readline():
-                await self._note(about=self.about, status=json.loads(line))
+                found.status = json.loads(line)
+                await self.wake()
         except TimeoutError:
             return  # a busy session, or another program that waits to be spoken to
         except (OSError, ValueError):
             return  # it has ended, or is no session
         finally:
-            self._writer = None
             writer.close()
-            if self.about is not None:
-                self.ended = self.about
-                await self._note(about=None, status=None)
-
-    async def _note(
-        self, about: Mapping[str, Any] | None, status: Mapping[str, Any] | None
-    ) -> None:
-        async with self._changed:
-            self.about, self.status = about, status
-            self.number += 1
-            self._changed.notify_all()
+            if found is not None:
+                del self.live[meeting.stem]
+                self.ended = found.about
+                await self.wake()
 
 
 def _about(line: bytes) -> Mapping[str, Any] | None:

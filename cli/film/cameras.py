@@ -9,11 +9,12 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from cli.preview.pictures import Viewpoint, camera_of, framed, looking
+from cli.preview.pictures import Viewpoint, camera_of, framed
 from lab.clock import NS_PER_S
 from lab.errors import DesignError, UsageError
 from lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg, rotate, yaw_pitch_deg_of
 from stimuli.camera.director import CameraView, Director, FilmedPlace, Moment, Style, prepare
+from stimuli.camera.filming import camera_of_view, capsules
 from stimuli.camera.shots import ShotSize
 from stimuli.picture import Camera, Picture, Room
 
@@ -23,9 +24,6 @@ FOLLOW_TANGENT: Final = 0.6
 HEAD_ABOVE_EYES: Final = 1 / 0.936
 PEOPLE_EVERY_NS: Final = NS_PER_S // 5
 """How often people who may hide the subject are looked at anew."""
-PERSON_RADIUS_M: Final = 0.22
-TOP_ABOVE_HIPS_M: Final = 0.72
-FROM_ABOVE_FLOOR_M: Final = 0.3
 
 
 class CameraKind(StrEnum):
@@ -136,7 +134,7 @@ class ByTopology:
         view = self._director.view_at(t_ns)
         self._views.append([t_ns, *view.position_m.tolist(), *view.looks_at_m.tolist()])
         self._seen.append(self._director.sees_subject)
-        return _looking_at(view, self._style.fov_v_deg, self._aspect)
+        return camera_of_view(view, self._style.fov_v_deg, self._aspect)
 
     def decisions(self) -> Decisions:
         """Return what was decided so far."""
@@ -181,19 +179,6 @@ def _place_of(room: Room) -> FilmedPlace:
     return _PLACES[id(room)][1]
 
 
-def capsules(picture: Picture) -> Vector:
-    """Return one upright capsule (n, 7) for everybody."""
-    root = picture.people.root_m
-    low, high = root.copy(), root.copy()
-    low[:, 1], high[:, 1] = FROM_ABOVE_FLOOR_M, root[:, 1] + TOP_ABOVE_HIPS_M
-    return np.concatenate([low, high, np.full((len(root), 1), PERSON_RADIUS_M)], axis=1)
-
-
-def _looking_at(view: CameraView, fov_v_deg: float, aspect: float) -> Camera:
-    pose = looking(view.position_m, view.looks_at_m - view.position_m)
-    return framed(pose, float(np.tan(np.radians(fov_v_deg) / 2)), aspect)
-
-
 class AsDecided:
     """A film's camera once more, from the file of its decisions."""
 
@@ -216,7 +201,7 @@ class AsDecided:
         del picture, head
         i = max(0, int(np.searchsorted(self._views[:, 0], t_ns, side="right")) - 1)
         row = self._views[i]
-        return _looking_at(CameraView(row[1:4], row[4:7]), self._fov_v_deg, self._aspect)
+        return camera_of_view(CameraView(row[1:4], row[4:7]), self._fov_v_deg, self._aspect)
 
 
 def style_of(shot: ShotSize, cuts: Cuts) -> Style:

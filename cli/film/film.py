@@ -27,11 +27,9 @@ from cli.film.cameras import (
     Decisions,
     FilmCamera,
     FromViewpoint,
-    capsules,
     style_of,
 )
 from cli.film.on_page import write_page_film
-from cli.film.sheet import SEEN_FROM_01, FilmLog, Sheet
 from cli.film.stand_in import StandIn
 from cli.preview.pictures import SIMULATED, Viewpoint, labelled
 from cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
@@ -42,6 +40,8 @@ from lab.geometry import Vector, quat_conjugate, rotate
 from recording.reader import Recording
 from stage.identity import IdentityBuffer
 from stage.renderer import ON_PROCESSOR, Renderer
+from stimuli.camera.filming import capsules
+from stimuli.camera.sheet import SEEN_FROM_01, FilmLog, Sheet
 from stimuli.camera.shots import ShotSize
 from stimuli.dressing.picture_of import picture_of
 from stimuli.picture import Camera, Picture

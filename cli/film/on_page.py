@@ -17,7 +17,7 @@ from recording.reader import Recording
 from stimuli.picture import Picture
 from visavis.films import Film
 from visavis.opened import OpenedStudy
-from visavis.page.film_store import FilmStore, camera_of
+from visavis.page.film_store import FilmStore
 from visavis.page.seen import Question, SeenStep, seen_trial
 
 Pixels = npt.NDArray[np.uint8]
@@ -49,8 +49,8 @@ class FilmPictures:
             if film not in self._scenes and not self._decoded(film):
                 self._scenes[film] = list(self._store.pictures(film))
             if film in self._scenes:
-                picture = self._scenes[film][k]
-                self._made[film, k] = self._image(picture, camera_of(film), self.size_px(film))
+                picture, camera = self._scenes[film][k], self._store.cameras(film)[k]
+                self._made[film, k] = self._image(picture, camera, self.size_px(film))
         return self._made[film, k]
 
     def _decoded(self, film: Film) -> bool:

@@ -11,10 +11,10 @@ import contextlib
 import os
 import shutil
 import subprocess
-import threading
 from typing import Any
 
 from devices.byte_links import BytePeer
+from devices.testing.loop_thread import LoopThread
 from lab.clock import Clock
 from lab.errors import DeviceError
 
@@ -56,7 +56,7 @@ class PrivateBus:
             self._process.stdout.close()
 
 
-class FakeBluez:
+class FakeBluez(LoopThread):
     """Serve one adapter with one band until closed; a context manager.
 
     `is_near` false stops advertising and refuses connections; `drop` ends a connection as the
@@ -76,6 +76,7 @@ class FakeBluez:
         import dbus_fast
         import dbus_fast.aio
 
+        super().__init__()
         self.is_near = True
         self.packets: list[bytes] = []
         self._dbus: Any = dbus_fast
@@ -89,45 +90,13 @@ class FakeBluez:
         self._notify = f"{self._service}/char000d"
         self._is_known = self._is_connected = self._is_notifying = self._is_discovering = False
         self._bus: Any = None
-        self._failure: BaseException | None = None
-        self._ready = threading.Event()
-        self._loop = asyncio.new_event_loop()
-        self._stop: asyncio.Event | None = None
-        self._thread = threading.Thread(target=self._run, name="fake-bluez", daemon=True)
-        self._thread.start()
-        if not self._ready.wait(START_S) or self._failure is not None:
-            raise RuntimeError("the fake BlueZ did not start") from self._failure
-
-    def __enter__(self) -> "FakeBluez":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Leave the bus; re-raises what stopped the thread."""
-        stop = self._stop
-        if stop is not None and self._thread.is_alive():
-            self._loop.call_soon_threadsafe(stop.set)
-        self._thread.join()
-        self._loop.close()
-        failure, self._failure = self._failure, None
-        if failure is not None:
-            raise failure
+        self._begin("fake BlueZ", START_S)
 
     def drop(self) -> None:
         """End the connection from the band's side."""
         self._loop.call_soon_threadsafe(self._disconnected)
 
-    def _run(self) -> None:
-        try:
-            self._loop.run_until_complete(self._serve())
-        except Exception as failure:  # a thread top: close() hands it on
-            self._failure = failure
-            self._ready.set()
-
     async def _serve(self) -> None:
-        self._stop = asyncio.Event()
         self._bus = await self._dbus.aio.MessageBus(bus_address=self._bus_address).connect()
         try:
             self._bus.add_message_handler(self._handle)

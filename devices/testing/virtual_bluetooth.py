@@ -9,11 +9,11 @@ pairing and encryption, connection intervals (packets cross at once), other devi
 import asyncio
 import contextlib
 import os
-import threading
 from typing import Any, Literal
 
 from devices.byte_links import BytePeer
 from devices.testing.armband_pty import open_terminal
+from devices.testing.loop_thread import LoopThread
 from lab.clock import Clock
 from lab.errors import DeviceError
 
@@ -25,7 +25,7 @@ LE_PACKET_BYTES = 20
 RECORD = 0x00010001
 
 
-class VirtualBluetooth:
+class VirtualBluetooth(LoopThread):
     """Serve until closed; a context manager. `port` is what pyserial opens.
 
     `found_channel` is the RFCOMM channel that SDP told (classic). `drop` ends the connection from
@@ -33,52 +33,28 @@ class VirtualBluetooth:
     """
 
     def __init__(self, peer: BytePeer, clock: Clock, kind: Literal["classic", "le"]) -> None:
+        super().__init__()
         self.found_channel: int | None = None
         self._peer, self._clock, self._kind = peer, clock, kind
         self._own, self._other, self.port = open_terminal(blocking=False)
-        self._failure: BaseException | None = None
-        self._ready = threading.Event()
-        self._loop = asyncio.new_event_loop()
-        self._stop: asyncio.Event | None = None
         self._to_host: Any = None
         self._to_band: Any = None
         self._connection: Any = None
         self._is_up = False
         self._writing = asyncio.Lock()
         self._outbox: set[asyncio.Future[None]] = set()
-        self._thread = threading.Thread(target=self._run, name="virtual-bluetooth", daemon=True)
-        self._thread.start()
-        if not self._ready.wait(START_S) or self._failure is not None:
-            raise RuntimeError("the virtual Bluetooth did not start") from self._failure
-
-    def __enter__(self) -> "VirtualBluetooth":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
+        self._begin("virtual Bluetooth", START_S)
 
     def close(self) -> None:
         """End both sides and the terminal; re-raises what stopped the thread."""
-        stop = self._stop
-        if stop is not None and self._thread.is_alive():
-            self._loop.call_soon_threadsafe(stop.set)
-        self._thread.join()
-        self._loop.close()
-        self._hang_up()
-        failure, self._failure = self._failure, None
-        if failure is not None:
-            raise failure
+        try:
+            super().close()
+        finally:
+            self._hang_up()
 
     def drop(self) -> None:
         """End the connection and wait until the terminal has hung up."""
         asyncio.run_coroutine_threadsafe(self._drop(), self._loop).result(START_S)
-
-    def _run(self) -> None:
-        try:
-            self._loop.run_until_complete(self._serve())
-        except Exception as failure:  # a thread top: close() hands it on
-            self._failure = failure
-            self._ready.set()
 
     async def _serve(self) -> None:
         from bumble.controller import Controller
@@ -88,7 +64,6 @@ class VirtualBluetooth:
         from bumble.link import LocalLink
         from bumble.transport.common import AsyncPipeSink
 
-        self._stop = asyncio.Event()
         link: Any = LocalLink()  # type: ignore[no-untyped-call]  # bumble leaves it so
         devices = []
         for name, address in (("computer", "F0:F1:F2:F3:F4:F5"), ("band", "F5:F4:F3:F2:F1:F0")):

@@ -55,7 +55,8 @@ class CrowdParameters:
     `quiet_after_ms` silences the bands when the body tracker says nothing or stands still.
     `limit_s` ends a walk that does not come back.
     `tracking_side_m` is the side of the tracked area. `record_gaze` connects the lab's eye tracker
-    too, which the study does not need.
+    too, which the study does not need. `murmur` is a WAV file of a station's sound, heard
+    from two loudspeakers in its far corners; the source had none.
     """
 
     density_per_m2: float = DENSITY_PER_M2
@@ -71,6 +72,7 @@ class CrowdParameters:
     intertrial_s: float = 2.0
     tracking_side_m: float = ROOM_SIDE_M
     record_gaze: bool = False
+    murmur: str = ""
 
     @property
     def vibration(self) -> VibrationPattern:

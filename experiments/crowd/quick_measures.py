@@ -15,9 +15,10 @@ from scipy.spatial import Delaunay
 
 from analysis.cells import folded_angle_deg
 from analysis.gait import walk_measures
+from lab.body_joints import BODY_JOINTS
 from lab.clock import NS_PER_S
 from lab.geometry import Vector
-from stimuli.contact.body import BODY_JOINTS, capsule_body
+from stimuli.contact.body import capsule_body
 from stimuli.contact.common import volumes_along
 from stimuli.contact.figures import crowd_figures
 from stimuli.contact.idle import people_of

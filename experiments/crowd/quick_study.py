@@ -19,11 +19,12 @@ from experiments.crowd.quick_measures import (
     people_of_crowd,
     quick_measures,
 )
+from lab.body_joints import BODY_JOINTS
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.geometry import Vector
 from protocol.plan import SessionPlan, Trial
 from protocol.questionnaires import Questionnaire, score
-from stimuli.contact.body import ARM_JOINTS, BODY_JOINTS, capsule_body
+from stimuli.contact.body import ARM_JOINTS, capsule_body
 from stimuli.contact.figures import crowd_figures
 from stimuli.contact.touch import REACH_M, rows_touching
 from stimuli.scenes.station_crowd import CrowdScene, can_read, station_crowd, station_frame

@@ -10,12 +10,13 @@ import numpy.typing as npt
 
 from analysis.gait import resampled
 from devices.segment_watch import SegmentWatch
+from lab.body_joints import BODY_JOINTS
 from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import DataError, UsageError
 from lab.geometry import Vector
 from recording.integrity import analysed_trials
 from recording.reader import Recording
-from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M
+from stimuli.contact.body import REFERENCE_STATURE_M
 from stimuli.contact.idle import people_of
 from stimuli.scenes.station_crowd import Crowd
 

@@ -57,6 +57,8 @@ if TYPE_CHECKING:
     from visavis.quick import TrackerModel
 
 NOMINAL_TRIAL_S: Final = 65.0
+MURMUR_FROM_M: Final = ((-8.0, 3.0, -8.0), (8.0, 3.0, -8.0))
+"""Where loudspeakers of the station hang, beyond the crowd."""
 METHODS: Final = f"""
 Participants walked through crowds of idle people in a station ({{density_per_m2}} per square
 metre), to a board and back, in blocks of fixed order: without haptics, with armbands that answer
@@ -154,6 +156,10 @@ def prepare(experiment: StudyExperiment) -> list[Callable[[], object]]:
 @study.trial
 def trial(t: TrialScript) -> Generator[Any, Any, Any]:
     """Walk through the crowd to the board and back; contact is answered at once."""
+    if t.murmur:
+        for side, corner_m in zip(("left", "right"), MURMUR_FROM_M, strict=True):
+            sound = Path(t.murmur).absolute()
+            yield t.play(sound, at=corner_m, loops=True, wait="no", name=f"murmur_{side}")
     if t.is_read:
         yield t.wait(NOMINAL_TRIAL_S)
         yield Show(station_frame(crowd_scene(t.trial, t.density_per_m2)[1], 0))

@@ -14,10 +14,11 @@ from analysis.collisions import (
     union,
 )
 from analysis.collisions.skinned import Bodies, SkinnedBody, pack
+from lab.body_joints import BODY_JOINTS
 from lab.geometry import Vector
 from stimuli.characters.character import Character, SkinnedMesh
 from stimuli.characters.closing import collision_mesh
-from stimuli.contact.body import BODY_JOINTS, capsule_body
+from stimuli.contact.body import capsule_body
 from stimuli.contact.figures import crowd_figures
 from stimuli.dressing.casting import default_casting
 from stimuli.scenes.station_crowd import CHARACTERS

@@ -32,6 +32,8 @@ class StareParameters:
     trial's end, at most, for samples taken before the end that have not arrived yet. The training
     lasts as long as the participant likes: from `practice_s` on the operator's space bar or a key
     of the participant ends it (at once where nobody watches), at the latest `practice_limit_s`.
+    `voice` is a WAV file in which the speaker talks, heard from where they stand; the source had
+    none.
     """
 
     trial_s: float = 16.0
@@ -44,6 +46,7 @@ class StareParameters:
     look_trigger_ms: float = 0.0
     switch_at_01: float = 0.5
     drain_ms: float = 50.0
+    voice: str = ""
 
 
 DEFAULT_PARAMETERS: Final = StareParameters()

@@ -3,7 +3,7 @@
 After Raimbaud et al. (2022) and Jovane (2023).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import asdict
 from functools import lru_cache, partial
 from pathlib import Path
@@ -29,9 +29,9 @@ from protocol.columns import Column
 from protocol.design import Factor
 from protocol.parameters import known_of
 from protocol.plan import SessionPlan
-from protocol.steps import Plan, Show
+from protocol.steps import Show
 from stimuli.scene import SceneFrame
-from stimuli.scenes.audience import DRESSED_BY
+from stimuli.scenes.audience import DRESSED_BY, SPEAKER_EYE_M
 from visavis.analysis import Conclusion, StudyAnalysis
 from visavis.experiment import StudyExperiment
 from visavis.looks import LooksOn
@@ -141,8 +141,11 @@ def check(parameters: Mapping[str, Any]) -> None:
 
 
 @study.trial
-def trial(t: TrialScript) -> Plan:
+def trial(t: TrialScript) -> Generator[Any, Any, Any]:
     """Show the audience; the active agent's gaze may change with a look at it."""
+    if t.voice:
+        x, y, z = SPEAKER_EYE_M.tolist()
+        yield t.play(Path(t.voice).absolute(), at=(x, y, z), loops=True, wait="no", name="voice")
     return (yield from run_trial(t.trial, known_of(StareParameters, t.settings.parameters)))
 
 

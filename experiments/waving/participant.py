@@ -19,7 +19,7 @@ from experiments.waving.judgement import (
     draw_person,
     judge,
 )
-from experiments.waving.perception import evidence_of
+from experiments.waving.perception import Evidence, evidence_of
 from lab.chance import generator
 from lab.errors import DataError
 from lab.geometry import Vector
@@ -36,7 +36,7 @@ from stimuli.scenes.office import (
 )
 from visavis.body import POINT_S, StandingBody
 
-_PERSON, TRIAL_STREAM, _BODY, _ANSWER = range(4)
+_PERSON, _TRIAL, _BODY, _ANSWER = range(4)
 EYE_HEIGHT_SD_M: Final = 0.06
 HAND_AT_M: Final = (0.26, 1.12, -0.30)
 HAND_REST: Final = (0.30, 0.75, -1.0)
@@ -125,6 +125,12 @@ class WavingParticipant(StandingBody):
             self._panel_text = view.panels[0].text
             self._decide(scene, view.panels[0], t_s)
 
+    def judges(self, evidence: Evidence, place: str, stretch: int) -> Judgement:
+        """Return what this person, who stands at `place`, makes of a wave seen in a stretch."""
+        own = [c.name for c in CUSTOMERS].index(place)
+        rng = self.rng(_TRIAL, stretch)
+        return judge(evidence, own, self.person, self.population, rng, effect=self._effect)
+
     def _judged(self, scene: OfficeScene) -> Judgement:
         if self._judgement is None:
             if scene.waving is None or self._gaze is None:
@@ -133,11 +139,7 @@ class WavingParticipant(StandingBody):
             evidence = evidence_of(
                 scene.waving, scene.participant_place, eye, self._gaze, self._warp
             )
-            own = [c.name for c in CUSTOMERS].index(scene.participant_place)
-            rng = self.rng(TRIAL_STREAM, self.stretch())
-            self._judgement = judge(
-                evidence, own, self.person, self.population, rng, effect=self._effect
-            )
+            self._judgement = self.judges(evidence, scene.participant_place, self.stretch())
         return self._judgement
 
     def _choice(self, question: str) -> int:

@@ -2,35 +2,20 @@
 
 from typing import Final
 
-import numpy as np
-import numpy.typing as npt
 import pandas as pd
-from matplotlib.figure import Figure
 
-from analysis.plots import BLACK, draw, new_figure
 from analysis.report import Block, Column, Paragraph, Section, Table
 from analysis.report.notation import counted, decimal, fraction, percentage
 from experiments.waving.clips import TECHNIQUES
 from experiments.waving.study import DIRECTIONS, PLACES
-from protocol.columns import Column as Described
 from visavis.analysis import StudyAnalysis
 from visavis.experiment import StudyExperiment
-from visavis.report import picture_of
 from visavis.sections import Extra
 from visavis.texts import label_of
 
 ENOUGH_ON_TARGET_01: Final = 0.8
 """Share of frames on target below which the report says that warping missed its target."""
 TOLD: Final = ("left", "self", "right", "farther")
-
-
-def confusion(trials: pd.DataFrame, technique: str | None = None) -> npt.NDArray[np.int64]:
-    """Return how often a place (row) was answered as a place (column), (5, 5)."""
-    chosen = trials if technique is None else trials[trials["technique"] == technique]
-    counts = np.zeros((len(PLACES), len(PLACES)), dtype=np.int64)
-    for target, who in zip(chosen["target_place"], chosen["who"], strict=True):
-        counts[PLACES.index(str(target)), PLACES.index(str(who))] += 1
-    return counts
 
 
 def relative_confusion(trials: pd.DataFrame) -> pd.DataFrame:
@@ -47,66 +32,18 @@ def relative_confusion(trials: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def places_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
-    """Return answers by place: a confusion matrix, and what was taken for one's neighbour's."""
-    trials, texts = analysis.selection.counted, experiment.texts
-    drawn = draw(
-        "confusion",
-        lambda: _matrices(trials, [label_of(texts, t) for t in TECHNIQUES]),
-        title="Who was waved at, and who was taken to be",
-        caption="Places from the participants' left (1) to right (5). Shades and numbers: "
-        "share of the answers in a row; counts below.",
-        alternative="Confusion matrices of five places for both techniques.",
-        is_simulated=analysis.is_simulated,
-    )
+def relative_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
+    """Return answers relative to one's own place: were waves at neighbours taken for one's own?"""
+    texts = experiment.texts
     rows = []
-    for row in relative_confusion(trials).to_dict("records"):
+    for row in relative_confusion(analysis.selection.counted).to_dict("records"):
         total = max(sum(int(row[c]) for c in TOLD), 1)
         wave = f"{label_of(texts, str(row['technique']))}, {label_of(texts, str(row['direction']))}"
         rows.append((wave, *(fraction(int(row[c]) / total) for c in TOLD)))
-    every = confusion(trials)
-    right = float(np.trace(every)) / max(int(every.sum()), 1)
     heads = (Column("Wave"), *(Column(h.capitalize(), "right") for h in TOLD))
-    said = (
-        f"{fraction(right)} of all {int(every.sum())} answers named the right place among "
-        f"{len(PLACES)}."
-    )
+    said = "Shares of the answers to waves of a kind."
     table = Table(heads, tuple(rows), "Answers relative to one's own place, as shares", said)
-    section = Section("places", "Answers by place", (picture_of(drawn), table))
-    places = tuple(Described(p, "1", f"answers that named {p}") for p in PLACES)
-    return Extra(section, (drawn,), {"confusion": confusion_table(trials)}, places)
-
-
-def confusion_table(trials: pd.DataFrame) -> pd.DataFrame:
-    """Return the confusion matrices as one table, a row per technique and place waved at."""
-    rows: list[dict[str, str | int]] = [
-        {"technique": technique, "target_place": place}
-        | {p: int(n) for p, n in zip(PLACES, counts, strict=True)}
-        for technique in TECHNIQUES
-        for place, counts in zip(PLACES, confusion(trials, technique), strict=True)
-    ]
-    return pd.DataFrame(rows)
-
-
-def _matrices(trials: pd.DataFrame, names: list[str]) -> Figure:
-    figure = new_figure(8.4, 4.2)
-    every = figure.subplots(1, 2, sharey=True)
-    for axes, technique, name in zip(every, TECHNIQUES, names, strict=True):
-        counts = confusion(trials, technique)
-        shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-        axes.imshow(shares, vmin=0, vmax=1, cmap="Blues")
-        for i, j in np.argwhere(counts):
-            axes.text(
-                j, i, f"{fraction(shares[i, j])}\n{counts[i, j]}", ha="center", va="center",
-                fontsize=7.5, color="white" if shares[i, j] > 0.55 else BLACK,
-            )  # fmt: skip
-        axes.set_xticks(range(5), [str(k) for k in range(1, 6)])
-        axes.set_yticks(range(5), [str(k) for k in range(1, 6)])
-        axes.set_xlabel("Answered place")
-        axes.set_title(name.capitalize())
-        axes.grid(visible=False)
-    every[0].set_ylabel("Place waved at")
-    return figure
+    return Extra(Section("relative", "Answers relative to one's own place", (table,)))
 
 
 def warping_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:

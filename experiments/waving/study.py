@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from dataclasses import asdict, astuple, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -59,6 +59,7 @@ from stimuli.scenes.office import (
     shift_m,
 )
 from visavis.compare import Compare, published_f
+from visavis.confusion import Confusion
 from visavis.exclusions import STANDARD_RULES, needs_answer
 from visavis.experiment import StudyExperiment
 from visavis.measures import column
@@ -67,6 +68,10 @@ from visavis.responses import Choice, Rating
 from visavis.scenes import WithEyes, places
 from visavis.study import Source, Study
 from visavis.trial import TrialScript
+
+if TYPE_CHECKING:
+    from experiments.waving.participant import WavingParticipant
+    from visavis.quick import TrackerModel
 
 DIRECTIONS: Final = ("self", "left", "right")
 """Who is waved at: the participant, the customer to the left, the customer to the right."""
@@ -187,7 +192,10 @@ study = Study(
         replace(COMPARED, dv="who_ms", published=None, exploratory=True),
     ],
     sections=[
-        "experiments.waving.sections:places_section",
+        Confusion(
+            "target_place", "who", by="technique", title="Who was waved at, and who answered"
+        ),
+        "experiments.waving.sections:relative_section",
         "experiments.waving.sections:warping_section",
     ],
     source=Source(
@@ -426,6 +434,14 @@ def person(
 
     asked = {text: response.name for text, response in experiment.words.items()}
     return WavingParticipant(index, seed, effect, asked=asked)
+
+
+@study.quick
+def quick(experiment: StudyExperiment, person: "WavingParticipant", tracker: "TrackerModel") -> Any:
+    """Return what performs a plan in a moment, once what can be seen of each wave is known."""
+    from experiments.waving.quick_study import quick_trials  # late: it imports this module
+
+    return partial(quick_trials, person, making=making_of(experiment.parameters))
 
 
 def _office_shown(

@@ -242,6 +242,11 @@ class Director:
         return CameraView(position, look)
 
     @property
+    def cut_ns(self) -> tuple[int, ...]:
+        """When it cut so far; the beginning is no cut."""
+        return tuple(cut.t_ns for cut in self.cuts[1:])
+
+    @property
     def sees_subject(self) -> bool:
         """Whether nothing hid the subject's head at the last decision."""
         return self._hidden == 0

@@ -7,34 +7,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from lab.body_joints import BODY_JOINTS
 from lab.geometry import Vector, rotate
 from stimuli.motion.skeleton import canonical_skeleton
 
 REFERENCE_STATURE_M: Final = 1.75
-
-BODY_JOINTS: Final[tuple[str, ...]] = (
-    "hips",
-    "spine",
-    "chest",
-    "upper_chest",
-    "neck",
-    "head",
-    *(
-        f"{side}_{part}"
-        for side in ("left", "right")
-        for part in (
-            "shoulder",
-            "upper_arm",
-            "lower_arm",
-            "hand",
-            "upper_leg",
-            "lower_leg",
-            "foot",
-            "toes",
-        )
-    ),
-)
-"""Joints of the canonical skeleton that carry a body's shape; parents before children."""
 
 _FRACTIONS: Final[dict[str, tuple[tuple[float, ...], tuple[float, ...], float]]] = {
     "hips": ((-0.050, -0.010, 0.0), (0.050, -0.010, 0.0), 0.066),

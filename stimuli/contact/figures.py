@@ -10,10 +10,11 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lab.body_joints import BODY_JOINTS
 from lab.geometry import Vector
 from stimuli.characters.character import Character
 from stimuli.characters.closing import collision_mesh
-from stimuli.contact.body import BODY_JOINTS, CAPSULE_JOINTS, bones
+from stimuli.contact.body import CAPSULE_JOINTS, bones
 from stimuli.dressing.casting import build_of, default_casting
 from stimuli.scenes.station_crowd import CHARACTERS
 

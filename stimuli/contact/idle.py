@@ -9,9 +9,9 @@ from typing import Final, Literal
 
 import numpy as np
 
+from lab.body_joints import BODY_JOINTS
 from lab.compiled import compiled
 from lab.geometry import Vector
-from stimuli.contact.body import BODY_JOINTS
 from stimuli.contact.figures import Figures, crowd_figures
 from stimuli.gaze.gaze_shift_kernels import turn_rows
 from stimuli.motion import posture as p

@@ -1,4 +1,4 @@
-"""A few people in a plain room as a picture, and as agents whose heads are where they are drawn."""
+"""A few people in a room as a picture, and as agents whose heads are where they are drawn."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -9,6 +9,7 @@ import numpy as np
 from stimuli.characters.character import Character
 from stimuli.dressing.casting import Casting, build_of, default_casting
 from stimuli.dressing.office import HEAD_RADIUS_M, gaze_of, look_of
+from stimuli.dressing.picture_of import named_function
 from stimuli.gaze.turning import Aimed
 from stimuli.motion.kinds import Idle, Sit
 from stimuli.motion.people import HeldHeads, PeopleMotion, Person
@@ -27,7 +28,10 @@ class _Set:
     motion: PeopleMotion
 
 
-def _room(people: tuple[Standing, ...]) -> Room:
+def _room(people: tuple[Standing, ...], room_by: str) -> Room:
+    if room_by:
+        made: Room = named_function(room_by, "makes this scene's room")()
+        return made
     return plain_room(
         tuple((p.x_m, p.z_m, p.yaw_deg, p.does.seat_m) for p in people if isinstance(p.does, Sit))
     )
@@ -81,7 +85,7 @@ def gathering_picture(frame: SceneFrame, *, casting: Casting = default_casting) 
     t_s = max(0.0, (frame.t_ns - start_ns) * 1e-9)
     return Picture(
         t_ns=frame.t_ns,
-        room=_room(people),
+        room=_room(people, scene.room_by if isinstance(scene, GatheringScene) else ""),
         cast=dressed.cast,
         people=dressed.motion.at(t_s, gaze_of(frame)),
         brightness_01=scene.brightness_01,

@@ -3,7 +3,7 @@
 import importlib
 from collections.abc import Callable
 from functools import cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -24,20 +24,26 @@ def picture_of(frame: SceneFrame) -> Picture:
     """
     scene = frame.scene
     if scene.dressed_by:
-        return _dresser(scene.dressed_by)(frame)
+        dressed: Picture = named_function(scene.dressed_by, "dresses this scene")(frame)
+        return dressed
     return Picture(
         frame.t_ns, NOWHERE, (), NOBODY, brightness_01=scene.brightness_01, mark_m=scene.mark_m
     )
 
 
 @cache
-def _dresser(dressed_by: str) -> Callable[[SceneFrame], Picture]:
-    module, _, name = dressed_by.partition(":")
+def named_function(named: str, purpose: str) -> Callable[..., Any]:
+    """Return the function that "module:function" names.
+
+    Raises:
+        DesignError: it cannot be imported; `purpose` says what nothing does then.
+    """
+    module, _, name = named.partition(":")
     try:
-        found: Callable[[SceneFrame], Picture] = getattr(importlib.import_module(module), name)
+        found: Callable[..., Any] = getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError, ValueError) as error:
         raise DesignError(
-            f"nothing dresses this scene: {dressed_by!r} cannot be imported ({error}); write "
-            "dressed_by as module:function"
+            f"nothing {purpose}: {named!r} cannot be imported ({error}); write it as "
+            "module:function"
         ) from error
     return found

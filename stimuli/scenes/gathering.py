@@ -1,4 +1,4 @@
-"""A few people who stand or sit before the participant, each doing something: places as data.
+"""A few people before the participant or about a place, each doing something: places as data.
 
 World frame: the participant's eyes are above the origin and look along −z.
 """
@@ -6,13 +6,15 @@ World frame: the participant's eyes are above the origin and look along −z.
 from dataclasses import dataclass
 
 from stimuli.motion.kinds import Kind
+from stimuli.motion.people import Doing
 from stimuli.scene import Scene
 
 
 @dataclass(frozen=True)
 class Standing:
     """One person: who plays them, the name of their place, (x, z) in metres on the floor, the turn
-    about the vertical (0 faces −z, positive to their left), and what they do from the onset on.
+    about the vertical (0 faces −z, positive to their left), and what they do from the onset on, one
+    thing or several in turn.
     """
 
     character: str
@@ -20,14 +22,18 @@ class Standing:
     x_m: float
     z_m: float
     yaw_deg: float
-    does: Kind
+    does: Kind | tuple[Doing, ...]
     seed: int = 0
 
 
 @dataclass(frozen=True)
 class GatheringScene(Scene):
-    """People in a plain room; `start_ns` is the session time at which they begin."""
+    """People in a room; `start_ns` is the session time at which they begin.
+
+    `room_by` names what makes the room ("module:function"), a plain one where it is left out.
+    """
 
     people: tuple[Standing, ...] = ()
     start_ns: int = 0
+    room_by: str = ""
     dressed_by: str = "stimuli.dressing.gathering:gathering_picture"

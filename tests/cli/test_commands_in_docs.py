@@ -23,6 +23,14 @@ PAGES = sorted(
 FENCED = re.compile(r"^```\w*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`(?:\.venv/bin/)?(visavis [^`]+)`")
 TYPED = re.compile(r"^(?:\$ )?(?:\.venv/bin/)?(visavis .+)$", re.MULTILINE)
+SECTION = re.compile(r"^(?=#{1,2} )", re.MULTILINE)
+MEASURED = re.compile(
+    r"\b((took|came to)\b[^.|]{0,20}\d|(was|were) measured|[Pp]roven|processor seconds|CPU s\b|p99"
+    r"|percentile|on a (quiet|busy|shared) computer|(samples|frames) a second|F1 of)"
+    r"|[|] (simulated|measured) [|]"
+)
+"""Words that go with a figure that somebody found rather than chose."""
+PRINTED_BY = re.compile(r"(?:python -m |`)((?:benchmarks|tests|tools)\.[a-z_.]+)")
 OF_PAST_VERSIONS = "CHANGELOG.md"
 OUR_CODE = ("cli", "devices", "lab", "protocol", "recording", "stage", "visavis")
 
@@ -65,6 +73,43 @@ def test_every_command_on_a_page_exists_with_its_options() -> None:
         if (said := problem_of(words))
     }
     assert {} == problems
+
+
+def unfounded(text: str) -> list[str]:
+    """Return the measured figures of sections that name no command that prints them."""
+    told = []
+    for section in SECTION.split(FENCED.sub(lambda block: block[1], text)):
+        if not PRINTED_BY.search(section):
+            for paragraph in re.split(r"\n\s*\n", section):
+                flat = " ".join(paragraph.split())
+                if MEASURED.search(flat) and re.search(r"\d", flat):
+                    told.append(flat[:120])
+    return told
+
+
+def test_a_section_with_a_measured_figure_names_the_command_that_prints_it() -> None:
+    pages = [
+        p for p in PAGES if p.parent.name in ("docs", ROOT.name) and p.name != OF_PAST_VERSIONS
+    ]
+    problems = {p.name: found for p in pages if (found := unfounded(p.read_text("utf-8")))}
+    assert {} == problems
+
+
+def test_a_figure_without_a_command_is_found() -> None:
+    assert ["A film took 12 s."] == unfounded("# Films\n\nA film took 12 s.\n")
+    assert [] == unfounded("# Films\n\nA film took 12 s (`python -m benchmarks.page_films`).\n")
+
+
+def test_every_command_that_prints_figures_exists() -> None:
+    pages = [p for p in PAGES if p.name != OF_PAST_VERSIONS]
+    named = {n.rstrip(".") for p in pages for n in PRINTED_BY.findall(p.read_text("utf-8"))}
+    assert len(named) > 30
+    missing = []
+    for name in named:
+        place = ROOT.joinpath(*name.split("."))
+        if not (place.is_dir() or place.with_suffix(".py").exists()):
+            missing.append(name)
+    assert [] == missing
 
 
 def test_a_misspelt_verb_and_option_are_found() -> None:

@@ -102,6 +102,28 @@ def test_a_note_is_typed_corrected_and_sent_with_enter() -> None:
     assert [Command(Action.PAUSE)] == keys.feed("p")
 
 
+def test_a_reason_is_chosen_by_its_number_and_may_have_words() -> None:
+    keys = KeyInterpreter({"unwell": "feels unwell", "noise": "noise outside"})
+
+    assert [] == keys.feed("s")
+    assert "1 feels unwell   2 noise outside" in keys.entry_line
+    assert [Command(Action.SKIP, "dizzy", "unwell")] == keys.feed("1dizzy\r")
+    assert [Command(Action.SKIP, "3 people came", "")] == keys.feed("s" + " 3 people came\r")
+    assert [Command(Action.FLAG), Command(Action.REASON, "", "noise")] == keys.feed("fw2\r")
+    assert [] == keys.feed("w\r")  # nothing was given
+    assert [] == keys.feed("w9\x1b")  # there is no ninth
+
+
+def test_numbers_stay_the_participants_answers_until_a_reason_is_asked_for() -> None:
+    keys = KeyInterpreter()
+
+    assert [Command(Action.FLAG), Command(Action.ANSWER, "3")] == keys.feed("f3")
+    keys.feed("f")
+    assert "W says why" in keys.entry_line
+    keys.feed("z")
+    assert "" == keys.entry_line
+
+
 def test_a_forgotten_note_leaves_the_keys_as_they_were() -> None:
     keys = KeyInterpreter()
 

@@ -11,7 +11,12 @@ from typer.testing import CliRunner
 from cli.app import load_lab
 from cli.main import app
 from cli.studies import study_here
+from lab.clock import SimClock
 from lab.errors import LedgerError, RecordingError, UsageError
+from protocol.ledger import Ledger
+from recording.folder import create_session
+from recording.manifest import Manifest
+from recording.provenance import provenance
 from tests.faults.sessions import CONFIG
 from visavis.sessions.data_root import DataDisk
 from visavis.sessions.study_folder import StudySettings, read_settings
@@ -114,6 +119,30 @@ def test_a_place_can_be_taken_over_from_the_command_line(lab_config: Path) -> No
         lab_config, "participant", "add", "stare", "--replaces", "01B", "--devices", "real"
     )
     assert "1" == place_of(taken)
+
+
+@pytest.mark.parametrize(("where", "status"), [("browser", "withdrawing"), ("devices", "active")])
+def test_withdrawing_who_is_at_a_page_is_left_to_its_server_and_refused_elsewhere(
+    lab_config: Path, where: str, status: str
+) -> None:
+    visavis(lab_config, "participant", "add", "stare", "--devices", "real")
+    root = lab_config.parent / "data"
+    manifest = Manifest(
+        "stare", "01B", 1, False, {}, 1, {"on": where, "devices": {}}, (), "", "", provenance()
+    )
+    gone = ("participant", "withdraw", "stare", "01B", "--yes", "--devices", "real")
+    with create_session(root, manifest) as folder:
+        if where == "browser":
+            assert "01B is at a page now" in " ".join(visavis(lab_config, *gone).split())
+        else:
+            with pytest.raises(UsageError, match="is running; end it first"):
+                visavis(lab_config, *gone)
+        assert folder.path.exists()
+    ledger = Ledger(root / "real" / "stare", SimClock())
+    assert [status] == [entry.status for entry in ledger.list()]
+    visavis(lab_config, *gone)
+    assert ["withdrawn"] == [entry.status for entry in ledger.list()]
+    assert not folder.path.exists()
 
 
 def test_other_parameters_than_those_begun_with_are_refused_by_name(lab_config: Path) -> None:

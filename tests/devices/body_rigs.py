@@ -3,11 +3,11 @@
 import numpy as np
 
 from devices.faults import FaultSchedule
-from devices.pump import Pump
 from devices.transports import MemoryTransport
-from lab.clock import NS_PER_S, SimClock
+from lab.clock import SimClock
 from lab.geometry import quat_multiply
 from tests.devices.bodies import FixatingBody
+from tests.devices.rigs import PumpedRig
 
 YAW = np.array([np.cos(0.3), 0.0, np.sin(0.3), 0.0])
 AXES = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])
@@ -30,7 +30,7 @@ class WalkingBody(FixatingBody):
         pass
 
 
-class BodyRig:
+class BodyRig(PumpedRig):
     """One body tracker pumped at 90 Hz on a virtual clock."""
 
     def __init__(self, simulate, drive, *faults, seed=1, wrap=None, **simulator):
@@ -40,26 +40,4 @@ class BodyRig:
         self.simulator = simulate(self.body, self.clock, seed=seed, faults=schedule, **simulator)
         wire = MemoryTransport(self.simulator, self.clock)
         self.driver = drive("body", wrap(wire, self.clock) if wrap else wire, self.clock)
-        self.batches = []
-        self.pump = Pump(self.driver, self.batches.append, self.clock)
-
-    def start(self):
-        self.driver.open(2.0)
-        self.pump.start()
-        return self
-
-    def run(self, seconds):
-        end_ns = self.clock.now_ns() + round(seconds * NS_PER_S)
-        while self.clock.now_ns() < end_ns:
-            self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_S // 90)
-            self.pump.step()
-        return self
-
-    def column(self, name):
-        return np.concatenate([batch.values[name] for batch in self.batches])
-
-    def stamps(self, name):
-        return np.concatenate([getattr(batch, name) for batch in self.batches])
-
-    def messages(self):
-        return " | ".join(fault.message for fault in self.pump.faults())
+        self.listen()

@@ -18,6 +18,7 @@ ROLES = {
     "responses": "responses",
     "body tracker": "body_tracker",
     "armband": "armband_left_forearm",
+    "sound output": "sound",
     "triggers": "triggers",
     "other": "eeg",
 }
@@ -88,6 +89,7 @@ def checks_of(driver):
         "body tracker": conformance.check_body_tracker,
         "responses": conformance.check_response_input,
         "armband": conformance.check_armband,
+        "sound output": conformance.check_sound_output,
         "triggers": conformance.check_trigger_output,
     }
     kind = built_in()[driver].kind

@@ -2,8 +2,6 @@
 
 import contextlib
 
-import numpy as np
-
 from devices import conformance
 from devices.faults import FaultSchedule, WireFault
 from devices.pump import Pump
@@ -12,13 +10,14 @@ from devices.transports import MemoryTransport
 from devices.wirelog import ReplayTransport, TeeTransport
 from lab.clock import NS_PER_S, SimClock
 from tests.devices.bodies import FixatingBody
+from tests.devices.rigs import PumpedRig
 
 PERFECT = TrackerErrorModel(
     offset_deg=0, eye_offset_deg=0, gain_sd_01=0, white_deg=0, slow_deg=0, latency_jitter_ms=0
 )
 
 
-class GazeRig:
+class GazeRig(PumpedRig):
     """One eye tracker, pumped at 90 Hz on a virtual clock."""
 
     def __init__(
@@ -31,29 +30,7 @@ class GazeRig:
         wire = MemoryTransport(self.simulator, self.clock)
         wire = wrap(wire, self.clock) if wrap else wire
         self.driver = driver("eyes", wire, self.clock, **(options or {}))
-        self.batches = []
-        self.pump = Pump(self.driver, self.batches.append, self.clock)
-
-    def start(self):
-        self.driver.open(2.0)
-        self.pump.start()
-        return self
-
-    def run(self, seconds):
-        end_ns = self.clock.now_ns() + round(seconds * NS_PER_S)
-        while self.clock.now_ns() < end_ns:
-            self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_S // 90)
-            self.pump.step()
-        return self
-
-    def column(self, name):
-        return np.concatenate([batch.values[name] for batch in self.batches])
-
-    def stamps(self, name):
-        return np.concatenate([getattr(batch, name) for batch in self.batches])
-
-    def messages(self):
-        return " | ".join(fault.message for fault in self.pump.faults())
+        self.listen()
 
     def kinds(self):
         return [event.kind for event in self.pump.take_events()]

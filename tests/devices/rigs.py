@@ -1,4 +1,4 @@
-"""Build a Pupil Core driver on a simulated wire, and drive it through virtual time."""
+"""A driver on a simulated wire driven through virtual time, and such a Pupil Core."""
 
 import numpy as np
 
@@ -11,18 +11,10 @@ from lab.clock import NS_PER_S, SimClock
 from tests.devices.bodies import FixatingBody
 
 
-class Rig:
-    """One eye tracker, pumped at 90 Hz on a virtual clock."""
+class PumpedRig:
+    """One `driver` on the virtual `clock`; a subclass sets both, then calls `listen`."""
 
-    def __init__(self, *faults, seed=1, body=None, wrap=None, **simulator):
-        self.clock = SimClock()
-        self.body = body if body is not None else FixatingBody(5.0, 3.0)
-        schedule = FaultSchedule.from_config(faults)
-        self.simulator = PupilCoreSimulator(
-            self.body, clock=self.clock, seed=seed, faults=schedule, **simulator
-        )
-        wire = MemoryTransport(self.simulator, self.clock)
-        self.driver = PupilCore("eyes", wrap(wire, self.clock) if wrap else wire, self.clock)
+    def listen(self):
         self.batches = []
         self.pump = Pump(self.driver, self.batches.append, self.clock)
 
@@ -38,6 +30,30 @@ class Rig:
             self.pump.step()
         return self
 
+    def column(self, name):
+        return np.concatenate([batch.values[name] for batch in self.batches])
+
+    def stamps(self, name):
+        return np.concatenate([getattr(batch, name) for batch in self.batches])
+
+    def messages(self):
+        return " | ".join(fault.message for fault in self.pump.faults())
+
+
+class Rig(PumpedRig):
+    """One eye tracker, pumped at 90 Hz on a virtual clock."""
+
+    def __init__(self, *faults, seed=1, body=None, wrap=None, **simulator):
+        self.clock = SimClock()
+        self.body = body if body is not None else FixatingBody(5.0, 3.0)
+        schedule = FaultSchedule.from_config(faults)
+        self.simulator = PupilCoreSimulator(
+            self.body, clock=self.clock, seed=seed, faults=schedule, **simulator
+        )
+        wire = MemoryTransport(self.simulator, self.clock)
+        self.driver = PupilCore("eyes", wrap(wire, self.clock) if wrap else wire, self.clock)
+        self.listen()
+
     def calibrate(self, *, looks=True):
         self.driver.begin_calibration()
         for i in range(9):
@@ -49,12 +65,3 @@ class Rig:
                 t_ns = self.clock.now_ns() - j * 30_000_000
                 self.driver.add_reference(target.direction, t_ns)
         return self.driver.end_calibration(3.0)
-
-    def column(self, name):
-        return np.concatenate([batch.values[name] for batch in self.batches])
-
-    def stamps(self, name):
-        return np.concatenate([getattr(batch, name) for batch in self.batches])
-
-    def messages(self):
-        return " | ".join(fault.message for fault in self.pump.faults())

@@ -16,7 +16,7 @@ from tests.devices.every_driver import (
 )
 from tests.wire.record import EXPECTED, FOLDER, FRAMES, decoded, wired
 
-WITHOUT_WIRE = ("simulated_body", "simulated_headset", "simulated_responses")
+WITHOUT_WIRE = ("simulated_body", "simulated_headset", "simulated_responses", "sound_card")
 CASES = [(driver, name) for driver in sorted(built_in()) for name in checks_of(driver)]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import devices.drivers
-from benchmarks.fuzz.__main__ import fuzz
+from benchmarks.fuzz.__main__ import fuzz, tallied, tally
 from benchmarks.fuzz.codecs import codecs, gaze_is_sound, only_said_by
 from benchmarks.fuzz.files import files
 from benchmarks.fuzz.target import Target
@@ -48,6 +48,26 @@ def test_a_result_that_contradicts_its_format_is_counted() -> None:
 def test_no_damaged_bytes_of_a_wire_raise(target) -> None:
     outcome = fuzz(target, 200, float("inf"), seed=7)
     assert (200, 0, {}) == (outcome.inputs, outcome.wrong, outcome.where)
+
+
+def test_values_changed_behind_a_checksum_reach_what_reads_them(tmp_path: Path) -> None:
+    sealed = [target for target in files(tmp_path) if "sealed again" in target.name]
+    accepted = {t.name: 100 - fuzz(t, 100, float("inf"), seed=3).refused for t in sealed}
+    assert len(accepted) >= 8
+    assert {} == {name: n for name, n in accepted.items() if n == 0}
+
+
+def test_a_run_goes_on_with_other_inputs_where_a_tally_stopped(tmp_path: Path) -> None:
+    given: list[bytes] = []
+    target = Target("any", (b"whole" * 9,), given.append)
+    fuzz(target, 30, float("inf"), 1)
+    fuzz(target, 30, float("inf"), 1, begun=30)
+    assert given[:30] != given[30:]
+    at = tmp_path / "tally.json"
+    assert {} == tallied(at, 1)
+    tally(at, 1, {"any": {"inputs": 30}})
+    tally(at, 2, {"any": {"inputs": 7}})
+    assert {"any": {"inputs": 30}} == tallied(at, 1)
 
 
 @pytest.mark.slow

@@ -71,3 +71,24 @@ def test_wrong_option_is_refused_with_its_line(driver, wrong, told):
 def test_worn_trackers_keep_their_serial_numbers():
     config = parsed("driver: openvr_trackers", "simulated: true", "worn: {LHR-0A1B2C3D: left_hand}")
     assert config.devices["eye_tracker"].options["worn"] == {"LHR-0A1B2C3D": "left_hand"}
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ("{kind: los}", "did you mean 'loss'"),
+        ("{kind: loss, amont: 0.1}", "did you mean 'amount'"),
+        ("{kind: loss, amount: 3}", "share from 0 to 1"),
+        ("{kind: loss, start_s: soon}", "wrong or missing value"),
+    ],
+)
+def test_wrong_fault_is_told_with_the_file_that_was_given_and_its_line(fault, told):
+    text = with_tracker("driver: neon", "simulated: true", f"faults: [{fault}]")
+    line = 1 + text[: text.index("faults:")].count("\n")
+    with pytest.raises(ConfigError) as wrong:
+        parse_config(text, Path("pilot/other_lab.yaml"), OPTION_MODELS)
+    said = str(wrong.value)
+    assert told in said
+    assert "devices.eye_tracker.faults" in said
+    assert f"other_lab.yaml:{line}:" in said
+    assert "lab_config.yaml" not in said

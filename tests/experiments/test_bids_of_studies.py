@@ -1,5 +1,6 @@
 """Every study's export passes the official validator: nothing wrong, nothing we could add."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -7,7 +8,7 @@ import pytest
 
 from devices.registry import OPTION_MODELS
 from lab.config import load_config
-from lab.config_files import EXAMPLE
+from lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from recording.bids import export_bids
 from recording.reader import Recording
 from tests.experiments.crowd.sessions import session as crowd_session
@@ -23,12 +24,35 @@ def recording_of(study: str, root: Path) -> Recording:
         return perform(lab(root), trial_s=1.0)
     if study == "crowd":
         return crowd_session(root)
-    found = find_study(study)
-    whole = load_config(EXAMPLE, OPTION_MODELS).model_copy(update={"data_root": root})
+    name, _, screen = study.partition(" ")
+    found = find_study(name)
+    config = load_config(SCREEN_EXAMPLE if screen else EXAMPLE, OPTION_MODELS)
+    parameters = SESSIONS[name].parameters if name in SESSIONS else {}
     request = simulated_request(
-        found, found.experiment(SESSIONS["waving"].parameters), whole, label="S01", index=0, seed=1
+        found,
+        found.experiment(parameters),
+        config.model_copy(update={"data_root": root}),
+        label="S01",
+        index=0,
+        seed=1,
     )
-    return Recording(perform_new(request))
+    on = "browser" if name in ("interpolation", "hybrid") else request.on
+    return Recording(perform_new(replace(request, on=on)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("study", ["interpolation", "hybrid", "stare before a screen"])
+def test_a_study_on_a_page_or_a_screen_passes_the_official_validator(
+    study: str, tmp_path: Path
+) -> None:
+    recording = recording_of(study, tmp_path / "data")
+    task = study.partition(" ")[0]
+    written = export_bids(
+        [recording], tmp_path / "bids", task=task, dataset_name=study, about=ABOUT
+    )
+    assert [] == issues_of(tmp_path / "bids")
+    assert any(p.name.endswith("_events.tsv") for p in written)
+    assert study.endswith("screen") == any(p.name.endswith("_physio.tsv.gz") for p in written)
 
 
 @pytest.mark.slow

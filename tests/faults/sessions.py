@@ -56,7 +56,8 @@ def lab(data_root: Path, *, tracker: Rows = (), headset: Rows = (), **options: A
         )
         for role, chosen in made.items()
     }
-    return config.model_copy(update={"data_root": data_root, "devices": devices})
+    roots = {"data_root": data_root, "key_root": data_root.with_name(f"{data_root.name}-keys")}
+    return config.model_copy(update={**roots, "devices": devices})
 
 
 def request(config: LabConfig, operator: Any = None, *, trial_s: float = TRIAL_S) -> Request:

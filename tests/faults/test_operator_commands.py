@@ -131,6 +131,31 @@ def test_notes_and_flags_are_kept_with_their_trial(tmp_path: Path) -> None:
     assert "flagged in T02" in operator.messages
 
 
+def test_a_reason_given_after_a_flag_is_a_flag_of_the_trial_and_in_the_verdict(
+    tmp_path: Path,
+) -> None:
+    operator = ScriptedOperator(
+        (*IN_T02, Command(Action.FLAG)),
+        (*IN_T02, Command(Action.REASON, "drill next door", "disturbance")),
+    )
+    recording = operated(tmp_path, operator)
+
+    assert "operator_flag;disturbance" == trial_table(recording).loc[("T02", 1), "flags"]
+    assert "reasons: given by the operator: disturbance 1" in findings(recording)
+    assert "note: drill next door" in findings(recording)
+    given = [e for e in asked(recording) if e["action"] == "reason"]
+    assert [{"action": "reason", "text": "drill next door", "code": "disturbance"}] == given
+
+
+def test_a_skipped_trial_bears_the_code_of_its_reason(tmp_path: Path) -> None:
+    command = Command(Action.SKIP, "dizzy", "unwell")
+    recording = operated(tmp_path, ScriptedOperator((*IN_T02, command)))
+
+    row = trial_table(recording).loc[("T02", 1)]
+    assert ("skipped", "unwell: dizzy") == (row["status"], row["reason"])
+    assert "unwell" in row["flags"]
+
+
 def test_silence_is_answered_even_without_a_haptic_device(tmp_path: Path) -> None:
     operator = ScriptedOperator((*IN_T02, Command(Action.SILENCE)))
     recording = operated(tmp_path, operator)

@@ -1,8 +1,11 @@
 """Compiled kernels: what is cached is used again, and never after what it rests on has changed."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
+
+from lab.compiled import KERNELS, forget_old_kernels
 
 ROOT = Path(__file__).resolve().parents[2]
 INNER = "from lab.compiled import compiled\n\n\n@compiled\ndef inner(x):\n    return x + {}\n"
@@ -21,6 +24,12 @@ print(outer(1), sum(outer.stats.cache_hits.values()))
 """
 
 
+def without_numbas_own(cache: Path) -> dict[str, str]:
+    """Return this process's environment with another cache folder, and none that numba is told."""
+    kept = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    return {**kept, "XDG_CACHE_HOME": str(cache)}
+
+
 def outer_of(folder: Path, *, added: int, shift: int) -> tuple[int, int]:
     """Return what the outer kernel gives in a new process, and how often its cache was used."""
     for name, text in (
@@ -34,7 +43,7 @@ def outer_of(folder: Path, *, added: int, shift: int) -> tuple[int, int]:
     path_line = f"import sys; sys.path[:0] = [{str(folder)!r}, {str(ROOT)!r}]"
     done = subprocess.run(
         [sys.executable, "-B", "-c", f"{path_line}; import outer_kernel"],
-        capture_output=True, text=True, check=True,
+        env=without_numbas_own(folder / "cache"), capture_output=True, text=True, check=True,
     )  # fmt: skip
     value, hits = done.stdout.split()
     return int(value), int(hits)
@@ -46,3 +55,22 @@ def test_cached_code_is_used_until_a_kernel_or_number_it_takes_in_changes(tmp_pa
     assert outer_of(tmp_path, added=1000, shift=0) == (10010, 0)
     assert outer_of(tmp_path, added=1000, shift=5) == (10015, 0)
     assert outer_of(tmp_path, added=1000, shift=5) == (10015, 1)
+    machine_code = {path.parents[2] for path in tmp_path.rglob("*.nbc")}
+    assert {tmp_path / "cache" / "visavis" / "kernels"} == machine_code  # nothing beside modules
+
+
+def test_of_kept_machine_code_the_oldest_modules_are_forgotten_whole(tmp_path: Path) -> None:
+    for age, module in enumerate(("oldest", "older", "newest")):
+        folder = tmp_path / "py311-numba1" / module
+        folder.mkdir(parents=True)
+        for name in ("kernel.nbi", "kernel.1.nbc"):
+            (folder / name).write_bytes(bytes(100))
+            os.utime(folder / name, (1000 + age, 1000 + age))
+    forget_old_kernels(tmp_path, max_bytes=450)
+    left = {path.parent.name for path in tmp_path.rglob("*.nb*")}
+    assert {"older", "newest"} == left
+    forget_old_kernels(tmp_path / "nothing there", max_bytes=0)
+
+
+def test_machine_code_lies_in_the_users_cache() -> None:
+    assert ("visavis", "kernels") == KERNELS.parts[-2:]

@@ -345,3 +345,22 @@ def test_no_stream_of_a_session_itself_can_be_a_device_of_the_labs_own():
     from recording.bids import BOOKKEEPING
 
     assert BOOKKEEPING <= TAKEN_STREAMS
+
+
+def test_a_lab_has_reasons_of_its_own_or_those_that_come_along(tmp_path):
+    assert "unwell" in load_config(write(tmp_path)).incidents
+    own = load_config(write(tmp_path, GOOD + "incidents: {late: came late, fire: fire alarm}\n"))
+    assert {"late": "came late", "fire": "fire alarm"} == own.incidents
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        ("{Late: came late}", "is no code"),
+        ("{late: ' '}", "says nothing"),
+        ("{" + ", ".join(f"code_{i}: x" for i in "abcdefghij") + "}", "at most 9"),
+    ],
+)
+def test_a_reason_that_nobody_could_choose_is_refused(tmp_path, said, why):
+    with pytest.raises(ConfigError, match=why):
+        load_config(write(tmp_path, GOOD + f"incidents: {said}\n"))

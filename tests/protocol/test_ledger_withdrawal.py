@@ -16,6 +16,7 @@ from protocol.key_file import KeyFile
 from protocol.ledger import Ledger, WithdrawnParticipant
 from recording.chained import read_lines
 from recording.lock import SessionLock
+from recording.sealed import read_sealed, seal
 
 ROWS = [("07H", "1,5"), ("08J", 'with "quotes", and\na line'), ("07h", "x"), ("107Q", "y")]
 
@@ -364,3 +365,13 @@ def test_a_changed_salt_is_noticed(tmp_path):
         keys.path.write_bytes(data[:at] + bytes([data[at] ^ bit]) + data[at + 1 :])
         with pytest.raises(LedgerError, match=r"cannot be read.*backup"):
             keys.pseudonym("07H")
+
+
+@pytest.mark.parametrize("changed", [{"identities": None}, {"salt": 7}, {"salt": "no hex"}])
+def test_a_key_file_whose_values_were_changed_under_a_checksum_is_refused(tmp_path, changed):
+    key_file = KeyFile(tmp_path / "keys", "stare", [])
+    content = read_sealed(key_file.path).content
+    key_file.path.write_bytes(seal({**content, **changed}))
+    for ask in (key_file.identity, key_file.pseudonym):
+        with pytest.raises(LedgerError, match="lacks its salt or identities"):
+            ask("07H")

@@ -1,12 +1,15 @@
 """A stage that draws: what it hands over, what it logs, what it does when the driver fails."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import moderngl
 import numpy as np
 import pytest
 
 from lab.clock import NS_PER_S, SimClock
+from lab.errors import DesignError
 from lab.frame import FrameInfo
 from lab.geometry import Pose, quat_from_yaw_pitch_deg
 from lab.schema import SampleBatch
@@ -14,11 +17,10 @@ from stage.drawn_stage import Display, DrawnStage, as_drawn, default_views, eye_
 from stage.errors import StageError
 from stage.frame_truth import read_views
 from stage.own_body import OwnBody
-from stage.renderer import Quality, Renderer
-from stimuli.picture import Picture
+from stage.renderer import ON_PROCESSOR, Quality, Renderer
+from stimuli.picture import Camera, Picture
 from stimuli.scene import Agent, Scene, SceneFrame
 from tests.stage import figures
-from tests.stage.gl_counts import counted
 from tests.stage.test_own_body import SEGMENTS, sample
 
 SIZE = (60, 72)
@@ -202,22 +204,6 @@ def test_mirror_that_fails_is_trouble_of_the_display() -> None:
     stage.close()
 
 
-def test_first_lit_scene_makes_nothing_where_it_was_expected() -> None:
-    dark = SceneFrame(Scene("dark", (), brightness_01=0.0), 0, np.zeros((0, 3)), np.zeros(0))
-    made = []
-    for expected in ([], [_scene()]):
-        stage = _stage([], _Watcher(), SimClock())
-        stage.expect(expected)
-        stage.draw(dark, FrameInfo(0, 0, 0), HEAD)
-        with counted() as counts:
-            stage.draw(_scene(), FrameInfo(1, 1, 1), HEAD)
-        made.append(counts["made"])
-        assert stage.trouble() is None
-        stage.close()
-    without, with_it = made
-    assert with_it == 0 < without
-
-
 def test_eyes_stand_either_side_of_the_head() -> None:
     left, right = (eye_camera(HEAD, eye) for eye in default_views())
     middle = (left.pose.position_m + right.pose.position_m) / 2
@@ -278,3 +264,96 @@ def test_samples_are_recorded_as_the_driver_gives_them() -> None:
     stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
     stage.close()
     assert most == views[0].values[0]["samples"]
+
+
+MADE = ("texture", "texture_array", "buffer", "program", "vertex_array", "framebuffer")
+"""What a graphics card is given; each takes long where somebody looks."""
+
+
+@pytest.mark.parametrize("quality", [None, ON_PROCESSOR], ids=["card", "processor"])
+def test_nothing_is_sent_to_the_card_with_the_first_lit_frame_of_a_scene_that_was_foreseen(
+    quality: Quality | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[str] = []
+
+    def counted(name: str) -> None:
+        own = getattr(moderngl.Context, name)
+
+        def make(*arguments: Any, **named: Any) -> Any:
+            made.append(name)
+            return own(*arguments, **named)
+
+        monkeypatch.setattr(moderngl.Context, name, make)
+
+    for name in MADE:
+        counted(name)
+    people = figures.picture(3)
+
+    def dress(view: SceneFrame) -> Picture:
+        return replace(people, t_ns=view.t_ns)
+
+    def opened() -> Renderer:
+        try:
+            return Renderer(quality=quality)
+        except StageError as problem:
+            pytest.skip(str(problem))
+
+    def sent(foreseen: bool) -> list[list[str]]:
+        """Return what is made in the first frame, in those of darkness, and in the first lit."""
+        display = Display(default_views, lambda: SIZE, people_count=4)
+        stage = DrawnStage(dress, opened, display, SimClock())
+        dark = replace(_scene(), scene=replace(_scene().scene, brightness_01=0.0))
+        if foreseen:
+            stage.foresee(_scene)
+        found = []
+        for i, view in enumerate((dark, dark, _scene())):
+            made.clear()
+            stage.draw(view, FrameInfo(i, i, i), HEAD)
+            found.append([*made])
+        stage.close()
+        return found
+
+    assert [] != sent(foreseen=False)[2]
+    assert [] == sent(foreseen=True)[2]
+
+
+def test_a_scene_foreseen_later_is_made_ready_a_piece_a_frame_and_never_in_the_light() -> None:
+    pieces: list[str] = []
+
+    class Preparing(Renderer):
+        def prepare(self, picture: Picture, cameras: Sequence[Camera]) -> Iterator[None]:
+            for _ in super().prepare(picture, cameras):
+                pieces.append("piece")
+                yield
+
+    def opened() -> Renderer:
+        try:
+            return Preparing()
+        except StageError as problem:
+            pytest.skip(str(problem))
+
+    stage = DrawnStage(_dressed, opened, Display(default_views, lambda: SIZE, 4), SimClock())
+    dark = replace(_scene(), scene=replace(_scene().scene, brightness_01=0.0))
+    stage.draw(dark, FrameInfo(0, 0, 0), HEAD)
+    stage.foresee(_scene)
+    assert stage._coming is not None
+    stage._coming.result()
+    seen = []
+    for i, view in enumerate((_scene(), dark, dark, dark, dark), start=1):
+        stage.draw(view, FrameInfo(i, i, i), HEAD)
+        seen.append(len(pieces))
+    stage.close()
+    assert [0, 1, 2, 3, 3] == seen
+
+
+def test_what_cannot_be_foreseen_is_left_to_the_trial() -> None:
+    def fails() -> SceneFrame:
+        raise DesignError("no such scene")
+
+    stage = DrawnStage(_dressed, _renderer, Display(default_views, lambda: SIZE, 4), SimClock())
+    dark = replace(_scene(), scene=replace(_scene().scene, brightness_01=0.0))
+    for coming in (fails, lambda: None):
+        stage.foresee(coming)
+        stage.draw(dark, FrameInfo(0, 0, 0), HEAD)
+    assert stage.trouble() is None
+    stage.close()

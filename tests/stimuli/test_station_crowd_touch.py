@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from lab.body_joints import BODY_JOINTS
 from stimuli.characters.closing import collision_mesh, volume_m3
 from stimuli.contact.body import (
     ARM_JOINTS,
-    BODY_JOINTS,
     CAPSULE_JOINTS,
     REFERENCE_STATURE_M,
     CapsuleBody,

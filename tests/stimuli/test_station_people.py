@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from lab.body_joints import BODY_JOINTS
 from lab.geometry import Vector, rotate
 from stimuli.characters.body_parts import PART_INDEX
 from stimuli.characters.cast import load_character
 from stimuli.characters.character import Character
 from stimuli.characters.outfits import in_other_clothes
-from stimuli.contact.body import BODY_JOINTS
 from stimuli.contact.idle import crowd_poses, people_of
 from stimuli.dressing.audience import audience_picture
 from stimuli.dressing.casting import default_casting

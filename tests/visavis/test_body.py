@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from lab.body_joints import BODY_JOINTS
 from lab.errors import DataError
 from lab.geometry import quat_from_yaw_pitch_deg, rotate
-from stimuli.contact.body import BODY_JOINTS
 from stimuli.motion.skeleton import canonical_skeleton
 from visavis.body import segments_of
 from visavis.person import StudyPerson

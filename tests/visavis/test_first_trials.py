@@ -4,9 +4,10 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from lab.config import load_config
@@ -14,11 +15,14 @@ from lab.config_files import EXAMPLE
 from lab.errors import DeviceError, LabError, SessionAborted
 from lab.frame import FrameInfo
 from lab.geometry import Pose
-from stimuli.scene import Scene, SceneFrame
+from stage.contracts import GeometryStage, Viewer
+from stimuli.dressing.picture_of import picture_of
+from stimuli.scene import SceneFrame
+from tests.faults.sessions import TIMING
+from tests.visavis.test_every_study import on_kit, request_for
 from visavis.catalogue import SHIPPED, find_study
 from visavis.sessions import perform
 from visavis.sessions.perform import get_ready
-from visavis.sessions.rehearsal import ScenesMet
 
 ROOT = Path(__file__).parents[2]
 
@@ -87,22 +91,48 @@ def test_whoever_ends_a_rehearsal_from_the_keyboard_ends_the_command(
         rehearsed(monkeypatch, SessionAborted("interrupted from the keyboard"))
 
 
-def test_a_rehearsal_keeps_every_lit_scene_once() -> None:
-    head, frame = Pose(np.zeros(3), np.array([1.0, 0, 0, 0])), FrameInfo(0, 0, 0)
-    nobody = np.zeros((0, 3)), np.zeros(0)
-    lit = SceneFrame(Scene("lit", ()), 0, *nobody)
-    again = SceneFrame(Scene("lit", ()), 9, *nobody)
-    dark = SceneFrame(Scene("dark", (), brightness_01=0.0), 5, *nobody)
-    stage = ScenesMet()
-    for view in (dark, lit, again):
-        stage.draw(view, frame, head)
-    assert list(stage.met.values()) == [lit]
+class Performed(BaseException):
+    """Enough trials have been performed."""
 
 
-@pytest.mark.slow  # half a minute: a whole rehearsal
-def test_what_a_rehearsal_showed_is_expected_by_the_session_s_stage() -> None:
-    study = find_study("stare")
-    experiment = study.experiment({})
-    assert get_ready(study, experiment, load_config(EXAMPLE)) == ""
-    shown = perform._READY[experiment]
-    assert [11] == [len(view.scene.agents) for view in shown]
+class Watching(GeometryStage):
+    """A stage that keeps the first frame of every trial in which people can be seen."""
+
+    def __init__(self, viewers: Sequence[Viewer]) -> None:
+        super().__init__(viewers)
+        self.lit: list[SceneFrame] = []
+        self.is_new = True
+
+    def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
+        is_lit = self.is_new and view.scene.brightness_01 > 0 and bool(view.scene.dressed_by)
+        if is_lit and picture_of(view).cast:
+            self.is_new = False
+            self.lit.append(view)
+        return super().draw(view, frame, head)
+
+
+@pytest.mark.slow  # trials of three studies
+@pytest.mark.parametrize("reference", ["stare", "crowd", "waving"])
+def test_what_a_trial_shows_first_is_foreseen(reference: str, tmp_path: Path) -> None:
+    made: list[Watching] = []
+
+    def stage_for(viewers: Sequence[Viewer]) -> Watching:
+        made.append(Watching(viewers))
+        return made[-1]
+
+    def ended(_: str, done: int, __: int) -> None:
+        made[0].is_new = True
+        if done == 2:
+            raise Performed
+
+    request = request_for(on_kit(reference), reference, tmp_path, 0)
+    request = replace(request, timing=TIMING, stage_for=stage_for, on_trial=ended, on="lab")
+    with pytest.raises(Performed):
+        perform.perform_new(request)
+    trials = request.experiment.plan(request.participant_index, request.seed, request.group).trials
+    for trial, shown in zip(trials, made[0].lit[:2], strict=False):
+        foreseen = request.experiment.first_lit(trial)
+        assert foreseen is not None
+        before, after = picture_of(foreseen), picture_of(shown)
+        assert [*map(id, after.cast)] == [*map(id, before.cast)]
+        assert after.room is before.room

@@ -7,7 +7,7 @@ import pytest
 from lab.errors import DesignError
 from visavis.catalogue import find_study
 
-STUDY = """from visavis import Compare, Factor, Rating, Scene, Study, dwell_on
+STUDY = """from visavis import Choice, Compare, Confusion, Factor, Rating, Scene, Study, dwell_on
 
 study = Study(
     "mood",
@@ -18,6 +18,7 @@ study = Study(
         Compare("comfort", within=["distance", "eyes"]),
         Compare("dwell_ms", within="eyes"),
     ],
+    sections=[Confusion("eyes", "seen")],
 )
 
 
@@ -25,18 +26,22 @@ study = Study(
 def trial(t):
     yield t.show(Scene("person", distance_m=t.distance, eyes=t.eyes), seconds=1.5)
     yield t.ask(Rating("comfort", 1, 7))
+    yield t.ask(Choice("seen", ["averted", "directed"]))
 """
 SLIPS = [
     ('Compare("comfort"', 'Compare("comfrot"', 9, "no measure 'comfrot'; did you mean 'comfort'?"),
     ('within="eyes"', 'within="eye"', 10, "no factor 'eye'; did you mean 'eyes'?"),
     ('dwell_on("active")', 'dwell_on("actve")', 7, "no role 'actve'; did you mean 'active'?"),
-    ("distance_m=", "distance=", 17, "scene person takes no 'distance'; did you mean 'distance_m'"),
-    ("eyes=t.eyes", "eys=t.eyes", 17, "scene person takes no 'eys'; did you mean 'eyes'"),
-    ('"person"', '"persn"', 17, "no scene 'persn'; did you mean 'person'"),
-    ("t.distance", "t.distnace", 17, "step 'distnace'; did you mean distance?"),
-    ("t.show", "t.shwo", 17, "step 'shwo'; did you mean show?"),
-    ("seconds=1.5", "second=1.5", 17, "show takes no 'second'; did you mean 'seconds'"),
-    ("1, 7)", "1, hgh=7)", 18, "Rating takes no 'hgh'; did you mean 'high'"),
+    ("distance_m=", "distance=", 18, "scene person takes no 'distance'; did you mean 'distance_m'"),
+    ("eyes=t.eyes", "eys=t.eyes", 18, "scene person takes no 'eys'; did you mean 'eyes'"),
+    ('"person"', '"persn"', 18, "no scene 'persn'; did you mean 'person'"),
+    ("t.distance", "t.distnace", 18, "step 'distnace'; did you mean distance?"),
+    ("t.show", "t.shwo", 18, "step 'shwo'; did you mean show?"),
+    ("seconds=1.5", "second=1.5", 18, "show takes no 'second'; did you mean 'seconds'"),
+    ("1, 7)", "1, hgh=7)", 19, "Rating takes no 'hgh'; did you mean 'high'"),
+    ('"eyes", "seen"', '"eyes", "sen"', 12, "no choice 'sen'; did you mean 'seen'?"),
+    ('"eyes", "seen"', '"ayes", "seen"', 12, "no factor or column 'ayes'; did you mean 'eyes'?"),
+    ('"seen")]', '"seen", by="eys")]', 12, "no factor 'eys'; did you mean 'eyes'?"),
     ("practice=1", "practise=1", 3, "Study takes no 'practise'; did you mean 'practice'"),
     ('within="eyes"', 'witin="eyes"', 10, "Compare takes no 'witin'; did you mean 'within'"),
 ]
@@ -64,7 +69,7 @@ def test_a_study_without_slips_is_taken(tmp_path: Path) -> None:
     assert 4 == len(find_study(str(path)).experiment({}).read)
 
 
-@pytest.mark.parametrize("name", ["stare", "crowd", "waving", "interpolation", "hybrid"])
+@pytest.mark.parametrize("name", ["stare", "crowd", "waving", "interpolation", "hybrid", "cameras"])
 def test_no_shipped_study_has_slips(name: str) -> None:
     assert find_study(name).experiment({}).read
 

@@ -122,7 +122,7 @@ def test_a_file_that_was_damaged_differs_from_where_its_damage_begins(
     assert found.row == int(found.again) < int(found.recorded)
 
 
-@pytest.mark.parametrize("study", ["interpolation", "hybrid"])
+@pytest.mark.parametrize("study", ["interpolation", "hybrid", "cameras"])
 def test_a_fresh_session_on_a_page_is_the_same_bit_for_bit(study: str, tmp_path: Path) -> None:
     chosen = find_study(study)
     request = simulated_request(

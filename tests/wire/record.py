@@ -82,15 +82,18 @@ def decoded(driver: str) -> dict[str, dict[str, float | int]]:
 def wired() -> list[str]:
     """Return the drivers that have a wire and speak by themselves, unlike bands and triggers."""
     told = ("armband", "triggers")
-    return [d for d, f in sorted(built_in().items()) if f.wire != "none" and f.kind not in told]
+    return [d for d in _captured() if built_in()[d].kind not in told]
+
+
+def _captured() -> list[str]:
+    return [d for d, f in sorted(built_in().items()) if f.wire != "none" and f.carries != "nothing"]
 
 
 def main() -> None:
     """Write every capture, say how large it is, and write what they decode to."""
-    for driver, facts in sorted(built_in().items()):
-        if facts.wire != "none":
-            path = record(driver)
-            print(f"{path.name} {path.stat().st_size}")  # noqa: T201 - what the command is for
+    for driver in _captured():
+        path = record(driver)
+        print(f"{path.name} {path.stat().st_size}")  # noqa: T201 - what the command is for
     expected = {driver: decoded(driver) for driver in wired()}
     EXPECTED.write_text(json.dumps(expected, indent=1) + "\n", "utf-8")
 

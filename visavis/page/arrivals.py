@@ -13,16 +13,21 @@ from urllib.parse import quote
 
 from lab.errors import UsageError
 from protocol.plan import SessionPlan
+from visavis.page.errors import PageError
 
+LINK: Final = "link"
+"""Stands for a panel where a lab's own link says who comes."""
 PANELS: Final = {
     "PROLIFIC_PID": "Prolific",
     "survey_code": "SONA",
-    "participant": "link",
-    "id": "link",
+    "participant": LINK,
+    "id": LINK,
 }
 """Names in an address that say who comes, and the panel that uses each."""
 KEPT: Final = ("STUDY_ID", "SESSION_ID")
 ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
+MIN_SECRET: Final = 12
+"""Characters from which on an identifier that is no number cannot be guessed."""
 PLACES_AHEAD: Final = 64
 
 
@@ -39,14 +44,25 @@ class Arrival:
         """What the key file keeps of them, apart from the data."""
         return {"panel": self.panel, "identifier": self.identifier, **(self.of_panel or {})}
 
+    @property
+    def can_be_guessed(self) -> bool:
+        """Whether somebody else could name this identifier, too: a number, or a short one."""
+        return self.identifier.isdigit() or len(self.identifier) < MIN_SECRET
+
 
 def arrival_of(told: Mapping[str, str]) -> Arrival:
-    """Return who comes with an address's parameters; what is no identifier is passed over."""
+    """Return who comes with an address's parameters.
+
+    Raises:
+        PageError: one that says who comes is no identifier, such as a panel's placeholder.
+    """
     for name, panel in PANELS.items():
-        found = told.get(name, "")
-        if ID.fullmatch(found):
-            more = {n: told[n] for n in KEPT if ID.fullmatch(told.get(n, ""))}
-            return Arrival(panel, found, more)
+        if name not in told:
+            continue
+        if not ID.fullmatch(told[name]):
+            raise PageError(f"{name}={told[name][:40]} is no identifier (letters, digits, - and _)")
+        more = {n: told[n] for n in KEPT if ID.fullmatch(told.get(n, ""))}
+        return Arrival(panel, told[name], more)
     return Arrival()
 
 

@@ -1,7 +1,8 @@
 """Films as files: drawn once from people, camera and seed, and kept under what they show.
 
 A film's name is the SHA-256 of everything its pictures are made of: the pose of everybody in
-every frame, the camera, size and rate, and how it is drawn and encoded. So a film that was built
+every frame, the camera (in every frame where it moves), size and rate, and how it is drawn and
+encoded. So a film that was built
 before is found again, and anything that changes what it shows makes another one.
 """
 
@@ -26,12 +27,13 @@ from stimuli.dressing.picture_of import picture_of
 from stimuli.picture import Camera, Picture
 from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
-from visavis.films import MIME, Film
+from visavis.films import MIME, Film, Lens
 from visavis.reading import still_view
 from visavis.scenes import Maker, Staged, Staging, stage
 
 if TYPE_CHECKING:
     from stage.renderer import Renderer
+    from visavis.filmed import FilmSeen
 
 MADE: Final = "vp9 2"
 """How films are drawn and encoded: another one here makes every film anew."""
@@ -63,9 +65,21 @@ class FilmStore:
 
     def staged(self, film: Film) -> Staged:
         """Return the scene of a film."""
-        rng = np.random.default_rng(film.seed)
-        staging = Staging(rng, film.seconds, 0, self.study_folder)
-        return stage(film.scene, staging, self.makers)
+        return _staged(film, tuple(self.makers.items()), self.study_folder)
+
+    def seen(self, film: Film) -> "FilmSeen":
+        """Return what a film by a moving camera shows, found once in a process.
+
+        Raises:
+            DesignError: its camera stands still, or finds nobody to film.
+        """
+        return _seen(film, tuple(self.makers.items()), self.study_folder)
+
+    def cameras(self, film: Film) -> Sequence[Camera]:
+        """Return the camera of every picture of a film."""
+        if isinstance(film.lens, Lens):
+            return (camera_of(film.lens, film.size_px),) * film.frame_count
+        return self.seen(film).cameras
 
     def name_of(self, film: Film) -> str:
         """Return what names a film: the hash of what it shows."""
@@ -143,13 +157,14 @@ class FilmStore:
 
         path = self.folder / f"{self.name_of(film)}.webm"
         draft = path.with_name(f".{path.stem}.{os.getpid()}.webm")
-        camera = camera_of(film)
+        cameras = self.cameras(film)
         with av.open(str(draft), "w", options={"fflags": "+bitexact"}) as container:
             stream = container.add_stream("libvpx-vp9", rate=film.rate_hz, options=dict(QUALITY))
             stream.width, stream.height = film.size_px
             stream.pix_fmt = "yuv420p"
             stream.codec_context.thread_count = 1
-            for number, picture in enumerate(self.pictures(film), start=1):
+            drawn = zip(self.pictures(film), cameras, strict=True)
+            for number, (picture, camera) in enumerate(drawn, start=1):
                 image = renderer.image(picture, camera, film.size_px)
                 frame = av.VideoFrame.from_ndarray(image, format="rgb24")
                 container.mux(stream.encode(frame))
@@ -182,6 +197,8 @@ def _name_of(store: FilmStore, film: Film) -> str:
     digest = hashlib.sha256()
     known = (MADE, film.size_px, film.rate_hz, film.frame_count, film.lens)
     digest.update(repr(known).encode())
+    if not isinstance(film.lens, Lens):
+        digest.update((np.round(store.seen(film).poses, POSE_DECIMALS) + 0.0).tobytes())
     for picture in store.pictures(film):
         digest.update(",".join(c.name for c in picture.cast).encode())
         digest.update(picture.room.name.encode())
@@ -196,12 +213,24 @@ def cache_folder() -> Path:
     return platformdirs.user_cache_path("visavis") / "films"
 
 
-def camera_of(film: Film) -> Camera:
-    """Return the camera of a film."""
-    height = film.lens.half_height_01
-    width = height * film.size_px[0] / film.size_px[1]
-    pose = Pose(np.array(film.lens.eye_m), film.lens.turn_wxyz)
+def camera_of(lens: Lens, size_px: tuple[int, int]) -> Camera:
+    """Return the camera of a lens that stands still."""
+    height = lens.half_height_01
+    width = height * size_px[0] / size_px[1]
+    pose = Pose(np.array(lens.eye_m), lens.turn_wxyz)
     return Camera(pose, -width, width, -height, height)
+
+
+def _staged(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> Staged:
+    staging = Staging(np.random.default_rng(film.seed), film.seconds, 0, folder)
+    return stage(film.scene, staging, dict(makers))
+
+
+@lru_cache(maxsize=128)
+def _seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> "FilmSeen":
+    from visavis.filmed import filmed
+
+    return filmed(film, _staged(film, makers, folder))
 
 
 @contextmanager

@@ -1,7 +1,6 @@
 """Perform a session on a page in a browser, new or resumed, and leave a closed recording behind."""
 
 import asyncio
-import secrets
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any, Final
 from lab.clock import Clock
 from lab.errors import ConfigError, SessionAborted
 from protocol.experiment import untold
+from protocol.key_file import KeyFile
 from protocol.operator import SessionStatus
 from protocol.plan import SessionPlan
 from protocol.states import SessionState
@@ -63,7 +63,7 @@ def perform_new(request: Request) -> Path:
     manifest = manifest_of(request, experiment)
     store = prepared_films(request)
     with create_session(request.config.data_root, manifest) as folder:
-        _perform_part(request, experiment, store, folder, None, _new_key(request), 0)
+        _perform_part(request, experiment, store, folder, None, 0)
         return folder.path
 
 
@@ -110,10 +110,8 @@ def perform_rest(request: Request, session_path: Path) -> Path:
         recording = Recording(session_path)
         plan = experiment.plan(request.participant_index, request.seed, request.group)
         refuse_other_plan(recording, plan)
-        key, port = served_before(recording)
-        _perform_part(
-            request, experiment, store, folder, past_of(recording), key or _new_key(request), port
-        )
+        port = port_before(recording)
+        _perform_part(request, experiment, store, folder, past_of(recording), port)
         return folder.path
 
 
@@ -187,16 +185,22 @@ def experiment_of(request: Request) -> StudyExperiment:
     return experiment
 
 
-def _new_key(request: Request) -> str:
-    """Return the secret of a page's address; a simulated session is the same whenever made."""
-    return "simulated" if request.clock.is_virtual else secrets.token_urlsafe(24)
+def key_of(request: Request) -> str:
+    """Return the secret of the address of a session's page: no recording holds it.
+
+    It comes from the study's salt, which lies apart from the data, so that a page finds its
+    session also when another process serves it.
+    """
+    config = request.config
+    kept = KeyFile(config.key_root, request.study.name, [config.data_root])
+    return kept.page_key(request.participant_label, request.session)
 
 
-def served_before(recording: Recording) -> tuple[str, int]:
-    """Return key and port of the address under which a session was served last."""
+def port_before(recording: Recording) -> int:
+    """Return the port at which a session was served last; 0 where it was not."""
     events = recording.events()
     found = list(events.loc[events["name"] == SERVED, "payload"])
-    return (str(found[-1]["key"]), int(found[-1]["port"])) if found else ("", 0)
+    return int(found[-1]["port"]) if found else 0
 
 
 def recorder_of(part_dir: Path, clock: Clock, *, is_simulated: bool) -> Recorder:
@@ -241,7 +245,7 @@ def held_of(
         told(film)["film"]: found.path
         for film in experiment.films if (found := store.file_of(film)) is not None
     }  # fmt: skip
-    return Held(desk, _about(experiment, folder.manifest.is_simulated), files)
+    return Held(desk, about_of(experiment, folder.manifest.is_simulated), files)
 
 
 def _perform_part(
@@ -250,7 +254,6 @@ def _perform_part(
     store: FilmStore,
     folder: SessionFolder,
     past: Past | None,
-    key: str,
     port: int,
 ) -> None:
     clock, simulated = request.clock, folder.manifest.is_simulated
@@ -258,9 +261,7 @@ def _perform_part(
     recorder: Recorder | None = None
     try:
         recorder = recorder_of(part_dir, clock, is_simulated=simulated)
-        outcome = asyncio.run(
-            _served(request, experiment, store, folder, recorder, past, key, port)
-        )
+        outcome = asyncio.run(_served(request, experiment, store, folder, recorder, past, port))
         if outcome in ENDINGS:
             todo = (
                 f"; do it now: visavis participant withdraw {request.study.name} "
@@ -287,7 +288,6 @@ async def _served(
     folder: SessionFolder,
     recorder: Recorder,
     past: Past | None,
-    key: str,
     port: int,
 ) -> str:
     virtual = request.clock.is_virtual
@@ -295,7 +295,8 @@ async def _served(
     address = request.page or PageAddress()
     await server.start(port=address.port or port)
     try:
-        recorder.event(SERVED, request.clock.now_ns(), key=key, port=0 if virtual else server.port)
+        recorder.event(SERVED, request.clock.now_ns(), port=0 if virtual else server.port)
+        key = "simulated" if virtual else key_of(request)
         held = held_of(request, experiment, store, folder, recorder, past, key)
         desk = held.desk
         plan = experiment.plan(request.participant_index, request.seed, request.group)
@@ -331,7 +332,7 @@ def _tell(request: Request, desk: PageDesk, planned: int) -> None:
         )  # fmt: skip
 
 
-def _about(experiment: StudyExperiment, simulated: bool) -> dict[str, Any]:
+def about_of(experiment: StudyExperiment, simulated: bool) -> dict[str, Any]:
     """Return what a page is told once: its words, and whether it is a rehearsal."""
     return {
         "title": experiment.study.title,

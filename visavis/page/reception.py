@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from lab.clock import NS_PER_S
-from lab.errors import LabError
+from lab.errors import LabError, LedgerError
 from protocol.ledger import Ledger, Participant
 from recording.folder import SessionFolder, create_session, open_session, session_dir
+from recording.manifest import read_manifest
 from recording.reader import Recording
 from recording.writer import CloseStatus, Recorder
 from visavis.page.arrivals import (
+    LINK,
     Arrival,
     Order,
     arrival_of,
@@ -23,21 +25,22 @@ from visavis.page.arrivals import (
     order_of,
 )
 from visavis.page.board import COUNTING, Board, Place, board_of
-from visavis.page.course import WITHDRAWN, texts_of_page
+from visavis.page.course import DONE, WITHDRAWN, texts_of_page
 from visavis.page.errors import PageError
 from visavis.page.film_store import FilmStore
 from visavis.page.perform import (
     ENDINGS,
     SERVED,
+    about_of,
     experiment_of,
     held_of,
+    key_of,
     manifest_of,
     past_of,
     recorder_of,
     refuse_other_plan,
-    served_before,
 )
-from visavis.page.server import Held, PageServer
+from visavis.page.server import Ended, Held, PageServer
 from visavis.sessions.perform import Request, end_part
 from visavis.sessions.rig import is_simulated
 
@@ -49,6 +52,7 @@ MAX_OPEN: Final = 500
 SQUARES: Final = ("latin_square", "williams")
 LEFT: Final = "the page was left"
 ENDED: Final = "the server was ended"
+WITHDRAWN_ELSEWHERE: Final = "the researchers withdrew the participant"
 CANNOT_GO_ON: Final = "this session cannot go on; please tell the researchers"
 
 
@@ -58,6 +62,26 @@ class Rules:
 
     quota: int | None = None
     completion: str = ""
+
+
+@dataclass
+class Brake:
+    """Lets so many new people in at once, then so many a second; no address is looked at."""
+
+    at_once: float = 60.0
+    a_second: float = 2.0
+    _left: float = 60.0
+    _seen_ns: int | None = None
+
+    def lets_pass(self, now_ns: int) -> bool:
+        """Tell whether one more may come at a time."""
+        passed_s = 0.0 if self._seen_ns is None else (now_ns - self._seen_ns) / NS_PER_S
+        self._seen_ns = now_ns
+        self._left = min(self.at_once, self._left + self.a_second * passed_s)
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
 
 
 @dataclass(eq=False)
@@ -105,6 +129,8 @@ class Reception:
         self._turn = asyncio.Lock()
         self._closing: set[asyncio.Task[None]] = set()
         self._port = 0
+        self._noticed = self._ledger_changed()
+        self._brake = Brake()
         for entry in ledger.list():
             self._read(entry)
         self._states = {place.label: place.state for place in self._board().places}
@@ -112,19 +138,36 @@ class Reception:
 
     # ---- what the server asks ----------------------------------------------------------------
 
-    async def arrive(self, told: Mapping[str, str]) -> Mapping[str, Any]:
-        """Return the key of a session for somebody who comes, or why there is none."""
-        arrival = arrival_of(told)
+    async def arrive(self, told: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
+        """Return the key of a session for somebody who comes, or why there is none.
+
+        `before` is the key that their browser remembers: who comes with an identifier that others
+        could guess goes on with a session only in the browser that began it.
+        """
+        words = dict(texts_of_page(self._experiment))
+        try:
+            arrival = self._named(arrival_of(told))
+        except PageError as error:
+            self._said(f"somebody came and got no session: {error}")
+            return {"refused": "address", "text": words.get("address", "")}
+        await self._notice_withdrawals()
         async with self._turn:
             key = self._of_panel.get((arrival.panel, arrival.identifier))
             if arrival.identifier and key is not None:
+                if arrival.can_be_guessed and key != before:
+                    self._said(
+                        f"{arrival.panel} {arrival.identifier} has a session and came again from "
+                        "another browser, with an identifier that others could guess: refused"
+                    )
+                    return {"refused": "begun", "text": words.get("begun_elsewhere", "")}
                 return {"key": key}
             busy = sum(state in COUNTING for state in self._states.values())
             is_open = sum(not opened.held.closed.is_set() for opened in self._open.values())
             wanted = self._rules.quota
-            words = dict(texts_of_page(self._experiment))
             if is_open >= MAX_OPEN or (wanted is not None and busy >= wanted):
                 return {"refused": "full", "text": words.get("full", "")}
+            if not self._brake.lets_pass(self._base.clock.now_ns()):
+                return {"refused": "busy", "text": words.get("busy", "")}
             try:
                 opened = await self._run(self._begin, arrival)
             except LabError as error:
@@ -133,7 +176,7 @@ class Reception:
             self._keep(opened)
             return {"key": opened.held.desk.key}
 
-    async def held(self, key: str) -> Held | None:
+    async def held(self, key: str) -> Held | Ended | None:
         """Return the session of a key, gone on with where it was left; None without one.
 
         Raises:
@@ -141,8 +184,11 @@ class Reception:
         """
         if key in self._open:
             return self._open[key].held
+        await self._notice_withdrawals()
         async with self._turn:
             if key not in self._open and key in self._keys:
+                if (ended := self._ended(key)) is not None:
+                    return ended
                 try:
                     self._keep(await self._run(self._go_on, key))
                 except LabError as error:
@@ -169,6 +215,7 @@ class Reception:
                 await self._delete(label)
         try:
             while not until.is_set():
+                await self._notice_withdrawals()
                 await self._leave_idle()
                 try:
                     await asyncio.wait_for(until.wait(), ROUND_S)
@@ -213,23 +260,20 @@ class Reception:
         if entry.status != "active" or not (path / "manifest.json").exists():
             return
         try:
-            key, _ = served_before(Recording(path))
+            is_of_page = read_manifest(path).configuration.get("on") == "browser"
         except LabError as error:
             self._said(f"{entry.label} is passed over: {error}")
             return
-        if not key:
+        if not is_of_page:
             return
+        key = key_of(self._request(entry))
         self._keys[key] = entry.label
         who = self._known(entry.label)
         if who and who.get("identifier"):
             self._of_panel[who.get("panel", ""), who["identifier"]] = key
 
     def _begin(self, arrival: Arrival) -> _Open:
-        entries = [e for e in self._ledger.list() if not e.has_freed_place]
-        counting = [e.index for e in entries if self._states.get(e.label) in COUNTING]
-        index = least_filled([e.index for e in entries], counting, self._order)
-        plan = self._experiment.plan(index, self._base.seed)
-        entry = self._ledger.add(index=index, group=plan.group)
+        entry = self._registered(arrival) or self._added()
         if arrival.identifier:
             self._identify(entry.label, arrival.identity)
         request = self._request(entry)
@@ -238,18 +282,48 @@ class Reception:
             folder = stack.enter_context(
                 create_session(self._root, manifest_of(request, self._experiment))
             )
-            opened = self._part(request, entry, folder, None, secrets.token_urlsafe(24), arrival)
+            opened = self._part(request, entry, folder, None, key_of(request), arrival)
             opened.stack = stack.pop_all()
         self._keys[opened.held.desk.key] = entry.label
         if arrival.identifier:
             self._of_panel[arrival.panel, arrival.identifier] = opened.held.desk.key
         return opened
 
+    def _named(self, arrival: Arrival) -> Arrival:
+        """Return who comes, by their label where a link (participant=07) means one of the ledger.
+
+        It does so where that one has no session yet, or came by such a link.
+        """
+        if arrival.panel != LINK:
+            return arrival
+        try:
+            entry = self._ledger.resolve(arrival.identifier)
+        except LedgerError:
+            return arrival
+        is_theirs = (LINK, entry.label) in self._of_panel or not self._has_session(entry)
+        return replace(arrival, identifier=entry.label) if is_theirs else arrival
+
+    def _has_session(self, entry: Participant) -> bool:
+        return (self._path(entry) / "manifest.json").exists()
+
+    def _registered(self, arrival: Arrival) -> Participant | None:
+        """Return who of the ledger has this label and no session yet."""
+        entries = self._ledger.list() if arrival.panel == LINK else ()
+        found = [e for e in entries if e.label == arrival.identifier and e.status == "active"]
+        return found[0] if found and not self._has_session(found[0]) else None
+
+    def _added(self) -> Participant:
+        """Return somebody new in the ledger, at the place whose order the fewest people have."""
+        entries = [e for e in self._ledger.list() if not e.has_freed_place]
+        counting = [e.index for e in entries if self._states.get(e.label) in COUNTING]
+        index = least_filled([e.index for e in entries], counting, self._order)
+        plan = self._experiment.plan(index, self._base.seed)
+        return self._ledger.add(index=index, group=plan.group)
+
     def _go_on(self, key: str) -> _Open:
         entry = self._ledger.resolve(self._keys[key])
         path, request = self._path(entry), self._request(entry)
-        who = self._known(entry.label) or {}
-        arrival = Arrival(who.get("panel", ""), who.get("identifier", ""))
+        arrival = self._arrival(entry.label)
         stack = ExitStack()
         with stack:
             folder, _ = open_session(path)
@@ -260,6 +334,22 @@ class Reception:
             opened = self._part(request, entry, folder, past_of(recording), key, arrival)
             opened.stack = stack.pop_all()
         return opened
+
+    def _ended(self, key: str) -> Ended | None:
+        """Return a session that is over, to which nothing may be added; None where it goes on."""
+        label = self._keys[key]
+        state = self._states.get(label, "")
+        outcome = DONE if state == "complete" else state
+        if outcome not in (DONE, *ENDINGS):
+            return None
+        arrival = self._arrival(label)
+        about = about_of(self._experiment, self._simulated)
+        where = self._rules.completion
+        return Ended(outcome, {**about, "completion": completion_of(where, arrival)})
+
+    def _arrival(self, label: str) -> Arrival:
+        who = self._known(label) or {}
+        return Arrival(who.get("panel", ""), who.get("identifier", ""))
 
     def _request(self, entry: Participant) -> Request:
         return replace(
@@ -284,7 +374,7 @@ class Reception:
         recorder: Recorder | None = None
         try:
             recorder = recorder_of(part_dir, clock, is_simulated=self._simulated)
-            recorder.event(SERVED, clock.now_ns(), key=key, port=self._port)
+            recorder.event(SERVED, clock.now_ns(), port=self._port)
             held = held_of(request, self._experiment, self._store, folder, recorder, past, key)
         except BaseException as error:
             end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
@@ -330,6 +420,35 @@ class Reception:
             await self._run(self._withdraw, label)
         except LabError as error:
             self._said(f"{label} wants everything deleted: {error}")
+
+    def _ledger_changed(self) -> tuple[int, int]:
+        """Return what differs once somebody wrote into the ledger."""
+        try:
+            found = self._ledger.path.stat()
+        except FileNotFoundError:
+            return 0, 0
+        return found.st_mtime_ns, found.st_size
+
+    async def _notice_withdrawals(self) -> None:
+        """Forget whom the researchers withdrew meanwhile; who is at a page is deleted here."""
+        changed = self._ledger_changed()
+        if changed == self._noticed:
+            return
+        self._noticed = changed
+        for entry in await self._run(self._ledger.list):
+            state = self._states.get(entry.label, WITHDRAWN)
+            if entry.status == "active" or state == WITHDRAWN:  # which a page asked for itself
+                continue
+            self._states[entry.label] = WITHDRAWN
+            self._places.pop(entry.label, None)
+            key = next((key for key, label in self._keys.items() if label == entry.label), "")
+            self._keys.pop(key, None)
+            self._of_panel = {who: of for who, of in self._of_panel.items() if of != key}
+            opened = self._open.pop(key, None)
+            if opened is not None and not opened.held.closed.is_set():
+                await self._close(opened, "aborted", WITHDRAWN_ELSEWHERE)
+                await self._delete(entry.label)
+                self._said(f"{entry.label} was at a page, and is withdrawn and deleted")
 
     async def _leave_idle(self) -> None:
         now_ns = self._base.clock.now_ns()

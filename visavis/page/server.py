@@ -15,7 +15,7 @@ from visavis.page.errors import OpenElsewhereError, PageError
 
 SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {"/": "index.html", "/page.js": "page.js", "/store.js": "store.js",
-                "/film.js": "film.js", "/page.css": "page.css"}  # fmt: skip
+                "/film.js": "film.js", "/wire.js": "wire.js", "/page.css": "page.css"}  # fmt: skip
 BOARD_FILES: Final = {"/board": "board.html", "/board.js": "board.js"}
 KEY: Final = "X-Visavis-Key"
 MAX_REQUEST_BYTES: Final = 1 << 20
@@ -51,16 +51,31 @@ class Held:
     failures: list[Exception] = field(default_factory=list)
 
 
+@dataclass(frozen=True, eq=False)
+class Ended:
+    """A session that was over before this server began: its page is told how it ended."""
+
+    outcome: str
+    about: Mapping[str, Any]
+
+    def told(self) -> dict[str, Any]:
+        """Return what the page is told."""
+        return {"ack": 0, "number": 0, "step": {"kind": "end", "outcome": self.outcome}}
+
+
 class Reception(Protocol):
     """What receives people who come with no session yet, and those whose session is not open."""
 
     board_key: str
 
-    async def arrive(self, told: Mapping[str, str]) -> Mapping[str, Any]:
-        """Return the key of a session for somebody who comes, or why there is none."""
+    async def arrive(self, told: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
+        """Return the key of a session for somebody who comes, or why there is none.
+
+        `before` is the key that their browser remembers, "" where it remembers none.
+        """
         ...
 
-    async def held(self, key: str) -> Held | None:
+    async def held(self, key: str) -> Held | Ended | None:
         """Return the session of a key, gone on with where it was left."""
         ...
 
@@ -72,7 +87,8 @@ class Reception(Protocol):
 class LocalServer:
     """Own a server of this computer's pages: the files of a site, and what is posted to it.
 
-    `files` leads from paths to files of the folder `site`, `posts` from paths to who answers.
+    `files` leads from paths to files of the folder `site`, `posts` and `gets` from paths to who
+    answers.
     `hosts` are the names under which it may be asked for, so that no other site's page can be
     pointed at it. No address of a visitor is kept or logged.
     """
@@ -83,6 +99,7 @@ class LocalServer:
         files: Mapping[str, str],
         posts: Mapping[str, Handler],
         hosts: tuple[str, ...] = (LOCAL, "localhost"),
+        gets: Mapping[str, Handler] | None = None,
     ) -> None:
         self._hosts = hosts
         self._site = site
@@ -92,6 +109,8 @@ class LocalServer:
             self._app.router.add_get(path, self._file)
         for path, answer in posts.items():
             self._app.router.add_post(path, answer)
+        for path, answer in (gets or {}).items():
+            self._app.router.add_get(path, answer)
         self._runner = web.AppRunner(self._app, access_log=None, shutdown_timeout=SHUTDOWN_S)
         self.port = 0
 
@@ -178,6 +197,8 @@ class PageServer(LocalServer):
 
     async def _film(self, request: web.Request) -> web.StreamResponse:
         held = await self._of(request.headers.get(KEY, ""))
+        if isinstance(held, Ended):
+            raise PageError("the session is over")
         path = held.films.get(request.match_info["name"])
         if path is None:
             raise PageError("there is no such film")
@@ -186,6 +207,8 @@ class PageServer(LocalServer):
     async def _hello(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
         held, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
+        if isinstance(held, Ended):
+            return web.json_response({**held.about, **held.told()})
         about = body.get("about")
         at_ms = body.get("at_ms")
 
@@ -203,6 +226,8 @@ class PageServer(LocalServer):
     async def _events(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
         held, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
+        if isinstance(held, Ended):
+            return web.json_response(held.told())
         events = body.get("events", [])
         if not isinstance(events, list):
             raise PageError("events are a list")
@@ -210,12 +235,13 @@ class PageServer(LocalServer):
         return web.json_response(told)
 
     async def _arrive(self, request: web.Request) -> web.StreamResponse:
-        told = (await body_of(request)).get("told", {})
+        body = await body_of(request)
+        told, before = body.get("told", {}), text_of(body, "before", is_needed=False)
         if not isinstance(told, Mapping) or len(told) > MAX_TOLD:
             raise PageError("told is a few short texts")
         assert self._reception is not None  # noqa: S101  # the route is there with it alone
         said = {str(name): text_of(told, str(name), is_needed=False) for name in told}
-        return web.json_response(await self._reception.arrive(said))
+        return web.json_response(await self._reception.arrive(said, before))
 
     async def _board(self, request: web.Request) -> web.StreamResponse:
         assert self._reception is not None  # noqa: S101  # as above
@@ -226,7 +252,9 @@ class PageServer(LocalServer):
 
     async def _leave(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        (await self._of(text_of(body, "key"))).desk.leave(text_of(body, "tab"))
+        held, tab = await self._of(text_of(body, "key")), text_of(body, "tab")
+        if isinstance(held, Held):
+            held.desk.leave(tab)
         return web.json_response({})
 
     async def _done(
@@ -261,8 +289,8 @@ class PageServer(LocalServer):
                 held.over.set()
             return told
 
-    async def _of(self, key: str) -> Held:
-        held = self._held.get(key)
+    async def _of(self, key: str) -> Held | Ended:
+        held: Held | Ended | None = self._held.get(key)
         if held is None and self._reception is not None:
             held = await self._reception.held(key)
         if held is None:

@@ -14,7 +14,7 @@ from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import ConfigError, DataError
 from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
-from visavis.films import Film, Pair, films_of, scene_of, seconds_of
+from visavis.films import Film, Lens, Pair, films_of, scene_of, seconds_of
 from visavis.page.film_store import FilmStore
 from visavis.page.steps import PageStep
 from visavis.person import StudyPerson
@@ -40,13 +40,14 @@ class Visitor:
     """Answer a page's steps as a person would.
 
     `films` leads from the names on the wire to what is seen; `responses` from the text of a
-    question to what it asks for.
+    question to what it asks for; `store` says what a moving camera showed.
     """
 
     person: StudyPerson
     films: Mapping[str, Film]
     responses: Mapping[str, Response]
     views: Views
+    store: FilmStore
     now_ms: float = 0.0
     _trial: tuple[int, bool] = field(default=(0, False), repr=False)
 
@@ -88,9 +89,12 @@ class Visitor:
         if not told:
             return 0.0
         round_ms = float(max(f["seconds"] for f in told.values()) * 1000)
-        first, last = self.views({p: self.films[f["film"]] for p, f in told.items()})
+        films = {p: self.films[f["film"]] for p, f in told.items()}
+        first, last = self.views(films)
         self.person.see(first, 0)
         self.person.see(last, max(1, round(round_ms * NS_PER_MS)))
+        moving = {p: film for p, film in films.items() if not isinstance(film.lens, Lens)}
+        self.person.watch({p: self.store.seen(film) for p, film in moving.items()})
         return round_ms
 
     def _watch(self, content: Mapping[str, Any]) -> dict[str, Any]:
@@ -160,7 +164,7 @@ def visitor_of(person: Any, experiment: StudyExperiment, store: FilmStore) -> Vi
             "@study.answer, or perform it on the lab's devices"
         )
     films = {store.told(film, is_simulated=True)["film"]: film for film in experiment.films}
-    return Visitor(person, films, experiment.words, scenes_seen(_seen_by(store)))
+    return Visitor(person, films, experiment.words, scenes_seen(_seen_by(store)), store)
 
 
 def _seen_by(store: FilmStore) -> Callable[[Film | Pair], tuple[SceneFrame, SceneFrame]]:

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Protocol
-from weakref import WeakKeyDictionary
+from weakref import WeakSet
 
 from devices.contracts import Armband, Device, DeviceInfo, OwnRecording, SessionName
 from devices.haptic_safety import HapticGuard
 from devices.shared_body import SharedBody
 from lab.clock import Clock, SimClock, require_fine_clock
+from lab.compiled import forget_old_kernels
 from lab.config import LabConfig, with_devices
 from lab.errors import ConfigError, LabError, RecordingError, SessionAborted
 from protocol.experiment import Respondent, untold
@@ -31,12 +32,11 @@ from recording.provenance import provenance
 from recording.reader import Recording
 from recording.writer import REAL_TIME_BATCH_NS, VIRTUAL_TIME_BATCH_NS, CloseStatus, Recorder
 from stage.contracts import Stage, Viewer
-from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
 from visavis.sessions.cast import use_cast_of, use_recorded_cast
 from visavis.sessions.plan_lock import carried_by_session
-from visavis.sessions.rehearsal import FewTrials, ScenesMet
+from visavis.sessions.rehearsal import FewTrials
 from visavis.sessions.rig import build_rig, check_room, devices_for, is_simulated
 from visavis.sessions.stages import build_stage
 from visavis.texts import read_texts
@@ -108,6 +108,10 @@ class Companion(Protocol):
         is_simulated: bool,
     ) -> None:
         """Hear that the devices are open and their streams declared."""
+        ...
+
+    def closed(self) -> None:
+        """Hear that the session's part has ended, however it did; its files are closed."""
         ...
 
 
@@ -221,8 +225,7 @@ def _screen(config: LabConfig) -> dict[str, Any]:
     return {} if screen is None else {"screen": screen.model_dump()}
 
 
-_READY: WeakKeyDictionary[StudyExperiment, tuple[SceneFrame, ...]] = WeakKeyDictionary()
-"""Experiments that were rehearsed, with the scenes met in it."""
+_READY: WeakSet[StudyExperiment] = WeakSet()
 
 
 def get_ready(
@@ -253,13 +256,6 @@ def get_ready(
 
     experiment.prepare(prepared)
     trouble = ""
-    stage = ScenesMet(asks=config.display.questions != "terminal")
-
-    def stage_for(viewers: Sequence[Viewer]) -> Stage:
-        nonlocal stage
-        stage = ScenesMet(viewers, asks=stage.asks)
-        return stage
-
     with TemporaryDirectory(prefix="visavis-rehearsal-") as folder:
         unseen = config.display.model_copy(update={"show": "none"})
         lab = with_devices(config, "sim").model_copy(
@@ -269,13 +265,14 @@ def get_ready(
             study, few, lab, label="REHEARSAL", index=0, seed=0, on_trial=rehearsed
         )
         try:
-            perform_new(replace(request, on="lab", stage_for=stage_for))
+            perform_new(replace(request, on="lab"))
         except SessionAborted as ended:  # nobody is there to end it but from the keyboard
             raise KeyboardInterrupt from ended
         except LabError as problem:
             trouble = f"not rehearsed, so the first frames may be late: {problem}"
+    forget_old_kernels()
     told(steps + trials, steps + trials)
-    _READY[experiment] = tuple(stage.met.values())
+    _READY.add(experiment)
     return trouble
 
 
@@ -303,6 +300,20 @@ def _equip(request: Request, stack: ExitStack) -> _Devices:
 
 
 def _perform_part(
+    request: Request,
+    devices: _Devices,
+    folder: SessionFolder,
+    plan: SessionPlan,
+    progress: Progress,
+) -> None:
+    try:
+        _perform_companied(request, devices, folder, plan, progress)
+    finally:
+        if request.companion is not None and not request.clock.is_virtual:
+            request.companion.closed()
+
+
+def _perform_companied(
     request: Request,
     devices: _Devices,
     folder: SessionFolder,
@@ -428,9 +439,7 @@ def _stage(request: Request, devices: _Devices) -> Stage:
     viewers = [devices.participant] if devices.participant else []
     if request.stage_for is not None:
         return request.stage_for(viewers)
-    stage = build_stage(request.config, request.experiment, devices.rig, request.clock, viewers)
-    stage.expect(_READY.get(request.experiment, ()))
-    return stage
+    return build_stage(request.config, request.experiment, devices.rig, request.clock, viewers)
 
 
 def end_part(

@@ -4,11 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from lab.frame import FrameInfo
-from lab.geometry import Pose
 from protocol.plan import SessionPlan, Trial
-from stage.contracts import GeometryStage, Viewer
-from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
 
 MAX_TRIALS, MAX_S = 8, 130.0
@@ -16,26 +12,6 @@ MAX_TRIALS, MAX_S = 8, 130.0
 
 A level more brings other numbers, seldom other code.
 """
-
-
-MAX_SCENES = 8
-"""So many different scenes of a rehearsal are kept."""
-
-
-class ScenesMet(GeometryStage):
-    """Shows nothing and keeps in `met` one lit frame for every place and choice of people."""
-
-    def __init__(self, viewers: Sequence[Viewer] = (), *, asks: bool = False) -> None:
-        super().__init__(viewers, asks=asks)
-        self.met: dict[tuple[object, ...], SceneFrame] = {}
-
-    def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
-        """Tell every viewer what stands there."""
-        scene = view.scene
-        key = type(scene), frozenset(agent.character for agent in scene.agents)
-        if scene.brightness_01 > 0.0 and len(self.met) < MAX_SCENES:
-            self.met.setdefault(key, view)
-        return super().draw(view, frame, head)
 
 
 @dataclass(frozen=True, eq=False)

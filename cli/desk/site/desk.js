@@ -11,6 +11,7 @@ const BUTTONS = [
   ["pause", "Pause", "P", ""],
   ["note", "Note", "N", "What happened?"],
   ["flag", "Flag", "F", ""],
+  ["reason", "Why?", "W", "Why was the last flag or pause?"],
   ["repeat", "Repeat trial", "R", ""],
   ["skip", "Skip trial", "S", "Why is this trial skipped?"],
   ["recalibrate", "Recalibrate", "C", ""],
@@ -24,7 +25,7 @@ const SAY = {
 };
 
 const at = (id) => document.getElementById(id);
-let session = null, status = null, ended = null, allowed = [], asked = null, heardAt = performance.now(), today = null, bounds = null, isOffline = false;
+let session = null, status = null, ended = null, allowed = [], asked = null, heardAt = performance.now(), today = null, bounds = null, isOffline = false, which = "";
 
 function el(name, content = {}, ...inner) {
   const made = document.createElement(name);
@@ -63,31 +64,40 @@ const number = (value, digits, unit) => (value === null ? "–" : `${value.toFix
 
 // ---- commands ---------------------------------------------------------------------------------
 
-async function command(action, text = "") {
+async function command(action, text = "", code = "") {
   try {
-    await post("/api/command", { action, text });
+    await post("/api/command", { action, text, code, which });
   } catch (error) {
     warn(`Not sent: ${error.message}`);
   }
 }
 
+const HAS_REASON = ["skip", "reason"];
+
 function press([action, label, , question]) {
   if (!question && action !== "abort") { command(action); return; }
   asked = action;
+  const coded = HAS_REASON.includes(action) ? Object.entries(session.incidents) : [];
+  at("ask-codes").hidden = !coded.length;
+  at("ask-list").replaceChildren(...coded.map(([code, words]) =>
+    el("label", {}, el("input", { type: "radio", name: "code", value: code }), document.createTextNode(words))));
+  at("ask-text-label").hidden = !question;
+  at("ask-text-label").textContent = coded.length ? "In your words" : "Note";
   at("ask-label").textContent = question || "End the session? Finished trials are kept, and it can be resumed.";
   at("ask-text").hidden = !question;
   at("ask-text").value = "";
   at("ask-yes").textContent = action === "note" ? "Write it down" : label;
   at("ask").showModal();
-  (question ? at("ask-text") : at("ask-no")).focus();
+  (coded.length ? at("ask-list").querySelector("input") : question ? at("ask-text") : at("ask-no")).focus();
 }
 
 at("ask-form").addEventListener("submit", (event) => {
   event.preventDefault();
   const text = at("ask-text").value.trim();
-  if (!at("ask-text").hidden && !text) { at("ask-text").focus(); return; }
+  const chosen = at("ask-list").querySelector("input:checked");
+  if (!at("ask-text").hidden && !text && !chosen) { at("ask-text").focus(); return; }
   at("ask").close();
-  command(asked, text);
+  command(asked, text, chosen ? chosen.value : "");
 });
 at("ask-no").addEventListener("click", () => at("ask").close());
 
@@ -327,17 +337,27 @@ async function look() {
 }
 at("look").addEventListener("click", look);
 
+function showSessions(sessions) {
+  at("sessions").hidden = sessions.length < 2;
+  renew("sessions", [sessions, which], () => sessions.map((one) =>
+    el("button", { type: "button", class: one.which === which ? "" : "quiet", "aria-pressed": String(one.which === which),
+      text: `${one.participant} · ${one.study}${one.session > 1 ? `, session ${one.session}` : ""}`,
+      on: () => { which = one.which; } })));
+}
+
 // ---- what is new ------------------------------------------------------------------------------
 
 async function follow() {
   let after = null;
   for (;;) {
     try {
-      const told = await post("/api/live", after === null ? {} : { after });
+      const told = await post("/api/live", after === null ? { which } : { after, which });
       if (told.number !== after) heardAt = performance.now();
       after = told.number;
       const before = session && session.path + session.participant;
       session = told.session;
+      which = told.which;
+      showSessions(told.sessions);
       status = told.status;
       ended = told.ended;
       const now = session && session.path + session.participant;

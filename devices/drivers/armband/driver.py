@@ -22,10 +22,10 @@ from devices.contracts import (
 from devices.drivers.armband import codec
 from devices.drivers.armband.dialect import Drive, FramedDialect
 from devices.drivers.armband.ledger import band_batch, command_batch
-from devices.drivers.armband.limits import Limits
 from devices.drivers.armband.spec import SERIAL_ARMBAND
 from devices.drivers.armband.status import BandStatus
 from devices.drivers.armband.traffic import GIVE_UP_NS, STOP_TRIES, TRY_NS, Traffic
+from devices.drivers.bands.limits import Limits
 from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.spec import AnySpec
@@ -67,7 +67,7 @@ class ArmbandDriver:
         self._dialect = dialect
         self._clock = clock
         self._life = Lifecycle(role)
-        self._limits = Limits(role, dialect.motor_count, UNKNOWN_RANGE_HZ)
+        self._limits = Limits(role, dialect.motor_count, UNKNOWN_RANGE_HZ, plays_patterns=True)
         self.info = spec.info(role, link)
         self._traffic = Traffic(
             link, dialect, clock, BandStatus(role), spacing_ns=round(NS_PER_S / max_rate_hz)
@@ -257,7 +257,7 @@ class ArmbandDriver:
             serial=welcome.serial,
             transport=self._link.kind,
         )
-        self._limits.rate_range_hz = welcome.rate_range_hz
+        self._limits = replace(self._limits, rate_range_hz=welcome.rate_range_hz)
         return True
 
     def _arm(self, *, armed: bool, within_ns: int = 2 * GIVE_UP_NS) -> None:

@@ -30,8 +30,8 @@ from devices.drivers.armband.ledger import (
     band_batch,
     command_batch,
 )
-from devices.drivers.bands.course import MAX_TTL_MS, Limits
 from devices.drivers.bands.language import BandLanguage, Condition, Notice, Ready, Refused
+from devices.drivers.bands.limits import MAX_TTL_MS, Limits
 from devices.drivers.bands.open_bands import open_bands
 from devices.drivers.bands.traffic import BandTraffic
 from devices.lifecycle import Lifecycle
@@ -80,11 +80,12 @@ class HostTimedBand:
         self._watcher: threading.Thread | None = None
         self._watch_ends = threading.Event()
         self.rate_range_hz = language.rate_range_hz
-        self._limits = Limits(role, language.motor_count, language.rate_range_hz)
+        takes_rates = not math.isnan(language.rate_range_hz[0])
+        self._limits = Limits(role, language.motor_count, language.rate_range_hz, takes_rates)
         abilities = {"haptics", "patterns_on_host"}
         if language.lasts_ms(MAX_TTL_MS) is None:
             abilities.add(HOST_SIDE_ONLY)
-        if not math.isnan(self.rate_range_hz[0]):
+        if takes_rates:
             abilities.add("rate")
         spec = replace(spec, capabilities=frozenset(abilities))
         self.info = spec.info(role, link)
@@ -229,7 +230,7 @@ class HostTimedBand:
     ) -> int:
         """Drive every motor; see the contract."""
         self._life.require("set_amplitudes", DeviceState.STREAMING, DeviceState.FAULT)
-        self._limits.check_set(amplitudes_01, ttl_ms, rates_hz)
+        self._limits.check_setting(amplitudes_01, ttl_ms, rates_hz)
         return self._traffic.set(amplitudes_01, ttl_ms, rates_hz)
 
     def play(

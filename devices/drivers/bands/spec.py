@@ -43,7 +43,7 @@ def _band(site: Site[Any], link: "ByteLink") -> "HostTimedBand":
     try:
         language = options.language()
     except ValueError as cause:
-        raise ConfigError(f"{site.role}: {cause}; correct it in lab_config.yaml") from cause
+        raise ConfigError(f"devices.{site.role}: {cause}; correct its options") from cause
     rate_hz = options.max_rate_hz
     return HostTimedBand(site.role, link, language, site.clock, spec=spec, max_rate_hz=rate_hz)
 

@@ -26,39 +26,18 @@ from devices.lifecycle import Lifecycle
 from devices.meter import StreamMeter
 from devices.segment_watch import SegmentWatch
 from devices.sim.body.spec import SIMULATED_BODY
+from lab.body_joints import BODY_JOINTS
 from lab.clock import NS_PER_S, Clock
 from lab.errors import DeviceDisconnected
 from lab.schema import SampleBatch, StreamSchema, empty_values
 
-SEGMENTS = (
-    "hips",
-    "spine",
-    "chest",
-    "upper_chest",
-    "neck",
-    "head",
-    *(
-        f"{side}_{part}"
-        for side in ("left", "right")
-        for part in (
-            "shoulder",
-            "upper_arm",
-            "lower_arm",
-            "hand",
-            "upper_leg",
-            "lower_leg",
-            "foot",
-            "toes",
-        )
-    ),
-)
 MAX_BACKLOG_NS = NS_PER_S
 
 
 class SimulatedBodyTracker:
     """Follow the `BodyTracker` contract over a simulated body."""
 
-    segments = SEGMENTS
+    segments = BODY_JOINTS
 
     def __init__(
         self,

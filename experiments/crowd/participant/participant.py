@@ -31,10 +31,11 @@ from experiments.crowd.participant.walking import (
     walker_head,
     walker_poses,
 )
+from lab.body_joints import BODY_JOINTS
 from lab.chance import generator
 from lab.errors import DataError
 from lab.geometry import Vector, quat_conjugate, rotate, unit
-from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M, bones
+from stimuli.contact.body import REFERENCE_STATURE_M, bones
 from stimuli.scene import SceneFrame
 from stimuli.scenes.station_crowd import READING_M, START_M, CrowdFrame, CrowdScene
 

@@ -72,9 +72,10 @@ from experiments.crowd.participant.traits import (
 from experiments.crowd.participant.traits import (
     WIDTH as T_WIDTH,
 )
+from lab.body_joints import BODY_JOINTS
 from lab.compiled import compiled
 from lab.geometry import Vector
-from stimuli.contact.body import BODY_JOINTS, REFERENCE_STATURE_M, bones
+from stimuli.contact.body import REFERENCE_STATURE_M, bones
 from stimuli.contact.idle import hang_joint, turned
 from stimuli.motion.slerp_kernels import forward_rows
 

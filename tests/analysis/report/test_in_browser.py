@@ -1,11 +1,17 @@
 """A report in a real browser: every width, tables to take along, and the mark they bear."""
 
 import csv
+import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
+from analysis.plots import draw, new_figure, svg_for_page
+from analysis.plots.panels import left_out_lines, paired_lines
+from analysis.plots.written import svg_text
 from analysis.report.blocks import (
     Cell,
     Column,
@@ -100,3 +106,76 @@ def test_a_table_is_copied_as_apa_wants_it(
     page.get_by_role("button", name="Copy", exact=True).click()
     said = page.evaluate("() => navigator.clipboard.readText()")
     assert f"Means differ, t(19) = 4.2, p = .03. {mark}".strip() == said
+
+
+def figure(name: str, values: list[float]) -> Picture:
+    """Return a figure of three people, of whom the last does not count."""
+
+    def make() -> Figure:
+        made = new_figure(4, 3)
+        axes = made.add_subplot()
+        table = np.array([values, values[::-1]])
+        paired_lines(axes, table, ["a", "b"], ["#0b5d8f", "#d55e00"], people=["07K", "08M"])
+        left_out_lines(axes, np.array([[0.0, 1.0]]), ["09X"])
+        return made
+
+    drawn = draw(name, make, title=name, caption="C", alternative="A", is_simulated=False)
+    return Picture(svg_for_page(drawn), name, "C", "A")
+
+
+def people_report(folder: Path) -> str:
+    columns = (Column("Participant"), Column("M", "right"))
+    table = Table(columns, (("07K", "1"), ("08M", "2")), "Everybody")
+    blocks = (figure("one", [1.0, 2.0]), figure("two", [3.0, 1.0]), table)
+    made = Page("A study", "?", Facts(()), False, (Section("one", "One", blocks),))
+    return write_page(made, folder / "people.html").as_uri()
+
+
+def lit(page: Any) -> list[str]:
+    """Return what is lit: participants' groups in figures, and rows."""
+    found: list[str] = page.evaluate(
+        "() => [...document.querySelectorAll('.lit')].map(e => e.dataset.who || 'row ' + "
+        "e.cells[0].textContent).sort()"
+    )
+    return found
+
+
+def test_a_participant_is_shown_through_all_panels(browser: Any, tmp_path: Path) -> None:
+    page = browser.new_page()
+    page.goto(people_report(tmp_path))
+    assert [] == lit(page)
+    everywhere = ["07K", "07K", "07K", "07K", "row 07K"]  # a line and its dots in each figure
+    page.locator("svg .who[data-who='07K'] use").first.hover(force=True)
+    assert everywhere == lit(page)
+    page.mouse.move(0, 0)
+    assert [] == lit(page)
+    page.get_by_label("Highlight a participant").get_by_role("combobox").select_option("07K")
+    assert everywhere == lit(page)
+    page.keyboard.press("Escape")
+    assert [] == lit(page)
+
+
+def test_who_was_left_out_is_shown_when_asked_and_not_before(browser: Any, tmp_path: Path) -> None:
+    page = browser.new_page()
+    page.goto(people_report(tmp_path))
+    out = page.locator("svg .out[data-who='09X']").first
+    assert not out.is_visible()
+    box = page.get_by_label("Show who was left out (1)")
+    box.check()
+    assert out.is_visible()
+    box.uncheck()
+    assert not out.is_visible()
+
+
+def test_a_figures_own_file_names_nobody_and_hides_who_was_left_out() -> None:
+    def make() -> Figure:
+        made = new_figure(4, 3)
+        axes = made.add_subplot()
+        paired_lines(axes, np.ones((1, 2)), ["a", "b"], ["#0b5d8f"] * 2, people=["07K"])
+        left_out_lines(axes, np.ones((1, 2)), ["09X"])
+        return made
+
+    drawn = draw("f", make, title="", caption="", alternative="", is_simulated=False)
+    assert {"07K", "09X"} == set(re.findall(r'data-who="(\w+)"', svg_for_page(drawn)))
+    for name in ("07K", "09X"):
+        assert name not in svg_text(drawn)

@@ -257,6 +257,42 @@ def test_a_desk_can_ask_for_what_the_keys_do_and_for_no_answer_of_a_participant(
         assert None is command_of(line, ACTIONS)
 
 
+def test_a_reason_is_one_of_the_labs() -> None:
+    own = {"noise": "noise outside"}
+    line = b'{"action": "skip", "text": "drill", "code": "noise"}'
+    assert Command(Action.SKIP, "drill", "noise") == command_of(line, ACTIONS, own)
+    assert None is command_of(line, ACTIONS)
+    for code in (b'"weather"', b"7", b'["noise"]'):
+        assert None is command_of(b'{"action": "skip", "code": ' + code + b"}", ACTIONS, own)
+
+
+def test_two_sessions_at_once_are_heard_and_commanded_apart(cache: Path, tmp_path: Path) -> None:
+    def link_of(label: str) -> SessionLink:
+        about = About("stare", label, 1, str(tmp_path), is_simulated=True, is_blind=False)
+        return SessionLink(UnattendedOperator(), about, tmp_path)
+
+    with link_of("S01") as one, link_of("S02") as other:
+        one.show(replace(STATUS, trial_id="T01"))
+        other.show(replace(STATUS, trial_id="T02"))
+
+        async def act(watch: SessionWatch) -> Any:
+            await until(
+                watch, lambda: 2 == len([live for live in watch.live.values() if live.status])
+            )
+            names = {live.about["participant"]: name for name, live in watch.live.items()}
+            trials = {
+                live.about["participant"]: (live.status or {})["trial_id"]
+                for live in watch.live.values()
+            }
+            assert await watch.tell(Command(Action.PAUSE), names["S02"])
+            assert not await watch.tell(Command(Action.PAUSE), "one that has ended")
+            return trials
+
+        assert {"S01": "T01", "S02": "T02"} == with_desk(tmp_path, act)
+        assert [Command(Action.PAUSE)] == polled(other)
+        assert [] == list(one.poll())
+
+
 def test_a_note_is_one_line_of_text() -> None:
     line = line_of({"action": "note", "text": "  a\x1b[2J\nb" + "x" * MAX_TEXT})
     note = command_of(line, ACTIONS)

@@ -1,6 +1,7 @@
 """Who is here today, how far they are, and what to do next."""
 
 import os
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ def config(tmp_path: Path) -> LabConfig:
     return made
 
 
-def today(config: LabConfig, running: str = "") -> dict[str, Any]:
+def today(config: LabConfig, running: Collection[str] = ()) -> dict[str, Any]:
     (study,) = people_today(config, Verdicts(), running)
     return {person["label"]: person for person in study["people"]} | {"before": study["before"]}
 
@@ -95,9 +96,9 @@ def test_a_session_broken_off_on_another_day_still_waits_to_be_gone_on_with(
 
 def test_while_a_session_goes_on_no_other_is_judged(config: LabConfig) -> None:
     perform(config, trial_s=1.0)
-    found = today(config, running="elsewhere")["S01B"]
+    found = today(config, running=["elsewhere"])["S01B"]
     assert ("complete", None) == (found["state"], found["verdict"])
-    assert "running" == today(config, running=str(session_of(config).resolve()))["S01B"]["state"]
+    assert "running" == today(config, running=[str(session_of(config).resolve())])["S01B"]["state"]
 
 
 def test_a_ledger_that_cannot_be_read_is_told_and_hides_no_other_study(config: LabConfig) -> None:

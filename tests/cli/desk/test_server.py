@@ -143,6 +143,64 @@ def test_the_doctor_leaves_devices_of_a_session_alone(
     served(tmp_path, act)
 
 
+def test_another_program_reads_the_sessions_and_gives_reasons(tmp_path: Path) -> None:
+    async def act(desk: DeskServer, address: str, post: Post) -> None:
+        about = About("stare", "S01B", 1, str(tmp_path), is_simulated=True, is_blind=False)
+        where = address.partition("/#")[0] + "/api/v1/sessions"
+
+        async def sessions(**headers: str) -> Any:
+            async with aiohttp.ClientSession() as client, client.get(where, headers=headers) as got:
+                return await got.json()
+
+        assert "refused" in await sessions()
+        assert {"sessions": []} == await sessions(**{KEY: desk.key})
+        with SessionLink(UnattendedOperator(), about, tmp_path) as link:
+            link.show(STATUS)
+            found: list[Any] = []
+            while not found or not found[0]["status"]:
+                found = (await sessions(**{KEY: desk.key}))["sessions"]
+                await asyncio.sleep(0)
+            (one,) = found
+            assert ("S01B", "T05") == (one["about"]["participant"], one["status"]["trial_id"])
+            asked = {"action": "skip", "text": "dizzy", "code": "unwell", "which": one["which"]}
+            status, told = await post("/api/v1/command", {**asked, "code": "weather"})
+            assert (400, True) == (status, "disturbance" in told["refused"])
+            assert 409 == (await post("/api/v1/command", {**asked, "which": "ended"}))[0]
+            assert (200, {}) == await post("/api/v1/command", asked)
+            assert [Command(Action.SKIP, "dizzy", "unwell")] == await heard(link)
+
+    served(tmp_path, act)
+
+
+async def heard(link: SessionLink) -> list[Command]:
+    """Return what reaches a session next."""
+    commands: list[Command] = []
+    while not commands:
+        await asyncio.sleep(0)
+        commands = list(link.poll())
+    return commands
+
+
+def test_a_program_that_starts_lab_recorder_starts_and_ends_a_session(tmp_path: Path) -> None:
+    async def act(desk: DeskServer, address: str, post: Post) -> None:
+        port = await desk.listen_as_lab_recorder(0)
+        about = About("stare", "S01B", 1, str(tmp_path), is_simulated=True, is_blind=False)
+        with SessionLink(UnattendedOperator(), about, tmp_path) as link:
+            link.show(STATUS)
+            told: dict[str, Any] = {"session": None, "number": -1}
+            while not told["session"]:
+                _, told = await post("/api/live", {"after": told["number"]})
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(b"select all\nfilename {participant:P1} {task:stare}\nstart\n")
+            assert b"OKOKOK" == await reader.readexactly(6)
+            assert [Command(Action.ADVANCE)] == await heard(link)
+            writer.write(b"stop\n")
+            assert [Command(Action.ABORT)] == await heard(link)
+            writer.close()
+
+    served(tmp_path, act)
+
+
 def test_the_day_is_told_with_the_lab_and_its_mark(tmp_path: Path) -> None:
     async def act(desk: DeskServer, address: str, post: Post) -> None:
         status, told = await post("/api/today", {})

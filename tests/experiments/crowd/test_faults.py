@@ -8,10 +8,10 @@ from experiments.crowd.haptics import BAND_ROLES
 from experiments.crowd.measures import MeasureParameters
 from experiments.crowd.replay import walks
 from experiments.crowd.trial import run_trial
+from lab.body_joints import BODY_JOINTS
 from lab.errors import DesignError
 from protocol.plan import Trial
 from protocol.steps import NextFrame, Reflex, Silence, TrialInterrupted
-from stimuli.contact.body import BODY_JOINTS
 from tests.experiments.crowd.sessions import session
 from tests.experiments.crowd.tables import measured
 from visavis.catalogue import find_study

@@ -4,7 +4,7 @@ import numpy as np
 
 from analysis.gait import clearance_m
 from experiments.crowd.participant.participant import CrowdParticipant
-from stimuli.contact.body import BODY_JOINTS
+from lab.body_joints import BODY_JOINTS
 from stimuli.scenes.station_crowd import EMPTY_STATION, CrowdFrame, CrowdScene, station_crowd
 
 NO_GAZE = np.empty((0, 3))

@@ -12,7 +12,7 @@ from experiments.crowd.quick_measures import quick_measures
 from experiments.crowd.quick_study import quick_walk, walked
 from experiments.crowd.replay import STEP_NS, Walk
 from experiments.crowd.study import plan_session
-from stimuli.contact.body import BODY_JOINTS
+from lab.body_joints import BODY_JOINTS
 from stimuli.scenes.station_crowd import BOARD_M
 from visavis.catalogue import find_study
 

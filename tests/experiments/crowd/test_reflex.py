@@ -6,9 +6,9 @@ import pytest
 from experiments.crowd.design import CrowdParameters
 from experiments.crowd.haptics import BAND_ROLES, MOTORS
 from experiments.crowd.reflex import ContactReflex
+from lab.body_joints import BODY_JOINTS
 from lab.clock import NS_PER_MS
 from protocol.steps import BodyView, Play, Silence
-from stimuli.contact.body import BODY_JOINTS
 from stimuli.contact.idle import crowd_poses, people_of
 from stimuli.scenes.station_crowd import ROOM_SIDE_M, station_crowd
 

@@ -29,7 +29,8 @@ from experiments.crowd.participant.walking import (
     walker_pose,
 )
 from experiments.crowd.participant.walking import TUCK as TUCKED
-from stimuli.contact.body import BODY_JOINTS, bones
+from lab.body_joints import BODY_JOINTS
+from stimuli.contact.body import bones
 
 
 def traits_of(many=600, population=DEFAULT_POPULATION, *, feels=True):

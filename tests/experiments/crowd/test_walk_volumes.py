@@ -32,8 +32,8 @@ from experiments.crowd.surfaces import (
     own_surface,
     person_surface,
 )
+from lab.body_joints import BODY_JOINTS
 from stimuli.characters.closing import collision_mesh
-from stimuli.contact.body import BODY_JOINTS
 from stimuli.contact.idle import crowd_poses, people_of
 from stimuli.dressing.casting import default_casting
 from stimuli.scenes.station_crowd import CHARACTERS, station_crowd

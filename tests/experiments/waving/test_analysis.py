@@ -9,11 +9,7 @@ import pytest
 from analysis.report import ReportProvenance
 from analysis.statistics.published import check_f
 from experiments.waving.clips import TECHNIQUES
-from experiments.waving.sections import (
-    confusion,
-    relative_confusion,
-    warping_section,
-)
+from experiments.waving.sections import relative_confusion, warping_section
 from experiments.waving.study import DIRECTIONS, study
 from lab.errors import DataError
 from visavis.opened import OpenedStudy
@@ -98,14 +94,6 @@ def test_each_effect_stands_beside_what_the_source_prints_of_it(analysis):
     assert not table.loc[("is_right", "technique:direction"), "published_significant"]
     assert table.loc[("is_right", "technique"), "agrees_with_published"]
     assert table.loc["who_ms", "published"].isna().all()
-
-
-def test_confusions_count_every_answer_once(analysis):
-    counted = analysis.selection.counted
-    assert len(counted) == confusion(counted).sum()
-    both = sum(confusion(counted, t) for t in TECHNIQUES)
-    assert np.array_equal(both, confusion(counted))
-    assert int(counted["is_right"].sum()) == np.trace(confusion(counted))
 
 
 def test_relative_answers_sum_to_the_trials_of_a_cell(analysis):

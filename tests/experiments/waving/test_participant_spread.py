@@ -19,9 +19,9 @@ from benchmarks.waving_fit import (
     waves_of,
 )
 from benchmarks.waving_participants import MEAN_LIMIT, SD_LIMIT, SHARE_LIMITS
-from benchmarks.waving_quick import STIMULI, evidence_for
 from experiments.waving.clips import TECHNIQUES
 from experiments.waving.judgement import DEFAULT_POPULATION
+from experiments.waving.quick_study import STIMULI, evidence_for
 from experiments.waving.study import MEAN_ACCURACY
 
 SEEN = dict(np.load(Path(__file__).with_name("seen_waves.npz")))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks.waving_quick import gaze_of
 from experiments.waving.clips import Making, study_wave
 from experiments.waving.perception import CUE_PARTS, evidence_of, reach_of
+from experiments.waving.quick_study import gaze_of
 from stimuli.dressing.office_view import eye_at
 from stimuli.scenes.office import CUSTOMERS
 

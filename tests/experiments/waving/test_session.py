@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from benchmarks.waving_quick import quick_analysis, quick_session, quick_study
+from cli.quick_tracker import tracker_of
 from devices.registry import OPTION_MODELS
 from lab.config import load_config
 from lab.config_files import EXAMPLE
 from recording.reader import Recording
 from visavis.catalogue import find_study
+from visavis.power import KitPower
 from visavis.sessions.perform import perform_new, simulated_request
 
 PILOT = {
@@ -76,6 +78,20 @@ def test_the_quick_path_answers_as_a_session_does(intake):
     assert np.mean(same) >= 0.75
     gaps = [quick[r["trial_id"]]["realism"] - r["realism"] for r in rows.to_dict("records")]
     assert np.abs(gaps).max() <= 1
+
+
+def test_power_performs_the_quick_path_with_its_waves_made_beforehand():
+    power = KitPower("waving", tracker_of, overrides=PILOT)
+    made = []
+    power.prepare(lambda done, of: made.append((done, of)))
+    assert (made[-1][1], made[-1][1]) == made[-1]
+    assert 0 < made[-1][0]
+
+    rows = power.simulate_people([0], effect=1.0, seed=SEED)
+
+    quick = quick_session(find_study("waving").experiment(PILOT), 0, SEED)
+    assert [row["is_right"] for row in quick] == rows["is_right"].tolist()
+    assert [row["realism"] for row in quick] == rows["realism"].tolist()
 
 
 def test_people_who_do_not_attend_are_at_chance_with_both_techniques():

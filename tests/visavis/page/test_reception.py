@@ -20,8 +20,9 @@ from recording.reader import Recording
 from tests.visavis.page.pages import SEED, config, experiment, study
 from visavis.page.arrivals import arrival_of, check_completion, completion_of, least_filled
 from visavis.page.client import arrive, visit
+from visavis.page.errors import PageError
 from visavis.page.film_store import film_store
-from visavis.page.reception import IDLE_NS, Reception, Rules
+from visavis.page.reception import IDLE_NS, Brake, Reception, Rules
 from visavis.page.server import KEY, PageServer
 from visavis.page.steps import PageStep
 from visavis.page.visitor import Visitor, visitor_of
@@ -70,7 +71,7 @@ class Place:
     def visitor(self, stop: str = "") -> Somebody:
         person = study().participant(0, SEED, effect=True, experiment=experiment())
         made = visitor_of(person, experiment(), film_store(experiment()))
-        somebody = Somebody(made.person, made.films, made.responses, made.views)
+        somebody = Somebody(made.person, made.films, made.responses, made.views, made.store)
         somebody.stop = stop
         somebody.now_ms = self.clock.now_ns() / 1e6
         return somebody
@@ -120,7 +121,7 @@ def test_three_at_once_have_a_whole_session_each(place: Place) -> None:
 
 
 def test_who_comes_again_gets_the_session_they_had_also_of_a_new_server(place: Place) -> None:
-    told = {"PROLIFIC_PID": "5f3a", "STUDY_ID": "77", "other": "x"}
+    told = {"PROLIFIC_PID": "5f3a99c07b21d4", "STUDY_ID": "77", "other": "x"}
 
     async def first(base: str, _: Reception) -> str:
         address = await arrive(base, told)
@@ -334,10 +335,145 @@ def test_orders_stay_even_over_those_who_complete(stays: list[bool], n_orders: i
 
 
 def test_only_what_can_be_an_identifier_is_taken() -> None:
-    assert ("", "") == (arrival_of({"PROLIFIC_PID": "<b>"}).panel, arrival_of({}).identifier)
+    assert "" == arrival_of({}).identifier
+    with pytest.raises(PageError, match="PROLIFIC_PID=<b> is no identifier"):
+        arrival_of({"PROLIFIC_PID": "<b>"})
     somebody = arrival_of({"survey_code": "12345"})
     assert "https://sona/x?survey_code=12345" == completion_of(
         "https://sona/x?survey_code={id}", somebody
     )
     with pytest.raises(UsageError, match="web address"):
         check_completion("javascript:alert(1)")
+
+
+def test_the_secret_of_a_page_lies_with_no_data_and_is_the_same_of_another_server(
+    place: Place,
+) -> None:
+    async def act(base: str, _: Reception) -> str:
+        address = await arrive(base, {})
+        await visit(address, place.visitor(), place.clock, ends=lambda s: s.kind == "watch")
+        return address.partition("#")[2]
+
+    key = served(place, act)
+    assert 64 == len(key)
+    for path in place.lab.data_root.rglob("*"):
+        assert not (path.is_file() and key.encode() in path.read_bytes()), path
+
+    async def again(base: str, reception: Reception) -> bool:
+        return await reception.held(key) is not None
+
+    assert served(place, again)
+
+
+def test_who_is_withdrawn_beside_the_server_is_ended_deleted_and_forgotten(place: Place) -> None:
+    told = {"PROLIFIC_PID": "5f3a"}
+
+    async def act(base: str, reception: Reception) -> tuple[Any, ...]:
+        key = (await arrive(base, told)).partition("#")[2]
+        (entry,) = place.ledger.list()
+        place.ledger.begin_withdrawal(entry.label, [place.folder])  # as its command does
+        await reception._notice_withdrawals()
+        was_deleted = [] == place.sessions()
+        async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+            async with http.post("/api/hello", json={"tab": "t"}) as response:
+                refused = (await response.json())["refused"]
+        again = (await arrive(base, told)).partition("#")[2]
+        return was_deleted, refused, again != key, (await reception.board())["counts"]
+
+    was_deleted, refused, is_another, counts = served(place, act)
+    assert was_deleted
+    assert "this address leads to no session; ask for a new one" == refused
+    assert is_another
+    assert {"deleted": 1, "running": 1} == counts
+    assert ["withdrawn", "active"] == [entry.status for entry in place.ledger.list()]
+
+
+def test_who_left_and_is_withdrawn_beside_the_server_makes_room(tmp_path: Path) -> None:
+    place = Place(tmp_path, Rules(quota=1))
+
+    async def act(base: str, reception: Reception) -> str:
+        await visit(await arrive(base, {}), place.visitor(), place.clock)
+        with pytest.raises(DataError, match="enough participants"):
+            await arrive(base, {})
+        (entry,) = place.ledger.list()
+        place.ledger.withdraw(entry.label, [place.folder])
+        return await arrive(base, {})
+
+    assert "#" in served(place, act)
+    assert 1 == len(place.sessions())
+
+
+async def posted(base: str, path: str, body: dict[str, Any], key: str = "") -> dict[str, Any]:
+    async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+        async with http.post(path, json=body) as response:
+            told: dict[str, Any] = await response.json()
+            return told
+
+
+@pytest.mark.parametrize(("stop", "outcome"), [("", "done"), ("keep", "stopped")])
+def test_who_comes_again_to_a_session_that_is_over_is_told_so_and_nothing_is_added(
+    place: Place, stop: str, outcome: str
+) -> None:
+    async def whole(base: str, _: Reception) -> str:
+        address = await arrive(base, {})
+        await visit(address, place.visitor(stop), place.clock)
+        return address.partition("#")[2]
+
+    key = served(place, whole)
+    (session,) = place.sessions()
+    before = {p: p.read_bytes() for p in session.rglob("*") if p.is_file()}
+
+    async def again(base: str, _: Reception) -> list[Any]:
+        hello = await posted(base, "/api/hello", {"tab": "t"}, key)
+        events = await posted(base, "/api/events", {"tab": "t", "events": []}, key)
+        return [hello["step"], hello["title"], events["step"]]
+
+    end = {"kind": "end", "outcome": outcome}
+    assert [end, experiment().study.title, end] == served(place, again)
+    assert before == {p: p.read_bytes() for p in session.rglob("*") if p.is_file()}
+
+
+def test_an_identifier_that_others_could_guess_brings_back_in_the_same_browser_alone(
+    place: Place,
+) -> None:
+    async def act(base: str, _: Reception) -> list[Any]:
+        told = {"told": {"survey_code": "12345"}}
+        key = (await posted(base, "/api/arrive", told))["key"]
+        other = await posted(base, "/api/arrive", told)
+        same = await posted(base, "/api/arrive", {**told, "before": key})
+        return [other["refused"], same["key"] == key]
+
+    assert ["begun", True] == served(place, act)
+    assert 1 == len(place.sessions())
+
+
+def test_a_link_to_somebody_of_the_ledger_gives_them_their_own_place(place: Place) -> None:
+    first, second = place.ledger.add(), place.ledger.add()
+
+    async def act(base: str, _: Reception) -> list[Any]:
+        key = (await posted(base, "/api/arrive", {"told": {"participant": "02"}}))["key"]
+        again = {"told": {"participant": second.label}, "before": key}
+        same = (await posted(base, "/api/arrive", again))["key"]
+        await posted(base, "/api/arrive", {"told": {"participant": "77"}})
+        return [key == same]
+
+    assert [True] == served(place, act)
+    third = place.ledger.list()[2]
+    assert [second.label, third.label] == [p.parent.name[4:] for p in place.sessions()]
+    assert first.index == 0
+    assert {"panel": "link", "identifier": second.label} == dict(place.who[second.label])
+
+
+def test_a_placeholder_that_no_panel_filled_is_refused_in_words(place: Place) -> None:
+    async def act(base: str, reception: Reception) -> dict[str, Any]:
+        return await posted(base, "/api/arrive", {"told": {"PROLIFIC_PID": "{{%PROLIFIC_PID%}}"}})
+
+    assert "address" == served(place, act)["refused"]
+    assert [] == place.sessions()
+
+
+def test_a_flood_of_arrivals_is_held_up_and_lets_people_in_again() -> None:
+    brake = Brake(at_once=3, a_second=2, _left=3)
+    assert [True] * 3 + [False] == [brake.lets_pass(0) for _ in range(4)]
+    assert [False, True] == [brake.lets_pass(ns) for ns in (400_000_000, 1_000_000_000)]
+    assert [True] * 3 + [False] == [brake.lets_pass(10**12) for _ in range(4)]

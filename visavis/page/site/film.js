@@ -1,5 +1,7 @@
 // Films: loaded whole before they are needed, checked, played together, and told as presented.
 
+import * as wire from "./wire.js";
+
 const AT_ONCE = 2;
 const TRIES = 4;
 const FIRST_FRAME_LIMIT_MS = 10000;
@@ -17,13 +19,13 @@ export function isLoaded(film) {
   return loaded.has(film.film);
 }
 
-export async function load(film, headers) {
+export async function load(film, key) {
   if (loaded.has(film.film)) return loaded.get(film.film).told;
   let why = "";
   for (let attempt = 1; attempt <= TRIES; attempt += 1) {
     const begun = performance.now();
     try {
-      const response = await fetch(`/films/${film.film}`, { headers, cache: "no-store" });
+      const response = await wire.film(film.film, key);
       if (!response.ok) throw new Error(`the server answered ${response.status}`);
       const buffer = await response.arrayBuffer();
       if (buffer.byteLength !== film.bytes) throw new Error("it came in part");
@@ -40,7 +42,7 @@ export async function load(film, headers) {
   throw new Error(why);
 }
 
-export async function loadAll(films, headers, onProgress) {
+export async function loadAll(films, key, onProgress) {
   const told = {};
   const failed = [];
   const waiting = [...films];
@@ -49,7 +51,7 @@ export async function loadAll(films, headers, onProgress) {
     while (waiting.length) {
       const film = waiting.shift();
       try {
-        told[film.film] = await load(film, headers);
+        told[film.film] = await load(film, key);
       } catch (error) {
         failed.push({ film, why: error.message });
       }

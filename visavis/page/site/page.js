@@ -1,18 +1,19 @@
 // The participant's page: shows the step the server tells, and sends numbered events until each is
 // acknowledged, which means that it is on the server's disk.
 
-import { openStore } from "/store.js";
-import * as film from "/film.js";
+import { openStore } from "./store.js";
+import * as film from "./film.js";
+import * as wire from "./wire.js";
 
 const BEAT_MS = 4000;
 const RETRY_MS = [200, 400, 800, 1500, 2000];
 const REPEAT_ASKING_MS = 2500;
 
-const SESSION = "visavis-session";
+const SESSION = `visavis-session${wire.scope}`;
 const ONWARD_MS = 4000;
+const BUSY_MS = 5000;
 
-let key = location.hash.slice(1);
-const headers = { "X-Visavis-Key": key };
+let key = wire.keyHere();
 const tab = globalThis.crypto?.randomUUID?.() || `${Date.now()}-${Math.random().toString(36).slice(2)}`;
 const main = document.getElementById("main");
 const notice = document.getElementById("notice");
@@ -23,6 +24,7 @@ let words = {};
 let queue = [];
 let next = 1;
 let shown = -1;
+let replied = -1;
 let isSending = false;
 let isOver = false;
 let cleanUp = () => {};
@@ -59,14 +61,7 @@ function put(kind, ...children) {
 
 // ---- the wire -------------------------------------------------------------------------------
 
-async function post(path, body) {
-  const response = await fetch(path, {
-    method: "POST",
-    headers: { ...headers, "Content-Type": "application/json" },
-    body: JSON.stringify(body),
-  });
-  return { status: response.status, told: await response.json() };
-}
+const post = (path, body) => wire.post(path, key, body);
 
 async function send(kind, more = {}) {
   if (isOver && kind !== "reply") return;
@@ -96,7 +91,8 @@ async function flush() {
       if (answer.status === 400 && failures < 3) { // a server that began anew and knows us not yet
         failures += 1;
         await new Promise((r) => setTimeout(r, RETRY_MS[failures]));
-        await hello(false);
+        const again = await hello(false);
+        if (again.status === 200 && !again.told.failed && !queue.length) await take(again.told);
         continue;
       }
       if (answer.status !== 200 || answer.told.failed) { broken(answer.told.refused || answer.told.failed); return; }
@@ -114,6 +110,7 @@ async function take(told) {
   await store.drop(told.ack);
   if (told.number !== shown) {
     shown = told.number;
+    replied = -1;
     show(told.step);
   }
 }
@@ -165,6 +162,8 @@ async function refreshHz() {
 }
 
 const reply = (content) => {
+  if (replied === shown) return undefined; // pressed twice
+  replied = shown;
   const whole = { hidden_ms: hiddenNow(), ...content };
   stop.hidden = true;
   return send("reply", { step: shown, reply: whole });
@@ -188,7 +187,7 @@ addEventListener("resize", () => {
   resizing = setTimeout(() => { if (shown >= 0) send("resize", { view_px: [innerWidth, innerHeight], pixel_ratio: devicePixelRatio }); }, 400);
 });
 addEventListener("error", (e) => { if (shown >= 0) send("problem", { what: String(e.message).slice(0, 200) }); });
-addEventListener("pagehide", () => navigator.sendBeacon("/api/leave", new Blob([JSON.stringify({ key, tab })], { type: "application/json" })));
+addEventListener("pagehide", () => wire.leave(key, tab));
 
 function elsewhere() {
   cleanUp();
@@ -305,7 +304,7 @@ const steps = {
     const bar = element("progress", { max: step.films.length, value: 0, "aria-label": say("loading", { n: 0, m: step.films.length }) });
     const line = paragraph(say("loading", { n: 0, m: step.films.length }));
     put("narrow", line, bar);
-    const { told, failed } = await film.loadAll(step.films, headers, (n) => {
+    const { told, failed } = await film.loadAll(step.films, key, (n) => {
       bar.value = n;
       line.textContent = say("loading", { n, m: step.films.length });
     });
@@ -378,7 +377,7 @@ const steps = {
     };
     if (!videos.length) { open(); return; }
     try {
-      for (const f of step.films) await film.load(f, headers);
+      for (const f of step.films) await film.load(f, key);
     } catch (error) {
       failed(step.films.find((f) => !film.isLoaded(f)), error.message);
       return;
@@ -404,13 +403,17 @@ const steps = {
       element("div", { class: "buttons" }, go));
   },
 
-  end(step) {
+  async end(step) {
     isOver = true;
     remembered((kept) => kept.removeItem(SESSION));
-    const goesOn = completion && step.outcome === "done";
-    put("narrow", element("h1", {}, say({ done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks")),
-      goesOn ? element("p", {}, element("a", { href: completion }, say("onward"))) : null);
-    if (goesOn) setTimeout(() => location.assign(completion), ONWARD_MS);
+    const said = { done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks";
+    put("narrow", element("h1", {}, say(said)));
+    let file = null;
+    try { file = await wire.ended(step.outcome); } catch { tell(say("lost")); }
+    if (file) main.append(paragraph(say("hand_in")), element("p", {}, element("a", { href: file.address, download: file.name }, say("save"))));
+    if (!completion || step.outcome !== "done") return;
+    main.append(element("p", {}, element("a", { href: completion }, say("onward"))));
+    if (!file) setTimeout(() => location.assign(completion), ONWARD_MS);
   },
 };
 
@@ -443,24 +446,35 @@ function remembered(change) {
 
 // Somebody who comes to a served study gets a session; who comes again gets the one they had.
 async function arrive() {
-  const told = Object.fromEntries([...new URLSearchParams(location.search)].slice(0, 20).map(([n, v]) => [n, v.slice(0, 200)]));
-  const before = remembered((kept) => kept.getItem(SESSION));
+  const told = Object.fromEntries([...wire.query()].slice(0, 20).map(([n, v]) => [n, v.slice(0, 200)]));
+  const before = remembered((kept) => kept.getItem(SESSION)) || "";
   isRemembered = Boolean(before) && !location.search;
   if (isRemembered) key = before;
   else {
     let answer;
     try {
-      answer = await post("/api/arrive", { told });
+      answer = await post("/api/arrive", { told, before });
     } catch {
       put("narrow", paragraph("This address is not complete. Please open it again as you were given it."));
       return;
     }
-    if (!answer.told.key) { put("narrow", element("h1", {}, answer.told.text || answer.told.refused)); return; }
+    if (!answer.told.key) {
+      put("narrow", element("h1", {}, answer.told.text || answer.told.refused));
+      if (answer.told.refused === "busy") setTimeout(() => begin(false), BUSY_MS);
+      return;
+    }
     key = answer.told.key;
   }
   remembered((kept) => kept.setItem(SESSION, key));
-  headers["X-Visavis-Key"] = key;
-  history.replaceState(null, "", `/#${key}`);
+  wire.keepKey(key);
+}
+
+// At a computer of a lab or a library the next person must not go on as the one before.
+function isTheirs() {
+  return new Promise((resolve) => {
+    put("narrow", element("h1", {}, say("begun_title")), paragraph(say("begun_text")),
+      element("div", { class: "buttons" }, button(say("begun_mine"), () => resolve(true)), button(say("begun_other"), () => resolve(false), true)));
+  });
 }
 
 let isLocked = false;
@@ -518,6 +532,13 @@ async function begin(takesOver) {
     put("narrow", paragraph(say("no_play")));
     return;
   }
+  if (isRemembered && told.number > 1 && told.step.kind !== "end" && !await isTheirs()) {
+    await wire.leave(key, tab);
+    remembered((kept) => kept.removeItem(SESSION));
+    location.assign(location.pathname);
+    return;
+  }
+  isRemembered = false;
   if (queue.length) { shown = told.number; await flush(); if (shown === told.number && current.kind === "") show(told.step); }
   else { shown = -1; await take(told); }
 }

@@ -2,22 +2,30 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from devices.contracts import VibrationPattern
 from lab.errors import DeviceError
 
 MAX_PATTERN_MS = 2000
 MAX_TTL_MS = 10_000
-FASTEST_MODULATION_HZ = 50.0
+MIN_MODULATION_HZ = 0.1
+MAX_MODULATION_HZ = 50.0
 
 
+@dataclass(frozen=True)
 class Limits:
-    """The limits of one band; every method raises DeviceError naming the role."""
+    """The limits of one band; every check raises DeviceError naming the role.
 
-    def __init__(self, role: str, motors: int, rate_range_hz: tuple[float, float]) -> None:
-        self._role = role
-        self._motors = motors
-        self.rate_range_hz = rate_range_hz
+    `rate_range_hz` is NaN where a band has not said it, or cannot be told a rate: `takes_rates`.
+    `plays_patterns` is true for a band that makes a pattern's rates itself.
+    """
+
+    role: str
+    motor_count: int
+    rate_range_hz: tuple[float, float]
+    takes_rates: bool = True
+    plays_patterns: bool = False
 
     def check_setting(
         self, amplitudes_01: Sequence[float], ttl_ms: int, rates_hz: Sequence[float] | None
@@ -28,8 +36,10 @@ class Limits:
             raise self._wrong(f"ttl_ms is 1 to {MAX_TTL_MS}, not {ttl_ms}")
         if rates_hz is None:
             return
-        if len(rates_hz) != self._motors:
-            raise self._wrong(f"{len(rates_hz)} rates for {self._motors} motors")
+        if not self.takes_rates:
+            raise self._wrong("this band cannot be told a vibration rate")
+        if len(rates_hz) != self.motor_count:
+            raise self._wrong(f"{len(rates_hz)} rates for {self.motor_count} motors")
         for rate in rates_hz:
             self._check_rate(rate)
 
@@ -37,28 +47,30 @@ class Limits:
         self, pattern: VibrationPattern, motors: Sequence[int], amplitude_01: float
     ) -> None:
         """Check a pattern, the motors it shall play on and its amplitude, above 0."""
-        self._check_amplitudes([amplitude_01] * self._motors)
+        self._check_amplitudes([amplitude_01] * self.motor_count)
         if not motors or amplitude_01 == 0:
             raise self._wrong("a pattern needs a motor and an amplitude; use silence() for none")
         for motor in motors:
-            if not 0 <= motor < self._motors:
-                raise self._wrong(f"motors are 0 to {self._motors - 1}, not {motor}")
+            if not 0 <= motor < self.motor_count:
+                raise self._wrong(f"motors are 0 to {self.motor_count - 1}, not {motor}")
         if not 1 <= pattern.duration_ms <= MAX_PATTERN_MS:
             raise self._wrong(
                 f"a pattern lasts 1 to {MAX_PATTERN_MS} ms, not {pattern.duration_ms}"
             )
-        self._check_rate(pattern.low_hz)
-        self._check_rate(pattern.high_hz)
-        if pattern.low_hz > pattern.high_hz:
-            raise self._wrong("low_hz of a pattern must not exceed its high_hz")
-        if not 0.1 <= pattern.modulation_hz <= FASTEST_MODULATION_HZ:
+        if self.plays_patterns:
+            self._check_rate(pattern.low_hz)
+            self._check_rate(pattern.high_hz)
+        if not 0 < pattern.low_hz <= pattern.high_hz < math.inf:
+            raise self._wrong("low_hz of a pattern is above 0 and must not exceed its high_hz")
+        if not MIN_MODULATION_HZ <= pattern.modulation_hz <= MAX_MODULATION_HZ:
             raise self._wrong(
-                f"modulation_hz is 0.1 to {FASTEST_MODULATION_HZ:g}, not {pattern.modulation_hz}"
+                f"modulation_hz is {MIN_MODULATION_HZ:g} to {MAX_MODULATION_HZ:g}, "
+                f"not {pattern.modulation_hz}"
             )
 
     def _check_amplitudes(self, amplitudes_01: Sequence[float]) -> None:
-        if len(amplitudes_01) != self._motors:
-            raise self._wrong(f"{len(amplitudes_01)} amplitudes for {self._motors} motors")
+        if len(amplitudes_01) != self.motor_count:
+            raise self._wrong(f"{len(amplitudes_01)} amplitudes for {self.motor_count} motors")
         for amplitude in amplitudes_01:
             if not 0 <= amplitude <= 1:
                 raise self._wrong(f"an amplitude is 0 to 1, not {amplitude}")
@@ -69,4 +81,4 @@ class Limits:
             raise self._wrong(f"this band vibrates at {low:g} to {high:g} Hz, not {rate_hz:g}")
 
     def _wrong(self, text: str) -> DeviceError:
-        return DeviceError(text, role=self._role, remedy="correct the command in the experiment")
+        return DeviceError(text, role=self.role, remedy="correct the command in the experiment")

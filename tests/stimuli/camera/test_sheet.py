@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cli.film.sheet import FilmLog
 from lab.geometry import Pose, Vector
 from stimuli.camera.obstacles import NOBODY
+from stimuli.camera.sheet import FilmLog
 from stimuli.camera.shots import ShotSize
 from stimuli.picture import Camera
 from stimuli.rooms.plain import plain_room

@@ -1,0 +1,300 @@
+"""Play sounds through the computer's sound card (sounddevice, PortAudio), and tell when they came.
+
+The card asks for a block of samples some time before it comes out and says when that will be, by
+its own clock; that clock is read against the session's all the while. So every sound has the time
+at which its first sample leaves the card. What comes behind the card (a headset's radio link, a
+receiver, an equaliser) adds to it: `visavis sync-test --speaker` measures the whole way.
+"""
+
+import contextlib
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.contracts import NO_DEVICE_TIME, ClockPair, DeviceState, Fault, Health, Sink
+from devices.drivers.sound.mixing import Mixer, Voice
+from devices.lifecycle import Lifecycle
+from devices.meter import StreamMeter
+from devices.spec import AnySpec
+from devices.streams import SOUND, SOUND_EVENTS
+from lab.clock import NS_PER_S, Clock
+from lab.clock_fit import latest_quick, offset_ns
+from lab.errors import DeviceDisconnected, DeviceError
+from lab.geometry import Pose, Vector
+from lab.schema import SampleBatch, empty_values
+from stimuli.sound import Sound
+
+BEGAN, ENDED, STOPPED, UNDERFLOW = (
+    SOUND_EVENTS.index(name) for name in ("began", "ended", "stopped", "underflow")
+)
+NOBODY: Final = -1
+PAIRS_APART_NS: Final = NS_PER_S // 4
+KEPT_PAIRS: Final = 2000
+RECENT_PAIRS: Final = 24
+AGAIN_NS: Final = NS_PER_S
+MAX_GAIN_DB: Final = 20.0
+
+
+class SoundCard:
+    """Follow the `SoundOutput` contract over PortAudio's output stream.
+
+    `load` returns sounddevice, or what stands for it; it is called when the device is opened.
+    Commands are taken by the card's own thread with the block that it asks for next.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        load: Callable[[], Any],
+        clock: Clock,
+        *,
+        spec: AnySpec,
+        device: str = "",
+        volume_01: float = 1.0,
+        is_simulated: bool = False,
+    ) -> None:
+        self._load, self._clock, self._spec = load, clock, spec
+        self._library: Any = None
+        self._device, self._volume_01 = device or None, volume_01
+        self._life = Lifecycle(role)
+        self._stream: Any = None
+        self._mixer = Mixer(48_000)
+        self._wanted: deque[Voice | int] = deque()
+        self._told: deque[tuple[int, int, float, bool]] = deque()
+        """Of the card's thread: number, event, the card's own time in seconds, whether stamped."""
+        self._resampled: dict[tuple[str, int], Sound] = {}
+        self._pairs: deque[ClockPair] = deque(maxlen=KEPT_PAIRS)
+        self._sink: Sink | None = None
+        self._number = self._lost = 0
+        self._begin()
+        self.info = replace(
+            spec.info(role, None), is_simulated=is_simulated,
+            transport="memory" if is_simulated else "sound card",
+            serial="simulated" if is_simulated else "",
+        )  # fmt: skip
+
+    @property
+    def state(self) -> DeviceState:
+        """Where it is in its life; FAULT while the card is gone."""
+        return self._life.state
+
+    def open(self, deadline_s: float) -> None:
+        """Open the card's output; it is silent until something is played."""
+        self._life.require("open", DeviceState.CLOSED)
+        self._library = self._load()
+        self._connect()
+        host = getattr(self._library, "described", _nobody)(self._device)
+        self.info = replace(self.info, model=host or self.info.model)
+        self._life.state = DeviceState.OPEN
+
+    def describe(self) -> tuple[Any, ...]:
+        """Return the stream of what sounded."""
+        return (SOUND,)
+
+    def start(self, sink: Sink) -> None:
+        """Begin taking sounds."""
+        self._life.require("start", DeviceState.OPEN)
+        self._begin()
+        self._sink = sink
+        self._life.state = DeviceState.STREAMING
+
+    def play(
+        self, sound: Sound, *, at_m: Vector | None = None, gain_db: float = 0.0, loops: bool = False
+    ) -> int:
+        """Play a sound from the next block on; see the contract."""
+        self._life.require("play", DeviceState.STREAMING, DeviceState.FAULT)
+        if not -120.0 <= gain_db <= MAX_GAIN_DB:
+            raise DeviceError(
+                f"gain_db is {gain_db}", role=self.info.role,
+                remedy=f"give decibels from -120 to {MAX_GAIN_DB:g}",
+            )  # fmt: skip
+        number, self._number = self._number, self._number + 1
+        self._commanded_ns[number] = self._clock.now_ns()
+        if self._life.state is DeviceState.FAULT:
+            self._lost += 1
+            return number
+        rate_hz = int(self._stream.samplerate)
+        key = (sound.sha256, rate_hz)
+        if key not in self._resampled:
+            self._resampled[key] = sound.at_rate(rate_hz)
+        gain = self._volume_01 * 10.0 ** (gain_db / 20.0)
+        place = None if at_m is None else np.array(at_m, np.float64)
+        self._wanted.append(Voice(number, self._resampled[key].samples, gain, place, loops))
+        return number
+
+    def prepare(self, sound: Sound) -> None:
+        """Bring a sound to the card's rate, which takes longer than a frame."""
+        if self._stream is not None:
+            rate_hz = int(self._stream.samplerate)
+            self._resampled.setdefault((sound.sha256, rate_hz), sound.at_rate(rate_hz))
+
+    def hush(self, number: int | None = None) -> None:
+        """End one sound, or all, with the next block; never raises."""
+        self._wanted.append(NOBODY if number is None else number)
+
+    def hear_from(self, head: Pose) -> None:
+        """Say where the participant's head is; sources with a place are heard from there."""
+        self._mixer.head = head
+
+    def poll(self, timeout_s: float) -> int:
+        """Read the card's clock; deliver what sounded. See the contract."""
+        self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
+        if self._life.state is DeviceState.FAULT:
+            self._reconnect()
+        elif not self._stream.active:
+            self._lose()
+            raise DeviceDisconnected(
+                "the sound card stopped", role=self.info.role, remedy=self._spec.remedy
+            )
+        else:
+            self._read_clock()
+        delivered = self._deliver()
+        if timeout_s > 0 and not delivered:
+            self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
+        return delivered
+
+    def stop(self) -> None:
+        """Fall silent; the card stays open."""
+        self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
+        self.hush()
+        self._deliver()
+        self._sink = None
+        self._life.state = DeviceState.OPEN
+
+    def close(self) -> None:
+        """Release the card; idempotent."""
+        stream, self._stream = self._stream, None
+        self._sink = None
+        self._life.state = DeviceState.CLOSED
+        if stream is not None:
+            with contextlib.suppress(self._library.PortAudioError):  # it is gone already
+                stream.close()
+
+    def health(self) -> Health:
+        """Report what sounded."""
+        return self._meter.health(self.state, self._clock.now_ns())
+
+    def check(self) -> tuple[Fault, ...]:
+        """Tell of holes, of sounds too loud together, and of sounds that nobody heard."""
+        found = []
+        for count, text, remedy in (
+            (self._underflows, "holes in the sound: the card was not given samples in time",
+             "close other programs, or raise latency_ms"),
+            (self._mixer.clipped, "blocks were louder than the card can play, and were cut",
+             "lower gain_db of the sounds, or volume_01"),
+            (self._lost, "sounds were not heard: the card was away", self._spec.remedy),
+        ):  # fmt: skip
+            if count:
+                found.append(Fault(self.info.role, "warning", f"{count} {text}", remedy))
+        return tuple(found)
+
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return readings of the card's clock between two of the session's."""
+        return tuple(self._pairs)
+
+    # ---- inside -----------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        self._meter = StreamMeter(0.0)
+        self._commanded_ns: dict[int, int] = {}
+        self._number = self._lost = self._seq = self._underflows = self._retry_ns = 0
+        self._wanted.clear()
+        self._told.clear()
+        self._mixer.voices = []
+        self._mixer.clipped = 0
+
+    def _connect(self) -> None:
+        try:
+            self._stream = self._library.OutputStream(
+                device=self._device, channels=2, dtype="float32", latency="low",
+                callback=self._fill,
+            )  # fmt: skip
+            self._mixer.rate_hz = int(self._stream.samplerate)
+            self._stream.start()
+        except self._library.PortAudioError as problem:
+            self._stream = None
+            raise DeviceError(
+                f"the sound output cannot be opened: {problem}",
+                role=self.info.role,
+                remedy="name one of `python -m sounddevice` as device in lab_config.yaml",
+            ) from problem
+        self._pairs.clear()
+        self._read_clock()
+
+    def _read_clock(self) -> None:
+        before_ns = self._clock.now_ns()
+        card_ns = round(self._stream.time * NS_PER_S)
+        if not self._pairs or before_ns - self._pairs[-1].host_receive_ns >= PAIRS_APART_NS:
+            self._pairs.append(ClockPair(before_ns, card_ns, self._clock.now_ns()))
+
+    def _lose(self) -> None:
+        self._life.state = DeviceState.FAULT
+        self._retry_ns = self._clock.now_ns() + AGAIN_NS
+        with contextlib.suppress(self._library.PortAudioError):  # it is gone
+            self._stream.close()
+        self._stream = None
+        self._lost += len(self._mixer.voices)
+        self._mixer.voices = []
+        self._wanted.clear()
+
+    def _reconnect(self) -> None:
+        if self._clock.now_ns() < self._retry_ns:
+            return
+        try:
+            self._connect()
+        except DeviceError:
+            self._retry_ns = self._clock.now_ns() + AGAIN_NS
+        else:
+            self._life.state = DeviceState.STREAMING
+
+    def _fill(self, out: npt.NDArray[np.float32], n: int, times: Any, status: Any) -> None:
+        """Give the card its next block; it runs in the card's own thread."""
+        at_s, is_stamped = float(times.outputBufferDacTime), True
+        if at_s <= 0.0:  # some of the systems' interfaces do not say
+            at_s, is_stamped = float(times.currentTime) + float(self._stream.latency), False
+        while self._wanted:
+            self._take(self._wanted.popleft(), at_s, is_stamped)
+        if getattr(status, "output_underflow", False):
+            self._told.append((NOBODY, UNDERFLOW, at_s, is_stamped))
+        out[:], over = self._mixer.block(n)
+        for voice, sample in over:
+            kind = STOPPED if voice.ends else ENDED
+            end_s = at_s + sample / self._mixer.rate_hz
+            self._told.append((voice.number, kind, end_s, is_stamped))
+
+    def _take(self, wanted: Voice | int, at_s: float, is_stamped: bool) -> None:
+        if isinstance(wanted, Voice):
+            self._mixer.voices.append(wanted)
+            self._told.append((wanted.number, BEGAN, at_s, is_stamped))
+            return
+        for voice in self._mixer.voices:
+            voice.ends = voice.ends or wanted in (NOBODY, voice.number)
+
+    def _deliver(self) -> int:
+        rows = [self._told.popleft() for _ in range(len(self._told))]
+        if not rows or self._sink is None:
+            return 0
+        offset = offset_ns(latest_quick(tuple(self._pairs)[-RECENT_PAIRS:]))
+        values = empty_values(SOUND, len(rows))
+        card_ns = np.array([round(at_s * NS_PER_S) for _, _, at_s, _ in rows], np.int64)
+        values["sound"] = [number for number, _, _, _ in rows]
+        values["event"] = [kind for _, kind, _, _ in rows]
+        values["t_commanded_ns"] = [self._commanded_ns.get(row[0], NO_DEVICE_TIME) for row in rows]
+        values["t_sounding_ns"] = card_ns + offset
+        values["stamped"] = [is_stamped for _, _, _, is_stamped in rows]
+        self._underflows += int((values["event"] == UNDERFLOW).sum())
+        now_ns = self._clock.now_ns()
+        numbers = np.arange(self._seq, self._seq + len(rows), dtype=np.int64)
+        self._seq += len(rows)
+        self._meter.update(card_ns.tolist(), now_ns)
+        host = np.full(len(rows), now_ns, np.int64)
+        self._sink(SampleBatch(SOUND, numbers, card_ns, host, values))
+        return len(rows)
+
+
+def _nobody(device: str | None) -> str:
+    return device or ""

@@ -1,0 +1,166 @@
+"""Mix sounds for two ears, block by block: where a source stands is heard by time and shadow.
+
+A source with a place reaches the nearer ear first and the farther one later and duller. The model
+is of a rigid sphere (Brown and Duda 1998, 10.1109/89.709673: Woodworth's delay and a head shadow
+of one pole and one zero for each ear) and falls off with distance. It has no pinnae and no room:
+above and below, before and behind sound alike.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import lfilter
+
+from lab.geometry import Pose, Vector, quat_conjugate, rotate
+
+HEAD_RADIUS_M = 0.0875
+SOUND_M_S = 343.0
+SHADOW_MIN = 0.1
+SHADOW_MIN_DEG = 150.0
+"""Direction, from an ear, from which the least of high tones reaches it, and how much that is."""
+NEAREST_M = 0.25
+"""Sources nearer than this are no louder."""
+EARS = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+"""Where the ears look from the middle of the head, left first; x is to the right."""
+EYES_TO_EARS_M = np.array([0.0, 0.0, 0.09])
+"""A head's pose is that between the eyes; the ears lie behind it."""
+MAX_LATE_S = HEAD_RADIUS_M / SOUND_M_S * (1 + np.pi / 2)
+"""How much later than the nearer ear the farther one hears, at most."""
+Samples = npt.NDArray[np.float32]
+
+
+@dataclass(eq=False)
+class Voice:
+    """A sound that is being played; `samples` (n, c) are of the card's rate.
+
+    `at_m` (3,) is its place in the world; None plays it as it is, to both ears.
+    """
+
+    number: int
+    samples: Samples
+    gain: float
+    at_m: Vector | None
+    loops: bool
+    done: int = 0
+    ends: bool = False
+    late: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    loud: npt.NDArray[np.float64] | None = None
+    memory: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((2, 1)))
+
+
+class Mixer:
+    """Everything that sounds; `block` goes on from where the block before ended."""
+
+    def __init__(self, rate_hz: int) -> None:
+        self.rate_hz = rate_hz
+        self.head: Pose | None = None
+        self.voices: list[Voice] = []
+        self.clipped = 0
+        """Blocks in which sounds together were louder than the card can play."""
+
+    def block(self, n: int) -> tuple[Samples, list[tuple[Voice, int]]]:
+        """Return the next n samples (n, 2), and which sounds ended before which of them."""
+        mixed = np.zeros((n, 2))
+        over: list[tuple[Voice, int]] = []
+        for voice in self.voices:
+            mixed += self._of(voice, n)
+            if voice.ends:
+                over.append((voice, n))
+            elif not voice.loops and voice.done >= len(voice.samples) + self._tail(voice):
+                over.append((voice, max(0, n - (voice.done - len(voice.samples)))))
+        ended = {id(voice) for voice, _ in over}
+        self.voices = [voice for voice in self.voices if id(voice) not in ended]
+        self.clipped += bool(np.abs(mixed).max(initial=0.0) > 1.0)
+        return np.clip(mixed, -1.0, 1.0).astype(np.float32), over
+
+    def _tail(self, voice: Voice) -> int:
+        return 0 if voice.at_m is None else int(np.ceil(MAX_LATE_S * self.rate_hz)) + 1
+
+    def _of(self, voice: Voice, n: int) -> npt.NDArray[np.float64]:
+        if voice.at_m is None:
+            late, loud = np.zeros(2), np.ones(2)
+        else:
+            late, loud = self._heard_at(voice.at_m)
+        loud = loud * voice.gain
+        before_late, before_loud = voice.late, voice.loud
+        if before_loud is None:
+            before_late, before_loud = late, loud
+        target = np.zeros(2) if voice.ends else loud
+        ramp = np.arange(1, n + 1)[:, None] / n
+        at = voice.done + np.arange(n)[:, None] - (before_late + (late - before_late) * ramp)
+        out = self._read(voice, at) * (before_loud + (target - before_loud) * ramp)
+        if voice.at_m is not None:
+            for ear, (b, a) in enumerate(self._shadows(voice.at_m)):
+                out[:, ear], voice.memory[ear] = lfilter(b, a, out[:, ear], zi=voice.memory[ear])
+        voice.late, voice.loud, voice.done = late, target, voice.done + n
+        return out
+
+    def _read(self, voice: Voice, at: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return samples at places between them (n, 2); silence before and behind the sound."""
+        samples = voice.samples
+        count = len(samples)
+        below = np.floor(at).astype(np.int64)
+        share = at - below
+        channel = np.array([0, samples.shape[1] - 1])
+        if voice.at_m is not None and samples.shape[1] == 2:
+            samples, channel = samples.mean(axis=1, keepdims=True), np.zeros(2, np.int64)
+
+        def value(index: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+            if voice.loops:
+                here = samples[index % count, channel]
+                return np.where(index >= 0, here, 0.0)
+            inside = (index >= 0) & (index < count)
+            return np.where(inside, samples[np.clip(index, 0, count - 1), channel], 0.0)
+
+        return value(below) * (1.0 - share) + value(below + 1) * share
+
+    def _to(self, at_m: Vector) -> tuple[float, Vector]:
+        """Return how far a place is from the middle of the head, and its direction from there."""
+        if self.head is None:
+            way = at_m
+        else:
+            turn = quat_conjugate(self.head.orientation_wxyz)
+            way = rotate(turn, at_m - self.head.position_m) - EYES_TO_EARS_M
+        far_m = float(np.linalg.norm(way))
+        return far_m, way / far_m if far_m > 1e-6 else np.array([0.0, 0.0, -1.0])
+
+    def _heard_at(self, at_m: Vector) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return how many samples later than the nearer one each ear hears, and how loud."""
+        far_m, to = self._to(at_m)
+        late_s = ear_delays_s(to)
+        loud = np.full(2, 1.0 / max(far_m, NEAREST_M))
+        return (late_s - late_s.min()) * self.rate_hz, loud
+
+    def _shadows(self, at_m: Vector) -> Iterator[tuple[Vector, Vector]]:
+        _, to = self._to(at_m)
+        for cosine in EARS @ to:
+            yield head_shadow(float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))), self.rate_hz)
+
+
+def ear_delays_s(to: Vector) -> npt.NDArray[np.float64]:
+    """Return when a far sound from a direction (3,) reaches left and right ear (2,), in seconds.
+
+    Zero is when it would reach the middle of the head (Woodworth).
+    """
+    angle = np.arccos(np.clip(EARS @ to, -1.0, 1.0))
+    radius_s = HEAD_RADIUS_M / SOUND_M_S
+    direct = -radius_s * np.cos(angle)
+    round_head = radius_s * (angle - np.pi / 2)
+    late_s: npt.NDArray[np.float64] = np.where(angle < np.pi / 2, direct, round_head)
+    return late_s
+
+
+def head_shadow(angle_deg: float, rate_hz: int) -> tuple[Vector, Vector]:
+    """Return numerator and denominator (2,), (2,) of the filter of a head towards one ear.
+
+    `angle_deg` lies between the ear's own direction and the source. Low tones pass; high ones are
+    up to twice as strong at the ear that looks to the source, and a tenth behind the head.
+    """
+    steep = np.cos(np.radians(min(angle_deg, 180.0) * 180.0 / SHADOW_MIN_DEG))
+    alpha = (1 + SHADOW_MIN / 2) + (1 - SHADOW_MIN / 2) * steep
+    corner = SOUND_M_S / HEAD_RADIUS_M
+    k = rate_hz / corner  # bilinear, by 2·fs / (2·ω0)
+    b = np.array([1.0 + alpha * k, 1.0 - alpha * k]) / (1.0 + k)
+    return b, np.array([1.0, (1.0 - k) / (1.0 + k)])

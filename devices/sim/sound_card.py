@@ -1,0 +1,123 @@
+"""A sound card behind sounddevice's interface: asks for blocks by its own crystal, stamps them.
+
+`played` keeps what came out lately with the card's own times. Not modelled: a card's filters, the
+air, and a system that asks late.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from devices.faults import FaultSchedule
+from lab.clock import NS_PER_MS, NS_PER_S, Clock
+
+RATE_HZ: Final = 48_000
+BLOCK: Final = 480
+KEPT_BLOCKS: Final = 6000
+SINCE_BOOT_S: Final = 1000.0
+
+
+class SimulatedPortAudio:
+    """What `SoundCard` uses of sounddevice. Faults: late_start, disconnect, loss (blocks that come
+    too late, which the next one tells as an underflow).
+    """
+
+    class PortAudioError(Exception):
+        """What PortAudio raises."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        faults: FaultSchedule | None = None,
+        latency_ms: float = 20.0,
+        drift_ppm: float = 0.0,
+    ) -> None:
+        self.clock = clock
+        self.faults = faults if faults is not None else FaultSchedule()
+        self.latency_s = latency_ms * NS_PER_MS / NS_PER_S
+        self.rate = 1.0 + drift_ppm * 1e-6
+        self.origin_ns = clock.now_ns()
+        self.played: deque[tuple[float, npt.NDArray[np.float32]]] = deque(maxlen=KEPT_BLOCKS)
+
+    def described(self, device: str | None) -> str:
+        """Return what the card is called."""
+        return "simulated sound card"
+
+    def is_active(self, kind: str) -> bool:
+        """Tell whether a fault is in force now."""
+        return self.faults.active(kind, self.clock.now_ns() - self.origin_ns) is not None
+
+    def card_s(self, t_ns: int) -> float:
+        """Return what the card's clock shows at a session time."""
+        return SINCE_BOOT_S + t_ns * self.rate / NS_PER_S
+
+    def OutputStream(self, **given: Any) -> "SimulatedStream":  # noqa: N802 - sounddevice's name
+        """Open the output."""
+        if self.is_active("late_start") or self.is_active("disconnect"):
+            raise self.PortAudioError("Device unavailable")
+        return SimulatedStream(self, given["callback"])
+
+
+class SimulatedStream:
+    """An output stream; time passes for it whenever somebody looks at it."""
+
+    samplerate = float(RATE_HZ)
+
+    def __init__(self, card: SimulatedPortAudio, callback: Callable[..., None]) -> None:
+        self._card = card
+        self._callback = callback
+        self._runs = self._gone = False
+        self._block = 0
+        self._missed = False
+
+    @property
+    def latency(self) -> float:
+        """Seconds from a block's being asked for to its coming out."""
+        return self._card.latency_s
+
+    @property
+    def active(self) -> bool:
+        """Whether the card still asks for blocks."""
+        self._gone = self._gone or self._card.is_active("disconnect")
+        return self._runs and not self._gone
+
+    @property
+    def time(self) -> float:
+        """The card's clock, in seconds."""
+        self._catch_up()
+        return self._card.card_s(self._card.clock.now_ns())
+
+    def start(self) -> None:
+        """Begin to ask for blocks."""
+        self._runs = True
+        self._block = self._blocks_due()
+
+    def stop(self) -> None:
+        """Ask for no more."""
+        self._runs = False
+
+    def close(self) -> None:
+        """Release the output."""
+        self._runs = False
+
+    def _blocks_due(self) -> int:
+        now_s = self._card.card_s(self._card.clock.now_ns())
+        return int(np.floor(now_s * RATE_HZ / BLOCK + 1e-6)) + 1
+
+    def _catch_up(self) -> None:
+        while self.active and self._block < self._blocks_due():
+            asked_s = self._block * BLOCK / RATE_HZ
+            comes_s = asked_s + self._card.latency_s
+            times = SimpleNamespace(currentTime=asked_s, outputBufferDacTime=comes_s)
+            status = SimpleNamespace(output_underflow=self._missed)
+            block = np.zeros((BLOCK, 2), np.float32)
+            self._callback(block, BLOCK, times, status)
+            self._missed = self._card.is_active("loss")
+            if block.any() and not self._missed:
+                self._card.played.append((comes_s, block))
+            self._block += 1

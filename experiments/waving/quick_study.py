@@ -1,0 +1,112 @@
+"""A short path through the waving study: the same waves, eyes, people and judgements, no frames.
+
+What can be seen of each of the 54 waves is rendered once, by the code of a session, and kept; every
+person then reads it anew. The head stands still where a customer's is supposed, so the loop, which
+corrects a participant's own wave for their tracked head, has nothing to correct.
+"""
+
+from collections.abc import Iterator
+from functools import cache
+from itertools import product
+from typing import TYPE_CHECKING, Any, Final
+
+from experiments.waving.clips import DEFAULT_MAKING, KEPT_AS, TECHNIQUES, Making, study_wave
+from experiments.waving.perception import (
+    CUE_PARTS,
+    LOOKS,
+    PIXELS_PER_DEG,
+    REACH_PARTS,
+    REACH_PX,
+    Evidence,
+    evidence_of,
+)
+from experiments.waving.scene import office_eyes, scene_of
+from experiments.waving.study import CLERK_NAMES, DIRECTIONS, PLACES
+from lab.clock import NS_PER_S
+from lab.geometry import Vector
+from lab.kept import digest_of, keep, read_kept
+from protocol.plan import SessionPlan, Trial
+from stimuli.dressing.office import PARTS as ROLES
+from stimuli.dressing.office import roles_of
+from stimuli.dressing.office_view import body_mesh, eye_at, seen_body_of
+from stimuli.rooms.office import office
+from stimuli.scenes.office import (
+    CLERKS,
+    CUSTOMERS,
+    PARTICIPANT_PLACES,
+    Waving,
+    neighbour,
+    shift_m,
+)
+
+if TYPE_CHECKING:
+    from experiments.waving.participant import WavingParticipant
+
+Stimulus = tuple[str, str, str, str]
+STIMULI: Final = tuple(product(TECHNIQUES, DIRECTIONS, CLERK_NAMES, PARTICIPANT_PLACES))
+"""The 54 situations of the study: technique, direction, clerk, participant's place."""
+
+
+def quick_trials(
+    person: "WavingParticipant", plan: SessionPlan, making: Making = DEFAULT_MAKING
+) -> Iterator[tuple[Trial, dict[str, Any]]]:
+    """Perform every trial of a plan but practice; yield its answers and how long they took."""
+    for trial in plan.trials:
+        if trial.is_practice:
+            continue
+        technique, direction, clerk, place = (
+            str(trial.factors[name])
+            for name in ("technique", "direction", "clerk", "participant_place")
+        )
+        evidence = evidence_for((technique, direction, clerk, place), making)
+        judgement = person.judges(evidence, place, trial.number)
+        who = PLACES[judgement.place]
+        yield (
+            trial,
+            {
+                "who": who,
+                "is_right": who == str(trial.factors["target_place"]),
+                "realism": judgement.realism,
+                "who_ms": 1000.0 * judgement.who_s,
+                "realism_ms": 1000.0 * judgement.realism_s,
+            },
+        )
+
+
+@cache
+def evidence_for(stimulus: Stimulus, making: Making = DEFAULT_MAKING) -> Evidence:
+    """Return what a customer who stands still sees of a wave; rendered once on a computer."""
+    technique, direction, clerk, place = stimulus
+    target = neighbour(place, direction).name
+    wave = study_wave(clerk, target, technique, making)
+    key = digest_of(said="|".join((wave.sha256, clerk, target, place, surroundings_sha256())))
+    kept = read_kept(KEPT_AS, key)
+    if kept is not None:
+        return Evidence(**kept)
+    gaze = gaze_of(wave.waving, place, target)
+    found = evidence_of(wave.waving, place, eye_at(place), gaze)
+    keep(KEPT_AS, key, vars(found))
+    return found
+
+
+def gaze_of(waving: Waving, participant_place: str, target_place: str) -> Vector:
+    """Return where the waving clerk's eyes point (3,), at a participant who stands still."""
+    scene = scene_of(participant_place, waving)
+    eyes = office_eyes(scene, target_place, 0, 1.0, 0.0)
+    standing = eye_at(participant_place) + shift_m(participant_place)
+    gaze, _, _ = eyes.at(10 * NS_PER_S, standing)
+    pointing: Vector = gaze[roles_of(participant_place).index(waving.clerk)]
+    return pointing
+
+
+@cache
+def surroundings_sha256() -> str:
+    """Return the hash of everything that decides what can be seen of a given wave."""
+    meshes = [p.mesh for p in office().props] + [body_mesh(role) for role in ROLES]
+    bodies = [seen_body_of(c.name) for c in CLERKS]
+    return digest_of(
+        *(m.vertices_m for m in meshes),
+        *(b.rest for b in bodies),
+        *(eye_at(c.name) for c in CUSTOMERS),
+        said="|".join(map(str, (PIXELS_PER_DEG, LOOKS, REACH_PX, CUE_PARTS, REACH_PARTS))),
+    )

@@ -1,0 +1,70 @@
+"""WAV files are read as they were written, and refused in words."""
+
+import contextlib
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.io import wavfile
+
+from lab.errors import DataError
+from stimuli.sound import read_sound
+
+RAMP = np.linspace(-0.9, 0.9, 500)
+KINDS = {
+    "u1": np.round(128 + RAMP * 127).astype(np.uint8),
+    "i2": np.round(RAMP * 32767).astype(np.int16),
+    "i4": np.round(RAMP * (2**31 - 1)).astype(np.int32),
+    "f4": RAMP.astype(np.float32),
+    "f8": RAMP,
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_wav_of_every_kind_of_sample_has_the_same_values(kind, tmp_path):
+    wavfile.write(tmp_path / "ramp.wav", 22_050, KINDS[kind])
+    sound = read_sound(tmp_path / "ramp.wav")
+    assert RAMP == pytest.approx(sound.samples[:, 0], abs=0.012)
+    assert (22_050, "ramp") == (sound.rate_hz, sound.name)
+
+
+def test_wav_of_24_bits_has_its_values(tmp_path):
+    values = np.round(RAMP * (2**23 - 1)).astype(int)
+    data = b"".join(int(v).to_bytes(3, "little", signed=True) for v in values)
+    head = struct.pack("<4sI4s4sIHHIIHH4sI", b"RIFF", 36 + len(data), b"WAVE", b"fmt ", 16, 1, 1,
+                       48_000, 144_000, 3, 24, b"data", len(data))  # fmt: skip
+    (tmp_path / "ramp.wav").write_bytes(head + data)
+    assert RAMP == pytest.approx(read_sound(tmp_path / "ramp.wav").samples[:, 0], abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("samples", "rate_hz", "told"),
+    [
+        (np.zeros((9, 6), np.int16), 48_000, "6 channels"),
+        (np.zeros(0, np.int16), 48_000, "more than none"),
+        (np.zeros(9, np.int16), 50, "samples a second"),
+        (np.array([0.0, np.nan]), 48_000, "no numbers"),
+    ],
+)
+def test_what_cannot_be_played_is_refused_in_words(samples, rate_hz, told, tmp_path):
+    wavfile.write(tmp_path / "odd.wav", rate_hz, samples)
+    with pytest.raises(DataError, match=told):
+        read_sound(tmp_path / "odd.wav")
+
+
+def test_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(DataError, match=r"nowhere\.wav"):
+        read_sound(tmp_path / "nowhere.wav")
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 400), st.binary(max_size=30))
+def test_damaged_file_is_refused_or_read_but_never_breaks(tmp_path_factory, at, junk):
+    path = tmp_path_factory.mktemp("sound") / "ramp.wav"
+    wavfile.write(path, 8000, KINDS["i2"])
+    whole = path.read_bytes()
+    path.write_bytes(whole[:at] + junk + whole[at + len(junk) :])
+    with contextlib.suppress(DataError):
+        assert np.isfinite(read_sound(path).samples).all()

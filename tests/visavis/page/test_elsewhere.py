@@ -1,0 +1,380 @@
+"""A study on another web host: its bundle in a real browser, and its results as recordings."""
+
+import contextlib
+import functools
+import http.server
+import json
+import threading
+import zipfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lab.clock import SystemClock
+from lab.errors import DesignError, UsageError
+from protocol.ledger import Ledger
+from protocol.operator import UnattendedOperator
+from recording.reader import Recording
+from tests.visavis.page.pages import config
+from visavis.catalogue import find_study
+from visavis.experiment import StudyExperiment
+from visavis.page.elsewhere.bundle import steps_of_place, write_bundle
+from visavis.page.elsewhere.results import import_runs, read_runs
+from visavis.page.film_store import FilmStore, film_store
+from visavis.sessions.perform import Request
+
+STUDY = """
+from visavis import Factor, Number, Rating, Study
+
+study = Study("apart", factors=[Factor("number", [1, 2, 3, 4])], on="browser", uses=(),
+              calibrate=False)
+
+
+@study.trial
+def trial(t):
+    yield t.ask(Rating("answer", 1, 9))
+    yield t.ask(Number("share", "%", low=0, high=100))
+"""
+BRANCHING = """
+from visavis import Factor, Rating, Study
+
+study = Study("apart", factors=[Factor("number", [1, 2])], on="browser", uses=(), calibrate=False)
+
+
+@study.trial
+def trial(t):
+    given = yield t.ask(Rating("answer", 1, 9))
+    if given.option == "9":
+        yield t.ask(Rating("again", 1, 9))
+"""
+
+
+class Host:
+    """A study with a lab of its own, exported and imported."""
+
+    def __init__(self, root: Path, text: str = STUDY) -> None:
+        self.root = root
+        file = root / "apart.py"
+        file.write_text(text, "utf-8")
+        study: Any = find_study(str(file))
+        experiment = study.experiment({})
+        assert isinstance(experiment, StudyExperiment)
+        self.base = Request(
+            study=study, experiment=experiment, config=config(root), participant_label="",
+            participant_index=0, group="", session=1, seed=7, clock=SystemClock(),
+            operator=UnattendedOperator(), on="browser",
+        )  # fmt: skip
+        self.store: FilmStore = film_store(experiment)
+        self.who: dict[str, Any] = {}
+        folder = self.base.config.data_root / "simulated" / "apart"
+        folder.mkdir(parents=True)
+        self.ledger = Ledger(folder, SystemClock(), prefix="S")
+
+    def exported(self, name: str = "bundle", **options: Any) -> Path:
+        path = self.root / name
+        write_bundle(self.base, self.store, path, **{"places": 3, **options})
+        return path
+
+    def imported(self, *files: Path, **options: Any) -> Any:
+        runs, _ = read_runs(files)
+        return import_runs(
+            self.base, self.store, self.ledger, runs, identify=self.who.__setitem__, **options
+        )
+
+
+@pytest.fixture
+def host(tmp_path: Path) -> Host:
+    return Host(tmp_path)
+
+
+def lines_of(bundle: Path, place: int, *, key: str = "r1", replies: int = 99,
+             told: dict[str, str] | None = None) -> list[dict[str, Any]]:  # fmt: skip
+    """Return what a page hands over that answers every step by its first option."""
+    about = json.loads((bundle / "bundle.json").read_text("utf-8"))
+    steps = json.loads((bundle / "places" / f"{place}.json").read_text("utf-8"))
+    head = {n: about[n] for n in ("format", "study", "seed")}
+    arrived = {**head, "bundle": about["id"], "place": place, "sha256": steps["sha256"]}
+    lines: list[dict[str, Any]] = [
+        {"arrived": {**arrived, "told": told or {}}},
+        {"opened": {"tab": "t", "at_ms": 10.0, "about": {}}},
+    ]
+    for n, step in enumerate(steps["steps"][:replies], start=1):
+        at_ms = 1000.0 * n
+        answers = {
+            q["name"]: {"option": (q.get("options") or [{"value": "5"}])[0]["value"],
+                        "at_ms": at_ms, "by": "keys"}
+            for q in step.get("questions", ())
+        }  # fmt: skip
+        reply = {"shown_ms": at_ms - 700, "hidden_ms": 0.0, "answers": answers}
+        event = {"n": n, "kind": "reply", "at_ms": at_ms, "step": n, "reply": reply}
+        lines.append({"tab": "t", "event": event})
+    begun_ms = 1_800_000_000_000.0
+    return [
+        {"run": key, "line": k, "at_ms": begun_ms + 1000.0 * k, **line}
+        for k, line in enumerate(lines)
+    ]
+
+
+def written(path: Path, *runs: list[dict[str, Any]]) -> Path:
+    path.write_text("".join(f"{json.dumps(line)}\n" for run in runs for line in run), "utf-8")
+    return path
+
+
+def test_what_people_did_elsewhere_becomes_a_session_like_any_other(host: Host) -> None:
+    bundle = host.exported()
+    lines = lines_of(bundle, 1, told={"PROLIFIC_PID": "5f3a99c"})
+    results = written(host.root / "r.jsonl", [*lines[:3], *lines])  # some came twice
+    made = host.imported(results)
+    assert () == made.refused
+    ((label, path),) = made.sessions.items()
+    recording = Recording(path)
+    assert "complete" == recording.status
+    rows = recording.trials()
+    assert [1.0] * 4 == list(rows["answer"])
+    assert [5.0] * 4 == list(rows["share"])
+    assert [700.0] * 4 == list(rows["answer_ms"])
+    assert host.base.experiment.plan(1, 7).trials[0].factors["number"] == rows["number"].iloc[0]
+    assert recording.manifest.created_wall_iso.startswith("2027-01-15T08:00:00")
+    assert [1] == [entry.index for entry in host.ledger.list()]
+    assert {label: {"panel": "Prolific", "identifier": "5f3a99c"}} == host.who
+    assert all(b"5f3a99c" not in p.read_bytes() for p in path.rglob("*") if p.is_file())
+
+    again = host.imported(results)
+    assert (1, {}) == (again.known, again.sessions)
+
+
+def test_a_place_that_two_people_had_loses_nobody(host: Host) -> None:
+    bundle = host.exported()
+    made = host.imported(
+        written(host.root / "r.txt", lines_of(bundle, 2), lines_of(bundle, 2, key="r2"))
+    )
+    assert 2 == len(made.sessions)
+    assert [2, 3] == [entry.index for entry in host.ledger.list()]
+    assert (list(made.sessions)[1],) == made.moved
+    plans = [Recording(path).manifest.plan for path in made.sessions.values()]
+    assert plans[0] == plans[1]
+
+
+def test_who_left_is_recorded_when_asked_for_and_who_withdrew_never(host: Host) -> None:
+    bundle = host.exported()
+    left, gone = lines_of(bundle, 0, replies=4), lines_of(bundle, 1, key="r2", replies=4)
+    gone[-1]["event"]["reply"] = {"stop": "delete", "hidden_ms": 0.0}
+    results = written(host.root / "r.jsonl", left, gone)
+    made = host.imported(results)
+    assert ({}, 1, ("r2",)) == (made.sessions, made.unfinished, made.withdrawn)
+    made = host.imported(results, unfinished_too=True)
+    (path,) = made.sessions.values()
+    assert ("aborted", 1) == (Recording(path).status, len(Recording(path).trials()))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda lines: lines[0]["arrived"].update(seed=8), "seed"),
+        (lambda lines: lines[0]["arrived"].update(sha256="0"), "is not what this study shows"),
+        (lambda lines: lines.pop(4), "one is missing"),
+        (lambda lines: lines[3]["event"]["reply"].update(answers={}), "no object"),
+        (lambda lines: lines[3].update(at_ms="x"), "at_ms"),
+    ],
+)
+def test_results_that_do_not_fit_are_left_out_whole_with_the_reason(
+    host: Host, spoil: Any, said: str
+) -> None:
+    bundle = host.exported()
+    lines = lines_of(bundle, 0)
+    spoil(lines)
+    made = host.imported(written(host.root / "r.jsonl", lines))
+    assert said in made.refused[0]
+    assert (0, []) == (len(made.sessions), list(host.ledger.list()))
+
+
+def test_a_study_whose_steps_depend_on_answers_cannot_be_written_down(tmp_path: Path) -> None:
+    with pytest.raises(DesignError, match=r"depends on answers .*visavis serve"):
+        Host(tmp_path, BRANCHING).exported()
+
+
+def test_a_folder_that_is_there_is_not_written_over(host: Host) -> None:
+    bundle = host.exported()
+    with pytest.raises(UsageError, match="there already"):
+        host.exported()
+    assert 3 == len(list((bundle / "places").iterdir()))
+
+
+def test_the_archive_is_a_study_as_jatos_imports_it(host: Host) -> None:
+    path = host.exported("apart.jzip")
+    with zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
+        (study,) = (n for n in names if n.endswith(".jas"))
+        told = json.loads(archive.read(study))
+        page = archive.read("visavis_apart/index.html").decode()
+    assert "3" == told["version"]
+    (component,) = told["data"]["componentList"]
+    assert ("index.html", True) == (component["htmlFilePath"], component["reloadable"])
+    assert {f"{told['data']['dirName']}/{n}" for n in ("page.js", "wire.js", "places/2.json")} <= {
+        *names
+    }
+    assert '<script src="jatos.js">' in page
+    assert not list(host.root.glob(".*.draft"))
+
+
+def test_what_jatos_exports_is_read(host: Host) -> None:
+    bundle = host.exported()
+    text = written(host.root / "r", lines_of(bundle, 0)).read_text("utf-8")
+    archive_path = host.root / "results.jrzip"
+    with zipfile.ZipFile(archive_path, "w") as archive:
+        archive.writestr("metadata.json", "{}")
+        archive.writestr("study_result_1/comp-result_1/data.txt", text)
+        archive.writestr("study_result_1/comp-result_2/data.txt", text[:300])  # of a reload, cut
+    runs, unreadable = read_runs([archive_path])
+    assert ([0], 1) == ([run.place for run in runs], unreadable)
+
+
+def test_two_places_have_the_orders_of_the_plan(host: Host) -> None:
+    first, second = (steps_of_place(host.base, host.store, k) for k in (0, 1))
+    assert len(first) == len(second)
+    assert [s.kind for s in first] == [s.kind for s in second]
+    other = replace(host.base, seed=8)
+    assert first == steps_of_place(host.base, host.store, 0)
+    assert len(first) == len(steps_of_place(other, host.store, 0))
+
+
+# ---- in a browser ----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def served(host: Host) -> Iterator[tuple[Host, str]]:
+    """A bundle behind a server of files that knows nothing of it."""
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, *_: Any) -> None: ...
+
+    folder = host.exported()
+    serve = functools.partial(Quiet, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield host, f"http://127.0.0.1:{server.server_port}/index.html"
+        server.shutdown()
+
+
+def answer(page: Any) -> None:
+    """Answer what a page asks, as far as it can be done now."""
+    from playwright.sync_api import Error
+
+    with contextlib.suppress(Error):  # the page went on meanwhile
+        if page.query_selector("#main input.number"):
+            page.fill("#main input.number", "33")
+        elif page.query_selector("#main input[type=radio]:not([disabled])"):
+            page.keyboard.press("3")
+        button = page.query_selector("#main button:not([disabled]):not(.quiet)")
+        if button:
+            button.click(timeout=2000)
+    page.wait_for_timeout(80)
+
+
+def answer_until(page: Any, words: str, steps: int = 60) -> None:
+    """Answer what a page asks until it says something."""
+    for _ in range(steps):
+        if words in page.inner_text("#main"):
+            return
+        answer(page)
+    raise AssertionError(page.inner_text("#main"))
+
+
+@pytest.mark.slow
+def test_a_bundle_on_a_plain_host_goes_from_beginning_to_a_file_of_answers(
+    served: tuple[Host, str], browser: Any
+) -> None:
+    host, address = served
+    page = browser.new_context(accept_downloads=True).new_page()
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.goto(f"{address}?place=2&id=abc-123")
+    page.wait_for_selector("#main button")
+    while "2 of 4" not in page.inner_text("#progress"):
+        answer(page)
+    before = page.inner_text("#progress")
+    page.reload()
+    page.wait_for_selector("#main button")
+    assert before == page.inner_text("#progress")
+    answer_until(page, "Save my answers")
+    with page.expect_download() as download:
+        page.click("#main a[download]")
+    results = host.root / "sent.jsonl"
+    download.value.save_as(results)
+    assert [] == problems
+    made = host.imported(results)
+    assert () == made.refused
+    ((label, path),) = made.sessions.items()
+    recording = Recording(path)
+    assert "complete" == recording.status
+    assert [3.0] * 4 == list(recording.trials()["answer"])
+    assert [33.0] * 4 == list(recording.trials()["share"])
+    assert "page reloaded" in ";".join(recording.trials()["flags"])
+    assert {"panel": "link", "identifier": "abc-123"} == host.who[label]
+
+
+JATOS = """
+const empty = '{"lines": "", "batch": {}, "ended": []}';
+const store = JSON.parse(sessionStorage.getItem("told") || empty);
+const keep = () => sessionStorage.setItem("told", JSON.stringify(store));
+window.jatos = {
+  studyResultUuid: "run-1", urlQueryParameters: { PROLIFIC_PID: "5f3a99c" },
+  onLoad: (act) => setTimeout(act, 30),
+  appendResultData: async (text) => {
+    if (store.lines && Math.random() < 0.2) throw "500, no connection";
+    store.lines += text; keep();
+  },
+  batchSession: {
+    getAll: () => store.batch,
+    set: async (name, value) => {
+      if (!store.tried) { store.tried = true; throw "version"; }
+      store.batch[name] = value; keep();
+    },
+    remove: async (path) => { delete store.batch[path.slice(1)]; keep(); },
+  },
+  endStudyWithoutRedirect: async (...said) => { store.ended.push(["end", ...said]); keep(); },
+  abortStudyWithoutRedirect: async (...said) => {
+    store.lines = ""; store.ended.push(["abort", ...said]); keep();
+  },
+};
+"""
+"""What jatos.js gives a component, as it stands in its documentation; every fifth answer fails."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stops", [False, True])
+def test_in_jatos_answers_are_handed_over_and_the_run_is_ended(
+    served: tuple[Host, str], browser: Any, stops: bool
+) -> None:
+    host, address = served
+    page = browser.new_context().new_page()
+    page.add_init_script(JATOS)
+    page.goto(address)
+    page.wait_for_selector("#main button")
+    if stops:
+        page.wait_for_selector("#main button:not([disabled]):not(.quiet)").click()
+        page.click("#stop")
+        page.click("text=Stop, and delete my answers")
+        page.wait_for_selector("text=You have stopped")
+    else:
+        page.reload()
+        answer_until(page, "Thank you")
+    page.wait_for_function("JSON.parse(sessionStorage.told).ended.length > 0")
+    told = json.loads(page.evaluate("sessionStorage.getItem('told')"))
+    if stops:
+        assert ([["abort", "stop and delete"]], "", {}) == (
+            told["ended"], told["lines"], told["batch"],
+        )  # fmt: skip
+        return
+    assert [["end", True, "done"]] == told["ended"]
+    assert 1 == len(told["batch"])
+    results = host.root / "data.txt"
+    results.write_text(told["lines"], "utf-8")
+    made = host.imported(results)
+    assert () == made.refused
+    (path,) = made.sessions.values()
+    assert [3.0] * 4 == list(Recording(path).trials()["answer"])
+    assert [0] == [entry.index for entry in host.ledger.list()]

@@ -1,0 +1,211 @@
+// The wire of a page on another web host: the steps of a place were written down beforehand, and
+// this takes the server's part. Every line is in this browser's own store, and where somebody takes
+// them (JATOS, or an address of the lab's) handed over, before it is acknowledged.
+
+const jatos = globalThis.jatos;
+if (jatos) await new Promise((resolve) => jatos.onLoad(resolve));
+
+const bundle = await (await fetch("bundle.json", { cache: "no-store" })).json();
+const CLAIM_TRIES = 12;
+const CLAIM_PAUSE_MS = 400;
+const PANELS = ["PROLIFIC_PID", "survey_code", "participant", "id"];
+
+export const scope = `-${bundle.id}${jatos ? `-${jatos.studyResultUuid}` : ""}`;
+export const query = () => new URLSearchParams(jatos ? jatos.urlQueryParameters : location.search);
+// JATOS gives each run an address of its own: what was begun under it goes on under it.
+const RUN = `visavis-run${scope}`;
+const remembered = (change) => { try { return change(localStorage); } catch { return null; } };
+export const keyHere = () => (jatos ? remembered((k) => k.getItem(RUN)) || "" : location.hash.slice(1));
+export const keepKey = (key) => {
+  if (jatos) remembered((k) => k.setItem(RUN, key));
+  else history.replaceState(null, "", `${location.pathname}#${key}`);
+};
+export const leave = () => {};
+export const film = (name) => fetch(`films/${name}.webm`);
+
+// ---- what is kept here ----------------------------------------------------------------------
+
+const done = (request) => new Promise((resolve, reject) => {
+  request.onsuccess = () => resolve(request.result);
+  request.onerror = () => reject(request.error);
+});
+
+async function openKept() {
+  try {
+    const request = indexedDB.open(`visavis-bundle-${bundle.id}`, 1);
+    request.onupgradeneeded = () => request.result.createObjectStore("lines", { keyPath: ["run", "line"] });
+    const base = await done(request);
+    const change = (act) => new Promise((resolve, reject) => {
+      const changing = base.transaction("lines", "readwrite", { durability: "strict" });
+      changing.oncomplete = () => resolve();
+      changing.onerror = changing.onabort = () => reject(changing.error);
+      act(changing.objectStore("lines"));
+    });
+    const span = (run) => IDBKeyRange.bound([run], [run, []]);
+    return {
+      of: (run) => done(base.transaction("lines").objectStore("lines").getAll(span(run))),
+      put: (lines) => change((s) => { for (const line of lines) s.put(line); }),
+      drop: (run) => change((s) => s.delete(span(run))),
+    };
+  } catch { // a private window of some browsers
+    const all = new Map();
+    return {
+      of: async (run) => [...(all.get(run) || new Map()).values()],
+      put: async (lines) => { for (const line of lines) all.set(line.run, (all.get(line.run) || new Map()).set(line.line, line)); },
+      drop: async (run) => { all.delete(run); },
+    };
+  }
+}
+
+const kept = await openKept();
+const nowMs = () => performance.timeOrigin + performance.now();
+const asText = (lines) => lines.map((line) => `${JSON.stringify(line)}\n`).join("");
+
+async function handOver(lines) {
+  if (jatos) { await jatos.appendResultData(asText(lines)); return; }
+  if (!bundle.results) return;
+  const response = await fetch(bundle.results, { method: "POST", headers: { "Content-Type": "text/plain" }, body: asText(lines) });
+  if (!response.ok) throw new Error(`answers were not taken: ${response.status}`);
+}
+
+// Line -1 of a run says up to which line somebody has taken them.
+async function write(run, lines) {
+  await kept.put(lines);
+  await handOver(lines);
+  await kept.put([{ run, line: -1, handed: lines.at(-1).line }]);
+}
+
+// ---- where a run is ---------------------------------------------------------------------------
+
+let at = null; // of the run that is open here: its steps, what is acknowledged, which step is shown
+
+async function stepsOf(place) {
+  const response = await fetch(`places/${place}.json`, { cache: "no-store" });
+  if (!response.ok) throw new Error(`place ${place} is not there: ${response.status}`);
+  return response.json();
+}
+
+// Where a run is after an event; null where it is a reply to a step that is not shown.
+function after(was, event) {
+  const now = { ack: event.n, number: was.number, outcome: was.outcome };
+  if (event.kind !== "reply") return now;
+  if (was.outcome || event.step !== was.number) return null;
+  const { reply } = event;
+  if (reply.stop) now.outcome = reply.stop === "keep" ? "stopped" : "withdrawn";
+  else if (at.steps[was.number - 1].kind === "consent" && reply.agreed !== true) now.outcome = "declined";
+  else if (was.number === at.steps.length) now.outcome = "done";
+  now.number += 1;
+  return now;
+}
+
+async function openRun(run) {
+  if (at?.run === run) return true;
+  const lines = (await kept.of(run)).sort((a, b) => a.line - b.line);
+  const begun = lines.find((line) => line.arrived);
+  if (!begun) return false;
+  const place = await stepsOf(begun.arrived.place);
+  if (place.sha256 !== begun.arrived.sha256) return false; // another bundle lies here by now
+  const handed = lines[0].line === -1 ? lines.shift().handed : -1;
+  const left = lines.filter((line) => line.line > handed);
+  if (left.length) await write(run, left); // kept as the connection was lost, or the page closed
+  at = { run, steps: place.steps, ack: 0, number: 1, outcome: "", next: lines.at(-1).line + 1, told: begun.arrived.told };
+  for (const line of lines) if (line.event) Object.assign(at, after(at, line.event));
+  return true;
+}
+
+const told = () => ({ ack: at.ack, number: at.number, step: at.outcome ? { kind: "end", outcome: at.outcome } : at.steps[at.number - 1] });
+
+function completion() {
+  const name = PANELS.find((n) => at.told[n]);
+  return bundle.completion.replaceAll("{id}", encodeURIComponent(name ? at.told[name] : ""));
+}
+
+// ---- what the server would answer -------------------------------------------------------------
+
+const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+const claimName = (place) => `visavis-${bundle.id}-${place}`;
+
+// JATOS keeps one list for all who come: everybody claims the first place that nobody has.
+async function claimed(run) {
+  for (let attempt = 0; attempt < CLAIM_TRIES; attempt += 1) {
+    const taken = jatos.batchSession.getAll() || {};
+    const place = Array.from({ length: bundle.places }, (_, k) => k).find((k) => taken[claimName(k)] === undefined);
+    if (place === undefined) return null;
+    try {
+      await jatos.batchSession.set(claimName(place), run);
+      return place;
+    } catch {
+      await pause(CLAIM_PAUSE_MS * (1 + Math.random())); // somebody else was quicker
+    }
+  }
+  throw new Error("no place could be claimed");
+}
+
+async function placeOf(said, run) {
+  if (jatos?.batchSession) return claimed(run);
+  const wanted = Number(said.place ?? NaN);
+  if (Number.isInteger(wanted) && wanted >= 1 && wanted <= bundle.places) return wanted - 1;
+  return crypto.getRandomValues(new Uint32Array(1))[0] % bundle.places;
+}
+
+async function arrive({ told: said }) {
+  const run = [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16).padStart(2, "0")).join("");
+  const place = await placeOf(said, run);
+  if (place === null) return { refused: "full", text: bundle.about.words.full };
+  const { sha256 } = await stepsOf(place);
+  const { format, study, seed, id } = bundle;
+  await write(run, [{ run, line: 0, at_ms: nowMs(), arrived: { format, study, seed, bundle: id, place, sha256, told: said } }]);
+  return { key: run };
+}
+
+async function hello({ tab, at_ms, about }) {
+  await write(at.run, [{ run: at.run, line: at.next++, at_ms: nowMs(), opened: { tab, at_ms, about } }]);
+  return { ...bundle.about, completion: completion(), ...told() };
+}
+
+async function take({ tab, events }) {
+  let now = { ack: at.ack, number: at.number, outcome: at.outcome };
+  const lines = [];
+  let isRefused = false;
+  for (const event of events.filter((e) => e.n > at.ack)) {
+    const then = after(now, event);
+    isRefused = then === null; // somebody pressed twice: the page says hello and drops the second
+    if (isRefused) break;
+    now = then;
+    lines.push({ run: at.run, line: at.next + lines.length, at_ms: nowMs(), tab, event });
+  }
+  if (lines.length) {
+    await write(at.run, lines);
+    Object.assign(at, now, { next: at.next + lines.length });
+  }
+  return isRefused ? { status: 400, told: { refused: "that step is not shown" } } : { status: 200, told: told() };
+}
+
+export async function post(path, key, body) {
+  if (path === "/api/arrive") return { status: 200, told: await arrive(body) };
+  if (!await openRun(key)) return { status: 400, told: { refused: "this browser knows no such session" } };
+  return path === "/api/hello" ? { status: 200, told: await hello(body) } : take(body);
+}
+
+// ---- the end ----------------------------------------------------------------------------------
+
+// Whose answers nobody took has them as a file; who wants them deleted, deleted wherever they are.
+export async function ended(outcome) {
+  const lines = (await kept.of(at.run)).filter((line) => line.line >= 0);
+  const { place } = lines[0].arrived;
+  if (outcome === "withdrawn") await kept.drop(at.run);
+  if (jatos) {
+    const mark = `visavis-ended-${at.run}`;
+    if (remembered((k) => k.getItem(mark))) return null;
+    if (outcome === "withdrawn" || outcome === "declined") { // the place is another's
+      try { await jatos.batchSession.remove(`/${claimName(place)}`); } catch { /* it stays given */ }
+    }
+    if (outcome === "withdrawn") await (jatos.abortStudyWithoutRedirect || jatos.abortStudyAjax)("stop and delete");
+    else await (jatos.endStudyWithoutRedirect || jatos.endStudyAjax)(outcome === "done", outcome);
+    remembered((k) => k.setItem(mark, "1"));
+    return null;
+  }
+  if (bundle.results || outcome === "withdrawn" || outcome === "declined") return null;
+  const name = `${bundle.study}-${at.run.slice(0, 8)}.jsonl`;
+  return { name, address: URL.createObjectURL(new Blob([asText(lines)], { type: "application/x-ndjson" })) };
+}

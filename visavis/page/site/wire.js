@@ -1,0 +1,27 @@
+// The wire to the server that this page came from. A bundle for another web host has a wire of its
+// own in place of this one, with the same functions.
+
+export const scope = "";
+export const keyHere = () => location.hash.slice(1);
+export const keepKey = (key) => history.replaceState(null, "", `/#${key}`);
+export const query = () => new URLSearchParams(location.search);
+
+const keyed = (key) => ({ "X-Visavis-Key": key });
+
+export async function post(path, key, body) {
+  const response = await fetch(path, {
+    method: "POST",
+    headers: { ...keyed(key), "Content-Type": "application/json" },
+    body: JSON.stringify(body),
+  });
+  return { status: response.status, told: await response.json() };
+}
+
+export function leave(key, tab) {
+  navigator.sendBeacon("/api/leave", new Blob([JSON.stringify({ key, tab })], { type: "application/json" }));
+}
+
+export const film = (name, key) => fetch(`/films/${name}`, { headers: keyed(key), cache: "no-store" });
+
+// What a page shows below its thanks; the server has everything already.
+export const ended = async () => null;
