@@ -28,7 +28,12 @@ from stimuli.motion.synthesis.hybrid import authored_poses, hybrid
 
 PEOPLE = (1, 2, 5, 10, 20, 50, 100, 200)
 INCREMENTS = {"walk": (0, 1, 2), "run": (0, 1, 2), "idle": (0, 1, 2), "crouch": (0, 1)}
-KINDS: dict[str, Kind] = {"walk": Walk(1.3), "run": Run(3.0), "idle": Idle(), "crouch": Crouch()}
+KINDS: dict[str, Kind] = {
+    "walk": Walk(1.3, stride_cv=0.0),
+    "run": Run(3.0),
+    "idle": Idle(),
+    "crouch": Crouch(),
+}
 FRAMES = {"walk": 30, "run": 30, "idle": 30, "crouch": 58}
 """Frames of a second of a clip, as in the source."""
 MIN_RATIO = 0.9

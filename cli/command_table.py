@@ -25,6 +25,8 @@ COMMANDS: Mapping[str, Entry] = {
     "init": Entry("data", "Write a lab_config.yaml to start from: everything simulated."),
     "doctor": Entry("doctor", "Say in one screen what is there, what is missing and what to do."),
     "new": Entry("new", "Write a study to begin with: its file, its texts, and a test."),
+    "examples": Entry("examples", "Write ready studies and scripts into a folder."),
+    "completion": Entry("completion", "Let your shell complete the commands and their options."),
     "devices": Entry("devices", "What devices there are, and whether they work."),
     "sync-test": Entry(
         "sync",

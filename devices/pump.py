@@ -59,6 +59,18 @@ class Foreseeing(Protocol):
         ...
 
 
+@runtime_checkable
+class Postponing(Protocol):
+    """A device whose polling can be put off: it delivers the same later, with the same times."""
+
+    def put_off(self) -> bool:
+        """Do what is due but delivering; False where `poll` must be called now.
+
+        Until then nobody may ask the device for what follows from its samples.
+        """
+        ...
+
+
 class Pump:
     """Own the delivery of one open device from `start` to `stop`.
 
@@ -81,6 +93,11 @@ class Pump:
         self._due_ns: Callable[[], int] = _always
         if clock.is_virtual and isinstance(device, Foreseeing):
             self._due_ns = device.due_ns
+        self._put_off: Callable[[], bool] = _never
+        if clock.is_virtual and isinstance(device, Postponing):
+            self._put_off = device.put_off
+        self.is_put_off = False
+        """Whether the last `step` left for later what the device would have delivered."""
         self._silence_ns: int | None = None
         self._quiet: Literal["", "silent", "stalled"] = ""
         self._last_ns = 0
@@ -139,8 +156,14 @@ class Pump:
             self.device.stop()
             self._hand_over()
 
-    def step(self) -> int:
-        """Hand everything that arrived to the sink; return the number of samples."""
+    def step(self, *, may_wait: bool = False) -> int:
+        """Hand everything that arrived to the sink; return the number of samples.
+
+        With `may_wait` a device that can is left for a later step, and so `is_put_off`.
+        """
+        self.is_put_off = may_wait and self._running and not self._queue and self._put_off()
+        if self.is_put_off:
+            return 0
         if self._running and self._thread is None and self._due_ns() <= self._clock.now_ns():
             self._poll(0.0)
         delivered = self._hand_over() if self._queue else 0
@@ -302,6 +325,10 @@ class Pump:
 
 def _always() -> int:
     return 0
+
+
+def _never() -> bool:
+    return False
 
 
 _SILENCE_REMEDY = "look at the device and its program; the session goes on when data come back"

@@ -7,7 +7,7 @@ every message bears its own arrival time, so a driver cannot tell simulation fro
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.errors import DeviceNotFound, DeviceTimeout
@@ -108,6 +108,15 @@ class Peer(Protocol):
         ...
 
 
+@runtime_checkable
+class PatientPeer(Protocol):
+    """A peer whose messages may be read later than they arrive, and then all at once."""
+
+    def may_wait(self) -> bool:
+        """Tell whether what it sends now is the same, with the same times, when read later."""
+        ...
+
+
 class MemoryTransport:
     """Connect a driver to a simulator in the same process, on any clock.
 
@@ -119,6 +128,7 @@ class MemoryTransport:
 
     def __init__(self, peer: Peer, clock: Clock) -> None:
         self._peer = peer
+        self._patient = peer if isinstance(peer, PatientPeer) else None
         self._clock = clock
         self._topics: tuple[bytes, ...] = ()
         self._replies: deque[Message] = deque()
@@ -161,6 +171,17 @@ class MemoryTransport:
             self._clock.sleep_until_ns(min(now_ns + REAL_TIME_STEP_NS, deadline_ns))
             messages = self._arrived(self._clock.now_ns())
         return messages
+
+    def put_off(self) -> bool:
+        """Tell whether a later `receive` may bring what has come by now; the peer catches up.
+
+        Not while the answer to a `post` is under way: it is heard when it arrives.
+        """
+        patient = self._patient
+        if patient is None or self._replies or not patient.may_wait():
+            return False
+        self._peer.advance(self._clock.now_ns())
+        return True
 
     def send(self, port: int, frames: Frames) -> None:
         """Hand the message to the peer."""

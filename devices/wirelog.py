@@ -6,6 +6,7 @@ byte link a received record is one chunk that came, a sent one what went out.
 """
 
 import bisect
+import os
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -133,7 +134,9 @@ class _Tee(Generic[W]):
         """Open the wire; the log is appended to when it exists."""
         self._inner.open(deadline_s)
         if self._file is None:
-            self._file = self._path.open("ab", buffering=0)
+            flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
+            # what a tracker tells of somebody is for this account alone
+            self._file = os.fdopen(os.open(self._path, flags, 0o600), "ab", buffering=0)
             if self._file.tell() == 0:
                 self._write(
                     {

@@ -22,9 +22,10 @@ _STAMP = "visavis_stamp"
 MAX_KERNEL_BYTES: Final = 500_000_000
 """Some ten versions of Visavis, each with every kernel."""
 KERNELS: Final = user_cache_path("visavis", appauthor=False) / "kernels"
-if not numba.config.CACHE_DIR:
+_config: Any = numba.config  # whose names are made at run time
+if not _config.CACHE_DIR:
     _versions = f"py{sys.version_info.major}{sys.version_info.minor}-numba{numba.__version__}"
-    numba.config.CACHE_DIR = str(KERNELS / _versions)
+    _config.CACHE_DIR = str(KERNELS / _versions)
 
 
 def compiled(function: F) -> F:

@@ -76,7 +76,7 @@ class Demands:
 
     `segments` the body tracker must deliver, `vibrations` the band of each role must be able to
     play on `motors`, `floor_side_m` the side of the square that is walked on; `sounds` are what it
-    plays, made ready beforehand.
+    plays, made ready beforehand; with `own_body` participants whom a tracker follows see one.
     """
 
     segments: tuple[str, ...] = ()
@@ -84,6 +84,7 @@ class Demands:
     motors: tuple[int, ...] = ()
     floor_side_m: float = 0.0
     sounds: tuple[Sound, ...] = ()
+    own_body: bool = False
 
 
 @runtime_checkable

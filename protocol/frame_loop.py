@@ -4,7 +4,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 
@@ -15,12 +15,20 @@ from lab.frame import FrameInfo
 from lab.geometry import Pose
 from lab.schema import SampleBatch
 from protocol.experiment import Experiment
-from protocol.observation import GazeObserver
+from protocol.observation import MAX_WAITING, GazeObserver
 from protocol.rig import RunningRig
 from protocol.row_buffer import RowBuffer
 from protocol.screen_gaze import seen_on_screen
 from protocol.states import SessionState, StateMachine
-from protocol.steps import BodyView, FrameView, Play, PlaySound, Silence, Sounded
+from protocol.steps import (
+    BodyView,
+    FrameView,
+    GazeView,
+    Play,
+    PlaySound,
+    Silence,
+    Sounded,
+)
 from protocol.streams import FRAMES, gaze_targets_schema, scene_states_schema
 from recording.writer import Recorder
 from stage.contracts import Stage
@@ -112,6 +120,11 @@ class FrameLoop:
         self.head_valid = False
         self.head_seen = False
         self.gaze_tap: list[SampleBatch] | None = None
+        # Without a screen to place gaze on, or a mirror to show it, a frame needs none by itself.
+        self._can_wait = clock.is_virtual and self.screen is None and not stage.schemas
+        self._waiting: list[tuple[tuple[object, ...], int]] = []
+        self.gaze_may_wait = False
+        """Whether gaze that no plan looks at may be left for later: see `catch_up`."""
         self.trial_number = -1
         self.frames_done = 0
         self.frames_dropped = 0
@@ -182,12 +195,20 @@ class FrameLoop:
                 self._log_view(view)
             self._display(view)
         frame = self._wait_frame()
-        self._rig.step()
+        is_put_off = self._rig.step(gaze_may_wait=self.gaze_may_wait and self._can_wait)
         self._take_head()
         self._rig.hear_from(self.head)
-        gaze = self.observer.observe(frame.index, frame.t_ns)
         pressed, pressed_ns = self._take_presses()
-        self._log_frame(frame, gaze.t_ns.shape[0])
+        gaze: GazeView
+        if is_put_off or self._waiting:
+            late = self.observer.wait(frame.index, frame.t_ns, self.catch_up)
+            self._waiting.append((self._frame_row(frame), frame.t_ns))
+            if not is_put_off or len(self._waiting) == MAX_WAITING:
+                self.catch_up()
+            gaze = cast(GazeView, late)
+        else:
+            gaze = self.observer.observe(frame.index, frame.t_ns)
+            self._frames.add((*self._frame_row(frame), gaze.t_ns.shape[0]), frame.t_ns)
         return FrameView(
             frame.index,
             frame.t_ns,
@@ -222,8 +243,20 @@ class FrameLoop:
         else:
             self.display_fault = None
 
+    def catch_up(self) -> None:
+        """Take in the gaze left for later, frame by frame as each would have.
+
+        On the virtual clock alone, where nobody waits for it: what is recorded is the same.
+        """
+        if self._waiting:
+            self._rig.catch_up()
+            waiting, self._waiting = self._waiting, []
+            for (row, t_ns), n in zip(waiting, self.observer.observe_waiting(), strict=True):
+                self._frames.add((*row, n), t_ns)
+
     def flush(self) -> None:
         """Hand every held row to the recorder."""
+        self.catch_up()
         self._frames.flush()
         self._targets.flush()
         self._scene_states.flush()
@@ -351,6 +384,7 @@ class FrameLoop:
         before = self._logged_view
         if before is None or view.scene is not before.scene:
             self._scene_number += 1
+            self.catch_up()  # with the scene it was seen in
             self.observer.show(view.scene)
             self._recorder.event("scene", self.t_ns, **self._describe(view.scene))
         elif (
@@ -397,14 +431,13 @@ class FrameLoop:
             ],
         }
 
-    def _log_frame(self, frame: FrameInfo, gaze_samples: int) -> None:
-        row = (
+    def _frame_row(self, frame: FrameInfo) -> tuple[object, ...]:
+        """Return a row of frames but its last column, the number of gaze samples."""
+        return (
             frame.index,
             frame.predicted_display_ns,
             STATE_CODES[self._states.state],
             self.trial_number,
             self._scene_states.rows - 1,
             frame.dropped,
-            gaze_samples,
         )
-        self._frames.add(row, frame.t_ns)

@@ -39,7 +39,8 @@ class Participant:
     `index` counts from 0 in order of entry and decides orders and seeds; `replaces` is the label
     of the withdrawn participant whose index this one took over. A withdrawn entry is the
     tombstone: `withdrawn_at` and `reason` say when and why; `has_freed_place` that nothing had
-    been recorded, so that the index may be given to somebody else.
+    been recorded, so that the index may be given to somebody else. `body` is whose body they see as
+    their own, "female" or "male", and `stature_m` how tall they said they are; empty until asked.
     """
 
     label: str
@@ -53,6 +54,8 @@ class Participant:
     withdrawn_at: str = ""
     reason: str = ""
     has_freed_place: bool = False
+    body: str = ""
+    stature_m: float | None = None
 
 
 class UnknownParticipant(LedgerError):
@@ -177,6 +180,19 @@ class Ledger:
                     consent_version=version,
                 )
         return replace(found, consent_version=version)
+
+    def describe_body(self, text: str, body: str, stature_m: float | None) -> Participant:
+        """Note which body a participant sees as their own, and how tall they say they are."""
+        with self._held():
+            found = self.resolve(text)
+            self._append(
+                "body",
+                label=found.label,
+                at=self._clock.wall_iso(),
+                body=body,
+                stature_m=stature_m,
+            )
+        return replace(found, body=body, stature_m=stature_m)
 
     def begin_withdrawal(
         self, text: str, data_roots: Sequence[Path], *, reason: str = ""
@@ -456,6 +472,10 @@ def _apply(record: dict[str, Any], entries: dict[str, Participant], ledger: Ledg
         label, at = str(record["label"]), str(record["at"])
         changes: dict[str, Callable[[], dict[str, Any]]] = {
             "consented": lambda: {"consent_version": str(record["consent_version"])},
+            "body": lambda: {
+                "body": str(record["body"]),
+                "stature_m": record["stature_m"],
+            },
             "withdrawing": lambda: {
                 "status": "withdrawing",
                 "withdrawn_at": at,
@@ -463,6 +483,11 @@ def _apply(record: dict[str, Any], entries: dict[str, Participant], ledger: Ledg
                 # a ledger from before this was noted keeps the place
                 "has_freed_place": record.get("had_data", True) is False,
             },
-            "withdrawn": lambda: {"status": "withdrawn", "withdrawn_at": at},
+            "withdrawn": lambda: {
+                "status": "withdrawn",
+                "withdrawn_at": at,
+                "body": "",
+                "stature_m": None,
+            },
         }
         entries[label] = replace(entries[label], **changes[event]())

@@ -1,9 +1,9 @@
 """Turn gaze samples in the head frame into what they meant in the scene shown."""
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from operator import sub
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,9 @@ from stimuli.visibility import HIT_LOST, HIT_NOTHING, SceneGeometry, observe_ray
 DELAYS_KEPT = 240
 """Batches of gaze in which the least delay is looked for: some seconds."""
 POSES_KEPT = 32
-"""Head poses remembered for looking up the pose at a sample's time: 0.3 s at 90 Hz."""
+"""Head poses in which a sample's time is looked up, back from its frame: 0.3 s at 90 Hz."""
+MAX_WAITING = 64
+"""Frames whose gaze may be left for later, so many more poses are remembered."""
 
 
 _GAZE_BYTES = GAZE.dtype.itemsize
@@ -52,14 +54,17 @@ def _gaze_in_world(
     pose_t_ns: npt.NDArray[np.int64],
     pose_p: npt.NDArray[np.float64],
     pose_q: npt.NDArray[np.float64],
-    newest: int,
-    count: int,
+    frames: npt.NDArray[np.int64],
     direction: npt.NDArray[np.float64],
     origin: npt.NDArray[np.float64],
 ) -> None:
     kept = pose_t_ns.shape[0]
+    k_frame = 0
     for i in range(t_ns.shape[0]):
-        b = newest
+        while i >= frames[k_frame, 0]:
+            k_frame += 1
+        b = frames[k_frame, 2]
+        count = frames[k_frame, 3]
         steps = 1
         while steps < count and pose_t_ns[(b - 1 + kept) % kept] > t_ns[i]:
             b = (b - 1 + kept) % kept
@@ -111,12 +116,10 @@ def _evaluate(
     seq: npt.NDArray[np.int64],
     t_device_ns: npt.NDArray[np.int64],
     offset_ns: int,
-    frame_index: int,
+    frames: npt.NDArray[np.int64],
     pose_t_ns: npt.NDArray[np.int64],
     pose_p: npt.NDArray[np.float64],
     pose_q: npt.NDArray[np.float64],
-    newest: int,
-    count: int,
     heads: npt.NDArray[np.float64],
     capsules: npt.NDArray[np.float64],
     is_lit: bool,
@@ -139,6 +142,8 @@ def _evaluate(
 ) -> int:
     """Evaluate n samples and record them from `row` on; return how many are valid.
 
+    `frames` are the frames that brought them in turn: how many samples there are up to each one's
+    end, its index, which head pose was the newest, and among how many to look.
     `samples` are n rows of `GAZE.dtype` as bytes: fields as arrays are strided or not by their
     number, and every kind would be compiled anew. One call for all of it, because a frame brings
     one or two samples.
@@ -168,17 +173,19 @@ def _evaluate(
         pose_t_ns,
         pose_p,
         pose_q,
-        newest,
-        count,
+        frames,
         direction,
         origin,
     )
     observe_rays(origin, direction, valid, heads, capsules, is_lit, seen, hit)
     has_agents = angle_deg.shape[1] == m
+    k_frame = 0
     for i in range(n):
+        while i >= frames[k_frame, 0]:
+            k_frame += 1
         j = row + i
         gaze_seq[j] = seq[i]
-        frame[j] = frame_index
+        frame[j] = frames[k_frame, 1]
         t_sample_ns[j] = t_ns[i]
         row_valid[j] = valid[i]
         for k in range(3):
@@ -198,8 +205,44 @@ def _evaluate(
     return valid_count
 
 
+class _Waiting(NamedTuple):
+    """A frame whose gaze is evaluated later: what it knew, and what shall hold its gaze."""
+
+    index: int
+    t_ns: int
+    newest: int
+    poses: int
+    gaze: "LateGaze"
+
+
+class LateGaze:
+    """The gaze of one frame, evaluated when somebody looks at it, and then by the many.
+
+    Has the attributes of a `GazeView` and stands for one in a `FrameView`.
+    """
+
+    __slots__ = ("_catch_up", "_found")
+
+    def __init__(self, catch_up: Callable[[], None]) -> None:
+        self._catch_up = catch_up
+        self._found: tuple[GazeView, int, int] | None = None
+
+    def found(self, gaze: GazeView, first: int, end: int) -> None:
+        """Take the samples `first` to `end` of what was evaluated together."""
+        self._found = gaze, first, end
+
+    def __getattr__(self, name: str) -> Any:
+        if self._found is None:
+            self._catch_up()
+        if self._found is None or name not in GazeView._fields:
+            raise AttributeError(f"gaze has no {name!r}")
+        gaze, first, end = self._found
+        values = getattr(gaze, name)
+        return values if gaze.t_ns.shape[0] == end - first else values[first:end]
+
+
 class GazeObserver:
-    """Collect gaze batches from the eye tracker and evaluate them once per frame.
+    """Collect gaze batches from the eye tracker and evaluate them once per frame, or later.
 
     `clock_offset_ns` is host minus device time; it is constant within a trial, so differences
     between sample times are the device's own. The tracker's own delay (`delay_ns`) is taken off:
@@ -214,9 +257,11 @@ class GazeObserver:
         self._columns = tuple(targets.columns[name] for name in RECORDED)
         self._inbox: deque[SampleBatch] = deque()
         self._delays_ns: deque[int] = deque(maxlen=DELAYS_KEPT)
-        self._pose_t_ns = np.zeros(POSES_KEPT, dtype=np.int64)
-        self._pose_p = np.zeros((POSES_KEPT, 3))
-        self._pose_q = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (POSES_KEPT, 1))
+        kept = POSES_KEPT + MAX_WAITING
+        self._pose_t_ns = np.zeros(kept, dtype=np.int64)
+        self._pose_p = np.zeros((kept, 3))
+        self._pose_q = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (kept, 1))
+        self._waiting: list[_Waiting] = []
         self._newest = -1
         self._poses = 0
         self._scene: Scene | None = None
@@ -242,7 +287,7 @@ class GazeObserver:
 
     def add_pose(self, t_ns: int, pose: Pose) -> None:
         """Remember where the head was."""
-        self._newest = (self._newest + 1) % POSES_KEPT
+        self._newest = (self._newest + 1) % (POSES_KEPT + MAX_WAITING)
         self._pose_t_ns[self._newest] = t_ns
         self._pose_p[self._newest] = pose.position_m
         self._pose_q[self._newest] = pose.orientation_wxyz
@@ -258,9 +303,50 @@ class GazeObserver:
     def observe(self, frame_index: int, t_frame_ns: int) -> GazeView:
         """Evaluate everything that arrived, record it, and return it."""
         batch = self._gather() if self._inbox else None
-        geometry = self._geometry
-        if batch is None or geometry is None:
+        if batch is None or self._geometry is None:
             return self._empty
+        n = batch.seq.shape[0]
+        frames = np.array([(n, frame_index, self._newest, self._poses)], np.int64)
+        gaze = self._evaluated(batch, self._geometry, frames)
+        self._targets.commit(n, t_frame_ns)
+        return gaze
+
+    def wait(self, frame_index: int, t_frame_ns: int, catch_up: Callable[[], None]) -> LateGaze:
+        """Leave what this frame brings for later; `catch_up` is called when it is looked at.
+
+        `MAX_WAITING` frames may wait, in one scene and with one clock offset.
+        """
+        gaze = LateGaze(catch_up)
+        self._waiting.append(_Waiting(frame_index, t_frame_ns, self._newest, self._poses, gaze))
+        return gaze
+
+    def observe_waiting(self) -> Sequence[int]:
+        """Evaluate what arrived meanwhile as each waiting frame would have; return their counts."""
+        waiting, self._waiting = self._waiting, []
+        batch = self._gather() if self._inbox else None
+        if batch is None or self._geometry is None:
+            for one in waiting:
+                one.gaze.found(self._empty, 0, 0)
+            return [0] * len(waiting)
+        # A message waits on the wire for those before it, and a frame takes what is there by then.
+        there_ns = np.maximum.accumulate(batch.t_host_ns)
+        ends = np.searchsorted(there_ns, [one.t_ns for one in waiting], side="right")
+        ends[-1] = batch.seq.shape[0]
+        frames = np.array([(0, one.index, one.newest, one.poses) for one in waiting], np.int64)
+        frames[:, 0] = ends
+        gaze = self._evaluated(batch, self._geometry, frames)
+        counts = np.diff(ends, prepend=0)
+        self._targets.commit_stamped(np.repeat([one.t_ns for one in waiting], counts))
+        first = 0
+        for one, end in zip(waiting, ends.tolist(), strict=True):
+            one.gaze.found(gaze, first, end)
+            first = end
+        found: list[int] = counts.tolist()
+        return found
+
+    def _evaluated(
+        self, batch: SampleBatch, geometry: SceneGeometry, frames: npt.NDArray[np.int64]
+    ) -> GazeView:
         n = batch.seq.shape[0]
         targets = self._targets
         at = targets.room(n)
@@ -277,12 +363,10 @@ class GazeObserver:
             batch.seq,
             batch.t_device_ns,
             self.clock_offset_ns - self._delay_ns,
-            frame_index,
+            frames,
             self._pose_t_ns,
             self._pose_p,
             self._pose_q,
-            self._newest,
-            self._poses,
             geometry.heads,
             geometry.capsules,
             geometry.is_lit,
@@ -294,7 +378,6 @@ class GazeObserver:
             at,
             *self._columns,
         )
-        targets.commit(n, t_frame_ns)
         self.received += n
         self.valid += valid_count
         return GazeView(t_ns, valid, rays[0], rays[1], seen[0], seen[1], seen[2], hit)

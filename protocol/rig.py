@@ -83,6 +83,7 @@ class RunningRig:
             for role, device in self._devices.items()
         }
         self._in_order = tuple(self._pumps.values())
+        self._gaze_pump = self._pumps.get("eye_tracker")
         self.is_muted = False
         """While true no band takes anything but silence: the operator wants none in this trial."""
         self.has_vibrated = False
@@ -114,6 +115,7 @@ class RunningRig:
 
         A band's own times stand in its stream of commands.
         """
+        self.catch_up()
         return {
             role: device.clock_pairs()
             for role, device in self._devices.items()
@@ -125,6 +127,7 @@ class RunningRig:
 
         The trigger is that of the mark's first word. Never waits for the tracker.
         """
+        self.catch_up()
         for device in self._triggers:
             device.trigger(text.partition(" ")[0], t_ns)
         tracker = self._rig.eye_tracker
@@ -223,15 +226,27 @@ class RunningRig:
         for pump in self._in_order:
             pump.start()
 
-    def step(self) -> None:
-        """Let every device deliver what its wire has brought; nothing to do for threads."""
+    def step(self, *, gaze_may_wait: bool = False) -> bool:
+        """Let every device deliver what its wire has brought; nothing to do for threads.
+
+        With `gaze_may_wait` an eye tracker that can is left for later; tell whether it was.
+        """
         for pump in self._in_order:
-            pump.step()
+            if gaze_may_wait and pump is self._gaze_pump:
+                pump.step(may_wait=True)
+            else:
+                pump.step()
         if self._rig.on_step is not None:
             self._rig.on_step()
-            return
-        for band in self._bands.values():
-            band.keep_alive()
+        else:
+            for band in self._bands.values():
+                band.keep_alive()
+        return self._gaze_pump is not None and self._gaze_pump.is_put_off
+
+    def catch_up(self) -> None:
+        """Let the eye tracker deliver what was left for later."""
+        if self._gaze_pump is not None and self._gaze_pump.is_put_off:
+            self._gaze_pump.step()
 
     def tap_body(self, tap: Callable[[SampleBatch], None] | None) -> None:
         """Hand every batch of the body tracker to `tap` when it arrives; None ends it."""
@@ -332,10 +347,12 @@ class RunningRig:
 
     def faults(self) -> tuple[Fault, ...]:
         """Return the faults that hold now."""
+        self.catch_up()
         return tuple(f for pump in self._in_order for f in pump.faults())
 
     def health(self) -> dict[str, Health]:
         """Return what every device has delivered, what was lost and how often it came back."""
+        self.catch_up()
         return {role: pump.health() for role, pump in self._pumps.items()}
 
 

@@ -63,6 +63,17 @@ class RowBuffer:
         if t_ns - self._first_ns >= self._hold_ns:
             self.flush()
 
+    def commit_stamped(self, t_ns: npt.NDArray[np.int64]) -> None:
+        """Count written rows by the stamp of each, in ascending order; hand them over when due."""
+        n = t_ns.shape[0]
+        start = self._n
+        if start == 0:
+            self._first_ns = int(t_ns[0])
+        self._t_ns[start : start + n] = t_ns
+        self._n = start + n
+        if int(t_ns[-1]) - self._first_ns >= self._hold_ns:
+            self.flush()
+
     @property
     def rows(self) -> int:
         """Rows committed since construction."""

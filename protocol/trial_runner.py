@@ -179,6 +179,7 @@ class TrialRunner:
         desk = self._desk
         reply: FrameView | Answered | None = None
         interrupted: str | None = None
+        self._loop.gaze_may_wait = True
         try:
             step = next(plan)
             while True:
@@ -194,6 +195,9 @@ class TrialRunner:
                 step = plan.send(reply)
         except StopIteration as end:
             return (end.value or {}), interrupted
+        finally:
+            self._loop.gaze_may_wait = False
+            self._loop.catch_up()
 
     def _unwind(self, plan: Plan, reason: str) -> None:
         try:

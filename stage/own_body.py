@@ -12,7 +12,14 @@ from lab.geometry import Pose, Vector, quat_conjugate, quat_multiply, rotate
 from lab.schema import SampleBatch
 from stimuli.characters.body_parts import GROUPS, PART_INDEX
 from stimuli.characters.character import MORPHS, Character, SkinnedMesh
-from stimuli.characters.sizing import MIN_M, TALLEST_M, sized
+from stimuli.characters.sizing import (
+    ARM_BONES,
+    LEG_BONES,
+    MIN_M,
+    TALLEST_M,
+    sized,
+    with_limbs,
+)
 from stimuli.motion.skeleton import forward
 from stimuli.picture import Picture, PosedPeople
 
@@ -27,7 +34,7 @@ class OwnBody:
 
     `segments` are the tracker's, in its order; seen `from_outside`, the body has its head. The
     size is taken from the first sample in which enough of the body is tracked: its bones against
-    the character's.
+    the character's, and the lengths of arms and legs once more by themselves.
     """
 
     def __init__(
@@ -103,9 +110,28 @@ class OwnBody:
                 apart = row["position_m"][child] - row["position_m"][parent]
                 measured += float(np.linalg.norm(apart))
                 usual += length_m
-        stature_m = self._character.stature_m * (measured / usual if usual > 0.5 else 0.0)
+        size = measured / usual if usual > 0.5 else 0.0
+        stature_m = self._character.stature_m * size
         if MIN_M <= stature_m <= TALLEST_M:
-            self._sized = sized(self._character, round(stature_m, 3))
+            body = sized(self._character, round(stature_m, 3))
+            arms, legs = (self._of_limbs(row, names, size) for names in (ARM_BONES, LEG_BONES))
+            self._sized = with_limbs(body, arms, legs)
+
+    def _of_limbs(self, row: np.void, names: tuple[str, ...], size: float) -> float:
+        """Return how much longer these bones are than in a body of this size; 1 if not tracked."""
+        skeleton = self._character.skeleton
+        sample_of = {joint: i for i, joint in self._tracked}
+        measured, usual = 0.0, 0.0
+        for joint, name in enumerate(skeleton.names):
+            parent = int(skeleton.parents[joint])
+            if not name.endswith(names) or joint not in sample_of or parent not in sample_of:
+                continue
+            child, above = sample_of[joint], sample_of[parent]
+            if row["valid"][child] and row["valid"][above]:
+                apart = row["position_m"][child] - row["position_m"][above]
+                measured += float(np.linalg.norm(apart))
+                usual += size * float(np.linalg.norm(skeleton.offsets_m[joint]))
+        return round(measured / usual, 3) if usual > 0.0 else 1.0
 
     @staticmethod
     def _shift(character: Character, root: Vector, local: Vector, head: Pose) -> Vector:

@@ -3,6 +3,7 @@
 import os
 import shutil
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -32,3 +33,17 @@ def browser() -> Iterator[Any]:
         opened = started.chromium.launch(executable_path=program, args=["--no-sandbox"])
         yield opened
         opened.close()
+
+
+@pytest.fixture
+def other_browser(tmp_path: Path) -> Iterator[Any]:
+    """Debian's Firefox without a window (tests.firefox); skipped where there is none."""
+    pytest.importorskip("websockets")
+    from tests.firefox import firefox, program
+
+    if program() is None:
+        pytest.skip("there is no Firefox; apt install firefox-esr")
+    profile = tmp_path / "firefox"
+    profile.mkdir()
+    with firefox(profile) as window:
+        yield window

@@ -19,8 +19,12 @@ TAKEN_IN: Final = {
     "../CONTRIBUTING.md": "CONTRIBUTING.md",
 }
 """Files outside of docs that are pages of the site, and where."""
-_LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#\s]+)(#[^)]*)?\)")
-_PICTURE = re.compile(r"!\[([^\]]*)\]\(([^)\s]+)\)")
+_CODE_OR_LINK = re.compile(
+    r"(?P<code>^```.*?^```$|`[^`]*`)"
+    r"|(?P<mark>!?)\[(?P<words>[^\]]*)\]\((?P<target>[^)#\s]+)(?P<anchor>#[^)]*)?\)",
+    re.MULTILINE | re.DOTALL,
+)
+"""Code, which stays as it is, a link or a picture; whichever begins first."""
 
 
 def on_files(files: Files, config: Any) -> Files:
@@ -52,18 +56,12 @@ def site_text(markdown: str, page: str) -> str:
         return posixpath.relpath(path, posixpath.dirname(page) or ".")
 
     def link(found: re.Match[str]) -> str:
-        words, target, anchor = found[1], found[2], found[3] or ""
-        if re.match(r"[a-z]+:", target):
+        target = found["target"]
+        if found["code"] is not None or re.match(r"[a-z]+:", target):
             return found[0]
         there = moved(target)
-        return words if there is None else f"[{words}]({there}{anchor})"
+        if there is None:
+            return found["words"]
+        return f"{found['mark']}[{found['words']}]({there}{found['anchor'] or ''})"
 
-    def picture(found: re.Match[str]) -> str:
-        there = None if re.match(r"[a-z]+:", found[2]) else moved(found[2])
-        return found[0] if there is None else f"![{found[1]}]({there})"
-
-    parts = re.split(r"(^```.*?^```$|`[^`]+`)", markdown, flags=re.MULTILINE | re.DOTALL)
-    return "".join(
-        part if part.startswith("`") else _PICTURE.sub(picture, _LINK.sub(link, part))
-        for part in parts
-    )
+    return _CODE_OR_LINK.sub(link, markdown)

@@ -186,7 +186,9 @@ def _shown(value: Any) -> str:
         return "[" + ", ".join(map(_shown, value)) + "]"
     if isinstance(value, bool):
         return str(value).lower()
-    return '""' if value == "" else f"{value:g}" if isinstance(value, float) else str(value)
+    if isinstance(value, str) and (not value or " " in value):
+        return f'"{value}"'
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _type_of(annotation: Any) -> str:

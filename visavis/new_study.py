@@ -35,10 +35,15 @@ def new_study(name: str, folder: Path, base: Study | None = None) -> tuple[Path,
     }
     if base is None:
         made |= {f"{texts}/{lang}.yaml": _read(f"{lang}.yaml") for lang in LANGUAGES}
-    return _written(folder, made)
+    return written(folder, made)
 
 
-def _written(folder: Path, made: Mapping[str, str]) -> tuple[Path, ...]:
+def written(folder: Path, made: Mapping[str, str]) -> tuple[Path, ...]:
+    """Write files below a folder, from their names and texts; return their paths.
+
+    Raises:
+        UsageError: one of them is there already.
+    """
     there = [str(folder / path) for path in made if (folder / path).exists()]
     if there:
         raise UsageError(

@@ -63,6 +63,8 @@ class Seen:
     """A standard normal number of this person's own: whether they rather say much or little."""
     felt: tuple[str, ...] = ()
     """The armbands (roles) that vibrated since the trial began, in that order."""
+    experience_01: float = 0.0
+    """How experienced this person is; what a questionnaire asks of experience is answered by it."""
     films: "Mapping[str, FilmSeen]" = field(default_factory=dict)
     """Films by moving cameras that ran on a page, by where they stood ("film", "left", "right")."""
 
@@ -207,7 +209,8 @@ class StudyPerson(Observer):
         passed = max(self._last_ns - self._first_ns, 1)
         return Seen(
             self._first, self._last, passed / NS_PER_S, self._contact_ns / passed,
-            self.notices_contact, self._leaning, tuple(self._felt), self._films,
+            self.notices_contact, self._leaning, tuple(self._felt),
+            (self.temperament.vr_experience - 1) / 4, self._films,
         )  # fmt: skip
 
     def _said(self, response: Response) -> str | None:

@@ -20,6 +20,7 @@ from lab.clock import NS_PER_S
 from lab.errors import DataError, UsageError
 from lab.geometry import Vector, direction_from_yaw_pitch_deg, yaw_pitch_deg_of
 from lab.plain_files import parse_json, read_packed, read_plain
+from recording.durable import make_folder, protect_files
 
 BIDS_VERSION = "1.11.1"
 _EYES = {"left": ("eye1", "left"), "right": ("eye2", "right"), "combined": ("eye3", "cyclopean")}
@@ -57,7 +58,7 @@ def write_bids(
         if not (label.isascii() and label.isalnum()):
             raise UsageError(f"{what} {label!r}: BIDS labels are letters and digits only")
     folder = root / f"sub-{subject}" / "beh"
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder, exist_ok=True)
     written = []
     for name, eye in recording.eyes.items():
         stem = f"sub-{subject}_task-{task}_run-{run}_recording-{_EYES[name][0]}_physio"
@@ -71,7 +72,9 @@ def write_bids(
         # A fixed mtime: the same data give the same bytes.
         path.write_bytes(gzip.compress(lines.getvalue().encode(), mtime=0))
         described = json.dumps(_sidecar(recording, name, tuple(columns)), indent=2)
-        (folder / f"{stem}.json").write_text(described + "\n", encoding="utf-8")
+        beside = folder / f"{stem}.json"
+        beside.write_text(described + "\n", encoding="utf-8")
+        protect_files([path, beside])
         written.append(path)
     return tuple(written)
 

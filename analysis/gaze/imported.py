@@ -41,6 +41,7 @@ from lab.clock import NS_PER_MS, NS_PER_S
 from lab.errors import DataError, UsageError
 from lab.geometry import Vector, rotate, unit, yaw_pitch_deg_of
 from recording.csv_file import write_csv
+from recording.durable import make_folder, protect_files
 
 Format = Literal["vive", "bids", "pupil", "csv"]
 FORMATS: tuple[Format, ...] = ("vive", "bids", "pupil", "csv")
@@ -364,11 +365,12 @@ def report(
         lost_01=float(tables["quality"].iloc[-1]["lost_01"]),
         rate_hz=float(tables["quality"].iloc[-1]["rate_hz"]),
     )
+    protect_files([*files, figure])
     return ImportReport(recording.name, **tables, files=(*files, figure))
 
 
 def _write(name: str, folder: Path, tables: Mapping[str, pd.DataFrame]) -> tuple[Path, ...]:
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder, exist_ok=True)
     paths = {kind: folder / f"{name}_{kind}.csv" for kind in tables}
     there = [str(p) for p in paths.values() if p.exists()]
     if there:

@@ -182,7 +182,7 @@ def dots_with_limit(
     people: Sequence[str] = (),
 ) -> None:
     """Draw one dot per row (top to bottom), a cross where `over`, and a limit; `people` by row."""
-    y = np.arange(values.size)
+    y = np.arange(values.size, dtype=np.float64)
     axes.hlines(y, 0, np.nan_to_num(values), color=colour, alpha=0.25, linewidth=1.2)
     named = np.asarray(people if people else [""] * values.size)
     dots(axes, values[~over], y[~over], list(named[~over]), s=26, color=colour, zorder=3)

@@ -16,6 +16,7 @@ from analysis.statistics_report.assumptions import draw_assumptions
 from analysis.statistics_report.outcome import Outcome, Samples
 from analysis.statistics_report.r_code import DATA_FILE, r_code
 from recording.csv_file import write_csv
+from recording.durable import make_folder, protect_files
 
 R_FILE = "repeat.R"
 OWN_FILES = (
@@ -31,7 +32,7 @@ def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tup
 
     Files that an earlier outcome left in the folder are removed, others stay.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder, exist_ok=True)
     for pattern in OWN_FILES:
         for old in folder.glob(pattern):
             old.unlink()
@@ -67,6 +68,7 @@ def write_outcome(outcome: Outcome, folder: Path) -> tuple[tuple[Path, ...], tup
             problems.append(f"no figure of {samples.name}: {error}")
             continue
         written += write_figure(drawn, folder)
+    protect_files(written)
     return tuple(written), tuple(problems)
 
 

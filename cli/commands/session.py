@@ -2,8 +2,9 @@
 
 import shlex
 import signal
+import sys
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
@@ -36,7 +37,7 @@ from cli.telling import TELLING, make_ready
 from lab.clock import SimClock, SystemClock
 from lab.config import LabConfig
 from lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
-from protocol.experiment import Experiment, spare_roles_of
+from protocol.experiment import Experiment, demands_of, spare_roles_of
 from protocol.identifiers import make_label
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from protocol.operator import Operator, UnattendedOperator
@@ -59,6 +60,8 @@ from visavis.sessions.study_folder import (
     study_of_folder,
 )
 
+BODIES = ("female", "male")
+MIN_STATURE_M, MAX_STATURE_M = 1.2, 2.3
 ENDING_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 """Ctrl-C, the system, a terminal that was closed (Windows: SIGBREAK)."""
 
@@ -98,6 +101,13 @@ OnOption = Annotated[
 ]
 PortOption = Annotated[
     int, typer.Option("--port", min=0, max=65535, help="Port of a page; a free one left out.")
+]
+BodyOption = Annotated[
+    str | None,
+    typer.Option(
+        "--body",
+        help="The body the participant sees as their own: female or male; asked once left out.",
+    ),
 ]
 BlindOption = Annotated[bool, typer.Option("--blind", help="Hide conditions from the operator.")]
 
@@ -230,6 +240,7 @@ def run(
     without: WithoutOption = None,
     on: OnOption = None,
     port: PortOption = 0,
+    body: BodyOption = None,
 ) -> None:
     """Perform one session on the devices of lab_config.yaml, or on a page in a browser.
 
@@ -263,6 +274,8 @@ def run(
             f"participant {entry.label} already has session {session}; nothing was overwritten\n"
             f"  {first}\n  or run a further one: add --session {others + 1}"
         )
+    if where == "lab" and not fast:
+        entry = with_body(here, settings, entry, body)
     _perform(
         here, settings, entry, session, fast=fast, blind=blind, resume_from=None,
         without=without, on=where, port=port,
@@ -424,6 +437,8 @@ def _perform(
             without=tuple(dict.fromkeys(without or ())),
             on=on,
             page=PageAddress(port, _tell_address),
+            body=entry.body,
+            stature_m=entry.stature_m,
         )
         try:
             if resume_from is None:
@@ -445,6 +460,42 @@ def _perform(
     print_check(verdict, path)
     if verdict.level is Level.RED:
         raise typer.Exit(EXIT_RED)
+
+
+def with_body(
+    here: StudyHere, settings: StudySettings, entry: Participant, given: str | None
+) -> Participant:
+    """Ask once which body somebody sees as their own, where the study wants it; kept in the ledger.
+
+    Raises:
+        UsageError: there is no such body, or nobody at the terminal who could be asked.
+    """
+    if given is not None and given not in BODIES:
+        raise UsageError(f"--body is {given!r}; {' or '.join(BODIES)}")
+    wants = demands_of(here.study.experiment(settings.parameters)).own_body
+    if not wants or here.lab.display.own_body != "none" or (entry.body and not given):
+        return entry
+    if given is None and here.is_simulated:
+        return entry
+    if given is None and not sys.stdin.isatty():
+        raise UsageError(
+            f"{here.study.name} shows participants a body of their own, and nobody was asked yet "
+            f"which is that of {entry.label}: add --body female or --body male"
+        )
+    body, stature_m = given or "", entry.stature_m
+    while body not in BODIES:
+        answer = console.input(
+            f"Which body does {entry.label} see as their own?  1 female  2 male > "
+        ).strip()
+        body = {"1": BODIES[0], "2": BODIES[1]}.get(answer, answer)
+    while given is None and stature_m is None:
+        told = console.input("How tall are they with shoes, in m (Enter: not told)? > ").strip()
+        if not told:
+            break
+        with suppress(ValueError):
+            metres = float(told.replace(",", "."))
+            stature_m = metres if MIN_STATURE_M <= metres <= MAX_STATURE_M else None
+    return here.ledger.describe_body(entry.label, body, stature_m)
 
 
 def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> None:

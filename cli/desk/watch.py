@@ -63,11 +63,9 @@ class SessionWatch:
             while True:
                 for meeting in sorted(meeting_folder().glob(f"{self._name}-*.json")):
                     if meeting not in self._followed:
-                        following = asyncio.create_task(self._follow(meeting))
-                        self._followed[meeting] = following
-                        following.add_done_callback(
-                            lambda _, meeting=meeting: self._followed.pop(meeting, None)
-                        )
+                        self._followed[meeting] = asyncio.create_task(self._follow(meeting))
+                for meeting in [m for m, following in self._followed.items() if following.done()]:
+                    del self._followed[meeting]
                 await asyncio.sleep(LOOK_AGAIN_S)
         finally:
             following_all = list(self._followed.values())

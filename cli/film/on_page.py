@@ -33,7 +33,7 @@ class FilmPictures:
     """
 
     def __init__(self, store: FilmStore, height_px: int, image: Callable[..., Pixels]) -> None:
-        self._store, self._height_px, self._image = store, height_px, image
+        self.store, self._height_px, self._image = store, height_px, image
         self._scenes: dict[Film, list[Picture]] = {}
         self._made: dict[tuple[Film, int], Pixels] = {}
 
@@ -47,15 +47,15 @@ class FilmPictures:
         k = min(int(seconds * film.rate_hz + 1e-6), film.frame_count - 1)
         if (film, k) not in self._made:
             if film not in self._scenes and not self._decoded(film):
-                self._scenes[film] = list(self._store.pictures(film))
+                self._scenes[film] = list(self.store.pictures(film))
             if film in self._scenes:
-                picture, camera = self._scenes[film][k], self._store.cameras(film)[k]
+                picture, camera = self._scenes[film][k], self.store.cameras(film)[k]
                 self._made[film, k] = self._image(picture, camera, self.size_px(film))
         return self._made[film, k]
 
     def _decoded(self, film: Film) -> bool:
         """Take the pictures of the film's file; tell whether it is there, and whole."""
-        found = self._store.file_of(film)
+        found = self.store.file_of(film)
         if found is None:
             return False
         import av

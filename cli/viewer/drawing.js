@@ -1,5 +1,8 @@
 // Drawing with WebGL 2: rooms whose light is ready, people whose joints move them, plain things.
 
+const PIECE = 24; // triangles of a room that are left out together
+const SPECK_PX = 1; // what is smaller is left out while time moves
+
 const LIGHT = `
 const int MOST = 8;
 uniform int lamps; uniform vec4 lamp_place[MOST]; uniform vec4 lamp_axis[MOST]; uniform vec3 lamp_colour[MOST];
@@ -244,6 +247,71 @@ class Drawing {
     return this.rooms[k] = {vao, kind, runs: told.runs};
   }
 
+  // The part of a room that lies in the picture and is no speck in it, as a room of its own: where the
+  // processor draws, what lies outside costs it as much as what does not.
+  seenRoom(k, seen, height) {
+    const gl = this.gl, told = this.content.header.rooms[k], c = this.content;
+    const part = told.part ||= this.pieces(told);
+    const planes = [];
+    for (const [row, sign] of [[0, 1], [0, -1], [1, 1], [1, -1], [2, 1]]) {
+      const plane = [0, 4, 8, 12].map(j => seen[3 + j] + sign * seen[row + j]), length = Math.hypot(plane[0], plane[1], plane[2]);
+      planes.push(plane.map(v => v / length));
+    }
+    // Pixels that a metre takes a metre away.
+    const scale = 0.5 * height * Math.hypot(seen[1], seen[5], seen[9]), ball = part.balls;
+    let chosen = '';
+    for (let i = 0, b = 0; i < part.count; i++, b += 4) {
+      const x = ball[b], y = ball[b + 1], z = ball[b + 2], r = ball[b + 3];
+      const depth = seen[3] * x + seen[7] * y + seen[11] * z + seen[15];
+      part.shown[i] = planes.every(p => p[0] * x + p[1] * y + p[2] * z + p[3] > -r) && 2 * r * scale > SPECK_PX * (depth - r) ? 1 : 0;
+      chosen += part.shown[i];
+    }
+    gl.bindVertexArray(part.vao);
+    if (chosen === part.chosen) return part;
+    part.chosen = chosen;
+    const index = c.flat(told.index);
+    let end = 0;
+    part.runs = told.runs.map(([, , picture], run) => {
+      const first = end;
+      for (let i = part.from[run]; i < part.from[run + 1]; i++) if (part.shown[i]) {
+        const piece = index.subarray(part.first[i], part.first[i] + part.length[i]);
+        part.index.set(piece, end);
+        end += piece.length;
+      }
+      return [first, end - first, picture];
+    });
+    gl.bufferSubData(gl.ELEMENT_ARRAY_BUFFER, 0, part.index, 0, end);
+    return part;
+  }
+
+  // A room's triangles in pieces of a few, each with the ball round it (x, y, z, radius).
+  pieces(told) {
+    const gl = this.gl, c = this.content, place = c.rows(told.place), index = c.flat(told.index);
+    const first = [], length = [], balls = [], from = [0];
+    for (const [begin, count] of told.runs) {
+      for (let i = begin; i < begin + count; i += 3 * PIECE) {
+        const n = Math.min(3 * PIECE, begin + count - i), low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+        for (let j = i; j < i + n; j++) for (let a = 0; a < 3; a++) {
+          const v = place[3 * index[j] + a];
+          low[a] = Math.min(low[a], v);
+          high[a] = Math.max(high[a], v);
+        }
+        first.push(i);
+        length.push(n);
+        balls.push(...low.map((v, a) => (v + high[a]) / 2), Math.hypot(...low.map((v, a) => (high[a] - v) / 2)));
+      }
+      from.push(first.length);
+    }
+    const vao = gl.createVertexArray();
+    gl.bindVertexArray(vao);
+    this.buffer(0, place, 3);
+    this.buffer(1, c.rows(told.uv), 2);
+    this.buffer(2, this.padded(told.light), 3, {normal: true});
+    const copy = new index.constructor(index.length), kind = this.indices(copy);
+    return {vao, kind, first, length, from, index: copy, balls: new Float32Array(balls), count: first.length,
+      shown: new Uint8Array(first.length), chosen: '', runs: []};
+  }
+
   solid({place, normal, index}) {
     const gl = this.gl, vao = gl.createVertexArray();
     gl.bindVertexArray(vao);
@@ -294,8 +362,9 @@ class Drawing {
     return at;
   }
 
-  drawRoom(k, seen, brightness) {
-    const gl = this.gl, room = this.room(k);
+  // `height` in pixels asks for the part in the picture alone, 0 for all of it.
+  drawRoom(k, seen, brightness, height = 0) {
+    const gl = this.gl, room = height ? this.seenRoom(k, seen, height) : this.room(k);
     gl.bindVertexArray(room.vao);
     gl.activeTexture(gl.TEXTURE0);
     for (const name of ['room', 'holes']) {
@@ -303,6 +372,7 @@ class Drawing {
       if (!runs.length) continue;
       const at = this.use(name, seen, null, brightness);
       for (const [first, count, picture] of runs) {
+        if (!count) continue;
         gl.bindTexture(gl.TEXTURE_2D, picture < 0 ? this.white : this.pictures[picture]);
         gl.uniform1i(at.look, picture < 0 ? 0 : 1);
         gl.drawElements(gl.TRIANGLES, count, room.kind, 4 * first);
@@ -321,9 +391,11 @@ class Drawing {
       const total = Math.max(1, packed[4 * v] + packed[4 * v + 1] + packed[4 * v + 2] + packed[4 * v + 3]);
       order.forEach((j, k) => { bone[4 * v + k] = 12 * joints[4 * v + j]; weight[4 * v + k] = packed[4 * v + j] / total; });
     }
-    return person.lightMesh = {n, bone, weight, rest: c.rows(told.place), detail: c.rows(told.detail), normal: this.padded(told.normal),
+    const fine = {n, bone, weight, rest: c.rows(told.place), detail: c.rows(told.detail), normal: this.padded(told.normal),
       colour: this.padded(told.colour), surface: c.plainRows(told.surface), morph: c.flat(told.morph), deltas: c.rows(told.deltas),
-      index: c.flat(told.index), eyeFrom: told.eyeFrom};
+      index: outward(c.flat(told.index), c.rows(told.place), this.padded(told.normal), told.openFrom), openFrom: told.openFrom, eyeFrom: told.eyeFrom};
+    fine.coarse = coarser(fine);
+    return person.lightMesh = fine;
   }
 
   // `bones` holds 3 rows of 4 numbers for every joint of everyone; `shapes` 6 numbers a person.

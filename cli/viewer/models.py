@@ -1,6 +1,7 @@
 """People and rooms as a page draws them: light meshes, small pictures, light of the lamps."""
 
 import io
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -89,7 +90,7 @@ class Models:
 
     def _light(self, character: Character) -> dict[str, Any]:
         """Return the mesh drawn while time moves where a processor draws: coloured vertices of few
-        triangles, eyes last.
+        triangles, those with two sides after the others, eyes last.
         """
         add, quantised = self._bundle.add, self._bundle.quantised
         built = person_vertices(character, character.levels[-1])
@@ -99,17 +100,19 @@ class Models:
                 rows = np.unique(built.indices[run.first : run.first + run.count])
                 shown = _at_uv(run.texture, vertices["detail"][rows, :2].astype(np.float64))
                 colour[rows] = np.rint(colour[rows] * (shown / 255.0))
-        body, eyes = (
-            [
-                built.indices[r.first : r.first + r.count]
-                for r in built.runs
-                if (r.kind == "eye") is e
-            ]
-            for e in (False, True)
+
+        def corners(of: Callable[[Run], bool]) -> npt.NDArray[Any]:
+            own = [built.indices[r.first : r.first + r.count] for r in built.runs if of(r)]
+            return np.concatenate([*own, np.zeros(0, built.indices.dtype)])
+
+        closed, kept = _clustered(
+            vertices, corners(lambda r: r.kind != "eye" and not r.double_sided), self._cell_m
         )
-        index, kept = _clustered(vertices, np.concatenate(body), self._cell_m)
-        index_eyes = np.concatenate([*eyes, np.zeros(0, built.indices.dtype)])
-        used = np.unique(np.concatenate([kept, index_eyes]))
+        open_, kept_open = _clustered(
+            vertices, corners(lambda r: r.kind != "eye" and r.double_sided), self._cell_m
+        )
+        index, eyes = np.concatenate([closed, open_]), corners(lambda r: r.kind == "eye")
+        used = np.unique(np.concatenate([kept, kept_open, eyes]))
         number = np.zeros(len(vertices), np.int64)
         number[used] = np.arange(len(used))
         vertices, colour = vertices[used], colour[used]
@@ -123,7 +126,8 @@ class Models:
             "weights": add(np.rint(255 * vertices["weights"].astype(np.float32)).astype(np.uint8)),
             "morph": add(vertices["morph"].astype(np.int16)),
             "deltas": quantised(built.deltas[:, :6, :3].reshape(-1, 18)),
-            "index": add(number[np.concatenate([index, index_eyes])].astype(np.uint16)),
+            "index": add(number[np.concatenate([index, eyes])].astype(np.uint16)),
+            "openFrom": len(closed),
             "eyeFrom": len(index),
         }
 

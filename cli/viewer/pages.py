@@ -1,7 +1,13 @@
-"""What the viewer holds of trials on a page: films as small pictures, questions, answers."""
+"""What the viewer holds of trials on a page: films as small pictures, questions, answers.
+
+Small pictures are kept beside the films of the user's cache, under the hash of what they show.
+"""
 
 import io
+import os
+import zipfile
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 from PIL import Image
@@ -50,20 +56,46 @@ def pages_of(
 def _packed(film: Film, pictures: FilmPictures, bundle: Bundle) -> dict[str, Any]:
     rate_hz = min(PICTURES_PER_S, film.rate_hz)
     seconds = film.frame_count / film.rate_hz
-    frames = []
-    for k in range(max(1, round(seconds * rate_hz))):
-        content = io.BytesIO()
-        shown = Image.fromarray(pictures.at(film, k / rate_hz))
-        shown.save(content, "WEBP", quality=WEBP_QUALITY, method=3)
-        frames.append(bundle.add_bytes(content.getvalue()))
+    count = max(1, round(seconds * rate_hz))
+    name = f"{pictures.store.name_of(film)}-{HEIGHT_PX}-{rate_hz}-{WEBP_QUALITY}.zip"
+    kept = pictures.store.folder / "small" / name
+    frames = _read(kept, count)
+    if frames is None:
+        frames = []
+        for k in range(count):
+            content = io.BytesIO()
+            shown = Image.fromarray(pictures.at(film, k / rate_hz))
+            shown.save(content, "WEBP", quality=WEBP_QUALITY, method=3)
+            frames.append(content.getvalue())
+        _keep(kept, frames)
     width, height = pictures.size_px(film)
     return {
         "seconds": seconds,
         "rate": rate_hz,
         "width": width,
         "height": height,
-        "frames": frames,
+        "frames": [bundle.add_bytes(frame) for frame in frames],
     }
+
+
+def _read(kept: Path, count: int) -> list[bytes] | None:
+    """Return small pictures that were made before; None where they are not there, or not whole."""
+    try:
+        with zipfile.ZipFile(kept) as file:
+            found = [file.read(f"{k}.webp") for k in range(count)]
+    except (OSError, KeyError, zipfile.BadZipFile):
+        return None
+    return found
+
+
+def _keep(kept: Path, frames: Sequence[bytes]) -> None:
+    """Keep small pictures under the name of what their film shows, for the next page."""
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    draft = kept.with_name(f".{kept.name}.{os.getpid()}")
+    with zipfile.ZipFile(draft, "w") as file:
+        for k, frame in enumerate(frames):
+            file.writestr(f"{k}.webp", frame)
+    draft.replace(kept)
 
 
 def _told(

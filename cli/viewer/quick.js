@@ -12,6 +12,42 @@ const CODES = Uint8Array.from({length: 2049}, (_, i) => { // light of 0 to 4, as
   return Math.round(255 * Math.pow(soft, 1 / 2.2));
 });
 
+const COARSE_PX = 80; // people who are smaller in the picture are drawn by fewer triangles still
+const COARSE_CELL_M = 0.085;
+
+// A mesh's corners with every triangle's front outward, by the normals of its corners; those from `until` on have two sides.
+function outward(index, place, normal, until) {
+  const out = index.slice();
+  for (let k = 0; k < until; k += 3) {
+    const a = 3 * out[k], b = 3 * out[k + 1], c = 3 * out[k + 2], n = [0, 1, 2].map(x => [0, 1, 2].reduce((s, j) => s + normal[4 * out[k + j] + x], 0));
+    const ux = place[b] - place[a], uy = place[b + 1] - place[a + 1], uz = place[b + 2] - place[a + 2];
+    const vx = place[c] - place[a], vy = place[c + 1] - place[a + 1], vz = place[c + 2] - place[a + 2];
+    if ((uy * vz - uz * vy) * n[0] + (uz * vx - ux * vz) * n[1] + (ux * vy - uy * vx) * n[2] < 0) [out[k + 1], out[k + 2]] = [out[k + 2], out[k + 1]];
+  }
+  return out;
+}
+
+// The mesh of somebody far away: vertices that are near each other at rest and hang on the same joint are one.
+function coarser({n, bone, weight, rest, normal, colour, index, openFrom, eyeFrom}) {
+  const known = new Map(), of = new Int32Array(n), chosen = [];
+  for (let v = 0; v < n; v++) {
+    const key = [0, 1, 2].map(a => Math.floor(rest[3 * v + a] / COARSE_CELL_M)).join() + ',' + bone[4 * v];
+    if (!known.has(key)) { known.set(key, chosen.length); chosen.push(v); }
+    of[v] = known.get(key);
+  }
+  const corners = [];
+  let open = 0;
+  for (let k = 0; k < eyeFrom; k += 3) {
+    if (k === openFrom) open = corners.length;
+    const [a, b, c] = [of[index[k]], of[index[k + 1]], of[index[k + 2]]];
+    if (a !== b && b !== c && a !== c) corners.push(a, b, c);
+  }
+  if (openFrom >= eyeFrom) open = corners.length;
+  const pick = (from, k) => from.constructor.from(chosen.flatMap(v => [...from.subarray(k * v, k * v + k)]));
+  return {n: chosen.length, bone: pick(bone, 4), weight: pick(weight, 4), rest: pick(rest, 3), normal: pick(normal, 4), colour: pick(colour, 4),
+    morph: new Int16Array(chosen.length).fill(-1), deltas: null, index: Uint16Array.from(corners), openFrom: open, eyeFrom: corners.length};
+}
+
 class QuickPeople {
   constructor(drawing, cast) {
     this.drawing = drawing;
@@ -37,7 +73,6 @@ class QuickPeople {
     this.index = new Uint32Array(models.reduce((s, m) => s + m.index.length, 0));
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, this.index.byteLength, gl.DYNAMIC_DRAW);
-    this.shown = '';
   }
 
   dynamic(location, data, k, kind, normal) {
@@ -50,8 +85,8 @@ class QuickPeople {
   }
 
   // Where everybody's vertices are; `bones` as in `drawPeople`.
-  move(i, bones, joints, shapes) {
-    const m = this.models[i], {n, rest, bone, weight, morph, deltas} = m, out = this.place, base = 12 * joints * i;
+  move(i, m, bones, joints, shapes) {
+    const {n, rest, bone, weight, morph, deltas} = m, out = this.place, base = 12 * joints * i;
     let o = 3 * this.from[i];
     const s = shapes.subarray(6 * i, 6 * i + 6), shaped = s.some(v => v > 0.003);
     for (let v = 0; v < n; v++, o += 3) {
@@ -73,8 +108,8 @@ class QuickPeople {
   }
 
   // Light of a person as they stand; it changes little from picture to picture.
-  shine(i, bones, joints, room) {
-    const m = this.models[i], {n, normal, bone, colour} = m, lamps = room ? room.lamps.slice(0, 8) : [];
+  shine(i, m, bones, joints, room) {
+    const {n, normal, bone, colour} = m, lamps = room ? room.lamps.slice(0, 8) : [];
     const sky = lamps.length ? room.sky : [0.8, 0.8, 0.82], ground = lamps.length ? room.ground : [0.5, 0.48, 0.46];
     const base = 12 * joints * i, place = this.place, out = this.light;
     for (let v = 0; v < n; v++) {
@@ -103,40 +138,50 @@ class QuickPeople {
       out[p + 1] = CODES[Math.min(2048, 512 * g * LINEAR[colour[c + 1]]) | 0];
       out[p + 2] = CODES[Math.min(2048, 512 * l * LINEAR[colour[c + 2]]) | 0];
     }
-    this.lit[i] = 1;
   }
 
-  draw(chosen, bones, joints, shapes, seen, room, brightness) {
-    if (!chosen.length) return;
-    const d = this.drawing, gl = d.gl;
-    this.next = (this.next + 1) % this.models.length;
-    for (const i of chosen) {
-      this.move(i, bones, joints, shapes);
-      if (!this.lit[i] || i === this.next) this.shine(i, bones, joints, room);
+  // Corners of the triangles of somebody that face the eye, from `end` on; returns the end after them.
+  facing(i, m, eye, end) {
+    const {index, openFrom, eyeFrom} = m, from = this.from[i], place = this.place, out = this.index;
+    for (let k = 0; k < openFrom; k += 3) {
+      const va = from + index[k], vb = from + index[k + 1], vc = from + index[k + 2], a = 3 * va, b = 3 * vb, c = 3 * vc;
+      const x = place[a], y = place[a + 1], z = place[a + 2];
+      const ux = place[b] - x, uy = place[b + 1] - y, uz = place[b + 2] - z, vx = place[c] - x, vy = place[c + 1] - y, vz = place[c + 2] - z;
+      if ((uy * vz - uz * vy) * (eye[0] - x) + (uz * vx - ux * vz) * (eye[1] - y) + (ux * vy - uy * vx) * (eye[2] - z) <= 0) continue;
+      out[end++] = va; out[end++] = vb; out[end++] = vc;
     }
-    const at = d.use('quick', seen, room, brightness);
+    for (let k = openFrom; k < eyeFrom; k++) out[end++] = from + index[k];
+    return end;
+  }
+
+  // `chosen` of a scene's people as they stand, seen in a view of `height` pixels.
+  draw(chosen, {bones, shapes, place, told: {joints}}, view, height, room, brightness) {
+    if (!chosen.length) return;
+    const d = this.drawing, gl = d.gl, w = view.world;
+    this.next = (this.next + 1) % this.models.length;
+    let end = 0;
+    const near = [];
+    for (const i of chosen) {
+      const depth = -(w[2] * place[3 * i] + w[6] * place[3 * i + 1] + w[10] * place[3 * i + 2] + w[14]);
+      const isFar = 1.8 * height < COARSE_PX * 2 * view.top * depth, fine = this.models[i], m = isFar ? fine.coarse : fine;
+      this.move(i, m, bones, joints, shapes);
+      if (this.lit[i] !== 1 + isFar || i === this.next) { this.shine(i, m, bones, joints, room); this.lit[i] = 1 + isFar; }
+      end = this.facing(i, m, view.at, end);
+      if (!isFar) near.push(i);
+    }
+    const eyesFrom = end;
+    for (const i of near) for (let k = this.models[i].eyeFrom; k < this.models[i].index.length; k++) this.index[end++] = this.from[i] + this.models[i].index[k];
+    const at = d.use('quick', view.seen, room, brightness);
     gl.bindVertexArray(this.vao);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.places);
     gl.bufferSubData(gl.ARRAY_BUFFER, 0, this.place);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.lights);
     gl.bufferSubData(gl.ARRAY_BUFFER, 0, this.light);
-    if (this.shown !== chosen.join()) {
-      this.shown = chosen.join();
-      let end = 0;
-      for (const eyes of [false, true]) {
-        for (const i of chosen) {
-          const {index, eyeFrom} = this.models[i], from = this.from[i];
-          for (let k = eyes ? eyeFrom : 0; k < (eyes ? index.length : eyeFrom); k++) this.index[end++] = from + index[k];
-        }
-        if (!eyes) this.eyesFrom = end;
-      }
-      this.end = end;
-      gl.bufferSubData(gl.ELEMENT_ARRAY_BUFFER, 0, this.index, 0, end);
-    }
+    gl.bufferSubData(gl.ELEMENT_ARRAY_BUFFER, 0, this.index, 0, end);
     gl.uniform3fv(at.eye_light, room && room.lamps.length ? [0.86, 0.85, 0.83] : [0.85, 0.85, 0.85]);
     gl.uniform1i(at.look, 0);
-    gl.drawElements(gl.TRIANGLES, this.eyesFrom, gl.UNSIGNED_INT, 0);
+    gl.drawElements(gl.TRIANGLES, eyesFrom, gl.UNSIGNED_INT, 0);
     gl.uniform1i(at.look, 2);
-    gl.drawElements(gl.TRIANGLES, this.end - this.eyesFrom, gl.UNSIGNED_INT, 4 * this.eyesFrom);
+    gl.drawElements(gl.TRIANGLES, end - eyesFrom, gl.UNSIGNED_INT, 4 * eyesFrom);
   }
 }

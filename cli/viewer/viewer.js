@@ -27,7 +27,7 @@ class Viewer {
     this.held = new Set();
     this.drawn = 0; this.spent = 0;
     this.moved = -1e9; this.quick = false;
-    this.coarse = 0; this.pace = ON_TIME_MS; this.paced = 0;
+    this.coarse = 0; this.pace = ON_TIME_MS; this.timed = false;
     this.line = new Timeline($('line'), header, this.streams, t => this.seek(t), this.drawing.slow);
     this.over = $('overlay').getContext('2d', {willReadFrequently: this.drawing.slow});
     this.segments = this.segmentsOf();
@@ -157,6 +157,9 @@ class Viewer {
   tick(now) {
     const passed = Math.min(0.25, (now - (this.last || now)) / 1000);
     this.last = now;
+    // How late pictures come is the time until the browser asks again after one, whatever moves time.
+    if (this.timed && passed > 0) this.pace += 0.2 * (1000 * passed - this.pace);
+    this.timed = false;
     if (this.playing) {
       this.t = Math.min(this.line.end, this.t + passed * this.speed);
       if (this.t >= this.line.end) this.play(false);
@@ -189,15 +192,16 @@ class Viewer {
     const light = scene ? this.show.light ? 1 : scene.brightness(t) : 1;
     const room = scene ? this.header.rooms[scene.told.room] : null;
     const d = this.drawing;
-    const share = quick ? this.share(begun) : 1;
+    const share = quick ? this.share() : 1;
+    this.timed = quick;
     d.begin(Math.round(width * share), Math.round(height * share), room && room.lamps.length ? room.background : [34, 36, 40], scene && !room.lamps.length ? 1 : light);
     if (scene) {
       if (this.show.people && scene.told.cast.length) {
         const chosen = this.inView(scene, view);
-        if (quick) (scene.quick ||= new QuickPeople(d, scene.told.cast)).draw(chosen, scene.bones, scene.told.joints, scene.shapes, view.seen, room, light);
+        if (quick) (scene.quick ||= new QuickPeople(d, scene.told.cast)).draw(chosen, scene, view, share * height, room, light);
         else d.drawPeople(scene.told.cast, chosen, scene.bones, scene.told.joints, scene.shapes, view.seen, room, light);
       }
-      if (this.show.room && room.lamps.length) d.drawRoom(scene.told.room, view.seen, light);
+      if (this.show.room && room.lamps.length) d.drawRoom(scene.told.room, view.seen, light, quick ? share * height : 0);
       d.drawThings(scene.told.moving.map(m => ({mesh: m.mesh, model: placed(m.at, m.turn), glow: m.glow})), view.seen, room, light);
     }
     if (this.show.body) d.drawThings(this.bodyThings(), view.seen, null, 1);
@@ -210,10 +214,7 @@ class Viewer {
   }
 
   // Which share of the pixels' rows and columns a processor draws while time moves: fewer where it is late.
-  share(now) {
-    const passed = now - this.paced;
-    this.paced = now;
-    if (passed < 3 * REST_MS) this.pace += 0.2 * (Math.min(passed, REST_MS) - this.pace); // longer is a rest
+  share() {
     if (this.pace > LATE_MS && this.coarse < SHARES.length - 1) { this.coarse++; this.pace = ON_TIME_MS; }
     return SHARES[this.coarse];
   }

@@ -56,7 +56,8 @@ class CrowdParameters:
     `limit_s` ends a walk that does not come back.
     `tracking_side_m` is the side of the tracked area. `record_gaze` connects the lab's eye tracker
     too, which the study does not need. `murmur` is a WAV file of a station's sound, heard
-    from two loudspeakers in its far corners; the source had none.
+    from two loudspeakers in its far corners; in its far corners; the source had none. With
+    `own_body` participants see a body of their sex and size where theirs is, as the source's did.
     """
 
     density_per_m2: float = DENSITY_PER_M2
@@ -73,6 +74,7 @@ class CrowdParameters:
     tracking_side_m: float = ROOM_SIDE_M
     record_gaze: bool = False
     murmur: str = ""
+    own_body: bool = True
 
     @property
     def vibration(self) -> VibrationPattern:

@@ -39,7 +39,7 @@ from protocol.parameters import known_of
 from protocol.plan import SessionPlan
 from protocol.questionnaires import load_questionnaire
 from protocol.shown import Shown
-from protocol.steps import Show
+from protocol.steps import Answered, Mark, Prompt, Show
 from stimuli.contact.body import ARM_JOINTS
 from stimuli.scene import SceneFrame
 from stimuli.scenes.station_crowd import (
@@ -49,6 +49,7 @@ from stimuli.scenes.station_crowd import (
     station_frame,
 )
 from visavis.analysis import Conclusion, StudyAnalysis
+from visavis.asking import frame
 from visavis.experiment import StudyExperiment
 from visavis.study import SETTABLE, Study
 from visavis.trial import TrialScript
@@ -57,6 +58,10 @@ if TYPE_CHECKING:
     from visavis.quick import TrackerModel
 
 NOMINAL_TRIAL_S: Final = 65.0
+LOOK_DOWN: Final = (
+    "Training: does the participant, looking down and lifting their arms, see their own body "
+    "where it is? Then space"
+)
 MURMUR_FROM_M: Final = ((-8.0, 3.0, -8.0), (8.0, 3.0, -8.0))
 """Where loudspeakers of the station hang, beyond the crowd."""
 METHODS: Final = f"""
@@ -138,6 +143,7 @@ def demands(parameters: Mapping[str, Any]) -> Demands:
         vibrations=dict.fromkeys(BAND_ROLES, known_of(CrowdParameters, parameters).vibration),
         motors=MOTORS,
         floor_side_m=NEEDED_SIDE_M,
+        own_body=bool(parameters["own_body"]),
     )
 
 
@@ -164,9 +170,21 @@ def trial(t: TrialScript) -> Generator[Any, Any, Any]:
         yield t.wait(NOMINAL_TRIAL_S)
         yield Show(station_frame(crowd_scene(t.trial, t.density_per_m2)[1], 0))
         return {}
+    if t.is_practice and t.own_body:
+        yield from look_down()
     moved = t.session_memory.setdefault("moved", set())
     params = known_of(CrowdParameters, t.settings.parameters)
     return (yield from run_trial(t.trial, params, moved, asked=t.text("questions.track")))
+
+
+def look_down() -> Generator[Any, Any, None]:
+    """Let the participant look down at their body until the operator goes on, if one is there."""
+    if isinstance((yield Prompt(LOOK_DOWN)), Answered):
+        return
+    view = yield from frame()
+    while not view.went_on:
+        view = yield from frame()
+    yield Mark("own_body_seen")
 
 
 @study.intertrial

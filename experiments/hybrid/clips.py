@@ -53,7 +53,11 @@ def _source(name: str) -> Clip:
             Doing(Idle("hanging", 0.0), 1.3, 0.7),
         )
         return baked(Person(build, plan, 1), CROUCH_S, rate_hz=SOURCE_HZ)
-    kinds: dict[str, Kind] = {"walk": Walk(1.3), "run": Run(3.0), "idle": Idle("hanging")}
+    kinds: dict[str, Kind] = {
+        "walk": Walk(1.3, stride_cv=0.0),
+        "run": Run(3.0),
+        "idle": Idle("hanging"),
+    }
     kind = kinds[name]
     return baked(Person(build, kind, 1), BEGIN_S + 5.0, rate_hz=SOURCE_HZ)
 

@@ -105,7 +105,8 @@ class Style:
 
 
 STYLES: Final = {
-    "medium-no-cuts": Style(ShotSize.MEDIUM, cuts=False),
+    # Without a cut to help, a camera among people must hold sight dearer than the exact size.
+    "medium-no-cuts": Style(ShotSize.MEDIUM, cuts=False, weights=Weights(direct=6.0)),
     "long-cuts": Style(ShotSize.LONG),
     "extreme-long-static": Style(ShotSize.EXTREME_LONG, moves=False),
 }

@@ -23,13 +23,20 @@ Ints = npt.NDArray[np.int64]
 WALL_HEIGHTS = np.array([1.0, 1.4])
 """Heights of tracks along walls, as shares of that of the rays."""
 
+MIN_RISE = 0.2
+"""Upward part of a ray from which it leads over people's heads."""
+MIN_APART_M = 1.0
+"""Nearer to the end of its ray no near place is of use."""
+
 
 @dataclass(frozen=True)
 class RayRules:
     """From where and whither cameras are looked for.
 
     Every `every_m` of a middle line, `from_height_m` over the floor, to both sides at
-    `elevations_deg` and straight up; `back_off_m` before what is hit, or at `reach_m`.
+    `elevations_deg` and straight up; `back_off_m` before what is hit, or at `reach_m`. Rays that
+    rise give a place `near_m` along them, too: over people's heads, and near enough for a medium
+    shot where walls are far (0: none).
     """
 
     every_m: float = 0.5
@@ -38,6 +45,7 @@ class RayRules:
     straight_up: bool = True
     back_off_m: float = 0.2
     reach_m: float = 8.0
+    near_m: float = 2.6
 
 
 @dataclass(frozen=True)
@@ -117,9 +125,11 @@ def camera_places(
         for ray in rays:
             hit_m = obstacles.hit_m(start, ray, rules.reach_m)
             far_m = min(hit_m - rules.back_off_m, rules.reach_m)
-            if far_m > rules.back_off_m:
-                places.append(start + far_m * ray)
-                origins.append(start)
+            ends = [far_m] if far_m > rules.back_off_m else []
+            if 0.0 < rules.near_m < far_m - MIN_APART_M and ray[1] > MIN_RISE:
+                ends.append(rules.near_m)
+            places += [start + end * ray for end in ends]
+            origins += [start] * len(ends)
     return Places(np.array(places).reshape(-1, 3), np.array(origins).reshape(-1, 3))
 
 

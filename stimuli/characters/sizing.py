@@ -1,4 +1,4 @@
-"""The same person taller or shorter."""
+"""The same person taller or shorter, with longer or shorter arms and legs."""
 
 from dataclasses import replace
 
@@ -47,6 +47,59 @@ def sized(character: Character, stature_m: float) -> Character:
             pupil_radius_m=k * eye.pupil_radius_m,
         ),
         closed=None if character.closed is None else _scaled(character.closed, k),
+    )
+
+
+ARM_BONES = ("lower_arm", "hand")
+LEG_BONES = ("lower_leg", "foot")
+MAX_STRETCH_01 = 0.15
+"""By so much, of their own length, limbs are made longer or shorter at most."""
+
+
+def with_limbs(character: Character, arms: float, legs: float) -> Character:
+    """Return a character whose arms and legs are so many times as long, and no thicker.
+
+    Upper arms, forearms, thighs and shanks stretch along themselves, in equal parts; hands and
+    feet keep their size. Factors are kept within 1 ± `MAX_STRETCH_01`. Soles sink or rise with the
+    legs: hips stay the origin.
+    """
+    factors = {
+        f"{side}_{name}": float(np.clip(k, 1 - MAX_STRETCH_01, 1 + MAX_STRETCH_01))
+        for side in ("left", "right")
+        for names, k in ((ARM_BONES, arms), (LEG_BONES, legs))
+        for name in names
+    }
+    skeleton = character.skeleton
+    offsets_m = skeleton.offsets_m.copy()
+    for name, k in factors.items():
+        joint = skeleton.index_of[name]
+        offsets_m[joint] *= k
+    stretched = replace(skeleton, offsets_m=offsets_m)
+    bones = {skeleton.parents[skeleton.index_of[name]]: skeleton.index_of[name] for name in factors}
+
+    def moved(mesh: SkinnedMesh) -> SkinnedMesh:
+        points = mesh.vertices_m.astype(np.float64)
+        way = np.zeros_like(points)
+        for corner in range(mesh.joints.shape[1]):
+            joint = mesh.joints[:, corner].astype(np.int64)
+            weight = mesh.weights[:, corner, None].astype(np.float64)
+            shift = (stretched.rest_m - skeleton.rest_m)[joint]
+            for parent, child in bones.items():
+                mine = joint == parent
+                bone = skeleton.offsets_m[child]
+                share = np.clip(
+                    (points[mine] - skeleton.rest_m[parent]) @ bone / (bone @ bone), 0.0, 1.0
+                )
+                shift[mine] += share[:, None] * (offsets_m[child] - bone)
+            way += weight * shift
+        return replace(mesh, vertices_m=(points + way).astype(np.float32))
+
+    return replace(
+        character,
+        skeleton=stretched,
+        levels=tuple(moved(mesh) for mesh in character.levels),
+        measuring=tuple(moved(mesh) for mesh in character.measuring),
+        closed=None if character.closed is None else moved(character.closed),
     )
 
 

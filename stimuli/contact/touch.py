@@ -18,6 +18,8 @@ from stimuli.scenes.station_crowd import Crowd
 
 REACH_M: Final = 0.65
 """No part of an idle person is farther than this from where they stand (a telephoning elbow)."""
+NEARER_WAITING_M: Final = 0.13
+"""By so much nearer every part of somebody is who waits, with hanging arms."""
 MAX_TOUCHES: Final = 64
 
 
@@ -161,9 +163,10 @@ def find_touches(
     for i in range(people.shape[0]):
         dx = max(low_x - people[i, 0], 0.0, people[i, 0] - high_x)
         dz = max(low_z - people[i, 1], 0.0, people[i, 1] - high_z)
-        if not dx * dx + dz * dz <= reach_m * reach_m:
+        reach = reach_m if people[i, 4] > 0.5 else reach_m - NEARER_WAITING_M
+        if not dx * dx + dz * dz <= reach * reach:
             continue
-        if not _any_near(part_starts, part_ends, part_radii, people[i, 0], people[i, 1], reach_m):
+        if not _any_near(part_starts, part_ends, part_radii, people[i, 0], people[i, 1], reach):
             continue
         place_person(people[i], t_s, figures, root, local, position, world)
         person = int(people[i, 15])

@@ -25,6 +25,14 @@ WALK_SHIFT_M, RUN_SHIFT_M = 0.095, 0.06
 MAX_STEP = 1.02
 """Steps of walkers are at most so many leg lengths, or hips would stretch too far; faster walkers
 take quicker ones."""
+TOES = 0.6
+"""How far the toes of a shoe reach ahead of the ball, of the way from ankle to ball."""
+TOE_CLEARANCE_M = 0.013
+"""How high toes swing over the floor at least, for legs of 0.86 m (Winter 1992, Physical Therapy
+72:45: 12.9 mm)."""
+STRIDES_OF_DRIFT = 0.05
+CV_OF_DRIFT = 0.355
+"""What a drift of unit size, its slowest swing in 20 strides, varies a stride's time by."""
 REACH = 0.984
 """No leg is stretched farther than to this share of its length."""
 
@@ -137,6 +145,7 @@ def _foot(
     pitch = _foot_pitch(phase, stance, landing, push * goes)
     ball_forward, ball_up = _about_ball(b, pitch)
     heel_forward, heel_up = _about_heel(b, pitch)
+    u = 0.0
     if phase < stance:
         forward, up = (ball_forward, ball_up) if pitch >= 0.0 else (heel_forward, heel_up)
         along = here
@@ -153,11 +162,15 @@ def _foot(
     leg[p.ANKLE + 1] = b[p.B_ANKLE] + up
     leg[p.ANKLE + 2] = -along - forward * np.cos(leg[p.FOOT_YAW])
     leg[p.FOOT_PITCH] = pitch
-    leg[p.TOE_BEND] = max(0.0, pitch) * (
-        1.0 if phase < stance else 1.0 - ease((phase - stance) * 4)
-    )
+    bend = max(0.0, pitch) * (1.0 if phase < stance else 1.0 - ease((phase - stance) * 4))
     if pitch < 0.0:
-        leg[p.TOE_BEND] = -0.35 * pitch
+        bend = -0.35 * pitch
+    if phase >= stance:
+        # Toes stay bent, or are lifted, as far as they would meet the floor otherwise.
+        wanted = TOE_CLEARANCE_M * (b[p.B_LEG] / 0.86) * goes * ease(4.0 * u) * ease(4.0 - 4.0 * u)
+        below = (up - ball_up - wanted) / (TOES * b[p.B_FOOT])
+        bend = max(bend, pitch - np.arcsin(min(1.0, max(-1.0, below))))
+    leg[p.TOE_BEND] = bend
 
 
 @compiled
@@ -172,13 +185,32 @@ def _reach_height_m(b: Vector, half: float, shift: float, strike: float, push: f
 
 
 @compiled
+def _late_m(
+    t_s: float, person: int, speed: float, step: float, distance_m: float, stride_cv: float
+) -> float:
+    """Return how far the clock of somebody's steps is from an even one: behind, or ahead.
+
+    Strides grow and shrink over many, as people's do (Hausdorff et al. 1995, J. Appl. Physiol.
+    78:349); beginning and end of a way are on time.
+    """
+    stride_s = 2.0 * step / speed
+    end_s = (distance_m + 2.0 * step) / speed
+    if t_s <= 0.0 or t_s >= end_s:
+        return 0.0
+    share = ease(t_s / (2.0 * stride_s)) * ease((end_s - t_s) / (2.0 * stride_s))
+    uneven = drift(t_s / stride_s, STRIDES_OF_DRIFT, person, 403)
+    return 2.0 * step * share * uneven * stride_cv / CV_OF_DRIFT
+
+
+@compiled
 def gait_rows(
     rows: npt.NDArray[np.int64], t_s: Vector, persons: npt.NDArray[np.int64],
     numbers: Vector, builds: Vector, controls: Vector,
 ) -> None:  # fmt: skip
     """Write the posture of those who walk or run.
 
-    `numbers` (n, …): how lively, speed in m/s, distance in metres (may be infinite), 1 for a run.
+    `numbers` (n, …): how lively, speed in m/s, distance in metres (may be infinite), 1 for a run,
+    the coefficient of variation of the stride's time.
     """
     for i in range(rows.shape[0]):
         r = rows[i]
@@ -190,6 +222,8 @@ def gait_rows(
         leg, scale = b[p.B_LEG], b[p.B_LEG] / 0.86
         step = step_m(speed, leg, distance, runs)
         clock = min(distance + step, max(-step, speed * t - step))
+        if numbers[r, 4] > 0.0:
+            clock += _late_m(t, person, speed, step, distance, numbers[r, 4])
         body = gone_m(clock, step, distance)
         # How much of a gait it is: nothing while the feet still stand side by side.
         full = ease((clock + step) / (2.0 * step)) * ease((distance + step - clock) / (2.0 * step))

@@ -23,11 +23,11 @@ class PumpedRig:
         self.pump.start()
         return self
 
-    def run(self, seconds):
+    def run(self, seconds, *, may_wait=False):
         end_ns = self.clock.now_ns() + round(seconds * NS_PER_S)
         while self.clock.now_ns() < end_ns:
             self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_S // 90)
-            self.pump.step()
+            self.pump.step(may_wait=may_wait)
         return self
 
     def column(self, name):

@@ -214,3 +214,19 @@ def test_headset_is_polled_by_step_even_on_a_real_clock():
 
     head = [batch for batch in got if batch.schema.name == "head"]
     assert [int(batch.t_host_ns[0]) for batch in head] == [frame.t_ns]
+
+
+def test_a_device_that_can_wait_is_polled_when_it_may_no_longer():
+    clock, got = SimClock(), []
+    device = ToyDevice(clock)
+    device.put_off = lambda: clock.now_ns() < 50_000_000
+    pump = Pump(device, got.append, clock)
+    pump.start()
+    polled = []
+    for _ in range(8):
+        clock.sleep_until_ns(clock.now_ns() + 10_000_000)
+        pump.step(may_wait=True)
+        polled.append(not pump.is_put_off)
+
+    assert [False] * 4 + [True] * 4 == polled
+    assert [50_000_000, 60_000_000, 70_000_000, 80_000_000] == device.polls_ns

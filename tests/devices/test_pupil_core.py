@@ -134,6 +134,38 @@ def test_repeated_stretch_repeats_bit_for_bit():
     np.testing.assert_array_equal(stretch(0.5), stretch(3.2))
 
 
+def test_gaze_left_for_later_is_that_of_every_frame():
+    def performed(may_wait):
+        rig = Rig(seed=3).start()
+        rig.calibrate()
+        for stretch in range(3):
+            rig.body.stretch_number = stretch
+            rig.body.look(5.0 * stretch, 2.0)
+            rig.run(0.9, may_wait=may_wait)
+            rig.body.openness_01 = 0.2 * stretch
+            rig.run(0.4, may_wait=may_wait)
+        rig.pump.step()
+        return rig
+
+    each, seldom = performed(False), performed(True)
+
+    assert len(seldom.batches) < len(each.batches) - 200
+    for stamp in ("seq", "t_device_ns", "t_host_ns"):
+        np.testing.assert_array_equal(each.stamps(stamp), seldom.stamps(stamp))
+    rows = [np.concatenate([b.values for b in rig.batches]).tobytes() for rig in (each, seldom)]
+    assert rows[0] == rows[1]
+    assert each.driver.clock_pairs() == seldom.driver.clock_pairs()
+
+
+def test_gaze_that_a_fault_may_befall_is_not_left_for_later():
+    rig = Rig({"kind": "loss", "start_s": 100.0, "duration_s": 1.0, "amount": 0.5}).start()
+
+    rig.run(0.1, may_wait=True)
+
+    assert not rig.pump.is_put_off
+    assert len(rig.batches) > 5
+
+
 def test_annotation_arrives_on_the_device_clock():
     rig = Rig().start().run(1.0)
     t_ns = rig.clock.now_ns()

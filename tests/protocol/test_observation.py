@@ -4,8 +4,9 @@ import pytest
 from devices.contracts import GAZE
 from lab.geometry import Pose, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
 from lab.schema import SampleBatch, empty_values
-from protocol.observation import GazeObserver
+from protocol.observation import GazeObserver, LateGaze
 from protocol.row_buffer import RowBuffer
+from protocol.steps import GazeView
 from protocol.streams import gaze_targets_schema
 from stimuli.scene import Agent, Scene
 
@@ -123,3 +124,44 @@ def test_all_samples_of_a_long_pause_are_recorded_though_they_come_in_one_frame(
 
     assert list(range(2005)) == values["t_sample_ns"].tolist()
     assert {1} == set(values["hit"].tolist())
+
+
+def test_frames_that_wait_see_what_each_would_have_seen_at_once() -> None:
+    def performed(*, later: bool) -> tuple[list[list[object]], bytes, int]:
+        seen, recorded, rows = observer(SCENE)
+        views: list[GazeView | LateGaze] = []
+        for frame in range(60):
+            t_ns = 100 * frame
+            if frame % 7:  # the head is lost now and then
+                seen.add_pose(t_ns, Pose(EYE, quat_from_yaw_pitch_deg(0.5 * frame)))
+            if frame % 5:
+                stamps = [t_ns - 90, t_ns - 40][: 1 + frame % 2]
+                seen.take(gaze_batch(stamps, 10.0 - frame % 3, valid=frame % 11 > 0))
+            if later:
+                views.append(seen.wait(frame, t_ns, lambda: None))
+            else:
+                views.append(seen.observe(frame, t_ns))
+        if later:
+            counts = seen.observe_waiting()
+            assert counts == [view.t_ns.shape[0] for view in views]
+        rows.flush()
+        columns = [[getattr(v, f).tolist() for f in GazeView._fields] for v in views]
+        (batch,) = recorded
+        return columns, batch.t_host_ns.tobytes() + batch.values.tobytes(), seen.valid
+
+    at_once, later = performed(later=False), performed(later=True)
+
+    assert repr(at_once) == repr(later)
+
+
+def test_gaze_left_for_later_is_evaluated_when_it_is_looked_at() -> None:
+    seen, _, _ = observer(SCENE)
+    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+
+    def catch_up() -> None:
+        seen.observe_waiting()
+
+    gaze = seen.wait(1, 0, catch_up)
+    seen.take(gaze_batch([0], 0.0))
+
+    assert gaze.hit.tolist() == [0]

@@ -6,14 +6,21 @@ import stat
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from analysis.gaze.bids import write_bids
+from analysis.gaze.imported import read_gaze, report
+from cli.main import app
+from devices.wirelog import ReplayLink, TeeLink
 from lab.clock import SimClock
 from lab.errors import RecordingError
 from protocol.ledger import Ledger
 from recording.durable import make_folder, protect, share_with_group
 from recording.sealed import write_sealed
+from tests.analysis.gaze.test_import import vive_text
 from tests.recording.sessions import record_session
 
+WIRES = Path(__file__).parents[1] / "wire"
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="access is inherited there")
 
 
@@ -70,3 +77,37 @@ def test_tables_and_figures_are_protected_afterwards(tmp_path: Path) -> None:
     protect(tmp_path / "derived")
     assert [] == others_may(tmp_path / "derived")
     shutil.rmtree(tmp_path / "derived")
+
+
+def test_what_is_made_of_gaze_from_elsewhere_is_private(tmp_path: Path) -> None:
+    file = tmp_path / "v.csv"
+    file.write_text(vive_text(n=200))
+    gaze = read_gaze(file, "vive")
+    report(gaze, tmp_path / "imported" / "one")
+    write_bids(gaze, tmp_path / "bids", subject="1", task="look")
+    for folder in ("imported", "bids"):
+        assert [] == others_may(tmp_path / folder)
+        assert {"700", "600"} == modes(tmp_path / folder)
+
+
+def test_the_answer_of_stats_holds_peoples_rows_and_is_private(tmp_path: Path) -> None:
+    table = tmp_path / "table.csv"
+    rows = [f"{n},{c},{v}" for n in range(5) for c, v in (("A", n + 1.5), ("B", 2.0 * n))]
+    table.write_text("participant,condition,dwell_ms\n" + "\n".join(rows) + "\n")
+    asked = ["--dv", "dwell_ms", "--within", "condition", "--subject", "participant"]
+    out = tmp_path / "out"
+    told = CliRunner().invoke(
+        app, ["stats", str(table), "--test", "paired", *asked, "--output", str(out)]
+    )
+    assert 0 == told.exit_code, told.output
+    assert (out / "tested.csv").exists()
+    assert [] == others_may(out)
+
+
+def test_what_crosses_a_wire_is_kept_privately(tmp_path: Path) -> None:
+    wire = tmp_path / "eyes.wire"
+    played = ReplayLink(WIRES / "neosensory_buzz.wire", SimClock())
+    log = TeeLink(played, wire, SimClock())
+    log.open(1.0)
+    log.end()
+    assert 0o600 == stat.S_IMODE(wire.stat().st_mode)

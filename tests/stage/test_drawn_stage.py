@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import moderngl
 import numpy as np
@@ -21,6 +20,7 @@ from stage.renderer import ON_PROCESSOR, Quality, Renderer
 from stimuli.picture import Camera, Picture
 from stimuli.scene import Agent, Scene, SceneFrame
 from tests.stage import figures
+from tests.stage.gl_counts import counted
 from tests.stage.test_own_body import SEGMENTS, sample
 
 SIZE = (60, 72)
@@ -254,39 +254,10 @@ def test_how_pictures_are_made_is_logged_when_drawing_begins() -> None:
     assert replace(recorded, detail=quality.detail) == quality
 
 
-def test_samples_are_recorded_as_the_driver_gives_them() -> None:
-    views: list[SampleBatch] = []
-    display = Display(default_views, lambda: SIZE, people_count=4)
-    most = _renderer().context.max_samples
-    asked = Quality(samples=2 * most, shadows="none")
-    stage = DrawnStage(_dressed, lambda: Renderer(quality=asked), display, SimClock())
-    stage.start(lambda batch: views.append(batch) if batch.schema.name == "drawn_views" else None)
-    stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
-    stage.close()
-    assert most == views[0].values[0]["samples"]
-
-
-MADE = ("texture", "texture_array", "buffer", "program", "vertex_array", "framebuffer")
-"""What a graphics card is given; each takes long where somebody looks."""
-
-
 @pytest.mark.parametrize("quality", [None, ON_PROCESSOR], ids=["card", "processor"])
 def test_nothing_is_sent_to_the_card_with_the_first_lit_frame_of_a_scene_that_was_foreseen(
-    quality: Quality | None, monkeypatch: pytest.MonkeyPatch
+    quality: Quality | None,
 ) -> None:
-    made: list[str] = []
-
-    def counted(name: str) -> None:
-        own = getattr(moderngl.Context, name)
-
-        def make(*arguments: Any, **named: Any) -> Any:
-            made.append(name)
-            return own(*arguments, **named)
-
-        monkeypatch.setattr(moderngl.Context, name, make)
-
-    for name in MADE:
-        counted(name)
     people = figures.picture(3)
 
     def dress(view: SceneFrame) -> Picture:
@@ -298,8 +269,8 @@ def test_nothing_is_sent_to_the_card_with_the_first_lit_frame_of_a_scene_that_wa
         except StageError as problem:
             pytest.skip(str(problem))
 
-    def sent(foreseen: bool) -> list[list[str]]:
-        """Return what is made in the first frame, in those of darkness, and in the first lit."""
+    def sent(foreseen: bool) -> list[int]:
+        """Return how much the first frame makes, those of darkness, and the first lit one."""
         display = Display(default_views, lambda: SIZE, people_count=4)
         stage = DrawnStage(dress, opened, display, SimClock())
         dark = replace(_scene(), scene=replace(_scene().scene, brightness_01=0.0))
@@ -307,14 +278,14 @@ def test_nothing_is_sent_to_the_card_with_the_first_lit_frame_of_a_scene_that_wa
             stage.foresee(_scene)
         found = []
         for i, view in enumerate((dark, dark, _scene())):
-            made.clear()
-            stage.draw(view, FrameInfo(i, i, i), HEAD)
-            found.append([*made])
+            with counted() as counts:
+                stage.draw(view, FrameInfo(i, i, i), HEAD)
+            found.append(counts["made"])
         stage.close()
         return found
 
-    assert [] != sent(foreseen=False)[2]
-    assert [] == sent(foreseen=True)[2]
+    assert 0 < sent(foreseen=False)[2]
+    assert 0 == sent(foreseen=True)[2]
 
 
 def test_a_scene_foreseen_later_is_made_ready_a_piece_a_frame_and_never_in_the_light() -> None:
@@ -357,3 +328,15 @@ def test_what_cannot_be_foreseen_is_left_to_the_trial() -> None:
         stage.draw(dark, FrameInfo(0, 0, 0), HEAD)
     assert stage.trouble() is None
     stage.close()
+
+
+def test_samples_are_recorded_as_the_driver_gives_them() -> None:
+    views: list[SampleBatch] = []
+    display = Display(default_views, lambda: SIZE, people_count=4)
+    most = _renderer().context.max_samples
+    asked = Quality(samples=2 * most, shadows="none")
+    stage = DrawnStage(_dressed, lambda: Renderer(quality=asked), display, SimClock())
+    stage.start(lambda batch: views.append(batch) if batch.schema.name == "drawn_views" else None)
+    stage.draw(_scene(), FrameInfo(0, 0, 0), HEAD)
+    stage.close()
+    assert most == views[0].values[0]["samples"]

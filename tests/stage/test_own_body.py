@@ -11,6 +11,7 @@ from lab.schema import SampleBatch
 from stage.own_body import EYES_BEHIND_M, OwnBody, headless
 from stimuli.characters.body_parts import GROUPS, PART_INDEX
 from stimuli.characters.character import Character
+from stimuli.characters.sizing import LEG_BONES, with_limbs
 from stimuli.motion.skeleton import forward
 from tests.stage import figures
 
@@ -122,3 +123,38 @@ def test_headless_body_has_everything_but_head_and_neck() -> None:
         assert not hidden & set(after.triangle_part.tolist())
         kept = ~np.isin(before.triangle_part, list(hidden))
         assert kept.sum() == len(after.triangles) > 0
+
+
+@pytest.mark.parametrize(("arms", "legs"), [(1.1, 0.95), (0.9, 1.05)])
+def test_arms_and_legs_are_as_long_as_their_participants(arms: float, legs: float) -> None:
+    body = OwnBody(character(), SEGMENTS)
+    batch = sample()
+    long = replace(character().skeleton, offsets_m=character().skeleton.offsets_m.copy())
+    for name, k in (("lower_arm", arms), ("hand", arms), ("lower_leg", legs), ("foot", legs)):
+        for side in ("left", "right"):
+            long.offsets_m[long.index_of[f"{side}_{name}"]] *= k
+    index = [long.index_of[name] for name in SEGMENTS]
+    local = np.tile([1.0, 0.0, 0.0, 0.0], (1, len(long.names), 1))
+    placed = forward(long, np.array([[0.0, 0.95, 0.0]]) + WALK_TO, local)
+    batch.values["position_m"][0] = placed.position_m[0, index]
+    body.take(batch)
+    mine = body.worn(figures.picture(2), head_of(1.0)).cast[-1].skeleton
+    measured = {name: long.offsets_m[long.index_of[name]] for name in long.names}
+    for bone in ("left_lower_arm", "left_hand", "right_hand", "left_foot"):
+        length = np.linalg.norm(mine.offsets_m[mine.index_of[bone]])
+        assert np.linalg.norm(measured[bone]) == pytest.approx(length, abs=1e-3), bone
+
+
+def test_longer_limbs_keep_their_girth_and_hands_their_size() -> None:
+    own, longer = character(), with_limbs(character(), 1.1, 1.1)
+    hand, before, after = PART_INDEX["left_hand"], own.levels[0], longer.levels[0]
+    rows = np.unique(before.triangles[before.triangle_part == hand])
+    assert np.ptp(before.vertices_m[rows], axis=0) == pytest.approx(
+        np.ptp(after.vertices_m[rows], axis=0), abs=0.004
+    )
+    thigh = np.unique(before.triangles[before.triangle_part == PART_INDEX["left_thigh"]])
+    girth = [np.ptp(mesh.vertices_m[thigh][:, [0, 2]], axis=0) for mesh in (before, after)]
+    assert girth[0] == pytest.approx(girth[1], abs=0.004)
+    low = [mesh.vertices_m[:, 1].min() for mesh in (before, after)]
+    bones = [own.skeleton.offsets_m[own.skeleton.index_of[f"left_{n}"]] for n in LEG_BONES]
+    assert 0.1 * sum(np.linalg.norm(b) for b in bones) == pytest.approx(low[0] - low[1], abs=0.004)

@@ -17,7 +17,7 @@ from stimuli.contact.body import (
 )
 from stimuli.contact.figures import crowd_figures, over_capsules
 from stimuli.contact.idle import crowd_poses, people_of
-from stimuli.contact.touch import REACH_M, TouchSensor, segment_distance
+from stimuli.contact.touch import NEARER_WAITING_M, REACH_M, TouchSensor, segment_distance
 from stimuli.dressing.casting import default_casting
 from stimuli.dressing.station import station_picture
 from stimuli.motion.skeleton import forward
@@ -106,7 +106,8 @@ def test_nobody_reaches_farther_than_the_cull_assumes():
                 ends = np.concatenate(body.posed(position[i], world[i]))
                 radius = np.tile(body.radius_m, 2)
                 out = np.linalg.norm(ends[:, [0, 2]] - row[:2], axis=1) + radius
-                assert out.max() < REACH_M
+                nearer = 0.0 if row[4] > 0.5 else NEARER_WAITING_M
+                assert out.max() < REACH_M - nearer
 
 
 def test_idle_people_move_little_and_stand_on_the_floor():

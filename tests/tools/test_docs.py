@@ -29,6 +29,9 @@ def test_pages_of_columns_and_settings_are_those_of_the_code() -> None:
 def test_links_out_of_the_docs_lead_to_pages_of_the_site_or_nowhere() -> None:
     text = "[a](../experiments/stare/README.md#x) [b](decisions/) `[c](../lab)` [d](gaze.md)"
     assert "[a](studies/stare.md#x) b `[c](../lab)` [d](gaze.md)" == site_text(text, "power.md")
+    assert "[`s`](studies/stare.md) `c`" == site_text(
+        "[`s`](../experiments/stare/README.md) `c`", "a.md"
+    )
     assert "[p](../pages.md)" == site_text("[p](../../docs/pages.md)", "studies/stare.md")
 
 

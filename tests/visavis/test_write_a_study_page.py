@@ -17,7 +17,7 @@ from visavis.catalogue import find_study
 
 PAGE = Path(__file__).parents[2] / "docs" / "write-a-study.md"
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-COMMANDS_ON_THE_PAGE = 14
+COMMANDS_ON_THE_PAGE = 15
 FILE = re.compile(r"# ([\w/]+\.(?:py|yaml))(, at its end)?\n")
 
 

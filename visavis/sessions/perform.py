@@ -16,7 +16,7 @@ from lab.clock import Clock, SimClock, require_fine_clock
 from lab.compiled import forget_old_kernels
 from lab.config import LabConfig, with_devices
 from lab.errors import ConfigError, LabError, RecordingError, SessionAborted
-from protocol.experiment import Respondent, untold
+from protocol.experiment import Respondent, demands_of, untold
 from protocol.gaze_setup import TargetTiming
 from protocol.operator import Operator, UnattendedOperator
 from protocol.participants import SimulatedParticipant
@@ -47,7 +47,9 @@ class Request:
     """What to perform: whom, which study, on what, with which clock and operator.
 
     `without` are roles of devices that the operator goes on without. `on` is "lab" or "browser",
-    left out where the study says it; a `page` is served at its address.
+    left out where the study says it; a `page` is served at its address. `body` ("female" or
+    "male") is the one that participants see as their own in a study that wants it, `stature_m` how
+    tall they say they are.
     """
 
     study: OpenedStudy
@@ -72,6 +74,8 @@ class Request:
     without: tuple[str, ...] = ()
     on: str = ""
     page: "PageAddress | None" = None
+    body: str = ""
+    stature_m: float | None = None
 
     @property
     def is_on_page(self) -> bool:
@@ -419,6 +423,9 @@ def _describe(
     folder.describe(devices=infos)
     if request.clock.is_virtual:
         return
+    if (body := body_of(request)) != "none":
+        t_ns = request.clock.now_ns()
+        recorder.event("own_body", t_ns, body=body, stature_told_m=request.stature_m)
     part = folder.manifest.parts[-1]
     part_dir = folder.path / part.folder
     name = SessionName(request.study.name, request.participant_label, request.session, part.number)
@@ -439,7 +446,24 @@ def _stage(request: Request, devices: _Devices) -> Stage:
     viewers = [devices.participant] if devices.participant else []
     if request.stage_for is not None:
         return request.stage_for(viewers)
-    return build_stage(request.config, request.experiment, devices.rig, request.clock, viewers)
+    display = request.config.display.model_copy(update={"own_body": body_of(request)})
+    config = request.config.model_copy(update={"display": display})
+    return build_stage(config, request.experiment, devices.rig, request.clock, viewers)
+
+
+def body_of(request: Request) -> str:
+    """Return which body the participant sees as their own: "female", "male" or "none".
+
+    What the lab writes is for every study; otherwise a study that wants one gives the participant's
+    own. Who is simulated has one by turns.
+    """
+    if request.config.display.own_body != "none":
+        return request.config.display.own_body
+    if not demands_of(request.experiment).own_body:
+        return "none"
+    if request.body or not is_simulated(request.config):
+        return request.body or "none"
+    return ("female", "male")[request.participant_index % 2]
 
 
 def end_part(

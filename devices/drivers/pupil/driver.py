@@ -8,6 +8,7 @@ stream has no sample counter, so `seq` counts what arrived and loss shows in the
 import contextlib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,8 @@ from lab.geometry import Vector
 
 TOPICS = (codec.GAZE_TOPIC, codec.NOTIFY_TOPIC)
 COMMAND_TIMEOUT_S = 1.0
+MIN_RUN = 4
+"""From so many messages on it pays to decode gaze together."""
 
 
 class PupilCore(GazeDevice):
@@ -53,7 +56,7 @@ class PupilCore(GazeDevice):
         eye_distance_mm: float = 64.0,
         reference_distance_m: float = 1.0,
     ) -> None:
-        self._decode_gaze = GazeDecoder(confidence_threshold_01).decode
+        self._decoder = GazeDecoder(confidence_threshold_01)
         self._opening_exchanges = opening_exchanges
         self._procedure = HmdCalibration(self._notify, eye_distance_mm, reference_distance_m)
         self._is_calibrated = False
@@ -213,10 +216,16 @@ class PupilCore(GazeDevice):
         stamps = np.empty(most, np.int64)
         seqs: list[int] = []
         arrivals: list[int] = []
-        decode = self._decode_gaze
+        decode = self._decoder.decode
         seq = self._seq
         n = 0
-        for message in messages:
+        if most >= MIN_RUN:
+            run = list(takewhile(_is_gaze, messages))
+            n = self._decoder.decode_run([m.frames[1] for m in run], rows, stamps)
+            seqs += range(seq, seq + n)
+            arrivals += [m.t_host_ns for m in run[:n]]
+            seq += n
+        for message in messages[n:]:
             frames = message.frames
             if message.t_sent_ns is not None:
                 self._take_answer(message)
@@ -260,3 +269,9 @@ class PupilCore(GazeDevice):
             self._is_calibrated |= self._procedure.has_succeeded
         else:
             self._parts.note(found["subject"], found.get("eye_id"))
+
+
+def _is_gaze(message: Message) -> bool:
+    frames = message.frames
+    is_told = message.t_sent_ns is None and len(frames) == 2
+    return is_told and frames[0].startswith(codec.GAZE_TOPIC)

@@ -6,6 +6,8 @@ codec has read; a later payload whose other bytes are all equal has the same lay
 from these places. Anything else goes to the codec, which alone decides what is malformed.
 """
 
+from collections.abc import Sequence
+from itertools import takewhile
 from typing import Any
 
 import msgpack
@@ -91,6 +93,23 @@ class GazeDecoder:
         ):
             return True
         return self._take_apart(payload, rows, stamps_ns, i)
+
+    def decode_run(self, payloads: Sequence[bytes], rows: Bytes, stamps_ns: Places) -> int:
+        """Write rows 0 to n - 1 of as many first payloads as have one known layout; return n."""
+        size = len(payloads[0]) if payloads else 0
+        layout = self._layouts.get(size)
+        if layout is None:
+            return 0
+        alike = list(takewhile(lambda payload: len(payload) == size, payloads))
+        return _read_run(
+            np.frombuffer(b"".join(alike), np.uint8),
+            layout.example,
+            layout.fixed,
+            layout.places,
+            self._threshold_01,
+            rows,
+            stamps_ns,
+        )
 
     def _take_apart(self, payload: bytes, rows: Bytes, stamps_ns: Places, i: int) -> bool:
         decoded = codec.decode_gaze(payload, self._threshold_01)
@@ -243,3 +262,23 @@ def _read(
         rows[row + 60 + k] = bits[56 + k]
     stamps_ns[i] = np.int64(np.rint(stamp))
     return True
+
+
+@compiled
+def _read_run(
+    payloads: Bytes,
+    example: Bytes,
+    fixed: Places,
+    places: Places,
+    threshold_01: float,
+    rows: Bytes,
+    stamps_ns: Places,
+) -> int:
+    """Do `_read` for joined payloads of one length until it says False; return how many it read."""
+    size = len(example)
+    n = len(payloads) // size
+    for i in range(n):
+        payload = payloads[i * size : (i + 1) * size]
+        if not _read(payload, example, fixed, places, threshold_01, rows, stamps_ns, i):
+            return i
+    return n

@@ -18,7 +18,7 @@ from devices.drivers.streaming.sample_numbers import SampleNumbers
 from devices.drivers.streaming.stream_device import StreamDevice
 from devices.drivers.streaming.wire_thread import WireThread
 from devices.spec import AnySpec
-from devices.transports import MessageTransport
+from devices.transports import MemoryTransport, MessageTransport
 from lab.clock import NS_PER_MS, NS_PER_S, Clock
 from lab.clock_fit import ClockFit, fit_clock, offset_ns
 from lab.errors import DeviceError, DeviceTimeout
@@ -55,6 +55,7 @@ class GazeDevice(StreamDevice[Sample]):
         self._jumps_ms: list[float] = []
         self._asked_ns: int | None = None
         self._wire = WireThread(role, remedy=spec.remedy, timeout_s=COMMAND_TIMEOUT_S)
+        self._put_off = transport.put_off if isinstance(transport, MemoryTransport) else None
         schema = replace(GAZE, nominal_rate_hz=rate_hz)
         super().__init__(role, transport, clock, spec, schema, lost_after_s=lost_after_s)
 
@@ -75,6 +76,14 @@ class GazeDevice(StreamDevice[Sample]):
         if self._life.state in (DeviceState.STREAMING, DeviceState.FAULT):
             self._wire.claim()
         return super().poll(timeout_s)
+
+    def put_off(self) -> bool:
+        """Tell whether a later poll may deliver what has come; see `devices.pump.Postponing`."""
+        if self._put_off is None or self._life.state is not DeviceState.STREAMING:
+            return False
+        if self._interval_ns is not None and self._clock.now_ns() >= self._next_exchange_ns:
+            return False
+        return self._put_off()
 
     def stop(self) -> None:
         """Stop delivering; the wire stays open."""

@@ -118,6 +118,13 @@ class PupilCoreSimulator:
         self._judge: CalibrationJudge | None = None
         self._turn: Vector | None = None
         self._room = self._made_room(16)
+        self._held: list[Floats] = []
+        self._held_ns: list[int] = []
+        self._held_as: tuple[int, int] | None = None
+
+    def may_wait(self) -> bool:
+        """Tell whether messages may be read later than they arrive: no fault is to befall them."""
+        return not self._faults.faults
 
     def advance(self, t_ns: int) -> None:
         """Take every sample due up to this session time."""
@@ -136,6 +143,8 @@ class PupilCoreSimulator:
 
     def outgoing(self, until_ns: int) -> Sequence[Message]:
         """Give up what has arrived at the host by this time."""
+        if self._held:
+            self._publish_held()
         outbox = self._outbox
         messages = []
         while outbox and outbox[0].t_host_ns <= until_ns:
@@ -159,6 +168,7 @@ class PupilCoreSimulator:
         for kind in ("late_start", "disconnect", "mute"):
             if self._faults.active(kind, since_ns) is not None:
                 return None
+        self._publish_held()  # with the calibration they were seen with
         command = frames[0]
         if command.startswith(b"notify.") and len(frames) > 1:
             self._take_notification(frames[1], t_ns)
@@ -214,19 +224,12 @@ class PupilCoreSimulator:
         )
 
     def _sample(self, t: Times, t_list: list[int]) -> None:
+        """See the body's eyes now; what they look like on the wire can wait until it is read."""
         eyes = self._body.eyes(t)
-        stretch = self._body.stretch()
-        if stretch != self._stretch or self._noise is None:
-            self._stretch = stretch
-            self._noise = StretchNoise(self._error, self._seed, stretch, self._rate_hz)
-        worn = (self._body.fit(), self._calibrated_fit)
-        if worn != self._worn or self._systematic is None:
-            self._worn = worn
-            self._systematic = draw_systematic(
-                self._error, self._seed, fit=worn[0], calibrated_fit=worn[1]
-            )
-        n = len(t_list)
-        noise = self._noise.take(n)
+        held_as = (self._body.stretch(), self._body.fit())
+        if held_as != self._held_as:
+            self._publish_held()
+            self._held_as = held_as
         if self._judge is not None:
             stamps_s = [self.device_ns(t_ns) / NS_PER_S for t_ns in t_list]
             left, right = eyes["left_direction_head"], eyes["right_direction_head"]
@@ -235,15 +238,40 @@ class PupilCoreSimulator:
             eyes = eyes.copy()
             for side in ("left_direction_head", "right_direction_head"):
                 eyes[side] = eyes[side] @ self._turn.T
-        t_device, ahead_ns = t, self._epoch_ns - self._origin_ns
+        self._held.append(np.ndarray((len(t_list), 8), np.float64, np.ascontiguousarray(eyes)))
+        self._held_ns += t_list
+        if self._faults.faults:
+            self._publish_held()
+
+    def _publish_held(self) -> None:
+        """Measure the eyes seen since the last call and send what comes of it."""
+        held, t_list = self._held, self._held_ns
+        if not held or self._held_as is None:
+            return
+        self._held, self._held_ns = [], []
+        eyes = held[0] if len(held) == 1 else np.concatenate(held)
+        stretch, fit = self._held_as
+        if stretch != self._stretch or self._noise is None:
+            self._stretch = stretch
+            self._noise = StretchNoise(self._error, self._seed, stretch, self._rate_hz)
+        worn = (fit, self._calibrated_fit)
+        if worn != self._worn or self._systematic is None:
+            self._worn = worn
+            self._systematic = draw_systematic(
+                self._error, self._seed, fit=worn[0], calibrated_fit=worn[1]
+            )
+        n = len(t_list)
+        noise = self._noise.take(n)
         if self._drift or self._faults.faults:
             t_device, ahead_ns = np.array([self.device_ns(t_ns) for t_ns in t_list], np.int64), 0
+        else:
+            t_device, ahead_ns = np.array(t_list, np.int64), self._epoch_ns - self._origin_ns
         template = self._both
         if n > self._room[2].size:  # written anew by every call, which copies what it publishes
             self._room = self._made_room(2 * n)
         values, packed, delay_ns = self._room[0][:n], self._room[1][:n], self._room[2][:n]
         _measure(
-            np.ndarray((n, 8), np.float64, np.ascontiguousarray(eyes)),
+            eyes,
             noise,
             self._systematic.offset_rad,
             self._systematic.gain,

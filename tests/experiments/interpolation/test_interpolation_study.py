@@ -88,3 +88,19 @@ def test_the_source_s_analysis_finds_squad_above_both_and_no_more(judged: pd.Dat
     assert found[frozenset(("squad", "slerp"))] < 0.05
     assert found[frozenset(("squad", "lineuler"))] < 0.05
     assert found[frozenset(("slerp", "lineuler"))] > 0.05
+
+
+def test_who_works_with_animation_tells_the_methods_further_apart(judged: pd.DataFrame) -> None:
+    opened = OpenedStudy(study)
+    experiment = opened.experiment({})
+    works = {
+        name: opened.participant(k, 3, effect=True, experiment=experiment).answer(
+            "animation_experience", "", ["none", "tried", "studied", "work"]
+        )
+        == "work"
+        for k, name in enumerate(dict.fromkeys(judged["participant"]))
+    }
+    means = judged.groupby([judged["participant"].map(works), "method"])["naturalness"].mean()
+    gap = means.unstack()["squad"] - means.unstack()["lineuler"]
+    assert 0.25 < gap[True] - gap[False] < 1.0  # printed: 1.25 and 0.69
+    assert 0.1 < np.mean(list(works.values())) < 0.4

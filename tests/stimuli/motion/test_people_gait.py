@@ -82,7 +82,8 @@ def test_a_walker_has_one_foot_on_the_floor_and_a_runner_flies() -> None:
 
 
 def test_hips_go_at_the_speed_asked_for() -> None:
-    motion = PeopleMotion((Person(build(), Walk(1.4), 3, heading_deg=90.0),))
+    even = Walk(1.4, stride_cv=0.0)
+    motion = PeopleMotion((Person(build(), even, 3, heading_deg=90.0),))
     passed = motion.at(6.0).root_m[0] - motion.at(3.0).root_m[0]
     assert passed[0] == pytest.approx(-4.2, abs=0.01)
     assert abs(passed[2]) < 0.06
@@ -126,3 +127,50 @@ def test_somebody_who_arrives_stays_there_and_stands_at_ease() -> None:
     speed = np.linalg.norm(np.diff(hips, axis=0), axis=1) / STEP_S
     assert speed.max() < 1.2 * 1.35
     assert np.abs(np.diff(speed)).max() / STEP_S < 12.0
+
+
+def strides_s(walk: Walk, seed: int, strides: int) -> Vector:
+    """Return the time of every stride: from one landing of the left heel to the next."""
+    own = build()
+    motion = PeopleMotion((Person(own, walk, seed),))
+    foot = own.skeleton.index("left_foot")
+    times = np.arange(3.0, 3.0 + 1.15 * strides, 0.005)
+    place = np.empty(len(times))
+    for i, t in enumerate(times):
+        pose = motion.at(float(t))
+        body = forward(own.skeleton, pose.root_m[0], pose.orientation_wxyz[0])
+        place[i] = body.position_m[foot, 2] - pose.root_m[0, 2]
+    ahead = (place[1:-1] < place[:-2]) & (place[1:-1] <= place[2:]) & (place[1:-1] < -0.2)
+    at = np.flatnonzero(ahead) + 1
+    late, now, soon = place[at - 1], place[at], place[at + 1]
+    exact: Vector = times[at] + 0.0025 * (late - soon) / (late - 2 * now + soon)
+    return np.diff(exact)
+
+
+def test_strides_vary_as_peoples_do() -> None:
+    varied = [strides_s(Walk(1.3), seed, 40) for seed in range(4)]
+    cv = [float(s.std() / s.mean()) for s in varied]
+    assert 0.02 < np.mean(cv) < 0.03
+    assert min(cv) > 0.012
+    assert max(cv) < 0.04
+    even = strides_s(Walk(1.3, stride_cv=0.0), 1, 10)
+    assert even.std() / even.mean() < 0.002
+    assert even.mean() == pytest.approx(np.mean([s.mean() for s in varied]), rel=0.01)
+
+
+@pytest.mark.parametrize("stature_m", [1.55, 1.75, 1.95])
+@pytest.mark.parametrize("speed", [0.7, 1.3, 1.8])
+def test_toes_clear_the_floor_while_a_foot_swings(stature_m: float, speed: float) -> None:
+    own = build(stature_m)
+    motion = PeopleMotion((Person(own, Walk(speed), 3),))
+    toes = own.skeleton.index("left_toes")
+    tip = own.skeleton.tips_m[toes] * [1.0, 0.0, 1.0] - [0.0, own.lengths_m[B_BALL_Y], 0.0]
+    places = []
+    for t in np.arange(3.0, 6.0, STEP_S):
+        pose = motion.at(float(t))
+        body = forward(own.skeleton, pose.root_m[0], pose.orientation_wxyz[0])
+        places.append(body.position_m[toes] + rotate(body.orientation_wxyz[toes], tip))
+    path = np.array(places)
+    moves = np.linalg.norm(np.diff(path[:, [0, 2]], axis=0), axis=1) / STEP_S
+    assert path[:, 1].min() > -0.003
+    assert path[1:, 1][moves > 2.0 * speed].min() > 0.009

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -193,3 +194,118 @@ def test_from_consent_to_thanks_with_a_reload_a_second_tab_and_a_server_killed(
     assert set(counted["lively_by"]) <= {"mouse", "keys"}
     assert [] == problems
     assert [] == others
+
+
+def axe() -> str:
+    """Return axe-core, which looks for what shuts people out; the test is skipped without it."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("there is no node; apt install nodejs npm")
+    found = subprocess.run(
+        [node, "-p", "require.resolve('axe-core/axe.min.js')"],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+    )
+    if found.returncode:
+        pytest.skip("there is no axe-core; npm install --no-save axe-core")
+    return Path(found.stdout.strip()).read_text("utf-8")
+
+
+SIZES = ({"width": 1280, "height": 800}, {"width": 390, "height": 780})
+"""Of a desktop, and of a phone."""
+
+
+def serious(page: Any, program: str) -> list[str]:
+    """Return what axe-core finds that is serious or worse, on a desktop and on a phone."""
+    page.evaluate(program)
+    said = []
+    for size in SIZES:
+        page.set_viewport_size(size)
+        found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+        said += [
+            f"{v['id']}: {v['help']}: {[n['html'][:90] for n in v['nodes']]}"
+            for v in found["violations"]
+            if v["impact"] in ("serious", "critical")
+        ]
+        wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+        said += [f"{wide} px wider than a screen of {size['width']} px"] * (wide > 0)
+    return said
+
+
+def test_no_page_shuts_people_out(server: Server, browser: Any) -> None:
+    program = axe()
+    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
+    page = browser.new_context(viewport=SIZES[0]).new_page()
+    page.goto(address)
+    found: dict[str, list[str]] = {}
+    for words in ("free will", "How lively", "Which person", "How hard", "How old", "Thank you"):
+        until(page, words)
+        if words in ("How lively", "Which person"):  # once whole: answers count then
+            page.wait_for_selector("#main input[type=radio]:not([disabled])")
+        found[words] = serious(page, program)
+        if words == "How lively":
+            page.click("#stop")
+            found["stop"] = serious(page, program)
+            page.click("text=Go on with the study")
+    assert {} == {words: said for words, said in found.items() if said}
+
+
+def other_steps_on(window: Any) -> None:
+    """Do what the page asks for in a Firefox, as far as it can be done now: by mouse and keys."""
+    wanted = window.evaluate(
+        """(() => {
+            const agree = document.querySelector("#agree:not(:checked)");
+            if (agree) return ["#agree", ""];
+            const open = [...document.querySelectorAll("fieldset")].find((f) => !f.querySelector(
+                "input:checked") && f.querySelector("input[type=radio]:not([disabled])"));
+            if (open && document.querySelector("#main.watch")) return ["", "2"];
+            if (open) {
+                for (const e of document.querySelectorAll("#wanted")) e.removeAttribute("id");
+                const one = open.querySelector("label");
+                one.id = "wanted";
+                return ["#wanted", ""];
+            }
+            const slider = document.querySelector(".untouched input:not([disabled])");
+            if (slider) { slider.focus(); return ["", "\ue014"]; }
+            const empty = [...document.querySelectorAll("input.number")].find((n) => !n.value);
+            if (empty) { empty.focus(); return ["", "33"]; }
+            const go = "#main button:not([disabled]):not(.quiet)";
+            return [document.querySelector(go) ? go : "", ""];
+        })()"""
+    )
+    selector, keys = wanted
+    if selector:
+        window.click(selector)
+    if keys:
+        window.press(keys)
+
+
+def test_in_firefox_from_consent_to_thanks_with_a_reload(
+    server: Server, other_browser: Any
+) -> None:
+    window = other_browser
+    window.size(1000, 800)
+    window.goto(server.start("run", str(STUDY), "--participant", "1", "--on", "browser"))
+    said, reloads, watch = "", 0, StopWatch()
+    while "Thank you" not in said:
+        assert watch.elapsed_s() < PATIENCE_S, said
+        other_steps_on(window)
+        said = window.evaluate("document.getElementById('main').innerText")
+        if "How lively" in said and not reloads:
+            reloads += 1
+            window.reload()
+            window.wait_for("document.getElementById('main').innerText.includes('How')", PATIENCE_S)
+    told = server.end()
+
+    recording = recorded(server)
+    assert "complete" == recording.status, told
+    rows = recording.trials()
+    assert ["complete"] * 3 == list(rows["status"])
+    assert RELOADED in ";".join(rows["flags"])
+    counted = rows[~rows["is_practice"]]
+    assert (counted["film_frames"] > 0).all()
+    assert (counted["film_rounds"] >= 1).all()
+    assert (counted["lively_ms"] > 400).all()  # a round of half a second, or a frame less
+    assert (rows["film_sha256"].str.len() == 64).all()
+    assert "Firefox/" in str(list(recording.events()["payload"]))

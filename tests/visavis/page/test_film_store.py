@@ -8,7 +8,7 @@ import pytest
 from lab.errors import DesignError
 from stage.errors import StageError
 from visavis.catalogue import find_study
-from visavis.films import Film, Lens
+from visavis.films import Film, Following, Lens, Placed
 from visavis.page.film_store import FilmStore, film_store
 from visavis.scenes import Scene
 
@@ -27,6 +27,8 @@ def store(folder: Path) -> FilmStore:
         replace(SHORT, seconds=0.2),
         replace(SHORT, size_px=(96, 64)),
         replace(SHORT, lens=Lens(eye_m=(0.0, 1.3, 0.0))),
+        replace(SHORT, lens=Following()),
+        replace(SHORT, lens=Following(back_m=2.0)),
         replace(SHORT, scene=Scene("person", motion="wave", character="male_01")),
     ],
 )
@@ -56,6 +58,17 @@ def test_a_film_damaged_in_the_cache_is_built_anew(tmp_path: Path) -> None:
     path.write_bytes(b"damaged")
     path.with_suffix(".json").write_text('{"sha256": "other"}', encoding="utf-8")
     assert made.file_of(SHORT) is None
+
+
+def test_films_by_different_cameras_are_told_apart_and_whom_they_film_must_be_there(
+    tmp_path: Path,
+) -> None:
+    made, near = store(tmp_path), replace(SHORT, lens=Following(back_m=2.0))
+    assert made.name_of(near) != made.name_of(replace(SHORT, lens=Following()))
+    assert near.frame_count == len(made.cameras(near)) == len(made.seen(near).seen)
+    nobody = replace(SHORT, lens=Placed(((0.0, 2.0, 1.0),), subject="walker"))
+    with pytest.raises(DesignError, match="nobody who is 'walker'"):
+        made.name_of(nobody)
 
 
 @pytest.mark.parametrize("wrong", [{"seconds": 0.0}, {"size_px": (65, 64)}, {"rate_hz": 0}])

@@ -17,7 +17,7 @@ const minutes = (m) => (m === null ? "–" : m < 10 ? m.toFixed(1) : String(Math
 function table(caption, heads, rows) {
   return element("div", { class: "wide" }, element("table", {}, element("caption", {}, caption),
     element("thead", {}, element("tr", {}, ...heads.map((h) => element("th", { scope: "col" }, h)))),
-    element("tbody", {}, ...rows.map((row) => element("tr", {}, ...row.map((cell, i) => element(i ? "td" : "th", i ? {} : { scope: "row" }, cell)))))));
+    element("tbody", {}, ...rows.map((row) => element("tr", {}, ...row.map((cell, i) => element(i ? "td" : "th", i ? { "data-head": heads[i] } : { scope: "row" }, cell)))))));
 }
 
 function show(told) {

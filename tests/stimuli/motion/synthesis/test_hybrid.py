@@ -77,7 +77,9 @@ def test_spring_drawn_back_on_its_way_neither_jumps_nor_stops() -> None:
 
 def test_walk_of_more_poses_lies_nearer_to_the_walk_they_were_taken_from() -> None:
     source = baked(
-        Person(build_of_skeleton(canonical_skeleton(1.75)), Walk(1.3), seed=1), 8.0, rate_hz=120.0
+        Person(build_of_skeleton(canonical_skeleton(1.75)), Walk(1.3, stride_cv=0.0), seed=1),
+        8.0,
+        rate_hz=120.0,
     )
     foot_m = placed_joints(source, source.frame_times_s).position_m
     ahead_m = source.root_m[:, 2] - foot_m[:, source.skeleton.index("left_foot"), 2]
