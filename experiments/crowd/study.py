@@ -184,6 +184,7 @@ def look_down() -> Generator[Any, Any, None]:
     view = yield from frame()
     while not view.went_on:
         view = yield from frame()
+    yield Prompt("")
     yield Mark("own_body_seen")
 
 

@@ -109,7 +109,8 @@ def test_looking_down_waits_for_the_operator_and_is_recorded() -> None:
     assert isinstance(next(steps), Prompt)
     assert isinstance(steps.send(None), NextFrame)
     assert isinstance(steps.send(still_view()), NextFrame)
-    assert Mark("own_body_seen") == steps.send(still_view()._replace(went_on=True))
+    assert Prompt("") == steps.send(still_view()._replace(went_on=True))
+    assert Mark("own_body_seen") == steps.send(None)
 
 
 def test_looking_down_takes_no_frame_where_nobody_watches() -> None:
