@@ -22,12 +22,13 @@ from analysis.statistics import oneway_anova, tukey_hsd
 from benchmarks.simulated_tracker import tracker_of
 from experiments.interpolation import published
 from experiments.interpolation.gestures import GESTURES, METHODS
-from experiments.interpolation.study import EXPERIENCED_01, study
+from experiments.interpolation.study import study
 from lab.clock import cpu_time_s
 from visavis.opened import OpenedStudy
 from visavis.quick import quick_study
 
 ALPHA = 0.05
+ASKED, LEVELS = "animation_experience", ("none", "tried", "studied", "work")
 MAX_OFF = 0.20
 MIN_ABOVE_01 = 0.95
 MIN_SAME_01 = 0.93
@@ -92,9 +93,13 @@ def simulated(studies: int, people: int) -> Found:
         for name in GESTURES:
             above[name].append(is_above_both(rows[rows["gesture"] == name]))
         same.append(pairs_of(rows)[frozenset(("slerp", "lineuler"))] >= ALPHA)
-        rated_by = [opened.participant(k, seed, effect=True, experiment=experiment)
-                    for k in range(people)]  # fmt: skip
-        practised = [(p.temperament.vr_experience - 1) / 4 > EXPERIENCED_01 for p in rated_by]
+        practised = [
+            opened.participant(k, seed, effect=True, experiment=experiment).answer(
+                ASKED, "", LEVELS
+            )
+            == LEVELS[-1]
+            for k in range(people)
+        ]
         names = list(dict.fromkeys(rows["participant"]))
         of_them = rows["participant"].isin([n for n, is_so in zip(names, practised, strict=True)
                                             if is_so])  # fmt: skip
@@ -110,7 +115,7 @@ def simulated(studies: int, people: int) -> Found:
     return Found(
         studies,
         people,
-        {f"{g} {m}": float(v) for (g, m), v in means.items()},
+        {f"{g} {m}": float(means[g, m]) for g in GESTURES for m in METHODS},
         printed,
         {name: float(np.mean(told)) for name, told in above.items()},
         float(np.mean(same)),

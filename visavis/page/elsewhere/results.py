@@ -25,11 +25,11 @@ from visavis.page.elsewhere.bundle import FORMAT, digest_of, steps_of_place, vis
 from visavis.page.errors import PageError
 from visavis.page.film_store import FilmStore
 from visavis.page.perform import ENDINGS, experiment_of, held_of, manifest_of
+from visavis.page.reception import LEFT
 from visavis.page.steps import PageStep, count, mapping, number
 from visavis.sessions.perform import Request, end_part
 from visavis.sessions.rig import is_simulated
 
-LEFT: Final = "the page was left"
 IMPORTED: Final = "imported"
 """Where a session's configuration says which run of which bundle it was."""
 ARCHIVES: Final = (".zip", ".jrzip")
