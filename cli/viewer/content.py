@@ -339,7 +339,7 @@ def _scene(
         "light": bundle.quantised(np.array([[s.picture.brightness_01] for s in samples])),
         "mark": None if first.mark_m is None else [float(x) for x in first.mark_m],
         "moving": [
-            {"mesh": models.thing(m.prop.mesh), "at": m.pose.position_m.tolist(),
+            {"mesh": models.thing(m.prop), "at": m.pose.position_m.tolist(),
              "turn": m.pose.orientation_wxyz.tolist(), "glow": m.prop.emission_01}
             for m in first.moving
         ],

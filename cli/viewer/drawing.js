@@ -96,8 +96,8 @@ void main() {
 }`];
 
 const THING = [`#version 300 es
-layout(location=0) in vec3 place; layout(location=1) in vec3 normal; layout(location=2) in vec3 colour;
-uniform mat4 seen; uniform mat4 model; uniform vec4 paint; uniform float glow; out vec3 v_light;
+layout(location=0) in vec3 place; layout(location=1) in vec3 normal; layout(location=2) in vec3 colour; layout(location=3) in vec2 uv;
+uniform mat4 seen; uniform mat4 model; uniform vec4 paint; uniform float glow; out vec3 v_light; out vec2 v_uv;
 ${LIGHT}
 void main() {
   vec4 world = model * vec4(place, 1.0);
@@ -105,10 +105,15 @@ void main() {
   gl_Position = seen * world;
   vec3 own = pow(mix(colour, paint.rgb, paint.a), vec3(2.2));
   v_light = codes(own * mix(light_at(world.xyz, n, 0.1), vec3(1.0), glow));
+  v_uv = uv;
 }`, `#version 300 es
 precision highp float;
-in vec3 v_light; uniform float brightness; out vec4 o;
-void main() { o = vec4(v_light * brightness, 1.0); }`];
+in vec3 v_light; in vec2 v_uv; uniform sampler2D picture; uniform int look; uniform float brightness; out vec4 o;
+void main() {
+  vec3 c = v_light;
+  if (look > 0) c *= texture(picture, v_uv).rgb;
+  o = vec4(c * brightness, 1.0);
+}`];
 
 class Program {
   constructor(gl, [vertex, fragment], defined = '') {
@@ -328,8 +333,9 @@ class Drawing {
     this.buffer(0, c.rows(told.place), 3);
     this.buffer(1, this.padded(told.normal), 3, {normal: true});
     this.buffer(2, this.padded(told.colour), 3, {normal: true});
+    this.buffer(3, c.rows(told.uv), 2);
     const index = c.flat(told.index);
-    return told.made = {vao, kind: this.indices(index), count: index.length};
+    return told.made = {vao, kind: this.indices(index), count: index.length, picture: told.picture};
   }
 
   begin(width, height, background, brightness) {
@@ -442,6 +448,10 @@ class Drawing {
       gl.uniformMatrix4fv(at.model, false, thing.model);
       gl.uniform4fv(at.paint, thing.paint ? [...thing.paint, 1] : [0, 0, 0, 0]);
       gl.uniform1f(at.glow, thing.glow || 0);
+      const picture = made.picture ?? -1;
+      gl.activeTexture(gl.TEXTURE0);
+      gl.bindTexture(gl.TEXTURE_2D, picture < 0 ? this.white : this.pictures[picture]);
+      gl.uniform1i(at.look, picture < 0 ? 0 : 1);
       gl.drawElements(gl.TRIANGLES, made.count, made.kind, 0);
     }
   }

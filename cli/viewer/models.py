@@ -14,14 +14,14 @@ from stage.lamps import lamp_axis, lamp_place
 from stage.levels import BODY_RADIUS_M
 from stage.vertices import Run, person_vertices, room_vertices
 from stimuli.characters.character import Character
-from stimuli.picture import Light, Room, StaticMesh
+from stimuli.picture import Light, Prop, Room
 
 LEVEL_OF_FEW, LEVEL_OF_MANY = 1, 2
 CELL_OF_FEW_M, CELL_OF_MANY_M = 0.0, 0.05
 """Vertices of a light mesh within so much are one."""
 MAX_FEW: Final = 24
 """More people than these are drawn at their lightest."""
-SIDE_PX: Final = {"skin": 512, "hair": 256}
+SIDE_PX: Final = {"skin": 512, "hair": 256, "thing": 512}
 OTHER_SIDE_PX: Final = 128
 WEBP_QUALITY: Final = 80
 
@@ -46,9 +46,14 @@ class Models:
         """Return the number of a room."""
         return self._number(room, self.rooms, lambda: self._room(room))
 
-    def thing(self, mesh: StaticMesh) -> dict[str, Any]:
+    def thing(self, prop: Prop) -> dict[str, Any]:
         """Return a thing that moves, lit by the page."""
+        mesh = prop.mesh
+        texture = prop.material.texture_srgb if mesh.uv is not None else None
+        uv = np.zeros((len(mesh.vertices_m), 2)) if mesh.uv is None else mesh.uv
         return {
+            "uv": self._bundle.quantised(uv),
+            "picture": -1 if texture is None else self._texture(texture, "thing"),
             "place": self._bundle.quantised(mesh.vertices_m),
             "normal": self._bundle.add(_bytes_of(mesh.normals)),
             "colour": self._bundle.add(mesh.colour_srgb),
