@@ -36,7 +36,14 @@ from stimuli.camera.shots import (
     view_angle_deg,
 )
 from stimuli.camera.skeleton import medial_axis
-from stimuli.camera.tracks import RayRules, TrackRules, camera_places, tracks_through, wall_tracks
+from stimuli.camera.tracks import (
+    FOR_ROOMS,
+    RayRules,
+    TrackRules,
+    camera_places,
+    tracks_through,
+    wall_tracks,
+)
 from stimuli.picture import Room
 
 DECISIONS_PER_S: Final = 30
@@ -135,7 +142,7 @@ def prepare(
     seed: int = 0,
     *,
     walkers: Walkers | None = None,
-    rays: RayRules | None = None,
+    rays: RayRules = FOR_ROOMS,
     tracks: TrackRules | None = None,
     joins: GraphRules | None = None,
     triangle_m2: float = 1.5,

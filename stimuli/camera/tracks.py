@@ -7,6 +7,7 @@ passes through something.
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -35,8 +36,7 @@ class RayRules:
 
     Every `every_m` of a middle line, `from_height_m` over the floor, to both sides at
     `elevations_deg` and straight up; `back_off_m` before what is hit, or at `reach_m`. Rays that
-    rise give a place `near_m` along them, too: over people's heads, and near enough for a medium
-    shot where walls are far (0: none).
+    rise give a place `near_m` along them, too, where that is given; the source has none.
     """
 
     every_m: float = 0.5
@@ -45,7 +45,11 @@ class RayRules:
     straight_up: bool = True
     back_off_m: float = 0.2
     reach_m: float = 8.0
-    near_m: float = 2.6
+    near_m: float = 0.0
+
+
+FOR_ROOMS: Final = RayRules(near_m=2.6)
+"""With places over people's heads, near enough for a medium shot where walls are far."""
 
 
 @dataclass(frozen=True)
