@@ -11,7 +11,7 @@ from lab.yaml_lines import did_you_mean
 from protocol.key_file import KeyFile
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from protocol.questionnaires import available
-from recording.folder import study_dir
+from recording.folder import SIMULATED_ROOT, study_dir
 from recording.manifest import read_manifest
 from recording.sealed import copy_path
 from visavis.catalogue import SHIPPED, find_study, is_file
@@ -20,6 +20,9 @@ from visavis.sessions.data_root import prepare_data_root
 from visavis.sessions.rig import is_simulated
 from visavis.sessions.study_check import SIMULATED_PREFIX, is_study
 from visavis.sessions.study_folder import StudySettings, sessions_of, settle, wanted_settings
+
+DRY_RUNS = "dry_runs"
+"""Folder below the data root with a data root for each study that `simulate` made."""
 
 
 def study_of_lab(wanted: str, lab: LabConfig) -> OpenedStudy:
@@ -152,10 +155,7 @@ def folder_of(wanted: Path, config: Path | None) -> Path:
     name = str(wanted) if there else study_of_lab(str(wanted), lab).name
     there = there or _data_of(name, lab)
     if not there:
-        raise UsageError(
-            f"there are no data of {name} under {lab.data_root}; give the study's folder, or "
-            f"simulate it: visavis simulate {wanted} --output {lab.data_root}"
-        )
+        raise UsageError(_no_data(name, wanted, lab))
     if len(there) > 1:
         raise UsageError(
             f"there are real and simulated data of {name}; name the folder: "
@@ -168,6 +168,20 @@ def _data_of(name: str, lab: LabConfig) -> list[Path]:
     """Return the folders, real and simulated, that hold data of a study of this name."""
     folders = [study_dir(lab.data_root, name, is_simulated=made_up) for made_up in (False, True)]
     return [folder for folder in folders if folder.is_dir()]
+
+
+def _no_data(name: str, wanted: Path, lab: LabConfig) -> str:
+    """Return why nobody's data were found, with the simulated studies that may be meant."""
+    simulated = sorted(
+        (lab.data_root / DRY_RUNS).glob(f"*/{SIMULATED_ROOT}/{name}"),
+        key=lambda folder: folder.stat().st_mtime_ns,
+        reverse=True,
+    )
+    nothing = f"there are no sessions of {name} under {lab.data_root}"
+    if simulated:
+        folders = "\n  ".join(map(str, simulated[:6]))
+        return f"{nothing}; simulated studies have folders of their own, give one:\n  {folders}"
+    return f"{nothing}; give the study's folder, or simulate it first: visavis simulate {wanted}"
 
 
 def session_of(wanted: Path, config: Path | None, participant: str = "") -> Path:

@@ -1,14 +1,16 @@
 """What can go wrong on a wire, scheduled in session time, from a list, a file or a seed."""
 
 import difflib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from lab.clock import NS_PER_S
 from lab.errors import ConfigError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 FAULT_KINDS: Mapping[str, str] = {
     "late_start": "nobody answers and nothing comes until the window ends",
@@ -72,7 +74,7 @@ class WireFault:
     def end_ns(self) -> int:
         """End in ns of session time; a very large number when it never ends."""
         end_s = self.start_s + self.duration_s
-        return round(end_s * NS_PER_S) if np.isfinite(end_s) else 2**62
+        return round(end_s * NS_PER_S) if math.isfinite(end_s) else 2**62
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,7 @@ class FaultSchedule:
         return cls(tuple(faults))
 
     @classmethod
-    def random(cls, rng: np.random.Generator, session_s: float) -> "FaultSchedule":
+    def random(cls, rng: "np.random.Generator", session_s: float) -> "FaultSchedule":
         """Draw an eventful session: losses throughout, a few windows of everything else."""
 
         def window(kind: str, longest_s: float, amount: float = 0.0) -> WireFault:

@@ -51,7 +51,7 @@ class GlCalls:
         loader = context.mglo._context  # noqa: SLF001 - the binding's own, without another door
         self._functions: dict[str, Any] = {}
         for name, arguments in _FUNCTIONS.items():
-            address = loader.load(name)
+            address = loader.load_opengl_function(name)
             if not address:
                 raise StageError(
                     f"the graphics driver lacks {name}", remedy="update the graphics driver"

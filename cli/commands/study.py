@@ -8,7 +8,7 @@ import typer
 
 from cli.app import ConfigOption, StudyArgument, app, console, load_lab, say, verbatim
 from cli.commands.session import LanguageOption
-from cli.studies import folder_of, study_of_lab
+from cli.studies import DRY_RUNS, folder_of, study_of_lab
 from cli.telling import TELLING
 from lab.clock import StopWatch
 from recording.folder import SIMULATED_ROOT
@@ -82,7 +82,7 @@ def simulate(
     chosen = study_of_lab(study, lab)
     if output is None:
         name = f"{chosen.name}_n{participants}_seed{seed}" + ("" if effect else "_noeffect")
-        output = lab.data_root / "dry_runs" / name
+        output = lab.data_root / DRY_RUNS / name
         require_space(lab)
     wanted = wanted_settings(
         output.resolve() / SIMULATED_ROOT / chosen.name, chosen, is_simulated=True, seed=seed,

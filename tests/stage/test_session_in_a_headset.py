@@ -42,7 +42,7 @@ class _NowAndThen(DrawnStage):
         super().__init__(*arguments, **options)
         self.watching = options["viewers"]
         self.fails = False
-        self.handed_over = 0
+        self.images_given = 0
         _NowAndThen.made = self
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[Any]:
@@ -55,7 +55,7 @@ class _NowAndThen(DrawnStage):
         if self._renderer is not None and self.fails and _within(since_s, GPU_LOST_S):
             self._renderer.draw = _gpu_lost
         images = super().draw(view, frame, head)
-        self.handed_over += len(images)
+        self.images_given += len(images)
         return images
 
 
@@ -141,7 +141,7 @@ def test_openvr_reads_back_what_was_drawn_and_faults_pause_without_loss(
     assert all(read_back)
     made, (runtime,) = _shown()[0], runtimes
     assert runtime.failure is None
-    assert len(runtime.submissions) == len(read_back) < made.handed_over
+    assert len(runtime.submissions) == len(read_back) < made.images_given
 
     told = {e["message"]: e for e in events(recording, "fault")}
     refusal = next(m for m in told if "refused" in m)

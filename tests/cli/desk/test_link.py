@@ -220,7 +220,7 @@ def test_a_stranger_at_a_killed_sessions_port_hides_no_session(
     link.show(STATUS)
 
     async def act(watch: SessionWatch) -> Any:
-        await until(watch, lambda: watch.status is not None)
+        await until(watch, lambda: watch.status is not None and bool(says) != left.exists())
         return watch.status
 
     with socket.create_server(("127.0.0.1", 0)) as stranger:
