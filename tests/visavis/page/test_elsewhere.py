@@ -2,6 +2,7 @@
 
 import contextlib
 import functools
+import hashlib
 import http.server
 import json
 import threading
@@ -49,6 +50,21 @@ def trial(t):
     given = yield t.ask(Rating("answer", 1, 9))
     if given.option == "9":
         yield t.ask(Rating("again", 1, 9))
+"""
+
+
+FILMS = """
+from visavis import Factor, Film, Number, Rating, Scene, Study
+
+study = Study("apart", factors=[Factor("motion", ["idle", "wave"])], on="browser", uses=(),
+              calibrate=False)
+
+
+@study.trial
+def trial(t):
+    film = Film(Scene("person", motion=t.motion), 0.5, size_px=(160, 160), rate_hz=30)
+    yield t.watch(film, Rating("answer", 1, 9))
+    yield t.ask(Number("share", "%", low=0, high=100))
 """
 
 
@@ -178,6 +194,8 @@ def test_who_left_is_recorded_when_asked_for_and_who_withdrew_never(host: Host) 
         (lambda lines: lines.pop(4), "one is missing"),
         (lambda lines: lines[3]["event"]["reply"].update(answers={}), "no object"),
         (lambda lines: lines[3].update(at_ms="x"), "at_ms"),
+        (lambda lines: lines[0].pop("at_ms"), "at_ms"),
+        (lambda lines: lines[0]["arrived"].update(told={"id": "{{%ID%}}"}), "no identifier"),
     ],
 )
 def test_results_that_do_not_fit_are_left_out_whole_with_the_reason(
@@ -241,22 +259,63 @@ def test_two_places_have_the_orders_of_the_plan(host: Host) -> None:
     assert len(first) == len(steps_of_place(other, host.store, 0))
 
 
+def test_one_damaged_line_leaves_the_results_of_everybody_else(host: Host) -> None:
+    bundle = host.exported()
+    damaged = lines_of(bundle, 1, key="r2")
+    damaged[0]["at_ms"] = None
+    results = written(host.root / "r.jsonl", damaged, lines_of(bundle, 0))
+    results.write_text(results.read_text("utf-8") + '{"run": "r3", "line": Infinity}\n', "utf-8")
+    _, unreadable = read_runs([results])
+    assert 1 == unreadable
+    made = host.imported(results)
+    assert (1, 1) == (len(made.sessions), len(made.refused))
+
+
+def with_damaged_films(host: Host) -> Host:
+    """Return a study of films whose files are as they were built, and are no films."""
+    host.store = FilmStore(host.store.makers, host.store.study_folder, host.root / "films")
+    host.store.folder.mkdir()
+    for film in host.base.experiment.films:
+        path = host.store.folder / f"{host.store.name_of(film)}.webm"
+        path.write_bytes(b"no film")
+        about = {"sha256": hashlib.sha256(b"no film").hexdigest()}
+        path.with_suffix(".json").write_text(json.dumps(about), "utf-8")
+    return host
+
+
+def test_whose_film_failed_is_recorded_with_that_trial_skipped(tmp_path: Path) -> None:
+    host = with_damaged_films(Host(tmp_path, FILMS))
+    bundle = host.exported()
+    steps = json.loads((bundle / "places" / "0.json").read_text("utf-8"))["steps"]
+    lines = lines_of(bundle, 0)
+    replies = [line for line in lines if "event" in line]
+    n = 0
+    for step, line in zip(steps, replies, strict=True):
+        if step["kind"] == "watch" and not step["films"]:
+            lines.remove(line)  # the question after a film that failed
+            continue
+        n += 1
+        line["event"] |= {"n": n, "step": n}
+        if step["kind"] == "preload":
+            line["event"]["reply"] = {"films": {}, "hidden_ms": 0.0}
+        elif step["kind"] == "watch":
+            line["event"]["reply"] = {"shown_ms": 0.0, "failed": {"film": "f", "why": "error 4"}}
+    made = host.imported(written(host.root / "r.jsonl", lines))
+    assert () == made.refused
+    (path,) = made.sessions.values()
+    rows = Recording(path).trials()
+    assert ["skipped", "skipped"] == list(rows["status"])
+    assert ["film f: error 4"] * 2 == list(rows["reason"])
+
+
 # ---- in a browser ----------------------------------------------------------------------------
 
 
 @pytest.fixture
 def served(host: Host) -> Iterator[tuple[Host, str]]:
     """A bundle behind a server of files that knows nothing of it."""
-
-    class Quiet(http.server.SimpleHTTPRequestHandler):
-        def log_message(self, *_: Any) -> None: ...
-
-    folder = host.exported()
-    serve = functools.partial(Quiet, directory=str(folder))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield host, f"http://127.0.0.1:{server.server_port}/index.html"
-        server.shutdown()
+    with served_files(host.exported()) as address:
+        yield host, address
 
 
 def answer(page: Any) -> None:
@@ -314,6 +373,51 @@ def test_a_bundle_on_a_plain_host_goes_from_beginning_to_a_file_of_answers(
     assert [33.0] * 4 == list(recording.trials()["share"])
     assert "page reloaded" in ";".join(recording.trials()["flags"])
     assert {"panel": "link", "identifier": "abc-123"} == host.who[label]
+
+
+@contextlib.contextmanager
+def served_files(folder: Path) -> Iterator[str]:
+    """Serve files and nothing else."""
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, *_: Any) -> None: ...
+
+    serve = functools.partial(Quiet, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/index.html"
+        server.shutdown()
+
+
+def run_of(page: Any) -> str:
+    """Return which run a page shows, as its address says."""
+    page.wait_for_selector("#main button")
+    return str(page.url.partition("#")[2])
+
+
+@pytest.mark.slow
+def test_a_link_of_a_panel_opened_again_goes_on_and_a_placeholder_is_refused(
+    served: tuple[Host, str], browser: Any
+) -> None:
+    _, address = served
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto(f"{address}?PROLIFIC_PID=5f3a99c")
+    first = run_of(page)
+    answer(page)
+    page.close()
+    page = context.new_page()
+    page.goto(f"{address}?PROLIFIC_PID=5f3a99c&SESSION_ID=2")
+    assert first == run_of(page)
+    page.close()
+    page = context.new_page()
+    page.goto(f"{address}?PROLIFIC_PID=other")
+    assert first != run_of(page)
+    page.goto("about:blank")
+    page.goto(address + "?PROLIFIC_PID={{%PROLIFIC_PID%}}")
+    page.wait_for_selector("#main h1")
+    assert "#" not in page.url
+    assert [] == page.query_selector_all("#main button")
 
 
 JATOS = """

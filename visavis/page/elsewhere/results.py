@@ -6,7 +6,7 @@ anything is written, the replies lead the study's own course, step by step besid
 
 import json
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from protocol.ledger import Ledger
 from recording.folder import create_session
 from recording.manifest import read_manifest
 from recording.writer import REAL_TIME_BATCH_NS, CloseStatus, Recorder
-from visavis.page.arrivals import arrival_of
+from visavis.page.arrivals import Arrival, arrival_of
 from visavis.page.course import WITHDRAWN, course
 from visavis.page.desk import PageDesk
 from visavis.page.elsewhere.bundle import FORMAT, digest_of, steps_of_place, visit_of
@@ -55,6 +55,12 @@ class Run:
         """When they came, in milliseconds since 1970."""
         return number(self.lines[0].get("at_ms"), "at_ms")
 
+    @cached_property
+    def arrival(self) -> Arrival:
+        """Who they are to a panel."""
+        told = mapping(self.arrived.get("told", {}), "told")
+        return arrival_of({name: str(value) for name, value in told.items()})
+
 
 @dataclass
 class Imported:
@@ -83,7 +89,7 @@ def read_runs(paths: Iterable[Path]) -> tuple[list[Run], int]:
             try:
                 told = json.loads(line)
                 key, its = str(told["run"]), int(told["line"])
-            except (ValueError, TypeError, KeyError):
+            except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
                 unreadable += 1
                 continue
             lines.setdefault(key, {}).setdefault(its, told)
@@ -111,10 +117,16 @@ def import_runs(
     """Record every run that is not recorded yet; who is who goes to `identify`, not to the data."""
     made = Imported({})
     known = _recorded(ledger.path.parent)
-    for run in sorted(runs, key=lambda r: r.begun_ms):
+    fit = []
+    for run in runs:
         if run.key in known:
             made.known += 1
             continue
+        try:
+            fit.append((run.begun_ms, run.arrival, run))
+        except PageError as error:
+            made.refused += (f"run {run.key[:8]}: {error}",)
+    for _, arrival, run in sorted(fit, key=lambda one: one[0]):
         try:
             outcome = _checked(base, store, run)
             if outcome == WITHDRAWN:
@@ -122,7 +134,7 @@ def import_runs(
             elif not outcome and not unfinished_too:
                 made.unfinished += 1
             else:
-                label, path, place = _import(base, store, ledger, run, outcome, identify)
+                label, path, place = _import(base, store, ledger, run, arrival, outcome, identify)
                 made.sessions[label] = path
                 made.moved += () if place == run.place else (label,)
         except (PageError, LabError) as error:
@@ -187,18 +199,37 @@ def _checked(base: Request, store: FilmStore, run: Run) -> str:
     visit = replace(visit_of(base, store.told, run.place, plan.group), now_ns=clock.now_ns)
     recorder: Any = _Nobody()
     desk = PageDesk(course(visit), recorder, clock, visit.notes)
-    for _ in _led(desk, clock, run):
-        if not desk.is_over and _plain(desk.step) != _plain(steps[desk.step_number - 1]):
+    shown, number_shown = 0, desk.step_number
+    for line in _led(desk, clock, run):
+        if desk.is_over:
+            continue
+        if desk.step_number != number_shown:
+            shown, number_shown = _following(steps, shown, line), desk.step_number
+        if shown >= len(steps) or _plain(desk.step) != _plain(steps[shown]):
             raise PageError(f"step {desk.step_number} was not what the study would have shown then")
     return desk.outcome
+
+
+def _following(steps: Sequence[PageStep], index: int, line: Mapping[str, Any]) -> int:
+    """Return which step followed; a film that failed ends its trial."""
+    has_failed = line["event"]["reply"].get("failed") is not None
+    trial = _trial_of(steps[index])
+    index += 1
+    while has_failed and index < len(steps) and _trial_of(steps[index]) == trial:
+        index += 1
+    return index
+
+
+def _trial_of(step: PageStep) -> tuple[Any, Any]:
+    return step.content.get("trial"), step.content.get("is_practice")
 
 
 def _plain(step: PageStep) -> Any:
     return step.kind, json.loads(json.dumps(dict(step.content)))
 
 
-def _led(desk: PageDesk, clock: ToldClock, run: Run) -> Iterator[None]:
-    """Give a desk what a page did, at its times; yields after each line."""
+def _led(desk: PageDesk, clock: ToldClock, run: Run) -> Iterator[Mapping[str, Any]]:
+    """Give a desk what a page did, at its times; yields each line after it."""
     for line in run.lines:
         clock.tell(number(line.get("at_ms"), "at_ms"))
         if "opened" in line:
@@ -212,7 +243,7 @@ def _led(desk: PageDesk, clock: ToldClock, run: Run) -> Iterator[None]:
             )
         elif "event" in line and not desk.is_over:
             desk.take(str(line.get("tab", ""))[:200], [line["event"]])
-        yield
+        yield line
 
 
 def _import(
@@ -220,14 +251,13 @@ def _import(
     store: FilmStore,
     ledger: Ledger,
     run: Run,
+    arrival: Arrival,
     outcome: str,
     identify: Callable[[str, Mapping[str, str]], None],
 ) -> tuple[str, Path, int]:
     experiment, clock = experiment_of(base), ToldClock(run.begun_ms)
     group = experiment.plan(run.place, base.seed).group
     entry = ledger.add(index=_free_place(base, ledger, run.place, group), group=group)
-    said = run.arrived.get("told")
-    arrival = arrival_of({k: str(v) for k, v in said.items()} if isinstance(said, Mapping) else {})
     if arrival.identifier:
         identify(entry.label, arrival.identity)
     request = replace(

@@ -8,6 +8,7 @@ if (jatos) await new Promise((resolve) => jatos.onLoad(resolve));
 const bundle = await (await fetch("bundle.json", { cache: "no-store" })).json();
 const CLAIM_TRIES = 12;
 const CLAIM_PAUSE_MS = 400;
+const ID = /^[A-Za-z0-9_-]{1,64}$/;
 const PANELS = ["PROLIFIC_PID", "survey_code", "participant", "id"];
 
 export const scope = `-${bundle.id}${jatos ? `-${jatos.studyResultUuid}` : ""}`;
@@ -44,6 +45,7 @@ async function openKept() {
     const span = (run) => IDBKeyRange.bound([run], [run, []]);
     return {
       of: (run) => done(base.transaction("lines").objectStore("lines").getAll(span(run))),
+      all: () => done(base.transaction("lines").objectStore("lines").getAll()),
       put: (lines) => change((s) => { for (const line of lines) s.put(line); }),
       drop: (run) => change((s) => s.delete(span(run))),
     };
@@ -51,6 +53,7 @@ async function openKept() {
     const all = new Map();
     return {
       of: async (run) => [...(all.get(run) || new Map()).values()],
+      all: async () => [...all.values()].flatMap((lines) => [...lines.values()]),
       put: async (lines) => { for (const line of lines) all.set(line.run, (all.get(line.run) || new Map()).set(line.line, line)); },
       drop: async (run) => { all.delete(run); },
     };
@@ -77,7 +80,9 @@ async function write(run, lines) {
 
 // ---- where a run is ---------------------------------------------------------------------------
 
-let at = null; // of the run that is open here: its steps, what is acknowledged, which step is shown
+// Of the run that is open here: its steps, which of them is shown (from 0), the how-manieth shown
+// that is (from 1), and what is acknowledged.
+let at = null;
 
 async function stepsOf(place) {
   const response = await fetch(`places/${place}.json`, { cache: "no-store" });
@@ -85,15 +90,24 @@ async function stepsOf(place) {
   return response.json();
 }
 
+// A film that failed ends its trial, as it does where a server runs.
+function following(index, failed) {
+  const was = at.steps[index];
+  let next = index + 1;
+  while (failed && at.steps[next]?.trial === was.trial && at.steps[next].is_practice === was.is_practice) next += 1;
+  return next;
+}
+
 // Where a run is after an event; null where it is a reply to a step that is not shown.
 function after(was, event) {
-  const now = { ack: event.n, number: was.number, outcome: was.outcome };
+  const now = { ack: event.n, number: was.number, index: was.index, outcome: was.outcome };
   if (event.kind !== "reply") return now;
   if (was.outcome || event.step !== was.number) return null;
   const { reply } = event;
+  now.index = following(was.index, reply.failed);
   if (reply.stop) now.outcome = reply.stop === "keep" ? "stopped" : "withdrawn";
-  else if (at.steps[was.number - 1].kind === "consent" && reply.agreed !== true) now.outcome = "declined";
-  else if (was.number === at.steps.length) now.outcome = "done";
+  else if (at.steps[was.index].kind === "consent" && reply.agreed !== true) now.outcome = "declined";
+  else if (now.index >= at.steps.length) now.outcome = "done";
   now.number += 1;
   return now;
 }
@@ -108,12 +122,12 @@ async function openRun(run) {
   const handed = lines[0].line === -1 ? lines.shift().handed : -1;
   const left = lines.filter((line) => line.line > handed);
   if (left.length) await write(run, left); // kept as the connection was lost, or the page closed
-  at = { run, steps: place.steps, ack: 0, number: 1, outcome: "", next: lines.at(-1).line + 1, told: begun.arrived.told };
+  at = { run, steps: place.steps, ack: 0, number: 1, index: 0, outcome: "", next: lines.at(-1).line + 1, told: begun.arrived.told };
   for (const line of lines) if (line.event) Object.assign(at, after(at, line.event));
   return true;
 }
 
-const told = () => ({ ack: at.ack, number: at.number, step: at.outcome ? { kind: "end", outcome: at.outcome } : at.steps[at.number - 1] });
+const told = () => ({ ack: at.ack, number: at.number, step: at.outcome ? { kind: "end", outcome: at.outcome } : at.steps[at.index] });
 
 function completion() {
   const name = PANELS.find((n) => at.told[n]);
@@ -125,7 +139,8 @@ function completion() {
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 const claimName = (place) => `visavis-${bundle.id}-${place}`;
 
-// JATOS keeps one list for all who come: everybody claims the first place that nobody has.
+// JATOS keeps one list for all who come: everybody claims the first place that nobody has. Null
+// where there is none, undefined where others were quicker each time.
 async function claimed(run) {
   for (let attempt = 0; attempt < CLAIM_TRIES; attempt += 1) {
     const taken = jatos.batchSession.getAll() || {};
@@ -138,7 +153,7 @@ async function claimed(run) {
       await pause(CLAIM_PAUSE_MS * (1 + Math.random())); // somebody else was quicker
     }
   }
-  throw new Error("no place could be claimed");
+  return undefined;
 }
 
 async function placeOf(said, run) {
@@ -148,10 +163,22 @@ async function placeOf(said, run) {
   return crypto.getRandomValues(new Uint32Array(1))[0] % bundle.places;
 }
 
+// The run that somebody of a panel has in this browser; JATOS's own address says which it is.
+async function runOf(name, identifier) {
+  if (jatos || !name) return undefined;
+  return (await kept.all()).find((line) => line.arrived?.told[name] === identifier)?.run;
+}
+
 async function arrive({ told: said }) {
+  const name = PANELS.find((n) => said[n] !== undefined);
+  const { words } = bundle.about;
+  if (name && !ID.test(said[name])) return { refused: "address", text: words.address };
+  const before = await runOf(name, said[name]);
+  if (before) return { key: before };
   const run = [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16).padStart(2, "0")).join("");
   const place = await placeOf(said, run);
-  if (place === null) return { refused: "full", text: bundle.about.words.full };
+  if (place === null) return { refused: "full", text: words.full };
+  if (place === undefined) return { refused: "busy", text: words.busy };
   const { sha256 } = await stepsOf(place);
   const { format, study, seed, id } = bundle;
   await write(run, [{ run, line: 0, at_ms: nowMs(), arrived: { format, study, seed, bundle: id, place, sha256, told: said } }]);
@@ -164,7 +191,7 @@ async function hello({ tab, at_ms, about }) {
 }
 
 async function take({ tab, events }) {
-  let now = { ack: at.ack, number: at.number, outcome: at.outcome };
+  let now = { ack: at.ack, number: at.number, index: at.index, outcome: at.outcome };
   const lines = [];
   let isRefused = false;
   for (const event of events.filter((e) => e.n > at.ack)) {
