@@ -3,7 +3,7 @@
 Such a stream (a belt, an amplifier) is known by nothing but its columns and their units.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -206,12 +206,9 @@ def _numbers(streams: Sequence[OwnStream]) -> Table:
     )
 
 
-def figures_of_streams(streams: Sequence[OwnStream]) -> Mapping[str, Drawn]:
-    """Return a figure per stream that has numbers, by its name: every column over the session."""
-    return {
-        d.name: d
-        for d in (_drawn(stream) for stream in streams if any(len(c.curve) for c in stream.columns))
-    }
+def figures_of_streams(streams: Sequence[OwnStream]) -> Iterator[Drawn]:
+    """Yield a figure per stream that has numbers, drawn as asked for: columns over the session."""
+    return (_drawn(stream) for stream in streams if any(len(c.curve) for c in stream.columns))
 
 
 def _drawn(stream: OwnStream) -> Drawn:

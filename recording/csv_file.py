@@ -14,6 +14,8 @@ NEUTRALISED = (
     "text that a spreadsheet would take for a formula has an apostrophe (') before it, which is "
     "no part of it"
 )
+CELLS_AT_ONCE = 20_000
+"""How many cells are held as text at once; what is written does not depend on it."""
 _FORMULA = re.compile(r"[=+\-@\x00-\x1f]")
 _NUMBER = re.compile(r"[+-]?[0-9]+([.][0-9]*)?([eE][+-]?[0-9]+)?")
 
@@ -26,7 +28,8 @@ def write_csv(table: pd.DataFrame, path: Path) -> tuple[str, ...]:
     the table's dictionary with `tell_neutralised`. Raises OSError when the disk refuses.
     """
     safe, touched = neutralised(table)
-    safe.to_csv(path, index=False, encoding="utf-8", lineterminator="\n", na_rep="")
+    rows = max(1, CELLS_AT_ONCE // max(1, len(safe.columns)))
+    safe.to_csv(path, index=False, encoding="utf-8", lineterminator="\n", na_rep="", chunksize=rows)
     return touched
 
 

@@ -249,7 +249,7 @@ def select(
     for each participant, `cell_count` how many cells each person meets. `facts` are what else is
     known of people, one row per participant, for rules to name.
     """
-    table = rows.reset_index(drop=True).copy()
+    table = rows.reset_index(drop=True)  # rows of its own; what was given stays as it is
     reasons = pd.Series([""] * len(table), dtype=object)
     left: list[Left] = []
 

@@ -1,6 +1,6 @@
 """Figures of families of tests: levels, their differences, measures against a score."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import ceil
 
 import numpy as np
@@ -36,20 +36,17 @@ def figure_names(family: str) -> tuple[str, str]:
     return stem, f"{stem}_differences"
 
 
-def family_figures(analysis: StudyAnalysis, texts: Texts) -> dict[str, Drawn]:
-    """Return the figures of every family by name; of one made place by place there is none."""
-    found: dict[str, Drawn] = {}
+def family_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[Drawn]:
+    """Yield the figures of every family, drawn as asked for; made place by place: none."""
     for family in analysis.families():
         of = next(r.of for r in analysis.results if r.of.family == family)
         if isinstance(of, Correlate):
-            found[figure_names(family)[0]] = _scores(analysis, of, texts)
+            yield _scores(analysis, of, texts)
         elif not of.each:
-            for drawn in _pairs(analysis, family, of, texts):
-                found[drawn.name] = drawn
-    return found
+            yield from _pairs(analysis, family, of, texts)
 
 
-def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> tuple[Drawn, Drawn]:
+def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Iterator[Drawn]:
     tests = analysis.pairs_of(family)
     measures = list(dict.fromkeys(t.measure for t in tests))
     factor = label_of(texts, of.factor)
@@ -60,28 +57,26 @@ def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> tup
     called = ", ".join(f"{v} {of.called(str(v))}" for v in analysis.levels[of.factor])
     stars = ", ".join(threshold(analysis.rules.alpha / divisor) for divisor in (1, 5, 50))
     names = figure_names(family)
-    return (
-        draw(
-            names[0],
-            lambda: _grid(measures, 3.3, lambda axes, m, _: _levels(axes, analysis, of, m)),
-            title=f"Measures by {factor}",
-            caption=f"Each line is one participant ({n}); discs are means with {percent} "
-            f"confidence intervals. {called}."
-            + (" Open diamonds with dashed bars: published mean ± SD." if printed else ""),
-            alternative=f"A panel for each measure, with every participant by {factor}.",
-            is_simulated=analysis.is_simulated,
-        ),
-        draw(
-            names[1],
-            lambda: _grid(measures, 3.0, lambda axes, m, i: _offs(axes, analysis, family, m, i)),
-            title=f"Differences by {factor}",
-            caption="Each dot is one participant's difference, the second level minus the first "
-            f"(the tables' statistics are of first minus second). Discs are means with {percent} "
-            f"confidence intervals. Stars: significant after Bonferroni ({stars})."
-            + (" Open diamonds: the published difference of means." if printed else ""),
-            alternative="A panel for each measure, with participants' differences by comparison.",
-            is_simulated=analysis.is_simulated,
-        ),
+    yield draw(
+        names[0],
+        lambda: _grid(measures, 3.3, lambda axes, m, _: _levels(axes, analysis, of, m)),
+        title=f"Measures by {factor}",
+        caption=f"Each line is one participant ({n}); discs are means with {percent} "
+        f"confidence intervals. {called}."
+        + (" Open diamonds with dashed bars: published mean ± SD." if printed else ""),
+        alternative=f"A panel for each measure, with every participant by {factor}.",
+        is_simulated=analysis.is_simulated,
+    )
+    yield draw(
+        names[1],
+        lambda: _grid(measures, 3.0, lambda axes, m, i: _offs(axes, analysis, family, m, i)),
+        title=f"Differences by {factor}",
+        caption="Each dot is one participant's difference, the second level minus the first "
+        f"(the tables' statistics are of first minus second). Discs are means with {percent} "
+        f"confidence intervals. Stars: significant after Bonferroni ({stars})."
+        + (" Open diamonds: the published difference of means." if printed else ""),
+        alternative="A panel for each measure, with participants' differences by comparison.",
+        is_simulated=analysis.is_simulated,
     )
 
 

@@ -1,7 +1,7 @@
 """The standard figures of a study: every comparison with everybody in it, and who was left out."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -44,19 +44,14 @@ SCALE_MARGIN_01: Final = 0.04
 COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
 
 
-def study_figures(analysis: StudyAnalysis, texts: Texts) -> dict[str, Drawn]:
-    """Return every figure by its name; all of them marked when the data are simulated."""
-    drawn = [
-        _comparison(analysis, finding, texts)
-        for finding in {f.compare.name: f for f in analysis.findings}.values()
-        if finding.measure.column in analysis.selection.counted
-    ]
-    drawn.append(
-        exclusions_figure(
-            analysis.selection, analysis.study.exclusions, is_simulated=analysis.is_simulated
-        )
+def study_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[Drawn]:
+    """Yield every figure, drawn as it is asked for; marked when the data are simulated."""
+    for finding in {f.compare.name: f for f in analysis.findings}.values():
+        if finding.measure.column in analysis.selection.rows:
+            yield _comparison(analysis, finding, texts)
+    yield exclusions_figure(
+        analysis.selection, analysis.study.exclusions, is_simulated=analysis.is_simulated
     )
-    return {d.name: d for d in drawn}
 
 
 def figure_name(finding: Finding) -> str:

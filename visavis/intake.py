@@ -53,6 +53,11 @@ class SessionIntake:
     blocks: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
     tables: Mapping[str, pd.DataFrame] = field(repr=False, default_factory=dict)
 
+    def without_tables(self) -> "SessionIntake":
+        """Return what is asked of a session once its trials are joined with everybody's."""
+        empty = pd.DataFrame()
+        return replace(self, rows=empty, sensitivity=empty, blocks=empty, tables={})
+
     @property
     def planned(self) -> int:
         """How many trials were planned, practice not counted."""

@@ -343,10 +343,29 @@ class OpenedStudy:
         settings: Mapping[str, Any] | None = None,
     ) -> Path:
         """Write tables, figures and the report of a study; return the report's path."""
+        analysis = self.analysis_of(sessions, settings)
+        return self.write(
+            analysis, sessions, out_dir, is_simulated=is_simulated, commands=commands,
+            example=example,
+        )  # fmt: skip
+
+    def write(
+        self,
+        analysis: StudyAnalysis,
+        sessions: Sequence[SessionIntake],
+        out_dir: Path,
+        *,
+        is_simulated: bool,
+        commands: tuple[str, ...],
+        example: Recording | None,
+    ) -> Path:
+        """Write tables, figures and the report of what was analysed; return the report's path.
+
+        The tables of `sessions` are not asked for again.
+        """
         # Figures take a second to import; sessions and previews do without.
         from visavis.outputs import write_study
 
-        analysis = self.analysis_of(sessions, settings)
         analysis = replace(analysis, is_simulated=is_simulated, example=example)
         for line in left_out_lines(analysis.selection, self.study.exclusions):
             if self.tell is not None:

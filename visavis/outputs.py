@@ -1,14 +1,15 @@
 """Write what an analyst takes away of a study: tables, dictionaries, figures, report."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from analysis.own_streams import OwnStream, figures_of_streams, streams_section
-from analysis.plots import write_figure
-from analysis.report import ReportProvenance
+from analysis.plots import Drawn, write_figure
+from analysis.report import Picture, ReportProvenance
 from lab.errors import UsageError
 from protocol.columns import Column
 from protocol.questionnaires import Questionnaire
@@ -56,37 +57,59 @@ def write_study(
         DataError: a column of a table is not described.
     """
     extras = [made(section)(analysis, experiment) for section in experiment.study.sections]
-    figures = study_figures(analysis, experiment.texts) | family_figures(analysis, experiment.texts)
-    figures |= {d.name: d for extra in extras for d in extra.figures}
     quality = quality_of(analysis, facts) if experiment.study.validate else None
-    if quality is not None:
-        drawn = figure_of_quality(analysis, quality)
-        figures[drawn.name] = drawn
-    drawn_streams = figures_of_streams(streams)
-    figures |= drawn_streams
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         write_tables(analysis, experiment, questionnaires, out_dir, extras, quality)
-        for figure in figures.values():
+        sections = [extra.section for extra in extras if extra.section is not None]
+        own = {d.name: d for extra in extras for d in extra.figures}
+        del extras
+        pictures: dict[str, Picture] = {}
+        # Drawn, a figure holds much of every participant: each is let go of once it is written.
+        for figure in _figures(analysis, experiment, own, quality):
             write_figure(figure, out_dir / "figures")
+            pictures[figure.name] = picture_of(figure)
+            figure.figure.clear()  # its artists refer to each other
+        shown = []
+        for figure in figures_of_streams(streams):
+            write_figure(figure, out_dir / "figures")  # everybody's lie beside the report
+            if figure.name.endswith(f"_{streams[0].participant}"):
+                shown.append(picture_of(figure))
+            figure.figure.clear()
     except OSError as error:
         raise UsageError(
             f"the analysis cannot be written to {out_dir}: {error.strerror or error}; choose a "
             "folder you may write to"
         ) from error
-    sections = [extra.section for extra in extras if extra.section is not None]
-    if streams:
-        first = streams[0].participant  # everybody's figures lie beside the report
-        shown = [picture_of(drawn_streams[n]) for n in drawn_streams if n.endswith(f"_{first}")]
-        sections.append(streams_section(streams, shown))
+    sections += [streams_section(streams, shown)] if streams else []
     sections += [] if plan is None else [review_section(plan)]
     cited = references_of(analysis, with_gaze=quality is not None)
     (out_dir / "references.bib").write_text(bibtex(cited), encoding="utf-8")
     (out_dir / "references.ris").write_text(ris(cited), encoding="utf-8")
     path = out_dir / REPORT_NAME
     return build_report(
-        analysis, experiment, provenance, figures, path, questionnaires, sections, quality
+        analysis, experiment, provenance, pictures, path, questionnaires, sections, quality
     )  # fmt: skip
+
+
+def _figures(
+    analysis: StudyAnalysis,
+    experiment: StudyExperiment,
+    own: dict[str, Drawn],
+    quality: Quality | None,
+) -> Iterator[Drawn]:
+    """Yield every figure once; `own` are those of the study's sections, which go before others.
+
+    They are taken out of `own` as they are yielded.
+    """
+    texts = experiment.texts
+    for drawn in chain(study_figures(analysis, texts), family_figures(analysis, texts)):
+        if drawn.name not in own:
+            yield drawn
+    while own:
+        yield own.pop(next(iter(own)))
+    if quality is not None:
+        yield figure_of_quality(analysis, quality)
 
 
 def write_tables(

@@ -162,7 +162,8 @@ def _largest(rows: pd.DataFrame, column: str) -> float:
 
 def _incidents(trials: pd.DataFrame) -> tuple[tuple[str, str, str], ...]:
     found = []
-    for row in trials.to_dict("records"):
+    named = [c for c in ("participant", "trial_id", "status", "reason", "flags") if c in trials]
+    for row in trials[named].to_dict("records"):
         who, trial = str(row["participant"]), str(row.get("trial_id", ""))
         status = row.get("status", "complete")
         if status != "complete":

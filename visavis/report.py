@@ -56,14 +56,16 @@ def build_report(
     analysis: StudyAnalysis,
     experiment: StudyExperiment,
     provenance: ReportProvenance,
-    figures: Mapping[str, Drawn],
+    pictures: Mapping[str, Picture],
     path: Path,
     questionnaires: Sequence[Questionnaire] = (),
     sections: Sequence[Section] = (),
     quality: Quality | None = None,
 ) -> Path:
-    """Write the report and return its path; the same input gives the same bytes."""
-    pictures = {name: picture_of(d) for name, d in figures.items()}
+    """Write the report and return its path; the same input gives the same bytes.
+
+    `pictures` are the figures by name.
+    """
     checked = [] if quality is None else [_quality(analysis, experiment, quality, provenance,
                                                    pictures)]  # fmt: skip
     study = analysis.study

@@ -84,18 +84,22 @@ def sensitivity(
             f"the sensitivity table lacks {', '.join(missing)}; make it with "
             "`sensitivity_rows` of visavis.looks and add participant and trial_id"
         )
-    values = rows.drop(columns=[c for c in (of.factor,) if c in rows])
-    values = values.assign(participant=values["participant"].astype(str))
-    joined = values.merge(kept[[*keys, of.factor]], on=keys, how="inner")
+    known = kept[[*keys, of.factor]]
     table = []
-    grid = joined[[PAD_COLUMN, MINIMUM_COLUMN]].drop_duplicates().astype(float)
-    for pad_deg, minimum_ms in sorted(map(tuple, grid.to_numpy().tolist())):
-        part = joined[(joined[PAD_COLUMN] == pad_deg) & (joined[MINIMUM_COLUMN] == minimum_ms)]
+    # Joined cell by cell: of a hundred people the whole, joined, is as large as their trials.
+    cells: dict[Any, Any] = rows.groupby([PAD_COLUMN, MINIMUM_COLUMN]).indices
+    for pad_deg, minimum_ms in sorted(cells):
+        values = rows.iloc[cells[pad_deg, minimum_ms]]
+        values = values.drop(columns=[of.factor], errors="ignore")
+        values = values.assign(participant=values["participant"].astype(str))
+        part = values.merge(known, on=keys, how="inner")
+        if part.empty:
+            continue
         tests = compare_pairs(of, part, measures, levels, rules, family="sensitivity")
         table.append(
             SensitivityRow(
-                pad_deg,
-                minimum_ms,
+                float(pad_deg),
+                float(minimum_ms),
                 tuple(find_test(tests, name, of.levels[0]) for name in of.measures[:2]),
                 sum(bool(t.is_significant) for t in tests),
                 same_verdicts(tests, main),

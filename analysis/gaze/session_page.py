@@ -62,7 +62,7 @@ def stream_facts(streams: Sequence[OwnStream]) -> tuple[tuple[str, str], ...]:
 def _own_devices(streams: Sequence[OwnStream]) -> tuple[Section, ...]:
     if not streams:
         return ()
-    drawn = figures_of_streams(streams).values()
+    drawn = figures_of_streams(streams)
     pictures = [Picture(svg_for_page(d), d.title, d.caption, d.alternative) for d in drawn]
     return (streams_section(streams, pictures),)
 

@@ -1,8 +1,10 @@
 """What is written as CSV is text to a spreadsheet, and reads back otherwise unchanged."""
 
 import json
+import tracemalloc
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -44,3 +46,29 @@ def test_the_dictionary_says_where(tmp_path: Path) -> None:
     told = json.loads(sidecar.read_text())
     assert told["comment"]["Description"].startswith("free comment; text that a spreadsheet")
     assert {} == told["n"]
+
+
+def test_four_times_the_rows_take_no_more_memory_to_write(tmp_path: Path) -> None:
+    def most_bytes(rows: int) -> int:
+        table = pd.DataFrame(np.full((rows, 100), 1 / 3))
+        tracemalloc.start()
+        write_csv(table, tmp_path / "t.csv")
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    few = most_bytes(250)
+
+    assert most_bytes(1000) < 1.5 * few
+
+
+def test_what_is_written_does_not_depend_on_how_much_is_held(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mixed = [1.5, None, "x", -2, 1e-300] * 4
+    table = pd.DataFrame({"mixed": mixed, "number": np.geomspace(1e-9, 1e9, 20)})
+    write_csv(table, tmp_path / "whole.csv")
+    monkeypatch.setattr("recording.csv_file.CELLS_AT_ONCE", 3)
+    write_csv(table, tmp_path / "pieces.csv")
+
+    assert (tmp_path / "whole.csv").read_bytes() == (tmp_path / "pieces.csv").read_bytes()

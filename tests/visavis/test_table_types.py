@@ -3,6 +3,7 @@ import json
 import pandas as pd
 import pytest
 
+from analysis.plots import write_figure
 from analysis.report import ReportProvenance
 from experiments.stare.study import experiment_of, study
 from lab.errors import DataError
@@ -84,3 +85,22 @@ def test_coded_answers_have_the_levels_of_the_questionnaire(folder):
     assert described["vision"]["Levels"]["2"] == "corrected with contact lenses"
     assert described["social_anxiety_total"]["Description"].endswith("0 to 144")
     assert described["age"]["Units"] == "years"
+
+
+def test_a_figure_is_let_go_of_once_it_is_written(tmp_path, monkeypatch):
+    rows = study_rows(4)
+    analysis = analysed(rows, anxiety_answers(4))
+    written = []
+
+    def write(drawn, folder):
+        written.append(drawn)
+        return write_figure(drawn, folder)
+
+    monkeypatch.setattr("visavis.outputs.write_figure", write)
+
+    asked = [questionnaire(name, study.folders) for name in study.questionnaires]
+    write_study(analysis, experiment_of(), asked, ReportProvenance("stare", "1", ""), tmp_path)
+
+    assert len(written) > 3
+    assert [] == [d.name for d in written if d.figure.axes]
+    assert {d.name for d in written} == {p.stem for p in (tmp_path / "figures").glob("*.png")}

@@ -232,7 +232,10 @@ def analyse_study(
         ordered = _measured(reference_of(chosen), sessions, processes, scheduler, settings, telling)
     # One manifest of each session is held, not two: of a hundred people it is what takes most.
     ordered = [replace(one, manifest=m) for one, m in zip(ordered, manifests, strict=True)]
-    report_path = replace(chosen, tell=telling.warn).analyse(
+    analysis = chosen.analysis_of(ordered, settings)
+    ordered = [one.without_tables() for one in ordered]  # the analysis holds everybody's
+    report_path = replace(chosen, tell=telling.warn).write(
+        analysis,
         ordered,
         out_dir,
         is_simulated=True in kinds,
@@ -249,7 +252,6 @@ def analyse_study(
             ),
         ),
         example=Recording(sessions[0]),
-        settings=settings,
     )
     write_damage(damaged, out_dir)
     write_deviations(review, out_dir)
