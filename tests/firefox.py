@@ -17,6 +17,7 @@ from lab.clock import StopWatch, SystemClock
 
 ANSWER_S = 60.0
 POLL_S = 0.05
+CLICK_S = 10.0
 MAX_MESSAGE_BYTES = 1 << 26
 WRONG = ("exception", "error")
 
@@ -75,7 +76,8 @@ class Firefox:
         return json.loads(told["result"]["value"])
 
     def click(self, selector: str) -> None:
-        """Click in the middle of the first element, with the mouse."""
+        """Click in the middle of the first element, with the mouse, once it is there."""
+        self.wait_for(f"document.querySelector({json.dumps(selector)}) !== null", CLICK_S)
         x, y = self.evaluate(
             f"(() => {{ const e = document.querySelector({json.dumps(selector)});"
             "e.scrollIntoView({block: 'center', behavior: 'instant'});"

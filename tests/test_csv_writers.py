@@ -10,8 +10,8 @@ ALLOWED = {
     "recording/number_table.py",
     "protocol/withdrawal.py",
 }
-"""The place; BIDS tables, which call it; tables of numbers alone; rows taken out of a CSV, the others
-kept as they are."""
+"""The place; BIDS tables, which call it; tables of numbers alone; rows taken out of a CSV, which are
+kept otherwise."""
 PACKAGES = "analysis cli devices experiments lab protocol recording visavis".split()
 
 

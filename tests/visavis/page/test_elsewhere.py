@@ -389,10 +389,69 @@ def served_files(folder: Path) -> Iterator[str]:
         server.shutdown()
 
 
+@pytest.mark.slow
+def test_a_film_that_cannot_be_played_ends_its_trial_and_the_results_are_taken(
+    tmp_path: Path, browser: Any
+) -> None:
+    from playwright.sync_api import Error
+
+    host = with_damaged_films(Host(tmp_path, FILMS))
+    page = browser.new_context(accept_downloads=True).new_page()
+    with served_files(host.exported()) as address:
+        page.goto(address)
+        page.wait_for_selector("#main button")
+        while not page.query_selector("#main a[download]"):
+            if page.query_selector("#main button.quiet"):  # the film failed: skip it
+                with contextlib.suppress(Error):  # it was tried again
+                    page.click("text=Go on without it", timeout=2000)
+            else:
+                answer(page)
+        with page.expect_download() as download:
+            page.click("#main a[download]")
+        results = host.root / "sent.jsonl"
+        download.value.save_as(results)
+    made = host.imported(results)
+    assert () == made.refused
+    (path,) = made.sessions.values()
+    assert ["skipped", "skipped"] == list(Recording(path).trials()["status"])
+
+
 def run_of(page: Any) -> str:
     """Return which run a page shows, as its address says."""
     page.wait_for_selector("#main button")
     return str(page.url.partition("#")[2])
+
+
+@pytest.mark.slow
+def test_a_second_person_at_one_computer_is_asked_whether_it_is_theirs(
+    served: tuple[Host, str], browser: Any
+) -> None:
+    _, address = served
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto(address)
+    first = run_of(page)
+    while "2 of 4" not in page.inner_text("#progress"):
+        answer(page)
+    page.close()
+
+    page = context.new_page()
+    page.goto(address)
+    assert first == run_of(page)
+    mine, other = page.query_selector_all("#main button")
+    assert ["Go on where I was", "I am somebody else"] == [mine.inner_text(), other.inner_text()]
+    mine.click()
+    page.wait_for_selector("#main input")
+    assert "2 of 4" in page.inner_text("#progress")
+    page.close()
+
+    page = context.new_page()
+    page.goto(address)
+    page.wait_for_selector("#main button.quiet").click()
+    page.wait_for_url(lambda url: "#" in url and first not in url)
+    while "of 4" not in page.inner_text("#progress"):
+        answer(page)
+    assert "1 of 4" in page.inner_text("#progress")
 
 
 @pytest.mark.slow
