@@ -10,8 +10,7 @@ ALLOWED = {
     "recording/number_table.py",
     "protocol/withdrawal.py",
 }
-"""The place; BIDS tables, which call it; tables of numbers alone; rows taken out of a CSV, which are
-kept otherwise."""
+"""The place; BIDS tables, which call it; tables of numbers; rows taken out of a CSV."""
 PACKAGES = "analysis cli devices experiments lab protocol recording visavis".split()
 
 

@@ -84,7 +84,7 @@ def test_real_hidapi_reads_whole_reports_from_a_hidraw_node(tmp_path):
         f"HIDIOCGRAWINFO 0 {identity.hex().upper()}\n"
     )
     lines = [b"r 8 " + scripted(report) + b"\n" for report in reports()]
-    (tmp_path / "script").write_bytes(b"".join([b"r 500 " + lines[0][4:], *lines[1:]]))
+    (tmp_path / "script").write_bytes(b"".join([b"r 1500 " + lines[0][4:], *lines[1:]]))
     command = [
         "umockdev-run",
         f"--device={tmp_path / 'nodes'}",
