@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from devices.drivers.hid_gaze.driver import HidGaze
 from devices.sim.hid_gaze import DESCRIPTOR, PRODUCT_ID, SERIAL, VENDOR_ID, HidGazeSimulator
 from lab.clock import NS_PER_S, SimClock
 from tests.devices.bodies import FixatingBody
-from tests.devices.gaze_rigs import PERFECT
+from tests.devices.gaze_rigs import PERFECT, GazeRig
 
 ROOT = Path(__file__).parents[2]
 N_REPORTS = 120
@@ -74,6 +75,7 @@ def test_real_hidapi_reads_whole_reports_from_a_hidraw_node(tmp_path):
         pytest.skip("no umockdev-run: install the package umockdev to play a hidraw node")
     if importlib.util.find_spec("hidraw") is None:
         pytest.skip("no hidraw: install hidapi to read a hidraw node")
+    GazeRig(HidGaze, HidGazeSimulator).start().run(0.5)  # compiled before the script's time runs
     (tmp_path / "nodes").write_text(NODES)
     described = struct.pack("<I", len(DESCRIPTOR)) + DESCRIPTOR.ljust(4096, b"\0")
     identity = struct.pack("<Ihh", 3, VENDOR_ID, PRODUCT_ID)
