@@ -45,15 +45,21 @@ HEAD_TURN_DEG, SHIFT_M = 4.0, 0.01
 
 
 def seen_eyes(
-    renderer: Renderer, character: Character, distance_m: float, averted_deg: float,
+    renderer: Renderer,
+    character: Character,
+    distance_m: float,
+    averted_deg: float,
     rng: np.random.Generator,
-) -> Vector:  # fmt: skip
+) -> Vector:
     """Return the luminance, 0 to 1, about the eyes of one picture of somebody, flattened."""
     turn_deg = float(rng.uniform(-HEAD_TURN_DEG, HEAD_TURN_DEG))
     person = Person(
-        build_of(character), Idle(lively=0.0), int(rng.integers(1000)), (0.0, 0.0, 0.0),
+        build_of(character),
+        Idle(lively=0.0),
+        int(rng.integers(1000)),
+        (0.0, 0.0, 0.0),
         180.0 + turn_deg,
-    )  # fmt: skip
+    )
     motion = PeopleMotion((person,))
     towards = unit(np.array([0.0, 0.02, 1.0]))
     skeleton = character.skeleton
@@ -128,8 +134,9 @@ def main(argv: Sequence[str]) -> int:
         for distance_m in given.distances:
             rng = np.random.default_rng(1)
             share = right_01(renderer, character, distance_m, rng)
-            rows.append({"person": character.name, "distance_m": distance_m,
-                         "right_01": round(share, 3)})  # fmt: skip
+            rows.append(
+                {"person": character.name, "distance_m": distance_m, "right_01": round(share, 3)}
+            )
             if not given.json:
                 judged = "" if distance_m > 3.5 else "kept" if share >= LIMIT_01 else "MISSED"
                 print(f"{character.name:<28} {distance_m:4.1f} m  {share:6.1%}  {judged}")

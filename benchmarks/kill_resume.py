@@ -79,7 +79,7 @@ SHORT: Mapping[str, Short] = {
 TIMING = TargetTiming(100, 300, 500, 700)
 RATES_HZ = {"headset": ("display_rate_hz", 30), "eye_tracker": ("rate_hz", 60)}
 STATUS_PERIOD_NS = NS_PER_S // 10
-LIVES_AT_MOST = 8
+MAX_LIVES = 8
 """A session is killed so often at most, then left to finish."""
 
 INTERRUPTION_COLUMNS = {
@@ -239,9 +239,9 @@ def _one_session(
     session = session_dir(folder, short.study.name, LABEL, 1, is_simulated=True)
     finished: set[str] = set()
     planned = 1
-    for life in range(LIVES_AT_MOST + 1):
+    for life in range(MAX_LIVES + 1):
         left_s = short.life_s * (1.05 - 0.9 * min(len(finished) / planned, 1.0))
-        is_spared = life == LIVES_AT_MOST or outcome.kills >= kills
+        is_spared = life == MAX_LIVES or outcome.kills >= kills
         wait_s = None if is_spared else float(rng.uniform(0.0, left_s))
         outcome.resumes += session.exists() and life > 0
         ended = _live(short, folder, session, wait_s)

@@ -101,8 +101,9 @@ def simulated(studies: int, people: int) -> Found:
             for k in range(people)
         ]
         names = list(dict.fromkeys(rows["participant"]))
-        of_them = rows["participant"].isin([n for n, is_so in zip(names, practised, strict=True)
-                                            if is_so])  # fmt: skip
+        of_them = rows["participant"].isin(
+            [n for n, is_so in zip(names, practised, strict=True) if is_so]
+        )
         apart.append(gap(rows[of_them]) > gap(rows[~of_them]))
         tables.append(rows.groupby(["gesture", "method"])["naturalness"].mean())
     means = pd.concat(tables, axis=1).mean(axis=1)

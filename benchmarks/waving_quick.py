@@ -43,11 +43,13 @@ def quick_study(
     """Simulate a study; one row per trial, as a session's measures have them."""
     experiment = OpenedStudy(study).experiment(parameters or {})
     people = range(participants)
-    return pd.DataFrame([
-        row
-        for i in people
-        for row in quick_session(experiment, i, seed, effect=effect, population=population)
-    ])  # fmt: skip
+    return pd.DataFrame(
+        [
+            row
+            for i in people
+            for row in quick_session(experiment, i, seed, effect=effect, population=population)
+        ]
+    )
 
 
 def quick_analysis(
@@ -57,6 +59,8 @@ def quick_analysis(
     opened = OpenedStudy(study)
     planned = trials.groupby("participant").size()
     return opened.analysis_of_rows(
-        opened.experiment(parameters or {}), trials, trials[["participant"]].drop_duplicates(),
+        opened.experiment(parameters or {}),
+        trials,
+        trials[["participant"]].drop_duplicates(),
         planned={str(name): int(n) for name, n in planned.items()},
-    )  # fmt: skip
+    )

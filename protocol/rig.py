@@ -208,10 +208,12 @@ class RunningRig:
         elif demands.sounds and "sound" not in self._rig.without:
             faults += (
                 Fault(
-                    "sound", "blocking", "the study plays sounds, which this device does not",
+                    "sound",
+                    "blocking",
+                    "the study plays sounds, which this device does not",
                     "give the role sound a device that does, such as sound_card",
                 ),
-            )  # fmt: skip
+            )
         blocking = [f for f in faults if f.severity == "blocking"]
         if len(blocking) == 1:
             raise DeviceError(blocking[0].message, role=blocking[0].role, remedy=blocking[0].remedy)

@@ -77,19 +77,29 @@ class Firefox:
 
     def click(self, selector: str) -> None:
         """Click in the middle of the first element, with the mouse, once it is there."""
-        self.wait_for(f"document.querySelector({json.dumps(selector)}) !== null", CLICK_S)
-        x, y = self.evaluate(
+        watch, clock = StopWatch(), SystemClock()
+        while not self.click_if_there(selector):
+            assert watch.elapsed_s() < CLICK_S, f"no {selector}"
+            clock.sleep_until_ns(clock.now_ns() + round(POLL_S * 1e9))
+
+    def click_if_there(self, selector: str) -> bool:
+        """Click in the middle of the first element; return False where there is none (any more)."""
+        middle = self.evaluate(
             f"(() => {{ const e = document.querySelector({json.dumps(selector)});"
+            "if (!e) return null;"
             "e.scrollIntoView({block: 'center', behavior: 'instant'});"
             "const r = e.getBoundingClientRect();"
             "return [Math.round(r.x + r.width / 2), Math.round(r.y + r.height / 2)]; })()"
         )
+        if middle is None:
+            return False
         moves = [
-            {"type": "pointerMove", "x": x, "y": y},
+            {"type": "pointerMove", "x": middle[0], "y": middle[1]},
             {"type": "pointerDown", "button": 0},
             {"type": "pointerUp", "button": 0},
         ]
         self._act({"type": "pointer", "id": "mouse", "actions": moves})
+        return True
 
     def press(self, keys: str) -> None:
         """Press one key after another."""

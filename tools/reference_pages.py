@@ -56,8 +56,11 @@ def _index(specs: Iterable[AnySpec]) -> str:
     lines += ["- [statistics and contrasts of all of them](data/statistics.md)", ""]
     lines += ["## Drivers and their settings", ""]
     for kind in sorted(kinds):
-        lines += [f"**{kind}**: " + ", ".join(
-            f"[{spec.name}](devices/{spec.name}.md)" for spec in kinds[kind]), ""]  # fmt: skip
+        lines += [
+            f"**{kind}**: "
+            + ", ".join(f"[{spec.name}](devices/{spec.name}.md)" for spec in kinds[kind]),
+            "",
+        ]
     return "\n".join(lines)
 
 
@@ -123,9 +126,11 @@ def _columns(columns: Iterable[Column]) -> Iterator[str]:
 
 def _device_page(spec: AnySpec) -> str:
     model: type[BaseModel] = spec.options
-    role = {"eye tracker": "eye_tracker", "body tracker": "body_tracker",
-            "armband": "armband_left_forearm"}.get(
-        spec.kind, spec.kind.replace(" ", "_"))  # fmt: skip
+    role = {
+        "eye tracker": "eye_tracker",
+        "body tracker": "body_tracker",
+        "armband": "armband_left_forearm",
+    }.get(spec.kind, spec.kind.replace(" ", "_"))
     needed = [name for name, field in model.model_fields.items() if field.is_required()]
     more = "".join(f", {name}: …" for name in needed)
     wiring = WIRING_OF.get(spec.name) or WIRING.get(spec.kind, "devices.md")

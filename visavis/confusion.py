@@ -20,7 +20,8 @@ MAX_ACROSS = 3
 PANEL_IN = 4.2
 DARK_01 = 0.55
 """Share above which a cell is so dark that its text is white."""
-LONGEST_LEVEL_TICK = 10
+MAX_LEVEL_TICK = 10
+"""Letters of an option from which labels are slanted."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ class Confusion:
             experiment.texts.find(f"choices.{self.answered}.{o}") or label_of(experiment.texts, o)
             for o in map(str, options)
         ]
-        slanted = max(map(len, names)) > LONGEST_LEVEL_TICK
+        slanted = max(map(len, names)) > MAX_LEVEL_TICK
         across = min(len(each), MAX_ACROSS)
         down = -(-len(each) // across)
         figure = new_figure(PANEL_IN * across, PANEL_IN * down)

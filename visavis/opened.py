@@ -146,13 +146,16 @@ class OpenedStudy:
             yield replace(bare, scene=replace(bare.scene, dressed_by=self.study.dressed_by))
             return
         _, payload = latest
-        options = {k.removeprefix("option_"): v for k, v in payload.items()
-                   if k.startswith("option_")}  # fmt: skip
-        staging = Staging(np.random.default_rng(0), 0.0, int(payload["start_ns"]),
-                          self.study.files_folder)  # fmt: skip
+        options = {
+            k.removeprefix("option_"): v for k, v in payload.items() if k.startswith("option_")
+        }
+        staging = Staging(
+            np.random.default_rng(0), 0.0, int(payload["start_ns"]), self.study.files_folder
+        )
         staged = stage(Scene(payload["scene"], **options), staging, self.study.makers)
-        scene = replace(staged.scene, agents=shown.scene.agents,
-                        brightness_01=shown.scene.brightness_01)  # fmt: skip
+        scene = replace(
+            staged.scene, agents=shown.scene.agents, brightness_01=shown.scene.brightness_01
+        )
         yield replace(bare, scene=scene)
 
     # ---- analysis ----

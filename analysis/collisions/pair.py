@@ -10,7 +10,7 @@ from lab.compiled import compiled
 from lab.geometry import Vector
 
 _ROOM = 16384
-_MOST = 20_000
+_MAX_PIECES = 20_000
 _LITTLE = 1 / 30
 _LEAST = 1 / 100
 _WIDE = 1 / 8
@@ -132,8 +132,8 @@ def measure_box(
     and the box that holds all the bodies can share.
     """
     iu, iv = (axis + 1) % 3, (axis + 2) % 3
-    n_u = min(_MOST, max(1, int(np.ceil((high_m[iu] - low_m[iu]) / cell_m))))
-    n_v = min(_MOST, max(1, int(np.ceil((high_m[iv] - low_m[iv]) / cell_m))))
+    n_u = min(_MAX_PIECES, max(1, int(np.ceil((high_m[iu] - low_m[iu]) / cell_m))))
+    n_v = min(_MAX_PIECES, max(1, int(np.ceil((high_m[iv] - low_m[iv]) / cell_m))))
     step = np.ones(3)
     step[iu] = (high_m[iu] - low_m[iu]) / n_u
     step[iv] = (high_m[iv] - low_m[iv]) / n_v

@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 import typer
 
 from cli.app import ConfigOption, DevicesOption, StudyArgument, app, console, errors, verbatim
-from cli.commands.serving import built_films, page_study
+from cli.commands.serving import CompletionOption, built_films, page_study
 from cli.commands.session import LanguageOption, SeedOption, SetOption
 from lab.errors import DataError, UsageError
 
@@ -26,13 +26,7 @@ def export_web(
         str,
         typer.Option("--results", help="Address that takes answers as they come; not with JATOS."),
     ] = "",
-    completion: Annotated[
-        str,
-        typer.Option(
-            "--completion",
-            help="Where people go afterwards; {id} is what their panel calls them.",
-        ),
-    ] = "",
+    completion: CompletionOption = "",
     seed: SeedOption = None,
     devices: DevicesOption = None,
     config: ConfigOption = None,

@@ -37,6 +37,13 @@ if TYPE_CHECKING:
 
 EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104  # refused without a name to come under
 
+CompletionOption = Annotated[
+    str,
+    typer.Option(
+        "--completion", help="Where people go afterwards; {id} is what their panel calls them."
+    ),
+]
+
 
 @app.command()
 def serve(
@@ -55,13 +62,7 @@ def serve(
         int | None,
         typer.Option("--participants", min=1, help="How many people are wanted; more are told."),
     ] = None,
-    completion: Annotated[
-        str,
-        typer.Option(
-            "--completion",
-            help="Where people go afterwards; {id} is what their panel calls them.",
-        ),
-    ] = "",
+    completion: CompletionOption = "",
     seed: SeedOption = None,
     devices: DevicesOption = None,
     config: ConfigOption = None,

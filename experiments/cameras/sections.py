@@ -18,8 +18,11 @@ from visavis.page.film_store import film_store
 from visavis.sections import Extra
 
 NAMES: Final = {
-    "topology": "topology", "follow": "following", "roadmap": "roadmap", "placed": "placed by hand",
-}  # fmt: skip
+    "topology": "topology",
+    "follow": "following",
+    "roadmap": "roadmap",
+    "placed": "placed by hand",
+}
 
 
 def cameras(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
@@ -54,18 +57,20 @@ def _sheets(experiment: StudyExperiment) -> Table:
             known = [value for value in of if value is not None]
             return decimal(float(np.mean(known)), digits) if known else "–"
 
-        told.append((
-            NAMES[camera],
-            mean([None if s.seen_01 is None else 100 * s.seen_01 for s in sheets], 1),
-            mean([s.longest_lost_s or 0.0 for s in sheets], 1),
-            mean([s.size_off_by for s in sheets], 2),
-            mean([s.shots - 1 for s in sheets], 1),
-            mean([s.median_shot_s for s in sheets], 1),
-            mean([s.cuts_below_30_deg for s in sheets], 1),
-            mean([s.lines_crossed for s in sheets], 1),
-            mean([s.jerk_mps3 or 0.0 for s in sheets], 1),
-            mean([s.collisions for s in sheets], 1),
-        ))  # fmt: skip
+        told.append(
+            (
+                NAMES[camera],
+                mean([None if s.seen_01 is None else 100 * s.seen_01 for s in sheets], 1),
+                mean([s.longest_lost_s or 0.0 for s in sheets], 1),
+                mean([s.size_off_by for s in sheets], 2),
+                mean([s.shots - 1 for s in sheets], 1),
+                mean([s.median_shot_s for s in sheets], 1),
+                mean([s.cuts_below_30_deg for s in sheets], 1),
+                mean([s.lines_crossed for s in sheets], 1),
+                mean([s.jerk_mps3 or 0.0 for s in sheets], 1),
+                mean([s.collisions for s in sheets], 1),
+            )
+        )
     heads = ("walker seen (%)", "longest lost (s)", "size off by", "cuts", "shot (s)",
              "cuts below 30°", "lines crossed", "jerk (m/s³)", "collisions")  # fmt: skip
     return Table(

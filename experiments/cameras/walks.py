@@ -38,7 +38,7 @@ WALKS: Final = {
     "round": Way(((-3.4, 3.6), (1.5, 3.4), (1.6, -3.2), (-1.5, -3.3)), 2, Crouch(0.9), 60.0),
     "behind": Way(((5.9, 4.0), (4.4, 0.4), (4.1, -3.7), (-0.8, -3.2)), 1, Wave("right"), 189.0),
     "between": Way(((-5.8, -3.8), (-5.4, 0.9), (-0.4, 0.9), (1.5, 3.8)), 2, Talk(1.2), -82.0),
-}  # fmt: skip
+}
 BYSTANDERS: Final = (
     Standing("male_01", "bystander_1", 0.75, 0.75, 100.0, Idle(), 11),
     Standing("female_04", "bystander_2", 4.9, 3.6, 170.0, Idle(), 12),
@@ -66,8 +66,11 @@ def walked(name: str) -> Walked:
         heading = float(np.degrees(np.arctan2(-to[0], -to[1])))
         gait = Walk(SPEED_MPS, float(np.hypot(*to)))
         place = (a[0], 0.0, a[1])
-        plan.append(Doing(gait, t_s, FADE_S, place, heading) if plan
-                    else Doing(gait, place_m=place, heading_deg=heading))  # fmt: skip
+        plan.append(
+            Doing(gait, t_s, FADE_S, place, heading)
+            if plan
+            else Doing(gait, place_m=place, heading_deg=heading)
+        )
         t_s += gait_duration_s(gait, leg_m)
         if k + 1 == way.at:
             does_s = t_s

@@ -11,7 +11,7 @@ from stimuli.contact.figures import Figures
 from stimuli.contact.idle import N_JOINTS, place_person
 from stimuli.contact.touch import pose_capsules, segment_distance
 
-_MOST = 64
+_MAX_SPANS = 64
 
 
 @compiled
@@ -140,8 +140,8 @@ def capsules_in_common_m3(
     nx = max(int(np.ceil((high_x - low_x) / cell_m)), 1)
     nz = max(int(np.ceil((high_z - low_z) / cell_m)), 1)
     step_x, step_z = (high_x - low_x) / nx, (high_z - low_z) / nz
-    al, ah = np.empty(_MOST), np.empty(_MOST)
-    bl, bh = np.empty(_MOST), np.empty(_MOST)
+    al, ah = np.empty(_MAX_SPANS), np.empty(_MAX_SPANS)
+    bl, bh = np.empty(_MAX_SPANS), np.empty(_MAX_SPANS)
     length = 0.0
     for ix in range(nx):
         x = low_x + (ix + 0.5) * step_x

@@ -43,9 +43,12 @@ def gallery() -> Room:
         faces_up=False, uv_m=2.0,
     )  # fmt: skip
     around = furniture.walls(
-        "gallery", (LOW_M[0], 0, LOW_M[1]), (HIGH_M[0], CEILING_M, HIGH_M[1]), WALL,
+        "gallery",
+        (LOW_M[0], 0, LOW_M[1]),
+        (HIGH_M[0], CEILING_M, HIGH_M[1]),
+        WALL,
         surfaces.plaster(4),
-    )  # fmt: skip
+    )
     key = np.array([1.0, CEILING_M - 0.15, 0.8])
     return Room(
         name="gallery",
@@ -95,8 +98,11 @@ def _pictures() -> list[Prop]:
         right = np.array([np.cos(angle), 0.0, -np.sin(angle)])
         front = np.array([np.sin(angle), 0.0, np.cos(angle)])
         tall = 0.75 * wide
-        for grown, off, tone, part in ((0.12, 0.004, FRAME, 1.0), (0.0, 0.008, colour, 1.0),
-                                       (0.0, 0.012, _lighter(colour), 0.45)):  # fmt: skip
+        for grown, off, tone, part in (
+            (0.12, 0.004, FRAME, 1.0),
+            (0.0, 0.008, colour, 1.0),
+            (0.0, 0.012, _lighter(colour), 0.45),
+        ):
             low = np.array([x, 1.55 - (tall + grown) / 2, z]) + off * front
             corner = low - (wide + grown) / 2 * right
             up = np.array([0.0, part * (tall + grown), 0.0])

@@ -72,10 +72,11 @@ class SoundCard:
         self._number = self._lost = 0
         self._begin()
         self.info = replace(
-            spec.info(role, None), is_simulated=is_simulated,
+            spec.info(role, None),
+            is_simulated=is_simulated,
             transport="memory" if is_simulated else "sound card",
             serial="simulated" if is_simulated else "",
-        )  # fmt: skip
+        )
 
     @property
     def state(self) -> DeviceState:
@@ -109,9 +110,10 @@ class SoundCard:
         self._life.require("play", DeviceState.STREAMING, DeviceState.FAULT)
         if not -120.0 <= gain_db <= MAX_GAIN_DB:
             raise DeviceError(
-                f"gain_db is {gain_db}", role=self.info.role,
+                f"gain_db is {gain_db}",
+                role=self.info.role,
                 remedy=f"give decibels from -120 to {MAX_GAIN_DB:g}",
-            )  # fmt: skip
+            )
         number, self._number = self._number, self._number + 1
         self._commanded_ns[number] = self._clock.now_ns()
         if self._life.state is DeviceState.FAULT:
@@ -210,9 +212,12 @@ class SoundCard:
     def _connect(self) -> None:
         try:
             self._stream = self._library.OutputStream(
-                device=self._device, channels=2, dtype="float32", latency="low",
+                device=self._device,
+                channels=2,
+                dtype="float32",
+                latency="low",
                 callback=self._fill,
-            )  # fmt: skip
+            )
             self._mixer.rate_hz = int(self._stream.samplerate)
             self._stream.start()
         except self._library.PortAudioError as problem:

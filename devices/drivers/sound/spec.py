@@ -53,9 +53,11 @@ class SimulatedCard:
         """Return the library of a card that plays to nobody."""
         options = self.site.options
         return imported("devices.sim.sound_card:SimulatedPortAudio")(
-            self.site.clock, faults=self.site.faults,
-            latency_ms=options.latency_ms, drift_ppm=options.drift_ppm,
-        )  # fmt: skip
+            self.site.clock,
+            faults=self.site.faults,
+            latency_ms=options.latency_ms,
+            drift_ppm=options.drift_ppm,
+        )
 
 
 SOUND_CARD: AnySpec = DriverSpec(

@@ -276,7 +276,7 @@ def other_steps_on(window: Any) -> None:
     )
     selector, keys = wanted
     if selector:
-        window.click(selector)
+        window.click_if_there(selector)  # the page may have gone on by itself meanwhile
     if keys:
         window.press(keys)
 

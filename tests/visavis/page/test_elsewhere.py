@@ -120,10 +120,13 @@ def lines_of(bundle: Path, place: int, *, key: str = "r1", replies: int = 99,
     for n, step in enumerate(steps["steps"][:replies], start=1):
         at_ms = 1000.0 * n
         answers = {
-            q["name"]: {"option": (q.get("options") or [{"value": "5"}])[0]["value"],
-                        "at_ms": at_ms, "by": "keys"}
+            q["name"]: {
+                "option": (q.get("options") or [{"value": "5"}])[0]["value"],
+                "at_ms": at_ms,
+                "by": "keys",
+            }
             for q in step.get("questions", ())
-        }  # fmt: skip
+        }
         reply = {"shown_ms": at_ms - 700, "hidden_ms": 0.0, "answers": answers}
         event = {"n": n, "kind": "reply", "at_ms": at_ms, "step": n, "reply": reply}
         lines.append({"tab": "t", "event": event})
@@ -529,8 +532,10 @@ def test_in_jatos_answers_are_handed_over_and_the_run_is_ended(
     told = json.loads(page.evaluate("sessionStorage.getItem('told')"))
     if stops:
         assert ([["abort", "stop and delete"]], "", {}) == (
-            told["ended"], told["lines"], told["batch"],
-        )  # fmt: skip
+            told["ended"],
+            told["lines"],
+            told["batch"],
+        )
         return
     assert [["end", True, "done"]] == told["ended"]
     assert 1 == len(told["batch"])

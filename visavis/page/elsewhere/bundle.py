@@ -124,9 +124,7 @@ def visit_of(
         raise UsageError(f"{study.name} is not declared on the kit; it shows no page")
     config = request.config.model_copy(update={"language": experiment.language})
     plan = experiment.plan(index, request.seed, group)
-    return Visit(
-        experiment, plan, "", 1, 1, study.questionnaires(config), told, lambda: 0, Notes()
-    )  # fmt: skip
+    return Visit(experiment, plan, "", 1, 1, study.questionnaires(config), told, lambda: 0, Notes())
 
 
 def digest_of(steps: Sequence[PageStep]) -> str:
@@ -174,9 +172,11 @@ def _write(
 def _write_page(path: Path, results: str, is_archive: bool) -> None:
     """Write the page with a policy of its own, as its host may send none."""
     parts = urlsplit(results)
-    policy = POLICY_OF_JATOS if is_archive else POLICY.format(
-        results=f" {parts.scheme}://{parts.netloc}" if results else ""
-    )  # fmt: skip
+    policy = (
+        POLICY_OF_JATOS
+        if is_archive
+        else POLICY.format(results=f" {parts.scheme}://{parts.netloc}" if results else "")
+    )
     more = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
     more += '<meta name="referrer" content="no-referrer">\n'
     if is_archive:
@@ -267,13 +267,16 @@ def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
         case "watch":
             seen = {"first_ms": 0.0, "frames": 1, "dropped": 0, "rounds": 1, "stalls": 0}
             return {
-                "shown_ms": 0.0, "off_ms": 0.0, "hidden_ms": 0.0, "apart_ms": 0.0,
+                "shown_ms": 0.0,
+                "off_ms": 0.0,
+                "hidden_ms": 0.0,
+                "apart_ms": 0.0,
                 "films": {film["place"]: seen for film in content["films"]},
                 "answers": {
                     q["name"]: {"option": choose(q), "at_ms": 0.0, "by": "keys"}
                     for q in content["questions"]
                 },
-            }  # fmt: skip
+            }
         case _:
             return {}
 
