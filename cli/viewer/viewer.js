@@ -205,13 +205,13 @@ class Viewer {
     if (scene) {
       const drawRoom = () => { if (this.show.room && room.lamps.length) d.drawRoom(scene.told.room, view.seen, light, quick ? share * height : 0); };
       // A camera that stands still sees the same room again.
-      if (quick) d.kept([scene.told.room, this.show.room, light, ...view.seen].join(), Math.round(width * share), Math.round(height * share), drawRoom);
+      const isThere = quick && d.kept([scene.told.room, this.show.room, light, ...view.seen].join(), Math.round(width * share), Math.round(height * share), drawRoom);
       if (this.show.people && scene.told.cast.length) {
         const chosen = this.inView(scene, view);
         if (quick) (scene.quick ||= new QuickPeople(d, scene.told.cast)).draw(chosen, scene, view, share * height, room, light);
         else d.drawPeople(scene.told.cast, chosen, scene.bones, scene.told.joints, scene.shapes, view.seen, room, light);
       }
-      if (!quick) drawRoom();
+      if (!isThere) drawRoom();
       d.drawThings(scene.told.moving.map(m => ({mesh: m.mesh, model: placed(m.at, m.turn), glow: m.glow})), view.seen, room, light);
     }
     if (this.show.body) d.drawThings(this.bodyThings(), view.seen, null, 1);
