@@ -7,6 +7,7 @@ section 5 (trial out above 30 % loss, validation accepted up to 1.5°).
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,8 @@ def _checked(recording: Recording, limits: CheckLimits) -> SessionCheck:
         *_questionnaire_findings(plan, events),
         *_deviation_findings(events, recording),
     ]
+    if recording.status == "running":  # nothing of it is to be done again yet
+        findings = [f if f.subject == "recording" else replace(f, redo="") for f in findings]
     return SessionCheck(
         level=max((f.level for f in findings), default=Level.GREEN),
         is_simulated=recording.is_simulated,

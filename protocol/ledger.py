@@ -387,7 +387,9 @@ class Ledger:
         try:
             found = read_lines(self.path)
         except OSError as error:
-            raise LedgerError(f"{self.path} cannot be read: {error.strerror}") from error
+            raise LedgerError(
+                f"{self.path} cannot be read: {error.strerror}; check its rights and the disk"
+            ) from error
         if found.damaged_line is not None:
             line_number, what = found.damaged_line
             raise self._damaged(line_number, what)

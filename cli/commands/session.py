@@ -178,7 +178,7 @@ def _place_shown(
     ledger: Ledger, participant: str | None, experiment: Experiment, seed: int
 ) -> tuple[str, int, str, str]:
     """Return label, place, group and a note on whether that place is allocated."""
-    label, person = "next", "the next new participant"
+    label, person = "", "the next new participant"
     if participant is not None:
         try:
             entry = ledger.resolve(participant)
@@ -198,8 +198,9 @@ def _place_shown(
 
 def _print_plan(made: SessionPlan, label: str, note: str) -> None:
     console.print(
-        f"[b]{verbatim(made.study)}[/b]  participant [b]{verbatim(label)}[/b]  "
-        f"place {made.participant_index + 1}  "
+        f"[b]{verbatim(made.study)}[/b]  "
+        + (f"participant [b]{verbatim(label)}[/b]  " if label else "[b]next new participant[/b]  ")
+        + f"place {made.participant_index + 1}  "
         f"seed {made.seed}" + (f"  group {made.group}" if made.group else "")
     )
     if note:
@@ -338,9 +339,13 @@ def resume(
             f"{'sim' if recording.is_simulated else 'real'}"
         )
     if recording.status == "complete":
-        raise UsageError(f"{session_path} is complete; nothing is left to do")
+        raise UsageError(
+            f"{session_path} is complete; nothing is left to do. Look at it: visavis check "
+            f"{session_path}; a further one: visavis run {manifest.study} --participant "
+            f"{manifest.participant} --session {manifest.session + 1}"
+        )
     if fast and not recording.is_simulated:
-        raise UsageError("--fast runs on a virtual clock, which people cannot")
+        raise UsageError("--fast runs on a virtual clock, which people cannot; leave it out")
     use_recorded_cast(recording)
     folder = session_path.resolve().parent.parent
     chosen, changed = study_of_folder(folder, manifest.study)
@@ -366,7 +371,10 @@ def _the_unfinished(lab: LabConfig, study: str = "*") -> Path:
     if len(unfinished) == 1:
         return unfinished[0]
     if not unfinished:
-        raise UsageError(f"no unfinished session under {lab.data_root / kind}")
+        raise UsageError(
+            f"no unfinished session under {lab.data_root / kind}; a new one begins with "
+            f"visavis run {'STUDY' if study == '*' else study} --participant ID"
+        )
     listed = "\n  ".join(f"visavis resume {p}" for p in unfinished)
     raise UsageError(f"several sessions are unfinished; choose one:\n  {listed}")
 

@@ -22,7 +22,7 @@ from stage.contracts import GeometryStage, Stage, Viewer
 from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
-from visavis.sessions.perform import perform_new, simulated_request
+from visavis.sessions.perform import of_no_session, perform_new, simulated_request
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +147,8 @@ class Capture:
                 return _Watching(viewers, self.frames, enough)
 
             try:
-                perform_new(replace(request, stage_for=stage_for, on="lab"))
+                with of_no_session():
+                    perform_new(replace(request, stage_for=stage_for, on="lab"))
             except _EnoughError:
                 return self.frames
         self.is_whole = True

@@ -135,7 +135,9 @@ class FilmStore:
             return told | {"sha256": "", "bytes": 0}
         found = self.file_of(film)
         if found is None:
-            raise ConfigError(f"film {name[:12]} of {film.scene.name} is not built; build it first")
+            raise ConfigError(
+                f"film {name[:12]} of {film.scene.name} is not built; begin again, which builds it"
+            )
         return told | {"sha256": found.sha256, "bytes": found.size_bytes}
 
     def frames(self, film: Film) -> Iterator[SceneFrame]:

@@ -101,7 +101,10 @@ def read_runs(paths: Iterable[Path]) -> tuple[list[Run], int]:
             continue
         runs.append(Run(key, first, tuple(of_run[n] for n in sorted(of_run))))
     if not runs:
-        raise DataError("there are no results of a bundle in these files")
+        raise DataError(
+            "there are no results of a bundle in these files; give what JATOS exports as results, "
+            "or the folder that --results saved"
+        )
     return runs, unreadable
 
 
@@ -150,7 +153,7 @@ def _texts(paths: Iterable[Path]) -> Iterator[str]:
         if path.is_dir():
             yield from _texts(sorted(p for p in path.rglob("*") if p.suffix in ARCHIVES + TEXTS))
         elif not path.is_file():
-            raise DataError(f"there is no file {path}")
+            raise DataError(f"there is no file {path}; give the results' files or their folder")
         elif zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:
                 for name in archive.namelist():
