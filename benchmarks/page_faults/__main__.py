@@ -55,9 +55,9 @@ def _line(one: Found) -> str:
     line = f"{one.faults} {one.kind}"
     if one.acknowledged:
         line += (
-            f" in {one.sessions} sessions: {one.acknowledged} answers acknowledged, {one.lost} lost "
-            f"(limit 0), {one.twice} recorded twice (limit 0), {one.not_whole} sessions not whole "
-            "(limit 0)"
+            f" in {one.sessions} sessions: {one.acknowledged} answers acknowledged, "
+            f"{one.lost} lost (limit 0), {one.twice} recorded twice (limit 0), "
+            f"{one.not_whole} sessions not whole (limit 0)"
         )
     if one.asked_again:
         line += f"; {one.asked_again} answers not yet kept as it came, asked again"
