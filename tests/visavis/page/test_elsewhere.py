@@ -16,6 +16,7 @@ import pytest
 
 from lab.clock import SystemClock
 from lab.errors import DesignError, UsageError
+from protocol.experiment import untold
 from protocol.ledger import Ledger
 from protocol.operator import UnattendedOperator
 from recording.reader import Recording
@@ -486,6 +487,33 @@ def test_a_film_that_cannot_be_played_ends_its_trial_and_the_results_are_taken(
     assert () == made.refused
     (path,) = made.sessions.values()
     assert ["skipped", "skipped"] == list(Recording(path).trials()["status"])
+
+
+@pytest.mark.slow
+def test_a_page_that_is_reloaded_without_a_network_goes_on_with_its_films(
+    tmp_path: Path, browser: Any
+) -> None:
+    host = Host(tmp_path, FILMS)
+    host.store = FilmStore(host.store.makers, host.store.study_folder, tmp_path / "films")
+    host.store.build(host.base.experiment.films, untold)
+    page = browser.new_context(accept_downloads=True).new_page()
+    with served_files(host.exported()) as address:
+        page.goto(f"{address}?place=1")
+        page.wait_for_selector("#main button")
+        while "1 of 2" not in page.inner_text("#progress"):
+            answer(page)
+    page.reload()  # nobody serves it any more
+    answer_until(page, "Save my answers")
+    with page.expect_download() as download:
+        page.click("#main a[download]")
+    results = host.root / "sent.jsonl"
+    download.value.save_as(results)
+    made = host.imported(results)
+    assert () == made.refused
+    (path,) = made.sessions.values()
+    rows = Recording(path).trials()
+    assert ["complete"] * 2 == list(rows["status"])
+    assert (rows["film_frames"] > 0).all()
 
 
 def run_of(page: Any) -> str:
