@@ -43,6 +43,7 @@ from protocol.experiment import Experiment, demands_of, spare_roles_of
 from protocol.identifiers import make_label
 from protocol.ledger import Ledger, Participant, UnknownParticipant
 from protocol.operator import Operator, UnattendedOperator
+from protocol.own_body import OwnBody, read_own_body
 from protocol.plan import SessionPlan
 from recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from recording.reader import Recording
@@ -278,7 +279,7 @@ def run(
             f"  {first}\n  or run a further one: add --session {others + 1}"
         )
     if where == "lab" and not fast:
-        entry = with_body(here, settings, entry, body)
+        ask_body(here, settings, entry, body)
     _perform(
         here, settings, entry, session, fast=fast, blind=blind, resume_from=None,
         without=without, on=where, port=port,
@@ -409,6 +410,8 @@ def _perform(
     if not fast and on == "lab":
         station = station_findings(here.lab, SystemClock())
         _tell_station(station)
+    path = resume_from or _session_dir(here, entry, session)
+    own = read_own_body(path.parent)
     with ExitStack() as stack:
         operator: Operator = UnattendedOperator()
         respondent = None
@@ -425,7 +428,6 @@ def _perform(
             _let_signals_end(screen)
             if not simulated:
                 respondent = TerminalRespondent(console, screen.suspend)
-        path = resume_from or _session_dir(here, entry, session)
         if not fast:
             about = About(
                 here.study.name, entry.label, session, str(path.resolve()), simulated, blind,
@@ -453,8 +455,8 @@ def _perform(
             without=tuple(dict.fromkeys(without or ())),
             on=on,
             page=PageAddress(port, _tell_address),
-            body=entry.body,
-            stature_m=entry.stature_m,
+            body=own.body,
+            stature_m=own.stature_m,
         )
         try:
             if resume_from is None:
@@ -478,10 +480,10 @@ def _perform(
         raise typer.Exit(EXIT_RED)
 
 
-def with_body(
+def ask_body(
     here: StudyHere, settings: StudySettings, entry: Participant, given: str | None
-) -> Participant:
-    """Ask once which body somebody sees as their own, where the study wants it; kept in the ledger.
+) -> None:
+    """Ask once which body somebody sees as their own, where the study wants it, and keep it.
 
     Raises:
         UsageError: there is no such body, or nobody at the terminal who could be asked.
@@ -489,16 +491,17 @@ def with_body(
     if given is not None and given not in BODIES:
         raise UsageError(f"--body is {given!r}; {' or '.join(BODIES)}")
     wants = demands_of(here.study.experiment(settings.parameters)).own_body
-    if not wants or here.lab.display.own_body != "none" or (entry.body and not given):
-        return entry
-    if given is None and here.is_simulated:
-        return entry
+    if not wants or here.lab.display.own_body != "none":
+        return
+    own = here.ledger.own_body(entry.label)
+    if given is None and (own.body or here.is_simulated):
+        return
     if given is None and not sys.stdin.isatty():
         raise UsageError(
             f"{here.study.name} shows participants a body of their own, and nobody was asked yet "
             f"which is that of {entry.label}: add --body female or --body male"
         )
-    body, stature_m = given or "", entry.stature_m
+    body, stature_m = given or "", own.stature_m
     while body not in BODIES:
         answer = console.input(
             f"Which body does {entry.label} see as their own?  1 female  2 male > "
@@ -511,7 +514,7 @@ def with_body(
         with suppress(ValueError):
             metres = float(told.replace(",", "."))
             stature_m = metres if MIN_STATURE_M <= metres <= MAX_STATURE_M else None
-    return here.ledger.describe_body(entry.label, body, stature_m)
+    here.ledger.describe_body(entry.label, OwnBody(body, stature_m))
 
 
 def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> None:
