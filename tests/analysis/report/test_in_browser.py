@@ -62,6 +62,18 @@ def test_nothing_of_a_report_is_cut_off(width: int, browser: Any, tmp_path: Path
     assert wide.get_attribute("tabindex") == "0"  # which the keyboard can move, too
 
 
+def test_a_list_of_words_is_read_on_a_phone_without_moving_it(browser: Any, tmp_path: Path) -> None:
+    rows = (("Calibration: procedure, points, acceptance", "own procedure, then validation " * 4),
+            ("Recordings: SHA-256 of all together", "f" * 64))  # fmt: skip
+    table = Table((Column("Item"), Column("This study")), rows, "Reporting list")
+    made = Page("A study", "?", Facts(()), False, (Section("one", "One", (table,)),))
+    page = browser.new_page(viewport={"width": 390, "height": 800})
+    page.goto(write_page(made, tmp_path / "list.html").as_uri())
+    place = page.locator(".scroll")
+    assert place.evaluate("place => place.scrollWidth <= place.clientWidth")
+    assert 120 <= page.locator("tbody th").first.bounding_box()["width"]
+
+
 @pytest.mark.parametrize("is_simulated", [True, False])
 def test_a_table_is_downloaded_as_it_stands_with_its_mark(
     is_simulated: bool, browser: Any, tmp_path: Path
