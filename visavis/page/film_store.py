@@ -29,6 +29,7 @@ from stimuli.picture import Camera, Picture
 from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
 from visavis.films import MIME, Film, Lens
+from visavis.page.spoken import spoken_digits
 from visavis.reading import still_view
 from visavis.scenes import Maker, Staged, Staging, stage
 
@@ -184,7 +185,7 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
     """Return the films of a study.
 
     Raises:
-        DesignError: its trials have steps that no page can show.
+        DesignError: its trials have steps that no page can show, or digits that it cannot say.
     """
     if not all(read.fits_a_page for read in experiment.read.values()):
         raise DesignError(
@@ -192,6 +193,8 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
             "frame, or vibrate, and a page shows t.watch, t.ask, t.wait and t.dark. Perform it in "
             "the laboratory (visavis run), or show its scenes as films (t.watch)"
         )
+    if "sound" in experiment.study.screening:
+        spoken_digits(experiment.language, experiment.settings.folder)
     return FilmStore(experiment.settings.makers, experiment.settings.folder)
 
 
