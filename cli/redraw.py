@@ -57,7 +57,8 @@ def recorded_frame(recording: Recording, frame: int, *, part: int | None = None)
     study, _ = study_of_folder(recording.path.resolve().parent.parent, recording.manifest.study)
     if not was_drawn(recording):
         raise UsageError(
-            f"{recording.path}: nothing was drawn in this session (display.show was none)"
+            f"{recording.path}: nothing was drawn in this session (display.show was none); see "
+            f"its trials again with visavis view {recording.path}, or film one: visavis film"
         )
     wanted = recording.manifest.parts[0].number if part is None else part
     drawn = of_part(recording, "drawn", wanted)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
 
 from analysis.statistics.errors import ConstantResponse, NotNumeric, TooFewSubjects
 from analysis.statistics.inputs import differences, paired, sample
@@ -62,6 +61,8 @@ def binomial_test(hits: int, n: int, *, expected: float = 0.5, level: float = 0.
         raise TooFewSubjects(f"{hits} of {n} cannot be tested")
     if not 0 < expected < 1:
         raise NotNumeric(f"the share expected lies between 0 and 1, not {expected:g}")
+    from scipy import stats  # late: half a second that other tests need not pay
+
     made = stats.binomtest(hits, n, expected)
     ends = made.proportion_ci(level, "exact")
     effect = Effect("share", hits / n, Interval(float(ends.low), float(ends.high), level))

@@ -23,7 +23,7 @@ from stage.contracts import GeometryStage, Stage, Viewer
 from stimuli.scene import SceneFrame
 from visavis.experiment import StudyExperiment
 from visavis.opened import OpenedStudy
-from visavis.sessions.perform import Request, perform_new, simulated_request
+from visavis.sessions.perform import Request, of_no_session, perform_new, simulated_request
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,9 @@ class Capture:
                 return _Watching(viewers, self.frames, enough)
 
             try:
-                perform_new(replace(self._request(Path(folder)), stage_for=stage_for, on="lab"))
+                asked = self._request(Path(folder))
+                with of_no_session():
+                    perform_new(replace(asked, stage_for=stage_for, on="lab"))
             except _EnoughError:
                 return self.frames
         self.is_whole = True

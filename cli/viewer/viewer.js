@@ -37,6 +37,8 @@ class Viewer {
     this.startView();
     const wanted = new URLSearchParams(location.hash.slice(1));
     if (wanted.get('t')) this.seek(Number(wanted.get('t')));
+    const named = this.header.trials.findLast(s => s.t0 !== null && s.id === wanted.get('trial'));
+    if (named) this.seek(named.t0 + 0.01);
     if (CAMERAS.includes(wanted.get('camera'))) this.setCamera(wanted.get('camera'));
     const trial = this.trialAt(this.t);
     if (trial) this.line.show(trial.t0 - 1, trial.t1 + 1);
