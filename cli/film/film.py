@@ -57,7 +57,7 @@ LOOK_EVERY_NS: Final = NS_PER_S // 4
 LOOK_PX: Final = (256, 144)
 """How often, and in how large a picture, the participant is looked for."""
 GAZE_AT_M: Final = 2.5
-"""How far along gaze a ring stands where nobody's head was hit."""
+"""How far gaze is drawn where nobody's head was hit: seen from outside, without a ring."""
 COLOURS: Final = {"contact": (255, 107, 94), "vibration": (94, 200, 255)}
 
 
@@ -231,7 +231,8 @@ class _FilmedTrial:
         gaze = self._trial.gaze_at(t_ns)
         if gaze is None:
             return drawn
-        aim = self._seen(camera, eyes_m + GAZE_AT_M * gaze)
+        met_m = self._trial.met_m(t_ns)
+        aim = self._seen(camera, eyes_m + (GAZE_AT_M if met_m is None else met_m) * gaze)
         if aim is None:
             return drawn
         marked = Image.fromarray(drawn)
@@ -239,6 +240,8 @@ class _FilmedTrial:
         begin = None if self._from_eyes else self._seen(camera, eyes_m + 0.12 * gaze)
         if begin is not None:
             pen.line((*begin, *aim), fill=RING, width=max(2, self._size_px[1] // 300))
+        if met_m is None and not self._from_eyes:
+            return np.asarray(marked)
         radius = RING_PX * self._size_px[1] // 720 if self._from_eyes else 6
         for r, colour in ((radius + 2, (30, 30, 30)), (radius, RING)):
             pen.ellipse((aim[0] - r, aim[1] - r, aim[0] + r, aim[1] + r), outline=colour, width=3)

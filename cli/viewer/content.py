@@ -225,7 +225,9 @@ def _stream(
     n = len(arrays["recording_part"])
     every = max(1, -(-n // (MAX_ROWS_OF_WIDE if width > WIDE else MAX_ROWS)))
     kept = np.arange(n) % every == 0
-    when_ns = arrays.get("t_sample_ns" if name == "gaze_targets" else "t_host_ns", np.zeros(n))
+    when_ns = arrays.get("t_host_ns", np.zeros(n))
+    if name == "gaze_targets":  # no later than it arrived, as a slip of a tracker's clock says
+        when_ns = np.minimum(arrays["t_sample_ns"], when_ns)
     for trial in trials if every > 1 else ():
         start_ns, end_ns = trial.span_ns
         kept |= (

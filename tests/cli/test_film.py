@@ -123,6 +123,22 @@ def test_who_stands_in_has_the_eyes_where_the_headset_was(session: Path) -> None
     assert abs(eyes[1] - head.position_m[1]) < 0.06
 
 
+def test_gaze_is_drawn_as_far_as_the_head_it_met(session: Path) -> None:
+    trial = recorded_trial(KeptRecording(session), "T01")
+    assert trial.gaze is not None
+    start_ns, end_ns = trial.span_ns
+    t_ns, hit = trial.gaze["t_sample_ns"], trial.gaze["hit"]
+    inside = (t_ns >= start_ns) & (t_ns < end_ns) & trial.gaze["valid"]
+    assert (np.diff(t_ns) >= 0).all()  # also where the tracker's clock slipped
+    met, missed = (np.flatnonzero(inside & asked)[0] for asked in (hit >= 0, hit < 0))
+    head = trial.shown_at(int(t_ns[met])).scene.agents[hit[met]]
+    far_m = trial.met_m(int(t_ns[met]))
+    assert far_m is not None
+    end_m = trial.gaze["origin_world_m"][met] + far_m * trial.gaze["direction_world"][met]
+    assert np.linalg.norm(end_m - head.head_centre_m) < 1.5 * head.head_radius_m
+    assert trial.met_m(int(t_ns[missed])) is None
+
+
 @pytest.fixture(scope="module")
 def on_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
